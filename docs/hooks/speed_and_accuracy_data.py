@@ -11,7 +11,7 @@ import yaml
 
 from docs.hooks.reproduction import copy_pictures
 from gearlib import config
-from gearlib.studies.trials.work_precision import OF_LIBRARY
+from gearlib.studies.trials.work_precision import LIBRARY_METHODS
 
 DOCS = Path(__file__).resolve().parents[1]
 FOLDER = DOCS / "claims" / "speed_and_accuracy"
@@ -69,7 +69,7 @@ def _points_of(folder):
                     labels = (
                         problem,
                         errors.line.values[k],
-                        "yes" if method in OF_LIBRARY else "no",
+                        "yes" if method in LIBRARY_METHODS else "no",
                     )
                     keys = ("problem", "line", "own", "knob", "state_error", "evaluations")
                     values = (*labels, errors.knob.values[k], *(f"{c:.3g}" for c in cells))

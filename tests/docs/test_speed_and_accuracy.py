@@ -35,8 +35,8 @@ def test_problems_and_methods_are_those_of_the_code():
     assert list(rows[0])[1:] == [trial.name for trial in SETTINGS.failures.trials]
     points = page.points()
     assert {row["problem"] for row in points} == set(problems.CASES)
-    for method in work_precision.OF_LIBRARY:
-        for line, knob, _ in work_precision.rungs(method):
+    for method in work_precision.LIBRARY_METHODS:
+        for line, knob, _ in work_precision.method_settings(method):
             assert any((row["line"], row["knob"]) == (line.name, knob) for row in points)
 
 

@@ -33,7 +33,9 @@ def known():
 @pytest.mark.parametrize("method", ["exact", "taylor"])
 def test_exact_methods_leave_rounding_only(known, method):
     finest = work_precision.errors(method, known, PAIR, SIX, SETTINGS).isel(rung=-1)
-    takes = [integrators.METHODS[method].supports(build(name).model) for name in known.problem.values]
+    takes = [
+        integrators.METHODS[method].supports(build(name).model) for name in known.problem.values
+    ]
     assert finest.state_error.notnull().values.tolist() == takes
     finest = finest.isel(problem=finest.problem.values != "reducer")
     six = finest.problem == "six_degrees"
@@ -54,7 +56,7 @@ def slope(x, y):
 
 def test_rk4_is_of_first_order_where_steps_go_over_switches():
     # Of one step over a switch the force is wrong for a share of the step.
-    problem, steps = build("smooth"), work_precision.LINES[2].values
+    problem, steps = build("smooth"), work_precision.METHOD_LINES[2].values
     runs = [problems.run(problem, "rk4", {"steps_per_period": n}) for n in steps]
     evaluations = np.array([run.evaluations for run in runs], float)
     assert (evaluations == 4.0 * 6 * np.array(steps)).all()
@@ -67,7 +69,7 @@ def test_the_error_of_rk45_follows_its_tolerance(known):
     data = work_precision.errors(
         "rk45", known.sel(problem=["bouncing", "cubic"]), PAIR, SIX, SETTINGS
     )
-    rtol = np.array([options["rtol"] for _, _, options in work_precision.rungs("rk45")])
+    rtol = np.array([options["rtol"] for _, _, options in work_precision.method_settings("rk45")])
     for name in data.problem.values:
         rungs = data.sel(problem=name)
         assert slope(rtol, rungs.state_error.values) == pytest.approx(1.0, abs=0.2)

@@ -42,7 +42,7 @@ def test_error_of_the_events():
 def test_every_method_has_a_ladder_that_it_accepts():
     model = problems.build("cubic", PARAMETERS, {}, SETTINGS).model
     for method in (one for one in integrators.methods() if one.available):
-        for _, _, options in wp.rungs(method.name):
+        for _, _, options in wp.method_settings(method.name):
             if integrators.METHODS[method.name].supports(model):
                 integrators.choose(model, method.name, options)
 

@@ -1,6 +1,6 @@
 """Difficult problems, on which methods miss events, drift, invent motion or stop.
 
-A problem says what is compared, and how far that may be off:
+A problem has a quantity that is compared, and a tolerance of its error:
 
 =============  ==================================================================================
 quantity       error
@@ -14,7 +14,8 @@ quantity       error
 ``deviation``  relative difference of the distance from the orbit without loss of contact
 =============  ==================================================================================
 
-Of trains the state has all coordinates, without the free rotation; velocities by theta.
+The state of a train has all coordinates except for the free rotation; velocities are derivatives
+with respect to the mesh phase.
 """
 
 import math
@@ -32,21 +33,21 @@ QUANTITIES = ("state", "contacts", "orbit", "fractions", "energy", "deviation")
 
 
 class Problem(NamedTuple):
-    """One problem, and which quantity is compared."""
+    """One problem: a motion to compute, and the quantity that is compared."""
 
-    words: str  #: a line of the figure
+    description: str  #: label in the figure
     model: Any  #: GearPair, OneDegreePair, SixDegreePair or GearTrain
     tuning: float
-    state: tuple = (0.0, 0.0)  #: at phase 0; of a train all components
+    state: tuple = (0.0, 0.0)  #: initial state; all components of a train
     periods: int = 10
-    record_periods: int | None = None  #: the last ones; None: all
-    brief_periods: int | None = None  #: for solvers with interpreted steps; None: as many
+    record_periods: int | None = None  #: number of last periods that are recorded; None: all
+    brief_periods: int | None = None  #: periods for solvers with slow interpreted steps
     quantity: str = "state"
     tolerance: float = 1e-4
     orbit: tuple = ()  #: state at phase 0 of the orbit without loss, for "deviation"
 
 
-#: The pair of the paper with k1, as in config.yaml.
+#: The gear pair of the paper with material damping, as in config.yaml.
 PAPER = GearPair(
     max_stiffness=4.0e8,
     stiffness_ratio=0.5879,
@@ -57,61 +58,60 @@ PAPER = GearPair(
     material_damping=3953.7,
 )
 _UNDAMPED = PAPER.replace(material_damping=0.0)
-#: For tongues: deviations are looked at before flanks part, the far one plays no part.
-_ENDLESS = _UNDAMPED.replace(backlash=math.inf)
+#: For tongues: the perturbed motion keeps contact, so the backlash does not matter.
+_UNDAMPED_WITHOUT_COAST_SIDE = _UNDAMPED.replace(backlash=math.inf)
 _RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.0617, "backlash": 4.0}
-_EVENTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
+_COMPARED_CONTACTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
 
 
-def _ratios(**changes: float) -> GearPair:
+def _gear_pair(**changes: float) -> GearPair:
     """Return the default gear pair with changed arguments of `GearPair.from_ratios`."""
     return GearPair.from_ratios(**(_RATIOS | changes))
 
 
 def _grazing(side: str, exponent: int) -> Problem:
-    """Return a problem whose motion turns back at a distance of 10^exponent from the flank line.
+    """Return a problem whose motion reverses at a distance of 10^exponent from the flank line.
 
     `side` is "past" or "short of" the drive-side flank line.
     """
-    tuning, turn, depth = 0.9, 0.9, 10.0**exponent * (1 if side == "past" else -1)
-    # The start is computed backwards from the turning point, with the equation of contact.
-    high = levels(_UNDAMPED.contact_ratio, _UNDAMPED.stiffness_ratio)[0]
-    start = meissner.state_after((-depth, 0.0), high, 0.0, tuning, -turn)
-    words = f"grazing, 1e{exponent} {side} the flank line"
-    return Problem(words, _UNDAMPED, tuning, start, **_EVENTS)
+    tuning, reversal_phase, depth = 0.9, 0.9, 10.0**exponent * (1 if side == "past" else -1)
+    # The start is computed backwards from the point of reversal, with the equation of contact.
+    high_stiffness = levels(_UNDAMPED.contact_ratio, _UNDAMPED.stiffness_ratio)[0]
+    start = meissner.state_after((-depth, 0.0), high_stiffness, 0.0, tuning, -reversal_phase)
+    description = f"grazing, 1e{exponent} {side} the flank line"
+    return Problem(description, _UNDAMPED, tuning, start, **_COMPARED_CONTACTS)
 
 
 def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
     """Return the problems at a tuning inside an instability tongue and just beyond its edge.
 
-    `name` ends the names of the problems, `periods` are their mesh periods.
+    `name` is the end of their names, `centre` the tuning inside, and `periods` the number of mesh
+    periods.
     """
-    equation, problems = meissner.equation_of(_ENDLESS), {}
+    model, problems = _UNDAMPED_WITHOUT_COAST_SIDE, {}
+    equation = meissner.equation_of(model)
     (order,) = meissner.orders(equation, centre, centre)
     beyond = meissner.tongue(equation, order).stop + 1e-4
-    for key, tuning, words in (
+    for key, tuning, description in (
         (f"tongue_{name}", centre, f"inside the tongue at $\\nu$ = {centre:g}"),
         (f"edge_{name}", beyond, f"beyond its edge, $\\nu$ = {beyond:.4f}"),
     ):
-        x, v = meissner.orbit(_ENDLESS, tuning)
-        compared = {"quantity": "deviation", "tolerance": 1e-2, "orbit": (x, v)}
+        x, v = meissner.orbit(model, tuning)
+        comparison = {"quantity": "deviation", "tolerance": 1e-2, "orbit": (x, v)}
         start = x + 1e-6, v
-        problems[key] = Problem(words, _ENDLESS, tuning, start, periods, 1, **compared)
+        problems[key] = Problem(description, model, tuning, start, periods, 1, **comparison)
     return problems
 
 
 def _planets(
-    description: str,
-    sun_displacement: float = 3.0,
-    planet_displacement: float = 0.0,
-    **changes: Any,
+    description: str, sun_displacement=3.0, planet_displacement=0.0, **changes: Any
 ) -> Problem:
-    """Return a problem of three planets in phase that starts near static equilibrium.
+    """Return a problem of a train with three planets that starts near static equilibrium.
 
     The sun and the first planet are displaced along their base circles, in static deflections;
     `changes` are arguments of `planetary`.
     """
-    # Lin and Parker's train at its second rotational mode, 1475 Hz, 30 % jump of the stiffness.
+    # Lin and Parker's train, excited at its second rotational mode of 1475 Hz.
     train = planetary(stiffness_ratio=(0.7458, 0.7321), **changes)
     state, coordinates = train.start_state("static"), train.structure.coordinates
     state[coordinates.index(("sun", "u"))] += sun_displacement
@@ -132,48 +132,50 @@ def _state_problems() -> dict[str, Problem]:
         eccentricities=(8e-6, 8e-6),
         friction=(0.05, 0.05),
     )
-    cubic = OneDegreePair(pair=_ratios(), cubic_damping=100.0)
+    cubic = OneDegreePair(pair=_gear_pair(), cubic_damping=100.0)
     few_terms, many_terms = (OneDegreePair(pair=PAPER, profile=Fourier(n)) for n in (2, 200))
-    # From 1e4 above the far flank to 0.1 below it: 140 rad of free flight, of which every method
-    # of order 2 and more knows the parabola, so that its steps grow without an error to stop
-    # them, and then 0.9 rad beyond the flank line.
-    wide, drop = _ratios(damping=0.0, backlash=2e4), (-1e4, -math.sqrt(2.0 * (1e4 + 0.1)))
-    rest, far_line = (0.0, 0.0), (-PAPER.backlash_ratio, 0.0)
+    # The motion starts 1e4 above the coast-side flank line and reaches 0.1 below it. Free motion
+    # of 140 rad is a parabola, exact for all methods of order 2 or more, so their steps grow
+    # without limit; the contact that follows lasts only 0.9 rad.
+    wide_backlash = _gear_pair(damping=0.0, backlash=2e4)
+    fall = (-1e4, -math.sqrt(2.0 * (1e4 + 0.1)))
+    rest, coast_line = (0.0, 0.0), (-PAPER.backlash_ratio, 0.0)
     down, fast_down = (0.0, -1.0), (0.0, -3.0)
-    overdamped, no_backlash = _ratios(damping=20.0), _ratios(backlash=0.0)
+    slow_pair = _gear_pair(damping=0.002)
+    overdamped, no_backlash = _gear_pair(damping=20.0), _gear_pair(backlash=0.0)
     rows = {
-        "double_crossing": ("in and out within a long step", wide, 1.0, drop, 40),
+        "double_crossing": ("in and out within a long step", wide_backlash, 1.0, fall, 40),
         "rest_near": ("at rest on the near flank line", PAPER, 0.82),
-        "rest_far": ("at rest on the far flank line", PAPER, 0.82, far_line),
+        "rest_far": ("at rest on the far flank line", PAPER, 0.82, coast_line),
         "no_backlash": ("no backlash", no_backlash, 0.9, fast_down),
-        "nano_backlash": ("backlash 1e-9", _ratios(backlash=1e-9), 0.9, fast_down),
-        "endless_backlash": ("infinite backlash", _ratios(backlash=math.inf), 0.9, fast_down),
+        "nano_backlash": ("backlash 1e-9", _gear_pair(backlash=1e-9), 0.9, fast_down),
+        "endless_backlash": ("infinite backlash", _gear_pair(backlash=math.inf), 0.9, fast_down),
         "critical": (
             "critically damped contact",
-            _ratios(contact_ratio=1.0, damping=1.0),
+            _gear_pair(contact_ratio=1.0, damping=1.0),
             0.9,
             fast_down,
             1,
         ),
         "overdamped": ("overdamped contact, $\\beta$ = 20", overdamped, 0.9, fast_down, 5),
-        "soft": ("stiffness ratio 1e-6", _ratios(stiffness_ratio=1e-6), 0.9, rest, 5),
-        "ratio_1": ("contact ratio 1", _ratios(contact_ratio=1.0), 0.9, down, 5),
-        "ratio_2": ("contact ratio 2", _ratios(contact_ratio=2.0), 0.9, down, 5),
+        "soft": ("stiffness ratio 1e-6", _gear_pair(stiffness_ratio=1e-6), 0.9, rest, 5),
+        "ratio_1": ("contact ratio 1", _gear_pair(contact_ratio=1.0), 0.9, down, 5),
+        "ratio_2": ("contact ratio 2", _gear_pair(contact_ratio=2.0), 0.9, down, 5),
         "ratio_above_1": (
             "contact ratio 1 + 1e-9",
-            _ratios(contact_ratio=1.0 + 1e-9),
+            _gear_pair(contact_ratio=1.0 + 1e-9),
             0.9,
             down,
             5,
         ),
         "ratio_below_2": (
             "contact ratio 2 $-$ 1e-9",
-            _ratios(contact_ratio=2.0 - 1e-9),
+            _gear_pair(contact_ratio=2.0 - 1e-9),
             0.9,
             down,
             5,
         ),
-        "slow": ("200 natural periods per mesh period", _ratios(damping=0.002), 0.005, rest, 1),
+        "slow": ("200 natural periods per mesh period", slow_pair, 0.005, rest, 1),
         "fast": ("20 mesh periods per natural period", PAPER, 20.0, (2.0, 0.0), 60),
         "cubic_damping": ("strong cubic damping", cubic, 0.9, (1.0, -3.0), 5),
         "terms_2": ("2 Fourier terms", few_terms, 0.9),
@@ -185,22 +187,23 @@ def _state_problems() -> dict[str, Problem]:
 
 def problems() -> dict[str, Problem]:
     """Return all problems, as name -> `Problem`."""
-    bounce = Problem("a bounce of 2e-8 rad", _UNDAMPED, 1.0, (0.0, -1e-8), **_EVENTS)
+    start = (0.0, -1e-8)
+    bounce = Problem("a bounce of 2e-8 rad", _UNDAMPED, 1.0, start, **_COMPARED_CONTACTS)
     fold = {"periods": 96, "record_periods": 24, "quantity": "orbit", "tolerance": 1e-2}
     chaos = Problem(
         "chaos",
-        _ratios(contact_ratio=1.5, stiffness_ratio=0.3, damping=0.05),
+        _gear_pair(contact_ratio=1.5, stiffness_ratio=0.3, damping=0.05),
         0.52,
         periods=4000,
         record_periods=3900,
         brief_periods=60,
         quantity="fractions",
-        # The fractions of time over the brief periods scatter by this amount.
+        # Fractions of time over so few periods scatter by this amount.
         tolerance=0.05,
     )
     conservative = Problem(
         "$10^5$ periods without loss",
-        _ratios(stiffness_ratio=1.0, damping=0.0),
+        _gear_pair(stiffness_ratio=1.0, damping=0.0),
         1.3,
         (1.5, 0.0),
         periods=100_000,
@@ -222,7 +225,7 @@ def problems() -> dict[str, Problem]:
         "conservative": conservative,
         **_tongue("2", 2.0, 36),
         **_tongue("066", 0.6614, 64),
-        # Their references are exact runs, which two other codes confirm.
+        # The references of trains are exact runs, which two other programs confirm.
         "planets_at_once": _planets("three meshes part at once"),
         "planets_apart": _planets("three meshes part 1e-12 apart", planet_displacement=5e-12),
         "planets_alike": _planets(

@@ -1,14 +1,14 @@
 """Judge methods on difficult problems by rules.
 
-The reference of a run is the exact propagator if it can run the model, else Taylor steps. The two
-are references of each other; if only one of them can run the model, its reference is scipy's
+The reference of a run is the exact propagator if it can run the model, else Taylor steps. These
+two are compared with each other; if only one of them can run the model, its reference is scipy's
 DOP853, restarted at events, with a tolerance of 1e-13. The first rule that applies gives the
 verdict:
 
 ==================  ===========================================================================
 verdict             rule
 ==================  ===========================================================================
-refused             the method does not take the model
+refused             the method cannot run the model
 diverged            the motion left the range of floating-point numbers, or its height is more
                     than `DIVERGENCE_RATIO` times that of the reference (or times one static
                     deflection, if this is larger)
@@ -53,9 +53,9 @@ VERDICTS = (
 ).split()
 #: Orbits with larger relative differences are different attractors.
 MIN_ATTRACTOR_CHANGE = 0.05
-#: A motion that is so many times larger than a steady reference is invented.
+#: A motion whose height exceeds that of a steady reference by this factor is invented.
 MAX_GROWTH = 2.0
-#: A motion that is so many times larger than the reference has diverged.
+#: A motion whose height exceeds that of the reference by this factor has diverged.
 DIVERGENCE_RATIO = 1e3
 #: Limit on steps or arcs per mesh period: more than any problem needs.
 MAX_EVENTS = 30_000
@@ -67,9 +67,9 @@ class Outcome(NamedTuple):
     """The quantities of a run that the rules compare."""
 
     status: int
-    state: tuple = (math.nan, math.nan)  #: at the end, coordinates and rates; no free rotation
-    low: float = math.nan  #: extrema of the record
-    high: float = math.nan
+    state: tuple = (math.nan, math.nan)  #: final coordinates and velocities, no free rotation
+    low: float = math.nan  #: smallest recorded displacement
+    high: float = math.nan  #: largest recorded displacement
     fractions: tuple = (math.nan,) * 3  #: of time in normal mesh, backlash, inverse mesh
     bounces: float = math.nan  #: per mesh period
     period: int = 0  #: mesh periods after which the motion repeats; 0: it does not
@@ -83,7 +83,7 @@ class Outcome(NamedTuple):
 
 
 def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
-    """Return the quantities of a result of `gearlib.simulate` that the rules compare.
+    """Return the `Outcome` of a result of `gearlib.simulate`.
 
     Fractions and bounces of gear trains are means over the meshes.
     """
@@ -123,9 +123,9 @@ def wrong_contacts(contacts: Sequence, expected: Sequence) -> int:
 
 
 def energy_or_deviation(problem: Problem, outcome: Outcome) -> float:
-    """Return the quantity of the problem that a method must not increase.
+    """Return the energy, or the distance from the orbit without contact loss.
 
-    It is the energy, or the distance from the orbit without contact loss.
+    A method must not increase the one that its problem compares.
     """
     if problem.quantity == "energy":
         # The stiffness is constant: equilibrium is at 1, the natural frequency is 1 / nu.
@@ -153,7 +153,7 @@ def error(problem: Problem, outcome: Outcome, reference: Outcome) -> float:
 
 def _is_other_attractor(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
     """Return whether a run has settled on another motion than the reference."""
-    # Motions that do not repeat have comparable fractions of time only.
+    # For motions that do not repeat, only fractions of time can be compared.
     changes = [*np.abs(np.subtract(outcome.fractions, reference.fractions))]
     if problem.quantity == "orbit":
         changes.append(abs(outcome.bounces - reference.bounces))
@@ -167,23 +167,20 @@ def _is_invented(problem: Problem, outcome: Outcome, reference: Outcome) -> bool
         largest = energy_or_deviation(problem, reference)
         return energy_or_deviation(problem, outcome) > largest
     # A reference at rest also has a period, and a height of rounding errors.
-    steady = reference.period > 0
-    return steady and outcome.height > MAX_GROWTH * max(reference.height, problem.tolerance)
+    is_steady = reference.period > 0
+    return is_steady and outcome.height > MAX_GROWTH * max(reference.height, problem.tolerance)
 
 
 def decide(problem: Problem, outcome: Outcome, reference: Outcome) -> tuple[str, float]:
-    """Return the verdict on a run by comparison with its reference, and its error.
-
-    The first rule that applies gives the verdict.
-    """
+    """Return the verdict on a run by the first rule that applies, and the error of the run."""
     if outcome.status != status.OK:
         return "diverged" if outcome.status == status.OVERFLOW else "stalled", math.nan
     deviation = error(problem, outcome, reference)
     settles = problem.quantity in ("orbit", "fractions")
-    same_repetition = (outcome.period == 0) == (reference.period == 0)
+    both_or_none_repeat = (outcome.period == 0) == (reference.period == 0)
     if not outcome.height <= DIVERGENCE_RATIO * max(1.0, reference.height):
         return "diverged", deviation
-    if deviation <= problem.tolerance and (same_repetition or problem.quantity != "fractions"):
+    if deviation <= problem.tolerance and (both_or_none_repeat or problem.quantity != "fractions"):
         return "right", deviation
     if settles and _is_other_attractor(problem, outcome, reference):
         return "wrong_attractor", deviation
@@ -218,28 +215,28 @@ def run(
 
 
 def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
-    """Return method and options of the reference with which a method is compared on a problem."""
-    for judge in integrators.AUTOMATIC:
-        if judge != method and integrators.METHODS[judge].supports(problem.model):
-            return judge, {}
+    """Return name and options of the method that is the reference for `method` on a problem."""
+    for reference_name in integrators.AUTOMATIC:
+        if reference_name != method and integrators.METHODS[reference_name].supports(problem.model):
+            return reference_name, {}
     return SPLIT_REFERENCE
 
 
 def try_method(problem: Problem, method: str, options: dict) -> dict:
-    """Return the verdict on a method with these options on a problem, its error, and the run data.
+    """Run a method with these options on a problem; return its verdict, error and data of the run.
 
-    The keys are names of variables of the matrix.
+    The dict maps names of variables of the dataset to values.
     """
-    verdict, deviation, periods, evaluations, judge = "refused", math.nan, 0, 0, ""
+    verdict, deviation, periods, evaluations, reference_name = "refused", math.nan, 0, 0, ""
     message = integrators.refusal(problem.model, method)
     if not message:
         # Interpreted steps of scipy are thousands of times slower than compiled steps.
         short_periods = problem.brief_periods if method == "scipy" else None
         periods = short_periods or problem.periods
-        judge, judge_options = reference_method(problem, method)
+        reference_name, reference_options = reference_method(problem, method)
         outcome = run(problem, method, options, periods)
-        # The reference may use as many arcs as the problem needs.
-        reference = run(problem, judge, judge_options, periods, 1_000_000)
+        # The reference is practically not limited in its number of arcs.
+        reference = run(problem, reference_name, reference_options, periods, max_events=1_000_000)
         verdict, deviation = decide(problem, outcome, reference)
         evaluations, message = outcome.evaluations, status.MESSAGES[outcome.status]
     return {
@@ -247,7 +244,7 @@ def try_method(problem: Problem, method: str, options: dict) -> dict:
         "error": deviation,
         "periods": np.int32(periods),
         "evaluations": np.int64(evaluations),
-        "judge": judge,
+        "judge": reference_name,
         "message": message,
     }
 
@@ -264,7 +261,7 @@ def compute(name: str, method: str, options: dict) -> xr.Dataset:
         # States of gear trains have more than two components and are not stored.
         x, v = problem.state if len(problem.state) == 2 else (math.nan, math.nan)
         return {
-            "words": problem.words,
+            "words": problem.description,
             "model": canonical_json(problem.model.as_dict()),
             "tuning": problem.tuning,
             "displacement": float(x),

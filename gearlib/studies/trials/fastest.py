@@ -1,4 +1,4 @@
-"""Tabulate the fastest method of this library and the fastest solver of another package."""
+"""Tabulate the fastest method of this library and the fastest solver of other packages."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
-from gearlib.studies.trials.work_precision import OF_LIBRARY
+from gearlib.studies.trials.work_precision import LIBRARY_METHODS
 
-#: Decades of accuracy; the last one is close to the resolution of floating-point numbers.
+#: Negative exponents of the required errors; the last one is close to the rounding of floats.
 DECADES = range(1, 16)
-#: Prefix of the columns -> text that replaces a method if no method is accurate enough.
+#: Prefix of columns -> text in place of a method if none is accurate enough.
 UNREACHED = {"own": "no method of this library", "other": "no solver of another package"}
 _COLUMNS = (
     "method",
@@ -22,7 +22,7 @@ _COLUMNS = (
 
 
 def fastest(errors: np.ndarray, seconds: np.ndarray, decade: int) -> int | None:
-    """Return the index of the fastest method with an error of at most 10^-decade, None without any.
+    """Return the index of the fastest setting with an error of at most 10^-decade, else None.
 
     `errors` and `seconds` have an entry for each setting of a method, NaN where it has no result.
     """
@@ -44,24 +44,26 @@ def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[
         *(f"{owner}_{column}" for owner in UNREACHED for column in _COLUMNS),
     ]
 
-    def joined(datasets: Sequence[xr.Dataset], name: str) -> np.ndarray:
+    def concatenated(datasets: Sequence[xr.Dataset], name: str) -> np.ndarray:
         return np.concatenate([data[name].values for data in datasets], axis=-1)
 
-    is_own = [[data.attrs["method"] in OF_LIBRARY] * data.sizes["rung"] for data in errors]
+    is_own = [[data.attrs["method"] in LIBRARY_METHODS] * data.sizes["rung"] for data in errors]
     candidates = {"own": np.concatenate(is_own), "other": ~np.concatenate(is_own)}
-    lines, knobs, error = (joined(errors, name) for name in ("line", "knob", "state_error"))
-    evaluations, seconds = joined(errors, "period_evaluations"), joined(times, "period_time")
+    names = "line", "knob", "state_error", "period_evaluations"
+    lines, parameters, state_errors, evaluations = (concatenated(errors, name) for name in names)
+    seconds = concatenated(times, "period_time")
     for i, problem in enumerate(errors[0].problem.values):
         for decade in DECADES:
             cells, fastest_times = [], []
-            for owner, selected in candidates.items():
-                k = fastest(error[i], np.where(selected, seconds[i], math.nan), decade)
+            for owner, is_candidate in candidates.items():
+                candidate_seconds = np.where(is_candidate, seconds[i], math.nan)
+                k = fastest(state_errors[i], candidate_seconds, decade)
                 if k is None:
                     cells += [f"{UNREACHED[owner]} reaches it", *[""] * (len(_COLUMNS) - 1)]
                     continue
                 fastest_times.append(seconds[i, k])
-                numbers = 1e6 * seconds[i, k], evaluations[i, k], error[i, k]
-                cells += [lines[k], knobs[k], *(f"{value:.3g}" for value in numbers)]
+                numbers = 1e6 * seconds[i, k], evaluations[i, k], state_errors[i, k]
+                cells += [lines[k], parameters[k], *(f"{value:.3g}" for value in numbers)]
             ratio = ""
             if len(fastest_times) == len(candidates):
                 ratio = f"{fastest_times[1] / fastest_times[0]:.3g}"

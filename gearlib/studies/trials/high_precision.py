@@ -1,13 +1,13 @@
 """Runs in many decimal digits: power series of the motion between changes of contact.
 
-While a contact code and a segment of the mesh period last, the state z follows
+As long as the contact code and the segment of the mesh period do not change, the state z follows
 
     z' = A z - d z[1]^3 e_1,
 
-with d the cubic damping. A step is as long as the terms that are left out allow, at most a quarter
-of a radian of the natural oscillation, and ends where the contact code changes, which bisection
-finds. Nothing is shared with the methods that are measured but the matrices of six degrees of
-freedom, whose floats are taken as they are.
+where d is the cubic damping. The truncation error of the series limits the step length, which is at
+most a quarter of a radian of the natural oscillation. A step ends where the contact code changes,
+which is found by bisection. Only the matrices of six degrees of freedom are taken from the library;
+otherwise nothing is shared with the methods whose errors are measured.
 """
 
 from collections.abc import Sequence
@@ -21,18 +21,18 @@ import numpy as np
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.models.one_mesh_system import state_matrix_by_phase
 
-#: Digits carried beyond those asked for: a step rounds some thousand sums.
+#: Additional digits for the rounding errors of about a thousand sums in a step.
 GUARD_DIGITS = 10
 _CODES = (INVERSE, BACKLASH, NORMAL)
-#: Makes arrays of decimals from arrays and lists of numbers.
+#: Function that converts arrays and lists of numbers to arrays of `Decimal`.
 decimals = np.vectorize(Decimal, otypes=[object])
 
 
 class Equations(NamedTuple):
-    """One model at one tuning; all arrays hold decimals."""
+    """Equations z' = A z - d z[1]^3 e_1 of a model at one tuning; arrays are of `Decimal`."""
 
     matrices: dict  #: (contact code, segment) -> A, shape (n, n)
-    cubic: dict  #: contact code -> d
+    cubic: dict  #: contact code -> cubic damping d
     bounds: list  #: phases that bound the segments, 0 to 2 pi
     lines: np.ndarray  #: distances from the normal and the inverse flank line, shape (2, n)
     start: np.ndarray  #: z at rest on the normal flank line
@@ -52,9 +52,9 @@ def run(
         z, contact, phases, codes = equations.start, NORMAL, [], []
         if state is not None:
             z = decimals([*state, 1])
-            # The start may lie on a flank line: the contact just behind it is decisive.
-            ahead = z + equations.matrices[BACKLASH, 0] @ z * Decimal(10) ** -digits
-            contact = _contact_code(equations.lines @ ahead)
+            # The start may lie on a flank line, so the contact code shortly after it is used.
+            next_state = z + equations.matrices[BACKLASH, 0] @ z * Decimal(10) ** -digits
+            contact = _contact_code(equations.lines @ next_state)
         for period in range(periods):
             for segment, (phase, end) in enumerate(pairwise(equations.bounds)):
                 while phase < end:
@@ -62,14 +62,14 @@ def run(
                     series = _series(matrix, cubic, z)
                     length = min(_step_length(series), Decimal(tuning) / 4, end - phase)
                     distances = (equations.lines @ series.T).tolist()
-                    length, after = _end_of_step(contact, distances, length)
+                    length, next_contact = _end_of_step(contact, distances, length)
                     z, phase = _series_value(series, length), phase + length
-                    if after != contact:
+                    if next_contact != contact:
                         phases.append(2 * period * _pi() + phase)
-                        codes.append((contact, after))
-                        contact = after
-        rates = equations.matrices[BACKLASH, 0] @ z
-        end_state = np.array([equations.lines[0] @ z, equations.lines[0] @ rates])
+                        codes.append((contact, next_contact))
+                        contact = next_contact
+        derivatives = equations.matrices[BACKLASH, 0] @ z
+        end_state = np.array([equations.lines[0] @ z, equations.lines[0] @ derivatives])
         return end_state, np.array(phases, object), np.array(codes, np.int8).reshape(-1, 2)
 
 
@@ -87,27 +87,29 @@ def _one_degree(model: Any, tuning: float) -> Equations:
             rows = [[0, 1, 0], [-stiffness, -2 * ratio / nu, load], [0, 0, 0]]
             matrices[code, segment] = decimals(rows)
     cubic = {code: Decimal(model.equation.damping[code + 1, 2]) * nu for code in _CODES}
-    far = [0, 0, 1] if backlash.is_infinite() else [1, 0, backlash]
-    lines = decimals([[1, 0, 0], far])
+    coast_line = [0, 0, 1] if backlash.is_infinite() else [1, 0, backlash]
+    lines = decimals([[1, 0, 0], coast_line])
     return Equations(matrices, cubic, _segment_bounds(epsilon), lines, decimals([0, 0, 1]))
 
 
 def _six_degrees(model: Any, tuning: float) -> Equations:
     """Return the equations of a `SixDegreePair`, with the state z of its `TrainSystem`."""
-    system, turn = model.system(tuning), Decimal(model.pitch_phase)
+    system, pitch_phase = model.system(tuning), Decimal(model.pitch_phase)
     segments = range(system.starts.size - 1)
     matrices = {
         (code, segment): decimals(state_matrix_by_phase(system, [code], segment))
         for code in _CODES
         for segment in segments
     }
-    # The floats tell which segments there are, the decimals where exactly they end.
-    exact = _segment_bounds(Decimal(model.pair.contact_ratio))
-    exact += [(turn + k * _pi()) % (2 * _pi()) for k in range(2)]
-    bounds = [min(exact, key=lambda phase: abs(float(phase) - start)) for start in system.starts]
+    # Each start of a segment, a float, is replaced by the nearest decimal.
+    exact_phases = _segment_bounds(Decimal(model.pair.contact_ratio))
+    exact_phases += [(pitch_phase + k * _pi()) % (2 * _pi()) for k in range(2)]
+    bounds = [
+        min(exact_phases, key=lambda phase: abs(float(phase) - start)) for start in system.starts
+    ]
     lines = decimals([system.drive_lines[0], system.coast_lines[0]])
     z = decimals(model.full_state(system, (0.0, 0.0)))
-    # At rest on the line in all digits; the first rotation is in the distance with 1.
+    # Correct the first rotation, so that the start is at rest on the flank line in all digits.
     z[0] -= lines[0] @ z
     z[len(model.elastic_bearings()) + 2] -= lines[0] @ (matrices[BACKLASH, 0] @ z)
     return Equations(matrices, dict.fromkeys(_CODES, 0), bounds, lines, z)
@@ -137,39 +139,37 @@ def _contact_code(distances: Sequence[Decimal]) -> int:
 def _series(matrix: np.ndarray, cubic: Decimal | int, z: np.ndarray) -> np.ndarray:
     """Return the coefficients of the power series of the motion from z, shape (digits + 1, n).
 
-    `matrix`, shape (n, n), is that of the linear equation, `cubic` the cubic damping.
+    `matrix`, shape (n, n), is that of the linear equation, and `cubic` is the cubic damping.
     """
     count = getcontext().prec
     series, squares = np.zeros((count + 1, len(z)), object), np.zeros(count, object)
     series[0] = z
     for k in range(count):
-        rates, speeds = matrix @ series[k], series[: k + 1, 1]
+        derivatives, velocities = matrix @ series[k], series[: k + 1, 1]
         if cubic:
-            squares[k] = speeds @ speeds[::-1]
-            rates[1] -= cubic * (squares[: k + 1] @ speeds[::-1])
-        series[k + 1] = rates / (k + 1)
+            squares[k] = velocities @ velocities[::-1]
+            derivatives[1] -= cubic * (squares[: k + 1] @ velocities[::-1])
+        series[k + 1] = derivatives / (k + 1)
     return series
 
 
 def _step_length(series: np.ndarray) -> Decimal:
-    """Return the step length at which the last two terms of a series reach the last digit."""
+    """Return the step length at which the last two terms of a series are below the last digit."""
     order = len(series) - 1
     exponent = np.abs(series[-2:]).max().adjusted()
     return Decimal(10.0 ** ((-getcontext().prec - exponent) / order))
 
 
 def _series_value(series: np.ndarray | list, length: Decimal) -> Any:
-    """Return the sum of a power series, or of several, at a distance from its centre."""
+    """Return the value of one or more power series at a distance `length` from the centre."""
     return reduce(lambda value, coefficients: value * length + coefficients, series[::-1])
 
 
-def _end_of_step(
-    contact: int, distances: list[list[Decimal]], length: Decimal
-) -> tuple[Decimal, int]:
-    """Return length and contact code just behind the first change of contact, or at the step end.
+def _end_of_step(contact: int, distances: list, length: Decimal) -> tuple[Decimal, int]:
+    """Return the length of a step up to a change of contact, and the contact code after it.
 
     `distances` are the power series of the distances from both flank lines, `contact` is the code
-    at the start, `length` the length of the step.
+    at the start, and `length` is the largest length of the step.
     """
 
     def contact_at(length: Decimal) -> int:

@@ -20,11 +20,11 @@ class Case(NamedTuple):
     """Tuning and damping of a test problem."""
 
     tuning: float
-    damped: tuple[bool, bool]  #: whether linear damping acts in contact and in the backlash
-    steady: bool  #: whether it has an orbit of one mesh period to settle on
+    damped: tuple[bool, bool]  #: whether linear damping acts in contact, and in the backlash
+    steady: bool  #: whether the motion settles on an orbit of one mesh period
 
 
-#: name -> `Case`. With run-out, six degrees repeat after a revolution only.
+#: Name -> `Case`. With run-out, six degrees of freedom repeat only after a revolution.
 CASES = {
     "smooth": Case(0.7, (True, True), True),
     "bouncing": Case(0.9, (True, True), True),
@@ -43,13 +43,13 @@ class Problem(NamedTuple):
     tuning: float
     periods: int
     record_periods: int
-    steady: bool
+    steady: bool  #: whether the motion settles on an orbit of one mesh period
 
 
 class Motion(NamedTuple):
-    """The end of a run; NaN and no events where the run stopped early."""
+    """Final state and events of a run; NaN and no events if the run stopped early."""
 
-    state: np.ndarray  #: displacement and dx/dtau, of a train those of its first mesh
+    state: np.ndarray  #: final displacement and dx/dtau; of a train, those of its first mesh
     phases: np.ndarray  #: of the events of the recorded periods, rad from the start of the run
     codes: np.ndarray  #: contact codes (from, to) of the events, shape (n, 2)
     evaluations: int = 0  #: of the right-hand side
@@ -73,11 +73,11 @@ def build(name: str, pair: dict, six_degrees: dict, settings: dict) -> Problem:
     elif name == "reducer":
         # Three equal branches on fixed axes: their meshes lose contact simultaneously.
         model = split_power_reducer(model, support_stiffness=math.inf)
-    # Without damping, rounding errors grow with every bounce. Steps of trains are interpreted.
-    short = name in ("conservative", "reducer")
-    periods = settings["conservative_periods" if short else "periods"]
-    recorded = min(settings["record_periods"], periods)
-    return Problem(model, case.tuning, periods, recorded, case.steady)
+    # Without damping, rounding errors grow with every bounce; runs of trains are slow.
+    is_short = name in ("conservative", "reducer")
+    periods = settings["conservative_periods" if is_short else "periods"]
+    record_periods = min(settings["record_periods"], periods)
+    return Problem(model, case.tuning, periods, record_periods, case.steady)
 
 
 def run(
@@ -113,7 +113,7 @@ def run(
 
 
 def difference_map(period_map: Callable, state: np.ndarray, step: Any) -> np.ndarray:
-    """Return the derivative (2, 2) of a map of states by central differences of width 2 `step`."""
+    """Return the Jacobian (2, 2) of a period map by central differences of half width `step`."""
     columns = [
         (period_map(state + shift) - period_map(state - shift)) / (2 * step)
         for shift in step * np.eye(2, dtype=int)

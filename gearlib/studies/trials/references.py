@@ -34,32 +34,32 @@ MAX_RESIDUAL = 1e-9
 def reference(problem: problems.Problem) -> problems.Motion:
     """Return the motion of a test problem, correct to the last digit of a float.
 
-    The digits are increased until two runs agree. The motion of a gear train is an exact run.
+    The number of digits is increased until two runs agree; a gear train is run by method "exact".
     """
     if problem.model.mesh_names:
         return problems.run(problem, "exact")
     arguments = problem.model, problem.tuning, problem.periods
     runs = (high_precision.run(*arguments, digits) for digits in DIGITS)
-    for (rough_state, rough_phases, rough_codes), (state, phases, codes) in pairwise(runs):
-        if not np.array_equal(codes, rough_codes):
+    for (last_state, last_phases, last_codes), (state, phases, codes) in pairwise(runs):
+        if not np.array_equal(codes, last_codes):
             continue
-        differences = np.concatenate([state - rough_state, phases - rough_phases])
+        differences = np.concatenate([state - last_state, phases - last_phases])
         if (np.abs(differences) <= AGREEMENT).all():
             record_start = 2.0 * math.pi * (problem.periods - problem.record_periods)
-            recorded = np.array(phases >= record_start, bool)
-            event_phases = phases[recorded].astype(float)
-            return problems.Motion(state.astype(float), event_phases, codes[recorded])
+            is_recorded = np.array(phases >= record_start, bool)
+            event_phases = phases[is_recorded].astype(float)
+            return problems.Motion(state.astype(float), event_phases, codes[is_recorded])
     raise ValueError(
         f"periods = {problem.periods} are not allowed for this {type(problem.model).__name__}: "
-        f"{DIGITS[-1]} digits must follow its motion"
+        f"its motion must be computable with {DIGITS[-1]} digits"
     )
 
 
 def settled_orbit(problem: problems.Problem) -> tuple[np.ndarray, float]:
-    """Return state and largest absolute Floquet multiplier of the orbit of one mesh period.
+    """Return the state and the largest absolute Floquet multiplier of the orbit of a problem.
 
-    The end of a long run is corrected by a Newton step in 50 digits. Both are NaN if the problem
-    does not settle on such an orbit.
+    The final state of a long run is corrected by a Newton step in 50 digits. Both are NaN if the
+    problem does not settle on an orbit of one mesh period.
     """
 
     def period_map(start: np.ndarray) -> np.ndarray:

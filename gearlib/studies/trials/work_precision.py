@@ -1,18 +1,18 @@
 """Compute the errors of each method over its cost in evaluations and wall time.
 
 A method is run with several values of its accuracy parameter, such as a tolerance or the number of
-steps; in the datasets one setting is a `rung`, the parameter a `knob`. Errors and evaluations
-repeat exactly, wall times do not and are kept in separate datasets. The errors of one method on one
+steps; in the datasets a setting is called `rung`, the parameter `knob`. Errors and evaluations are
+reproducible, wall times are not and are kept in separate datasets. The errors of one method on one
 problem, against `gearlib.studies.trials.references`:
 
 ``state_error``
     of the final state: the larger of displacement and dx/dtau;
 ``event_error``
-    of the phases of the recorded events: the largest; NaN if there are none, or another number,
-    or others;
+    the largest of the phases of the recorded events; NaN if there are none, or if they differ in
+    number or kind;
 ``multiplier_error``
-    of the largest |Floquet multiplier| of the settled orbit, from central differences of the
-    method's own period map; NaN if the problem settles on no orbit of one mesh period.
+    of the largest |Floquet multiplier| of the settled orbit, by central differences of the period
+    map of the method; NaN if the problem does not settle on an orbit of one mesh period.
 """
 
 import math
@@ -34,8 +34,8 @@ from gearlib.models.pair import GearPair
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.studies.trials import problems, references
 
-#: Half width of the central differences, static deflections: rounding over it, 1e-10, and its
-#: square times third derivatives, about the same, are the least error of a multiplier.
+#: Half width of the central differences, static deflections: rounding and truncation errors of a
+#: multiplier are about equal, 1e-10.
 DIFFERENCE = 1e-6
 
 # Steps that never end at a stiffness switch of the paper's contact ratio, 1.569: half its segment
@@ -45,44 +45,44 @@ _RTOL = tuple(10.0**-k for k in range(2, 13))
 _SCIPY = (1e-3, 1e-6, 1e-9, 1e-12, 2.3e-14)
 
 
-class Line(NamedTuple):
-    """A way to use a method, and the values of its accuracy parameter from coarse to fine."""
+class MethodLine(NamedTuple):
+    """A line of the figures: a method, and values of its accuracy parameter from coarse to fine."""
 
     method: str
-    name: str
+    name: str  #: label of the line
     family: str  #: located (events), controlled (steps only), fixed, smoothed, other
-    knob: str  #: name of the option; empty: there is none
+    parameter: str  #: option that sets the accuracy; empty: there is none
     values: tuple = (None,)
-    options: dict = {}  #: other options, fixed
+    options: dict = {}  #: all other options
 
 
-#: Methods of this library, compiled; the others are solvers of other packages.
-OF_LIBRARY = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
+#: Compiled methods of this library; the others are solvers of other packages.
+LIBRARY_METHODS = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
 
 #: All lines, each down to its smallest error, or to what its package accepts: below 1e-12 LSODA
 #: stalls, below 100 times the last place of 1 scipy's pairs take that instead. scipy's right-hand
 #: side is Python: few values, and of Radau none that takes minutes. heyoka's steps are the same
 #: from 2.2e-16 on.
-LINES = (
-    Line("exact", "exact", "located", ""),
-    Line("taylor", "taylor", "located", "tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-12, 1e-16)),
-    Line("rk4", "rk4", "fixed", "steps_per_period", _STEPS),
-    Line("newmark", "newmark", "fixed", "steps_per_period", _STEPS),
-    Line("generalised_alpha", "generalised alpha", "fixed", "steps_per_period", _STEPS),
-    Line("rk45", "rk45", "controlled", "rtol", _RTOL),
-    Line(
+METHOD_LINES = (
+    MethodLine("exact", "exact", "located", ""),
+    MethodLine("taylor", "taylor", "located", "tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-12, 1e-16)),
+    MethodLine("rk4", "rk4", "fixed", "steps_per_period", _STEPS),
+    MethodLine("newmark", "newmark", "fixed", "steps_per_period", _STEPS),
+    MethodLine("generalised_alpha", "generalised alpha", "fixed", "steps_per_period", _STEPS),
+    MethodLine("rk45", "rk45", "controlled", "rtol", _RTOL),
+    MethodLine(
         *("smoothed", "smoothed", "smoothed", "sharpness"),
         (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4),
         {"rtol": 1e-11},
     ),
-    Line("scipy", "scipy RK45", "controlled", "rtol", _SCIPY[:4], {"solver": "RK45"}),
-    Line("scipy", "scipy LSODA", "controlled", "rtol", _SCIPY[:4], {"solver": "LSODA"}),
-    Line("scipy", "scipy Radau", "controlled", "rtol", _SCIPY[:2], {"solver": "Radau"}),
-    Line(
+    MethodLine("scipy", "scipy RK45", "controlled", "rtol", _SCIPY[:4], {"solver": "RK45"}),
+    MethodLine("scipy", "scipy LSODA", "controlled", "rtol", _SCIPY[:4], {"solver": "LSODA"}),
+    MethodLine("scipy", "scipy Radau", "controlled", "rtol", _SCIPY[:2], {"solver": "Radau"}),
+    MethodLine(
         *("scipy", "scipy DOP853, split", "located", "rtol", _SCIPY),
         {"solver": "DOP853", "events": True},
     ),
-    Line("heyoka", "heyoka", "other", "tol", (*(10.0**-k for k in range(3, 16, 2)), 1e-16)),
+    MethodLine("heyoka", "heyoka", "other", "tol", (*(10.0**-k for k in range(3, 16, 2)), 1e-16)),
 )
 
 #: Shortest timed interval in seconds, longest run in mesh periods, limit on calls of a run.
@@ -91,16 +91,18 @@ MIN_SPAN, MAX_PERIODS, MAX_CALLS = 2e-3, 2**18, 2**14
 MAX_REPEATED = 0.05
 
 
-def rungs(method: str) -> list[tuple[Line, str, dict]]:
-    """Return line, text of the accuracy parameter and options of every setting of a method."""
+def method_settings(method: str) -> list[tuple[MethodLine, str, dict]]:
+    """Return (line, text of the accuracy parameter, options) for every setting of a method."""
     settings = []
-    for line in (line for line in LINES if line.method == method):
+    for line in (line for line in METHOD_LINES if line.method == method):
         for value in line.values:
-            options = line.options | ({line.knob: value} if line.knob else {})
-            if line.knob == "rtol":
+            options = line.options | ({line.parameter: value} if line.parameter else {})
+            if line.parameter == "rtol":
                 # The ratio of the tolerances is that of the defaults of ode45.
                 options["atol"] = 1e-3 * value
-            settings.append((line, f"{line.knob} = {value:g}" if line.knob else "", options))
+            settings.append(
+                (line, f"{line.parameter} = {value:g}" if line.parameter else "", options)
+            )
     return settings
 
 
@@ -132,25 +134,19 @@ def errors(
     built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
     motions = {name: references.motion_of(known, name) for name in names}
 
-    def errors_on(name: str, rung: tuple) -> dict:
-        *_, options = rung
+    def setting_errors(name: str, setting: tuple) -> dict:
+        *_, options = setting
         reference = known.sel(problem=name)
         return _setting_errors(method, options, built[name], motions[name], reference)
 
-    data = stacked({"problem": names, "rung": rungs(method)}, errors_on)
+    data = stacked({"problem": names, "rung": method_settings(method)}, setting_errors)
     data |= stacked({"problem": names}, lambda name: _error_floors(built[name], motions[name]))
     title = f"Errors of method {method} and what they cost in evaluations"
     parameters = {"settings": settings, "six_degrees": six_degrees, "difference": DIFFERENCE}
     return _dataset(title, method, names, data, pair, parameters)
 
 
-def _setting_errors(
-    method: str,
-    options: dict,
-    problem: problems.Problem,
-    expected: problems.Motion,
-    reference: xr.Dataset,
-) -> dict[str, float]:
+def _setting_errors(method, options, problem, expected, reference) -> dict[str, float]:
     """Return the errors of a method with these options on a problem, and its evaluations.
 
     `expected` is the exact motion, `reference` has the exact settled orbit and its multiplier.
@@ -180,7 +176,7 @@ def _setting_errors(
 
 
 def _error_floors(problem: problems.Problem, reference: problems.Motion) -> dict[str, float]:
-    """Return the smallest visible errors of state, event phase and multiplier: rounding errors."""
+    """Return the errors of state, event phase and multiplier that rounding alone causes."""
     state, phase, multiplier = references.TRAIN_ACCURACY, references.TRAIN_ACCURACY, math.nan
     if not problem.model.mesh_names:
         state = np.spacing(np.abs(reference.state).max()) / 2.0
@@ -189,18 +185,16 @@ def _error_floors(problem: problems.Problem, reference: problems.Motion) -> dict
     return {"state_floor": state, "event_floor": phase, "multiplier_floor": multiplier}
 
 
-def _dataset(
-    title: str, method: str, names: Sequence[str], data: dict, pair: dict, parameters: dict
-) -> xr.Dataset:
-    """Return variables over problem and rung as a dataset that describes the settings of a method.
+def _dataset(title, method, names, data, pair, parameters) -> xr.Dataset:
+    """Return variables over problem and setting as a dataset that describes the settings.
 
     `names` are those of the problems; `pair` and `parameters` are written to the attributes.
     """
-    lines, knobs, options = zip(*rungs(method), strict=True)
+    lines, parameter_texts, options = zip(*method_settings(method), strict=True)
     columns = {
         "line": [line.name for line in lines],
         "family": [line.family for line in lines],
-        "knob": knobs,
+        "knob": parameter_texts,
         "options": [canonical_json(values) for values in options],
     }
     data |= {name: ("rung", np.array(values, object)) for name, values in columns.items()}
@@ -210,27 +204,23 @@ def _dataset(
 
 
 def times(
-    method: str,
-    names: Sequence[str],
-    pair: dict,
-    six_degrees: dict,
-    settings: dict,
-    repeats: int,
+    method: str, names: Sequence[str], pair: dict, six_degrees: dict, settings: dict, repeats: int
 ) -> xr.Dataset:
     """Return the wall times of a method per mesh period, for all its settings and problems.
 
     No other program may run at the same time. `names`, `pair`, `six_degrees` and `settings` are
-    arguments of `gearlib.studies.trials.problems.build`. The shortest of `repeats` runs counts;
+    arguments of `gearlib.studies.trials.problems.build`. The minimum of `repeats` runs is taken;
     long runs are timed once. period_time excludes the start of a run and is NaN if the method
-    cannot run the model; closed_form_time is that of one evaluation of the closed form of contact.
+    cannot run the model; closed_form_time is that of one evaluation of the exact solution of the
+    equation of motion in contact.
     """
 
-    def time_on(name: str, rung: tuple) -> dict:
-        *_, options = rung
+    def setting_time(name: str, setting: tuple) -> dict:
+        *_, options = setting
         problem = problems.build(name, pair, six_degrees, settings)
         return {"period_time": _period_time(problem, method, options, repeats)}
 
-    data = stacked({"problem": names, "rung": rungs(method)}, time_on)
+    data = stacked({"problem": names, "rung": method_settings(method)}, setting_time)
     data["closed_form_time"] = closed_form_time(repeats)
     parameters = {"settings": settings, "six_degrees": six_degrees, "repeats": repeats}
     return _dataset(f"Wall times of method {method}", method, names, data, pair, parameters)
@@ -239,70 +229,71 @@ def times(
 def _period_time(problem: problems.Problem, method: str, options: dict, repeats: int) -> float:
     """Return the wall time of a method per mesh period of a problem, in seconds.
 
-    The shortest of `repeats` runs counts. NaN if the method cannot run the model or stops early.
+    It is the minimum of `repeats` runs, or NaN if the method cannot run the model or stops early.
     """
     if not integrators.METHODS[method].supports(problem.model):
         return math.nan
     _, integrator, options = integrators.choose(problem.model, method, options)
 
     def run(periods: int, calls: int) -> bool:
+        """Run the method `calls` times over mesh periods; return whether a run stopped early."""
         if method == "exact":
-            engine = problem.model.propagator(problem.tuning, method)
-            starts = np.tile(engine.start((0.0, 0.0)), (calls, 1))
-            return engine.many(starts, periods, MAX_EVENTS)[1].any()
+            propagator = problem.model.propagator(problem.tuning, method)
+            starts = np.tile(propagator.start((0.0, 0.0)), (calls, 1))
+            return propagator.many(starts, periods, MAX_EVENTS)[1].any()
         arguments = problem.model, problem.tuning, (0.0, 0.0), Span(periods, 1, MAX_EVENTS)
         return any(integrator.run(*arguments, **options).status for _ in range(calls))
 
-    # The short run lets heyoka compile the contact states. Closed forms stop when they settle,
-    # so that the timed run must not be longer than that of the problem.
-    short, longest = 64 if method == "heyoka" else 1, MAX_PERIODS
+    # The short run lets heyoka compile its steps for all contact states. The exact method stops
+    # when the motion settles, so its timed runs must not be longer than that of the problem.
+    short_periods, max_periods = 64 if method == "heyoka" else 1, MAX_PERIODS
     if method == "exact":
-        short = max(1, problem.periods // 2)
-        longest = problem.periods if problem.steady else MAX_PERIODS
-    return math.nan if run(short, 1) else seconds_per_period(run, short, longest, repeats)
+        short_periods = max(1, problem.periods // 2)
+        max_periods = problem.periods if problem.steady else MAX_PERIODS
+    if run(short_periods, calls=1):
+        return math.nan
+    return seconds_per_period(run, short_periods, max_periods, repeats)
 
 
-def seconds_per_period(run: Callable, short: int, longest: int, repeats: int) -> float:
+def seconds_per_period(run: Callable, short_periods: int, max_periods: int, repeats: int) -> float:
     """Return the wall time of a mesh period of ``run(periods, calls)``, without the start of a run.
 
-    It is the difference of a long run, of at most `longest` periods, and a run of `short` periods.
-    Quick runs are called many times. The shortest of `repeats` measurements counts, because other
-    programs can only slow a run down.
+    It follows from the difference between a long run, of at most `max_periods`, and a run of
+    `short_periods`. Quick runs are called several times. The minimum of `repeats` measurements is
+    taken, because other programs can only slow a run down.
     """
-    long, calls = short + 1, 1
+    long_periods, calls = short_periods + 1, 1
 
     def shortest_times(repeats: int) -> Iterator[float]:
-        for periods in (short, long):
+        for periods in (short_periods, long_periods):
             yield min(timeit(partial(run, periods, calls), number=1, repeat=repeats))
 
     short_time, long_time = shortest_times(1)
     while long_time - short_time < max(MIN_SPAN, short_time) and calls < MAX_CALLS:
-        long, calls = (min(4 * long, longest), calls) if long < longest else (long, 2 * calls)
+        if long_periods < max_periods:
+            long_periods = min(4 * long_periods, max_periods)
+        else:
+            calls *= 2
         short_time, long_time = shortest_times(1)
     if long_time < MAX_REPEATED:
         short_time, long_time = shortest_times(repeats)
-    return (long_time - short_time) / (calls * (long - short))
+    return (long_time - short_time) / (calls * (long_periods - short_periods))
 
 
 @kernel
 def _evolve_repeatedly(level, u, v, t, count):
+    # Advance displacement u and velocity v, at constant stiffness, by `count` steps of length t.
     for _ in range(count):
         u, v = evolve(level, u, v, t)
     return u, v
 
 
 def closed_form_time(repeats: int, count: int = 100_000) -> float:
-    """Return the time of one evaluation of the closed form of contact, in seconds.
+    """Return the time of one evaluation of the exact solution in contact, in seconds.
 
-    `count` evaluations are timed together; the shortest of `repeats` measurements counts.
+    `count` evaluations are timed together; the minimum of `repeats` measurements is taken.
     """
     level = level_at_tuning(1.0, 0.06, 0.9)
     _evolve_repeatedly(level, 1.0, 0.0, 1.0, 1)
-    return (
-        min(
-            timeit(
-                lambda: _evolve_repeatedly(level, 1.0, 0.0, 1.0, count), number=1, repeat=repeats
-            )
-        )
-        / count
-    )
+    evaluate = partial(_evolve_repeatedly, level, 1.0, 0.0, 1.0, count)
+    return min(timeit(evaluate, number=1, repeat=repeats)) / count
