@@ -95,11 +95,11 @@ class Channel(Section):
     def check(self, key):
         """Raise ValueError if the keys of the channel named `key` are not compatible."""
         name, channel_key = self.observableId or key, f"channels.{key}"
-        known = measured_names.of(name)
+        known = measured_names.units_and_description(name)
         allowed = f"one of {', '.join(measured_names.KNOWN)}, maybe with _ and which one it is"
         require(known, f"{channel_key}.observableId", name, allowed)
         if self.unit is None:
-            example = measured_names.dimensions(known[0])[0][1]
+            example = measured_names.allowed_units(known[0])[0][1]
             raise ValueError(f"{channel_key}.unit is missing: it must be one such as {example}")
         count_keys = self.model_dump(include={"counts_per_turn", "count"})
         if self.unit == COUNTS and not count_keys and self.gain != "unknown" and known[0] != "1":
@@ -121,7 +121,7 @@ class Channel(Section):
         Raise ValueError if the unit does not fit the observable.
         """
         name, unit_key, text = self.observableId or key, "unit", f"1 {self.unit}"
-        dimensions = measured_names.dimensions(measured_names.of(name)[0])
+        dimensions = measured_names.allowed_units(measured_names.units_and_description(name)[0])
         if self.unit == DATES and name == "time":
             return 1.0, "s"
         if self.unit == COUNTS and self.counts_per_turn is not None:
@@ -145,7 +145,7 @@ class Channel(Section):
         factor, cf_unit = self.scale(key)
         noise = -1.0
         if isinstance(self.noise, str):
-            unit = dict(measured_names.dimensions(cf_unit)).get(cf_unit, cf_unit)
+            unit = dict(measured_names.allowed_units(cf_unit)).get(cf_unit, cf_unit)
             with suppress(ValueError):
                 noise = units.read(self.noise, unit)
         elif not isinstance(self.noise, bool):

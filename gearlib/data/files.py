@@ -1,4 +1,4 @@
-"""Files written in one step, tables as CSV and HTML, canonical JSON and the hash of the sources."""
+"""Atomic writing of files, tables as CSV and HTML, canonical JSON and the hash of the sources."""
 
 import csv
 import hashlib
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from html import escape
 from pathlib import Path
 
-_PAGE = """<!doctype html>
+_PAGE_TEMPLATE = """<!doctype html>
 <html lang="en">
 <meta charset="utf-8">
 <title>{title}</title>
@@ -27,15 +27,15 @@ td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 </table>
 </html>
 """
-#: Files whose hash a dataset has: those of the library, or those that a job declares.
+#: Source files that determine the hash in datasets: the library, or those that a job declares.
 _sources = sorted(Path(__file__).parents[1].rglob("*.py"))
 
 
 @contextmanager
 def replacing(path):
-    """Yield a temporary path to write to, and on success rename it to `path` in one step.
+    """Yield a temporary path to write to; on success it atomically replaces `path`.
 
-    A missing folder is created. The temporary name has the suffix of `path`.
+    Missing folders are created. The temporary name has the suffix of `path`.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -48,9 +48,9 @@ def replacing(path):
 
 
 def remove_leftovers(folder):
-    """Remove temporary files that killed processes left in `folder` or below.
+    """Remove the temporary files of killed processes in `folder` and its subfolders.
 
-    No other process may write there meanwhile, because its temporary files are removed too.
+    No other process may write there at the same time, as its temporary files would be removed too.
     """
     for path in folder.rglob(".*"):
         if re.match(r"\.\d+\.", path.name):
@@ -58,52 +58,53 @@ def remove_leftovers(folder):
 
 
 def write_table(rows, path):
-    """Write rows of cells to a CSV file in one step; the first row has the column names."""
+    """Write rows of cells to a CSV file atomically; the first row has the column names."""
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def write_table_page(csv_path, path, gears=""):
-    """Write the table of a CSV file as an HTML page in one step, with the name `gears` on top.
+    """Write the table of a CSV file as an HTML page, atomically, with the text `gears` above it.
 
     The first row has the column names, in which ``_`` becomes a space.
     """
 
-    def row(tag, cells):
+    def html_row(tag, cells):
         return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
 
     with open(csv_path, newline="", encoding="utf-8") as file:
         header, *body = csv.reader(file)
-    lines = [row("th", [name.replace("_", " ") for name in header])]
-    lines += [row("td", cells) for cells in body]
+    rows = [html_row("th", [name.replace("_", " ") for name in header])]
+    rows += [html_row("td", cells) for cells in body]
     title = escape(Path(csv_path).stem.replace("_", " "))
     with replacing(path) as temporary:
-        page = _PAGE.format(title=title, gears=escape(gears), rows="\n".join(lines))
+        page = _PAGE_TEMPLATE.format(title=title, gears=escape(gears), rows="\n".join(rows))
         temporary.write_text(page, "utf-8")
 
 
 def canonical_json(value):
     """Return a value as compact JSON with sorted keys; infinite numbers become "inf" or "-inf"."""
 
-    def plain(value):
+    def to_json_types(value):
         if isinstance(value, dict):
-            return {str(key): plain(item) for key, item in value.items()}
+            return {str(key): to_json_types(item) for key, item in value.items()}
         if isinstance(value, (list, tuple)):
-            return [plain(item) for item in value]
+            return [to_json_types(item) for item in value]
         if isinstance(value, float) and math.isinf(value):
             return "inf" if value > 0 else "-inf"
         return value
 
-    return json.dumps(plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    plain_value = to_json_types(value)
+    return json.dumps(plain_value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def declare_sources(paths):
-    """Set the source files whose contents, in this order, determine the hash of `source_hash`."""
+    """Set the files whose names and contents, in this order, determine `source_hash`."""
     _sources[:] = map(Path, paths)
 
 
 def source_hash():
-    """Return 16 hex digits of the SHA-256 of the declared source files or of the whole library."""
+    """Return 16 hex digits of the SHA-256 hash of the declared sources or the whole library."""
     digest = hashlib.sha256()
     for path in _sources:
         digest.update(path.name.encode() + path.read_bytes())

@@ -1,7 +1,7 @@
-"""From the shards of the workflow to one dataset for each experiment.
+"""Concatenation of the shards of the workflow to one dataset for each experiment.
 
-Scalar coordinates of a shard say where it belongs: `damping`, and `direction` or `tuning`. Their
-order is that of their first appearance. Attributes on which shards disagree are dropped.
+The position of a shard is given by its scalar coordinates `damping`, and `direction` or `tuning`,
+whose values are in order of first appearance. Attributes that differ between shards are dropped.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import xarray as xr
 
 from gearlib.data import status
 
-#: Variables that depend on the pair alone, and on pair and tuning, but never on the damping.
+#: Variables that depend only on the gear pair without its damping, and those on the tuning, too.
 PAIR_SCALES = {
     "static_deflection",
     "force_scale",
@@ -19,8 +19,8 @@ PAIR_SCALES = {
     "tuning_factor_min",
 }
 TUNING_SCALES = {"mesh_frequency", "velocity_scale", "acceleration_scale", "speed"}
-#: Time courses that phase planes show; the others stay in the shards.
-_SHOWN_COURSES = {"displacement", "velocity", "contact"}
+#: Variables over the phase that are gathered; all others over the phase are dropped.
+_PHASE_PLANE_VARIABLES = {"displacement", "velocity", "contact"}
 
 
 def gather_resonance(shards):
@@ -30,25 +30,25 @@ def gather_resonance(shards):
     `direction`. If downward sweeps reach lower tunings than the other sweeps, these are NaN there,
     with the status `NO_START`. ValueError if tunings differ in another way.
     """
-    curves = []
-    for damping in _groups(shards, "damping"):
-        for windows in _groups(damping, "direction"):
+    sweeps = []
+    for shards_of_damping in _group_by(shards, "damping"):
+        for windows in _group_by(shards_of_damping, "direction"):
             windows = sorted(windows, key=lambda window: float(window.tuning[0]))
-            curves.append(_stack(windows, "tuning", PAIR_SCALES))
-    longest = max(curves, key=lambda curve: curve.sizes["tuning"])
-    curves = [_widened(curve, longest) for curve in curves]
-    return _stack_by_damping(curves, "direction", PAIR_SCALES | TUNING_SCALES)
+            sweeps.append(_concatenate(windows, "tuning", PAIR_SCALES))
+    longest_sweep = max(sweeps, key=lambda sweep: sweep.sizes["tuning"])
+    sweeps = [_extend_downwards(sweep, longest_sweep) for sweep in sweeps]
+    return _concatenate_by_damping(sweeps, "direction", PAIR_SCALES | TUNING_SCALES)
 
 
-def _widened(curve, longest):
-    """Return a sweep extended to the lower tunings of `longest`, if that is a downward sweep."""
-    tunings, all_tunings = curve.tuning.values, longest.tuning.values
-    same_end = np.array_equal(tunings, all_tunings[-tunings.size :])
-    if longest.direction != "down" or not same_end:
-        return curve
-    fill = {"period": np.int32(0), "status": np.int8(status.NO_START)}
-    widened = curve.reindex(tuning=all_tunings, fill_value=fill)
-    return widened.assign({name: longest[name] for name in TUNING_SCALES & set(curve)})
+def _extend_downwards(sweep, longest_sweep):
+    """Return a sweep with NaN at additional lower tunings of the longest sweep, if that is down."""
+    tunings, all_tunings = sweep.tuning.values, longest_sweep.tuning.values
+    has_same_end = np.array_equal(tunings, all_tunings[-tunings.size :])
+    if longest_sweep.direction != "down" or not has_same_end:
+        return sweep
+    fill_values = {"period": np.int32(0), "status": np.int8(status.NO_START)}
+    extended = sweep.reindex(tuning=all_tunings, fill_value=fill_values)
+    return extended.assign({name: longest_sweep[name] for name in TUNING_SCALES & set(sweep)})
 
 
 def gather_phase_planes(shards):
@@ -58,7 +58,7 @@ def gather_phase_planes(shards):
     at the start of the record. ValueError if tunings differ between dampings, or recorded phases
     between runs.
     """
-    return _stack_by_damping([_phase_plane(shard) for shard in shards], "tuning", PAIR_SCALES)
+    return _concatenate_by_damping(map(_phase_plane, shards), "tuning", PAIR_SCALES)
 
 
 def _phase_plane(run):
@@ -66,8 +66,8 @@ def _phase_plane(run):
     time_histories = {n for n in run.data_vars if {"phase", "event"} & set(run[n].dims)}
     phase = (run.phase - run.phase[0]).assign_attrs(run.phase.attrs)
     phase.attrs["long_name"] = "mesh phase from the start of the record"
-    shown = run.drop_encoding().drop_vars(time_histories - _SHOWN_COURSES)
-    return shown.set_coords("tuning").assign_coords(phase=phase)
+    run = run.drop_encoding().drop_vars(time_histories - _PHASE_PLANE_VARIABLES)
+    return run.set_coords("tuning").assign_coords(phase=phase)
 
 
 def gather_failures(columns):
@@ -76,37 +76,38 @@ def gather_failures(columns):
     Each column is a result of `gearlib.studies.trials.failures.compute`, in the order of the
     figure. ValueError if the trials have different problems.
     """
-    shared = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
-    return _stack(columns, "trial", shared)
+    shared_names = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
+    return _concatenate(columns, "trial", shared_names)
 
 
-def _groups(datasets, coordinate):
-    """Return lists of the datasets of equal scalar coordinate, in order of appearance."""
+def _group_by(datasets, coordinate):
+    """Return lists of the datasets with equal scalar coordinates, in order of appearance."""
     groups = {}
     for dataset in datasets:
         groups.setdefault(dataset[coordinate].item(), []).append(dataset)
     return groups.values()
 
 
-def _stack_by_damping(datasets, dim, shared):
+def _concatenate_by_damping(datasets, dim, shared_names):
     """Concatenate datasets along `dim` for each damping, then along `damping`.
 
-    `shared` names variables that do not vary along `dim`.
+    The variables `shared_names` do not vary along `dim`.
     """
-    stacks = [_stack(group, dim, shared) for group in _groups(datasets, "damping")]
-    return _stack(stacks, "damping", PAIR_SCALES | TUNING_SCALES)
+    groups = _group_by(datasets, "damping")
+    by_damping = [_concatenate(group, dim, shared_names) for group in groups]
+    return _concatenate(by_damping, "damping", PAIR_SCALES | TUNING_SCALES)
 
 
-def _stack(datasets, dim, shared):
-    """Concatenate datasets along `dim`, except for variables in `shared`, which must be equal.
+def _concatenate(datasets, dim, shared_names):
+    """Concatenate datasets along `dim`, except for the variables `shared_names`, which are equal.
 
     By default xarray would decide by the values which variables get the new dimension.
     """
-    names = [name for name in datasets[0].data_vars if name in shared]
-    scales = [dataset[names].drop_vars(dim, errors="ignore") for dataset in datasets]
-    if not all(other.equals(scales[0]) for other in scales[1:]):
+    names = [name for name in datasets[0].data_vars if name in shared_names]
+    shared = [dataset[names].drop_vars(dim, errors="ignore") for dataset in datasets]
+    if not all(other.equals(shared[0]) for other in shared[1:]):
         raise ValueError(f"shards along {dim} differ in their scales or in their tunings")
-    stacked = xr.concat(
+    concatenated = xr.concat(
         [dataset.drop_vars(names) for dataset in datasets],
         dim=dim,
         data_vars="all",
@@ -115,4 +116,4 @@ def _stack(datasets, dim, shared):
         join="exact",
         combine_attrs="drop_conflicts",
     )
-    return stacked.assign({name: scales[0][name].variable for name in names})
+    return concatenated.assign({name: shared[0][name].variable for name in names})

@@ -1,22 +1,22 @@
-"""Names of measured quantities: observableId -> units and description, in SI.
+"""Names of measured quantities: observableId -> CF units and description.
 
-A name may be followed by which one it is: ``acceleration_bearing_2``.
+A name may have a suffix that says which quantity it is, as in ``acceleration_bearing_2``.
 """
 
-#: Where and when something was measured; these become coordinates.
+#: Quantities that become coordinates, such as the time.
 COORDINATES = {
     "time": ("s", "time"),
     "speed": ("min-1", "speed of the gear whose revolutions count"),
     "direction": ("1", "1: speed going up, -1: down, 0: each from rest"),
     "condition": ("1", "simulationConditionId"),
 }
-#: Speeds at which the motion changes, one number each.
+#: Speeds at which the motion changes, single numbers.
 SPEEDS = {
     "jump_up": ("min-1", "speed at which the motion jumps while the speed goes up"),
     "jump_down": ("min-1", "speed at which the motion jumps while the speed goes down"),
     "onset_of_contact_loss": ("min-1", "speed from which contact is lost"),
 }
-#: Where the unit is "", the channel decides.
+#: Units "" mean that those of the measured channel hold.
 OBSERVABLES = {
     "displacement": ("m", "relative mesh displacement"),
     "displacement_max": ("m", "largest displacement"),
@@ -48,30 +48,30 @@ OBSERVABLES = {
     "temperature": ("K", "temperature"),
 }
 KNOWN = COORDINATES | SPEEDS | OBSERVABLES
-#: Units that an amplitude may have; the first that fits counts.
+#: Units that an amplitude may have.
 _AMPLITUDE_UNITS = ("m", "N", "m s-2", "m s-1", "N m", "rad", "1")
-#: CF units -> the same as users write them.
+#: CF units -> the usual notation.
 _WRITTEN_UNITS = {"min-1": "rpm", "m s-1": "m/s", "m s-2": "m/s^2"}
 
 
-def of(name):
+def units_and_description(name):
     """Return (CF units, description) of an observableId, or None if it is unknown.
 
     An observable may have a suffix, as in ``acceleration_bearing_2``.
     """
-    matches = [known for known in KNOWN if name == known or name.startswith(f"{known}_")]
-    longest = max(matches, key=len, default=None)
-    if longest is None or (longest != name and longest not in OBSERVABLES):
+    matches = [base for base in KNOWN if name == base or name.startswith(f"{base}_")]
+    base_name = max(matches, key=len, default=None)
+    if base_name is None or (base_name != name and base_name not in OBSERVABLES):
         return None
-    units, description = KNOWN[longest]
-    return units, description + name[len(longest) :].replace("_", " ")
+    units, description = KNOWN[base_name]
+    return units, description + name[len(base_name) :].replace("_", " ")
 
 
-def dimensions(units):
-    """Return pairs (CF units, units as users write them) that a measured channel may have.
+def allowed_units(units):
+    """Return a list of the units, (CF notation, usual notation), that a measured channel may have.
 
     `units` are the CF units of the observable, "" for an amplitude of any kind. The unit "1" means
-    that values are relative to the scale of the model.
+    that values are relative to a scale of the model.
     """
     allowed = _AMPLITUDE_UNITS if units == "" else (units,)
     if units in ("m", "N", "m s-1", "m s-2"):

@@ -1,6 +1,6 @@
-"""The dataset of a computation: variables described, its origin in the attributes.
+"""Datasets of results: variables with units and descriptions, attributes with their origin.
 
-The attributes hold no times, machines or commits: two equal calculations give equal bytes.
+The attributes have no times, machines or commits, so that equal calculations give equal bytes.
 """
 
 from collections.abc import Iterator
@@ -15,44 +15,44 @@ from gearlib.data.files import canonical_json
 from gearlib.data.variables import describe
 from gearlib.version import __version__
 
-_contacts: ContextVar[list | None] = ContextVar("_contacts", default=None)
+_contact_counts: ContextVar[list | None] = ContextVar("_contact_counts", default=None)
 
 
 @contextmanager
 def counting_contacts() -> Iterator[list]:
-    """Yield a list that collects the contact event counts of each dataset made in this context."""
+    """Yield a list to which `result` appends the number of contact events of each dataset."""
     counts: list = []
-    before = _contacts.set(counts)
+    token = _contact_counts.set(counts)
     try:
         yield counts
     finally:
-        _contacts.reset(before)
+        _contact_counts.reset(token)
 
 
-def stacked(axes, call, *inner):
+def stacked(axes, function, *array_dims):
     """Call a function on a grid of values; return a dict of variable name -> (dims, values).
 
-    `axes` maps dimension names to values. `call` takes one value of each dimension and returns a
-    dict of variable name -> number, text or array; `inner` names the dimensions of these arrays,
-    and an array of fewer dimensions has the last of them.
+    `axes` maps dimension names to values. The function takes a value of each dimension and returns
+    a dict of variable name -> number, text or array; `array_dims` are the dimensions of its arrays,
+    of which an array of fewer dimensions has the last.
     """
-    results = [call(*values) for values in product(*axes.values())]
-    shape = tuple(map(len, axes.values()))
+    results = [function(*values) for values in product(*axes.values())]
+    grid_shape = tuple(map(len, axes.values()))
 
-    def column(name):
+    def stack(name):
         dtype = object if isinstance(results[0][name], str) else None
         values = np.array([variables[name] for variables in results], dtype)
-        inner_dims = inner[len(inner) - values.ndim + 1 :]
-        return (*axes, *inner_dims), values.reshape(shape + values.shape[1:])
+        dims = array_dims[len(array_dims) - values.ndim + 1 :]
+        return (*axes, *dims), values.reshape(grid_shape + values.shape[1:])
 
-    return {name: column(name) for name in results[0]}
+    return {name: stack(name) for name in results[0]}
 
 
 def result(title, model, data, coords=None, *, method, **parameters):
     """Return a dataset with units and descriptions, and with model and parameters as JSON.
 
-    `data` is a dataset or, with `coords`, its variables; `method` names the engine; `parameters`
-    are the arguments of the public call.
+    `data` is a dataset, or a dict of its variables beside `coords`; `method` names the method of
+    computation; `parameters` are the arguments of the public function.
     """
     dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, coords)
     dataset = describe(dataset, model)
@@ -62,7 +62,7 @@ def result(title, model, data, coords=None, *, method, **parameters):
         "parameters": canonical_json(parameters),
         **({"comment": model.force_note} if model.force_note else {}),
     }
-    if (counts := _contacts.get()) is not None:
+    if (counts := _contact_counts.get()) is not None:
         counts.append(dataset.sizes.get("event"))
         if "bounces" in dataset:
             counts.append(dataset.bounces.values.tolist())
@@ -72,7 +72,7 @@ def result(title, model, data, coords=None, *, method, **parameters):
 def result_of_many(title, data, coords, method=None, /, **attributes):
     """Return a dataset of several models with units, descriptions and extra attributes.
 
-    Attributes that are no text are stored as JSON; `method` names the engine, if there is one.
+    Attributes other than texts are stored as JSON; `method` names the method of computation.
     """
     dataset = describe(xr.Dataset(data, coords))
     dataset.attrs = _origin(title, method) | {
@@ -83,6 +83,6 @@ def result_of_many(title, data, coords, method=None, /, **attributes):
 
 
 def _origin(title, method):
-    """Return the attributes of every dataset: CF version, title, and library version as source."""
+    """Return the attributes of every dataset: CF version, title, and library version and method."""
     source = f"gearlib {__version__}" + (f", method {method}" if method else "")
     return {"Conventions": "CF-1.11", "title": title, "source": source}

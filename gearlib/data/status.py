@@ -1,4 +1,4 @@
-"""Codes of how a run ended, and what to do when it could not go on."""
+"""Status codes of runs, with messages that suggest a remedy."""
 
 import numpy as np
 
@@ -25,11 +25,11 @@ MESSAGES = {
         "deflection: add damping or leave the parametric-resonance tongue"
     ),
     NOT_CONVERGED: (
-        "the iterations on the contact force did not come to rest within a step: "
+        "the iterations of the contact force did not converge within a step: "
         'raise steps_per_period, or take method "exact" or "taylor"'
     ),
     STALLED: (
-        "the step control asked for steps below the spacing of floating-point numbers: "
+        "the step control required steps below the spacing of floating-point numbers: "
         'loosen the tolerances, or take method "exact" or "taylor"'
     ),
     JAMMED: (
@@ -38,18 +38,18 @@ MESSAGES = {
         "with six degrees of freedom, moving_backlash=False"
     ),
     UNRESOLVED: (
-        "the motion kept so close to a flank line that rounding hides whether it crosses it: "
-        'move the initial state or the tuning by a millionth, or take method "scipy"'
+        "the motion stayed so close to first contact that rounding hides whether the flanks touch: "
+        'change the initial state or the tuning by a millionth, or take method "scipy"'
     ),
     NO_START: (
-        "there is no start: no run ends there, or the run whose end it should be could not go on, "
-        "and its own status says why"
+        "there is no initial state: no run ends there, or the run whose final state it would be "
+        "failed, for which its own status gives the reason"
     ),
 }
 
 
 def flags_of(names, first=0):
-    """Return the CF flag attributes that name the integer codes `first`, `first` + 1, ..."""
+    """Return CF attributes that name the integer codes `first`, `first` + 1, ..."""
     meanings = " ".join(name.replace(" ", "_").replace("-", "_") for name in names)
     codes = np.arange(first, first + len(names), dtype=np.int8)
     return {"flag_values": codes, "flag_meanings": meanings}

@@ -1,4 +1,4 @@
-"""Datasets to and from netCDF and CSV: the same bytes for the same data, whole files or none."""
+"""Reading and writing of datasets as netCDF and CSV; equal data give equal bytes."""
 
 import shutil
 from pathlib import Path
@@ -12,15 +12,15 @@ from gearlib.version import __version__
 
 
 def write(dataset, path):
-    """Write a dataset to a netCDF file, replacing it in one step; OSError if it cannot be written.
+    """Write a dataset to a netCDF file in one atomic step; raise OSError if that fails.
 
-    A dataset that already has a source hash keeps it. The history attribute, which the CF
+    A source hash that the dataset already has is kept. The history attribute, which the CF
     conventions require, has no time stamp, so that equal data give equal bytes.
     """
     history = f"{dataset.attrs.get('title', 'dataset')}: written by gearlib {__version__}"
     sources = dataset.attrs.get("source_hash") or source_hash()
     dataset = dataset.assign_attrs(source_hash=sources, history=history)
-    # By default xarray writes NaN as fill value of floats, which CF forbids for coordinates.
+    # By default xarray writes NaN as the fill value of floats, which CF forbids for coordinates.
     encoding = {name: {"_FillValue": None} for name in dataset.variables}
     for name, variable in dataset.variables.items():
         if variable.ndim and variable.dtype.kind in "if":
@@ -35,10 +35,10 @@ def write(dataset, path):
 
 
 def write_rows(dataset, dim, path):
-    """Write the variables of a dataset that have the dimension `dim` to a CSV file, in one step.
+    """Write the variables of a dataset that have the dimension `dim` to a CSV file, atomically.
 
-    A variable with other dimensions has a column for each of their entries. The first line has
-    names and units, as in ``mesh_force sun 1 [N]``. OSError if it cannot be written.
+    A variable has a column for each entry of its other dimensions. The first line has names and
+    units, as in ``mesh_force sun 1 [N]``. Raise OSError if the file cannot be written.
     """
     columns = {}
     coordinates = [dim] if dim in dataset.coords else []
@@ -49,17 +49,17 @@ def write_rows(dataset, dim, path):
         unit = variable.attrs.get("units", "1")
         unit = WRITTEN_UNITS.get(unit, unit)
         unit = f" [{unit}]" if unit else ""
-        labels = [variable[other].values for other in variable.dims[1:]]
+        other_coordinates = [variable[other_dim].values for other_dim in variable.dims[1:]]
         for index in np.ndindex(*variable.shape[1:]):
-            entry = [str(label[i]) for label, i in zip(labels, index, strict=True)]
-            columns[" ".join([name, *entry]) + unit] = variable.values[:, *index].tolist()
+            labels = [str(values[i]) for values, i in zip(other_coordinates, index, strict=True)]
+            columns[" ".join([name, *labels]) + unit] = variable.values[:, *index].tolist()
     write_table([columns, *zip(*columns.values(), strict=True)], path)
 
 
 def read(path):
-    """Return the dataset in the netCDF file `path`, in memory, the file closed.
+    """Read the netCDF file `path` into memory and return its dataset.
 
-    FileNotFoundError if there is no such file; OSError if it is damaged or no netCDF.
+    Raise FileNotFoundError if there is no such file, OSError if it is damaged or not netCDF.
     """
     try:
         return xr.load_dataset(path, engine="netcdf4")

@@ -7,13 +7,13 @@ import numpy as np
 from gearlib.engines import orbit
 
 
-def variables(model, dims, table, ends, codes, record_periods):
+def variables(model, dims, table, final_states, codes, record_periods):
     """Return the summary variables of one or more runs as a dict of name -> (dims, values).
 
     `dims` are the dimensions over the runs, () for one run. `table`, shape (..., 9), for trains
-    (..., meshes, 10), has the extrema and times in contact over `record_periods` mesh periods, see
-    `Model.empty_record`; `ends`, shape (..., k), are final states; `codes`, shape (..., 2), are the
-    period of each orbit and the status of each run.
+    (..., meshes, 10), has the extrema and times in contact over `record_periods` mesh periods, in
+    the columns of `gearlib.engines.orbit`; `codes`, shape (..., 2), are the period of each orbit
+    and the status of each run.
     """
     span = 2.0 * math.pi * record_periods
     columns = {
@@ -33,10 +33,10 @@ def variables(model, dims, table, ends, codes, record_periods):
         **model.extra_summary_variables(mesh_dims, table, span),
         "period": (dims, codes[..., 0].astype(np.int32)),
         "status": (dims, codes[..., 1].astype(np.int8)),
-        "final_state": ((*dims, "component"), ends),
+        "final_state": ((*dims, "component"), final_states),
     }
 
 
-def reach(table):
+def max_displacement(table):
     """Return the largest absolute displacement of all meshes in a summary table."""
     return float(np.abs(table[..., [orbit.X_MAX, orbit.X_MIN]]).max())

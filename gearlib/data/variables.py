@@ -1,7 +1,7 @@
-"""Names, units and descriptions of every variable that a dataset may hold.
+"""Names, units and descriptions of all variables of datasets.
 
-All displacements are in static deflections F / C_s, all times are mesh phase (rad), so that
-velocities are dx/dtau; the scale variables lead to SI.
+Displacements are in static deflections F / C_s, times are mesh phase (rad), so that velocities are
+dx/dtau; the scale variables convert them to SI units.
 """
 
 #: Coordinates that count something from 0.
@@ -336,7 +336,7 @@ DESCRIPTIONS = {
     "tuning_factor_min": ("1", "tuning towards the minimum stiffness over tuning"),
 }
 
-#: Variable of a run -> the scalar of its dataset that leads to SI units.
+#: Variable of a run -> the scalar variable of its dataset that converts it to SI units.
 SI_SCALES = {
     "displacement": "static_deflection",
     "velocity": "velocity_scale",
@@ -345,7 +345,7 @@ SI_SCALES = {
     "stiffness": "stiffness_scale",
 }
 
-#: The same of quantities of a design with tolerances, see `gearlib.uncertainty.design_quantities`.
+#: Name -> (CF units, long_name) of quantities of a design with tolerances.
 QUANTITIES = {
     "jump_up": ("min-1", "speed of the jump of the main resonance, running up"),
     "jump_down": ("min-1", "speed at which the main resonance falls, running down"),
@@ -360,8 +360,8 @@ QUANTITIES = {
     "least_load_sharing": ("1", "least mean force of a mesh over that of its branches, duty point"),
 }
 
-#: Endings of names that stand for a range over starts -> what they add to the description.
-_RANGES = {"low": "least of all starts", "high": "most of all starts"}
+#: Suffix of the name of a variable with a range over initial states -> its description.
+_RANGE_SUFFIXES = {"low": "least of all starts", "high": "most of all starts"}
 CONTACTS = ("inverse_mesh", "backlash", "normal_mesh")
 STATUSES = ("ok", "event_limit", "unbounded", "not_converged", "stalled", "jammed", "unresolved")
 STATUSES += ("no_start",)
@@ -377,34 +377,35 @@ _CODES = {
 def _description(name, is_text):
     """Return (CF units, long_name) of a variable by its name.
 
-    Names that end in ``_low`` or ``_high`` are the range of a variable over several starts; a text
-    variable without a description is described by its name.
+    Names with the suffix ``_low`` or ``_high`` are the range of a variable over several initial
+    states. The name of a text variable without a description is its description.
     """
-    base, _, ending = name.rpartition("_")
-    if name not in DESCRIPTIONS and ending in _RANGES:
-        units, long_name = DESCRIPTIONS[base]
-        return units, f"{long_name}, {_RANGES[ending]}"
+    base_name, _, suffix = name.rpartition("_")
+    if name not in DESCRIPTIONS and suffix in _RANGE_SUFFIXES:
+        units, long_name = DESCRIPTIONS[base_name]
+        return units, f"{long_name}, {_RANGE_SUFFIXES[suffix]}"
     if name not in DESCRIPTIONS and is_text:
         return "1", name.replace("_", " ")
     return DESCRIPTIONS[name]
 
 
 def describe(dataset, model=None):
-    """Give every variable of `dataset` its units, long_name and flags; return the dataset.
+    """Add units, long_name and flags to every variable of `dataset`, in place, and return it.
 
     ``model.long_names`` replaces descriptions. Variables that already have units keep their
     attributes. KeyError if a numeric variable has no description.
     """
-    names = {} if model is None else model.long_names
+    model_names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
         if "units" in variable.attrs:
             continue
         is_text = variable.dtype.kind in "OUST"
         units, long_name = _description(name, is_text)
         variable.attrs |= {} if is_text else {"units": units}
-        variable.attrs["long_name"] = names.get(name, long_name)
+        variable.attrs["long_name"] = model_names.get(name, long_name)
         if name in _CODES:
-            first, meanings = _CODES[name]
-            variable.attrs["flag_values"] = variable.dtype.type(range(first, first + len(meanings)))
+            first_code, meanings = _CODES[name]
+            codes = range(first_code, first_code + len(meanings))
+            variable.attrs["flag_values"] = variable.dtype.type(codes)
             variable.attrs["flag_meanings"] = " ".join(meanings)
     return dataset

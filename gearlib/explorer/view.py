@@ -97,7 +97,7 @@ def _motion(pair, moving, grid: np.ndarray, tuning: float, repeats: int = 1) -> 
     periods = {"periods": _SETTLE + recorded, "record_periods": recorded}
     run = simulate(moving, tuning, **periods, samples_per_period=SAMPLES, until_settled=True)
     message = (
-        f"{motions.description(run)} Followed for {_SETTLE + recorded} mesh periods, at each speed"
+        f"{motions.describe(run)} Followed for {_SETTLE + recorded} mesh periods, at each speed"
     )
     message += f" of the characteristic for {_PERIODS}."
     if not jumped:

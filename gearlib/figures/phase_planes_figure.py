@@ -68,4 +68,4 @@ def closed_orbit(run: xr.Dataset) -> np.ndarray:
 
 def _steadiness(run: xr.Dataset) -> str:
     """Return a description such as "steady, 1 mesh period" of a run, "no result" if it failed."""
-    return motions.steadiness(run) if np.isfinite(run.displacement).all() else "no result"
+    return motions.describe_steadiness(run) if np.isfinite(run.displacement).all() else "no result"

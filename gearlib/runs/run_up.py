@@ -139,7 +139,8 @@ def run_up(
         courses.run_course(runner, pieces, start_state, samples, max_events, inertia_forces, teeth)
     )
     code = records[-1].status
-    if code == status.OK and summary.reach(records[-1].summary) > model.bound(1.0, state):
+    displacement = summary.max_displacement(records[-1].summary)
+    if code == status.OK and displacement > model.bound(1.0, state):
         code = status.OVERFLOW
     data = _revolution_variables(model, records, omega) | _event_variables(model, records, omega)
     if samples:

@@ -146,7 +146,7 @@ def _run(pair, tuning, checked, samples_per_period, prove_period=False, until_se
     arguments = checked.state, checked.span, samples_per_period
     record = checked.module.run(pair, tuning, *arguments, **checked.options)
     if record.status == status.OK:
-        if summary.reach(record.summary) > pair.bound(tuning, checked.state):
+        if summary.max_displacement(record.summary) > pair.bound(tuning, checked.state):
             record = record._replace(status=status.OVERFLOW)
     if record.status != status.OK:
         for table in (record.samples, record.summary, record.final):

@@ -233,7 +233,7 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any
     factor, units = channel.scale(key)
     attrs = {
         "units": units,
-        "long_name": measured_names.of(name)[1],
+        "long_name": measured_names.units_and_description(name)[1],
         "column": key,
         "sensor": channel.sensor or "",
         "noise_std": channel.noise_std(key),

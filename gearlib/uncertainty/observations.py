@@ -144,7 +144,7 @@ def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
     for flag in ("unknown_gain", "unknown_offset"):
         checks.integer(f"{flag} of {name}", int(attrs.get(flag, 0)), 0, 1)
     # Mesh orders have the units of the displacement.
-    expected_units = measured_names.of(quantity)[0] or "m"
+    expected_units = measured_names.units_and_description(quantity)[0] or "m"
     units = attrs.get("units", expected_units)
     is_allowed = units == expected_units or attrs.get("unknown_gain", 0)
     checks.require(is_allowed, f"units of {name}", units, f"{expected_units}, or of unknown gain")

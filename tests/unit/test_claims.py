@@ -9,7 +9,7 @@ import xarray as xr
 from gearlib import config, sweep
 from gearlib.analysis.orbits.special_points import FOLD, GRAZING, REGULAR
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
-from gearlib.data.motions import LINE_WIDTH, spread, steadiness
+from gearlib.data.motions import LINE_WIDTH, describe_steadiness, period_spread
 from gearlib.studies import certificates, claims, jump, paper, resonance, scenes
 from gearlib.studies.claims import characteristics
 from gearlib.studies.claims.characteristics import drift
@@ -92,7 +92,7 @@ def test_verdicts_on_the_paper(data, tmp_path):
     assert "0.66 (0.7, settles later on 2 mesh periods), 0.78 (0.05, not settled" in computed["P10"]
     # The figure says the same.
     plane = data[1].sel(damping="k1m").sel(tuning=0.66, method="nearest")
-    assert steadiness(plane) == "unsteady, settles later on 2 mesh periods"
+    assert describe_steadiness(plane) == "unsteady, settles later on 2 mesh periods"
     assert "jumps at 0.81569" in computed["P11"] and "with: no variation" in computed["P11"]
     # The two tunings of config.yaml on either side of the jump.
     assert "0.8156: y_min -0.148, 0.8157: y_min -1.977; from rest" in computed["P11"]
@@ -111,10 +111,10 @@ def orbit(*shapes, periods=24, samples=32):
 
 def test_steady_is_what_draws_a_single_line():
     # Mesh periods 0.02 apart in an orbit 2.04 high.
-    assert spread(orbit(1.0, 1.02)) == pytest.approx(0.02 / 2.04)
-    assert spread(orbit(1.0, 1.02)) < LINE_WIDTH < spread(orbit(1.0, 1.03))
+    assert period_spread(orbit(1.0, 1.02)) == pytest.approx(0.02 / 2.04)
+    assert period_spread(orbit(1.0, 1.02)) < LINE_WIDTH < period_spread(orbit(1.0, 1.03))
     # Two loops by turns repeat, and are no single line.
-    assert drift(orbit(1.0, 1.5)) < 1e-12 and spread(orbit(1.0, 1.5)) > LINE_WIDTH
+    assert drift(orbit(1.0, 1.5)) < 1e-12 and period_spread(orbit(1.0, 1.5)) > LINE_WIDTH
 
 
 def test_both_readings_of_steady_are_printed(data):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gearlib import simulate, sweep
-from gearlib.data.motions import contact_loss_fraction, description, without_growth
+from gearlib.data.motions import contact_loss_fraction, describe, without_growth
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
 
@@ -24,7 +24,7 @@ def test_a_motion_in_words(period, inverse, bounces, words):
     run = simulate(PAPER, 0.7, periods=2)
     for name, value in {"period": period, "fraction_inverse": inverse, "bounces": bounces}.items():
         run[name] = run[name].copy(data=np.array(value))
-    assert description(run) == f"The motion from rest {words}."
+    assert describe(run) == f"The motion from rest {words}."
 
 
 def test_rounding_of_times_is_no_loss_of_contact():

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from gearlib.data.motions import LINE_WIDTH, ending, spread, true_intervals
+from gearlib.data.motions import LINE_WIDTH, describe_settling, period_spread, true_intervals
 from gearlib.studies.claims.data import CONTACT_TOLERANCE, PLOT_RESOLUTION, Data
 
 #: Half width, in tuning, of the "small region" near 0.66: the paper does not state it.
@@ -164,7 +164,7 @@ def damped_phase_planes(data: Data) -> tuple:
         planes_by_damping[name] = planes, unsteady
         holds &= tunings[unsteady].tolist() == expected[name]
         cases = ", ".join(
-            f"{tunings[i]:.2f} ({spreads[i]:.1g}, {ending(planes.isel(tuning=i))})"
+            f"{tunings[i]:.2f} ({spreads[i]:.1g}, {describe_settling(planes.isel(tuning=i))})"
             for i in np.flatnonzero(unsteady)
         )
         texts.append(f"{name} unsteady at {cases or 'none'}")
@@ -174,7 +174,7 @@ def damped_phase_planes(data: Data) -> tuple:
 
 def _spreads(planes: xr.Dataset) -> np.ndarray:
     """Return the distance of mesh periods relative to the orbit height, for each phase plane."""
-    return np.array([spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
+    return np.array([period_spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
 
 
 def _strict_differences(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> list[str]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gearlib.data.motions import LINE_WIDTH, spread
+from gearlib.data.motions import LINE_WIDTH, period_spread
 from gearlib.studies.certificates import FIG6_TUNINGS
 from gearlib.studies.claims.characteristics import fraction_text, repetition_period
 from gearlib.studies.claims.data import Data, NoData
@@ -77,7 +77,7 @@ def time_at_min_stiffness(data: Data) -> tuple:
 def six_degrees(data: Data) -> tuple:
     """Judge P13: the undamped motion with six degrees of freedom is unsteady and bounces."""
     run = data.scene("fig8", 1).isel(case=0)
-    distance, bounces, period = spread(run), float(run.bounces), repetition_period(run)
+    distance, bounces, period = period_spread(run), float(run.bounces), repetition_period(run)
     unsteady, loss_fraction = distance > LINE_WIDTH, float(run.losing_share)
     text = (
         f"mesh periods {distance:.1g} of the height apart, "
