@@ -1,7 +1,7 @@
-"""Compile: the kernels of gear pairs, of larger models and of gear trains, before they are used.
+"""Compilation of the kernels of gear pairs, larger models and gear trains before their use.
 
-Without these rules the first jobs would each compile them. The stamps are ordinary inputs: behind
-an "ancient" one Snakemake would overlook edits of sources that both rules share.
+Without these rules each of the first jobs would compile them. The stamps are ordinary inputs: with
+"ancient" ones Snakemake would miss edits of sources that both rules have in common.
 """
 
 
@@ -20,7 +20,7 @@ rule compile_kernels:
         "../scripts/compile_kernels.py"
 
 
-# Jobs that need most of them wait.
+# Jobs that need most of these kernels wait for them.
 rule compile_larger_kernels:
     input:
         sources=sources_of("compile_larger_kernels"),

@@ -1,4 +1,4 @@
-"""Drawn gears: their mesh stiffness by every method, and Harris maps of tip relief."""
+"""Drawn gears: mesh stiffness by every method, and Harris maps of tip relief."""
 
 
 use rule _compute as compute_mesh_stiffness with:

@@ -1,7 +1,7 @@
-"""The checked configuration, and functions that name the files and parameters of rules.
+"""The checked configuration, and functions for the files and parameters of rules.
 
-`CONFIG` is the typed configuration. `config` holds the same as plain values with sorted keys for
-params, whose texts Snakemake compares: order and spelling of numbers (2 or 2.0) rerun nothing.
+`CONFIG` is the typed configuration. `config` has the same values as plain types with sorted keys:
+Snakemake compares params as text, so that key order and number format (2 or 2.0) cause no reruns.
 """
 
 import json
@@ -21,28 +21,28 @@ from workflow.refusal import refuse
 from workflow.sources import listed, sources
 
 ROOT = Path(workflow.basedir)
-#: The folder of the library, another one where both are installed.
+#: Folder of the library, which differs from `ROOT` if the library is installed.
 LIBRARY = Path(gearlib.__file__).parents[1]
 
-#: Parts of the report, whose menu has alphabetical order.
+#: Parts of the report; numbered because its menu is in alphabetical order.
 PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
 EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 TRAINS, DRAWN = "5 Gear trains", "6 From the drawing"
 MEASURED, TOLERANCES = "7 Measured", "8 Tolerances"
 
-#: Formats of a figure, of which the report shows the first that is drawn.
+#: Formats of a figure in order of preference; the report shows one.
 REPORT_FORMATS = ["png", "svg", "pdf"]
 
-#: Keys of sections: a grid of tunings, and seeded starts.
+#: Keys of sections that describe a grid of tunings, and seeded initial states.
 GRID = ["start", "stop", "step"]
 STARTS = ["starts", "first_starts", "seed", "spread"]
 
 #: Priority of long jobs, which start first.
 LONG = 1
-#: More threads than any machine has: Snakemake gives the job all cores.
-ALONE = 1024
+#: More threads than any machine has, so that Snakemake gives the job all cores.
+ALL_CORES = 1024
 
-# Jobs share compiled Python files.
+# Jobs share compiled Python files, which this variable would prevent.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Scripts import the library beside this Snakefile.
 os.environ.update(
@@ -50,49 +50,49 @@ os.environ.update(
 )
 
 
-def raise_any(sentences):
-    """Raise a ValueError with these sentences, if there are any."""
-    if sentences:
-        raise ValueError("\n".join(sentences))
+def raise_errors(messages):
+    """Raise a ValueError with the given messages, if there are any."""
+    if messages:
+        raise ValueError("\n".join(messages))
 
 
-def check_numbers(checked):
-    """Check measured tables and laws of tolerances, which need numpy or scipy."""
+def check_tables_and_distributions(checked):
+    """Check measured tables and distributions of tolerances, which require numpy or scipy."""
     if checked.measured:
         from gearlib.uncertainty.measured import refused
 
-        raise_any(refused(checked.measured))
+        raise_errors(refused(checked.measured))
     if checked.tolerances.needs_scipy() and not targets.refusal("tolerances", checked):
         from gearlib.uncertainty import distributions
 
-        laws, keys = checked.tolerance_laws(), checked.tolerances.keys()
-        distributions.read(laws, known_parameters(), keys=keys)
+        keys = checked.tolerances.keys()
+        distributions.read(checked.tolerance_laws(), known_parameters(), keys=keys)
 
 
 def checked_configuration():
-    """Return the configuration after all checks that need no job, or end with a sentence."""
-    replaced = workflow.config_settings.replace_workflow_config
-    files = workflow.overwrite_configfiles if replaced else workflow.configfiles
+    """Return the typed configuration after all checks, or exit with an error message."""
+    is_replaced = workflow.config_settings.replace_workflow_config
+    files = workflow.overwrite_configfiles if is_replaced else workflow.configfiles
     try:
-        raise_any([sentence for path in files for sentence in yaml_keys.read(path)[1]])
+        raise_errors([message for path in files for message in yaml_keys.read(path)[1]])
         checked = configuration.load(config)
-        raise_any([*checked.refusals(), *checked.missing_train_damping()])
+        raise_errors([*checked.refusals(), *checked.missing_train_damping()])
         if workflow.is_main_process:
-            check_numbers(checked)
+            check_tables_and_distributions(checked)
         return checked
     except ValueError as error:
         refuse(f"The configuration is refused.\n{error}")
 
 
 def canonical(value):
-    """Return a value as plain values with sorted keys."""
+    """Return a value in JSON types with sorted keys."""
     return json.loads(json.dumps(value, sort_keys=True))
 
 
 CONFIG = checked_configuration()
-#: Targets of a call that names none.
+#: Targets if the command line names none.
 WANTED = CONFIG.computed_targets()
-# Rules and captions of the report find defaults as well.
+# Rules and captions need the defaults, too.
 config.update(canonical(CONFIG.model_dump()))
 
 
@@ -100,22 +100,22 @@ config.update(canonical(CONFIG.model_dump()))
 
 
 def without(section, *keys):
-    """Return a section without some of its keys."""
+    """Return a section of the configuration without the given keys."""
     return {key: value for key, value in section.items() if key not in keys}
 
 
 def pick(section, *keys):
-    """Return a section with these keys only."""
+    """Return only the given keys of a section of the configuration."""
     return {key: value for key, value in section.items() if key in keys}
 
 
-def grid(section, step="step"):
-    """Return the tunings of a section."""
-    return tunings.grid(section["start"], section["stop"], section[step])
+def grid(section, step_key="step"):
+    """Return the tunings from start to stop of a section, with the step under `step_key`."""
+    return tunings.grid(section["start"], section["stop"], section[step_key])
 
 
 def global_cases(section):
-    """Return the cases of basins or Poincare sections, with the parameters of their gear pairs."""
+    """Return the cases of basins or Poincaré sections, with the parameters of their gear pairs."""
     return canonical(
         [
             {
@@ -127,11 +127,11 @@ def global_cases(section):
     )
 
 
-#: Damping -> parameters of the gear pair with it.
+#: Damping -> parameters of the gear pair with this damping.
 PAIRS = canonical({damping: CONFIG.pair_parameters(damping) for damping in CONFIG.dampings})
 SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
 GEAR_PAIR = gear_names.of_pair(CONFIG)
-#: Arguments that `sweep` and `simulate` share; the same with samples for `simulate`.
+#: Common arguments of `sweep` and `simulate`, and those of `simulate` with samples.
 RUN = {
     "initial_state": [
         config["run"]["initial_state"][name] for name in ("displacement", "velocity")
@@ -147,7 +147,7 @@ COLOURS = {"colours": config["figures"]["colours"]}
 
 
 def sources_of(script, *modules, methods=()):
-    """Return the file that lists the sources of a script: its imports, these modules and methods."""
+    """Return the file that lists the sources of a script: imports, given modules and methods."""
     names = [f"gearlib.{module}" for module in modules]
     names += [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
     path = ROOT / "workflow" / "scripts" / f"{script}.py"
@@ -155,15 +155,15 @@ def sources_of(script, *modules, methods=()):
 
 
 def sources_by_method(script, module):
-    """Return method -> file that lists the sources of a job that runs it.
+    """Return a dict of method -> file that lists the sources of a job that runs it.
 
-    Snakemake looks for files once, so that all lists are written before.
+    All lists are written in advance because Snakemake looks for files only once.
     """
     return {name: sources_of(script, module, methods=[name]) for name in integrators.METHODS.data}
 
 
 def per_damping(pattern):
-    """Return the files of a pattern, one for each damping."""
+    """Return the file names by a pattern for all dampings."""
     return expand(pattern, damping=CONFIG.dampings)
 
 
@@ -171,8 +171,8 @@ def figure_files(name, label, part, caption=None):
     """Return the files of a figure, one for each format, of which the report shows one.
 
     `label` is a text or a function of wildcards; `caption` is the name of a file in
-    `workflow/report`, by default that of the figure. Figures of other gears than the paper's have
-    no numbers of its figures.
+    `workflow/report`, by default that of the figure. Only figures of the paper's gears have the
+    numbers of its figures.
     """
     caption = caption or name
     labels = {"figure": label}
@@ -182,10 +182,10 @@ def figure_files(name, label, part, caption=None):
         labels = {"figure": re.sub(r"^(Beside )?Fig. \d+: ", "", label)}
     if not gear_names.is_paper(CONFIG):
         name = re.sub(r"^fig\d+_", "", name)
-    shown = min(CONFIG.figures.formats, key=REPORT_FORMATS.index)
-    about = dict(caption=f"../report/{caption}.rst", category=part, labels=labels)
-    files = {form: f"results/figures/{name}.{form}" for form in CONFIG.figures.formats}
-    return [report(path, **about) if form == shown else path for form, path in files.items()]
+    report_format = min(CONFIG.figures.formats, key=REPORT_FORMATS.index)
+    options = {"caption": f"../report/{caption}.rst", "category": part, "labels": labels}
+    paths = [f"results/figures/{name}.{suffix}" for suffix in CONFIG.figures.formats]
+    return [report(p, **options) if p.endswith(f".{report_format}") else p for p in paths]
 
 
 def table_page(name, label, part):
@@ -199,18 +199,18 @@ def table_page(name, label, part):
 
 
 def target_files(target, *files):
-    """Return the files of a target, or an input function that refuses it for these gears."""
+    """Return the files of a target, or an input function that exits if the gears do not allow it."""
     reason = targets.refusal(target, CONFIG)
     if target in targets.TRAIN_TARGETS:
         reason = reason or targets.undamped(CONFIG)
     if not reason:
         return list(files)
-    sentence = f"The configuration is refused.\n{targets.for_targets(reason, target)}"
-    return lambda wildcards: refuse(sentence)
+    message = f"The configuration is refused.\n{targets.for_targets(reason, target)}"
+    return lambda wildcards: refuse(message)
 
 
 def if_wanted(target, files):
-    """Return files that a figure shows if their target is wanted too, else none."""
+    """Return files if their target is wanted, else an empty list."""
     return files if target in WANTED else []
 
 
@@ -228,7 +228,7 @@ def cases_of_scene(wildcards):
 
 
 def question_of_scene(wildcards):
-    """Return observables, tolerance and candidates of the comparison of models for a scene."""
+    """Return observables, tolerance and candidate models for the comparison of a scene."""
     scene = config["scenes"][wildcards.scene]
     candidates = CONFIG.candidate_models(CONFIG.scenes[wildcards.scene])
     return pick(scene, "observables", "tolerance") | {"candidates": candidates}
@@ -241,7 +241,7 @@ def label_of_scene(wildcards):
     return f"{title}, damping {', '.join(dampings)}"
 
 
-#: Name -> its YAML file, and its description.
+#: Name of a measured set -> (YAML file, description).
 MEASURED_SETS = measured_description.sets(CONFIG.measured)
 
 
@@ -265,30 +265,30 @@ def not_installed(methods):
 
 
 def drawings(section):
-    """Return name -> drawing of the gears that a section is about."""
+    """Return a dict of name -> drawing of the gears of a section."""
     pairs = drawn_pairs(CONFIG, section)
     return canonical({name: pair.model_dump() for name, pair in pairs.items()})
 
 
 def names_of_drawings(section):
-    """Return the names of the gears that a section is about."""
+    """Return a text with the names of the gears of a section."""
     pairs = drawn_pairs(CONFIG, section).values()
     return " and ".join(dict.fromkeys(map(gear_names.of_drawing, pairs)))
 
 
 def designs():
-    """Return the arguments of the study of tolerances that describe a design."""
-    section, laws = CONFIG.tolerances, {}
+    """Return the arguments of the study of tolerances that describe the designs."""
+    section, tolerances = CONFIG.tolerances, {}
     if not targets.refusal("tolerances", CONFIG):
-        laws = CONFIG.tolerance_laws()
-    drawn = section.of_drawing() and CONFIG.gears
+        tolerances = CONFIG.tolerance_laws()
+    has_drawing = section.of_drawing() and CONFIG.gears
     return canonical(
         {
             "pair": CONFIG.pair_parameters(section.damping),
-            "tolerances": laws,
+            "tolerances": tolerances,
             "seed": section.seed,
             "quantities": section.quantities,
-            **({"drawing": CONFIG.gears.described()} if drawn else {}),
+            **({"drawing": CONFIG.gears.described()} if has_drawing else {}),
         }
     )
 
@@ -296,7 +296,7 @@ def designs():
 DESIGNS = designs()
 
 
-#: Texts and facts that captions cannot find in the configuration.
+#: Values for captions that the configuration does not contain.
 config["captions"] = {
     "dampings": ", ".join(CONFIG.dampings),
     "drawn": CONFIG.gears is not None,

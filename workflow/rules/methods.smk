@@ -46,7 +46,7 @@ use rule _compute as compute_stability_chart with:
         sources=sources_of(
             "compute",
             "studies.trials.stability_of_methods",
-            methods=[one.method for one in CONFIG.stability_chart.methods.values()],
+            methods=[entry.method for entry in CONFIG.stability_chart.methods.values()],
         ),
     output:
         "results/stability_chart.nc",
@@ -75,9 +75,9 @@ rule stability_chart:
         target_files("stability_chart", rules.draw_stability_chart.output),
 
 
-# All methods on difficult problems. Methods whose packages are not installed are left out.
+# All methods on difficult problems, except for those whose packages are not installed.
 
-#: Name -> a method with its options.
+#: Name of a trial -> method with options.
 TRIALS = {trial["name"]: trial for trial in config["failures"]["trials"]}
 TRIAL_SOURCES = sources_by_method("compute", "studies.trials.failures")
 
@@ -134,7 +134,7 @@ rule failures:
         target_files("failures", rules.draw_failures.output),
 
 
-# Errors of the methods on test problems, against evaluations and wall time.
+# Errors of the methods on test problems, over evaluations and wall time.
 
 PROBLEMS = {
     "pair": config["gear_pair"],
@@ -146,7 +146,7 @@ WORK_PRECISION_SOURCES = sources_by_method("compute", "studies.trials.work_preci
 TIMES_SOURCES = sources_by_method("compute_alone", "studies.trials.work_precision")
 
 
-# The kernels are those of long runs, which say where Newton's method starts.
+# The kernels are needed for long runs, from which Newton's method starts.
 use rule _compute as work_precision_references with:
     pathvars:
         job="work_precision_references",
@@ -179,8 +179,8 @@ use rule _compute as work_precision_errors with:
         method="{method}",
 
 
-# Wall times: no two runs give the same, so nothing but the figure and the table of times may
-# depend on this dataset, and no job runs beside, whose load would be measured along.
+# Wall times differ between runs, so that only the figure and the table of times may depend on this
+# dataset. No other job runs at the same time, because its load would change the times.
 use rule _compute_alone as work_precision_times with:
     pathvars:
         job="work_precision/times_{method}",

@@ -1,6 +1,6 @@
 """Explanations of the paper's figures: jumps, orbits, proofs, tongues, basins, models, run-ups."""
 
-# Run-ups beside Fig. 3, and their orders.
+# Run-ups for comparison with Fig. 3, and their order map.
 
 
 use rule _compute as compute_run_ups with:
@@ -37,7 +37,7 @@ rule run_ups:
         target_files("run_ups", rules.draw_run_ups.output),
 
 
-# Where the motion from rest jumps, beside Fig. 6.
+# Tuning at which the motion from rest jumps, for comparison with Fig. 6.
 
 
 use rule _compute as compute_jump with:
@@ -74,7 +74,7 @@ rule jump:
         target_files("jump", rules.draw_jump.output),
 
 
-# Whether motions are periodic, quasi-periodic or chaotic: the strip of Fig. 3.
+# Classification of motions as periodic, quasi-periodic or chaotic: the strip of Fig. 3.
 
 
 use rule _compute as label with:
@@ -98,7 +98,7 @@ rule labels:
         target_files("labels", per_damping(rules.label.output)),
 
 
-# Periodic orbits, stable and unstable, their folds and grazings.
+# Stable and unstable periodic orbits with their folds and grazings.
 
 
 use rule _compute as compute_branches with:
@@ -151,7 +151,7 @@ rule branches:
         target_files("branches", rules.draw_branches.output),
 
 
-# Proofs of orbits, as a file that a second program can check and as a table.
+# Proofs of orbits, as a file that an independent program can check, and as a table.
 
 
 rule compute_certificates:
@@ -165,7 +165,7 @@ rule compute_certificates:
         page=table_page("certificates", "Proven orbits: table", EXPLANATIONS),
     params:
         gears=GEAR_PAIR,
-        # Without python-flint nothing is proven, and the file is an empty list.
+        # Without python-flint nothing is proven, and the list in the file is empty.
         flint=find_spec("flint") is not None,
         pairs=PAIRS,
         tunings=config["phase_planes"]["tunings"],
@@ -189,7 +189,7 @@ rule certificates:
         ),
 
 
-# Linear, quadratic and cubic damping of equal work: the paper's title.
+# Linear, quadratic and cubic damping of equal dissipation, the subject of the paper.
 
 
 use rule _compute as compute_nonlinear_damping with:
@@ -252,7 +252,7 @@ rule nonlinear_damping:
         ),
 
 
-# What more than the smallest model would change in a scene.
+# Comparison of the models for each scene.
 
 
 use rule _compute as compare_models with:
@@ -303,14 +303,14 @@ use rule _draw as draw_models with:
 
 rule models:
     input:
-        # Without scenes there is nothing to compare.
+        # There is nothing to compare without scenes.
         target_files(
             "models",
             *[rules.draw_models.output, rules.model_table.output.csv] * bool(CONFIG.scenes),
         ),
 
 
-# Tongues: where the motion without contact loss is unstable.
+# Instability tongues of the motion without contact loss.
 
 
 use rule _compute as compute_parametric_resonance with:
@@ -381,7 +381,7 @@ rule parametric_resonance:
         ),
 
 
-# The global picture: basins of attraction, the bifurcation diagram, Poincare sections.
+# Global dynamics: basins of attraction, bifurcation diagram and Poincaré sections.
 
 
 use rule _compute as compute_basins with:

@@ -1,6 +1,6 @@
 """The paper's figures and statements."""
 
-# Fig. 2: how far the motion lags behind the stiffness.
+# Fig. 2: phase lag of the motion behind the stiffness.
 
 
 use rule _compute as compute_phase_lag with:
@@ -89,7 +89,7 @@ use rule _draw as draw_resonance with:
         figure_files("fig3_resonance", "Fig. 3: resonance characteristics, all dampings", PAPER),
     params:
         draw="resonance_figure.draw",
-        # The paper's picture has no forces.
+        # The paper's figure shows no forces.
         settings=COLOURS | ({} if gear_names.is_paper(CONFIG) else {"forces": True}),
 
 
@@ -98,7 +98,7 @@ rule resonance:
         target_files("resonance", rules.draw_resonance.output),
 
 
-# Fig. 5: phase planes of several tunings.
+# Fig. 5: phase planes at several tunings.
 
 
 use rule _compute as phase_plane with:
@@ -151,7 +151,7 @@ rule phase_planes:
         target_files("phase_planes", rules.draw_phase_planes.output),
 
 
-# Figs. 4, 6, 7, 8: time courses of the scenes, by the smallest model that carries them.
+# Figs. 4, 6, 7, 8: time histories of the scenes, by the smallest sufficient model.
 
 
 use rule _compute as scene with:
@@ -191,7 +191,7 @@ rule scenes:
         target_files("scenes", expand(rules.draw_scene.output, scene=CONFIG.scenes)),
 
 
-# The paper's statements against the computed data.
+# Comparison of the paper's statements with the computed data.
 
 
 rule compute_claims:

@@ -1,7 +1,7 @@
-"""Templates of the rules: a job names itself, its inputs, its outputs and the function it calls."""
+"""Templates of rules; a rule adds its job name, inputs, outputs and the function to call."""
 
 
-# Calls `function` with the other params and the datasets among the inputs; stores what it returns.
+# Calls `function` with the other params and the input datasets, and stores the returned dataset.
 rule _compute:
     pathvars:
         job="{job}",
@@ -15,7 +15,7 @@ rule _compute:
         "../scripts/compute.py"
 
 
-# The same on all cores and one thread, for wall times.
+# The same in one thread while no other job runs, for wall times.
 rule _compute_alone:
     pathvars:
         job="{job}",
@@ -23,14 +23,14 @@ rule _compute_alone:
         "results/logs/<job>.log",
     benchmark:
         "results/benchmarks/<job>.tsv"
-    threads: ALONE
+    threads: ALL_CORES
     conda:
         "../envs/gearlib.yaml"
     script:
         "../scripts/compute_alone.py"
 
 
-# Writes the columns and rows that `function` returns as CSV and as a page of the report.
+# Writes the column names and rows that `function` returns as CSV and as a page of the report.
 rule _table:
     pathvars:
         job="{job}",
@@ -47,7 +47,7 @@ rule _table:
         "../scripts/table.py"
 
 
-# Draws the figure, or figures by their names, that `draw` returns.
+# Saves the figure, or the dict of figures by name, that `draw` returns.
 rule _draw:
     pathvars:
         job="{job}",

@@ -1,6 +1,6 @@
-"""Gear trains: the paper's reducer, a train of the configuration over speed, Campbell diagrams."""
+"""Gear trains: the paper's reducer, the configured train over speed, and Campbell diagrams."""
 
-# Every mesh of the reducer over speed: branches alike, a displaced pin, unequal backlash.
+# All meshes of the reducer over speed: equal branches, a displaced pin, unequal backlash.
 
 REDUCER = gear_names.of_reducer(CONFIG)
 
@@ -52,7 +52,7 @@ rule reducer:
         target_files("reducer", rules.draw_reducer.output, rules.reducer_table.output.csv),
 
 
-# Every mesh of the train of the configuration over speed.
+# All meshes of the configured train over speed.
 
 TRAIN = gear_names.of_train(CONFIG)
 TRAIN_PARAMETERS = canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping))
@@ -91,7 +91,7 @@ rule train_sweep:
         target_files("train_sweep", rules.draw_train_sweep.output),
 
 
-# Natural frequencies against mesh frequencies, of that train, else of the reducer.
+# Natural frequencies and mesh frequencies of the configured train, or else of the reducer.
 
 HAS_OWN_TRAIN = targets.has_own_train(CONFIG)
 

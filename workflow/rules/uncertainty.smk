@@ -1,4 +1,4 @@
-"""Measured sets beside the computed curves, and how jumps and peaks scatter with tolerances."""
+"""Comparison of measured sets with computed curves, and scatter of designs with tolerances."""
 
 
 use rule _compute as measured_curve with:
@@ -46,8 +46,8 @@ use rule _compute as measured_orders with:
         pairs=PAIRS,
 
 
-MEASURED_COURSES = [name for name, (_, one) in MEASURED_SETS.items() if one.has_courses()]
-MEASURED_RUN_UPS = [name for name, (_, one) in MEASURED_SETS.items() if one.has_run_ups()]
+MEASURED_COURSES = [name for name, (_, data) in MEASURED_SETS.items() if data.has_courses()]
+MEASURED_RUN_UPS = [name for name, (_, data) in MEASURED_SETS.items() if data.has_run_ups()]
 
 
 use rule _table as measured_table with:
@@ -102,7 +102,7 @@ rule measured:
         ),
 
 
-# Designs in shards of a Sobol' sequence.
+# Designs by a Sobol' sequence, in shards.
 
 
 use rule _compute as tolerance_shard with:
