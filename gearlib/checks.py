@@ -1,32 +1,32 @@
-"""Checks of single values: one clear sentence naming the key, the value and the range."""
+"""Checks of arguments, with messages that name the argument, its value and the allowed values."""
 
 import math
 from collections.abc import Mapping
 from numbers import Integral, Real
 
-#: Tunings at the slowest and the fastest speed that are allowed, as in a configuration.
+#: Tunings of the slowest and the fastest allowed speed, as in the configuration.
 MIN_SPEED_TUNING, MAX_SPEED_TUNING = 1e-12, 100.0
-#: Of the integers of numpy and of the kernels.
-_LARGEST = 2**63 - 1
+#: Largest integer of numpy and of compiled code.
+_MAX_INTEGER = 2**63 - 1
 
 
 def refusal(name, value, allowed):
-    """Return the ValueError that refuses a value; `allowed` are the words for what it must be."""
+    """Return the ValueError for a wrong value; the text `allowed` says what it must be."""
     return ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
 
 
-def require(fits, name, value, allowed):
-    """Refuse a value unless it fits with others."""
-    if not fits:
+def require(condition, name, value, allowed):
+    """Raise the ValueError of `refusal` unless the condition holds."""
+    if not condition:
         raise refusal(name, value, allowed)
 
 
 def number(name, value, allowed, accept):
-    """Return `value` as float if it is a real number that `accept` admits, else ValueError.
+    """Return `value` as float if it is real and accepted by `accept`, else raise ValueError.
 
-    `accept` is never called with NaN; `allowed` are the words for what it admits.
+    The function `accept` is not called with NaN; the text `allowed` says what it accepts.
     """
-    # numpy's scalars register as Real; bool does too, but True is no stiffness.
+    # numpy's scalars are Real; booleans are, too, but True is no stiffness.
     if isinstance(value, Real) and not isinstance(value, bool):
         try:
             result = float(value)
@@ -47,35 +47,38 @@ def finite_nonnegative(name, value):
     return number(name, value, "a finite number >= 0", lambda v: 0.0 <= v < math.inf)
 
 
-def speed(name, value, resonance):
-    """Return a speed in rpm as float if its tuning is allowed; `resonance` is the speed at 1."""
-    least, most = MIN_SPEED_TUNING * resonance, MAX_SPEED_TUNING * resonance
-    allowed = f"a finite number > 0, from {least:.3g} to {most:.3g} rpm, a tuning of at most 100"
-    return number(name, value, allowed, lambda v: least <= v <= most)
+def speed(name, value, resonance_speed):
+    """Return a speed in rpm as float if its tuning, speed / `resonance_speed`, is allowed."""
+    low, high = MIN_SPEED_TUNING * resonance_speed, MAX_SPEED_TUNING * resonance_speed
+    allowed = f"a finite number > 0, from {low:.3g} to {high:.3g} rpm, a tuning of at most 100"
+    return number(name, value, allowed, lambda v: low <= v <= high)
 
 
-def known_damping(value, whose=""):
-    """Return the damping in contact of a motion, else raise ValueError: None is unknown."""
+def known_damping(value, owner=""):
+    """Return the damping in contact, or raise ValueError if it is None, which means unknown.
+
+    `owner` follows its name in the message, as in " of mesh sun-planet".
+    """
     if value is None:
         raise ValueError(
-            f"damping_ratio{whose} is missing: it must be a finite number >= 0 and < 1 where gears "
+            f"damping_ratio{owner} is missing: it must be a finite number >= 0 and < 1 where gears "
             "move, or logarithmic_decrement or material_damping in its place"
         )
     return value
 
 
 def integers(low, high=None):
-    """Return the words for the integers in ``low ... high``."""
+    """Return a description of the integers from `low` to `high`, both included."""
     return f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
 
 
 def integer(name, value, low, high=None):
-    """Return `value` as int if it is an integer in ``low ... high``, else raise ValueError."""
-    limit = _LARGEST if high is None else high
-    whole = isinstance(value, Integral) and not isinstance(value, bool)
-    if whole and low <= value <= limit:
+    """Return `value` as int if it is an integer from `low` to `high`, else raise ValueError."""
+    limit = _MAX_INTEGER if high is None else high
+    is_integer = isinstance(value, Integral) and not isinstance(value, bool)
+    if is_integer and low <= value <= limit:
         return int(value)
-    raise refusal(name, value, integers(low, limit if whole and value > limit else high))
+    raise refusal(name, value, integers(low, limit if is_integer and value > limit else high))
 
 
 def one_of(name, value, choices):
@@ -85,26 +88,26 @@ def one_of(name, value, choices):
 
 
 def finite(name, values):
-    """Return a sequence of finite numbers as a tuple of float, else raise ValueError."""
-    entries = enumerate(many(name, values))
-    return tuple(number(f"{name}[{i}]", value, "finite", math.isfinite) for i, value in entries)
+    """Return a sequence of finite numbers as a tuple of floats, else raise ValueError."""
+    items = enumerate(sequence(name, values))
+    return tuple(number(f"{name}[{i}]", value, "finite", math.isfinite) for i, value in items)
 
 
-def many(name, values, count=None):
-    """Return values, so many if there is a `count`, as a list, else raise ValueError."""
-    allowed = "a sequence of numbers" if count is None else f"{count} values"
+def sequence(name, values, length=None):
+    """Return an iterable as a list, or raise ValueError if it has not this length."""
+    allowed = "a sequence of numbers" if length is None else f"{length} values"
     try:
-        entries = list(values)
+        items = list(values)
     except TypeError:
         raise refusal(name, values, allowed) from None
-    require(count in (None, len(entries)), name, values, allowed)
-    return entries
+    require(length in (None, len(items)), name, values, allowed)
+    return items
 
 
-def numbers(name, values, count):
-    """Return so many real numbers, infinite ones too, as a list of float, else raise ValueError."""
-    entries = enumerate(many(name, values, count))
-    return [number(f"{name}[{i}]", value, "a number", lambda v: True) for i, value in entries]
+def numbers(name, values, length):
+    """Return `length` real numbers, which may be infinite, as a list, else raise ValueError."""
+    items = enumerate(sequence(name, values, length))
+    return [number(f"{name}[{i}]", value, "a number", lambda v: True) for i, value in items]
 
 
 def options(value):
@@ -113,25 +116,26 @@ def options(value):
     return dict(value or {})
 
 
-def drawn_mesh(value, name="mesh", other=""):
-    """Return a `gearlib.geometry.Mesh`, else raise ValueError; `other` says what else may be."""
-    require(hasattr(value, "pair_parameters"), name, value, f"a gearlib.geometry.Mesh{other}")
+def drawn_mesh(value, name="mesh", alternative=""):
+    """Return a `gearlib.geometry.Mesh`, else raise ValueError; the message adds `alternative`."""
+    allowed = f"a gearlib.geometry.Mesh{alternative}"
+    require(hasattr(value, "pair_parameters"), name, value, allowed)
     return value
 
 
-def known(owner, names, allowed):
-    """Raise ValueError unless every name of a parameter is one that the owner has."""
+def known_parameters(owner, names, known_names):
+    """Raise ValueError unless all `names` are among the `known_names` of parameters of `owner`."""
     for name in names:
-        if name not in allowed:
+        if name not in known_names:
             raise ValueError(
-                f"{name} is not allowed: the parameters of a {owner} are {', '.join(allowed)}"
+                f"{name} is not allowed: the parameters of a {owner} are {', '.join(known_names)}"
             )
 
 
 def state(name, value):
-    """Return an initial state as two finite floats, else raise ValueError."""
+    """Return an initial state as a tuple of two finite floats, else raise ValueError."""
     try:
-        return finite(name, many(name, value, 2))
+        return finite(name, sequence(name, value, 2))
     except ValueError:
-        words = "two finite numbers (displacement in static deflections, dx/dtau)"
-        raise refusal(name, value, words) from None
+        allowed = "two finite numbers (displacement in static deflections, dx/dtau)"
+        raise refusal(name, value, allowed) from None

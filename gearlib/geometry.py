@@ -1,7 +1,6 @@
-"""Gears by their drawing: `SpurGear`, `Mesh` and what they are made of, `planetary_set`.
+"""Drawn gears: `SpurGear`, `Mesh`, their parts and stiffness, and `planetary_set`.
 
-The code lies in `gearlib.models.geometry`; `Mesh` here is one of two drawn gears, while
-`gearlib.Mesh` is one of a `GearTrain`.
+`Mesh` here is the mesh of two drawn gears, `gearlib.Mesh` is part of a `GearTrain`.
 """
 
 from typing import TYPE_CHECKING
@@ -36,7 +35,7 @@ __all__ = [
 
 
 def __getattr__(name):
-    # Drawn gears need none of the compiled code of trains, which takes half a second to load.
+    # The compiled code of trains loads slowly, and drawn gears do not need it.
     if name != "planetary_set":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from gearlib.models.trains.planetary import planetary_set

@@ -1,6 +1,6 @@
-"""Bars of progress in Jupyter: shown while a long call lasts, gone when it ends.
+"""Progress bars in Jupyter, which disappear when a call ends.
 
-Outside a kernel of Jupyter nothing is shown. Of calls within calls the outermost shows its bar.
+Outside Jupyter nothing is shown. In nested calls only the outermost shows a bar.
 """
 
 import sys
@@ -15,19 +15,20 @@ _bar_shown = threading.Lock()
 
 
 @contextmanager
-def bar(noun, total, done):
+def bar(noun, total, finished_count):
     """Show a progress bar in Jupyter, updated by a thread, while the context lasts.
 
-    `noun` is the plural noun of the items, `total` is their number, and the function `done`
-    returns how many are finished.
+    `noun` is the plural noun of the items, `total` is their number, and the function
+    `finished_count` returns how many are finished.
     """
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if not hasattr(shell, "kernel") or not _bar_shown.acquire(blocking=False):
         yield
         return
     ended = threading.Event()
+    arguments = (noun, total, finished_count, ended)
     # The engines release the interpreter lock, so the thread runs beside them.
-    thread = threading.Thread(target=_update, args=(noun, total, done, ended), daemon=True)
+    thread = threading.Thread(target=_update, args=arguments, daemon=True)
     try:
         thread.start()
         yield
@@ -37,16 +38,16 @@ def bar(noun, total, done):
         _bar_shown.release()
 
 
-def _update(noun, total, done, ended):
+def _update(noun, total, finished_count, ended):
     """Display and update a progress bar until the event `ended` is set, then clear it.
 
-    `done` returns how many of the `total` items, named by the plural `noun`, are finished.
+    The other arguments are those of `bar`.
     """
     from IPython.display import display
 
     start_time, handle = time.monotonic(), None
     while not ended.wait(STEP if handle else DELAY):
-        count = done()
+        count = finished_count()
         text = f"{count} of {total} {noun}, {time.monotonic() - start_time:.0f} s"
         html = f'<progress value="{count}" max="{total}"></progress> {text}'
         content = {"text/plain": text, "text/html": html}
@@ -59,26 +60,26 @@ def _update(noun, total, done, ended):
 
 
 @contextmanager
-def telling(noun, total, tell=None):
+def counting_bar(noun, total, callback=None):
     """Show a progress bar; yield a function to call with the number of newly finished items.
 
-    `noun` is the plural noun of the items; `tell`, if any, is called with the same number.
+    `noun` is the plural noun of the items. `callback`, if given, is called with the same number.
     """
-    done = 0
+    finished = 0
 
     def add(count):
-        nonlocal done
-        done += count
-        if tell is not None:
-            tell(count)
+        nonlocal finished
+        finished += count
+        if callback is not None:
+            callback(count)
 
-    with bar(noun, total, lambda: done):
+    with bar(noun, total, lambda: finished):
         yield add
 
 
-def counted(noun, items, total):
-    """Yield `items`, with a progress bar of how many of `total` are finished, named by `noun`."""
-    with telling(noun, total) as add:
+def with_bar(noun, items, total):
+    """Yield `items`, and show a progress bar with the number of finished items out of `total`."""
+    with counting_bar(noun, total) as add:
         for item in items:
             yield item
             add(1)

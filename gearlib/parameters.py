@@ -118,7 +118,7 @@ class Many(Kind):
         self.allowed = f"{length}, each {item.allowed}"
 
     def check(self, name, values):
-        items = enumerate(checks.many(name, values, self.count))
+        items = enumerate(checks.sequence(name, values, self.count))
         return tuple(self.item.check(f"{name}[{i}]", value) for i, value in items)
 
 

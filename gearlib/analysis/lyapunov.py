@@ -274,7 +274,7 @@ def lyapunov_exponents(
 
     with ThreadPoolExecutor(threads) as pool:
         rows = pool.map(exponent_row, range(values.size))
-        table = np.array(list(notebook.counted("values", rows, values.size)))
+        table = np.array(list(notebook.with_bar("values", rows, values.size)))
     data = {
         "exponent": (parameter, table[:, 0]),
         "uncertainty": (parameter, table[:, 1]),

@@ -1,4 +1,4 @@
-"""The commands: one call of the library, what is printed and drawn."""
+"""The commands: each calls the library, prints results and draws them."""
 
 import json
 import math
@@ -11,16 +11,16 @@ import click
 
 import gearlib
 from gearlib.cli import options, output
-from gearlib.cli.gears import DEFAULT_CONFIG, NO_DAMPING, described, in_rpm
+from gearlib.cli.gears import DEFAULT_CONFIG, NO_DAMPING, in_rpm, take_gears
 from gearlib.config import measured_description, schema_text, tolerances_section, yaml_keys
 from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
 from gearlib.models import tolerated
 from gearlib.parameters import WRITTEN_UNITS
 
-#: Folder of the Snakefile, in a wheel or in a checkout.
+#: Folder of the Snakefile, in the installed package or in a checkout.
 _INSTALLED = Path(__file__).parents[1] / "installed_workflow"
 _ROOT = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2]
-#: Names of many options, and the argument of `fit`.
+#: Options of `simulate` and `scatter`, and the argument of `fit`.
 _RUN = "tuning speed initial_state periods record_periods samples method until_settled"
 _SCATTER = "tolerance thickness_class distance_class quality quantity samples speed start stop "
 _DATA = click.Argument(["path"], metavar="DATA", type=options.FILE)
@@ -41,48 +41,51 @@ def main():
     """
 
 
-def command(name, names, over, use="speeds", arguments=(), prepare=None):
-    """Return a decorator that makes a command of a function; `names` are those of its options.
+def gear_command(
+    name, option_names, dimension, motion="several speeds", arguments=(), prepare=None
+):
+    """Return a decorator that makes a command of a function of gears, their model and options.
 
-    The function takes gears, their model and options; it returns a dataset, with tables over a
-    dimension, and what draws it. `use` is "one speed", "speeds" or, of trains, "rest".
+    The function returns a dataset, whose table has a row for each entry of `dimension`, and a
+    function that plots it. `motion` is "one speed", "several speeds" or, for trains at rest,
+    "none". `arguments` are further parameters of the command; `prepare` changes the option values.
     """
 
-    def call(function, values):
+    def run(function, values):
         from gearlib.runs.run_arguments import tuning_of
 
-        path, picture, force = (values.pop(key) for key in ("output", "plot", "force"))
-        output.check("--output", path, force, options.DATA)
-        output.check("--plot", picture, force, options.PICTURES)
+        data_path, plot_path, force = (values.pop(key) for key in ("output", "plot", "force"))
+        output.check("--output", data_path, force, options.DATA)
+        output.check("--plot", plot_path, force, options.PICTURES)
         if prepare:
             prepare(values)
-        if use == "rest":
+        if motion == "none":
             values["model"] = "train"
-        gears = described(values, moves=use != "rest")
-        model = gears.model(tooth_pairs=use == "one speed")
-        if use == "one speed":
+        gears = take_gears(values, moves=motion != "none")
+        model, drawing = gears.model(tooth_pairs=motion == "one speed"), gears.settings.gears
+        if motion == "one speed":
             speed = values.pop("speed")
-            if speed is None and values["tuning"] is None and gears.settings.gears:
-                speed = gears.settings.gears.speed
+            if speed is None and values["tuning"] is None and drawing:
+                speed = drawing.speed
             values["tuning"] = tuning_of(model, values["tuning"], in_rpm("speed", speed))
         click.echo(gears.name)
-        if use != "rest" and gears.settings.gears and model.force_note:
+        if motion != "none" and drawing and model.force_note:
             click.echo(click.wrap_text(model.force_note, output.WIDTH))
         dataset, draw = function(gears, model, **values)
-        if path:
-            output.write(path, dataset, over)
-        if picture:
-            output.picture(picture, gears.name, draw, model, dataset)
+        if data_path:
+            output.write(data_path, dataset, dimension)
+        if plot_path:
+            output.picture(plot_path, gears.name, draw, model, dataset)
 
-    of_gears = options.PAIR if use == "rest" else options.MODEL
-    parameters = [*arguments, *of_gears, *options.named(name, f"{names} output plot force")]
+    parameters = [*arguments, *(options.PAIR if motion == "none" else options.MODEL)]
+    parameters += options.command_options(name, f"{option_names} output plot force")
     return lambda function: main.command(name, params=parameters, help=function.__doc__)(
-        lambda **values: call(function, values)
+        lambda **values: run(function, values)
     )
 
 
-def _tunings(model, start, stop):
-    """Return the first and the last tuning of a range, whose ends may be speeds."""
+def _tuning_range(model, start, stop):
+    """Return first and last tuning of a range; the ends may be texts such as "1500rpm" or None."""
     from gearlib.runs.run_arguments import check_speed
 
     ends = {"start": 0.5 if start is None else start, "stop": 1.4 if stop is None else stop}
@@ -91,13 +94,13 @@ def _tunings(model, start, stop):
     return ends.values()
 
 
-def _at_largest(dataset, name, over):
-    """Return a dataset where a variable, of all meshes, is largest over a dimension."""
+def _at_largest(dataset, name, dimension):
+    """Return the dataset at the position in `dimension` where the variable `name` is largest."""
     values = dataset[name].max("mesh") if "mesh" in dataset[name].dims else dataset[name]
-    return dataset.isel({over: int(values.fillna(-math.inf).argmax(over))})
+    return dataset.isel({dimension: int(values.fillna(-math.inf).argmax(dimension))})
 
 
-@command("simulate", _RUN, over="phase", use="one speed")
+@gear_command("simulate", _RUN, dimension="phase", motion="one speed")
 def simulate(gears, model, tuning, samples, **settings):
     """Run the gears at one speed: time course, contact events, orbit."""
     from gearlib.analysis.duty_point import si_variables
@@ -111,7 +114,9 @@ def simulate(gears, model, tuning, samples, **settings):
     return run, lambda plot: plot.time_course(run)
 
 
-@command("sweep", "start stop speed points direction periods record_periods method", over="tuning")
+@gear_command(
+    "sweep", "start stop speed points direction periods record_periods method", dimension="tuning"
+)
 def sweep(gears, model, start, stop, speed, points, direction, **settings):
     """Run many tunings: the resonance characteristic.
 
@@ -122,18 +127,17 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
 
     from gearlib.runs import run_arguments, sweeping
 
-    first, last = _tunings(model, start, stop)
-    is_wide = gears.drawn is not None and start is None and stop is None
-    speed = in_rpm("speed", speed) or (is_wide and gears.drawn.speed)
-    if is_wide and speed:
+    first, last = _tuning_range(model, start, stop)
+    is_default_range, speed = gears.drawn and start is None and stop is None, in_rpm("speed", speed)
+    if is_default_range and (speed := speed or gears.drawn.speed):
         tuning = run_arguments.check_speed(model, "speed", speed)
         first, last = min(first, tuning), max(last, tuning)
     grid = np.linspace(first, last, points)
-    if is_wide and direction == "down":
+    if is_default_range and direction == "down":
         lowest = sweeping.EXTENSION_RATIO * first
         curve, jumped = sweeping.sweep_down(model, grid, lowest, **settings)
-        has = "has jumped down above" if jumped else "has not jumped down at"
-        click.echo(f"The motion {has} {float(curve.speed[0]):.0f} rpm, the lowest speed.")
+        jump = "has jumped down above" if jumped else "has not jumped down at"
+        click.echo(f"The motion {jump} {float(curve.speed[0]):.0f} rpm, the lowest speed.")
     else:
         curve = gearlib.sweep(model, grid, direction=direction, **settings)
     failed = int((curve.status != 0).sum())
@@ -142,21 +146,24 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     return curve, lambda plot: plot.resonance(curve)
 
 
-@command("run-up", "start stop duration acceleration back initial_state driver", over="revolution")
+@gear_command(
+    "run-up", "start stop duration acceleration back initial_state driver", dimension="revolution"
+)
 def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
     """Run the gears up or down: forces and contact losses over the speed."""
     from gearlib.runs.run_up import speed_profile
 
     start, stop = in_rpm("start", start), in_rpm("stop", stop)
-    course = speed_profile(start, stop, duration, acceleration).tolist()
-    course += [[2.0 * course[-1][0], start]] if back else []
-    run = gearlib.run_up(model, speed=course, **settings)
+    speed_points = speed_profile(start, stop, duration, acceleration).tolist()
+    if back:
+        speed_points.append([2.0 * speed_points[-1][0], start])
+    run = gearlib.run_up(model, speed=speed_points, **settings)
     click.echo(f"{run.revolution.size} revolutions; that of the largest force:")
     output.show(_at_largest(run, "dynamic_force_max", "revolution"))
     return run, lambda plot: plot.run_up(run)
 
 
-@command("orbit", "tuning speed period guess", over="coordinate", use="one speed")
+@gear_command("orbit", "tuning speed period guess", dimension="coordinate", motion="one speed")
 def orbit(gears, model, tuning, **settings):
     """Find a periodic orbit and its Floquet multipliers."""
     from gearlib.analysis.orbits.shooting import NoOrbit
@@ -170,7 +177,7 @@ def orbit(gears, model, tuning, **settings):
     return orbit.dataset(), lambda plot: plot.orbit(orbit)
 
 
-@command("trust", "tuning speed initial_state periods", over="run", use="one speed")
+@gear_command("trust", "tuning speed initial_state periods", dimension="run", motion="one speed")
 def trust(gears, model, tuning, **settings):
     """Chaos or artefact: run one tuning in several ways and label the motion."""
     verdict = gearlib.trust(model, tuning, **settings)
@@ -182,7 +189,7 @@ def trust(gears, model, tuning, **settings):
     return verdict.runs, lambda plot: plot.values(verdict.runs, *extrema)
 
 
-@command("modes", "", over="mode", use="rest")
+@gear_command("modes", "", dimension="mode", motion="none")
 def modes(gears, train):
     """Natural frequencies of the gear train, and the kinds of its modes."""
     modes = train.modes()
@@ -190,7 +197,7 @@ def modes(gears, train):
     return modes, lambda plot: plot.values(modes, "natural_frequency")
 
 
-@command("static", "phase", over="mesh", use="rest")
+@gear_command("static", "phase", dimension="mesh", motion="none")
 def static(gears, train, phase):
     """Load sharing of the gear train at rest, with gaps and errors."""
     equilibrium = train.static(phase)
@@ -198,7 +205,7 @@ def static(gears, train, phase):
     return equilibrium, lambda plot: plot.values(equilibrium, "mesh_force")
 
 
-@command("phasing", "count", over="stiffness_order", use="rest")
+@gear_command("phasing", "count", dimension="stiffness_order", motion="none")
 def phasing(gears, train, count):
     """Which harmonics of the mesh stiffness excite which modes of the gear train."""
     phasing = train.phasing(count)
@@ -208,7 +215,7 @@ def phasing(gears, train, count):
     return phasing, lambda plot: plot.values(phasing, "modal_force")
 
 
-@command("campbell", "count", over="mode", use="rest")
+@gear_command("campbell", "count", dimension="mode", motion="none")
 def campbell(gears, train, count):
     """Speeds, rpm, at which the mesh frequencies of the gear train excite a natural mode."""
     diagram = train.campbell(count)
@@ -220,19 +227,19 @@ def campbell(gears, train, count):
 
 
 def _tolerance(text):
-    """Return a tolerance such as "load std=5%" as the configuration has it."""
-    name, *words = text.split() or [""]
-    law = dict(word.split("=") for word in words if word.count("=") == 1)
-    if not law or len(law) < len(words) or not all(law.values()):
+    """Return the `ToleratedParameter` section for the value of an option, such as "load std=5%"."""
+    name, *assignments = text.split() or [""]
+    texts = dict(x.split("=") for x in assignments if x.count("=") == 1)
+    if not texts or len(texts) < len(assignments) or not all(texts.values()):
         raise click.UsageError(f"--tolerance {text!r} must have keys, each once, as 'load std=5%'")
-    law = {key: options.value(text) for key, text in law.items()}
-    # Other keys are parameters of a distribution.
+    values = {key: options.number_or_text(value) for key, value in texts.items()}
+    # Unknown keys are parameters of a distribution.
     section = tolerances_section.ToleratedParameter
-    shape = {key: law.pop(key) for key in law.keys() - section.model_fields.keys()}
-    return section.model_construct(parameter=name, shape=shape or None, **law)
+    shape = {key: values.pop(key) for key in values.keys() - section.model_fields.keys()}
+    return section.model_construct(parameter=name, shape=shape or None, **values)
 
 
-@command("scatter", _SCATTER + "points seed", over="sample")
+@gear_command("scatter", _SCATTER + "points seed", dimension="sample")
 def scatter(gears, model, quantity, samples, points, **settings):
     """Scatter of jumps, contact loss, peaks and the duty point at a speed by tolerances."""
     import numpy as np
@@ -242,20 +249,21 @@ def scatter(gears, model, quantity, samples, points, **settings):
     from gearlib.studies import tolerance_study
     from gearlib.uncertainty.scatter import refused
 
-    first, last = _tunings(model, settings.pop("start"), settings.pop("stop"))
+    first, last = _tuning_range(model, settings.pop("start"), settings.pop("stop"))
     settings["tunings"] = np.linspace(first, last, points) if points else None
     settings["speed"] = in_rpm("speed", settings["speed"])
-    classes = ("tolerance", "thickness_class", "distance_class", "quality")
-    source, laws = _scattering(gears, model, *map(settings.pop, classes))
+    names = ("tolerance", "thickness_class", "distance_class", "quality")
+    source, tolerances = _source_and_tolerances(gears, model, *map(settings.pop, names))
     if model.size == 2:
         quantity = quantity or tolerances_section.Tolerances.model_fields["quantities"].default
         settings["directions"] = ("up", "down", "seeded")
     with click.progressbar(length=samples, file=sys.stderr, hidden=not sys.stderr.isatty()) as bar:
-        designs = gearlib.scatter(source, laws, quantity, samples, progress=bar.update, **settings)
+        settings["progress"] = bar.update
+        designs = gearlib.scatter(source, tolerances, quantity, samples, **settings)
     for text in refused(designs):
         click.echo(click.wrap_text(text, output.WIDTH))
-    heads, *rows = tolerance_study.rows(designs)
-    table = pandas.DataFrame(rows, columns=heads).replace({"unit": WRITTEN_UNITS})
+    header, *rows = tolerance_study.rows(designs)
+    table = pandas.DataFrame(rows, columns=header).replace({"unit": WRITTEN_UNITS})
     if rows:
         output.frame(table.set_index("quantity"))
     if points:
@@ -265,23 +273,28 @@ def scatter(gears, model, quantity, samples, points, **settings):
     return designs, lambda plot: draw(designs).axes[0]
 
 
-def _scattering(gears, model, tolerance, thickness_class, distance_class, quality):
-    """Return what scatters, a model or its drawing, and tolerances with those of the classes."""
+def _source_and_tolerances(gears, model, tolerance, thickness_class, distance_class, quality):
+    """Return the model or drawing and the tolerances for `gearlib.scatter`.
+
+    `tolerance` is a list of texts such as "load std=5%", which replace the section `tolerances`;
+    the others are classes of DIN 3967, DIN 3964 and ISO 1328-1, or None.
+    """
     thickness = thickness_class and (thickness_class.split() * 2)[:2]
-    section, parameters = gears.settings.tolerances, list(map(_tolerance, tolerance))
-    is_section = not parameters and "tolerances" in gears.mapping
+    section, given = gears.settings.tolerances, list(map(_tolerance, tolerance))
+    has_section = not given and "tolerances" in gears.mapping
     has_classes = bool(thickness or distance_class or quality)
-    if not (parameters or is_section or has_classes):
+    if not (given or has_section or has_classes):
         raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
-    laws, known = {}, tolerances_section.known_parameters()
-    for one in section.parameters if is_section else parameters:
-        kind = known[one.parameter].kind if one.parameter in known else None
-        laws[one.parameter] = one.law(f"tolerances.{one.parameter}", kind)
+    laws, known_parameters = {}, tolerances_section.known_parameters()
+    for toleranced in section.parameters if has_section else given:
+        name = toleranced.parameter
+        kind = known_parameters[name].kind if name in known_parameters else None
+        laws[name] = toleranced.law(f"tolerances.{name}", kind)
     drawing_only = tolerated.drawing_parameters().keys() - tolerated.pair_parameters().keys()
-    of_drawing = laws.keys() & drawing_only
-    if is_section and section.correlations:
-        laws["correlations"] = [[*pair.parameters, pair.rho] for pair in section.correlations]
-    if not has_classes and not of_drawing:
+    needs_drawing = has_classes or bool(laws.keys() & drawing_only)
+    if has_section and section.correlations:
+        laws["correlations"] = [[*x.parameters, x.rho] for x in section.correlations]
+    if not needs_drawing:
         return model, laws
     if gears.drawn is None:
         raise click.UsageError("tolerances of a drawing need drawn gears and --model one_degree")
@@ -289,45 +302,48 @@ def _scattering(gears, model, tolerance, thickness_class, distance_class, qualit
     from gearlib.uncertainty.quality_classes import by_class
 
     drawing = gears.drawn.described() | ({"backlash": None} if thickness else {})
-    for part in ("pinion", "wheel") if quality else ():
-        drawing[part] = drawing[part] | {"quality": quality}
+    for gear in ("pinion", "wheel") if quality else ():
+        drawing[gear] = drawing[gear] | {"quality": quality}
     source = nominal_design(model.as_dict(), drawing)
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
     return source, by_class(source.mesh, **classes) | laws
 
 
 def _read_measured(values):
-    """Read the measured set of `fit`; options precede what is known, and middles of free ranges."""
+    """Read the measured set of `fit` into `values`, and set missing options to its known values."""
     path = values.pop("path")
     values["data"] = data = gearlib.read_measured(path)
     section = measured_description.read(path).fit or measured_description.FitSection()
     ranges = {} if values["free"] else dict(section.free)
     for text in values["free"]:
-        name, equals, ends = text.partition("=")
-        ranges[name] = ends.split(",") if equals else section.free.get(name, [])
+        name, equals, limits = text.partition("=")
+        ranges[name] = limits.split(",") if equals else section.free.get(name, [])
     if not ranges:
         raise click.UsageError(f"--free is missing: give NAME=LOW,HIGH, or fit.free in {path}")
     values["free"] = {name: measured_description.range_of(name, x) for name, x in ranges.items()}
     known = json.loads(data.attrs["known"])
     if values["config"] is None and not DEFAULT_CONFIG.exists():
-        known = {name: sum(ends) / 2.0 for name, ends in values["free"].items()} | known
+        known = {name: sum(limits) / 2.0 for name, limits in values["free"].items()} | known
     for name in (*GearPairSection.model_fields, *DAMPINGS):
         if values[name] is None and isinstance(known.get(name), int | float):
             values[name] = known[name]
     values["model"] = values["model"] or section.model
 
 
-@command("fit", "free", over="parameter", arguments=[_DATA], prepare=_read_measured)
+@gear_command("fit", "free", dimension="parameter", arguments=[_DATA], prepare=_read_measured)
 def fit(gears, model, data, free):
     """Fit parameters of the gears to the measured set that the YAML file DATA describes."""
-    texts = f"{data.title}{', synthetic' * data.synthetic}: {data.source}", data.attrs["repairs"]
-    click.echo(click.wrap_text("; repairs: ".join(filter(None, texts)), output.WIDTH))
+    text = f"{data.title}{', synthetic' if data.synthetic else ''}: {data.source}"
+    repairs = f"; repairs: {data.attrs['repairs']}" if data.attrs["repairs"] else ""
+    click.echo(click.wrap_text(text + repairs, output.WIDTH))
     fitted = gearlib.fit(model, data, free)
     click.echo(str(fitted))
     return fitted.dataset(), lambda plot: plot.fit(fitted)
 
 
-@main.command(params=options.DRAWN_GEARS + options.named("gears", "format save plot force"))
+@main.command(
+    params=options.DRAWN_GEARS + options.command_options("gears", "format save plot force")
+)
 def gears(format, save, plot, force, **values):
     """Print geometry, mesh stiffness by each method and resonance of two drawn gears.
 
@@ -337,18 +353,17 @@ def gears(format, save, plot, force, **values):
 
     output.check("--save", save, force, options.YAML)
     output.check("--plot", plot, force, options.PICTURES)
-    gears = described(values, moves=bool(save), draws=True)
+    gears = take_gears(values, moves=bool(save), needs_drawing=True)
     if save:
         import yaml
 
         output.write_text(save, yaml.safe_dump(gears.mapping, sort_keys=False, allow_unicode=True))
     drawing, pair = gears.settings.gears, gears.settings.pair_parameters(gears.damping)
-    load = drawing.load() | {"damping": {name: pair[name] for name in options.DAMPINGS}}
-    mesh, method, settings = drawing.mesh(), drawing.stiffness or "iso", drawing.stiffness_options
-    rows = gear_table.compute(mesh, options={method: settings}, **load)
+    load = drawing.load() | {"damping": {name: pair[name] for name in DAMPINGS}}
+    mesh, method, method_options = drawing.mesh(), drawing.stiffness, drawing.stiffness_options
+    rows = gear_table.compute(mesh, options={method or "iso": method_options}, **load)
     if drawing.speed and gears.damping != NO_DAMPING:
-        method = drawing.stiffness
-        rows += gear_table.duty_rows(mesh, stiffness=method, options=settings, **load)
+        rows += gear_table.duty_rows(mesh, stiffness=method, options=method_options, **load)
     if format == "text":
         click.echo(gears.name)
     output.gear_table(rows, format)
@@ -365,13 +380,13 @@ def gears(format, save, plot, force, **values):
         raise click.ClickException("the motion at the duty point has not settled")
 
 
-@main.command(params=options.PAIR + options.named("explore", "port"))
+@main.command(params=options.PAIR + options.command_options("explore", "port"))
 @click.option("--show/--no-show", default=True, help="Open a browser, or do not.")
 def explore(port, show, **values):
     """Explore a gear pair with sliders, in the browser."""
     from gearlib.explorer import page
 
-    gears = described(values)
+    gears = take_gears(values)
     page.serve(gears.mapping, gears.damping, port or 0, show)
 
 
@@ -403,7 +418,7 @@ def paper(folder, jobs, everything):
     """
     if not (folder / "config.yaml").exists():
         output.write_text(folder / "config.yaml", (_ROOT / "config.yaml").read_text("utf-8"))
-    _snakemake(folder, [f"-j{jobs}", "all" if everything else "paper"])
+    _run_snakemake(folder, [f"-j{jobs}", "all" if everything else "paper"])
 
 
 @main.command(context_settings={"ignore_unknown_options": True, "help_option_names": ["-h"]})
@@ -414,23 +429,25 @@ def workflow(arguments):
     ARGUMENTS are those of Snakemake, as in `gearlib workflow -j2 --configfile mine.yaml`; as in the
     other commands, --config mine.yaml does the same.
     """
-    words = list(arguments) or ["-j2"]
-    for i, (word, following) in enumerate(zip(words, [*words[1:], ""], strict=True)):
+    arguments = list(arguments) or ["-j2"]
+    for i, (argument, next_argument) in enumerate(
+        zip(arguments, [*arguments[1:], ""], strict=True)
+    ):
         # Snakemake's own --config takes pairs KEY=VALUE.
-        if word == "--config" and "=" not in following:
-            words[i] = "--configfile"
-        if word.endswith((".yaml", ".yml")) and Path(word).is_file():
-            yaml_keys.read(word)  # It names the line of what is not YAML, Snakemake does not.
-    _snakemake(Path(), words)
+        if argument == "--config" and "=" not in next_argument:
+            arguments[i] = "--configfile"
+        if argument.endswith((".yaml", ".yml")) and Path(argument).is_file():
+            yaml_keys.read(argument)  # Unlike Snakemake, it reports the line of an error.
+    _run_snakemake(Path(), arguments)
 
 
-def _snakemake(folder, arguments):
-    """Call Snakemake in a folder, and end as it ends."""
+def _run_snakemake(folder, arguments):
+    """Run Snakemake in `folder`, and exit with its exit code."""
     command = [sys.executable, "-m", "snakemake", "--snakefile", _ROOT / "Snakefile"]
     command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
-    # The profile names the stylesheet from the folder of the rules.
+    # The path in the profile would be relative to the folder of the rules.
     command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
     process = subprocess.Popen(command)
-    # Ctrl-C is for Snakemake, which ends its jobs first.
+    # Leave Ctrl-C to Snakemake, which stops its jobs first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(process.wait())

@@ -1,4 +1,4 @@
-"""From options and a configuration to the gears that a command is about."""
+"""The gears of a command, from its options and a configuration."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,10 +17,10 @@ DEFAULT_CONFIG = Path("config.yaml")
 _BEARINGS = ("bearing_stiffness", "bearing_damping")
 #: Sections that commands need.
 _NEEDED = ("gears", "gear_pair", "dampings", "six_degrees", "train", "tolerances")
-#: Stand-ins for a damping of gears that do not move, and for the gear pair beside a train.
+#: Damping of gears that do not move, and gear pair beside a train that does not use it.
 NO_DAMPING = "not-given"
 _UNDAMPED = {"dampings": {NO_DAMPING: {"material_damping": 0.0, "backlash_damping": 0.0}}}
-_STAND_IN = {"gear_pair": gear_names.PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1}}
+_UNUSED_PAIR = {"gear_pair": gear_names.PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1}}
 
 
 class Gears(NamedTuple):
@@ -34,7 +34,7 @@ class Gears(NamedTuple):
     drawn: Any  #: the section `gears` if a single pair of gears is drawn, else None
 
     def model(self, tooth_pairs: bool = False):
-        """Return the model, of drawn gears with tip relief or errors that of `tooth_pairs`."""
+        """Return the model; with `tooth_pairs`, modified drawn gears get a `LoadSharingPair`."""
         from gearlib import GearPair, SixDegreePair
 
         settings, gears = self.settings, self.drawn
@@ -57,7 +57,7 @@ class Gears(NamedTuple):
 
 
 def in_rpm(name, value):
-    """Return a speed, a number or a text such as 1500rpm, as a number; None stays."""
+    """Return a speed as number in rpm; `value` is a number, a text such as "1500rpm" or None."""
     if not isinstance(value, str):
         return value
     if match := units.RPM.fullmatch(value.strip()):
@@ -65,15 +65,15 @@ def in_rpm(name, value):
     raise refusal(name, value, "a number, or a speed in rpm such as 1500rpm")
 
 
-def described(values: dict, moves: bool = True, draws: bool = False) -> Gears:
-    """Take the options that describe gears out of `values`; return the gears.
+def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) -> Gears:
+    """Remove the options that describe gears from `values`, and return the gears.
 
-    Options precede the configuration. Gears that move need a damping; `draws` asks for a drawing.
+    Options precede the configuration. Gears that move need a damping.
     """
     damping, kind = values.pop("damping"), values.pop("model", None) or "one_degree"
     mapping = _read(values.pop("config"), values.pop("case"), damping)
-    sections = _sections(values, draws)
-    drawing, numbers, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
+    sections = _take_sections(values, needs_drawing)
+    drawing, pair, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
     if "damping_ratio" in coefficients and "backlash_damping" not in coefficients:
         coefficients["backlash_damping_ratio"] = 0.0
     bearings = {name: values.pop(name, None) for name in _BEARINGS}
@@ -82,45 +82,45 @@ def described(values: dict, moves: bool = True, draws: bool = False) -> Gears:
         raise click.UsageError("--bearing-stiffness and --bearing-damping need --model six_degrees")
     if kind == "train" and "train" not in mapping:
         raise click.UsageError(NO_TRAIN)
-    if "backlash" in numbers and ("gears" in mapping or drawing):
-        drawing["backlash"] = numbers.pop("backlash")
+    if "backlash" in pair and ("gears" in mapping or drawing):
+        drawing["backlash"] = pair.pop("backlash")
     if drawing and "gears" not in mapping:
         # Dampings and bearings suit the gears for which they were made.
-        mapping = _only(mapping, "train", *(["dampings"] if damping else []))
+        mapping = _select(mapping, "train", *(["dampings"] if damping else []))
     mapping = overlay(mapping, {"gears": drawing} if drawing else {})
     train = mapping.get("train")
-    of_pairs = not isinstance(train, dict) or train.get("kind", PAIR_TRAINS[0]) in PAIR_TRAINS
+    needs_pair = not isinstance(train, dict) or train.get("kind", PAIR_TRAINS[0]) in PAIR_TRAINS
     if "gears" in mapping:
         if "dampings" not in mapping and not coefficients:
             if moves:
                 raise click.UsageError("damping_ratio is missing: give --damping-ratio, >= 0, < 1")
             mapping |= _UNDAMPED
-        if numbers:
-            drawn = config.load(_UNDAMPED | {"gears": mapping["gears"]})
-            numbers = drawn.gear_pair.model_dump() | numbers
-    elif draws:
+        if pair:
+            drawn_pair = config.load(_UNDAMPED | {"gears": mapping["gears"]}).gear_pair
+            pair = drawn_pair.model_dump() | pair
+    elif needs_drawing:
         raise click.UsageError("gears is missing: give --teeth, --module ..., or a configuration")
-    elif "gear_pair" not in mapping and not numbers and not of_pairs:
+    elif "gear_pair" not in mapping and not pair and not needs_pair:
         if kind != "train":
             raise click.UsageError("gears is missing: the configuration describes a train only")
-        mapping = _UNDAMPED | _STAND_IN | mapping
+        mapping = _UNDAMPED | _UNUSED_PAIR | mapping
     damping = damping or next(iter(mapping.get("dampings") or ()), "options")
     dampings = {damping: coefficients} if coefficients or not mapping else {}
-    changes = {"gear_pair": numbers, "dampings": dampings, "six_degrees": bearings}
+    changes = {"gear_pair": pair, "dampings": dampings, "six_degrees": bearings}
     changes = {key: section for key, section in changes.items() if section or not mapping}
-    whole = overlay(mapping, changes)
-    settings = config.load(_only(whole, *_NEEDED) if drawing or changes else whole)
+    mapping = overlay(mapping, changes)
+    settings = config.load(_select(mapping, *_NEEDED) if drawing or changes else mapping)
     if damping not in settings.dampings:
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
-    if moves and kind == "train" and (sentence := undamped(settings)):
-        raise click.UsageError(sentence)
+    if moves and kind == "train" and (message := undamped(settings)):
+        raise click.UsageError(message)
     name = gear_names.of_train(settings) if kind == "train" else gear_names.of_pair(settings)
     drawn = settings.gears if kind == "one_degree" else None
-    return Gears(whole, settings, damping, kind, name, drawn)
+    return Gears(mapping, settings, damping, kind, name, drawn)
 
 
 def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
-    """Return a configuration, or a case of it, by default that of config.yaml in this folder."""
+    """Return the configuration in the file `path` or in config.yaml, or one of its cases."""
     if path is None and not DEFAULT_CONFIG.exists():
         if case or damping:
             raise click.UsageError("--case and --damping need a configuration: give --config")
@@ -138,30 +138,32 @@ def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
     return cases[case or ""]
 
 
-def _sections(values: dict, draws: bool) -> dict:
-    """Take the options of fields out of `values`; return the sections that they make."""
+def _take_sections(values: dict, needs_drawing: bool) -> dict:
+    """Remove the options that are config keys from `values`, and return their sections."""
     sections: dict = {"gears": {}, "gear_pair": {}, "dampings": {}}
     teeth = values.pop("teeth")
     if isinstance(teeth, str):
         for gear, count in zip(("pinion", "wheel"), teeth.split(), strict=True):
-            sections["gears"][gear] = {"teeth": options.value(count)}
-    elif draws and teeth is not None:
+            sections["gears"][gear] = {"teeth": options.number_or_text(count)}
+    elif needs_drawing and teeth is not None:
         raise refusal("--teeth", teeth, "two values, PINION WHEEL")
     elif teeth is not None:
         sections["gear_pair"]["teeth"] = teeth
-    for _, names, places in options.DRAWING + (options.MESH if draws else options.NUMBERS):
+    rows = options.DRAWING + (options.MESH if needs_drawing else options.NUMBERS)
+    for _, names, section_keys in rows:
         for name in names:
             value = values.pop(name)
             if value is None or value is False:
                 continue
-            for place, part in zip(places, value if len(places) > 1 else [value], strict=True):
+            section_values = value if len(section_keys) > 1 else [value]
+            for section_key, section_value in zip(section_keys, section_values, strict=True):
                 section = sections
-                for key in place.split("."):
+                for key in section_key.split("."):
                     section = section.setdefault(key, {})
-                section[name] = part
+                section[name] = section_value
     return sections
 
 
-def _only(mapping: dict, *keys: str) -> dict:
-    """Return the given keys of a mapping."""
+def _select(mapping: dict, *keys: str) -> dict:
+    """Return the entries of a mapping with these keys."""
     return {key: mapping[key] for key in keys if key in mapping}

@@ -17,11 +17,11 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 DATA, YAML, PICTURES = (".nc", ".csv"), (".yaml", ".yml"), (".png", ".svg", ".pdf")
 
 
-def value(text):
-    """Return a number, or a text that may have a unit, which the configuration or library reads."""
-    for kind in (int, float):
+def number_or_text(text):
+    """Return an int or float, or the text itself, which may be a number with a unit."""
+    for number_type in (int, float):
         try:
-            return text if math.isnan(kind(text)) else kind(text)
+            return text if math.isnan(number_type(text)) else number_type(text)
         except ValueError:
             continue
     if text.startswith("--"):
@@ -30,65 +30,71 @@ def value(text):
 
 
 class Command(click.Command):
-    """A command that takes the teeth of one or two gears, and answers removed options."""
+    """A command whose option --teeth takes one or two values, and that reports removed options."""
 
     def parse_args(self, ctx, args):
-        for option in (word.partition("=")[0] for word in args):
-            if (name := f"{ctx.info_name} {option}") in REMOVED:
+        """Join two values of --teeth, because click options have a fixed number of values."""
+        for option_name in (arg.partition("=")[0] for arg in args):
+            if (name := f"{ctx.info_name} {option_name}") in REMOVED:
                 raise click.UsageError(removal_message(name), ctx)
-        for at in [i + 1 for i, word in enumerate(args) if word == "--teeth"][::-1]:
-            if "".join(args[at + 1 : at + 2]).isdigit() and not args[at].startswith("-"):
-                args = [*args[:at], f"{args[at]} {args[at + 1]}", *args[at + 2 :]]
+        for i in [i + 1 for i, arg in enumerate(args) if arg == "--teeth"][::-1]:
+            if "".join(args[i + 1 : i + 2]).isdigit() and not args[i].startswith("-"):
+                args = [*args[:i], f"{args[i]} {args[i + 1]}", *args[i + 2 :]]
         return super().parse_args(ctx, args)
 
 
 class Group(click.Group):
-    """Commands that print the library's warnings and refuse what raises a ValueError."""
+    """Commands that print the library's warnings and report a ValueError as wrong usage."""
 
     command_class = Command
 
     def invoke(self, ctx):
+        """Run the command, and convert errors of the library to those of click."""
         try:
             with warnings.catch_warnings():
                 warnings.showwarning = lambda text, *_: click.echo(f"Warning: {text}", err=True)
                 return super().invoke(ctx)
         except ValueError as error:
-            text = str(error).replace("dampings.options.", "")
-            raise click.UsageError(with_original_values(text, {})) from None
+            message = str(error).replace("dampings.options.", "")
+            raise click.UsageError(with_original_values(message, {})) from None
         except (ModuleNotFoundError, OSError) as error:
             raise click.ClickException(str(error)) from None
 
 
-def option(name, text, default=None, short=(), **settings):
-    """Return an option by its help, and its default value or its type."""
-    if default is False:
+def option(name, help_text, default_or_type=None, flags=(), **settings):
+    """Return a click option; the default False makes it a flag.
+
+    `flags` are further names such as "-o", `settings` further arguments of `click.Option`.
+    """
+    if default_or_type is False:
         settings["is_flag"] = True
-    elif callable(default):
-        settings["type"] = default
-    elif default is not None:
-        settings |= {"default": default, "show_default": True}
+    elif callable(default_or_type):
+        settings["type"] = default_or_type
+    elif default_or_type is not None:
+        settings |= {"default": default_or_type, "show_default": True}
     flag = "--state" if name == "initial_state" else f"--{name.replace('_', '-')}"
-    return click.Option([*short, flag, name], help=text, **settings)
+    return click.Option([*flags, flag, name], help=help_text, **settings)
 
 
-def of_fields(fields):
-    """Return options of fields of the configuration; a field of both gears takes two values."""
-    found = []
-    for section, names, places in fields:
-        both = {"nargs": 2, "metavar": "PINION WHEEL"} if places == _BOTH else {}
+def key_options(rows):
+    """Return the options of `rows` like those of `DRAWING`; keys of both gears take two values."""
+    click_options = []
+    for section, names, places in rows:
+        settings = {"nargs": 2, "metavar": "PINION WHEEL"} if places == _BOTH_GEARS else {}
         for name in names:
-            kind = False if name == "internal" else value
-            found.append(option(name, section.model_fields[name].description, kind, **both))
-    return found
+            value_type = False if name == "internal" else number_or_text
+            help_text = section.model_fields[name].description
+            click_options.append(option(name, help_text, value_type, **settings))
+    return click_options
 
 
-_BOTH = ["gears.pinion", "gears.wheel"]
-#: Fields that are options: of a drawing, of its mesh, of a gear pair by its numbers. Each row has a
-#: section, names of fields, and the places of these sections in the configuration.
+_BOTH_GEARS = ["gears.pinion", "gears.wheel"]
+#: Keys that are options: of drawn gears, of their mesh, of a gear pair. Each row has a section
+#: class, names of keys, and the places of the section in the configuration.
 DRAWING = [
-    (WheelSection, ["shift", "tip_diameter", "bore", "thickness_allowance"], _BOTH),
-    (WheelSection, ["module", "width", "pressure_angle", "helix_angle", "rack"], _BOTH[:1]),
-    (WheelSection, ["internal", "outer_diameter"], _BOTH[1:]),
+    (WheelSection, ["shift", "tip_diameter", "bore", "thickness_allowance"], _BOTH_GEARS),
+    (WheelSection, ["module", "width", "pressure_angle", "helix_angle", "rack"], _BOTH_GEARS[:1]),
+    (WheelSection, ["internal", "outer_diameter"], _BOTH_GEARS[1:]),
     (Gears, ["centre_distance", "torque", "stiffness"], ["gears"]),
     (Damping, ["damping_ratio"], ["dampings"]),
 ]
@@ -108,12 +114,12 @@ _TABLE = {
     "config": ("Configuration. Default: config.yaml of this folder.", _CONFIGURATION),
     "case": ("Case of the configuration, by name.", str),
     "damping": ("Damping of the configuration, by name. Default: the first.", str),
-    "teeth": ("Number of teeth, z.", value, {"metavar": "TEETH | PINION WHEEL"}),
+    "teeth": ("Number of teeth, z.", number_or_text, {"metavar": "TEETH | PINION WHEEL"}),
     "model": ("Model of the gears. Default: one_degree.", _MODELS),
-    "bearing_stiffness": (f"Stiffness {_BEARING}, N/m.", value),
-    "bearing_damping": (f"Damping {_BEARING}, N s/m.", value),
+    "bearing_stiffness": (f"Stiffness {_BEARING}, N/m.", number_or_text),
+    "bearing_damping": (f"Damping {_BEARING}, N s/m.", number_or_text),
     "tuning": ("Mesh frequency over mean eigenfrequency, nu; or give --speed.", float),
-    "speed": ("Speed of the pinion, rpm.", value),
+    "speed": ("Speed of the pinion, rpm.", number_or_text),
     "initial_state": ("Initial displacement, static deflections, and dx/dtau.", (0.0, 0.0), _STATE),
     "guess": ("Displacement, static deflections, and dx/dtau near the orbit.", None, _STATE),
     "periods": ("Mesh periods of each run.", 200),
@@ -123,12 +129,12 @@ _TABLE = {
     "simulate samples": ("Samples per mesh period.", 256),
     "method": ("Method, a name of gearlib.methods().", str),
     "until_settled": ("Continue until the motion repeats.", False),
-    "start": ("First tuning, or speed such as 1500rpm. Default: 0.5.", value),
-    "stop": ("Last tuning, or speed such as 5000rpm. Default: 1.4.", value),
+    "start": ("First tuning, or speed such as 1500rpm. Default: 0.5.", number_or_text),
+    "stop": ("Last tuning, or speed such as 5000rpm. Default: 1.4.", number_or_text),
     "points": ("Number of tunings.", 901, {"type": click.IntRange(2, 10_000_000)}),
     "direction": ("Start from rest, or from the run before, up or down.", "cold", _DIRECTIONS),
-    "run-up start": ("First speed, rpm.", value),
-    "run-up stop": ("Last speed, rpm.", value),
+    "run-up start": ("First speed, rpm.", number_or_text),
+    "run-up stop": ("Last speed, rpm.", number_or_text),
     "duration": ("Time from the first to the last speed, s.", float),
     "acceleration": ("Rate of the speed, rpm/s; replaces --duration.", float),
     "back": ("Return to the first speed.", False),
@@ -137,7 +143,7 @@ _TABLE = {
     "phase": ("Mesh phase, rad.", 0.0),
     "count": ("Highest order.", 6),
     "campbell count": ("Highest order of a mesh.", 1),
-    "tolerance": ("Tolerance, 'load std=5%'; may be repeated.", str, _MANY | {"short": ["-t"]}),
+    "tolerance": ("Tolerance, 'load std=5%'; may be repeated.", str, _MANY | {"flags": ["-t"]}),
     "quantity": (f"Quantity, of {', '.join(QUANTITIES)}; may be repeated.", None, _QUANTITY),
     "free": ("Parameter to fit, NAME[=LOW,HIGH]; may be repeated. Default: of DATA.", str, _MANY),
     "thickness_class": ("Tooth thickness of drawn gears by DIN 3967: 26cd, or '26cd 25cd'.", str),
@@ -149,19 +155,20 @@ _TABLE = {
     "format": ("Format of the table.", "text", {"type": click.Choice(["text", "json", "csv"])}),
     "save": ("Configuration to write, .yaml.", FILE),
     "port": ("Port on this machine. Default: any free one.", click.IntRange(0, 65535)),
-    "output": ("File to write: .nc (netCDF) or .csv (table).", FILE, {"short": ["-o"]}),
+    "output": ("File to write: .nc (netCDF) or .csv (table).", FILE, {"flags": ["-o"]}),
     "plot": (f"Picture to draw: {', '.join(PICTURES)}.", FILE),
     "force": ("Replace existing files.", False),
 }
 
 
-def named(command, names):
-    """Return the options of a command by their names in the table."""
-    entries = {name: _TABLE.get(f"{command} {name}") or _TABLE[name] for name in names.split()}
-    return [option(name, *entry[:2], **dict(*entry[2:])) for name, entry in entries.items()]
+def command_options(command_name, option_names):
+    """Return the options of a command; `option_names` is a text with spaces between the names."""
+    names = option_names.split()
+    rows = [_TABLE.get(f"{command_name} {name}") or _TABLE[name] for name in names]
+    return [option(name, *row[:2], **dict(*row[2:])) for name, row in zip(names, rows, strict=True)]
 
 
-_GEARS = named("", "config case damping teeth") + of_fields(DRAWING)
+_GEARS = command_options("", "config case damping teeth") + key_options(DRAWING)
 #: Options of two drawn gears, of a gear pair by its numbers or drawing, of a model that moves.
-DRAWN_GEARS, PAIR = _GEARS + of_fields(MESH), _GEARS + of_fields(NUMBERS)
-MODEL = PAIR + named("", "model bearing_stiffness bearing_damping")
+DRAWN_GEARS, PAIR = _GEARS + key_options(MESH), _GEARS + key_options(NUMBERS)
+MODEL = PAIR + command_options("", "model bearing_stiffness bearing_damping")

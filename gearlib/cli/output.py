@@ -1,4 +1,4 @@
-"""What commands print, write and draw."""
+"""Printing, writing and drawing of the results of commands."""
 
 import csv
 import itertools
@@ -11,7 +11,7 @@ import click
 from gearlib.parameters import WRITTEN_UNITS
 
 WIDTH = 80
-#: Variables that are printed.
+#: Variables of datasets that are printed.
 _SHOWN = (
     *("tuning", "speed", "revolution_speed", "revolution_time", "static_deflection", "period"),
     *("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_factor", "mean_force"),
@@ -21,11 +21,11 @@ _SHOWN = (
     *("multiplier_real", "multiplier_imaginary"),
 )
 #: Dimensions of variables that are printed as tables.
-_OVER = ("mesh", "mode", "coordinate", "contact_phase", "multiplier")
+_TABLE_DIMENSIONS = ("mesh", "mode", "coordinate", "contact_phase", "multiplier")
 
 
 def check(option, path, force, endings):
-    """Refuse a file that cannot be written or must not be replaced."""
+    """Raise an error if the file of an option cannot be written, or exists without `force`."""
     if path is None:
         return
     if path.suffix not in endings:
@@ -39,26 +39,26 @@ def check(option, path, force, endings):
         raise click.UsageError(f"{path} exists: choose another name, or give --force")
 
 
-def write(path, dataset, over):
-    """Write a dataset, as netCDF or as a table over a dimension."""
+def write(path, dataset, dimension):
+    """Write a dataset as netCDF, or as a CSV table with a row for each entry of a dimension."""
     from gearlib.data import storage
 
     if path.suffix == ".csv":
-        storage.write_rows(dataset, over, path)
+        storage.write_rows(dataset, dimension, path)
     else:
         storage.write(dataset, path)
     click.echo(f"written to {path}")
 
 
 def write_text(path, text):
-    """Write a text, and say so on standard error."""
+    """Write a text file, and report it on standard error."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     click.echo(f"written to {path}", err=True)
 
 
 def picture(path, name, draw, model=None, dataset=None):
-    """Draw a picture, and beside it a train; `draw` takes `gearlib.plot` and returns axes."""
+    """Draw a picture of gears called `name`; `draw` takes `gearlib.plot` and returns axes."""
     import matplotlib
 
     matplotlib.use("agg")
@@ -74,7 +74,7 @@ def picture(path, name, draw, model=None, dataset=None):
 
 
 def show(dataset):
-    """Print what a dataset has of `_SHOWN`, scalars in lines, others as tables; refuse failures."""
+    """Print the main variables of a dataset, or raise an error if its computation failed."""
     if "status" in dataset and dataset.status != 0:
         raise click.ClickException(dataset.status.attrs.get("message", "all runs have failed"))
     import pandas
@@ -87,7 +87,7 @@ def show(dataset):
         if not variable.ndim:
             value = f"{variable.item():.10g} {unit}"
             rows.append((f"{name:21} {value:17}".rstrip(), variable.long_name))
-        elif variable.dims[0] in _OVER:
+        elif variable.dims[0] in _TABLE_DIMENSIONS:
             columns = tables.setdefault(variable.dims[0], {})
             columns[f"{name} {unit}".rstrip()] = variable.to_series()
     if rows:
@@ -97,30 +97,33 @@ def show(dataset):
 
 
 def frame(table):
-    """Print a table of pandas; columns that do not fit a terminal follow below."""
+    """Print a pandas table; columns that do not fit on the line follow below."""
     table = table.rename_axis(index=None, columns=table.index.name)
     click.echo(table.to_string(line_width=WIDTH, float_format="{:.6g}".format))
 
 
 def definitions(rows):
-    """Print pairs of a term and its description, which is wrapped beside it."""
+    """Print pairs of a term and its description in two columns."""
     formatter = click.HelpFormatter(width=WIDTH)
     formatter.write_dl(rows, col_max=60)
     click.echo(formatter.getvalue(), nl=False)
 
 
-def gear_table(rows, form):
-    """Print the table of drawn gears as text, JSON or CSV."""
-    if form == "json":
+def gear_table(rows, file_format):
+    """Print the rows of the table of drawn gears as "text", "json" or "csv"."""
+    if file_format == "json":
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))
-    elif form == "csv":
+    elif file_format == "csv":
         writer = csv.writer(sys.stdout, lineterminator="\n")
         writer.writerow(["name", "of", "value", "unit", "meaning"])
         for row in rows:
-            for of, value in row.values.items():
-                writer.writerow([row.name, of, repr(value), row.unit, row.meaning])
+            for column, value in row.values.items():
+                writer.writerow([row.name, column, repr(value), row.unit, row.meaning])
     else:
-        for heads, block in itertools.groupby(rows, lambda row: tuple(row.values)):
-            click.echo(f"{'':25}{''.join(f'{head:13}' for head in heads)}")
-            texts = ((x, "".join(f"{value:<13.6g}" for value in x.values.values())) for x in block)
-            definitions([(f"{x.name:25}{text}{x.unit:6}", x.meaning) for x, text in texts])
+        for columns, block in itertools.groupby(rows, lambda row: tuple(row.values)):
+            click.echo(f"{'':25}{''.join(f'{column:13}' for column in columns)}")
+            terms = []
+            for row in block:
+                values = "".join(f"{value:<13.6g}" for value in row.values.values())
+                terms.append((f"{row.name:25}{values}{row.unit:6}", row.meaning))
+            definitions(terms)

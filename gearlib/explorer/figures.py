@@ -1,56 +1,57 @@
-"""Figures of a view of the gears, whose lines are sources by name."""
+"""Figures of the explorer; their curves are data sources by name."""
 
 import math
+from collections import defaultdict
 
 import numpy as np
 import panel as pn
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
 
-from gearlib.explorer.view import LOADS, SAMPLES, SHOWN, View
+from gearlib.explorer.view import SAMPLES, SHOWN_PERIODS, TORQUE_RATIOS, View
 from gearlib.figures.style import PALETTE
 
-#: Share of the window's height and minimum height, px, of the resonance curve and other figures.
-_LARGE, _SMALL = (0.55, 300), (0.45, 250)
+#: Fraction of the window height, and minimum height in px, of the resonance curve and of others.
+_LARGE_HEIGHT, _SMALL_HEIGHT = (0.55, 300), (0.45, 250)
 #: Minimum width of a figure, width of its y-axis labels, height of heading and note, px.
-_MIN_WIDTH, _ORDINATE, _HEAD = 260, 65, 200
+_MIN_WIDTH, _LABEL_WIDTH, _HEADING_HEIGHT = 260, 65, 200
 #: Smallest amplitude that is drawn, over the mean force.
 _MIN_AMPLITUDE = 1e-6
 _SWEEPS = ("up", "up_min", "down", "down_min")
 
 
 class Figures:
-    """The figures of a pair, over its tuning, or of drawn gears, over the speed of the pinion."""
+    """The figures of a gear pair over the tuning, or of drawn gears over the pinion speed."""
 
     def __init__(self, drawn: bool):
         self.drawn = drawn
-        self.harris = [*(f"{load:g}" for load in LOADS), "chosen"]
-        names = [*_SWEEPS, "plane", "course", "force", "roots", "orders", *self.harris, "share"]
-        self.sources = {name: ColumnDataSource({"x": [], "y": []}) for name in names}
+        self.harris = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]
+        self.sources = defaultdict(lambda: ColumnDataSource({"x": [], "y": []}))
         self.table = pn.pane.Markdown("", width=290)
-        self.resonance, self.marker = self._characteristic()
-        self.teeth_panes = [pane(plot) for plot in self._of_teeth()] if drawn else []
+        self.resonance, self.marker = self._resonance_figure()
+        self.teeth_panes = [pane(plot) for plot in self._teeth_figures()] if drawn else []
 
     def rows(self) -> list:
-        """Return the panes of the figures, one row after the other."""
-        first = [beside(self.table, *self.teeth_panes)] if self.drawn else []
-        return [*first, beside(pane(self.resonance, _LARGE)), beside(*map(pane, self._motion()))]
+        """Return the rows of the figures as Panel objects."""
+        rows = [beside(self.table, *self.teeth_panes)] if self.drawn else []
+        motion_panes = map(pane, self._motion_figures())
+        return [*rows, beside(pane(self.resonance, _LARGE_HEIGHT)), beside(*motion_panes)]
 
     def draw(self, view: View) -> str:
         """Draw the results of a view into all figures, and return its message."""
         rpm, tuning = float(view.pair.speed(1.0)), float(view.run.tuning)
         for name, curve in (("up", view.up), ("down", view.down)):
             x = curve.tuning.values * (rpm if self.drawn else 1.0)
-            self._show(name, x, curve.displacement_max.values)
-            self._show(f"{name}_min", x, curve.displacement_min.values)
-        course = view.run.isel(phase=slice(-SHOWN * SAMPLES, None))
-        phase, displacement = course.phase.values, course.displacement.values
-        self._show("plane", displacement, course.velocity.values)
-        self._show("course", phase - phase[0], displacement)
-        self._show("force", phase - phase[0], course.dynamic_force.values)
-        self._show("roots", view.multipliers.real, view.multipliers.imag)
+            self._set(name, x, curve.displacement_max.values)
+            self._set(f"{name}_min", x, curve.displacement_min.values)
+        history = view.run.isel(phase=slice(-SHOWN_PERIODS * SAMPLES, None))
+        phase, displacement = history.phase.values, history.displacement.values
+        self._set("plane", displacement, history.velocity.values)
+        self._set("history", phase - phase[0], displacement)
+        self._set("force", phase - phase[0], history.dynamic_force.values)
+        self._set("multipliers", view.multipliers.real, view.multipliers.imag)
         if view.orders is not None:
-            self._show("orders", *_stems(view.orders))
+            self._set("orders", *_stems(view.orders))
         self.marker.location = float(view.run.speed) if self.drawn else tuning
         if self.drawn:
             self._draw_teeth(view)
@@ -58,24 +59,25 @@ class Figures:
 
     def _draw_teeth(self, view: View) -> None:
         """Show the derived quantities, the Harris map and the load share of drawn gears."""
-        lines = [f"| {name} | {value} |" for name, value in derived(view)]
-        self.table.object = "\n".join(["| derived | |", "|---|---:|", *lines])
+        rows = [f"| {name} | {value} |" for name, value in derived_quantities(view)]
+        self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
         for teeth_pane in self.teeth_panes:
             teeth_pane.visible = view.error is not None
         if view.error is None:
             return
         # With pitch errors the curves span several mesh periods; their first point closes them.
-        count = len(view.mesh.pitch_errors)
-        phase = np.append(view.error.phase.values / math.tau, count)
+        period_count = len(view.mesh.pitch_errors)
+        phase = np.append(view.error.phase.values / math.tau, period_count)
         for name, curve in zip(self.harris, view.error.transmission_error.values, strict=True):
-            self._show(name, phase, 1e6 * np.append(curve, curve[0]))
-        period = view.error.isel(torque=-1, phase=slice(0, view.error.phase.size // count))
-        position, share = 1e3 * period.path_position.values, period.load_share.values
-        inside = np.isfinite(position)
-        order = np.argsort(position[inside])
-        self._show("share", position[inside][order], share[inside][order])
+            self._set(name, phase, 1e6 * np.append(curve, curve[0]))
+        period = view.error.isel(torque=-1, phase=slice(0, view.error.phase.size // period_count))
+        position, load_share = 1e3 * period.path_position.values, period.load_share.values
+        # Positions outside the path of contact are NaN.
+        order = np.argsort(position)[: np.isfinite(position).sum()]
+        self._set("share", position[order], load_share[order])
 
-    def _show(self, name: str, x, y) -> None:
+    def _set(self, name: str, x, y) -> None:
+        """Set the data of the curve `name`."""
         self.sources[name].data = {"x": x, "y": y}
 
     def _plot(self, title: str, x: str, y: str, *lines, **options):
@@ -83,7 +85,7 @@ class Figures:
 
         Each line is (source name, colour index, line options). Options are those of `figure`.
         """
-        settings = {"sizing_mode": "stretch_both", "min_border_left": _ORDINATE}
+        settings = {"sizing_mode": "stretch_both", "min_border_left": _LABEL_WIDTH}
         settings |= {"toolbar_location": None, "title": title} | options
         plot = figure(x_axis_label=x, y_axis_label=y, **settings)
         for name, colour, line_options in lines:
@@ -91,7 +93,7 @@ class Figures:
             plot.line("x", "y", source=source, color=PALETTE[colour], **line_options)
         return plot
 
-    def _characteristic(self):
+    def _resonance_figure(self):
         """Return the figure of the resonance curve and its marker at the chosen speed or tuning."""
         labels = {name: {"legend_label": f"sweep {name.split('_')[0]}"} for name in _SWEEPS}
         lines = [(name, 0 if "up" in name else 4, label) for name, label in labels.items()]
@@ -103,24 +105,25 @@ class Figures:
         plot.add_layout(marker)
         return plot, marker
 
-    def _motion(self) -> list:
+    def _motion_figures(self) -> list:
         """Return figures of phase plane, time history, Floquet multipliers and order spectrum."""
         plane = self._plot("Phase plane", "displacement", "velocity dx/dτ", ("plane", 0, {}))
-        displacement = ("course", 0, {"legend_label": "displacement"})
+        displacement = ("history", 0, {"legend_label": "displacement"})
         force, title = ("force", 4, {"legend_label": "dynamic force / load"}), "Time course"
-        course = self._plot(title, "mesh phase τ, rad", "", displacement, force)
-        course.add_layout(course.legend[0], "below")
-        course.legend.orientation = "horizontal"
-        roots = self._plot("Floquet multipliers", "real part", "imaginary part")
-        roots.match_aspect = True
+        history = self._plot(title, "mesh phase τ, rad", "", displacement, force)
+        history.add_layout(history.legend[0], "below")
+        history.legend.orientation = "horizontal"
+        multipliers = self._plot("Floquet multipliers", "real part", "imaginary part")
+        multipliers.match_aspect = True
         angle = np.linspace(0.0, math.tau, 200)
-        roots.line(np.cos(angle), np.sin(angle), color="#999999")
-        roots.scatter("x", "y", source=self.sources["roots"], size=10, color=PALETTE[0])
+        multipliers.line(np.cos(angle), np.sin(angle), color="#999999")
+        source = self.sources["multipliers"]
+        multipliers.scatter("x", "y", source=source, size=10, color=PALETTE[0])
         y, line = "mesh force, N, peak", ("orders", 0, {"line_width": 3})
         spectrum = self._plot("Order spectrum", "mesh order", y, line, y_axis_type="log")
-        return [plane, course, roots, spectrum]
+        return [plane, history, multipliers, spectrum]
 
-    def _of_teeth(self) -> list:
+    def _teeth_figures(self) -> list:
         """Return figures of the Harris map and of the load share of a pair of teeth."""
         lines = [(name, 3, {"legend_label": name}) for name in self.harris[:-1]]
         lines.append(("chosen", 0, {"line_width": 3, "legend_label": "1"}))
@@ -133,18 +136,17 @@ class Figures:
 
 
 def _stems(spectrum):
-    """Return x and y of vertical lines, separated by NaN, for a spectrum's force amplitudes."""
+    """Return x and y of vertical lines, separated by NaN, for the amplitudes of a spectrum."""
     amplitude = spectrum.force_amplitude.values
     is_shown = amplitude > _MIN_AMPLITUDE * amplitude[0]
-    # Order 0 is the mean force, which is no vibration.
-    is_shown[0] = False
-    feet = np.full(is_shown.sum(), _MIN_AMPLITUDE * amplitude[0])
+    is_shown[0] = False  # the mean force
+    lower_ends = np.full(is_shown.sum(), _MIN_AMPLITUDE * amplitude[0])
     gaps = np.full(is_shown.sum(), np.nan)
-    ends = np.column_stack([feet, amplitude[is_shown], gaps])
-    return np.repeat(spectrum.mesh_order.values[is_shown], 3), ends.ravel()
+    y = np.column_stack([lower_ends, amplitude[is_shown], gaps]).ravel()
+    return np.repeat(spectrum.mesh_order.values[is_shown], 3), y
 
 
-def derived(view: View) -> list[tuple[str, str]]:
+def derived_quantities(view: View) -> list[tuple[str, str]]:
     """Return (name, value with unit) of quantities that follow from the drawing of the gears."""
     mesh, pair = view.mesh, view.pair
     quantities = [
@@ -162,20 +164,17 @@ def derived(view: View) -> list[tuple[str, str]]:
     ]
     if view.error is not None:
         static = view.error.isel(torque=-1)
-        quantities.append(
-            ("peak-to-peak error", f"{1e6 * static.peak_to_peak_error.item():.2f} µm")
-        )
-        quantities.append(
-            ("effective contact ratio", f"{static.effective_contact_ratio.item():.4f}")
-        )
+        error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
+        quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))
+        quantities.append(("effective contact ratio", f"{ratio:.4f}"))
     return quantities
 
 
-def pane(plot, size=_SMALL):
-    """Return the pane of a figure, whose `size` is (share of window height, minimum px)."""
-    share, min_height = size
+def pane(plot, height=_SMALL_HEIGHT):
+    """Return a Panel object of a figure; `height` is (fraction of window height, minimum px)."""
+    fraction, min_height = height
     styles = {
-        "height": f"calc({share} * (100vh - {_HEAD}px))",
+        "height": f"calc({fraction} * (100vh - {_HEADING_HEIGHT}px))",
         "min-height": f"{min_height}px",
         "flex": f"1 1 {_MIN_WIDTH}px",
         "min-width": "0",

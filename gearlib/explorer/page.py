@@ -1,4 +1,4 @@
-"""The page of the explorer: sliders, figures, a note, the button; with Panel."""
+"""The page of the explorer in Panel: sliders, figures, a note and a download button."""
 
 import io
 import time
@@ -9,7 +9,7 @@ from bokeh.events import Tap
 
 from gearlib.explorer.figures import Figures, beside
 from gearlib.explorer.sliders import Slider, Sliders
-from gearlib.explorer.view import look
+from gearlib.explorer.view import compute_view
 
 
 class Page:
@@ -23,26 +23,26 @@ class Page:
         self.button = pn.widgets.FileDownload(
             callback=self.file, filename="config.yaml", label="Save as config.yaml", embed=False
         )
-        self.shown = pn.Column(*self.figures.rows(), sizing_mode="stretch_width")
+        self.figure_column = pn.Column(*self.figures.rows(), sizing_mode="stretch_width")
         for widget in self.sliders.values():
             widget.param.watch(self.update, "value")
         self.figures.resonance.on_event(Tap, self.pick)
         self.update()
 
     def pick(self, event) -> None:
-        """Move the speed or tuning slider to the position clicked in the resonance curve."""
+        """Set the speed or tuning slider to the position of a click into the resonance curve."""
         widget = self.sliders[self.gears.abscissa]
         value = widget.start + round((event.x - widget.start) / widget.step) * widget.step
         widget.value = min(max(float(f"{value:.12g}"), widget.start), widget.end)
 
     def configuration(self) -> dict:
-        """Return the configuration with the present values of all sliders."""
+        """Return the configuration with the current values of all sliders."""
         values = {}
         for name, slider in self.gears.sliders.items():
             # Moved values are rounded to 12 digits; sliders not moved keep the exact value.
             value = self.sliders[name].value
-            moved = value != _shown(slider)
-            values[name] = float(f"{value * slider.unit:.12g}") if moved else slider.start
+            is_moved = value != _initial_value(slider)
+            values[name] = float(f"{value * slider.unit:.12g}") if is_moved else slider.start
             if isinstance(slider.start, int):
                 values[name] = int(values[name])
         return self.gears.configuration(values)
@@ -51,44 +51,44 @@ class Page:
         """Compute and draw the results for the slider values, or show why they are invalid."""
         start, visible = time.perf_counter(), True
         try:
-            note = self.figures.draw(look(self.configuration(), self.gears.damping))
+            note = self.figures.draw(compute_view(self.configuration(), self.gears.damping))
             note += f" *Computed in {1e3 * (time.perf_counter() - start):.0f} ms.*"
         except ValueError as error:
             note, visible = str(error), False
-        self.note.object, self.shown.visible, self.button.disabled = note, visible, not visible
+        self.note.object, self.button.disabled = note, not visible
+        self.figure_column.visible = visible
 
     def file(self) -> io.BytesIO:
-        """Return the present configuration as a file object in YAML, for the download button."""
+        """Return the current configuration as a YAML file, for the download button."""
         text = yaml.safe_dump(self.configuration(), sort_keys=False, allow_unicode=True)
         return io.BytesIO(f"# Saved by gearlib explore.\n{text}".encode())
 
     def layout(self):
         """Return the Panel layout of the page: heading, sliders, note and figures."""
         controls = pn.Column(*self.sliders.values(), self.button, styles={"flex": "0 0 300px"})
-        figures = pn.Column(self.note, self.shown, sizing_mode="stretch_width")
+        figures = pn.Column(self.note, self.figure_column, sizing_mode="stretch_width")
         # In a narrow window the figures come below the sliders.
         figures.styles = {"flex": "1 1 360px", "min-width": "0"}
         heading = pn.pane.Markdown(f"### {self.gears.heading}", css_classes=["gears"])
         return pn.Column(heading, beside(controls, figures), sizing_mode="stretch_width")
 
 
-def _shown(slider: Slider) -> float:
+def _initial_value(slider: Slider) -> float:
     """Return the initial value of a slider in its displayed unit, rounded to 12 digits."""
     return float(f"{slider.start / slider.unit:.12g}")
 
 
 def _widget(slider: Slider):
     """Return the Panel widget of a slider."""
-    range_of_values = {"start": slider.low, "end": slider.high, "step": slider.step}
-    return pn.widgets.FloatSlider(
-        label=slider.label, value=_shown(slider), format="0[.][00000]", **range_of_values
-    )
+    settings = {"start": slider.low, "end": slider.high, "step": slider.step}
+    settings |= {"value": _initial_value(slider), "format": "0[.][00000]"}
+    return pn.widgets.FloatSlider(label=slider.label, **settings)
 
 
 def serve(mapping: dict, damping: str, port: int = 0, show: bool = True) -> None:
     """Serve the explorer page on this machine until interrupted.
 
-    `mapping` is a configuration and `damping` the name of one of its dampings. Port 0 takes any
+    `mapping` is a configuration and `damping` the name of one of its dampings. Port 0 means any
     free port; `show` opens a browser.
     """
     pn.extension()

@@ -1,4 +1,4 @@
-"""From a configuration to the arrays that the explorer draws of it; no browser here."""
+"""Computation of the results of a configuration that the explorer draws."""
 
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -16,101 +16,104 @@ from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import EXTENSION_RATIO, sweep, sweep_down
 
-#: Mesh periods of a time course that is drawn, and samples of each.
-SHOWN, SAMPLES = 3, 256
-#: Points of a characteristic; mesh periods of each, of which the last are evaluated.
+#: Mesh periods of the time history that is drawn, and samples of each.
+SHOWN_PERIODS, SAMPLES = 3, 256
+#: Points of a resonance curve; mesh periods of each, of which the last are evaluated.
 _POINTS, _PERIODS, _RECORDED = 500, 70, 10
 #: Mesh periods of the motion at the setting before its record, and the longest record of them.
-_SETTLE, _LONGEST = 280, 100
-#: Speeds of the characteristic of drawn gears, over that of resonance.
-LOWEST, HIGHEST = 0.2, 2.2
-#: Loads of the Harris map beside the chosen one, over it.
-LOADS = 0.0, 0.5, 1.5, 2.0
-#: Phases of a mesh period; most, where errors repeat after many mesh periods, and least of each.
-_PHASES, _ALL_PHASES, _FEWEST = 256, 2048, 16
+_SETTLING_PERIODS, _MAX_RECORDED = 280, 100
+#: Ends of the resonance curve of drawn gears, over the resonance speed.
+MIN_SPEED_RATIO, MAX_SPEED_RATIO = 0.2, 2.2
+#: Torques of the Harris map besides the given one, over it.
+TORQUE_RATIOS = 0.0, 0.5, 1.5, 2.0
+#: Phases of a mesh period; largest number of all phases with pitch errors, smallest of a period.
+_PHASES, _MAX_PHASES, _MIN_PHASES = 256, 2048, 16
 
 
 class View(NamedTuple):
     """The results of one configuration at its speed or tuning."""
 
-    pair: GearPair  #: with a rectangle of stiffness, of which the characteristic is
+    pair: GearPair  #: with the rectangular stiffness of the resonance curve
     up: xr.Dataset  #: of a sweep up
-    down: xr.Dataset
-    run: xr.Dataset  #: of `gearlib.simulate` at the tuning; of drawn gears by pairs of teeth
+    down: xr.Dataset  #: of a sweep down
+    run: xr.Dataset  #: of `gearlib.simulate` at the tuning; of drawn gears with load sharing
     multipliers: np.ndarray  #: Floquet multipliers, empty if no orbit was found
     message: str  #: sentences about the motion
-    orders: xr.Dataset | None  #: order spectrum, if there is a motion to the end
+    orders: xr.Dataset | None  #: order spectrum, if the run did not fail
     mesh: Any = None  #: of drawn gears
-    error: xr.Dataset | None = None  #: of `Mesh.transmission_error` of spur gears at several loads
+    error: xr.Dataset | None = (
+        None  #: of `Mesh.transmission_error` of spur gears at several torques
+    )
 
 
-def look(mapping: dict, damping: str) -> View:
-    """Return the results of a configuration with the named damping, at its first tuning.
+def compute_view(mapping: dict, damping: str) -> View:
+    """Return the results of a configuration with the named damping at its speed or first tuning.
 
-    Drawn gears are computed at their speed. ValueError if the gears are impossible.
+    Raise ValueError if the gears are impossible.
     """
     settings = config.load(mapping)
     pair = GearPair(**settings.pair_parameters(damping))
     tuning = settings.phase_planes.tunings[0]
     if settings.gears is None:
-        grid = np.linspace(settings.resonance.start, settings.resonance.stop, _POINTS)
-        return _motion(pair, pair, grid, tuning)
+        tunings = np.linspace(settings.resonance.start, settings.resonance.stop, _POINTS)
+        return _compute_motions(pair, pair, tunings, tuning)
     gears = settings.gears
     mesh, torque = gears.mesh(), gears.driving_torque()
     ratios = {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
     method = {"stiffness": gears.stiffness, "options": gears.stiffness_options}
-    teeth = default_load_sharing_pair(mesh, torque=torque, **ratios, **method)
-    resonance = pair.speed(1.0)
-    speed = float(pair.speed(tuning))
-    ends = min(LOWEST * resonance, speed), max(HIGHEST * resonance, speed)
-    grid = pair.tuning_at(np.linspace(*ends, _POINTS))
-    # The number of mesh periods after which the same teeth meet again.
-    count = len(mesh.pitch_errors)
+    model = default_load_sharing_pair(mesh, torque=torque, **ratios, **method)
+    resonance_speed, speed = pair.speed(1.0), float(pair.speed(tuning))
+    min_speed = min(MIN_SPEED_RATIO * resonance_speed, speed)
+    max_speed = max(MAX_SPEED_RATIO * resonance_speed, speed)
+    tunings = pair.tuning_at(np.linspace(min_speed, max_speed, _POINTS))
+    # The same teeth meet again after as many mesh periods as there are pitch errors.
+    repeat_periods = len(mesh.pitch_errors)
     error = None
     if not mesh.pinion.helix_angle:
-        phases = max(_FEWEST, min(_PHASES, _ALL_PHASES // count))
-        torques = [*(load * torque for load in LOADS), torque]
-        error = mesh.transmission_error(torques, phases=phases, stiffness=teeth.stiffness)
-    view = _motion(pair, teeth, grid, float(teeth.tuning_at(speed)), count)
+        phases = max(_MIN_PHASES, min(_PHASES, _MAX_PHASES // repeat_periods))
+        torques = [*(ratio * torque for ratio in TORQUE_RATIOS), torque]
+        error = mesh.transmission_error(torques, phases=phases, stiffness=model.stiffness)
+    tuning = float(model.tuning_at(speed))
+    view = _compute_motions(pair, model, tunings, tuning, repeat_periods)
     return view._replace(mesh=mesh, error=error)
 
 
-def _motion(pair, moving, grid: np.ndarray, tuning: float, repeats: int = 1) -> View:
-    """Return the resonance curves of `pair` over `grid` and the motion of `moving` at a tuning.
+def _compute_motions(pair, model, tunings: np.ndarray, tuning: float, repeat_periods: int = 1):
+    """Return the `View` of the resonance curves of `pair` and the motion of `model` at a tuning.
 
-    The pitch errors of `moving` repeat after `repeats` mesh periods.
+    The pitch errors of the model repeat after `repeat_periods` mesh periods.
     """
     settings = {"periods": _PERIODS, "record_periods": _RECORDED, "threads": 1}
 
-    def curve(direction):
-        if moving is not pair and direction == "down":
-            swept, jumped = sweep_down(pair, grid, EXTENSION_RATIO * grid[0], **settings)
+    def resonance_curve(direction):
+        """Return the dataset of a sweep, and whether it is complete, with the jump down."""
+        if model is not pair and direction == "down":
+            curve, jumped = sweep_down(pair, tunings, EXTENSION_RATIO * tunings[0], **settings)
         else:
-            swept, jumped = sweep(pair, grid, direction=direction, **settings), True
-        return without_growth(swept, pair.extent), jumped
+            curve, jumped = sweep(pair, tunings, direction=direction, **settings), True
+        return without_growth(curve, pair.extent), jumped
 
     # The kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
-        (up, _), (down, jumped) = pool.map(curve, ("up", "down"))
+        (up, _), (down, jumped) = pool.map(resonance_curve, ("up", "down"))
     # The record spans a revolution, or with pitch errors the periods until the same teeth meet.
-    recorded = max(round(moving.periods_per_revolution), min(repeats, _LONGEST))
-    periods = {"periods": _SETTLE + recorded, "record_periods": recorded}
-    run = simulate(moving, tuning, **periods, samples_per_period=SAMPLES, until_settled=True)
-    message = (
-        f"{motions.describe(run)} Followed for {_SETTLE + recorded} mesh periods, at each speed"
-    )
-    message += f" of the characteristic for {_PERIODS}."
+    recorded = max(round(model.periods_per_revolution), min(repeat_periods, _MAX_RECORDED))
+    periods = {"periods": _SETTLING_PERIODS + recorded, "record_periods": recorded}
+    run = simulate(model, tuning, **periods, samples_per_period=SAMPLES, until_settled=True)
+    message = f"{motions.describe(run)} Followed for {periods['periods']} mesh periods, at each "
+    message += f"speed of the characteristic for {_PERIODS}."
     if not jumped:
         message += f" Going down it has not jumped at {float(down.speed[0]):.0f} rpm, the lowest."
-    roots = _multipliers(moving, run)
-    if roots.size:
-        sizes = ", ".join(f"{abs(root):.4g}" for root in roots)
-        message += f" Floquet multipliers in magnitude: {sizes}."
-    return View(pair, up, down, run, roots, message, None if int(run.status) else orders(run))
+    multipliers = _floquet_multipliers(model, run)
+    if multipliers.size:
+        magnitudes = ", ".join(f"{abs(multiplier):.4g}" for multiplier in multipliers)
+        message += f" Floquet multipliers in magnitude: {magnitudes}."
+    spectrum = None if int(run.status) else orders(run)
+    return View(pair, up, down, run, multipliers, message, spectrum)
 
 
-def _multipliers(model, run: xr.Dataset) -> np.ndarray:
-    """Return the Floquet multipliers of the orbit on which a run settles, empty without orbit."""
+def _floquet_multipliers(model, run: xr.Dataset) -> np.ndarray:
+    """Return the Floquet multipliers of the orbit of a settled run, or an empty array."""
     if not int(run.period):
         return np.empty(0)
     try:

@@ -387,7 +387,7 @@ def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments
         except ValueError:
             stiffness = "iso"
     options = options or {}
-    checks.known("stiffness", options, _STIFFNESS_OPTIONS)
+    checks.known_parameters("stiffness", options, _STIFFNESS_OPTIONS)
     if stiffness == "energy" and "coupling" in options:
         arguments["coupling"] = options["coupling"]
     return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **arguments)

@@ -226,8 +226,8 @@ def _check_profile(name, pairs, allowed_values: str, is_allowed, steps=False) ->
     have the same time.
     """
     profile = []
-    for i, pair in enumerate(checks.many(name, pairs)):
-        t, value = checks.many(f"{name}[{i}]", pair, 2)
+    for i, pair in enumerate(checks.sequence(name, pairs)):
+        t, value = checks.sequence(f"{name}[{i}]", pair, 2)
         t = checks.finite_nonnegative(f"{name}[{i}][0]", t)
         value = checks.number(f"{name}[{i}][1]", value, allowed_values, is_allowed)
         if profile and (t < profile[-1][0] or (t == profile[-1][0] and not steps)):

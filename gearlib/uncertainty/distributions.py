@@ -129,9 +129,9 @@ def _correlations(marginals: dict, correlation_rows: Any) -> list[tuple]:
     `correlation_rows` are sequences (name, name, coefficient) of names in `marginals`.
     """
     correlations: dict = {}
-    for i, row in enumerate(checks.many(f"tolerances.{CORRELATIONS}", correlation_rows)):
+    for i, row in enumerate(checks.sequence(f"tolerances.{CORRELATIONS}", correlation_rows)):
         key = f"tolerances.{CORRELATIONS}[{i}]"
-        first, second, coefficient = checks.many(key, row, 3)
+        first, second, coefficient = checks.sequence(key, row, 3)
         for name in (first, second):
             checks.one_of(key, name, tuple(marginals))
         checks.require(first != second, key, row, "two different parameters")

@@ -101,7 +101,7 @@ def _design_tables(designs: Designs, search: Any, n: int, progress: Any) -> np.n
     points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
     parameters = designs.tolerances.values(points.reshape(-1, k))
     values = np.full((len(parameters), len(search.quantities)), np.nan)
-    with notebook.telling("designs", len(parameters), progress) as report:
+    with notebook.counting_bar("designs", len(parameters), progress) as report:
         for i, row in enumerate(parameters):
             try:
                 design = designs.model(row)

@@ -110,7 +110,7 @@ def by_class(
     tolerances: dict = {}
     if thickness is not None:
         designations = (thickness,) * 2 if isinstance(thickness, str) else thickness
-        designations = checks.many("thickness", designations, 2)
+        designations = checks.sequence("thickness", designations, 2)
         for gear, designation in zip(("pinion", "wheel"), designations, strict=True):
             low, high = thickness_limits(getattr(mesh, gear).reference_diameter, designation)
             tolerances[f"{gear}.thickness_allowance"] = {"min": low, "max": high}

@@ -212,7 +212,7 @@ def _sample_variables(designs, sweeps, search, samples, threads, progress) -> di
                 results[i], codes[i] = search(design, designs.at_duty(values[i]))
         report(1)
 
-    progress_bar = notebook.telling("samples", count, progress)
+    progress_bar = notebook.counting_bar("samples", count, progress)
     with progress_bar as report, ThreadPoolExecutor(threads) as pool:
         list(pool.map(compute_sample, range(count)))
     data: dict = {
@@ -257,7 +257,7 @@ def _sweep_settings(
         raise checks.refusal("directions", directions, "without 'seeded' for several coordinates")
     periods = checks.integer("periods", periods, 1)
     record_periods = checks.integer("record_periods", record_periods, 1, periods)
-    limits = tuple(tuple(checks.numbers("box", row, 2)) for row in checks.many("box", box, 2))
+    limits = tuple(tuple(checks.numbers("box", row, 2)) for row in checks.sequence("box", box, 2))
     for low, high in limits:
         checks.require(-np.inf < low < high < np.inf, "box", box, "finite increasing limits")
     key = "tunings" if model.speed is None else "speeds"

@@ -17,8 +17,8 @@ from selenium.webdriver.common.keys import Keys
 import gearlib
 from gearlib import cli, config
 from gearlib.explorer import page, sliders
-from gearlib.explorer.figures import derived
-from gearlib.explorer.view import look
+from gearlib.explorer.figures import derived_quantities
+from gearlib.explorer.view import compute_view
 from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
 
 assert browser  # a fixture
@@ -115,7 +115,7 @@ def test_sliders_go_in_round_steps(start, low, high, step, ends):
 
 def test_a_view_of_a_pair_shows_what_the_library_computes(mapping):
     whole = moved(mapping, "k1", tuning=0.81)[1]
-    seen, pair = look(whole, "k1"), pair_of(mapping, "k1")
+    seen, pair = compute_view(whole, "k1"), pair_of(mapping, "k1")
     run = gearlib.simulate(pair, 0.81, periods=304, record_periods=3)
     np.testing.assert_array_equal(seen.run.displacement[-768:], run.displacement)
     orbit = gearlib.periodic_orbit(pair, 0.81, guess=run.final_state.values)
@@ -131,7 +131,7 @@ def test_a_view_of_a_pair_shows_what_the_library_computes(mapping):
 
 @pytest.mark.parametrize("mapping", [DRAWN, RELIEVED], ids=["involutes", "relief"])
 def test_a_view_of_drawn_gears_shows_pairs_of_teeth(mapping):
-    seen, gears = look(moved(mapping, "d")[1], "d"), config.load(mapping).gears
+    seen, gears = compute_view(moved(mapping, "d")[1], "d"), config.load(mapping).gears
     torque = 30e3 / (9000.0 * math.tau / 60.0)
     error = gears.mesh().transmission_error(torque, stiffness="energy")
     np.testing.assert_allclose(seen.error.transmission_error[-1], error.transmission_error[0])
@@ -141,7 +141,7 @@ def test_a_view_of_drawn_gears_shows_pairs_of_teeth(mapping):
     asked = {"periods": 303, "record_periods": 23, "until_settled": True}
     run = gearlib.simulate(teeth, speed=9000.0, **asked)
     assert float(seen.run.displacement_max) == pytest.approx(float(run.displacement_max), rel=1e-9)
-    said = dict(derived(seen))
+    said = dict(derived_quantities(seen))
     assert said["contact ratio"] == f"{gears.mesh().contact_ratio:.4f}"
     assert said["peak-to-peak error"] == f"{1e6 * error.peak_to_peak_error.item():.2f} µm"
 
@@ -153,23 +153,23 @@ def test_moving_a_slider_draws_anew_or_says_why_it_cannot_be():
     # Without load there is no error.
     for name, source in shown.figures.sources.items():
         assert len(source.data["x"]) and (source.data["y"] is not before[name] or name == "0"), name
-    seen = look(shown.configuration(), "d")
+    seen = compute_view(shown.configuration(), "d")
     sources = shown.figures.sources
     np.testing.assert_array_equal(sources["plane"].data["x"], seen.run.displacement[-768:])
     np.testing.assert_array_equal(sources["force"].data["y"], seen.run.dynamic_force[-768:])
     np.testing.assert_allclose(
         sources["chosen"].data["y"][:-1], 1e6 * seen.error.transmission_error.values[-1]
     )
-    roots = sources["roots"].data
+    roots = sources["multipliers"].data
     np.testing.assert_array_equal(roots["x"] + 1j * roots["y"], seen.multipliers)
     assert yaml.safe_load(shown.file().read()) == shown.configuration()
     shown.sliders["pinion_shift"].value = -0.9
     assert "gears.pinion.shift = -0.9 is not allowed" in shown.note.object
-    assert not shown.shown.visible and shown.button.disabled
+    assert not shown.figure_column.visible and shown.button.disabled
     # Helical gears have no Harris map here.
     shown.sliders["pinion_shift"].value = 0.0
     shown.sliders["helix_angle"].value = 10.0
-    assert shown.shown.visible and not shown.figures.teeth_panes[0].visible
+    assert shown.figure_column.visible and not shown.figures.teeth_panes[0].visible
 
 
 @pytest.mark.parametrize(("name", "at"), [("tuning", 0.8312), ("speed", 9000.4)])

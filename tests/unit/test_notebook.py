@@ -21,7 +21,7 @@ def finished():
         enough.set()
     return calls[-1]
 with notebook.bar("things", 9, finished):
-    for _ in notebook.counted("inner things", range(2), 2):
+    for _ in notebook.with_bar("inner things", range(2), 2):
         enough.wait(60)""",
     """\
 ratios = dict(damping=0.1, contact_ratio=1.569, stiffness_ratio=0.5879, backlash=4)

@@ -1,4 +1,4 @@
-"""Prove what can be proven of the orbits of all dampings."""
+"""Compute certificates of the orbits for all dampings."""
 
 from pathlib import Path
 
@@ -9,13 +9,13 @@ from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    given = snakemake.params
-    rows = []
-    if given.flint:
+    params = snakemake.params
+    proofs = []
+    if params.flint:
         branches = {Path(path).stem: storage.read(path) for path in snakemake.input.branches}
-        rows = certificates.compute(given.pairs, branches, given.tunings, given.all_points)
+        proofs = certificates.compute(params.pairs, branches, params.tunings, params.all_points)
     else:
         print("python-flint is not installed: nothing is proven")
-    certificates.write_json(rows, snakemake.output.json)
-    write_table(certificates.rows(rows), snakemake.output.csv)
-    write_table_page(snakemake.output.csv, snakemake.output.page, given.gears)
+    certificates.write_json(proofs, snakemake.output.json)
+    write_table(certificates.rows(proofs), snakemake.output.csv)
+    write_table_page(snakemake.output.csv, snakemake.output.page, params.gears)

@@ -1,4 +1,4 @@
-"""Compile the kernels of a gear pair into the cache; the stamp says for which sources."""
+"""Compile the kernels of gear pairs into the cache; the stamp file identifies the sources."""
 
 from pathlib import Path
 

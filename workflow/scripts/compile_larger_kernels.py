@@ -1,4 +1,4 @@
-"""Compile the kernels with Taylor steps and with matrices; the stamp says for which sources."""
+"""Compile the kernels of Taylor series and of matrices; the stamp file identifies the sources."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Compile the kernels of gear trains; the stamp says for which sources."""
+"""Compile the kernels of gear trains; the stamp file identifies the sources."""
 
 from pathlib import Path
 

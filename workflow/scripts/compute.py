@@ -1,4 +1,4 @@
-"""Compute the results of a rule: call its function with its other params and its datasets."""
+"""Compute the results of a rule by its function, from its params and its input datasets."""
 
 import inspect
 from pkgutil import resolve_name

@@ -4,9 +4,9 @@ from gearlib.data import storage
 
 
 def datasets(files):
-    """Return input name -> dataset of a job, or -> list of datasets for several files.
+    """Return input name -> dataset, or list of datasets, of the netCDF files among the inputs.
 
-    `files` are the named inputs. Only netCDF files are read, not source lists and stamps.
+    `files` are the named inputs of a Snakemake job, paths or lists of paths.
     """
     return {
         name: storage.read(paths) if isinstance(paths, str) else [*map(storage.read, paths)]

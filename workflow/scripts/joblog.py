@@ -1,4 +1,4 @@
-"""The log of a job: the output of its process, then the checksums of its results."""
+"""The log of a job: the output of its process, and the checksums of its results."""
 
 import atexit
 import contextlib
@@ -16,34 +16,34 @@ from workflow.checksums import record
 def redirect_output(path):
     """Redirect standard output and error of Python and compiled code to the log file `path`.
 
-    At the end of the job its outputs' checksums are appended for `workflow.checksums`. The job's
-    source files are declared, because netCDF files store their hash.
+    When the job ends, the checksums of its outputs are appended. The source files of the job are
+    declared, because netCDF files store their hash.
     """
     declare_sources(sources.read(__main__.snakemake.input.sources))
     sys.stdout.flush()
     sys.stderr.flush()
     terminal = os.dup(2)
-    # Compiled libraries and the last traceback write to the descriptors, not to sys.stdout.
+    # Compiled libraries write to the file descriptors, not to sys.stdout.
     with open(path, "w", encoding="utf-8") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
     atexit.register(_record_outputs, path)
-    sys.excepthook = lambda *fault: _report(terminal, *fault)
+    sys.excepthook = lambda *exception: _report_exception(terminal, *exception)
 
 
 def _record_outputs(log):
     print(record(log, map(Path, __main__.snakemake.output)), end="")
 
 
-def _report(terminal, kind, error, trace):
-    """Report an exception: the message of an OSError also on the terminal, else a traceback.
+def _report_exception(terminal, exception_type, error, trace):
+    """Write a traceback to the log, but only the message of an OSError, also to the terminal.
 
     `terminal` is the file descriptor of the original standard error.
     """
-    if not issubclass(kind, OSError):
-        traceback.print_exception(kind, error, trace)
+    if not issubclass(exception_type, OSError):
+        traceback.print_exception(exception_type, error, trace)
         return
-    # To the terminal first: the log may lie on the same full disk.
+    # The terminal comes first, because the disk of the log may be full.
     os.write(terminal, f"{error}\n".encode())
     with contextlib.suppress(OSError):
         print(error, file=sys.stderr, flush=True)

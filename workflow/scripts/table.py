@@ -8,8 +8,7 @@ from joblog import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    rows = resolve_name(snakemake.params.function)
-    write_table(
-        rows(**datasets(snakemake.input), **snakemake.params.settings), snakemake.output.csv
-    )
+    function = resolve_name(snakemake.params.function)
+    rows = function(**datasets(snakemake.input), **snakemake.params.settings)
+    write_table(rows, snakemake.output.csv)
     write_table_page(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)

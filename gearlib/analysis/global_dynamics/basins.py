@@ -220,7 +220,7 @@ def basin_stability(
     cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, MAX_STATES))))
     periods, seed = checks.integer("periods", periods, 1), checks.integer("seed", seed, 0)
     attractors_and_shares = []
-    for i, tuning in notebook.counted("tunings", enumerate(values), values.size):
+    for i, tuning in notebook.with_bar("tunings", enumerate(values), values.size):
         stroboscope = Stroboscope(pair, tuning, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
         corners = grid_states(np.arange(cells), np.arange(cells))

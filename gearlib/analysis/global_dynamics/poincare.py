@@ -232,7 +232,7 @@ def _diagram(
     if direction == "down":
         order = order[::-1]
     state = initial_state
-    for i in notebook.counted("values", order, order.size):
+    for i in notebook.with_bar("values", order, order.size):
         model, tuning = cases[i]
         section = _section(model, tuning, np.array([state]), *section_arguments)
         states[i], ends[i], code = (array[0] for array in section)

@@ -118,7 +118,7 @@ def _checked_limits(limits: Any, start: float, to: float) -> tuple:
         return min(start, to), max(start, to)
     low, high = (
         checks.number("limits", limit, "two finite numbers", np.isfinite)
-        for limit in checks.many("limits", limits, 2)
+        for limit in checks.sequence("limits", limits, 2)
     )
     if not low <= min(start, to) <= max(start, to) <= high:
         raise ValueError(

@@ -99,7 +99,7 @@ def planetary_meshes(
     `backlashes` are the normal backlashes of the sun mesh and the ring mesh in m; by default they
     follow from the drawings, as the centre distance in m does.
     """
-    backlash = (None, None) if backlashes is None else checks.many("backlashes", backlashes, 2)
+    backlash = (None, None) if backlashes is None else checks.sequence("backlashes", backlashes, 2)
     internal = getattr(ring, "internal", False)
     checks.require(internal, "internal of the ring", False, "True, of a ring gear")
     try:
@@ -113,7 +113,7 @@ def planetary_meshes(
     count = checks.integer("planets", planets, 1)
     tooth_sum = sun.teeth + ring.teeth
     positions = equal_positions(sun.teeth, ring.teeth, count) if positions is None else positions
-    angles = checks.finite("positions", checks.many("positions", positions, count))
+    angles = checks.finite("positions", checks.sequence("positions", positions, count))
     for i, angle in enumerate(angles):
         pitches = tooth_sum * (angle - angles[0]) / math.tau
         if abs(pitches - round(pitches)) > _POSITION_TOLERANCE:

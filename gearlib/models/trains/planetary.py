@@ -133,7 +133,7 @@ def planetary(
     positions = checks.numbers("positions", positions, n)
     if ring_phase is not None:
         checks.number("ring_phase", ring_phase, "finite", math.isfinite)
-    errors = checks.many("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
+    errors = checks.sequence("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
     pin_radius, angles = _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle)
     r_sun, torsional_stiffness = sun_base_radius, (*torsional_stiffness, 0.0)
     radii = r_sun, r_sun * ring / sun, pin_radius, r_sun * planet_teeth / sun
