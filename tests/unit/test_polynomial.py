@@ -1,14 +1,12 @@
 """First crossings and largest values of polynomials, against their known roots."""
 
 import math
-import types
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from numpy.polynomial import Chebyshev, Polynomial
+from numpy.polynomial import Polynomial
 
-from gearlib.engines import polynomial
 from gearlib.engines.polynomial import (
     WORK_ROWS,
     bernstein_matrix,
@@ -41,23 +39,24 @@ def with_roots(roots, rng):
 
 
 @pytest.mark.parametrize("find", [lambda c: first_fall(c, MATRIX, WORK), of_a_step])
-@pytest.mark.parametrize("seed", range(4))
-def test_first_of_many_roots(seed, find):
+@pytest.mark.parametrize("seed", range(2))
+def test_the_first_of_many_roots_is_found(seed, find):
     rng = np.random.default_rng(seed)
     for _ in range(2000):
         roots = np.sort(rng.uniform(0.0, 1.0, rng.integers(0, 6)))
         apart = np.diff(np.append(roots, 2.0)).min() if roots.size else 1.0
-        found = find(with_roots(roots, rng))
         # Coefficients carry 1e-16; a root near others moves by that over the distance to them.
         expected = roots[0] if roots.size else 2.0
-        assert abs(found - expected) <= 1e-12 / apart ** max(1, roots.size - 1)
+        assert abs(find(with_roots(roots, rng)) - expected) <= 1e-12 / apart ** max(
+            1, roots.size - 1
+        )
 
 
 def exactly(c, s):
     """Return the value at s, a Fraction, without rounding."""
     value = Fraction(0)
-    for one in c[::-1]:
-        value = value * s + Fraction(float(one))
+    for coefficient in c[::-1]:
+        value = value * s + Fraction(float(coefficient))
     return value
 
 
@@ -73,53 +72,24 @@ def nearly_multiple(rng):
     return c
 
 
-def test_roots_that_are_nearly_multiple_and_plateaus():
+def test_nearly_multiple_roots_are_found_to_rounding():
     rng = np.random.default_rng(2)
     grid = [Fraction(k, 64) for k in range(65)]
-    told = 0
-    for _ in range(600):
+    falls = 0
+    for _ in range(400):
         c = nearly_multiple(rng)
         if c[0] < 0.0:
             continue
-        found = first_fall(c.copy(), MATRIX, WORK)
-        assert found == 2.0 or 0.0 <= found <= 1.0
+        fall = first_fall(c.copy(), MATRIX, WORK)
+        assert fall == 2.0 or 0.0 <= fall <= 1.0
         # Rounding of 21 Bernstein coefficients of the size of the terms, and of their halvings.
         rounding = 1e-14 * abs(c).sum()
-        before = [s for s in grid if s < found]
+        before = [s for s in grid if s < fall]
         assert min(exactly(c, s) for s in before) >= -rounding
-        if found <= 1.0:
-            assert abs(exactly(c, Fraction(found))) <= rounding
-            told += 1
-    assert told > 50
-
-
-def with_budget(kernel, intervals):
-    """Return a kernel as Python, with another budget; the compiled one keeps its own."""
-    scope = vars(polynomial) | {"MAX_INTERVALS": intervals}
-    # What `highest` and `first_fall` hand over to has the budget.
-    handed = {
-        name: types.FunctionType(getattr(polynomial, name).py_func.__code__, dict(scope))
-        for name in ("highest_from", "first_fall_from")
-    }
-    return types.FunctionType(kernel.py_func.__code__, scope | handed)
-
-
-def test_a_budget_that_is_spent_is_told():
-    rng = np.random.default_rng(2)
-    hard = [nearly_multiple(rng) for _ in range(40)]
-    full = [first_fall(c.copy(), MATRIX, WORK) for c in hard]
-    short = [with_budget(first_fall, 12)(c.copy(), MATRIX, WORK) for c in hard]
-    spent = [one == -1.0 for one in short]
-    assert 10 < sum(spent) < 40
-    # What is told all the same is as true as with all of the budget.
-    rest = [(a, b) for a, b, gone in zip(short, full, spent, strict=True) if not gone]
-    np.testing.assert_allclose(*zip(*rest, strict=True), rtol=0, atol=1e-15)
-    hills = np.zeros(DEGREE + 1)
-    wave = Chebyshev.basis(6, domain=(0.0, 1.0)).convert(kind=Polynomial) - 0.1 * Polynomial((0, 1))
-    hills[:7] = wave.coef
-    assert math.isnan(with_budget(highest, 2)(hills, MATRIX, WORK, -math.inf))
-    tops = [float(wave(s.real)) for s in wave.deriv().roots() if 0.0 < s.real < 1.0]
-    assert highest(hills, MATRIX, WORK, -math.inf) == pytest.approx(max(*tops, 1.0), abs=1e-13)
+        if fall <= 1.0:
+            assert abs(exactly(c, Fraction(fall))) <= rounding
+            falls += 1
+    assert falls > 40
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -23,45 +23,38 @@ FOLD, AT_FOLD = 0.81685037334556, (-0.16062993275504864, -0.3277925734167014)
 
 
 def run(m, x, v, periods):
-    """Return (x, v, repeat, on_orbit) after so many periods; repeat 0 if it grows out of range."""
+    """Return (x, v, repeat) after so many periods; repeat 0 if it does not settle."""
     work = new_work()
     set_mesh(work, m)
     set_start(work, x, v)
-    _, x, v, _, *rest = skip(m, work, contact_of(m.gap, x, v), x, v, periods, LIMIT)
-    return x, v, *rest
-
-
-def damped_case(rng):
-    ratios, tuning, x, v = bouncing_case(rng)
-    ratios[4:6] = 10 ** rng.uniform(-2.5, -0.5, 2)
-    return mesh_at_tuning(ratios, tuning), x, v
+    _, x, v, _, repeat, _ = skip(m, work, contact_of(m.gap, x, v), x, v, periods, LIMIT)
+    return x, v, repeat
 
 
 def test_settled_runs_end_where_propagating_them_does():
     rng = np.random.default_rng(1)
-    settled = longer = 0
-    for _ in range(400):
-        m, x, v = damped_case(rng)
-        periods = int(rng.integers(100, 4000))
-        *end, repeat, _ = run(m, x, v, periods)
-        if repeat == 0:
-            continue
-        settled += 1
-        longer += repeat > 1
+    repeats = []
+    for _ in range(200):
+        pair, tuning, x, v = bouncing_case(rng)
+        pair[4:6] = 10 ** rng.uniform(-2.5, -0.5, 2)
+        m, periods = mesh_at_tuning(pair, tuning), int(rng.integers(100, 4000))
+        *end, repeat = run(m, x, v, periods)
+        repeats.append(repeat)
         _, *plain, _ = whole_periods(m, x, v, periods)
         # NEAR^2 by the least speed of an event, and rounding by the slowest contraction.
-        assert np.abs(np.subtract(end, plain)).max() < 2e-12 * (1.0 + abs(plain[0])), (m, x, v)
-    assert settled > 300 and longer > 10
+        close = np.abs(np.subtract(end, plain)).max() < 2e-12 * (1.0 + abs(plain[0]))
+        assert close or repeat == 0, (m, x, v)
+    assert np.count_nonzero(repeats) > 150 and np.count_nonzero(np.array(repeats) > 1) > 5
 
 
-@pytest.mark.parametrize("past", [1e-8, 1e-9, 1e-10, 1e-11])
+@pytest.mark.parametrize("past", [1e-8, 1e-11])
 def test_the_ghost_of_a_fold_is_not_an_orbit(past):
     # Beyond the fold a run creeps past where the orbit was, by 1e-10 and less a period, for as many
     # as 1e6 periods, and then goes elsewhere.
     m = mesh_at_tuning(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), FOLD + past)
     creeping = 0
     for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
-        x, v, repeat, _ = run(m, *AT_FOLD, periods)
+        x, v, repeat = run(m, *AT_FOLD, periods)
         _, *plain, _ = whole_periods(m, *AT_FOLD, periods)
         assert abs(x - plain[0]) + abs(v - plain[1]) < 1e-12
         assert repeat == 0 or x > 0.28
@@ -69,40 +62,33 @@ def test_the_ghost_of_a_fold_is_not_an_orbit(past):
     assert creeping > 1 and x > 0.28
 
 
-#: Results of a run that has settled that are those of another one.
-SAME = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
-SAME += ["fraction_min_stiffness", "displacement", "final_state"]
-
-
 def test_an_orbit_recorded_once_is_the_orbit_propagated_to_its_end():
     # Recorded from near the orbit by another engine: summary, events and samples.
-    repeats = set()
+    periods = set()
     cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
     span = {"record_periods": 24, "samples_per_period": 8}
+    names = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
+    names += ["fraction_min_stiffness", "displacement", "final_state"]
     for damping, first, last in cases:
         pair = GearPair.from_ratios(**PAIR, damping=damping, backlash_damping=damping)
-        for nu in np.linspace(first, last, 16):
-            one = simulate(pair, nu, periods=3000, **span)
+        for nu in np.linspace(first, last, 10):
+            once = simulate(pair, nu, periods=3000, **span)
             state = tuple(simulate(pair, nu, periods=2976).final_state.values)
-            other = simulate(OneDegreePair(pair=pair), nu, periods=24, initial_state=state, **span)
-            for name in SAME:
-                np.testing.assert_allclose(one[name], other[name], rtol=0, atol=1e-11)
-            phase = 2976 * 2.0 * math.pi + other.event_phase
-            np.testing.assert_allclose(one.event_phase, phase, rtol=0, atol=1e-9)
+            whole = simulate(OneDegreePair(pair=pair), nu, periods=24, initial_state=state, **span)
+            for name in names:
+                np.testing.assert_allclose(once[name], whole[name], rtol=0, atol=1e-11)
+            phase = 2976 * 2.0 * math.pi + whole.event_phase
+            np.testing.assert_allclose(once.event_phase, phase, rtol=0, atol=1e-9)
             # The states before the one recorded period lie where the run has not gone.
-            assert simulate(pair, nu, periods=3000, record_periods=1).period == one.period
-            repeats.add(int(one.period))
-    assert {1, 2, 3, 5} <= repeats
+            assert simulate(pair, nu, periods=3000, record_periods=1).period == once.period
+            periods.add(int(once.period))
+    assert {1, 2, 3, 5} <= periods
 
 
-def own_gears(damping):
-    return GearPair.from_geometry(own(), torque=85.0, damping_ratio=damping)
-
-
-def plain_period(pair, nu, state=(0.0, 0.0), periods=20_000):
+def plain_period(pair, nu):
     """Return the period of the motion after many periods, none of which is left out."""
     m = mesh_at_tuning(ratios(pair), nu)
-    _, x, v, _ = whole_periods(m, *state, periods)
+    _, x, v, _ = whole_periods(m, 0.0, 0.0, 20_000)
     strobes = [(x, v)]
     for _ in range(2 * orbit.MAX_PERIOD):
         _, x, v, _ = whole_periods(m, x, v, 1)
@@ -110,18 +96,18 @@ def plain_period(pair, nu, state=(0.0, 0.0), periods=20_000):
     return orbit.orbit_period(np.array(strobes), nu, 1.0)
 
 
-@pytest.mark.parametrize("damping", [0.01, 0.02, 0.03])
+@pytest.mark.parametrize("damping", [0.01, 0.03])
 def test_a_period_is_that_of_the_settled_motion(damping):
     # After five revolutions many motions still alternate by more than 1e-6, and less per two.
-    pair, span = own_gears(damping), {"periods": 115, "record_periods": 23}
+    pair = GearPair.from_geometry(own(), torque=85.0, damping_ratio=damping)
+    span = {"periods": 115, "record_periods": 23}
     tunings = [0.66, *np.linspace(0.5, 1.4, 31)]
-    true = np.array([plain_period(pair, nu) for nu in tunings])
+    expected = np.array([plain_period(pair, nu) for nu in tunings])
     runs = [simulate(pair, nu, samples_per_period=1, until_settled=True, **span) for nu in tunings]
-    told = np.array([int(run.period) for run in runs])
-    cheap = sweep(pair, tunings, **span).period.values
-    for found in (told, cheap):
-        assert ((found == true) | (found == 0)).all()
-    assert (told > 0).mean() > 0.95 and {int(run.followed) for run in runs} - {115}
+    single = np.array([int(run.period) for run in runs])
+    for periods in (single, sweep(pair, tunings, **span).period.values):
+        assert ((periods == expected) | (periods == 0)).all()
+    assert (single > 0).mean() > 0.95 and {int(run.followed) for run in runs} - {115}
 
 
 LIGHT = PAPER.replace(material_damping=600.0, backlash_damping=600.0)
@@ -135,22 +121,18 @@ LIGHT = PAPER.replace(material_damping=600.0, backlash_damping=600.0)
         pairs_as_train(LIGHT),
     ],
 )
-def test_other_models_prove_their_period(model):
-    nu, span = 0.6, {"record_periods": 6 * model.repeats, "samples_per_period": 1}
-    span["until_settled"] = True
-    short, long = (simulate(model, nu, periods=n * model.repeats, **span) for n in (60, 1500))
+def test_other_models_are_followed_until_their_period_is_proven(model):
+    span = {"record_periods": 6 * model.repeats, "samples_per_period": 1, "until_settled": True}
+    short, long = (simulate(model, 0.6, periods=n * model.repeats, **span) for n in (60, 1500))
     assert int(short.period) == int(long.period) > 0
     assert 60 * model.repeats < int(short.followed) <= 20 * 60 * model.repeats
-    span = {"record_periods": 6 * model.repeats}
-    assert int(sweep(model, [nu], periods=60 * model.repeats, **span).period[0]) == 0
-    assert int(sweep(model, [nu], periods=3000 * model.repeats, **span).period[0]) == short.period
 
 
 def test_an_orbit_that_draws_nothing_on_is_not_settled_on():
     # From its own state the motion repeats, and goes away with the first disturbance.
     for tuning, pair in ((0.7, PAPER), (1.95, PAPER.replace(material_damping=600.0))):
         pair = OneDegreePair(pair=pair)
-        found = periodic_orbit(pair, tuning, guess=(1.0, 0.0))
-        assert np.abs(found.multipliers[0]) > 1.0 - 1e-6
-        run = simulate(pair, tuning, periods=8, initial_state=tuple(found.state))
+        exact = periodic_orbit(pair, tuning, guess=(1.0, 0.0))
+        assert np.abs(exact.multipliers[0]) > 1.0 - 1e-6
+        run = simulate(pair, tuning, periods=8, initial_state=tuple(exact.state))
         assert int(run.period) == 0

@@ -1,4 +1,4 @@
-"""The public calls: shape of the datasets, consistency among their parts, refusals, failures."""
+"""The public calls: consistency among the parts of their datasets, units, files."""
 
 import math
 import re
@@ -25,19 +25,30 @@ def bouncing():
 
 
 def test_time_course_agrees_with_the_summary(bouncing):
+    assert bouncing.phase[0] == pytest.approx(2 * math.pi * 56, rel=1e-15)
+    np.testing.assert_allclose(np.diff(bouncing.phase), 2 * math.pi / 512, rtol=1e-9)
     # The exact extrema lie beyond the samples by at most acc (d tau / 2)^2 / 2 < 1e-4.
     high, low = bouncing.displacement.max(), bouncing.displacement.min()
     assert 0 <= bouncing.displacement_max - high < 1e-4
     assert 0 <= low - bouncing.displacement_min < 1e-4
-    force = bouncing.dynamic_force
-    assert 0 <= bouncing.dynamic_force_max - force.max() < 1e-4
+    assert 0 <= bouncing.dynamic_force_max - bouncing.dynamic_force.max() < 1e-4
     # A fraction counted on samples misses at most one sample per event.
     share = float((bouncing.contact == 0).mean())
     assert float(bouncing.fraction_backlash) == pytest.approx(share, abs=4 / 512)
-    in_mesh_low = (bouncing.contact != 0) & (bouncing.stiffness < 1.0)
-    assert float(bouncing.fraction_min_stiffness) == pytest.approx(in_mesh_low.mean(), abs=4 / 512)
+    soft = (bouncing.contact != 0) & (bouncing.stiffness < 1.0)
+    assert float(bouncing.fraction_min_stiffness) == pytest.approx(soft.mean(), abs=4 / 512)
     total = bouncing.fraction_normal + bouncing.fraction_backlash + bouncing.fraction_inverse
     assert float(total) == pytest.approx(1.0, abs=1e-13)
+
+
+def test_extrema_of_the_force_on_both_flanks():
+    run = simulate(CHAOTIC, 1.0, samples_per_period=512, **RUN)
+    assert run.fraction_inverse > 0.0 and run.fraction_normal > 0.0
+    # Largest at a switch of the stiffness, a sample off at most: c |x'| d tau, with c < 2.
+    room, force = 2.0 * float(abs(run.velocity).max()) * 2.0 * math.pi / 512, run.dynamic_force
+    assert force.min() < 0.0 < force.max()
+    assert 0.0 <= run.dynamic_force_max - force.max() < room
+    assert 0.0 <= force.min() - run.dynamic_force_min < room
 
 
 def test_equation_of_motion_holds_at_every_sample(bouncing):
@@ -60,12 +71,14 @@ def test_events_alternate_and_agree_with_contact(bouncing):
         assert d.contact.sel(phase=phase, method="bfill") == after
 
 
-def test_units_tell_what_scales_with_load_and_size():
+@pytest.mark.parametrize(
+    "call", [lambda pair: simulate(pair, 0.9, **RUN), lambda pair: sweep(pair, [0.7, 0.9], **RUN)]
+)
+def test_units_tell_what_scales_with_load_and_size(call):
     # The same pair in other units of length, mass and time: powers of two change no digit.
     length, mass, time = 2.0, 4.0, 2.0
-    scales = {"[length]": length, "[mass]": mass, "[time]": time}
     pair = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
-    other = pair.replace(
+    changed = pair.replace(
         max_stiffness=pair.max_stiffness * mass / time**2,
         reduced_mass=pair.reduced_mass * mass,
         load=pair.load * mass * length / time**2,
@@ -73,49 +86,45 @@ def test_units_tell_what_scales_with_load_and_size():
         material_damping=pair.material_damping * mass / time,
         backlash_damping=pair.backlash_damping * mass / time,
     )
-    registry = pint.UnitRegistry()
-    for call in (lambda p: simulate(p, 0.9, **RUN), lambda p: sweep(p, [0.7, 0.9], **RUN)):
-        first, second = call(pair), call(other)
-        for name, variable in first.variables.items():
-            if variable.dtype.kind in "fi":
-                # CF writes powers without a sign for them.
-                text = re.sub(r"(?<=[a-z])(-?[0-9])", r"**\1", variable.attrs["units"])
-                unit = registry.Unit(text).dimensionality
-                factor = math.prod(scales[part] ** power for part, power in unit.items())
-                np.testing.assert_array_equal(second[name], factor * variable, err_msg=name)
+    registry, scales = pint.UnitRegistry(), {"[length]": length, "[mass]": mass, "[time]": time}
+    first, second = call(pair), call(changed)
+    for name, variable in first.variables.items():
+        if variable.dtype.kind in "fi":
+            # CF writes powers without a sign for them.
+            text = re.sub(r"(?<=[a-z])(-?[0-9])", r"**\1", variable.attrs["units"])
+            unit = registry.Unit(text).dimensionality
+            factor = math.prod(scales[part] ** power for part, power in unit.items())
+            np.testing.assert_array_equal(second[name], factor * variable, err_msg=name)
 
 
-def test_netcdf_round_trip_and_same_bytes(bouncing, tmp_path):
+def test_a_file_holds_the_run_and_the_same_run_has_the_same_bytes(bouncing, tmp_path):
     storage.write(bouncing, tmp_path / "a" / "one.nc")
     storage.write(simulate(PAIR, 0.9, samples_per_period=512, **RUN), tmp_path / "two.nc")
-    found = storage.read(tmp_path / "two.nc")
+    dataset = storage.read(tmp_path / "two.nc")
     # What the file alone says: who wrote it, from which sources.
-    del found.attrs["history"], found.attrs["source_hash"]
-    xr.testing.assert_identical(found, bouncing)
+    del dataset.attrs["history"], dataset.attrs["source_hash"]
+    xr.testing.assert_identical(dataset, bouncing)
     assert (tmp_path / "a" / "one.nc").read_bytes() == (tmp_path / "two.nc").read_bytes()
-    assert [path.name for path in (tmp_path / "a").iterdir()] == ["one.nc"]
 
 
-@pytest.mark.parametrize("pair", [PAIR, CHAOTIC])
-def test_sweep_equals_single_runs(pair):
-    grid = [0.9, 0.7, 1.2]
-    result = sweep(pair, grid, **RUN)
-    assert result.tuning.values.tolist() == grid
-    for tuning in grid:
-        one, many = simulate(pair, tuning, **RUN), result.sel(tuning=tuning)
-        for name in many.data_vars:
-            np.testing.assert_array_equal(one[name].values, many[name].values, err_msg=name)
+def test_a_sweep_from_rest_equals_single_runs():
+    tunings = [0.9, 0.7, 1.2]
+    curve = sweep(CHAOTIC, tunings, **RUN)
+    assert curve.tuning.values.tolist() == tunings
+    for tuning in tunings:
+        run, point = simulate(CHAOTIC, tuning, **RUN), curve.sel(tuning=tuning)
+        for name in point.data_vars:
+            np.testing.assert_array_equal(run[name].values, point[name].values, err_msg=name)
 
 
 @pytest.mark.parametrize(("direction", "order"), [("up", 1), ("down", -1)])
-def test_carried_sweep_is_a_chain_of_runs(direction, order):
-    grid = np.linspace(0.78, 0.86, 9)
-    result = sweep(PAIR, grid[::order], direction=direction, **RUN)
-    state = (0.0, 0.0)
-    for tuning in grid[::order]:
-        one = simulate(PAIR, tuning, initial_state=state, **RUN)
-        state = tuple(one.final_state.values)
-        np.testing.assert_array_equal(result.final_state.sel(tuning=tuning), state)
+def test_a_carried_sweep_is_a_chain_of_runs(direction, order):
+    tunings = np.linspace(0.78, 0.86, 9)[::order]
+    curve, state = sweep(PAIR, tunings, direction=direction, **RUN), (0.0, 0.0)
+    for tuning in tunings:
+        run = simulate(PAIR, tuning, initial_state=state, **RUN)
+        state = tuple(run.final_state.values)
+        np.testing.assert_array_equal(curve.final_state.sel(tuning=tuning), state)
 
 
 def test_event_limit_is_a_status_not_a_number():

@@ -7,36 +7,17 @@ import pytest
 
 from gearlib.engines.jit import kernel
 from gearlib.engines.orbit import orbit_period
-from gearlib.engines.pair.contact_table import (
-    LAST,
-    LEVEL_COLUMNS,
-    NONE,
-    SPACING,
-    fill_table,
-    move_by,
-    set_level,
-    step_by_series,
-)
 from gearlib.engines.pair.events import ARC_COLUMNS, march_period
-from gearlib.engines.pair.many_runs import skip_many
-from gearlib.engines.pair.motion import contact_of, evolve, level_at_tuning, mesh_at_tuning
+from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
 from gearlib.engines.pair.stiffness import levels, segment_lengths
 from gearlib.engines.pair.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
 
-PERIODS = 8
 LIMIT = 10**6
 
 
 def ratios_of(contact_ratio, stiffness_ratio, damping, drag, gap):
-    return np.array(
-        [
-            *levels(contact_ratio, stiffness_ratio),
-            *segment_lengths(contact_ratio),
-            damping,
-            drag,
-            gap,
-        ]
-    )
+    stiffness = *levels(contact_ratio, stiffness_ratio), *segment_lengths(contact_ratio)
+    return np.array([*stiffness, damping, drag, gap])
 
 
 def random_case(rng):
@@ -102,12 +83,12 @@ def compare(m, x, v, periods):
 
 
 @pytest.mark.parametrize("case", [random_case, bouncing_case])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_whole_periods_equal_events_one_by_one(case, seed):
     rng = np.random.default_rng(seed)
     for _ in range(2000):
         ratios, tuning, x, v = case(rng)
-        assert compare(mesh_at_tuning(ratios, tuning), x, v, PERIODS) < 1e-11
+        assert compare(mesh_at_tuning(ratios, tuning), x, v, 8) < 1e-11
 
 
 def changes(arcs, count):
@@ -124,29 +105,6 @@ def one_period(m, work, state, entries):
     *fast_end, fast_count = advance(m, work, 0, *state, 1, LIMIT, fast)
     *plain_end, plain_count = march_period(m, *state, plain, LIMIT)
     return changes(fast, fast_count), changes(plain, plain_count), fast_end, plain_end
-
-
-def test_one_period_at_a_time():
-    # From every state of that run anew: chaotic orbits cannot hide behind their own spread,
-    # nor a wrong event behind damping. The search starts from entries all over the table.
-    rng = np.random.default_rng(5)
-    work, events = new_work(), 0
-    for _ in range(400):
-        ratios, tuning, x, v = bouncing_case(rng)
-        m = mesh_at_tuning(ratios, tuning)
-        set_mesh(work, m)
-        state = contact_of(m.gap, x, v), x, v
-        for _ in range(10):
-            entries = rng.integers(0, 40, 3)
-            fast, plain, _, end = one_period(m, work, state, entries)
-            slowest = min(1.0, abs(plain[1:, 5]).min(initial=1.0))
-            if slowest > 1e-6:
-                np.testing.assert_array_equal(fast[:, 2:4], plain[:, 2:4])
-                # Leaving slowly, a flank feels rounding as its inverse speed.
-                np.testing.assert_allclose(fast, plain, rtol=0, atol=1e-12 + 1e-14 / slowest)
-                events += len(plain) - 1
-            state = tuple(end)
-    assert events > 4000
 
 
 def jump_of_the_pattern(m, x):
@@ -167,11 +125,11 @@ def jump_of_the_pattern(m, x):
     return None
 
 
-def test_grazing_the_flank_line():
+def test_grazing_changes_the_events_of_a_period_as_marching_has_it():
     # The events of a period change where a minimum just touches the line. On both sides of it, as
     # close as 1e-14, the right ones are found, wherever the search begins.
     rng = np.random.default_rng(7)
-    work, found, compared = new_work(), 0, 0
+    work, grazes, compared = new_work(), 0, 0
     for _ in range(60):
         ratios = ratios_of(rng.uniform(1.2, 1.8), rng.uniform(0.3, 0.9), 0.01, 0.01, math.inf)
         m = mesh_at_tuning(ratios, rng.uniform(0.5, 1.2))
@@ -180,53 +138,24 @@ def test_grazing_the_flank_line():
         sides = jump_of_the_pattern(m, x)
         if sides is None:
             continue
-        found += 1
+        grazes += 1
         misses = 10.0 ** -np.linspace(3.0, 14.0, 12)
         for v in [*(sides[0] - misses), *(sides[1] + misses)]:
             for entries in rng.integers(0, 40, (4, 3)):
-                fast, plain, end, expected = one_period(
-                    m, work, (contact_of(m.gap, x, v), x, v), entries
-                )
+                state = contact_of(m.gap, x, v), x, v
+                fast, plain, end, expected = one_period(m, work, state, entries)
                 assert fast[:, 2].tolist() == plain[:, 2].tolist(), (m, x, v)
                 # A flank left at a graze feels rounding as its square root.
                 np.testing.assert_allclose(end, expected, rtol=0, atol=1e-6)
                 compared += 1
-    assert found > 30 and compared > 2000
-
-
-def test_limit_of_events_is_kept():
-    m = mesh_at_tuning(ratios_of(1.569, 0.5879, 0.0617, 0.0617, 4.0), 0.9)
-    statuses, ends = np.zeros(1, dtype=np.int64), np.empty((1, 2))
-    for limit, status in ((4, 1), (12, 0)):
-        skip_many(m, np.zeros((1, 2)), 50, limit, ends, statuses)
-        assert statuses[0] == status
-
-
-def test_tables_of_contact():
-    rng = np.random.default_rng(11)
-    row, table = np.zeros((1, LEVEL_COLUMNS)), np.zeros((96, 2))
-    for damping in [0.0, 1e-3, 0.0617, 0.5, 0.99, 1.0, 2.0]:
-        lev = level_at_tuning(1.2, damping, rng.uniform(0.3, 3.0))
-        set_level(lev, 9.0, row[0])
-        if damping >= math.sqrt(1.2):
-            assert row[0, LAST] == NONE
-            continue
-        fill_table(lev, row[0], table)
-        for _ in range(500):
-            u, v = rng.normal(size=2)
-            k, part = rng.integers(0, int(row[0, LAST]) + 1), rng.uniform(-0.75, 0.75)
-            t = (k + part) * row[0, SPACING]
-            near = step_by_series(row, 0, *move_by(row, 0, u, v, *table[k]), part * row[0, SPACING])
-            # A few roundings of the state and of the phase w t.
-            allowed = 4e-15 * (1.0 + abs(u) + abs(v)) * (1.0 + lev.square)
-            np.testing.assert_allclose(near, evolve(lev, u, v, t), rtol=0, atol=allowed)
+    assert grazes > 30 and compared > 2000
 
 
 @pytest.mark.parametrize("component", [0, 1])
-@pytest.mark.parametrize("period", [1, 2, 3, 5, 16])
-def test_a_period_takes_both_components(component, period):
-    strobes = np.zeros((32, 2))
-    strobes[:, component] = np.arange(32) % period
-    assert orbit_period(strobes, 0.9, 1.0) == period
-    strobes[:, component] += np.arange(32)
-    assert orbit_period(strobes, 0.9, 1.0) == 0
+def test_a_period_takes_both_components(component):
+    for period in (1, 2, 3, 5, 16):
+        strobes = np.zeros((32, 2))
+        strobes[:, component] = np.arange(32) % period
+        assert orbit_period(strobes, 0.9, 1.0) == period
+        strobes[:, component] += np.arange(32)
+        assert orbit_period(strobes, 0.9, 1.0) == 0
