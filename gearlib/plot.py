@@ -63,7 +63,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the picture.
+        Axes with the plot.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def phase_plane(*runs, axes=None, labels=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the picture.
+        Axes with the plot.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the picture.
+        Axes with the plot.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the picture.
+        Axes with the plot.
 
     Raises
     ------
@@ -251,7 +251,7 @@ def campbell(diagram, *, axes=None, to=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the picture.
+        Axes with the plot.
 
     Raises
     ------
@@ -292,7 +292,7 @@ def schematic(train, *, run=None, phase=None, axes=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the picture.
+        Axes with the plot.
 
     Raises
     ------
@@ -327,7 +327,7 @@ def harris_map(errors, *, axes=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the picture.
+        Axes with the plot.
 
     Raises
     ------
@@ -366,7 +366,7 @@ def values(data, *names, axes=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the picture.
+        Axes with the plot.
 
     Raises
     ------
@@ -419,7 +419,7 @@ def orbit(*orbits, axes=None, labels=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the picture.
+        Axes with the plot.
 
     Raises
     ------

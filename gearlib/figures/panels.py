@@ -35,7 +35,6 @@ _VALUE_LABELS = {
     "long": "long relief",
 }
 _GREEK = {"nu": "ν", "tau": "τ", "kappa": "κ", "epsilon": "ε", "beta": "β"}
-_DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
 
 def name_and_unit(variable: xr.DataArray) -> tuple[str, str]:
@@ -68,16 +67,10 @@ def plot_options(coordinate: xr.DataArray, colours: dict | None = None) -> dict[
 
     `colours` maps some coordinate values to colours; others take the colours of the palette.
     """
-    given_colours = colours or {}
+    styles = style.curve_styles(coordinate.values.tolist(), colours).values()
     return {
-        value.item(): {
-            "color": given_colours.get(value.item(), colour),
-            "linestyle": dashes,
-            "label": value_label(value),
-        }
-        for value, colour, dashes in zip(
-            coordinate, cycle(style.PALETTE), cycle(_DASHES), strict=False
-        )
+        value.item(): {"color": curve.colour, "linestyle": curve.line, "label": value_label(value)}
+        for value, curve in zip(coordinate, styles, strict=True)
     }
 
 
@@ -117,9 +110,9 @@ def draw_curves(
     if colour is not None:
         colour_styles = styles or plot_options(data[colour])
     if line is not None:
-        dashes = zip(data[line], cycle(_DASHES), strict=False)
         line_styles = {
-            value.item(): {"linestyle": dash, "label": value_label(value)} for value, dash in dashes
+            value.item(): {"linestyle": dashes, "label": value_label(value)}
+            for value, dashes in zip(data[line], cycle(style.LINES), strict=False)
         }
     for colour_value, colour_style in colour_styles.items():
         for line_value, line_style in line_styles.items():

@@ -49,23 +49,23 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     """
     angle = float(layout.frame_turns) * phase
     rotation = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
-    axes = np.stack([layout.body_x, layout.body_y], axis=-1) @ rotation
+    positions = np.stack([layout.body_x, layout.body_y], axis=-1) @ rotation
     meshes = np.stack([layout.mesh_x, layout.mesh_y], axis=-1) @ rotation
-    axis_of = dict(zip(map(str, layout.body.values), axes, strict=True))
+    position_of = dict(zip(map(str, layout.body.values), positions, strict=True))
     circles, marks = [], []
     body_circles = circles_of(layout).items()
     for (name, radii), turns in zip(body_circles, layout.body_turns.values, strict=True):
-        circles += [(*map(float, axis_of[name]), radius, kind) for radius, kind in radii]
+        circles += [(*map(float, position_of[name]), radius, kind) for radius, kind in radii]
         if radii:
             radius, kind = max(radii)
             end_radii = radius * np.array([1.0, RING_MARK_RADIUS] if kind == "ring" else [0.0, 1.0])
             mark_direction = np.array([math.cos(turns * phase), math.sin(turns * phase)])
-            marks.append(axis_of[name] + np.outer(end_radii, mark_direction))
-    carriers = zip(axis_of, map(str, layout.carried_by.values), strict=True)
-    arms = [(axis_of[carrier], axis_of[name]) for name, carrier in carriers if carrier]
-    axis_of_shaft = dict(zip(layout.shaft_line.values.tolist(), axes, strict=True))
+            marks.append(position_of[name] + np.outer(end_radii, mark_direction))
+    carriers = zip(position_of, map(str, layout.carried_by.values), strict=True)
+    arms = [(position_of[carrier], position_of[name]) for name, carrier in carriers if carrier]
+    shaft_positions = dict(zip(layout.shaft_line.values.tolist(), positions, strict=True))
     # Number 0 means that a body has no shaft.
-    shafts = [axis for shaft_number, axis in axis_of_shaft.items() if shaft_number]
+    shafts = [position for number, position in shaft_positions.items() if number]
     marks, arms = (np.reshape(segments, (-1, 2, 2)) for segments in (marks, arms))
     return Drawing(circles, marks, arms, np.reshape(shafts, (-1, 2)), meshes)
 

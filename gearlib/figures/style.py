@@ -40,7 +40,7 @@ PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#5
 
 # The first four markers are those of the paper, in its order of the damping combinations.
 _MARKERS = ("s", "o", "x", "o", "^", "D")
-_LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
+LINES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
 _RC = {
     "axes.linewidth": 0.6,
@@ -107,7 +107,7 @@ def curve_styles(names, colours: dict | None = None) -> dict[Any, CurveStyle]:
     return {
         name: CurveStyle(given_colours.get(name, colour), line, marker)
         for name, colour, line, marker in zip(
-            names, cycle(PALETTE), cycle(_LINES), cycle(_MARKERS), strict=False
+            names, cycle(PALETTE), cycle(LINES), cycle(_MARKERS), strict=False
         )
     }
 

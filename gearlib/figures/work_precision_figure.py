@@ -10,7 +10,6 @@ from itertools import cycle
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearlib.figures import panels, style
@@ -121,8 +120,7 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
             axes.set_xlabel(panels.axis_label(data[cost]) + edge)
         _draw_errors(axes, data.sel(problem=problem), cost, kind, styles)
     families = [_FAMILIES[name] for name in _FAMILIES if name in data.family]
-    handles = [Line2D([], [], **options) for options in styles.values()]
-    handles += [style.legend_entry(*family) for family in families]
+    handles = panels.legend_entries(styles) + [style.legend_entry(*family) for family in families]
     style.legend(figure, [*handles, Patch(label=grey_label, **_GREY_AREA)], 4, fontsize=6.5)
     return figure
 

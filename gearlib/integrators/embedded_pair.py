@@ -34,9 +34,7 @@ class EmbeddedPair(Integrator):
         ),
     }
 
-    def solver(
-        self, model, tuning: float, span: Span, rtol: float, atol: float, max_step: float | None
-    ) -> Run:
+    def solver(self, model, tuning: float, span: Span, rtol: float, atol: float, max_step) -> Run:
         """Return the `Run` of a model at one tuning over a span of mesh periods.
 
         A step is at most `max_step` rad of mesh phase long, by default a tenth of the run.

@@ -139,9 +139,7 @@ class _Run(Split):
         times[-1], states[-1] = t, end_state
         return Arc(times, states, crossing, interpolate)
 
-    def _crossing_of(
-        self, branch: Branch, t: float, state: np.ndarray, flank: tuple[int, int]
-    ) -> int | None:
+    def _crossing_of(self, branch: Branch, t: float, state, flank: tuple[int, int]) -> int | None:
         """Return the index in `branch.crossings` of the crossing of a (mesh, flank) by a state.
 
         If the state only touches the flank, it is moved away and None is returned. The phase t is

@@ -198,8 +198,8 @@ class Run:
         problem = self.problem
         skipped = (self.first_recorded - period) * self.samples_per_period
         next_sample = int(end / MESH_PERIOD * self.samples_per_period) - skipped + 2
-        numbers = np.arange(self.sample_count, min(len(self.samples), next_sample))
-        phases = MESH_PERIOD * (numbers + skipped) / max(self.samples_per_period, 1)
+        indices = np.arange(self.sample_count, min(len(self.samples), next_sample))
+        phases = MESH_PERIOD * (indices + skipped) / max(self.samples_per_period, 1)
         phases = phases[phases < end - SAME_PHASE_TOLERANCE]
         count = len(phases)
         if not count:
@@ -215,9 +215,7 @@ class Run:
         problem.fill_samples(new_samples, t, states, segments, codes)
         self.sample_count += count
 
-    def _add_states(
-        self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _add_states(self, t, states, segments, contact_codes) -> tuple[np.ndarray, np.ndarray]:
         """Update the extrema by k states; return (mesh forces, their derivatives by phase), (k, m).
 
         Segments of the stiffness have shape (k,), contact codes (k, m).
@@ -276,9 +274,7 @@ class Run:
         interval_codes = np.append(codes[1:][is_unchanged], changed_codes)
         self._add_times(mesh, start_phase + starts, start_phase + ends, interval_codes)
 
-    def _add_times(
-        self, mesh: int, starts: np.ndarray, ends: np.ndarray, contact_codes: np.ndarray
-    ) -> None:
+    def _add_times(self, mesh: int, starts, ends, contact_codes) -> None:
         """Add the lengths of intervals of phase to the times of a mesh at each contact code."""
         for code, column in _TIME_COLUMNS.items():
             start, end = starts[contact_codes == code], ends[contact_codes == code]
@@ -325,9 +321,7 @@ class Run:
             code = next_code
         return [*intervals, (recorded_start, end, code)]
 
-    def add_event(
-        self, period: int, t: float, state: np.ndarray, mesh: int, code_before: int, code_after: int
-    ) -> None:
+    def add_event(self, period: int, t: float, state, mesh: int, code_before: int, code_after: int):
         """Add a change of contact of a mesh at the phase t, counted from the start of a period."""
         if code_before == NORMAL:
             self.summary[mesh, orbit.BOUNCES] += 1.0

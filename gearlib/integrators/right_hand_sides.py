@@ -63,9 +63,7 @@ class _RightHandSide:
         """Return the contact codes of the meshes, shape (..., m), in a state at the phase t."""
         return contact_codes_at(self.flank_distances(t, state))
 
-    def reached_crossing(
-        self, t: float, state: np.ndarray, crossings: list, tolerance: float
-    ) -> int | None:
+    def reached_crossing(self, t: float, state, crossings: list, tolerance: float) -> int | None:
         """Return the index of the first flank crossing that a state has reached, or None.
 
         A state has reached a `FlankCrossing` if it moves in the direction of the crossing, and its
@@ -120,9 +118,7 @@ class OneDegree(_RightHandSide):
         """Return (displacement, velocity) of the mesh, each of shape (..., 1)."""
         return state[..., :1], state[..., 1:]
 
-    def set_distance(
-        self, t: float, state: np.ndarray, mesh: int, flank: int, distance: float
-    ) -> None:
+    def set_distance(self, t: float, state, mesh: int, flank: int, distance: float) -> None:
         """Move a state, in place, to a distance from a flank; there is only one mesh."""
         state[0] += distance - (state[0] - self._flank_lines[flank])
 
@@ -130,9 +126,7 @@ class OneDegree(_RightHandSide):
         """Return False: with one degree of freedom both flanks never touch at once."""
         return False
 
-    def branch_derivative(
-        self, t: float, state: np.ndarray, segment: int, contact_codes: np.ndarray
-    ) -> np.ndarray:
+    def branch_derivative(self, t: float, state, segment: int, contact_codes) -> np.ndarray:
         """Return the derivative of a state by phase, for a stiffness segment and contact codes."""
         arguments = np.array([t]), state[None], np.array([segment]), contact_codes[None]
         _, _, accelerations = self._stiffness_and_acceleration(*arguments)
@@ -155,9 +149,7 @@ class OneDegree(_RightHandSide):
         ]
         return equation_of_motion.forces_and_accelerations(self.contact_law, self.law, *arguments).T
 
-    def rates_at_step_ends(
-        self, start: np.ndarray, states: np.ndarray, end: np.ndarray, new_states: np.ndarray
-    ) -> np.ndarray:
+    def rates_at_step_ends(self, start, states, end, new_states) -> np.ndarray:
         """Return derivatives of the states at the starts and ends of k steps, shape (2, k, 2).
 
         The steps lead from states at the phases `start` to new states at the phases `end`. Both
@@ -172,9 +164,7 @@ class OneDegree(_RightHandSide):
         ]
         return np.stack([[states[:, 1], new_states[:, 1]], accelerations], axis=-1)
 
-    def mesh_forces(
-        self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def mesh_forces(self, t, states, segments, contact_codes) -> tuple[np.ndarray, np.ndarray]:
         """Return (elastic mesh forces, zeros) of k states, shape (k, 1).
 
         The zeros stand for derivatives of the forces, which only the mean force of trains needs.
@@ -275,9 +265,7 @@ class PiecewiseLinear(_RightHandSide):
         full = self.full_state(t, state)
         return full @ self.distances[DRIVE_FLANK].T, full @ self._distance_rates[DRIVE_FLANK].T
 
-    def set_distance(
-        self, t: float, state: np.ndarray, mesh: int, flank: int, distance: float
-    ) -> None:
+    def set_distance(self, t: float, state, mesh: int, flank: int, distance: float) -> None:
         """Move a state, in place, to a distance from one flank of a mesh."""
         present_distance = float(self.distances[flank, mesh] @ self.full_state(t, state))
         direction = self._separate_moves[flank][:, mesh]
@@ -310,9 +298,7 @@ class PiecewiseLinear(_RightHandSide):
             self._matrices[branch] = scaled_matrix * self.scale / self.tuning
         return self._matrices[branch]
 
-    def branch_derivative(
-        self, t: float, state: np.ndarray, segment: int, contact_codes: np.ndarray
-    ) -> np.ndarray:
+    def branch_derivative(self, t: float, state, segment: int, contact_codes) -> np.ndarray:
         """Return the derivative of a state by phase, for a stiffness segment and contact codes."""
         return self.branch_matrix(segment, contact_codes) @ self.full_state(t, state)
 
@@ -321,18 +307,14 @@ class PiecewiseLinear(_RightHandSide):
         scale = self.scale[: self.size]
         return equation_of_motion.train_derivative(self.system, t, state * scale) / scale
 
-    def rates_at_step_ends(
-        self, start: np.ndarray, states: np.ndarray, end: np.ndarray, new_states: np.ndarray
-    ) -> np.ndarray:
+    def rates_at_step_ends(self, start, states, end, new_states) -> np.ndarray:
         """Return the mean rates of change over k steps, twice, shape (2, k, size).
 
         The steps lead from states at the phases `start` to new states at the phases `end`.
         """
         return np.stack(2 * [(new_states - states) / (end - start)[:, None]])
 
-    def mesh_forces(
-        self, t: np.ndarray, states: np.ndarray, segments: np.ndarray, contact_codes: np.ndarray
-    ) -> np.ndarray:
+    def mesh_forces(self, t, states, segments, contact_codes) -> np.ndarray:
         """Return (elastic forces of the meshes, their derivatives by phase), shape (2, k, m).
 
         States have shape (k, size), contact codes (k, m).

@@ -45,7 +45,8 @@ class Scipy(Integrator):
     def solver(self, model, tuning: float, span: Span, solver, rtol, atol, events) -> Run:
         """Return the `Run` of a model at one tuning by the scipy solver called `solver`.
 
-        With `events` the run is split at switches of stiffness and at changes of contact.
+        With `events` the run is split at switches of stiffness and at changes of contact. The span
+        is given to the run later.
         """
         run_class = _SplitRun if events else _UnsplitRun
         return run_class(right_hand_side(model, tuning), method=solver, rtol=rtol, atol=atol)
