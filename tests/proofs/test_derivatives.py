@@ -39,8 +39,8 @@ def test_derivatives_through_contacts_at_once():
     with precision(420):
         proof = orbits.Proof(orbit, *orbits.listed_contacts(orbit))
         windows = Windows(proof.path, proof.phases)
-        assert windows.any() and len(proof.phases) == 8
-        n = proof.laws.state_count
+        assert windows.are_needed() and len(proof.phases) == 8
+        n = proof.dynamics.state_count
         unknowns = [*(v.mid() for v in proof.box), *(p.mid() for p in proof.phases)]
         ordered = proof.path.monodromy(proof.path.equations(unknowns)[1])
         _, rows = windows.equations([v.mid() for v in proof.box])

@@ -7,9 +7,9 @@ from flint import acb, arb, arb_mat
 
 import gearlib
 from gearlib.analysis.proofs import krawczyk, orbits
-from gearlib.analysis.proofs.arc_laws import ArcLaws, propagated
+from gearlib.analysis.proofs.arc_laws import ArcDynamics, propagated
 from gearlib.analysis.proofs.balls import first_column, precision
-from gearlib.analysis.proofs.krawczyk import eigenvalues, verdict
+from gearlib.analysis.proofs.krawczyk import eigenvalues, stability_verdict
 from gearlib.analysis.proofs.orbits import listed_contacts
 from gearlib.analysis.proofs.path import Path
 from tests.paper import PAPER
@@ -22,17 +22,17 @@ MATERIAL = PAPER.replace(material_damping=3953.7)
 def test_frames_keep_boxes_from_being_wrapped(case, share):
     orbit, radius = test_train_certificates.found(case), 1e-9
     with precision(160) as arb:
-        laws = ArcLaws(orbit.pair, orbit.tuning)
+        laws = ArcDynamics(orbit.pair, orbit.tuning)
         path = Path(laws, *listed_contacts(orbit), orbit.period)
-        start = [*laws.initial_state(orbit.state), *path.guess]
+        start = [*laws.initial_state(orbit.state), *path.initial_phases]
         box = [arb(value.mid(), radius) for value in start]
         n = laws.state_count
         wide = max(float(value.rad()) for value in path.equations(box)[0])
         state, last = first_column(path.start(box[:n], n)), 0
         for node, phase in zip(path.nodes, path.phases(box[n:]), strict=True):
-            state, last = propagated(node.law, state, (phase - last) * path.scale), phase
+            state, last = propagated(node.matrix, state, (phase - last) * path.scale), phase
         assert wide < share * max(float(v.rad()) for v in (laws.basis * state).entries()[:n])
-        if not path.guess:
+        if not path.initial_phases:
             # Without contacts all is linear: a box about the image turns with it, in n dimensions
             # no wider than that by sqrt(n).
             slopes = path.equations([value.mid() for value in start])[1]
@@ -51,7 +51,7 @@ def test_boxes_of_a_range_hold_its_orbits_wherever_their_centre_lies(monkeypatch
         return [x + next(away), *others], inverse
 
     def noted(path, arcs, *given):
-        boxes.append((path.laws.basis * arcs[0][0]).entries()[:2])
+        boxes.append((path.dynamics.basis * arcs[0][0]).entries()[:2])
 
     with precision(128) as arb:
         part = orbits._Range(orbit, *listed_contacts(orbit))
@@ -90,7 +90,7 @@ def test_multiple_eigenvalues_are_enclosed():
         (values[3:], "stable"),
         (values[1:], "undecided"),
     ):
-        assert verdict(part, matrix, None)[0] == stability
+        assert stability_verdict(part, matrix, None)[0] == stability
 
 
 def test_eigenvalues_of_all_matrices_of_a_ball():

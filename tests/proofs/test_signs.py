@@ -12,7 +12,7 @@ from scipy.linalg import expm
 import gearlib
 from gearlib.analysis.proofs import orbits
 from gearlib.analysis.proofs.balls import flint, precision
-from gearlib.analysis.proofs.certificate_files import Uncertain
+from gearlib.analysis.proofs.certificate_files import ProofFailed
 from gearlib.analysis.proofs.models_in_balls import DRIVE
 from gearlib.analysis.proofs.signs import check_arc, check_contacts
 from tests.paper import PAPER
@@ -33,14 +33,14 @@ def arc(law, x, w, t, *crossed, code=1, line=0.0):
         mesh = SimpleNamespace(clearance_varies=False, has_backlash=True)
         laws = SimpleNamespace(
             distances=[[None, flint().arb_mat([[1, 0, -line]])]],
-            numbers=SimpleNamespace(meshes=[mesh]),
+            model=SimpleNamespace(meshes=[mesh]),
             mesh_names=["mesh"],
         )
         marks = [(0, DRIVE) if mark else None for mark in crossed or (False, False)]
         try:
             end = (law * arb(t)).exp() * start
             check_arc(laws, law, start, end, arb(t), [code], marks, 0.0)
-        except Uncertain as reason:
+        except ProofFailed as reason:
             assert reason.args[0] == "grazing"
             return False
         return True
@@ -118,11 +118,11 @@ def test_contacts_out_of_order_or_at_a_switch_are_noticed():
         check_contacts(one.path, arcs, one.ends, one.phases)
         lost, gained = (i for i, node in enumerate(one.path.nodes) if node.before != node.after)
         for other in (given[lost + 1], given[lost + 1] + 0.1, given[lost].union(given[lost + 1])):
-            with pytest.raises(Uncertain, match="cannot be told apart"):
+            with pytest.raises(ProofFailed, match="cannot be told apart"):
                 check_contacts(one.path, arcs, one.ends, [other, *one.phases[1:]])
         # Up through the line where contact is said to be lost, down where gained, or to rest on it.
         for at, share in itertools.product((lost, gained), (-1, 0)):
             ends = [end * 1 for end in one.ends]
             ends[at][1, 0] *= share
-            with pytest.raises(Uncertain, match="not proven to be a crossing"):
+            with pytest.raises(ProofFailed, match="not proven to be a crossing"):
                 check_contacts(one.path, arcs, ends, one.phases)

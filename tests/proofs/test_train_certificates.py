@@ -14,13 +14,13 @@ import pytest
 import gearlib
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.proofs import krawczyk
-from gearlib.analysis.proofs.arc_laws import ArcLaws
+from gearlib.analysis.proofs.arc_laws import ArcDynamics
 from gearlib.analysis.proofs.balls import precision
-from gearlib.analysis.proofs.certificate_files import Uncertain
-from gearlib.analysis.proofs.models_in_balls import numbers_of
+from gearlib.analysis.proofs.certificate_files import ProofFailed
+from gearlib.analysis.proofs.models_in_balls import ball_model
 from gearlib.analysis.proofs.orbits import MAX_DISTANCE, Proof, listed_contacts
 from gearlib.analysis.proofs.path import Path
-from gearlib.analysis.proofs.signs import bounds_of, check_contacts
+from gearlib.analysis.proofs.signs import check_contacts, contact_bounds
 from tests.independent.certificates import Motion
 from tests.paper import PAPER
 from tests.properties.known_models import EVERYTHING, gears
@@ -174,7 +174,7 @@ def test_excitation_in_balls_is_that_of_the_kernels():
     flank = {"friction": (0.05, 0.05), "pitch_phase": 0.4, "tooth_thickness": (0.52, 0.47)}
     train = train.replace(bodies=bodies, meshes=[replace(m, **flank) for m in train.meshes])
     frequencies, waves, constants = train.excitation
-    for j, mesh in enumerate(numbers_of(train, 1.0).meshes):
+    for j, mesh in enumerate(ball_model(train, 1.0).meshes):
         for side in (0, 1):
             found = [mesh.waves.get(Fraction(f).limit_denominator(10**6)) for f in frequencies]
             found = [value for row in found for value in (row[side] if row else (0.0, 0.0))]
@@ -275,7 +275,7 @@ def test_what_is_beyond_the_proof_is_refused_by_name(monkeypatch):
 def check(path, unknowns):
     """Prove the contacts of a path."""
     _, _, arcs, ends = path.equations(unknowns)
-    check_contacts(path, arcs, ends, unknowns[path.laws.state_count :])
+    check_contacts(path, arcs, ends, unknowns[path.dynamics.state_count :])
 
 
 @pytest.mark.parametrize("tuning", [0.6, 0.651837])
@@ -285,11 +285,11 @@ def test_contacts_that_are_not_listed_are_seen(tuning):
     The lower dip lies within a piece, at whose ends nothing is seen of it.
     """
     with precision(128):
-        laws = ArcLaws(gearlib.idler(LIGHT), tuning)
+        laws = ArcDynamics(gearlib.idler(LIGHT), tuning)
         path = Path(laws, [1, 1], [], 1)
         start = laws.initial_state(found("parametric resonance").state)
         box = krawczyk.enclose(path.equations, *krawczyk.polish(path.equations, start))
-        with pytest.raises(Uncertain) as error:
+        with pytest.raises(ProofFailed) as error:
             check(path, box)
         assert error.value.args[0] == "grazing"
 
@@ -307,7 +307,7 @@ def test_contacts_that_are_not_listed_are_seen_where_others_coincide(backlash, s
         if status is None:
             assert len(Proof(replace(orbit, pair=train), codes, events).phases) == 4
             return
-        with pytest.raises(Uncertain) as error:
+        with pytest.raises(ProofFailed) as error:
             Proof(replace(orbit, pair=train), codes, events)
         assert error.value.args[0] == status
 
@@ -327,9 +327,9 @@ def test_play_that_closes_is_looked_for():
         (branches(), None, (1, 1, 0)),
     ):
         rows = [[coast, "drive"]] * len(model.meshes)
-        laws = SimpleNamespace(numbers=numbers_of(model, 1.0), distances=rows)
+        laws = SimpleNamespace(model=ball_model(model, 1.0), distances=rows)
         for code, count in zip((0, 1, -1), counts, strict=True):
-            found = bounds_of(laws, [code] * len(rows))
+            found = contact_bounds(laws, [code] * len(rows))
             assert sum(bound.mesh == 0 for bound in found) == count, (code, found)
 
 
@@ -344,12 +344,12 @@ def test_of_which_meshes_the_play_changes():
             deviation=one,
             inverse_deviation=coast,
         )
-        assert numbers_of(six, 1.0).meshes[0].clearance_varies == changes
+        assert ball_model(six, 1.0).meshes[0].clearance_varies == changes
     for inverse, changes in ((one, False), (other, True)):
         train = branches()
         mesh = replace(train.meshes[0], deviation=one, inverse_deviation=inverse)
         train = train.replace(meshes=[mesh, *train.meshes[1:]])
-        found = [mesh.clearance_varies for mesh in numbers_of(train, 1.0).meshes]
+        found = [mesh.clearance_varies for mesh in ball_model(train, 1.0).meshes]
         assert found == [changes, False]
 
 
@@ -357,6 +357,6 @@ def test_of_which_meshes_the_play_changes():
 def test_a_stiffness_that_never_switches(ratio, low):
     train = branches()
     meshes = [replace(mesh, contact_ratio=ratio) for mesh in train.meshes]
-    (segment,) = numbers_of(train.replace(meshes=meshes), 1.0).segments
+    (segment,) = ball_model(train.replace(meshes=meshes), 1.0).segments
     levels = [level for sides in segment.conditions for level, _ in sides]
     assert segment.phase == 0 and levels == [int(low)] * 4

@@ -1,8 +1,8 @@
 """Ball arithmetic by python-flint, with conversions from numbers and to decimals.
 
-A ball is a midpoint with a radius; every operation of Arb widens the radius so that it holds all
-results of the numbers that it stands for (Johansson, IEEE Transactions on Computers 66 (2017)
-1281-1292). So an inequality between balls that holds is proven.
+A ball is a midpoint with a radius. Every operation of Arb returns a ball that contains all results
+for numbers in its operands (Johansson, IEEE Transactions on Computers 66 (2017) 1281-1292).
+Therefore an inequality between balls is proven if it holds.
 """
 
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ import numpy as np
 
 
 def flint() -> Any:
-    """Return the module python-flint, or raise an ImportError that says how to install it."""
+    """Return the module python-flint, or raise an ImportError with the command to install it."""
     try:
         import flint as module
     except ImportError:
@@ -33,12 +33,12 @@ def precision(bits: int):
 
 
 def ball_of(fraction: Fraction) -> Any:
-    """Return a ball (flint's ``arb``) that holds a fraction."""
+    """Return a ball (flint's ``arb``) that contains a fraction."""
     return flint().arb(fraction.numerator) / fraction.denominator
 
 
 def column_of(values: list) -> Any:
-    """Return a list of n balls or numbers as a matrix of balls with one column, shape (n, 1)."""
+    """Return a list of n balls or numbers as a column matrix of balls, shape (n, 1)."""
     return flint().arb_mat([[value] for value in values])
 
 
@@ -64,7 +64,7 @@ def norm(matrix: Any) -> Any:
 
 @dataclass(frozen=True)
 class Enclosure:
-    """A closed interval between two exact decimals that is proven to hold a number."""
+    """A closed interval between two exact decimals that is proven to contain a number."""
 
     low: Decimal
     high: Decimal
@@ -78,14 +78,14 @@ class Enclosure:
         return Fraction(self.low) <= Fraction(value) <= Fraction(self.high)
 
     def __str__(self) -> str:
-        """Return "centre +- radius" with rounded numbers that still enclose the interval."""
+        """Return "centre +- radius" with rounded numbers that still contain the interval."""
         width = self.high - self.low
         if not width:
             return str(self.low)
         exact, rounded_up = Context(prec=400), Context(prec=2, rounding="ROUND_UP")
         centre = exact.divide(exact.add(self.low, self.high), Decimal(2))
         radius = rounded_up.divide(width, Decimal(2))
-        # The rounded centre has one digit more than the radius leaves certain.
+        # The rounded centre has one digit more than the radius determines.
         digits = max(1, centre.adjusted() - radius.adjusted() + 2)
         rounded_centre = Context(prec=digits).plus(centre)
         rounding_error = abs(exact.subtract(rounded_centre, centre))
@@ -94,7 +94,7 @@ class Enclosure:
 
 
 def enclosure(ball: Any, digits: int) -> Enclosure:
-    """Return a ball as an interval of decimals, rounded outwards to digits + 2 decimal places."""
+    """Return a ball as an interval of decimals, rounded outwards to `digits` + 2 decimal places."""
     module = flint()
     places = digits + 2
     with precision(module.ctx.prec + 4 * places + 64):
@@ -106,7 +106,7 @@ def enclosure(ball: Any, digits: int) -> Enclosure:
 
 
 def digits_of(ball: Any) -> int:
-    """Return the number of decimal digits that a ball determines, after the point below 1."""
+    """Return the number of decimal digits that a ball determines, decimal places below 1."""
     relative_radius = ball.rad() / max(1, abs(ball.mid()))
     if relative_radius == 0:
         return 10**6

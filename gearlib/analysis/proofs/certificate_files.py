@@ -7,30 +7,30 @@ from gearlib.analysis.proofs.balls import Enclosure
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 
 _CONTACT_NAMES = {NORMAL: "normal mesh", BACKLASH: "backlash", INVERSE: "inverse mesh"}
-#: Entries of certificates whose floats are exact numbers.
-_EXACT = "tuning", "start", "stop", "derived", "pieces"
+#: Entries of certificates with exact floats, which are written in hexadecimal.
+_EXACT_ENTRIES = "tuning", "start", "stop", "derived", "pieces"
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Result of a proof that failed, with the reason; its truth value is false."""
+    """Result of a failed proof, with the reason; its truth value is false."""
 
-    status: str  #: the step that failed: model, contacts, distance, fold, derivative,
+    status: str  #: the failed step: model, contacts, distance, fold, derivative,
     #: switch, together, grazing, jammed, period, precision or stability
-    message: str  #: what failed, in a sentence
+    message: str  #: the reason, in a sentence
 
     def __bool__(self) -> bool:
         """Return False: the proof failed."""
         return False
 
 
-class Uncertain(Exception):
-    """The error that a step of a proof failed, with the arguments (status, sentence)."""
+class ProofFailed(Exception):
+    """A step of a proof has failed; the arguments are the status and message of a `Refusal`."""
 
 
 @dataclass(frozen=True)
 class ContactEvent:
-    """A contact that is gained or lost."""
+    """Gain or loss of a contact."""
 
     phase: Enclosure  #: mesh phase from tau = 0, rad
     before: int  #: contact code before: 1 normal mesh, 0 backlash, -1 inverse mesh
@@ -40,7 +40,7 @@ class ContactEvent:
 
 @dataclass(frozen=True)
 class MeshEvent(ContactEvent):
-    """A contact that a mesh of a train gains or loses."""
+    """Gain or loss of a contact in a mesh of a train."""
 
     mesh: str
 
@@ -55,19 +55,19 @@ class _Claim:
         values = dict(vars(self))
         model, train = values.pop("pair"), values.pop("train", None)
         values |= vars(train) if train else {}
-        values = {name: plain(value, name in _EXACT) for name, value in values.items()}
+        values = {name: json_value(value, name in _EXACT_ENTRIES) for name, value in values.items()}
         parameters = model.as_dict()
         if model.equation is not None:
-            # The teeth of a pair do not enter its equation of motion.
+            # The equation of motion of a pair does not depend on its teeth.
             parameters.pop("teeth", None)
-        return {"claim": self.claim, **values, "pair": plain(parameters, True)}
+        return {"claim": self.claim, **values, "pair": json_value(parameters, True)}
 
     def __repr__(self) -> str:
-        """Return the claim as text: a first line, a line for each fact, and the stability."""
+        """Return the claim as text: a title, a line for each proven quantity, and the stability."""
         claim: Any = self
         orbit = f"an orbit of {claim.period} mesh period{'s' * (claim.period > 1)}"
         lines = [f"Proven: {orbit} at {claim._tunings.format(claim)}, {claim.stability}"]
-        lines += [f"  {name:<13} {text}" for name, text in claim._facts()]
+        lines += [f"  {name:<13} {text}" for name, text in claim._text_rows()]
         return "\n".join([*lines, f"  {claim.stability}: {claim.reason}"])
 
 
@@ -77,16 +77,16 @@ class _OrbitClaim(_Claim):
 
     pair: Any  #: the model
     tuning: float
-    period: int  #: mesh periods of the reference mesh; it does not repeat after fewer
-    displacement: Any  #: at tau = 0, `Enclosure`, in static deflections, of a train a tuple
-    velocity: Any  #: dx/dtau at tau = 0, the same
-    events: tuple  #: all contacts gained and lost, in their order, where it is proven
-    radius: float  #: no other orbit with these contacts has state and phases this close
+    period: int  #: smallest period, in mesh periods of the reference mesh
+    displacement: Any  #: `Enclosure` at tau = 0, in static deflections; a tuple for a train
+    velocity: Any  #: `Enclosure` of dx/dtau at tau = 0; a tuple for a train
+    events: tuple  #: all gains and losses of contact, in their proven order
+    radius: float  #: there is no other orbit with these contacts within this distance
     moved: float  #: largest distance of the state from the candidate, in static deflections
-    multipliers: tuple  #: pairs of `Enclosure`, real and imaginary part, the largest first
+    multipliers: tuple  #: pairs of `Enclosure`, real and imaginary part, largest first
     stability: str  #: "stable", "unstable" or "undecided"
-    reason: str  #: why, in a sentence
-    digits: int  #: decimal digits of all enclosures, of numbers below 1 behind the point
+    reason: str  #: reason for the stability, in a sentence
+    digits: int  #: decimal digits of all enclosures, decimal places of numbers below 1
 
     _tunings = "tuning {0.tuning!r}"
 
@@ -95,16 +95,16 @@ class _OrbitClaim(_Claim):
 class Certificate(_OrbitClaim):
     """A proven orbit of one degree of freedom; see `docs/theory/proofs.md`."""
 
-    pattern: tuple  #: contact codes in the order met, from tau = 0
+    pattern: tuple  #: sequence of contact codes from tau = 0
     displacement_min: Enclosure  #: smallest displacement of the orbit, in static deflections
     displacement_max: Enclosure
-    trace: Enclosure  #: of the map of small deviations over the orbit
+    trace: Enclosure  #: trace of the monodromy matrix
     determinant: Enclosure
 
     claim = "orbit"
 
-    def _facts(self) -> list[tuple]:
-        """Return the rows (name, value) of the text of the certificate."""
+    def _text_rows(self) -> list[tuple]:
+        """Return (name, value) of the quantities in the text of the certificate."""
         return [
             ("displacement", self.displacement),
             ("velocity", self.velocity),
@@ -118,47 +118,48 @@ class Certificate(_OrbitClaim):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainFacts:
-    """The names of a train's meshes and coordinates: displacement and velocity are tuples."""
+class TrainDescription:
+    """Meshes and coordinates of a train."""
 
-    meshes: tuple  #: their names
-    contacts: tuple  #: contact code of every mesh at the start
-    coordinates: tuple  #: their names
-    fixed: tuple  #: names of coordinates that are 0: a free rotation is counted from them
-    derived: dict  #: numbers that the library derives from the model; the proof takes them as exact
+    meshes: tuple  #: names of the meshes
+    contacts: tuple  #: contact code of each mesh at tau = 0
+    coordinates: tuple  #: names of the entries of displacement and velocity
+    fixed: tuple  #: names of the coordinates that are 0, relative to which a train rotates freely
+    derived: dict  #: numbers that the library derives from the model, exact in the proof
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
-class TrainCertificate(_OrbitClaim, TrainFacts):
+class TrainCertificate(_OrbitClaim, TrainDescription):
     """A proven orbit of a train; see `docs/theory/proofs.md`."""
 
     claim = "train"
 
-    def _facts(self) -> list[tuple]:
-        """Return the rows (name, value) of the text of the certificate."""
+    def _text_rows(self) -> list[tuple]:
+        """Return (name, value) of the quantities in the text of the certificate."""
         start_contacts = ", ".join(
             f"{mesh} in {_CONTACT_NAMES[code]}"
             for mesh, code in zip(self.meshes, self.contacts, strict=True)
         )
-        facts = [("at tau = 0", start_contacts)]
+        rows = [("at tau = 0", start_contacts)]
         for event in self.events:
             contact = f"{event.phase}  {event.mesh} in {_CONTACT_NAMES[event.after]}"
-            facts.append(("  phase", contact))
+            rows.append(("  phase", contact))
         multiplier = _complex_text(*self.multipliers[0])
-        facts.append(("multiplier", f"{multiplier}, the largest of {len(self.multipliers)}"))
-        facts.append(("the only such orbit", f"within {self.radius:.3g}"))
-        return facts
+        rows.append(("multiplier", f"{multiplier}, the largest of {len(self.multipliers)}"))
+        rows.append(("the only such orbit", f"within {self.radius:.3g}"))
+        return rows
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A piece of a range of tunings: at each of them the box holds one such orbit."""
+    """A part of a range of tunings: at each of them the box contains exactly one such orbit."""
 
     start: float
     stop: float
-    centre: tuple  #: x, nu dx/dtau, of a train (y, nu dy/dtau) of the coordinates that are not
-    #: fixed, and the phases of contact, exact floats
-    radii: tuple  #: of the box about the centre, exact floats
+    #: Exact floats x, nu dx/dtau, of a train (y, nu dy/dtau) of the coordinates that are not fixed,
+    #: and phases of the contact events, at the centre of the box.
+    centre: tuple
+    radii: tuple  #: radii of the box, exact floats
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,20 +167,21 @@ class RangeCertificate(_Claim):
     """An orbit that is proven at every tuning of a range, one branch with the same contacts."""
 
     pair: Any  #: the model
-    start: float  #: the lower tuning, an exact number
-    stop: float  #: and the upper one
+    start: float  #: lowest tuning, an exact number
+    stop: float  #: highest tuning
     period: int  #: mesh periods
-    pattern: tuple  #: contact codes in the order met, from tau = 0
-    stability: str  #: as of `Certificate`, the same in the whole range
+    pattern: tuple  #: sequence of contact codes from tau = 0
+    stability: str  #: "stable" or "unstable" in the whole range
     reason: str
-    pieces: tuple  #: of the range, `Piece`, ascending; where two meet the orbit is in both boxes
-    train: Any = None  #: `TrainFacts`; None: one degree of freedom
+    pieces: tuple  #: sorted `Piece`s; at a common tuning of two pieces the orbit is in both boxes
+    train: Any = None  #: `TrainDescription`; None: one degree of freedom
 
     claim = "range"
 
     _tunings = "every tuning from {0.start!r} to {0.stop!r}"
 
-    def _facts(self):
+    def _text_rows(self):
+        """Return (name, value) of the quantities in the text of the certificate."""
         return [("contacts", _contact_names(self.pattern))]
 
 
@@ -194,14 +196,14 @@ def _complex_text(real: Enclosure, imaginary: Enclosure) -> str:
     return f"{real}" if is_real else f"{real}, i ({imaginary})"
 
 
-def plain(value: Any, exact: bool = False) -> Any:
-    """Return a value for JSON, without classes; with `exact` floats become hexadecimal texts."""
+def json_value(value: Any, exact: bool = False) -> Any:
+    """Return a value as JSON types; with `exact` floats become hexadecimal strings."""
     if isinstance(value, Enclosure):
         return [str(value.low), str(value.high)]
     if isinstance(value, (ContactEvent, Piece)):
         value = vars(value)
     if isinstance(value, dict):
-        return {name: plain(item, exact) for name, item in value.items()}
+        return {name: json_value(item, exact) for name, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(item, exact) for item in value]
+        return [json_value(item, exact) for item in value]
     return value.hex() if exact and isinstance(value, float) else value

@@ -1,11 +1,11 @@
-"""Masses, springs, loads and meshes of a model in balls, from numbers that are taken as exact.
+"""Masses, springs, loads and meshes of a model in ball arithmetic.
 
     M q'' + D q' + K q = f - sum over meshes of (b_drive P + b_coast Q) - friction across them
 
-Exact are the floating-point numbers of a `GearPair`, of a `SixDegreePair` and of a `GearTrain` in
-SI units, and those of the `Equation` of other models of one degree of freedom in its own units. Of
-a train the mesh phases, counted in mesh periods, static deflection and reference frequency, which
-the library derives, are exact too. Speeds are fractions of tooth numbers.
+The floating-point numbers of a `GearPair`, a `SixDegreePair` and a `GearTrain` in SI units are
+taken as exact, and those of the `Equation` of other models with one degree of freedom in its units.
+For a train, the derived mesh phases (in mesh periods), static deflection and reference frequency
+are taken as exact, too. Speed ratios are fractions of tooth numbers.
 """
 
 import math
@@ -17,35 +17,36 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib.analysis.proofs.balls import ball_of, flint
-from gearlib.analysis.proofs.certificate_files import Uncertain
+from gearlib.analysis.proofs.certificate_files import ProofFailed
 from gearlib.models.six_degrees import TwoGears
 from gearlib.models.trains import turning
 from gearlib.models.trains.structure import Arithmetic, coast_lines
 from gearlib.models.trains.waves import excitation_harmonics
 
-#: Numbers of the two sides of a tooth, as in tables of the models.
+#: Indices of the two sides of a tooth, as in tables of the models.
 COAST, DRIVE = 0, 1
-#: Numbers that the library derives from a train.
+#: Attributes of a train that the library derives from its parameters.
 _DERIVED_NUMBERS = "static_deflection", "reference_angular_frequency", "phases", "inverse_phases"
 
 
 class MeshTiming(NamedTuple):
-    """When stiffness and sliding of a mesh change; pairs are (coast side, drive side)."""
+    """Phases at which stiffness and sliding of a mesh change, pairs (coast side, drive side)."""
 
     overlap: Fraction  #: contact ratio - 1
-    switches: bool  #: whether the two levels of stiffness differ
-    slides: bool  #: whether there is friction
-    rate: Fraction = Fraction(1)  #: mesh periods in one of the reference mesh
+    has_switches: bool  #: whether the two stiffness levels differ
+    has_friction: bool
+    rate: Fraction = Fraction(1)  #: mesh periods per period of the reference mesh
     phases: tuple = (Fraction(0), Fraction(0))  #: middle of the upper level, in mesh periods
-    pitches: tuple = (Fraction(0), Fraction(0))  #: sliding reverses, after the drive side's phase
+    pitches: tuple = (Fraction(0), Fraction(0))  #: phase of the sliding reversal, relative to that
+    #: of the drive side
 
     def changes(self) -> set[Fraction]:
         """Return the phases, in mesh periods, at which stiffness or sliding direction changes."""
         phases = set()
-        if self.switches and 0 < self.overlap < 1:
+        if self.has_switches and 0 < self.overlap < 1:
             for middle in self.phases:
                 phases |= {middle + self.overlap / 2, middle - self.overlap / 2}
-        if self.slides:
+        if self.has_friction:
             for pitch in self.pitches:
                 reversal = self.phases[DRIVE] + pitch
                 phases |= {reversal, reversal + Fraction(1, 2)}
@@ -62,71 +63,71 @@ class MeshTiming(NamedTuple):
         return int(is_low), 1 if since_reversal < Fraction(1, 2) else -1
 
 
-class MeshNumbers(NamedTuple):
-    """One mesh; pairs are (coast side, drive side), rows are functionals of the n coordinates."""
+class BallMesh(NamedTuple):
+    """A mesh; pairs are (coast side, drive side), rows are functionals of the n coordinates."""
 
     name: str
-    rows: tuple  #: b: the distance of the flanks is b q + constant + waves
-    constants: tuple  #: backlash included; of the coast side None where there is none
-    stiffness: tuple  #: levels of both sides
-    damping: tuple  #: in contact, of both sides
+    rows: tuple  #: rows b of the flank distance b q + constant + waves
+    constants: tuple  #: with the backlash; None for the coast side of an infinite backlash
+    stiffness: tuple  #: stiffness levels of both sides
+    damping: tuple  #: damping in contact of both sides
     backlash_damping: Any
-    has_backlash: bool = True  #: without it the flank lines of both sides are one
-    timing: Any = None  #: `MeshTiming`; None: the model has its own segments
-    waves: dict = {}  #: frequency by phase, `Fraction` -> rows (cosine, sine) of both sides
-    sliding_row: Any = None  #: the way of the axes' sliding past the pitch point; None: no friction
+    has_backlash: bool = True  #: without backlash the flank lines of both sides coincide
+    timing: Any = None  #: `MeshTiming`, or None if the model has other segments
+    waves: dict = {}  #: frequency (`Fraction`) by phase -> rows (cosine, sine) of both sides
+    sliding_row: Any = None  #: row of the sliding distance of the flanks; None without friction
     friction: tuple = (0, 0)
-    clearance_varies: bool = False  #: so that it might close
+    clearance_varies: bool = False  #: whether the clearance varies, so that it may close
 
 
 class Segment(NamedTuple):
-    """A part of the excitation's period in which all coefficients are constant."""
+    """A part of the period of the excitation with constant coefficients."""
 
-    phase: Any  #: where it begins, a ball
-    conditions: list  #: of each mesh, of both sides (number of the level, sliding sign)
+    phase: Any  #: mesh phase of its start, a ball
+    conditions: list  #: (index of the stiffness level, sliding sign) of both sides of each mesh
 
 
-class ModelNumbers(NamedTuple):
-    """A model of n coordinates; matrices are arrays of balls."""
+class BallModel(NamedTuple):
+    """Coefficients of a model with n coordinates in balls; matrices are arrays of balls."""
 
-    coordinates: tuple  #: their names
+    coordinates: tuple  #: names of the coordinates
     mass: np.ndarray
-    stiffness: np.ndarray  #: of all but the meshes, as is the damping
-    damping: np.ndarray
+    stiffness: np.ndarray  #: without that of the meshes
+    damping: np.ndarray  #: without that of the meshes
     load: np.ndarray
     meshes: tuple
     segments: list
-    length: Any  #: the unit of displacements
-    frequency: Any  #: the unit of the tuning, rad/s
+    length: Any  #: unit of displacements
+    frequency: Any  #: unit of the tuning, rad/s
     force_waves: dict = {}  #: frequency by phase -> (cosine, sine) of the load, each shape (n,)
-    derived: dict = {}  #: numbers that the library derives from the model, here exact ones
+    derived: dict = {}  #: numbers that the library derives from the model, taken as exact
 
 
 def model_reader(model) -> Callable:
-    """Return the function from (model, tuning) to `ModelNumbers` for the class of a model.
+    """Return the function from (model, tuning) to `BallModel` for the class of a model.
 
-    `Uncertain` is raised for models without proofs.
+    Raise `ProofFailed` for models without proofs.
     """
     if model.train is not None:
         if model.gyroscopic:
             text = "no proof is written for a train whose axes feel the turning of their frame"
-            raise Uncertain("model", text)
+            raise ProofFailed("model", text)
         return _of_train if model.train is model else _of_six_degrees
     if model.mesh is model:
         return _of_pair
     if model.piecewise_linear:
         return _of_equation
     text = "proofs are written for trains, and for one degree of freedom with linear phases of"
-    raise Uncertain("model", f"{text} contact, not for this {type(model).__name__}")
+    raise ProofFailed("model", f"{text} contact, not for this {type(model).__name__}")
 
 
-def numbers_of(model, tuning: float) -> ModelNumbers:
+def ball_model(model, tuning: float) -> BallModel:
     """Return masses, springs, loads and meshes of a model at a tuning in balls."""
     return model_reader(model)(model, tuning)
 
 
 def ball_arithmetic() -> Arithmetic:
-    """Return the arithmetic that assembles a train in balls of the current precision."""
+    """Return the arithmetic for the assembly of a train in balls of the current precision."""
     arb = flint().arb
     return Arithmetic(
         object,
@@ -140,7 +141,7 @@ def ball_arithmetic() -> Arithmetic:
 def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
     """Return the segments of constant stiffness and sliding in one period of the excitation.
 
-    The common period of all meshes, with their timings, is in periods of the reference mesh.
+    `timings` are those of all meshes, `common_period` is in periods of the reference mesh.
     """
     starts = {Fraction(0)}
     for timing in timings:
@@ -157,22 +158,22 @@ def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
 
 
 def _units(pair) -> dict[str, Any]:
-    """Return static deflection ("length") and natural frequency of a `GearPair` in balls."""
+    """Return {"length": static deflection, "frequency": natural frequency} of a pair in balls."""
     kappa, overlap = flint().arb(pair.stiffness_ratio), flint().arb(pair.contact_ratio) - 1
     mean = pair.max_stiffness * (kappa * (1 - overlap) + overlap)
     return {"length": pair.load / mean, "frequency": (mean / pair.reduced_mass).sqrt()}
 
 
-def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values) -> ModelNumbers:
-    """Return the numbers of a model with one coordinate.
+def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values) -> BallModel:
+    """Return the coefficients of a model with one coordinate.
 
-    `ground` is its stiffness without contact, `lines` and `stiffness` are flank displacements and
-    stiffness levels of (coast, drive) side, `damping` is that of (coast side, backlash, drive
-    side). `values` are other fields of `ModelNumbers`.
+    `ground` is its stiffness without contact, `lines` and `stiffness` are displacements of the
+    flanks and stiffness levels of (coast, drive) side, `damping` is that of (coast side, backlash,
+    drive side). `values` are other fields of `BallModel`.
     """
     arb = flint().arb
     unit_row, (coast, backlash, drive) = (arb(1),), map(arb, damping)
-    mesh = MeshNumbers(
+    mesh = BallMesh(
         "mesh",
         (unit_row, unit_row),
         tuple(-arb(line) if math.isfinite(line) else None for line in lines),
@@ -183,15 +184,15 @@ def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values) -> M
     )
     mass_matrix, ground_matrix, no_damping = (np.array([[arb(x)]]) for x in (mass, ground, 0))
     loads = np.array([arb(load)])
-    return ModelNumbers(
+    return BallModel(
         ("displacement",), mass_matrix, ground_matrix, no_damping, loads, (mesh,), **values
     )
 
 
-def _of_pair(pair, tuning: float) -> ModelNumbers:
-    """Return the numbers of a `GearPair`, which do not depend on the tuning."""
+def _of_pair(pair, tuning: float) -> BallModel:
+    """Return the coefficients of a `GearPair`, which do not depend on the tuning."""
     upper, kappa = flint().arb(pair.max_stiffness), pair.stiffness_ratio
-    timing = MeshTiming(Fraction(pair.contact_ratio) - 1, kappa != 1.0, slides=False)
+    timing = MeshTiming(Fraction(pair.contact_ratio) - 1, kappa != 1.0, has_friction=False)
     return _of_one_degree(
         pair.reduced_mass,
         0,
@@ -204,13 +205,13 @@ def _of_pair(pair, tuning: float) -> ModelNumbers:
     )
 
 
-def _of_equation(model, tuning: float) -> ModelNumbers:
-    """Return the numbers of a model of one degree of freedom from its `Equation` at a tuning."""
+def _of_equation(model, tuning: float) -> BallModel:
+    """Return the coefficients of a model with one degree of freedom from its `Equation`."""
     arb, equation = flint().arb, model.equation
     drive_side, coast_side = equation.stiffness_pieces()
     starts, waves = [0.0, *drive_side.breaks[1:-1].tolist()], {}
     harmonics = [(order, arb(a), arb(b)) for order, a, b in equation.force.tolist()]
-    # A deviation f acts by its inertia, f''.
+    # A profile deviation f adds the inertia force f''.
     for order, cosine, sine in equation.deviation.tolist():
         inertia = -((arb(tuning) * order) ** 2)
         harmonics.append((order, inertia * cosine, inertia * sine))
@@ -231,8 +232,8 @@ def _of_equation(model, tuning: float) -> ModelNumbers:
     )
 
 
-def _of_train(train, tuning: float) -> ModelNumbers:
-    """Return the numbers of a `GearTrain`, which do not depend on the tuning."""
+def _of_train(train, tuning: float) -> BallModel:
+    """Return the coefficients of a `GearTrain`, which do not depend on the tuning."""
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
     coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)
@@ -240,7 +241,7 @@ def _of_train(train, tuning: float) -> ModelNumbers:
     meshes = []
     for j, mesh in enumerate(train.meshes):
         upper, (coast, drive) = arb(mesh.max_stiffness), constants[:, j]
-        # The pitch in mesh periods is rounded here, and exact from here on.
+        # The phase of the pitch point in mesh periods is rounded once, and exact thereafter.
         pitch = Fraction(train.pitch_phases[mesh.name] / math.tau)
         timing = MeshTiming(
             Fraction(mesh.contact_ratio) - 1,
@@ -251,7 +252,7 @@ def _of_train(train, tuning: float) -> ModelNumbers:
             (pitch + turning.thickness_difference(mesh, train.speeds) / 2, pitch),
         )
         meshes.append(
-            MeshNumbers(
+            BallMesh(
                 mesh.name,
                 (coast_rows[j], structure.lines[j]),
                 (None if math.isinf(mesh.backlash) else coast + mesh.backlash, drive),
@@ -264,13 +265,13 @@ def _of_train(train, tuning: float) -> ModelNumbers:
                     for frequency, rows in waves.items()
                     if not (rows[:, j] == 0).all()
                 },
-                sliding_row=structure.sliding[j] if timing.slides else None,
+                sliding_row=structure.sliding[j] if timing.has_friction else None,
                 friction=tuple(map(arb, mesh.friction[::-1])),
                 clearance_varies=mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,
             )
         )
     linear_parts = structure.mass, structure.stiffness, structure.damping, structure.load
-    return ModelNumbers(
+    return BallModel(
         tuple(f"{name} {axis}" for name, axis in structure.coordinates),
         *linear_parts,
         tuple(meshes),
@@ -281,8 +282,8 @@ def _of_train(train, tuning: float) -> ModelNumbers:
     )
 
 
-def _of_six_degrees(model, tuning: float) -> ModelNumbers:
-    """Return the numbers of a `SixDegreePair`: those of its train, with units in balls."""
+def _of_six_degrees(model, tuning: float) -> BallModel:
+    """Return the coefficients of a `SixDegreePair`: those of its train, with units in balls."""
     train = TwoGears(gears=model, arithmetic=ball_arithmetic())
     bearings = (("y3", "z3", "y2", "z2")[i] for i in model.elastic_bearings())
     return _of_train(train, tuning)._replace(

@@ -1,7 +1,7 @@
 """`certify` and `certify_range`: proofs that orbits exist, with contacts and stability.
 
-A range of tunings is cut into pieces, on each of which 1 / nu is a ball that holds them all. Where
-two pieces meet, the orbit lies in the boxes of both, in each of which it is the only one.
+A range of tunings is divided into pieces; 1 / nu is a ball that contains all values of a piece. At
+the common tuning of two pieces, the orbit is the only one in the boxes of both.
 """
 
 import math
@@ -11,17 +11,17 @@ from typing import Any
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import check_orbit, codes_without_events
 from gearlib.analysis.proofs import krawczyk
-from gearlib.analysis.proofs.arc_laws import ArcLaws
+from gearlib.analysis.proofs.arc_laws import ArcDynamics
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, identity, precision
 from gearlib.analysis.proofs.certificate_files import (
     Certificate,
     ContactEvent,
     MeshEvent,
     Piece,
+    ProofFailed,
     RangeCertificate,
     Refusal,
     TrainCertificate,
-    Uncertain,
 )
 from gearlib.analysis.proofs.models_in_balls import model_reader
 from gearlib.analysis.proofs.path import Path, Windows, smallest_interval
@@ -30,45 +30,44 @@ from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
-#: Largest distance of the proven state from the candidate's, in static deflections.
+#: Largest distance between the states of the proven orbit and the candidate, static deflections.
 MAX_DISTANCE = 1e-8
-#: Bits beyond the requested digits, the same for contacts that come together, because their windows
-#: widen one another, and the largest number of doublings of the bits.
+#: Guard bits beyond the requested digits, without and with windows (which widen each other), and
+#: the largest number of doublings of the precision.
 _GUARD_BITS, _WINDOW_GUARD_BITS, _MAX_DOUBLINGS = 64, 320, 3
-#: Largest number of times that contact events are sorted anew.
+#: Largest number of attempts with another order of the contact events.
 _MAX_ORDERS = 4
-#: Largest relative difference of derivatives with ordered contacts and through windows.
+#: Largest relative difference of derivatives with ordered contacts and with windows.
 _DERIVATIVE_TOLERANCE = 2.0**-32
-#: Bits in which ranges are proven.
+#: Precision of the proofs of ranges in bits.
 _RANGE_BITS = 128
-#: Smallest radius of a box. It is far above the rounding of the centre to a float.
+#: Smallest radius of a box, far above the rounding error of its centre as a float.
 _MIN_RADIUS = 1e-12
-#: Share of a box in which its image must lie, since the enclosures of a second program are wider.
-_IMAGE_SHARE = 0.8
-#: First and shortest piece of a range, as shares of the range; ratio of neighbouring pieces.
+#: Size of the image of a box relative to the box: an independent program has wider enclosures.
+_MAX_IMAGE_RATIO = 0.8
+#: First and shortest piece of a range, relative to the range; ratio of successive pieces.
 _FIRST_PIECE, _MIN_PIECE, _PIECE_GROWTH, _MAX_PIECES = 1.0 / 32.0, 1e-9, 1.6, 100_000
 
 
 def certify(orbit, digits=30):
-    """Prove that a periodic orbit exists, which contacts it has, and whether it is stable.
+    """Prove existence, contact events and stability of a periodic orbit.
 
     Parameters
     ----------
     orbit : Orbit
-        The candidate, a result of `gearlib.periodic_orbit`, of a `GearPair`, of another model of
-        one degree of freedom with linear phases of contact, of a `SixDegreePair` or a `GearTrain`;
-        none of its numbers is trusted.
+        The candidate, a result of `gearlib.periodic_orbit` for a `GearPair`, another piecewise
+        linear model with one degree of freedom, a `SixDegreePair` or a `GearTrain`. The proof does
+        not rely on any of its numbers.
     digits : int, default 30
         Decimal digits of the enclosures, 10 to 300.
 
     Returns
     -------
     Certificate, TrainCertificate or Refusal
-        A certificate has displacement, velocity and events with their enclosures (exact decimals),
-        that of a pair the extrema of the displacement too, radius, within which there is no other
-        such orbit, trace, determinant and multipliers, stability with its reason; `as_dict` for a
-        file. A refusal is false where a truth value is asked for; its status and message name the
-        step that failed.
+        A certificate has enclosures (exact decimals) of displacement, velocity and events, and with
+        one degree of freedom of the extrema, trace and determinant; the multipliers; the radius
+        within which there is no other such orbit; the stability with its reason; and `as_dict` for
+        JSON. A refusal has the truth value False; its status and message name the failed step.
 
     Raises
     ------
@@ -80,53 +79,54 @@ def certify(orbit, digits=30):
     Notes
     -----
     The floating-point numbers of a `GearPair` and the tuning are taken as exact numbers. The proven
-    orbit lies within 1e-8 static deflections of the candidate and has its contacts, in its order,
-    and no others. Method: Krawczyk's test in ball arithmetic, see the page on proofs.
+    orbit lies within 1e-8 static deflections of the candidate and has the same sequence of contact
+    events. Method: Krawczyk's test in ball arithmetic, see the page on proofs.
     """
     check_orbit(orbit)
     digits = checks.integer("digits", digits, 10, 300)
     flint()
     try:
         return _certificate(orbit, listed_contacts(orbit), digits)
-    except Uncertain as reason:
+    except ProofFailed as reason:
         return Refusal(*reason.args)
 
 
 def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GUARD_BITS) -> Any:
-    """Return the certificate of an orbit; double the precision until enclosures have the digits.
+    """Return the certificate of an orbit with enclosures of at least the requested `digits`.
 
-    `contacts` are those of `listed_contacts`. The first precision has guard bits beyond the digits.
+    `contacts` is the result of `listed_contacts`. The precision is doubled from the digits with
+    `guard_bits`.
     """
     bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
     for _ in range(_MAX_DOUBLINGS):
         try:
             with precision(bits):
                 certificate, reached = Proof(orbit, *contacts).certificate(digits)
-        except Uncertain as reason:
+        except ProofFailed as reason:
             if reason.args[0] != "together" or guard_bits == _WINDOW_GUARD_BITS:
                 raise
             return _certificate(orbit, contacts, digits, _WINDOW_GUARD_BITS)
         if reached >= digits:
             return certificate
         bits *= 2
-    raise Uncertain("precision", f"only {reached} digits were reached, not {digits}")
+    raise ProofFailed("precision", f"only {reached} digits were reached, not {digits}")
 
 
 def listed_contacts(orbit: Any) -> tuple[list, list]:
-    """Return (contact codes of all meshes at tau = 0, events) of the motion from a candidate.
+    """Return (contact codes of all meshes at tau = 0, contact events) of a candidate orbit.
 
-    Events are (phase from tau = 0, mesh, code before, code after). `Uncertain` is raised if the
-    motion does not have the contacts of the candidate orbit.
+    Events are (phase since tau = 0, index of the mesh, code before, code after). Raise
+    `ProofFailed` if the simulated motion does not have the contact pattern of the orbit.
     """
     model, state, period = orbit.pair, orbit.state, orbit.period
     model_reader(model)
     record = model.propagator(orbit.tuning).record(state, period, MAX_EVENTS)
     if record.status == JAMMED:
-        raise Uncertain("jammed", MESSAGES[JAMMED])
+        raise ProofFailed("jammed", MESSAGES[JAMMED])
     events = [
         (
             2.0 * math.pi * row[columns.EVENT_PERIOD] + row[columns.EVENT_PHASE],
-            # Events of several meshes have one more column, the mesh.
+            # Events of several meshes have an additional column, the mesh.
             int(row[columns.EVENT_COLUMNS]) if len(row) > columns.EVENT_COLUMNS else 0,
             int(row[columns.EVENT_FROM]),
             int(row[columns.EVENT_TO]),
@@ -141,12 +141,12 @@ def listed_contacts(orbit: Any) -> tuple[list, list]:
         codes[mesh] = before
     if pattern != tuple(orbit.pattern):
         text = f"has the contacts {pattern}, not the listed {tuple(orbit.pattern)}"
-        raise Uncertain("contacts", f"the motion from the candidate {text}")
+        raise ProofFailed("contacts", f"the motion from the candidate {text}")
     return codes, events
 
 
 def pattern_of(codes: list, events: list[tuple]) -> tuple:
-    """Return contact codes in the order in which they occur, those of all meshes without events.
+    """Return the sequence of contact codes, or the `codes` of all meshes if there are no events.
 
     Events are (phase, mesh, code before, code after, ...).
     """
@@ -154,34 +154,34 @@ def pattern_of(codes: list, events: list[tuple]) -> tuple:
 
 
 class Proof:
-    """The proof of one orbit at the current precision of ball arithmetic."""
+    """Proof of a single orbit at the current precision of ball arithmetic."""
 
     def __init__(self, orbit, codes: list, events: list[tuple]):
         """Prove a candidate orbit with its contact codes at tau = 0 and its contact events.
 
-        Events are (phase, mesh, code before, code after). `Uncertain` is raised if a step fails.
+        Events are (phase, mesh, code before, code after). Raise `ProofFailed` if a step fails.
         """
         self.orbit, self.codes = orbit, tuple(codes)
-        self.laws = laws = ArcLaws(orbit.pair, orbit.tuning)
-        if orbit.period % laws.common_period:
-            text = f"{laws.common_period} mesh periods, not after {orbit.period}"
-            raise Uncertain("period", f"the excitation repeats after {text}")
-        candidate, n = laws.initial_state(orbit.state), laws.state_count
-        centre, inverse = self._polished(candidate, events)
+        self.dynamics = dynamics = ArcDynamics(orbit.pair, orbit.tuning)
+        if orbit.period % dynamics.common_period:
+            text = f"{dynamics.common_period} mesh periods, not after {orbit.period}"
+            raise ProofFailed("period", f"the excitation repeats after {text}")
+        candidate, n = dynamics.initial_state(orbit.state), dynamics.state_count
+        centre, inverse = self._newton_solution(candidate, events)
         system = self.path.equations
         windows = Windows(self.path, centre[n:])
-        if windows.any():
+        if windows.are_needed():
             system = windows.equations
             self._check_derivative(windows, centre)
             centre, inverse = krawczyk.polish(system, centre[:n])
-        #: Enclosure of the state at tau = 0, and of the contacts' phases where there is no window.
+        #: Enclosures of the state at tau = 0, and without windows of the phases of the contacts.
         self.box = krawczyk.enclose(system, centre, inverse)
         self.distance = max(abs(a - b).upper() for a, b in zip(self.box, candidate, strict=False))
         if not self.distance < MAX_DISTANCE:
             text = f"{float(self.distance):.2g} static deflections from the candidate"
             text = f"the nearest orbit found lies {text}; {MAX_DISTANCE:g} is allowed"
-            raise Uncertain("distance", text)
-        if windows.any():
+            raise ProofFailed("distance", text)
+        if windows.are_needed():
             _, rows, self.phases, self.speeds, self.ends = windows.run(self.box, prove=True)
             self.map, self.determinant = flint().arb_mat(rows), None
         else:
@@ -193,31 +193,31 @@ class Proof:
         self.radius = krawczyk.uniqueness_radius(system, centre, inverse)
 
     def _check_derivative(self, windows: Windows, centre: list) -> None:
-        """Compare the derivative through windows with that of the path at a zero of its equations.
+        """Compare the derivative with windows to that of the path at `centre`, a zero of both.
 
-        `Uncertain` is raised if they differ. Enclosures through windows are too wide for a
-        comparison with differences.
+        Raise `ProofFailed` if they differ. Enclosures with windows are too wide for a comparison
+        with finite differences.
         """
         residuals, rows, *_ = self.path.equations(centre)
         krawczyk.check_derivative(self.path.equations, centre, residuals)
-        ordered, n = self.path.monodromy(rows), self.laws.state_count
+        monodromy, n = self.path.monodromy(rows), self.dynamics.state_count
         _, rows = windows.equations(centre[:n])
-        differences = ordered - identity(n) - flint().arb_mat(rows)
-        for difference, entry in zip(differences.entries(), ordered.entries(), strict=True):
+        differences = monodromy - identity(n) - flint().arb_mat(rows)
+        for difference, entry in zip(differences.entries(), monodromy.entries(), strict=True):
             if not abs(difference).lower() < _DERIVATIVE_TOLERANCE * max(1, abs(entry)):
-                raise Uncertain(*krawczyk.WRONG_DERIVATIVE)
+                raise ProofFailed(*krawczyk.WRONG_DERIVATIVE)
 
-    def _polished(self, state: list, events: list[tuple]) -> tuple[list, Any]:
-        """Return (zero of the orbit equations, inverse of the derivative), with a matching path.
+    def _newton_solution(self, state: list, events: list[tuple]) -> tuple[list, Any]:
+        """Set the path and return (zero of its equations, inverse of their Jacobian matrix).
 
-        Newton's method starts at a state and contact events, which are sorted anew if their phases
-        change places.
+        Newton's method starts from a state and contact events, which are sorted again if the order
+        of their phases changes.
         """
         for _ in range(_MAX_ORDERS):
-            self.path = Path(self.laws, self.codes, events, self.orbit.period)
-            centre, inverse = krawczyk.polish(self.path.equations, [*state, *self.path.guess])
+            self.path = Path(self.dynamics, self.codes, events, self.orbit.period)
+            centre, inverse = krawczyk.polish(self.path.equations, state + self.path.initial_phases)
             state, phases = centre[: len(state)], centre[len(state) :]
-            # Contact events that coincide have no order.
+            # Coincident contact events may have any order.
             if all(first - second < smallest_interval() for first, second in pairwise(phases)):
                 break
             order = sorted(range(len(phases)), key=phases.__getitem__)
@@ -225,17 +225,17 @@ class Proof:
         return centre, inverse
 
     def _check_period(self) -> None:
-        """Raise `Uncertain` if the state may return to its start before the end of the period."""
-        period, n = self.orbit.period, self.laws.state_count
+        """Raise `ProofFailed` if the state may recur before the end of the period."""
+        period, n = self.orbit.period, self.dynamics.state_count
         for count, node in enumerate(self.path.period_ends, start=1):
-            part = count * self.laws.common_period
-            end = (self.laws.basis * self.ends[node]).entries()[:n]
-            if period % part == 0 and all(map(flint().arb.overlaps, end, self.box)):
-                text = f"{part} mesh period{'s' * (part > 1)} already, not after {period}"
-                raise Uncertain("period", f"it repeats after {text}")
+            shorter = count * self.dynamics.common_period
+            end = (self.dynamics.basis * self.ends[node]).entries()[:n]
+            if period % shorter == 0 and all(map(flint().arb.overlaps, end, self.box)):
+                text = f"{shorter} mesh period{'s' * (shorter > 1)} already, not after {period}"
+                raise ProofFailed("period", f"it repeats after {text}")
 
     def contacts(self) -> list[tuple]:
-        """Return contact events (phase, mesh, code before, code after, distance rate by tau)."""
+        """Return contact events (phase, mesh, code before, code after, rate of flank distance)."""
         contacts = [node for node in self.path.nodes if node.phase is None]
         return [
             (phase, node.mesh, node.before, node.after, speed * self.path.scale)
@@ -243,11 +243,11 @@ class Proof:
         ]
 
     def certificate(self, digits: int) -> tuple[Certificate | TrainCertificate, int]:
-        """Return (certificate with rounded enclosures, decimal digits that the enclosures have)."""
+        """Return (certificate with rounded enclosures, number of their decimal digits)."""
         balls: list = []
 
         def enclosed(value):
-            """Return the enclosures of balls in nested sequences, and remember the balls."""
+            """Return the enclosures of balls in nested sequences, and append them to `balls`."""
             if isinstance(value, (list, tuple)):
                 return tuple(map(enclosed, value))
             if isinstance(value, flint().acb):
@@ -255,26 +255,26 @@ class Proof:
             balls.append(value)
             return enclosure(value, digits)
 
-        one_degree, contacts, events = self.laws.one_degree, self.contacts(), []
+        one_degree, contacts, events = self.dynamics.one_degree, self.contacts(), []
         for phase, mesh, before, after, speed in contacts:
             values = enclosed(phase), before, after, enclosed(speed)
-            name = self.laws.mesh_names[mesh]
+            name = self.dynamics.mesh_names[mesh]
             events.append(ContactEvent(*values) if one_degree else MeshEvent(*values, name))
-        state = self.laws.all_coordinates(self.box, self.path.scale)
+        state = self.dynamics.all_coordinates(self.box, self.path.scale)
         displacement, velocity = enclosed([half[0] for half in state] if one_degree else state)
         multipliers = krawczyk.eigenvalues(self.map)
-        stability, reason = krawczyk.verdict(multipliers, self.map, self.determinant)
+        stability, reason = krawczyk.stability_verdict(multipliers, self.map, self.determinant)
         if one_degree:
-            smallest, largest = extrema(self.path, self.arcs, self.ends)
-            facts = {
+            minimum, maximum = extrema(self.path, self.arcs, self.ends)
+            other_fields = {
                 "pattern": pattern_of(self.codes, contacts),
-                "displacement_min": enclosed(smallest),
-                "displacement_max": enclosed(largest),
+                "displacement_min": enclosed(minimum),
+                "displacement_max": enclosed(maximum),
                 "trace": enclosed(self.map.trace()),
                 "determinant": enclosed(self.determinant),
             }
         else:
-            facts = vars(self.laws.train_facts(self.codes))
+            other_fields = vars(self.dynamics.train_description(self.codes))
         certificate = (Certificate if one_degree else TrainCertificate)(
             pair=self.orbit.pair,
             tuning=float(self.orbit.tuning),
@@ -288,27 +288,27 @@ class Proof:
             stability=stability,
             reason=reason,
             digits=digits,
-            **facts,
+            **other_fields,
         )
         return certificate, min(map(digits_of, balls))
 
 
 def certify_range(orbit, *, to):
-    """Prove that an orbit exists at every tuning up to another one, with the same contacts.
+    """Prove that an orbit with the same contacts exists at every tuning of a range.
 
     Parameters
     ----------
     orbit : Orbit
-        A result of `gearlib.periodic_orbit`, of a model that `gearlib.certify` takes, without
-        harmonics of load, deviation or run-out; none of its numbers is trusted.
+        A result of `gearlib.periodic_orbit` for a model of `gearlib.certify` without harmonics of
+        load, deviation or run-out. The proof does not rely on any of its numbers.
     to : float
-        Tuning at which the range ends, above or below that of the orbit.
+        Tuning at the end of the range, above or below that of the orbit.
 
     Returns
     -------
     RangeCertificate or Refusal
-        A refusal says at which tuning the proof ended, because the orbit grazes, its branch turns
-        round, its stability changes, or a contact meets a switch.
+        A refusal says at which tuning the proof ended: at a grazing, a fold, a change of stability,
+        or where a contact event coincides with a switch of the stiffness.
 
     Raises
     ------
@@ -326,54 +326,54 @@ def certify_range(orbit, *, to):
         contacts = listed_contacts(orbit)
         with precision(_RANGE_BITS):
             return _Range(orbit, *contacts).prove_up_to(to)
-    except Uncertain as reason:
+    except ProofFailed as reason:
         return Refusal(*reason.args)
 
 
 class _Range:
-    """The proof of a branch over a range of tunings, piece by piece."""
+    """Proof of a branch over a range of tunings, piece by piece."""
 
     def __init__(self, orbit, codes: list, events: list[tuple]):
-        """Prove the orbit, with contact codes at tau = 0 and contact events, at its own tuning."""
-        if ArcLaws(orbit.pair, orbit.tuning).wave_columns:
+        """Prove an orbit with contact codes at tau = 0 and contact events at its tuning."""
+        if ArcDynamics(orbit.pair, orbit.tuning).wave_columns:
             name = type(orbit.pair).__name__
             text = "with harmonics of load, deviation or run-out is proven"
-            raise Uncertain("model", f"over the tuning no {name} {text}")
+            raise ProofFailed("model", f"over the tuning no {name} {text}")
         self.orbit, self.codes, proof = orbit, codes, Proof(orbit, codes, events)
-        self.laws, self.events = proof.laws, proof.contacts()
-        if len(proof.box) < self.laws.state_count + len(events):
-            raise Uncertain("together", "contacts come together: no range is proven of them")
-        #: Enclosure of the orbit at the tuning that is reached so far, a list of balls.
+        self.dynamics, self.events = proof.dynamics, proof.contacts()
+        if len(proof.box) < self.dynamics.state_count + len(events):
+            raise ProofFailed("together", "contacts come together: no range is proven of them")
+        #: Enclosure of the orbit at the last proven tuning, a list of balls.
         self.reached = proof.box
 
     def path(self, scale: Any) -> Path:
-        """Return the path of the reached orbit for a ball `scale` of 1 / nu."""
-        phases = self.reached[self.laws.state_count :]
+        """Return the path of the last proven orbit for a ball `scale` of 1 / nu."""
+        phases = self.reached[self.dynamics.state_count :]
         events = [(phase, *event[1:]) for phase, event in zip(phases, self.events, strict=True)]
-        return Path(self.laws, self.codes, events, self.orbit.period, scale)
+        return Path(self.dynamics, self.codes, events, self.orbit.period, scale)
 
     def prove_up_to(self, to: float) -> RangeCertificate:
-        """Prove all pieces of the range from the orbit to a tuning; return the certificate."""
+        """Prove all pieces of the range up to the tuning `to` and return the certificate."""
         arb, start = flint().arb, float(self.orbit.tuning)
-        at, step = start, _FIRST_PIECE * (to - start)
+        tuning, step = start, _FIRST_PIECE * (to - start)
         stability: Any = None
         pieces: list = []
-        while at != to:
-            end = at + step
+        while tuning != to:
+            end = tuning + step
             if (end - to) * (to - start) >= 0.0:
                 end = to
-            scale = (1 / arb(at)).union(1 / arb(end))
+            scale = (1 / arb(tuning)).union(1 / arb(end))
             try:
                 stability, self.reached, box = self._piece(scale, 1 / arb(end), stability)
-            except Uncertain as failed:
+            except ProofFailed as failed:
                 step *= 0.5
                 if abs(step) < _MIN_PIECE * abs(to - start) or len(pieces) == _MAX_PIECES:
                     status, message = failed.args
-                    proven = f"from nu = {start!r} to {at:.9g} it is proven, there: "
-                    raise Uncertain(status, proven + message) from None
+                    proven = f"from nu = {start!r} to {tuning:.9g} it is proven, there: "
+                    raise ProofFailed(status, proven + message) from None
                 continue
-            pieces.append(Piece(min(at, end), max(at, end), *box))
-            at, step = end, _PIECE_GROWTH * step
+            pieces.append(Piece(min(tuning, end), max(tuning, end), *box))
+            tuning, step = end, _PIECE_GROWTH * step
         return RangeCertificate(
             self.orbit.pair,
             min(start, to),
@@ -383,39 +383,41 @@ class _Range:
             stability[0],
             stability[1],
             tuple(sorted(pieces, key=lambda piece: piece.start)),
-            self.laws.train_facts(self.codes),
+            self.dynamics.train_description(self.codes),
         )
 
-    def _piece(self, scale: Any, end: Any, stability_before: tuple | None) -> tuple:
+    def _piece(self, scale: Any, end: Any, previous_stability: tuple | None) -> tuple:
         """Prove a piece; return ((stability, reason), enclosure at its end, (centre, radii)).
 
-        The ball `scale` holds 1 / nu of the piece, `end` 1 / nu at its end; the stability must be
-        that of the pieces before.
+        The ball `scale` contains 1 / nu of the whole piece, `end` is 1 / nu at its end; the
+        stability must be that of the previous pieces.
         """
-        path, n = self.path(scale), self.laws.state_count
+        path, n = self.path(scale), self.dynamics.state_count
         zero, inverse = krawczyk.polish(self.path(scale.mid()).equations, self.reached)
-        # The centre is given in exact floats, which a second program can read.
-        middles = [float(value) for value in zero]
-        centre = list(map(flint().arb, middles))
+        # An independent program can read the exact floats of the centre.
+        centre_floats = [float(value) for value in zero]
+        centre = list(map(flint().arb, centre_floats))
         residuals, *_ = path.equations(centre)
-        steps = [float(abs(step).upper()) for step in krawczyk.times(inverse, residuals)]
+        newton_step = krawczyk.matrix_vector_product(inverse, residuals)
+        steps = [float(abs(step).upper()) for step in newton_step]
         # The box is wider than the enclosures at both ends, even if nothing depends on the tuning.
         radii = [2.0 * step + max(steps) + _MIN_RADIUS for step in steps]
-        shift = krawczyk.image(path.equations, centre, radii, inverse, residuals)
-        if not krawczyk.is_inside(shift, [_IMAGE_SHARE * radius for radius in radii]):
-            raise Uncertain(*krawczyk.FOLD)
+        shift = krawczyk.krawczyk_shift(path.equations, centre, radii, inverse, residuals)
+        if not krawczyk.is_inside(shift, [_MAX_IMAGE_RATIO * radius for radius in radii]):
+            raise ProofFailed(*krawczyk.FOLD)
         box = [m + s for m, s in zip(centre, shift, strict=True)]
         _, rows, arcs, ends = path.equations(box)
         check_contacts(path, arcs, ends, box[n:])
-        matrix = path.monodromy(rows)
-        stability = krawczyk.verdict(krawczyk.eigenvalues(matrix), matrix, path.determinant(arcs))
-        if stability == krawczyk.UNDECIDED or stability_before not in (None, stability):
-            change = ", unlike before" if stability_before else ""
-            raise Uncertain("stability", stability[1] + change)
-        # Each box holds one orbit. Where two pieces meet, the orbit has to lie in both boxes.
+        monodromy, determinant = path.monodromy(rows), path.determinant(arcs)
+        multipliers = krawczyk.eigenvalues(monodromy)
+        stability = krawczyk.stability_verdict(multipliers, monodromy, determinant)
+        if stability == krawczyk.UNDECIDED or previous_stability not in (None, stability):
+            change = ", unlike before" if previous_stability else ""
+            raise ProofFailed("stability", stability[1] + change)
+        # Each box contains one orbit, and the orbit at a common tuning must lie in both boxes.
         full_box = krawczyk.box_of(centre, radii)
         system = self.path(end).equations
         next_orbit = krawczyk.enclose(system, *krawczyk.polish(system, centre))
         if not all(map(flint().arb.contains_interior, 2 * full_box, self.reached + next_orbit)):
-            raise Uncertain(*krawczyk.FOLD)
-        return stability, next_orbit, (tuple(middles), tuple(radii))
+            raise ProofFailed(*krawczyk.FOLD)
+        return stability, next_orbit, (tuple(centre_floats), tuple(radii))

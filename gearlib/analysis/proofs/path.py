@@ -1,12 +1,11 @@
-"""The equations of an orbit, with its state and all phases of its contacts as unknowns.
+"""Equations of a periodic orbit; the unknowns are its state and the phases of contact events.
 
 A path runs from tau = 0 through nodes: switches of the stiffness at known phases, contact events at
-unknown phases. The unknowns are the state at tau = 0, (y, dy/dtheta) of its laws, and the phases of
-the contact events. The equations state that the distance of the mesh from its flank line is 0 at
-each contact event, and that the state returns. States on arcs are components along orthonormal
-frames (Lohner), so that boxes rotate with the motion. A window of time surrounds contact events
-that come together. Its derivative is I plus the saltations in any order, up to a remainder, see
-`docs/theory/proofs.md`.
+unknown phases. The unknowns are the state (y, dy/dtheta) at tau = 0 and the phases of the contact
+events. The equations are zero flank distance at each contact event, and the periodicity of the
+state. States on arcs are components in orthonormal frames (Lohner), so that boxes rotate with the
+motion. A time window contains contact events that are too close for an order. Its derivative is I
+plus the saltations in any order, up to a remainder, see `docs/theory/proofs.md`.
 """
 
 from itertools import pairwise
@@ -16,14 +15,14 @@ import numpy as np
 
 from gearlib.analysis.proofs.arc_laws import propagated
 from gearlib.analysis.proofs.balls import column_of, first_column, flint, identity, matrix_of, norm
-from gearlib.analysis.proofs.certificate_files import Uncertain
+from gearlib.analysis.proofs.certificate_files import ProofFailed
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
-from gearlib.analysis.proofs.signs import JAMMED, bounds_of, check_arc
+from gearlib.analysis.proofs.signs import JAMMED, check_arc, contact_bounds
 from gearlib.engines.codes import NORMAL
 
 #: Largest number of arcs of an orbit.
 MAX_ARCS = 1000
-#: Ratio of a window to the uncertainty of its contact phases, and the same for proofs of signs.
+#: Ratio of the window length to the uncertainty of its contact phases, without and with proof.
 _WINDOW_RATIO, _PROOF_WINDOW_RATIO = 4, 32
 _NO_CROSSINGS = "together", "contacts that come together are not proven to be crossings"
 
@@ -31,46 +30,46 @@ _NO_CROSSINGS = "together", "contacts that come together are not proven to be cr
 class Node(NamedTuple):
     """End of an arc: a contact event, a switch of stiffness, or the end of the orbit."""
 
-    law: Any  #: matrix of the arc that ends here
-    phase: Any = None  #: a ball; None for a contact event at an unknown phase
-    mesh: int = -1  #: mesh of a contact event
-    side: int = DRIVE  #: side of the flank line that is crossed
+    matrix: Any  #: system matrix of the arc that ends here
+    phase: Any = None  #: a ball; None for a contact event, whose phase is unknown
+    mesh: int = -1  #: index of the mesh of a contact event
+    side: int = DRIVE  #: side of the crossed flank line
     distance: Any = None  #: distance from this line, a functional of modal components
-    before: int = 0  #: contact code of the mesh before
+    before: int = 0  #: contact code of the mesh before the event
     after: int = 0
 
     def crosses(self, rate: Any) -> bool:
-        """Return whether a rate of the flank distance has the sign of the contact change."""
+        """Return whether the rate of the flank distance has the sign of the change of contact."""
         return rate > 0 if self.after > self.before else rate < 0
 
 
 class Arc(NamedTuple):
-    """An arc in orthonormal frames at its ends: modal components = frame * framed components."""
+    """An arc with an orthonormal frame at its end: modal components = frame * components in it."""
 
-    time: Any  #: exact number near the duration of the arc
-    transition: Any  #: propagation by this time, from the frame of the arc before to this frame
-    law: Any  #: matrix of the law in the frame of this arc
+    time: Any  #: exact approximation of the duration of the arc
+    transition: Any  #: propagator over this time from the frame of the previous arc to this frame
+    matrix: Any  #: system matrix in the frame of this arc
     frame: Any
     frame_inverse: Any
 
     def propagated(self, columns: Any, time: Any) -> Any:
-        """Return columns of framed states, propagated by a time, in the frame at the arc's end."""
-        return propagated(self.law, self.transition * columns, time - self.time)
+        """Return columns in the previous frame, propagated by a time, in the frame of this arc."""
+        return propagated(self.matrix, self.transition * columns, time - self.time)
 
 
 class Path:
-    """The nodes of a motion, and its equations.
+    """Nodes, arcs and equations of a motion.
 
-    `codes` are the contact codes of all meshes at the start, `events` (phase, mesh, code before,
-    code after, ...) in their order, phases counted on over the periods; `scale` is 1 / nu, a ball.
+    `codes` are the contact codes of all meshes at tau = 0, `events` the sorted contact events
+    (phase since tau = 0, mesh, code before, code after, ...); `scale` is 1 / nu, a ball.
     """
 
-    def __init__(self, laws, codes, events, period: int, scale=None):
-        """Set nodes and arcs; the period is in mesh periods, `scale` is by default 1 / tuning."""
-        self.laws, self.codes = laws, tuple(codes)
-        self.scale = 1 / laws.tuning if scale is None else scale
-        #: Nodes; numbers of those at which a common period ends; phases near those of contacts.
-        self.nodes, self.period_ends, self.guess = [], [], []
+    def __init__(self, dynamics, codes, events, period: int, scale=None):
+        """Set nodes and arcs; the period is in mesh periods, the default scale is 1 / tuning."""
+        self.dynamics, self.codes = dynamics, tuple(codes)
+        self.scale = 1 / dynamics.tuning if scale is None else scale
+        #: Nodes; indices of the nodes at ends of common periods; approximate phases of contacts.
+        self.nodes, self.period_ends, self.initial_phases = [], [], []
         self._set_nodes(events, period)
         self._set_arcs()
 
@@ -79,89 +78,91 @@ class Path:
 
         Events are (phase, mesh, code before, code after, ...); the period is in mesh periods.
         """
-        arb, laws, codes = flint().arb, self.laws, list(self.codes)
-        mesh_period, segments = 2 * arb.pi(), laws.numbers.segments
-        marks: list = [
-            (segment.phase + mesh_period * start, number, None)
-            for start in range(0, period, laws.common_period)
-            for number, segment in enumerate(segments)
+        arb, dynamics, codes = flint().arb, self.dynamics, list(self.codes)
+        mesh_period, segments = 2 * arb.pi(), dynamics.model.segments
+        # Entries are (phase, index of the segment that starts or None, contact or None).
+        entries: list = [
+            (segment.phase + mesh_period * start, index, None)
+            for start in range(0, period, dynamics.common_period)
+            for index, segment in enumerate(segments)
         ]
-        marks += [(arb(phase), None, contact[:3]) for phase, *contact in events]
-        if len(marks) >= MAX_ARCS:
-            raise Uncertain("together", f"{len(marks)} arcs are too many: {MAX_ARCS} are allowed")
-        # Events with equal phases in floats stay in their order.
-        marks.sort(key=lambda mark: float(mark[0].mid()))
+        entries += [(arb(phase), None, contact[:3]) for phase, *contact in events]
+        if len(entries) >= MAX_ARCS:
+            text = f"{len(entries)} arcs are too many: {MAX_ARCS} are allowed"
+            raise ProofFailed("together", text)
+        # The sort is stable for events with equal phases as floats.
+        entries.sort(key=lambda entry: float(entry[0].mid()))
         segment = 0
-        for phase, number, contact in marks:
-            law = laws.law(codes, segment)
+        for phase, index, contact in entries:
+            matrix = dynamics.system_matrix(codes, segment)
             if contact is None:
-                segment = number
+                segment = index
                 if phase > 0:
-                    if number == 0:
+                    if index == 0:
                         self.period_ends.append(len(self.nodes))
-                    self.nodes.append(Node(law, phase))
+                    self.nodes.append(Node(matrix, phase))
                 continue
             mesh, before, after = contact
             if before != codes[mesh]:
-                raise Uncertain("contacts", "the contacts do not follow from each other")
+                raise ProofFailed("contacts", "the contacts do not follow from each other")
             side = DRIVE if NORMAL in (before, after) else COAST
-            self.guess.append(phase)
-            distance = laws.distances[mesh][side]
-            self.nodes.append(Node(law, None, mesh, side, distance, before, after))
+            self.initial_phases.append(phase)
+            distance = dynamics.distances[mesh][side]
+            self.nodes.append(Node(matrix, None, mesh, side, distance, before, after))
             codes[mesh] = after
-        self.nodes.append(Node(laws.law(codes, segment), mesh_period * period))
+        self.nodes.append(Node(dynamics.system_matrix(codes, segment), mesh_period * period))
 
     def _set_arcs(self) -> None:
         """Set the arcs between the nodes, with orthonormal frames at their ends."""
-        self.arcs, frame, last_phase = [], identity(self.laws.size), 0
-        for node, phase in zip(self.nodes, self.phases(self.guess), strict=True):
+        self.arcs, frame, last_phase = [], identity(self.dynamics.size), 0
+        for node, phase in zip(self.nodes, self.phases(self.initial_phases), strict=True):
             time = ((phase - last_phase) * self.scale).mid()
-            columns = (node.law * time).exp() * frame
+            columns = (node.matrix * time).exp() * frame
             frame = self._frame(node, columns)
             inverse = frame.inv()
-            law = inverse * node.law * frame
-            self.arcs.append(Arc(time, inverse * columns, law, frame, inverse))
+            matrix = inverse * node.matrix * frame
+            self.arcs.append(Arc(time, inverse * columns, matrix, frame, inverse))
             last_phase = phase
 
     def _frame(self, node: Node, columns: Any) -> Any:
-        """Return the orthonormal frame at a node from the propagated frame of the node before."""
-        n, frame = self.laws.state_count, np.eye(self.laws.size)
+        """Return the orthonormal frame at a node from the propagated frame of the previous node."""
+        n, frame = self.dynamics.state_count, np.eye(self.dynamics.size)
         axes = np.array([[float(value) for value in row[:n]] for row in columns.tolist()[:n]])
-        # The longest direction comes first, because it decides the orientation of the box.
+        # The longest direction comes first, because it determines the orientation of the box.
         axes = axes[:, np.argsort(-np.linalg.norm(axes, axis=0), kind="stable")]
         if node.phase is None:
-            # The normal of the flank line comes first, so that a contact fixes this component.
+            # The normal of the flank line comes first: it is fixed at the contact event.
             normal = [float(value) for value in node.distance.entries()[:n]]
             axes = np.column_stack([normal, axes])
         frame[:n, :n], _ = np.linalg.qr(axes)
         return matrix_of(frame)
 
     def phases(self, contact_phases: list) -> list:
-        """Return the phases of all nodes, from those of the contact events in their order."""
+        """Return the phases of all nodes from the sorted phases of the contact events."""
         remaining = iter(contact_phases)
         return [next(remaining) if node.phase is None else node.phase for node in self.nodes]
 
     def start(self, state: list, unknown_count: int) -> Any:
-        """Return modal components of the start and their derivatives by all unknowns.
+        """Return modal components of the initial state and their derivatives by all unknowns.
 
-        The state is (y, dy/dtheta), which are the first unknowns. The columns are the state, then
-        a derivative for each unknown.
+        `state` is (y, dy/dtheta), the first of the unknowns. The columns are the state and a
+        derivative for each unknown.
         """
-        waves = [1, 0] * len(self.laws.wave_columns)
-        columns = flint().arb_mat(self.laws.size, 1 + unknown_count)
+        waves = [1, 0] * len(self.dynamics.wave_columns)
+        columns = flint().arb_mat(self.dynamics.size, 1 + unknown_count)
         for i, value in enumerate([*state, 1, *waves]):
             columns[i, 0] = value
         for i in range(len(state)):
             columns[i, 1 + i] = 1
-        return self.laws.basis_inverse * columns
+        return self.dynamics.basis_inverse * columns
 
     def equations(self, unknowns: list) -> tuple[list, list, list, list]:
         """Return (residuals, rows of their derivatives, arcs, end states) of the orbit equations.
 
-        Unknowns are the state at tau = 0 and the phases of contact events. Arcs are (modal start
+        Unknowns are the state at tau = 0 and the phases of contact events. Arcs are (initial modal
         state, duration), end states the modal states at all nodes.
         """
-        laws, scale, n = self.laws, self.scale, self.laws.state_count
+        dynamics, scale, n = self.dynamics, self.scale, self.dynamics.state_count
         columns = self.start(unknowns[:n], len(unknowns))
         state, residuals, rows, arcs, ends = first_column(columns), [], [], [], []
         last_phase, column = 0, n
@@ -174,7 +175,7 @@ class Path:
                 column += 1
                 unit = flint().arb_mat(1, len(unknowns) + 1)
                 unit[0, column] = 1
-                columns += arc.law * first_column(columns) * scale * unit
+                columns += arc.matrix * first_column(columns) * scale * unit
                 row = node.distance * arc.frame
                 residual, *slopes = (row * columns).entries()
                 residuals.append(residual)
@@ -182,12 +183,12 @@ class Path:
                 columns = _projection_to_line(row) * columns
             state = arc.frame * first_column(columns)
             if node.phase is None:
-                # A later contact shortens the next arc.
-                speed = self.nodes[i + 1].law * state * scale
+                # The next arc is shorter if the contact event is later.
+                speed = self.nodes[i + 1].matrix * state * scale
                 columns -= arc.frame_inverse * speed * unit
             ends.append(state)
             last_phase = phase
-        for i, row in enumerate((laws.basis * arc.frame * columns).tolist()[:n]):
+        for i, row in enumerate((dynamics.basis * arc.frame * columns).tolist()[:n]):
             residuals.append(row[0] - unknowns[i])
             row[i + 1] -= 1
             rows.append(row[1:])
@@ -196,35 +197,35 @@ class Path:
     def monodromy(self, rows: list) -> Any:
         """Return the monodromy matrix of (y, dy/dtheta), with all contact phases eliminated.
 
-        The rows are the derivatives that `equations` returns.
+        `rows` are the rows of derivatives from `equations`.
         """
-        arb_mat, n = flint().arb_mat, self.laws.state_count
+        arb_mat, n = flint().arb_mat, self.dynamics.state_count
         k = len(rows) - n
-        by_state = arb_mat([row[:n] for row in rows[k:]]) + identity(n)
+        state_block = arb_mat([row[:n] for row in rows[k:]]) + identity(n)
         if not k:
-            return by_state
-        by_phases = arb_mat([row[n:] for row in rows[:k]])
+            return state_block
+        phase_block = arb_mat([row[n:] for row in rows[:k]])
         try:
-            phase_slopes = by_phases.solve(arb_mat([row[:n] for row in rows[:k]]))
+            phase_slopes = phase_block.solve(arb_mat([row[:n] for row in rows[:k]]))
         except ZeroDivisionError:
-            raise Uncertain("grazing", "a contact is not proven to be a crossing") from None
-        return by_state - arb_mat([row[n:] for row in rows[k:]]) * phase_slopes
+            raise ProofFailed("grazing", "a contact is not proven to be a crossing") from None
+        return state_block - arb_mat([row[n:] for row in rows[k:]]) * phase_slopes
 
     def determinant(self, arcs: list[tuple]) -> Any:
         """Return the determinant of the monodromy matrix by Liouville's formula.
 
-        Arcs are (modal start state, duration).
+        `arcs` are (initial modal state, duration).
         """
         exponent = flint().arb(0)
         for node, (_, duration) in zip(self.nodes, arcs, strict=True):
-            exponent += node.law.trace() * duration
+            exponent += node.matrix.trace() * duration
         return exponent.exp()
 
 
 def _projection_to_line(distance: Any) -> Any:
-    """Return the projection of framed states to a flank line along their first axis, a matrix.
+    """Return the matrix of the projection of states onto a flank line along the first axis.
 
-    The distance from the line is a functional of framed states, shape (1, size).
+    `distance` is the distance from the line as a functional of the state, shape (1, size).
     """
     slopes = distance.entries()
     matrix = identity(len(slopes))
@@ -235,17 +236,17 @@ def _projection_to_line(distance: Any) -> Any:
 
 
 def smallest_interval() -> Any:
-    """Return the phase interval, a ball, below which neighbouring contact events share a window."""
+    """Return the phase interval (a ball) below which successive contact events share a window."""
     return flint().arb(2) ** -(flint().ctx.prec // 2)
 
 
 class Windows:
-    """A `Path` with windows of time around contacts that come together."""
+    """A `Path` with time windows around contact events that are too close for an order."""
 
     def __init__(self, path: Path, phases: list):
-        """Group the nodes of a `Path` by the phases of its contact events, balls in their order."""
-        self.path, self.laws = path, path.laws
-        #: (Indices of the nodes that are passed together, phase).
+        """Group the nodes of a `Path` by the sorted phases (balls) of its contact events."""
+        self.path, self.dynamics = path, path.dynamics
+        #: (indices of the nodes in the same window, phase)
         self.groups: list = []
         last = None
         for i, (node, phase) in enumerate(zip(path.nodes, path.phases(phases), strict=True)):
@@ -256,12 +257,12 @@ class Windows:
                 self.groups.append(([i], phase))
             last = phase if is_contact else None
 
-    def any(self) -> bool:
-        """Return whether any contact events come together, so that a window is needed."""
-        return any(len(numbers) > 1 for numbers, _ in self.groups)
+    def are_needed(self) -> bool:
+        """Return whether any window contains several contact events."""
+        return any(len(indices) > 1 for indices, _ in self.groups)
 
     def equations(self, unknowns: list) -> tuple[list, list]:
-        """Return (residuals, rows of their derivatives) for a state that returns to itself.
+        """Return (residuals, rows of their derivatives) of the periodicity of the state.
 
         Unknowns are (y, dy/dtheta) at tau = 0.
         """
@@ -271,112 +272,113 @@ class Windows:
         return [end - value for end, value in zip(ends, unknowns, strict=True)], rows
 
     def run(self, unknowns: list, prove: bool = False) -> tuple:
-        """Return (end state, rows of its derivatives, phases, speeds, states at switches).
+        """Return (final state, rows of its derivatives, phases, speeds, states at switches).
 
-        Unknowns are (y, dy/dtheta) at tau = 0. A phase is a ball that holds a whole window; speeds
-        are rates of flank distances by theta. With `prove` it is also proven that no mesh touches a
-        flank line between windows.
+        Unknowns are (y, dy/dtheta) at tau = 0. A phase is a ball that contains a whole window;
+        speeds are rates of flank distances by theta. With `prove` it is also proven that no mesh
+        touches a flank line between windows.
         """
-        module, laws, path = flint(), self.laws, self.path
+        module, dynamics, path = flint(), self.dynamics, self.path
         n, codes = len(unknowns), list(path.codes)
         columns = path.start(unknowns, n)
         start, time, phases, speeds, switches = first_column(columns), 0, [], [], {}
-        for numbers, phase in self.groups:
-            node, arc = path.nodes[numbers[0]], path.arcs[numbers[0]]
-            end, half = phase * path.scale, 0
+        ratio = _PROOF_WINDOW_RATIO if prove else _WINDOW_RATIO
+        for indices, phase in self.groups:
+            node, arc = path.nodes[indices[0]], path.arcs[indices[0]]
+            end, half_length = phase * path.scale, 0
             if node.phase is None:
-                near = arc.frame * arc.propagated(first_column(columns), end - time)
-                half = self._half_width(
-                    numbers, near, _PROOF_WINDOW_RATIO if prove else _WINDOW_RATIO
-                )
-            duration = end - half - time
+                state_at_node = arc.frame * arc.propagated(first_column(columns), end - time)
+                half_length = self._half_length(indices, state_at_node, ratio)
+            duration = end - half_length - time
             if not duration > 0:
                 text = "from others, a switch of a stiffness or the start of the orbit"
                 text = f"contacts that come together cannot be told apart {text}"
-                raise Uncertain("together", text)
+                raise ProofFailed("together", text)
             columns = arc.propagated(columns, duration)
             before = arc.frame * first_column(columns)
             if prove:
-                at = float(phase.mid())
-                check_arc(laws, node.law, start, before, duration, codes, (None, None), at)
-            time = end + half
+                ends, crossed = (start, before), (None, None)
+                phase_float = float(phase.mid())
+                check_arc(dynamics, node.matrix, *ends, duration, codes, crossed, phase_float)
+            time = end + half_length
             if node.phase is not None:
-                start = switches[numbers[0]] = before
+                start = switches[indices[0]] = before
                 continue
-            transition, start, rates = self._crossed(numbers, before, 2 * half, codes)
+            transition, start, rates = self._pass_window(indices, before, 2 * half_length, codes)
             speeds += rates
-            window = module.arb(end.mid(), (half + end.rad()).upper())
+            window = module.arb(end.mid(), (half_length + end.rad()).upper())
             phases += [window / path.scale] * len(rates)
-            inverse = path.arcs[numbers[-1]].frame_inverse
+            inverse = path.arcs[indices[-1]].frame_inverse
             slopes = (inverse * (transition * (arc.frame * columns))).tolist()
             state = (inverse * start).entries()
             columns = module.arb_mat([[z, *row[1:]] for z, row in zip(state, slopes, strict=True)])
-        rows = (laws.basis * arc.frame * columns).tolist()[:n]
+        rows = (dynamics.basis * arc.frame * columns).tolist()[:n]
         return [row[0] for row in rows], [row[1:] for row in rows], phases, speeds, switches
 
-    def _half_width(self, numbers: list[int], state: Any, ratio: int) -> Any:
-        """Return half the duration of a window around the nodes with these numbers.
+    def _half_length(self, indices: list[int], state: Any, ratio: int) -> Any:
+        """Return half the duration of a window around the nodes with these indices.
 
-        The modal state lies near the nodes; the ratio is that of the window to the uncertainty of
-        the phases.
+        `state` is a modal state near the nodes; `ratio` is the ratio of the window to the
+        uncertainty of the phases.
         """
-        largest = flint().arb(2) ** -(0.7 * flint().ctx.prec)
-        for node in (self.path.nodes[i] for i in numbers):
+        half_length = flint().arb(2) ** -(0.7 * flint().ctx.prec)
+        for node in (self.path.nodes[i] for i in indices):
             distance = (node.distance * state)[0, 0]
-            rate = (node.distance * (node.law * state))[0, 0]
+            rate = (node.distance * (node.matrix * state))[0, 0]
             if not (rate > 0 or rate < 0):
-                raise Uncertain(*_NO_CROSSINGS)
-            largest = max(largest, (ratio * abs(distance).upper() / abs(rate).lower()).upper())
-        return largest
+                raise ProofFailed(*_NO_CROSSINGS)
+            bound = ratio * abs(distance).upper() / abs(rate).lower()
+            half_length = max(half_length, bound.upper())
+        return half_length
 
-    def _crossed(self, numbers: list[int], state: Any, length: Any, codes: list) -> tuple:
-        """Pass a window; return (map of deviations, state after it, speeds of the crossings).
+    def _pass_window(self, indices: list[int], state: Any, length: Any, codes: list) -> tuple:
+        """Return (linearised map over a window, final state, speeds of the crossings).
 
-        The window contains the nodes with these numbers and starts at a modal state; its duration
-        is `length`. The contact codes of the meshes change in place.
+        The window contains the nodes with these indices and starts at a modal state; its duration
+        is `length`. The contact codes of the meshes are changed in place.
         """
-        module, laws, nodes = flint(), self.laws, self.path.nodes
-        e, size, arb = len(laws.retained), laws.size, module.arb
-        matrices = [nodes[i].law for i in [*numbers, numbers[-1] + 1]]
+        module, dynamics, nodes = flint(), self.dynamics, self.path.nodes
+        e, size, arb = len(dynamics.retained), dynamics.size, module.arb
+        matrices = [nodes[i].matrix for i in [*indices, indices[-1] + 1]]
         changes = [after - before for before, after in pairwise(matrices)]
         bound = norm(matrices[0]) + sum(map(norm, changes), arb(0))
-        eta = (bound * length).expm1().upper()
-        max_change = arb(0, (eta * max(abs(value).upper() for value in state.entries())).upper())
-        within = state + column_of([max_change] * size)
-        rate, jumps = matrices[0] * within, [change * within for change in changes]
+        relative_change = (bound * length).expm1().upper()
+        max_component = max(abs(value).upper() for value in state.entries())
+        max_change = arb(0, (relative_change * max_component).upper())
+        enclosure = state + column_of([max_change] * size)
+        rate, jumps = matrices[0] * enclosure, [change * enclosure for change in changes]
         end = state + sum((jump * arb(0.5, 0.5) for jump in jumps), rate) * length
-        speeds = self._checked_speeds(numbers, state, within, end, rate, codes)
+        speeds = self._crossing_speeds(indices, state, enclosure, end, rate, codes)
         transition, growth = identity(size), arb(1)
-        for i, jump, speed in zip(numbers, jumps, speeds, strict=True):
+        for i, jump, speed in zip(indices, jumps, speeds, strict=True):
             # Contact forces change velocities only.
             values = [value if e <= k < 2 * e else 0 for k, value in enumerate(jump.entries())]
             saltation = column_of(values) * nodes[i].distance * (1 / speed)
             transition += saltation
             growth *= 1 + norm(saltation)
-        remainder = arb(0, (((1 + eta) ** (len(numbers) + 1) - 1) * growth).upper())
+        factor = (1 + relative_change) ** (len(indices) + 1) - 1
+        remainder = arb(0, (factor * growth).upper())
         return transition + module.arb_mat(size, size, [remainder] * size**2), end, speeds
 
-    def _checked_speeds(
-        self, numbers: list[int], begin: Any, within: Any, end: Any, rate: Any, codes: list
-    ) -> list:
+    def _crossing_speeds(self, indices, start, enclosure, end, rate, codes: list) -> list:
         """Prove that each mesh crosses its flank line once in a window; return the speeds.
 
-        Modal states are those at the begin, within and at the end of the window, with their rate.
-        The contact codes of the meshes change in place.
+        `start`, `enclosure` and `end` are the modal states at the start, in the whole window and at
+        its end, `rate` is their rate. The contact codes of the meshes are changed in place.
         """
-        laws, nodes, speeds = self.laws, [self.path.nodes[i] for i in numbers], []
+        dynamics, nodes, speeds = self.dynamics, [self.path.nodes[i] for i in indices], []
         crossed, codes_after = {node.mesh: (node.mesh, node.side) for node in nodes}, list(codes)
         if len(crossed) < len(nodes):
-            raise Uncertain(*_NO_CROSSINGS)
+            raise ProofFailed(*_NO_CROSSINGS)
         for node in nodes:
             codes_after[node.mesh] = node.after
-            before, after, speed = ((node.distance * state)[0, 0] for state in (begin, end, rate))
+            before, after, speed = ((node.distance * state)[0, 0] for state in (start, end, rate))
             if not (node.crosses(-before) and node.crosses(after) and node.crosses(speed)):
-                raise Uncertain(*_NO_CROSSINGS)
+                raise ProofFailed(*_NO_CROSSINGS)
             speeds.append(speed)
-        for bound in [*bounds_of(laws, codes), *bounds_of(laws, codes_after)]:
-            is_open = bound.sign * (bound.row * within)[0, 0] > 0
+        for bound in [*contact_bounds(dynamics, codes), *contact_bounds(dynamics, codes_after)]:
+            is_open = bound.sign * (bound.row * enclosure)[0, 0] > 0
             if not (is_open or bound.is_of(crossed.get(bound.mesh))):
-                raise Uncertain(*(JAMMED if bound.is_overlap else _NO_CROSSINGS))
+                raise ProofFailed(*(JAMMED if bound.is_overlap else _NO_CROSSINGS))
         codes[:] = codes_after
         return speeds

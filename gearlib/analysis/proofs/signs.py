@@ -1,7 +1,7 @@
 """Proofs that a motion touches no flank line along an arc; extrema of its displacement.
 
-On each piece of an arc a functional of the state is a Taylor polynomial. Its last coefficient is a
-ball that holds the remainder. Its values where the rate is zero decide its sign and extrema.
+On each piece of an arc a functional of the state is a Taylor polynomial whose last coefficient is a
+ball that encloses the remainder. Its sign and extrema follow from its stationary values.
 """
 
 import math
@@ -11,17 +11,17 @@ from typing import Any, NamedTuple
 
 from gearlib.analysis.proofs.arc_laws import propagated
 from gearlib.analysis.proofs.balls import flint, norm
-from gearlib.analysis.proofs.certificate_files import Uncertain
+from gearlib.analysis.proofs.certificate_files import ProofFailed
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
 from gearlib.engines.codes import INVERSE, NORMAL
 
-#: Largest number of bisections of a piece, and its shortest part, as a share of the piece. Floats
-#: represent all shares exactly.
+#: Largest number of bisections of a piece, and length of the shortest part relative to the piece, a
+#: power of 2, so that positions are exact floats.
 _MAX_BISECTIONS, _MIN_PART = 2000, 2**-48
-#: Largest duration of a piece, relative to one over the norm of the law.
-_PIECE_LENGTH = 1.0
-#: Radius above which a state counts as wide.
-_WIDE_STATE = 2.0**-40
+#: Largest duration of a piece times the norm of the system matrix.
+_MAX_PIECE_LENGTH = 1.0
+#: Radius of the balls of a state above which it is propagated from the start of the arc.
+_MAX_NARROW_RADIUS = 2.0**-40
 _TOGETHER = (
     "contacts of several meshes coincide, or come too near to each other to tell their order"
 )
@@ -29,192 +29,195 @@ JAMMED = "jammed", "both flanks may touch at once: it is not proven that the bac
 
 
 class Curve:
-    """A functional along a piece of an arc: a polynomial with balls as coefficients."""
+    """A functional of the state along a piece of an arc: a polynomial with ball coefficients."""
 
     def __init__(self, coefficients: list, duration: Any, end: Any):
-        """Set the polynomial by its coefficients, balls, its duration and its value at the end."""
+        """Set the polynomial from coefficients, duration and value at the end, all in balls."""
         self.value = flint().arb_poly(coefficients)
         self.rate = self.value.derivative()
         self.acceleration = self.rate.derivative()
         self.duration = duration
-        #: Values at both ends: the states know more of the end than the polynomial.
+        #: Values at both ends; that of the end is narrower than the value of the polynomial.
         self.begin, self.end = coefficients[0], end
 
-    def values_at_rest(self, sign: int = 0) -> Iterator:
-        """Yield enclosures, balls, of the values at points where the rate is zero.
+    def stationary_values(self, sign: int = 0) -> Iterator:
+        """Yield enclosures (balls) of the values at points where the rate is zero.
 
-        Parts of the piece with sign * value > 0 are left out.
+        Parts of the piece with sign * value > 0 are omitted.
         """
         arb, parts, bisections = flint().arb, [(0.0, 1.0)], 0
-        negligible = arb(2) ** (32 - flint().ctx.prec)
+        negligible_radius = arb(2) ** (32 - flint().ctx.prec)
         while parts:
             low, length = parts.pop()
-            around = self.duration * arb(low + 0.5 * length, 0.5 * length)
-            value = self.value(around)
+            interval = self.duration * arb(low + 0.5 * length, 0.5 * length)
+            value = self.value(interval)
             if sign * value > 0:
                 continue
-            rate, acceleration = self.rate(around), self.acceleration(around)
+            rate, acceleration = self.rate(interval), self.acceleration(interval)
             # A part where sign * value is concave has no minimum inside.
             if rate > 0 or rate < 0 or sign * acceleration < 0:
                 continue
+            is_wide = value.rad() > negligible_radius
             if acceleration > 0 or acceleration < 0:
-                around = self._zero_of_rate(around)
-                if around is not None:
-                    yield self._value_at_rest(around)
-            elif value.rad() > negligible and length > _MIN_PART and bisections < _MAX_BISECTIONS:
+                interval = self._zero_of_rate(interval)
+                if interval is not None:
+                    yield self._stationary_value(interval)
+            elif is_wide and length > _MIN_PART and bisections < _MAX_BISECTIONS:
                 bisections += 1
                 parts += [(low, 0.5 * length), (low + 0.5 * length, 0.5 * length)]
             else:
-                yield self._value_at_rest(around)
+                yield self._stationary_value(interval)
 
-    def _zero_of_rate(self, around: Any) -> Any:
-        """Return an enclosure of the zero of the rate within a ball of times, None without zero.
+    def _zero_of_rate(self, interval: Any) -> Any:
+        """Return an enclosure of the zero of the rate in a time interval, a ball, or None.
 
         It is found by the interval Newton method.
         """
         while True:
-            middle = around.mid()
-            newton = middle - self.rate(middle) / self.acceleration(around)
-            if not newton.overlaps(around):
+            middle = interval.mid()
+            newton = middle - self.rate(middle) / self.acceleration(interval)
+            if not newton.overlaps(interval):
                 return None
-            narrower = newton.intersection(around)
-            if not narrower.rad() < 0.5 * around.rad():
+            narrower = newton.intersection(interval)
+            if not narrower.rad() < 0.5 * interval.rad():
                 return narrower
-            around = narrower
+            interval = narrower
 
-    def _value_at_rest(self, around: Any) -> Any:
-        """Return an enclosure of the value at a zero of the rate within a ball of times."""
-        middle = around.mid()
-        # The mean value theorem is sharper, because the rate is small here.
-        mean = self.value(middle) + self.rate(around) * (around - middle)
-        value = mean.intersection(self.value(around))
-        # A ball that reaches beyond the piece need not hold a value of it.
-        value = value if around > 0 else value.union(self.begin)
-        return value if around < self.duration else value.union(self.end)
+    def _stationary_value(self, interval: Any) -> Any:
+        """Return an enclosure of the value at a zero of the rate in a time interval, a ball."""
+        middle = interval.mid()
+        # The mean value theorem gives a narrower ball, because the rate is small here.
+        mean_value = self.value(middle) + self.rate(interval) * (interval - middle)
+        value = mean_value.intersection(self.value(interval))
+        # The zero may lie outside the piece if the interval extends beyond its ends.
+        value = value if interval > 0 else value.union(self.begin)
+        return value if interval < self.duration else value.union(self.end)
 
 
-def pieces(law: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[list[Curve]]:
+def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[list[Curve]]:
     """Yield, for each piece of an arc, the `Curve`s of r functionals of the state.
 
-    The arc leads from a modal state to the state `end` in a time, by state' = law state. The rows,
-    shape (r, size), are the functionals.
+    The arc leads from a modal state to the state `end` in a time, by state' = matrix state. The
+    functionals are the rows of a matrix, shape (r, size).
     """
-    module, size, start = flint(), norm(law), state
-    # With this degree the remainder is as small as rounding.
+    module, matrix_norm, start = flint(), norm(matrix), state
+    # With this degree the remainder is of the order of rounding errors.
     degree = module.ctx.prec // 4 + 2
-    count = max(1, math.ceil(float(size * time.mid()) / _PIECE_LENGTH))
+    count = max(1, math.ceil(float(matrix_norm * time.mid()) / _MAX_PIECE_LENGTH))
     duration = time / count
-    # A wide state is propagated from the start, since each step would widen it. A narrow state is
-    # propagated step by step with one exponential.
-    is_wide = count > 1 and max(value.rad() for value in state.entries()) > _WIDE_STATE
-    step = None if is_wide or count == 1 else (law * duration).exp()
-    # Row k of the table of a functional is its derivative k + 1 over (k + 1)!, by the state's rate.
+    # A wide state is propagated from the start, because each step would widen it. A narrow state is
+    # propagated step by step with a single matrix exponential.
+    is_wide = count > 1 and max(value.rad() for value in state.entries()) > _MAX_NARROW_RADIUS
+    step = None if is_wide or count == 1 else (matrix * duration).exp()
+    # Row k in the table of a functional gives its derivative k + 1 over (k + 1)! from the rate.
     orders = [rows]
     for k in range(2, degree + 2):
-        orders.append(orders[-1] * law * (1 / module.arb(k)))
+        orders.append(orders[-1] * matrix * (1 / module.arb(k)))
     *orders, remainders = (order.tolist() for order in orders)
     tables = [module.arb_mat(list(table)) for table in zip(*orders, strict=True)]
-    growth = (size * duration).exp()
+    growth = (matrix_norm * duration).exp()
     remainders = [sum(map(abs, row), module.arb(0)) * growth for row in remainders]
-    for number in range(1, count + 1):
-        begins, rate = (rows * state).entries(), law * state
-        largest = max(abs(value).upper() for value in rate.entries())
-        if number == count:
+    for i in range(1, count + 1):
+        first_values, rate = (rows * state).entries(), matrix * state
+        max_rate = max(abs(value).upper() for value in rate.entries())
+        if i == count:
             state = end
         else:
-            state = propagated(law, start, number * duration) if is_wide else step * state
-        curves = []
-        for functional in zip(begins, (rows * state).entries(), tables, remainders, strict=True):
-            begin, stop, table, remainder = functional
-            last = module.arb(0, (remainder * largest).upper())
-            curves.append(Curve([begin, *(table * rate).entries(), last], duration, stop))
+            state = propagated(matrix, start, i * duration) if is_wide else step * state
+        curves, last_values = [], (rows * state).entries()
+        for first, last, table, remainder in zip(
+            first_values, last_values, tables, remainders, strict=True
+        ):
+            remainder_ball = module.arb(0, (remainder * max_rate).upper())
+            coefficients = [first, *(table * rate).entries(), remainder_ball]
+            curves.append(Curve(coefficients, duration, last))
         yield curves
 
 
 def check_contacts(path: Any, arcs: list, ends: list, contact_phases: list) -> list:
     """Prove that a motion has the contact events of a path and no others; return their speeds.
 
-    Arcs are (modal start state, duration), ends the modal states at the nodes of the `Path`. Speeds
-    are rates of flank distances. `Uncertain` is raised if the proof fails.
+    `arcs` are (initial modal state, duration), `ends` the modal states at the nodes of the `Path`.
+    Speeds are rates of flank distances. Raise `ProofFailed` if the proof fails.
     """
-    laws, codes, rates, phases = path.laws, list(path.codes), [], path.phases(contact_phases)
-    # The flank lines that are crossed at the start and at every node, None for a switch.
-    crossed: list = [None]
+    dynamics, codes, phases = path.dynamics, list(path.codes), path.phases(contact_phases)
+    # Flank lines that are crossed at the start and at each node; None at a switch.
+    rates, crossed = [], [None]
     for node in path.nodes:
         crossed.append((node.mesh, node.side) if node.phase is None else None)
     for i, (last, phase) in enumerate(zip([0, *phases], phases, strict=False)):
         if not phase > last:
             if crossed[i] and crossed[i + 1]:
-                raise Uncertain("together", _TOGETHER)
+                raise ProofFailed("together", _TOGETHER)
             text = "cannot be told apart from a switch of the stiffness or the start of the orbit"
-            raise Uncertain("switch", f"near phase {float(phase.mid()):.6g} a contact {text}")
+            raise ProofFailed("switch", f"near phase {float(phase.mid()):.6g} a contact {text}")
     for i, (node, (state, time), end) in enumerate(zip(path.nodes, arcs, ends, strict=True)):
         at = float(phases[i].mid())
         if node.phase is None:
-            rate = (node.distance * (node.law * end))[0, 0]
+            rate = (node.distance * (node.matrix * end))[0, 0]
             if not node.crosses(rate):
                 text = "is not proven to be a crossing"
-                raise Uncertain("grazing", f"the contact at phase {at:.6g} {text}")
+                raise ProofFailed("grazing", f"the contact at phase {at:.6g} {text}")
             rates.append(rate)
-        check_arc(laws, node.law, state, end, time, codes, crossed[i : i + 2], at)
+        check_arc(dynamics, node.matrix, state, end, time, codes, crossed[i : i + 2], at)
         if node.phase is None:
             codes[node.mesh] = node.after
     return rates
 
 
-def check_arc(laws, law, state, end, time, codes, crossed, at) -> None:
-    """Prove that no mesh touches a flank line within an arc from a modal state to the state `end`.
+def check_arc(dynamics, matrix, state, end, time, codes, crossed, phase: float) -> None:
+    """Prove that no mesh touches a flank line inside an arc from a modal state to the state `end`.
 
-    The arc has the matrix `law` of the `ArcLaws`, a duration `time` and the contact codes of all
-    meshes. `crossed` are the flank lines, (mesh, side) or None, that are crossed at both ends; `at`
-    is the phase for the message of `Uncertain`.
+    The arc has a system matrix of the `ArcDynamics`, a duration `time` and the contact codes of all
+    meshes. `crossed` are the flank lines, (mesh, side) or None, that are crossed at its two ends;
+    `phase` is the phase in the message of `ProofFailed`.
     """
-    bounds = bounds_of(laws, codes)
+    bounds = contact_bounds(dynamics, codes)
     rows = flint().arb_mat([bound.row.entries() for bound in bounds])
-    curves_of_pieces = list(pieces(law, state, end, time, rows))
+    curves_of_pieces = list(pieces(matrix, state, end, time, rows))
     for bound, curves in zip(bounds, zip(*curves_of_pieces, strict=True), strict=True):
-        # At an end of the arc the motion may be on the line, elsewhere on the right side of it.
+        # Only at a crossing at an end of the arc may the motion be on the flank line.
         values = [value for curve in curves for value in (curve.begin, curve.end)]
         values = values[bound.is_of(crossed[0]) : len(values) - bound.is_of(crossed[1])]
-        values_at_rest = (curve.values_at_rest(bound.sign) for curve in curves)
-        if all(bound.sign * value > 0 for value in chain(values, *values_at_rest)):
+        stationary_values = (curve.stationary_values(bound.sign) for curve in curves)
+        if all(bound.sign * value > 0 for value in chain(values, *stationary_values)):
             continue
-        name, several = laws.mesh_names[bound.mesh], len(laws.mesh_names) > 1
+        name, has_several_meshes = dynamics.mesh_names[bound.mesh], len(dynamics.mesh_names) > 1
         if bound.is_overlap:
-            raise Uncertain(JAMMED[0], f"before phase {at:.6g} of mesh {name!r} {JAMMED[1]}")
-        mover = f"the mesh {name!r}" if several else "the motion"
+            raise ProofFailed(JAMMED[0], f"before phase {phase:.6g} of mesh {name!r} {JAMMED[1]}")
+        mover = f"the mesh {name!r}" if has_several_meshes else "the motion"
         text = "comes too near to a flank line to prove that it does not touch it"
-        raise Uncertain("grazing", f"before phase {at:.6g} {mover} {text}")
+        raise ProofFailed("grazing", f"before phase {phase:.6g} {mover} {text}")
 
 
 class Bound(NamedTuple):
-    """The condition of a contact code on a flank line: sign * distance > 0."""
+    """Condition of a contact code for a flank line: sign * distance > 0."""
 
     mesh: int
-    sides: tuple  #: of the mesh whose flank line this is, both without backlash
+    sides: tuple  #: sides of the mesh with this flank line, both without backlash
     sign: int
-    row: Any  #: the distance, a functional of the state
-    is_overlap: bool  #: whether both flanks touch where the mesh meets the line
+    row: Any  #: flank distance as a functional of the state
+    is_overlap: bool  #: whether both flanks are in contact on the line
 
     def is_of(self, crossed: tuple | None) -> bool:
-        """Return whether a crossed flank line, (mesh, side) or None, is that of this bound."""
+        """Return whether a crossed flank line, (mesh, side) or None, is the one of this bound."""
         return crossed is not None and crossed[0] == self.mesh and crossed[1] in self.sides
 
 
-def bounds_of(laws: Any, codes: list) -> list[Bound]:
-    """Return the conditions that keep the contact codes of all meshes, from the `ArcLaws`.
+def contact_bounds(dynamics: Any, codes: list) -> list[Bound]:
+    """Return the conditions for the contact codes of all meshes of the `ArcDynamics`.
 
-    A varying backlash must also stay open.
+    They include that a varying clearance stays open.
     """
     bounds = []
-    states = zip(codes, laws.numbers.meshes, laws.distances, strict=True)
+    states = zip(codes, dynamics.model.meshes, dynamics.distances, strict=True)
     for j, (code, mesh, rows) in enumerate(states):
-        for side, loaded in ((DRIVE, NORMAL), (COAST, INVERSE)):
-            is_overlap = bool(code) and code != loaded
+        for side, side_code in ((DRIVE, NORMAL), (COAST, INVERSE)):
+            is_overlap = bool(code) and code != side_code
             if rows[side] is None or (is_overlap and not mesh.clearance_varies):
                 continue
             sides = (side,) if mesh.has_backlash else (COAST, DRIVE)
-            sign = loaded if code == loaded else -loaded
+            sign = side_code if code == side_code else -side_code
             bounds.append(Bound(j, sides, sign, rows[side], is_overlap))
     return bounds
 
@@ -222,16 +225,16 @@ def bounds_of(laws: Any, codes: list) -> list[Bound]:
 def extrema(path: Any, arcs: list, ends: list) -> tuple:
     """Return enclosures of the smallest and the largest first coordinate along a `Path`.
 
-    Arcs are (modal start state, duration), ends the modal states at its nodes.
+    `arcs` are (initial modal state, duration), `ends` the modal states at its nodes.
     """
-    displacement = flint().arb_mat([path.laws.basis.tolist()[0]])
+    displacement = flint().arb_mat([path.dynamics.basis.tolist()[0]])
     values = []
     for node, (state, time), end in zip(path.nodes, arcs, ends, strict=True):
-        for (curve,) in pieces(node.law, state, end, time, displacement):
-            values += [curve.begin, curve.end, *curve.values_at_rest()]
+        for (curve,) in pieces(node.matrix, state, end, time, displacement):
+            values += [curve.begin, curve.end, *curve.stationary_values()]
     return _enclosed_minimum(values), -_enclosed_minimum([-value for value in values])
 
 
 def _enclosed_minimum(balls: list) -> Any:
-    """Return an enclosure of the smallest of the numbers that balls hold."""
+    """Return an enclosure of the smallest of the numbers that are enclosed in balls."""
     return min(ball.lower() for ball in balls).union(min(ball.upper() for ball in balls))
