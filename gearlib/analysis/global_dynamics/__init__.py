@@ -1,1 +1,1 @@
-"""The global picture: where motions from all initial states end, and sections of motions."""
+"""Global dynamics: attractors, their basins, Poincare sections and bifurcation diagrams."""

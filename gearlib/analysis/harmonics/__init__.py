@@ -1,1 +1,1 @@
-"""Periodic motions over harmonics: the paper's analytic method, and harmonic balance beside it."""
+"""Periodic motions as Fourier series: the paper's analytic method, and harmonic balance."""

@@ -58,22 +58,22 @@ class MeshEquation:
         self.model, self.tuning = model, tuning
         self.harmonics, self.period = harmonics, period
         self.samples = samples or default_samples(harmonics)
-        law, linear_damping = model.law(tuning), np.array([added_damping, 0.0, 0.0])
-        self.law = law._replace(
-            drive_damping=law.drive_damping + linear_damping,
-            backlash_damping=law.backlash_damping + linear_damping,
+        constants, linear_damping = model.law(tuning), np.array([added_damping, 0.0, 0.0])
+        self.constants = constants._replace(
+            drive_damping=constants.drive_damping + linear_damping,
+            backlash_damping=constants.backlash_damping + linear_damping,
         )
         #: Orders of the harmonics in the mesh phase: k / period.
         self.orders = np.arange(harmonics + 1) / period
         self.excitation = np.zeros(harmonics + 1, complex)
-        for order, cosine, sine in law.force_harmonics:
+        for order, cosine, sine in constants.force_harmonics:
             k = int(order) * period
             if k <= harmonics:
                 self.excitation[k] += cosine if k == 0 else (cosine - 1j * sine) / 2.0
         #: Mean mesh stiffness 1 / nu^2, which equals the dimensionless load.
         self.mean_stiffness = 1.0 / tuning**2
         #: Linear damping coefficient 2 beta / nu in contact.
-        self.damping = float(self.law.drive_damping[0])
+        self.damping = float(self.constants.drive_damping[0])
         #: Dynamic stiffness of the mean oscillator, 1 / nu^2 - k^2 + 2 i beta k / nu, (h + 1,).
         inertia, damping = self.orders**2, 1j * self.damping * self.orders
         self.dynamic_stiffness = self.mean_stiffness - inertia + damping
@@ -83,7 +83,7 @@ class MeshEquation:
         """Mesh stiffness c / nu^2 on the grid, truncated to the harmonics that it can represent."""
         spectrum = np.zeros(self.samples // 2 + 1, complex)
         highest = (self.samples - 1) // 2 // self.period
-        coefficients = _stiffness_coefficients(self.law, highest)
+        coefficients = _stiffness_coefficients(self.constants, highest)
         spectrum[: highest * self.period + 1 : self.period] = coefficients
         return np.fft.irfft(spectrum * self.samples, self.samples)
 
@@ -101,14 +101,15 @@ class MeshEquation:
 
     def force(self, coefficients: np.ndarray) -> Force:
         """Return damping and mesh force on the grid from the harmonics of a motion, (h + 1,)."""
-        law, (x, v) = self.law, self.motion(coefficients)
+        constants, (x, v) = self.constants, self.motion(coefficients)
         step = 2.0 * np.pi * self.period / self.samples
-        contact = _contact(x, v, step) + _COAST_SIGNS * _contact(-(x + law.backlash), -v, step)
+        coast_distance = -(x + constants.backlash)
+        contact = _contact(x, v, step) + _COAST_SIGNS * _contact(coast_distance, -v, step)
         # The suffixes _x and _v denote derivatives with respect to displacement and velocity.
         fraction, fraction_x, fraction_v, deflection, deflection_x, deflection_v = contact
-        material, material_v = _damping(law.drive_damping, v)
-        oil, oil_v = _damping(law.backlash_damping, v)
-        p2, p3 = law.stiffness_powers
+        material, material_v = _damping(constants.drive_damping, v)
+        oil, oil_v = _damping(constants.backlash_damping, v)
+        p2, p3 = constants.stiffness_powers
         size = np.abs(deflection)
         mesh_force = self.stiffness * (deflection * (1.0 + p2 * size + p3 * deflection**2))
         tangent = self.stiffness * (1.0 + 2.0 * p2 * size + 3.0 * p3 * deflection**2)
@@ -132,13 +133,13 @@ class MeshEquation:
 
         has no impulse: with linear damping the last two terms vanish.
         """
-        force, law = self.force(coefficients), self.law
+        force, constants = self.force(coefficients), self.constants
         v, fraction = self.motion(coefficients)[1], force.contact_fraction
         # The jump of the damping force has the terms v, |v| v and v^3.
-        jump = law.drive_damping - law.backlash_damping
+        jump = constants.drive_damping - constants.backlash_damping
         acceleration = self.to_grid(self.excitation) - force.value
         return (
-            _damping(law.backlash_damping, v)[1]
+            _damping(constants.backlash_damping, v)[1]
             + fraction * (jump[1] * np.abs(v) + 2.0 * jump[2] * v**2),
             fraction * (jump[0] + jump[1] * np.abs(v) + jump[2] * v**2),
             force.stiffness - fraction * (jump[1] * np.sign(v) + 2.0 * jump[2] * v) * acceleration,
@@ -230,23 +231,22 @@ def _damping(coefficients: np.ndarray, v: np.ndarray) -> tuple:
     return v * (d1 + d2 * speed + d3 * v**2), d1 + 2.0 * d2 * speed + 3.0 * d3 * v**2
 
 
-def _stiffness_coefficients(law: Any, highest: int) -> np.ndarray:
+def _stiffness_coefficients(constants: Any, highest: int) -> np.ndarray:
     """Return the exact complex Fourier coefficients 0 ... `highest` of the stiffness c / nu^2.
 
     They follow from the jumps of value and slope between the linear segments of the stiffness in
-    `law`, a `Law`, and from its harmonics.
+    `constants`, a `Law`, and from its harmonics.
     """
-    n = np.arange(1, highest + 1)
-    lengths = np.diff(law.segment_bounds)
-    ends = law.stiffness_lines[:, 0] + law.stiffness_lines[:, 1] * lengths
+    n, phases = np.arange(1, highest + 1), constants.segment_bounds
+    lengths, (starts, slopes) = np.diff(phases), constants.stiffness_lines.T
+    ends = starts + slopes * lengths
     coefficients = np.zeros(highest + 1, complex)
-    coefficients[0] = np.sum((law.stiffness_lines[:, 0] + ends) / 2.0 * lengths) / (2.0 * np.pi)
-    jumps = law.stiffness_lines[:, 0] - np.roll(ends, 1)
-    slope_jumps = law.stiffness_lines[:, 1] - np.roll(law.stiffness_lines[:, 1], 1)
-    for phase, jump, slope_jump in zip(law.segment_bounds[:-1], jumps, slope_jumps, strict=True):
+    coefficients[0] = np.sum((starts + ends) / 2.0 * lengths) / (2.0 * np.pi)
+    jumps, slope_jumps = starts - np.roll(ends, 1), slopes - np.roll(slopes, 1)
+    for phase, jump, slope_jump in zip(phases[:-1], jumps, slope_jumps, strict=True):
         wave = np.exp(-1j * n * phase) / (2.0 * np.pi)
         coefficients[1:] += wave * (jump / (1j * n) - slope_jump / n**2)
-    for order, cosine, sine in law.stiffness_harmonics:
+    for order, cosine, sine in constants.stiffness_harmonics:
         if order <= highest:
             coefficients[int(order)] += (cosine - 1j * sine) / 2.0
     return coefficients

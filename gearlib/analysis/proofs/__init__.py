@@ -1,1 +1,1 @@
-"""Orbits that are theorems: existence, contacts and stability proven in ball arithmetic."""
+"""Computer-assisted proofs: existence, contacts and stability of orbits in ball arithmetic."""
