@@ -131,31 +131,31 @@ def run(pair, tuning: float, samples_per_period: int, **settings):
     return _run(pair, tuning, check_run(pair, **settings), samples_per_period)[0]
 
 
-def _run(pair, tuning, checked, samples_per_period, prove_period=False, until_settled=False):
+def _run(pair, tuning, arguments, samples_per_period, prove_period=False, until_settled=False):
     """Return (`Record` of a run of a model, number of its mesh periods with those of the proof).
 
-    `checked` are its `RunArguments`. With `prove_period` the period of the orbit is proven; with
+    `arguments` are its `RunArguments`. With `prove_period` the period of the orbit is proven; with
     `until_settled` the run goes on after the recorded periods until this succeeds.
     """
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
-    recorded = checked.span.recorded
+    recorded = arguments.span.recorded
     argument = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
     numbers_per_sample = pair.empty_record()[0].shape[1]
     sample_count = recorded * samples_per_period
     check_memory(argument, sample_count, numbers_per_sample, "samples in all")
-    arguments = checked.state, checked.span, samples_per_period
-    record = checked.module.run(pair, tuning, *arguments, **checked.options)
+    settings = arguments.state, arguments.span, samples_per_period
+    record = arguments.module.run(pair, tuning, *settings, **arguments.options)
     if record.status == status.OK:
-        if summary.max_displacement(record.summary) > pair.bound(tuning, checked.state):
+        if summary.max_displacement(record.summary) > pair.bound(tuning, arguments.state):
             record = record._replace(status=status.OVERFLOW)
     if record.status != status.OK:
         for table in (record.samples, record.summary, record.final):
             table[...] = math.nan
         record = record._replace(events=record.events[:0])
-    periods = checked.span.periods
-    if prove_period and checked.method in integrators.AUTOMATIC and record.status == status.OK:
-        propagator = pair.propagator(tuning, checked.method, **checked.options)
-        period, periods = settled_period(propagator, record, checked.span, until_settled)
+    periods = arguments.span.periods
+    if prove_period and arguments.method in integrators.AUTOMATIC and record.status == status.OK:
+        propagator = pair.propagator(tuning, arguments.method, **arguments.options)
+        period, periods = settled_period(propagator, record, arguments.span, until_settled)
         record = record._replace(period=period)
     return record, periods
 

@@ -77,6 +77,7 @@ class ArcDynamics:
         self.retained = [i for i in range(n) if i not in self.fixed]
         unit = np.eye(n, dtype=int).astype(object)
         reduction = unit[self.retained]
+        # The combinations of retained and fixed coordinates vanish for free motions.
         if self.fixed:
             total = model.stiffness.copy()
             for mesh in model.meshes:

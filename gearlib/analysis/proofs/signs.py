@@ -109,7 +109,7 @@ def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[
     # propagated step by step with a single matrix exponential.
     is_wide = count > 1 and max(value.rad() for value in state.entries()) > _MAX_NARROW_RADIUS
     step = None if is_wide or count == 1 else (matrix * duration).exp()
-    # Row k in the table of a functional gives its derivative k + 1 over (k + 1)! from the rate.
+    # A table multiplies the rate to the Taylor coefficients 1, 2, ... of a functional.
     orders = [rows]
     for k in range(2, degree + 2):
         orders.append(orders[-1] * matrix * (1 / module.arb(k)))
@@ -124,10 +124,8 @@ def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[
             state = end
         else:
             state = propagated(matrix, start, i * duration) if is_wide else step * state
-        curves, last_values = [], (rows * state).entries()
-        for first, last, table, remainder in zip(
-            first_values, last_values, tables, remainders, strict=True
-        ):
+        curves, values = [], zip(first_values, (rows * state).entries(), strict=True)
+        for (first, last), table, remainder in zip(values, tables, remainders, strict=True):
             remainder_ball = module.arb(0, (remainder * max_rate).upper())
             coefficients = [first, *(table * rate).entries(), remainder_ball]
             curves.append(Curve(coefficients, duration, last))
