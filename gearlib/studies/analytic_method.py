@@ -139,6 +139,7 @@ def _method_errors(pair: GearPair, settings: dict) -> dict:
     for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
 
         def errors_at(tuning: float, harmonics: int, name: str = name, solve: Any = solve) -> dict:
+            """Return the errors of a solution with a number of harmonics at a tuning."""
             solution = solve(pair, tuning, harmonics=harmonics, guess=guesses[tuning])
             error = errors(solution, orbits[tuning])
             return {

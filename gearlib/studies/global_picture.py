@@ -60,12 +60,12 @@ def bifurcation(
     settings: dict,
     threads: int | None = None,
 ) -> tuple[xr.Dataset, xr.Dataset]:
-    """Return a bifurcation diagram with Lyapunov exponents, and the shares of the attractors.
+    """Return a bifurcation diagram with Lyapunov exponents, and the basin stability.
 
-    The diagram is over `tunings`, the shares of initial states over the `coarse` tunings. `pair`
+    The diagram is over `tunings`, the basin stability over the `coarse` tunings. `pair`
     has arguments of `GearPair`; `settings` have settle, strobes, exponent_periods, starts (the
     number of random initial states), the ranges displacement and velocity, and samples and periods
-    of the shares.
+    of the basin stability.
     Directions are up, down, and "cold 1", "cold 2", ... from random states. ``settled`` is true for
     periodic motions whose orbit does not depend on rounding.
     """
@@ -92,8 +92,8 @@ def bifurcation(
     data = describe(data.assign(speed=("tuning", model.speed(data.tuning.values))))
     data["settled"].attrs |= lyapunov.SETTLED_FLAGS
     options = {name: settings[name] for name in ("samples", "periods")}
-    shares = basin_stability(model, coarse, region, threads=threads, **options)
-    return data.assign_attrs(datasets[0].attrs), shares
+    stability = basin_stability(model, coarse, region, threads=threads, **options)
+    return data.assign_attrs(datasets[0].attrs), stability
 
 
 def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:

@@ -96,10 +96,11 @@ class _OrbitSearch:
     """Search for the stable orbits of a model at one tuning on which motions end."""
 
     def __init__(self, model: Any, tuning: float, settings: dict) -> None:
+        """Take `settings` with periods, record_periods and spread of the runs."""
         self.model, self.tuning = model, tuning
         self.propagator = model.propagator(tuning)
         self.record_periods = settings["record_periods"]
-        self.start_distance = 2.0 * settings["spread"]
+        self.start_distance = 2.0 * settings["spread"]  # largest distance of two starts
         # Both halves of a run last a multiple of twice the common period of the meshes, at the ends
         # of which orbits of these periods have the same phase.
         multiple = 2 * model.repeats
@@ -109,7 +110,7 @@ class _OrbitSearch:
         self.failed_searches = 0
         try:
             reduce, lift = model.reduction()
-            self.without_rotation = lift @ reduce  # projection of states
+            self.without_rotation = lift @ reduce  # removes the free rotation from states
         except ValueError:
             # A damped free rotation comes to rest, so it is treated as the other coordinates.
             self.without_rotation = np.eye(model.size)
@@ -245,7 +246,7 @@ def summarise(
     )
     counts = [np.unique(row[row >= 0], return_counts=True)[1] for row in orbits.T]
     settled = np.array([motion.settled for motion in motions])
-    shares = {
+    distribution = {
         "settled": settled.astype(np.int8),
         "settled_share": (orbits >= 0).mean(axis=0),
         "motion_count": np.array([len(count) for count in counts], np.int32),
@@ -254,7 +255,7 @@ def summarise(
     }
     dataset = xr.Dataset(
         {name: variables[name] for name in names}
-        | {name: ("tuning", values) for name, values in shares.items()}
+        | {name: ("tuning", values) for name, values in distribution.items()}
     )
     dataset["settled"].attrs |= SETTLED_FLAGS
     return dataset

@@ -186,7 +186,7 @@ def _relative_changes(
     """Return the changes of the models, shape (starts, models), and whether they are is_reliable.
 
     `values` of observables and `scales` of their changes have the shape (starts, models, cases,
-    observables); `is_reliable`, (models, cases), tells whether runs do not depend on rounding.
+    observables); `is_reliable`, (models, cases), is true for runs that do not depend on rounding.
     """
     change = np.full(values.shape[:2], np.nan)
     is_change_reliable = np.asarray(is_reliable.all(axis=1))

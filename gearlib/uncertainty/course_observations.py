@@ -189,12 +189,12 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     """
     displacements, phase_factors, teeth = _displacement_signal(model, data)
     profile, options = _speed_profile(_known_facts(data))
-    turning = ShaftRotation(profile)
-    revolutions = turning.revolutions(data.time.values)
-    count = _count_revolutions(turning, profile, data.time.values, revolutions)
+    rotation = ShaftRotation(profile)
+    revolutions = rotation.revolutions(data.time.values)
+    count = _count_revolutions(rotation, profile, data.time.values, revolutions)
     orders, variance_ratios, warning = _revolution_orders(revolutions, displacements, teeth, count)
     compared, amplitudes, jumps = _compared_revolutions(orders, variance_ratios)
-    speeds = turning.time_and_speed(np.arange(count) + 0.5)[1]
+    speeds = rotation.time_and_speed(np.arange(count) + 0.5)[1]
     measured_orders = orders[compared], variance_ratios[compared]
     channels = [_order_channel("run-up", data.displacement, *measured_orders)]
     if jumps:
@@ -283,15 +283,15 @@ def _compared_revolutions(orders, variance_ratios):
     return compared, amplitudes, sorted(jumps)
 
 
-def _count_revolutions(turning, profile, times, revolutions) -> int:
+def _count_revolutions(rotation, profile, times, revolutions) -> int:
     """Return the number of whole revolutions of a run-up, or raise ValueError.
 
-    `turning` has the revolutions of the speed profile, rows of s and rpm; `revolutions` are the
+    `rotation` has the revolutions of the speed profile, rows of s and rpm; `revolutions` are the
     shaft angles at the `times` of the samples, which must lie within the profile.
     """
     end, count = profile[-1][0], int(revolutions[-1])
     interval = f"{times[0]:.6g} to {times[-1]:.6g} s"
-    profile_revolutions = float(turning.revolutions(np.array([end]))[0])
+    profile_revolutions = float(rotation.revolutions(np.array([end]))[0])
     is_within = revolutions[0] < 1.0 and count <= profile_revolutions + 1e-9
     allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
     checks.require(is_within, "time", interval, allowed)

@@ -37,37 +37,38 @@ class DesignQuantities:
 
     `nominal` holds the values of the nominal design, (q,). At the duty point of a train, quantities
     are those of the worst mesh, but the transmission error is that of the reference mesh. `speed`
-    is the speed of the duty point, rpm; `at_duty` is a function that returns the nominal model at
-    the duty point if it differs from `model`. Values that do not exist are NaN.
+    is the speed of the duty point, rpm; `build_duty_model` is a function that returns the nominal
+    model at the duty point if it differs from `model`. Values that do not exist are NaN.
     """
 
-    def __init__(self, model, quantities, *, speed: float | None = None, at_duty=None):
+    def __init__(self, model, quantities, *, speed: float | None = None, build_duty_model=None):
+        """Check the names of quantities, and compute those of the nominal design, `model`."""
         self.quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
         duty_quantities = _DUTY_QUANTITIES & set(self.quantities)
         _check_resonance_quantities(model, set(self.quantities) - duty_quantities)
         self.speed = speed
         self._orbit: Any = None
         if duty_quantities:
-            duty_model = at_duty() if at_duty else model
+            duty_model = build_duty_model() if build_duty_model else model
             _check_duty_quantities(duty_model, duty_quantities, speed)
             tuning = check_speed(duty_model, "speed", speed)
             self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
         resonance_quantities = (name for name in self.quantities if name not in duty_quantities)
         self._resonance_names = [RESONANCE_NAMES.get(name, name) for name in resonance_quantities]
-        self.nominal = self(model, at_duty)[0]
+        self.nominal = self(model, build_duty_model)[0]
 
-    def __call__(self, model: Any, at_duty: Callable | None = None) -> tuple:
+    def __call__(self, model: Any, build_duty_model: Callable | None = None) -> tuple:
         """Return the values of a design, (q,), NaN if not found, and their status codes, (q,).
 
-        `model` is the design; `at_duty` is a function that returns its model at the duty point, if
-        that differs.
+        `model` is the design; `build_duty_model` is a function that returns its model at the duty
+        point, if that differs.
         """
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), ABSENT, np.int8)
         resonance: Any = None
         if self._resonance_names:
             resonance = main_resonance(model, self._resonance_names)
-        duty_model = at_duty() if at_duty and self._orbit else model
+        duty_model = build_duty_model() if build_duty_model and self._orbit else model
         summary = self._duty_summary(duty_model) if self._orbit else None
         for i, name in enumerate(self.quantities):
             if name in _DUTY_QUANTITIES:
@@ -176,8 +177,10 @@ def quantity_search(designs: Any, quantities: Any, speed: float | None) -> Desig
 
     `quantities` are names, and `speed` is that of the duty point in rpm, if a quantity needs it.
     """
-    at_duty = designs.at_duty(designs.tolerances.centres)
-    return DesignQuantities(designs.nominal, quantities, speed=speed, at_duty=at_duty)
+    build_duty_model = designs.duty_model_builder(designs.tolerances.centres)
+    return DesignQuantities(
+        designs.nominal, quantities, speed=speed, build_duty_model=build_duty_model
+    )
 
 
 def checked_names(key: str, names: Any, allowed: tuple) -> tuple:

@@ -49,6 +49,7 @@ class ModelSource:
     """Make designs from a model by changing its parameters, names of `Model.settable`."""
 
     def __init__(self, model: Any):
+        """Collect the parameters of a model that may scatter, and their descriptions."""
         self.model, self.value = model, model.value
         declared = numeric_parameters(type(model)) if dataclasses.is_dataclass(model) else {}
         declared = (numeric_parameters(PairParameters) if model.mesh else {}) | declared
@@ -74,6 +75,7 @@ class DrawnPair:
     """
 
     def __init__(self, mesh: Any, *, backlash: str | None = "drawing", **options: Any):
+        """Check the mesh, and collect the parameters of drawings with their descriptions."""
         self.mesh = checks.drawn_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
         self.options = options
@@ -102,7 +104,7 @@ class DrawnPair:
             return pair
         return OneDegreePair(pair=pair, deviation=Harmonics((cosine,), (sine,)))
 
-    def at_duty(self, changes: dict) -> Any:
+    def duty_model(self, changes: dict) -> Any:
         """Return the `LoadSharingPair` of the changed gears, the model of their duty point."""
         mesh, options, (cosine, sine) = self._changed(changes)
         if cosine or sine:
@@ -164,6 +166,7 @@ class FunctionSource:
     """Make designs by calling a function that takes parameters by name and returns a model."""
 
     def __init__(self, function: Callable):
+        """Collect the arguments that can be passed by name, and their descriptions."""
         self.function, arguments = function, []
         with suppress(TypeError, ValueError):
             arguments = list(inspect.signature(function).parameters.values())
@@ -203,6 +206,7 @@ class Designs:
     """Random designs by tolerances: points of a scrambled Sobol' sequence and their models."""
 
     def __init__(self, model: Any, tolerances: Any, seed: int = 0):
+        """Check these arguments of `gearlib.scatter`, and build the nominal model."""
         allowed = "a model such as GearPair, a DrawnPair or a function that returns a model"
         checks.require(is_model(model) or callable(model), "model", model, allowed)
         self.source: Any = model
@@ -246,12 +250,12 @@ class Designs:
         checks.require(is_model(model), "the value of the function", model, allowed)
         return model
 
-    def at_duty(self, values: np.ndarray) -> Callable | None:
+    def duty_model_builder(self, values: np.ndarray) -> Callable | None:
         """Return a function that builds the model of the duty point, None if it is `model`."""
         if not isinstance(self.source, DrawnPair):
             return None
         changes = dict(zip(self.names, map(float, values), strict=True))
-        return partial(self.source.at_duty, changes)
+        return partial(self.source.duty_model, changes)
 
     def units(self, name: str) -> tuple[str, str]:
         """Return CF units and description of a parameter."""

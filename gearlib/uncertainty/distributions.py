@@ -1,6 +1,6 @@
 """Distributions of parameters: by mean and deviation, by limits, or by a name of `scipy.stats`.
 
-Limits tell nothing about the distribution between them, so ``{min, max}`` and ``{nominal, upper,
+Limits do not determine the distribution between them, so ``{min, max}`` and ``{nominal, upper,
 lower}`` are uniform distributions.
 """
 
@@ -30,6 +30,7 @@ class Tolerances:
     """Joint distribution of all parameters that scatter; correlations are a Gaussian copula."""
 
     def __init__(self, marginals: dict, correlations: Sequence = ()):
+        """Take correlations as rows (name, name, coefficient)."""
         self.marginals = marginals  #: name -> `Marginal`
         self.names = tuple(marginals)
         self.correlations = tuple(map(tuple, correlations))

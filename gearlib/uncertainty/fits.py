@@ -1,6 +1,6 @@
 """`fit`: parameters of a model from measured sets, by least squares with differences of runs.
 
-The result has values, intervals, and in words what the data cannot tell.
+The result has values, confidence intervals, and sentences on what the data do not determine.
 """
 
 import math
@@ -335,6 +335,7 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
         return np.full(problem.size, _FAILED_RESIDUAL) if values is None else values
 
     def solve(start, **settings):
+        """Minimise the residuals from a start, with further settings of `least_squares`."""
         return least_squares(
             residuals,
             np.clip(start, 1e-6, 1.0 - 1e-6),
@@ -552,12 +553,12 @@ def correlation_sentences(channels: list, residuals: np.ndarray) -> list[str]:
     for name, blocks in sequences.items():
         changes = steps = 0
         for sequence in np.concatenate(blocks, axis=1):
-            positive = sequence[np.abs(sequence) > _MIN_SIGNED_RESIDUAL] > 0.0
-            changes += int((positive[1:] != positive[:-1]).sum())
-            steps += max(positive.size - 1, 0)
+            is_positive = sequence[np.abs(sequence) > _MIN_SIGNED_RESIDUAL] > 0.0
+            changes += int((is_positive[1:] != is_positive[:-1]).sum())
+            steps += max(is_positive.size - 1, 0)
         if binom.cdf(changes, steps, 0.5) < _FALSE_ALARM_PROBABILITY / len(sequences):
             sentences.append(
-                f"what the model leaves of the {name.replace('_', ' ')} is not independent noise: "
+                f"the residual of the {name.replace('_', ' ')} is not independent noise: "
                 f"it changes its sign {changes} times in {steps} steps, where {steps / 2:g} times "
                 "are expected, and no interval holds"
             )

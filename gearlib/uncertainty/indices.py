@@ -108,7 +108,7 @@ def _design_tables(designs: Designs, search: Any, n: int, progress: Any) -> np.n
             except ValueError:
                 pass
             else:
-                values[i] = search(design, designs.at_duty(row))[0]
+                values[i] = search(design, designs.duty_model_builder(row))[0]
             report(1)
     return np.moveaxis(values.reshape(k + 2, n, -1), 2, 0)
 
@@ -132,6 +132,7 @@ def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: st
     table = table[:, samples]
 
     def indices(columns):
+        """Return the first and total indices, (2, k), from these columns of the table."""
         centred = table[:, columns] - table[:2, columns].mean()
         a, b, mixed = centred[0], centred[1], centred[2:]
         variances = (b * (mixed - a)).mean(axis=1), 0.5 * ((mixed - a) ** 2).mean(axis=1)

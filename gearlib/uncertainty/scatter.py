@@ -200,6 +200,7 @@ def _sample_variables(designs, sweeps, search, samples, threads, progress) -> di
     values = designs.values(points)
 
     def compute_sample(i: int) -> None:
+        """Store the results of sample i, or the reason why its model cannot be built."""
         try:
             design = designs.model(values[i])
         except ValueError as error:
@@ -209,7 +210,7 @@ def _sample_variables(designs, sweeps, search, samples, threads, progress) -> di
                 rows = {name: table[i] for name, table in tables.items()}
                 _sweep_design(design, sweeps, points[i, -2:], rows)
             if search:
-                results[i], codes[i] = search(design, designs.at_duty(values[i]))
+                results[i], codes[i] = search(design, designs.duty_model_builder(values[i]))
         report(1)
 
     progress_bar = notebook.counting_bar("samples", count, progress)

@@ -183,7 +183,7 @@ def test_no_interval_holds_where_a_wrong_model_leaves_what_is_no_noise():
         data = conditions(tunings, truth)
         data.displacement.attrs["noise_std"] = 0.0
         unknown = gearlib.fit(GUESS, data, FREE).unknown
-        said = "what the model leaves of the time course is not independent noise"
+        said = "the residual of the time course is not independent noise"
         assert [one.startswith(said) and "no interval holds" in one for one in unknown] == (
             [True] * wrong
         )

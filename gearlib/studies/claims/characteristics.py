@@ -32,8 +32,8 @@ def loses_contact(curve: xr.Dataset) -> np.ndarray:
     return curve.displacement_min.values < -CONTACT_TOLERANCE
 
 
-def printed_tunings(data: Data) -> tuple:
-    """Judge P1: the printed tunings at the largest and the smallest stiffness."""
+def printed_tunings(data: Data) -> tuple[bool, str]:
+    """Judge statement P1: the printed tunings at the largest and the smallest stiffness."""
     printed = {0.815: (0.7391, 0.9639), 0.8151: (0.7392, 0.9640)}
     computed = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
     # The paper prints four decimals.
@@ -43,8 +43,8 @@ def printed_tunings(data: Data) -> tuple:
     return holds, "; ".join(texts)
 
 
-def printed_damping_ratios(data: Data) -> tuple:
-    """Judge P2: the printed damping ratios of three material dampings."""
+def printed_damping_ratios(data: Data) -> tuple[bool, str]:
+    """Judge statement P2: the printed damping ratios of three material dampings."""
     # Damping in N s/m -> printed ratio, and half a unit of its last digit.
     printed = {3950.0: (0.062, 0.5e-3), 4000.0: (0.0624, 0.5e-4), 40.0: (0.000624, 0.5e-6)}
     computed = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
@@ -52,32 +52,35 @@ def printed_damping_ratios(data: Data) -> tuple:
     return holds, "; ".join(f"{k:g} N s/m: {ratio:.6g}" for k, ratio in computed.items())
 
 
-def undamped_contact_below_resonance(data: Data) -> tuple:
-    """Judge P4: without damping contact is lost below a tuning of 0.8 only in a small region."""
+def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
+    """Judge statement P4: undamped contact is lost below a tuning of 0.8 only in a small region."""
     curve = data.curve(
         data.damping_names(material=False, backlash=False)[0], 0.6, 0.8 - PLOT_RESOLUTION
     )
-    lost = loses_contact(curve)
+    is_lost = loses_contact(curve)
     tuning = curve.tuning.values
-    inside = abs(tuning - 0.66) <= SMALL_REGION
-    holds = bool(lost[inside].any() and not lost[~inside].any())
+    in_region = abs(tuning - 0.66) <= SMALL_REGION
+    holds = bool(is_lost[in_region].any() and not is_lost[~in_region].any())
     # The range ends before 0.8, because the next statement judges where bounces begin.
-    return holds, f"below {0.8 - PLOT_RESOLUTION:g}: contact lost at {interval_text(tuning, lost)}"
+    return (
+        holds,
+        f"below {0.8 - PLOT_RESOLUTION:g}: contact lost at {interval_text(tuning, is_lost)}",
+    )
 
 
-def undamped_chaos_in_resonance(data: Data) -> tuple:
-    """Judge P5: without damping, motions above a tuning of 0.8 bounce chaotically."""
+def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
+    """Judge statement P5: without damping, motions above a tuning of 0.8 bounce chaotically."""
     curve = data.curve(data.damping_names(material=False, backlash=False)[0], 0.7, 1.12)
     tuning = curve.tuning.values
-    lost = loses_contact(curve)
-    first = tuning[lost][0] if lost.any() else np.nan
+    is_lost = loses_contact(curve)
+    first = tuning[is_lost][0] if is_lost.any() else np.nan
     above = tuning >= first
     fractions = {
-        "contact lost": lost[above].mean(),
+        "contact lost": is_lost[above].mean(),
         "inverse mesh": (curve.fraction_inverse.values[above] > 0).mean(),
         "unsteady": (curve.period.values[above] == 0).mean(),
     }
-    # Every tuning must have bounces, most of them back-side contact and chaotic motion.
+    # Every tuning must have bounces, most of them coast-side contact and chaotic motion.
     holds = abs(first - 0.8) <= PLOT_RESOLUTION and fractions["contact lost"] == 1.0
     holds &= fractions["inverse mesh"] > 0.5 and fractions["unsteady"] > 0.5
     text = ", ".join(f"{name}: {fraction_text(value)}" for name, value in fractions.items())
@@ -94,26 +97,28 @@ def fraction_text(fraction: float) -> str:
     return "most" if fraction > 0.5 else "some"
 
 
-def damped_contact_loss_range(data: Data) -> tuple:
-    """Judge P6: with material damping contact is lost only between the tunings 0.8 and 1.12."""
+def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
+    """Judge statement P6: material damping limits contact loss to tunings from 0.8 to 1.12."""
     highest = data.resonance.tuning.values[-1]
     holds, texts = True, []
     for name in data.damping_names(material=True):
         curve = data.curve(name, 0.6, max(highest, 1.12 + 2 * PLOT_RESOLUTION))
         tuning = curve.tuning.values
-        lost = loses_contact(curve)
+        is_lost = loses_contact(curve)
         inverse = bool((curve.fraction_inverse.values > 0).any())
-        first, last = (tuning[lost][0], tuning[lost][-1]) if lost.any() else (np.nan, np.nan)
+        first, last = (
+            (tuning[is_lost][0], tuning[is_lost][-1]) if is_lost.any() else (np.nan, np.nan)
+        )
         holds &= abs(first - 0.8) <= 2 * PLOT_RESOLUTION and abs(last - 1.12) <= 2 * PLOT_RESOLUTION
         holds &= not inverse
         texts.append(
-            f"{name}: {interval_text(tuning, lost)}, inverse mesh {'yes' if inverse else 'no'}"
+            f"{name}: {interval_text(tuning, is_lost)}, inverse mesh {'yes' if inverse else 'no'}"
         )
     return bool(holds), "contact lost at " + "; ".join(texts)
 
 
-def contact_loss_above_resonance(data: Data) -> tuple:
-    """Judge P7: above a tuning of 1.12, damped motions lose contact with oil damping only."""
+def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
+    """Judge statement P7: of damped motions, only those with oil damping bounce above 1.12."""
     highest = data.resonance.tuning.values[-1]
     damped = [name for name, flags in data.dampings.items() if any(flags)]
     oil = data.damping_names(material=False, backlash=True)
@@ -132,17 +137,17 @@ _PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
 
 
 def undamped_phase_planes(data: Data) -> tuple:
-    """Judge P9: which undamped phase planes are unsteady, lose contact, or have inverse mesh."""
+    """Judge statement P9: which undamped phase planes are unsteady or lose drive-side contact."""
     name = data.damping_names(material=False, backlash=False)[0]
     planes = data.planes(name, _PLANE_TUNINGS)
     unsteady = _spreads(planes) > LINE_WIDTH
-    lost = loses_contact(planes)
+    is_lost = loses_contact(planes)
     inverse = planes.fraction_inverse.values > 0
     tunings = np.array(_PLANE_TUNINGS)
     holds = bool(unsteady.all())
-    holds &= tunings[lost].tolist() == [0.66, 0.80, 0.81, 0.82]
+    holds &= tunings[is_lost].tolist() == [0.66, 0.80, 0.81, 0.82]
     holds &= tunings[inverse].tolist() == [0.81, 0.82]
-    conditions = {"unsteady": unsteady, "bounces": lost, "inverse mesh": inverse}
+    conditions = {"unsteady": unsteady, "bounces": is_lost, "inverse mesh": inverse}
     text = "; ".join(
         f"{condition} at {tunings_text(tunings[selected])}"
         for condition, selected in conditions.items()
@@ -151,7 +156,7 @@ def undamped_phase_planes(data: Data) -> tuple:
 
 
 def damped_phase_planes(data: Data) -> tuple:
-    """Judge P10: which phase planes with damping are unsteady."""
+    """Judge statement P10: which phase planes with damping are unsteady."""
     expected = {name: [] for name, flags in data.dampings.items() if any(flags)}
     for name in data.damping_names(material=False, backlash=True):
         expected[name] = [0.60, 0.66, 0.78]

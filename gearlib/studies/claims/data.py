@@ -20,6 +20,7 @@ class Data:
     """The computed data of one configuration; methods select those that a statement needs."""
 
     def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> None:
+        """Take the arguments of `gearlib.studies.claims.evaluate`."""
         self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
         self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
         #: Name of a damping -> whether it has material damping, and backlash damping.
@@ -55,7 +56,7 @@ class Data:
             raise NoData(f"the configured tunings do not cover {lowest:g} ... {highest:g}")
         curve = self.resonance.sel(damping=damping, direction="cold").isel(tuning=selected)
         if (curve.status != 0).any():
-            raise NoData(f"some runs of {damping} could not go on")
+            raise NoData(f"some runs of {damping} stopped early")
         return curve
 
     def scene(self, figure: str, cases: int | None = None) -> xr.Dataset:
@@ -67,7 +68,7 @@ class Data:
         if not scenes or cases not in (None, scenes[0].sizes["case"]):
             raise NoData(f"no scene {figure}{f' of {cases} cases' if cases else ''} is configured")
         if (scenes[0].status != 0).any():
-            raise NoData("some of the runs could not go on")
+            raise NoData("some of the runs stopped early")
         return scenes[0]
 
     def planes(self, damping: str, tunings: Sequence[float]) -> xr.Dataset:
@@ -79,5 +80,5 @@ class Data:
         planes = self.phase_planes.sel(damping=damping)
         planes = planes.sel(tuning=list(tunings), method="nearest")
         if (planes.status != 0).any():
-            raise NoData("some of the runs could not go on")
+            raise NoData("some of the runs stopped early")
         return planes

@@ -11,8 +11,8 @@ from gearlib.studies.claims.data import Data, NoData
 VISIBLE_SHIFT = 1.0
 
 
-def phase_shift(data: Data) -> tuple:
-    """Judge P3: the material damping visibly shifts the phase of the motion."""
+def phase_shift(data: Data) -> tuple[bool, str]:
+    """Judge statement P3: the material damping visibly shifts the phase of the motion."""
     lag = data.phase_lag.lag.isel(harmonic=0)
     if lag.size < 2 or lag.isnull().any():
         raise NoData("fewer than two dampings have an orbit of one mesh period")
@@ -22,8 +22,8 @@ def phase_shift(data: Data) -> tuple:
     return shift > VISIBLE_SHIFT, f"lag of the first harmonic at nu = {tuning:g}, degrees: {text}"
 
 
-def contact_ratios(data: Data) -> tuple:
-    """Judge P8: a small contact ratio means mostly low mesh stiffness, a large one mostly high."""
+def contact_ratios(data: Data) -> tuple[bool, str]:
+    """Judge statement P8: stiffness is mostly low at a small contact ratio, high at a large one."""
     scene = data.scene("fig4", 2)
     low_stiffness = scene.fraction_min_stiffness.values
     high_stiffness = (scene.fraction_normal + scene.fraction_inverse).values - low_stiffness
@@ -34,8 +34,8 @@ def contact_ratios(data: Data) -> tuple:
     return bool(low_stiffness[0] > 0.5 and high_stiffness[1] > 0.5), text
 
 
-def two_tunings(data: Data) -> tuple:
-    """Judge P11: two neighbouring tunings give small and large bounces."""
+def two_tunings(data: Data) -> tuple[bool, str]:
+    """Judge statement P11: two neighbouring tunings give small and large bounces."""
     scene = data.scene("fig6").sortby("tuning")
     tuning, depth = scene.tuning.values, -scene.displacement_min.values
     if not all(np.isclose(tuning, nu, rtol=0.0, atol=1e-9).any() for nu in FIG6_TUNINGS):
@@ -66,8 +66,8 @@ def jump_description(data: Data) -> str:
     return location + f"; between {lower:g} and {upper:g} with: {texts}"
 
 
-def time_at_min_stiffness(data: Data) -> tuple:
-    """Judge P12: the order of three dampings by time in mesh at the lower stiffness."""
+def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
+    """Judge statement P12: the order of three dampings by time in mesh at the lower stiffness."""
     scene = data.scene("fig7", 3)
     material, oil, both = scene.fraction_min_stiffness.values
     text = f"k1,k1m {both:.4f}, k1 {material:.4f}, k1m {oil:.4f} of the time"
@@ -75,7 +75,7 @@ def time_at_min_stiffness(data: Data) -> tuple:
 
 
 def six_degrees(data: Data) -> tuple:
-    """Judge P13: the undamped motion with six degrees of freedom is unsteady and bounces."""
+    """Judge statement P13: undamped motion with six degrees of freedom is unsteady and bounces."""
     run = data.scene("fig8", 1).isel(case=0)
     distance, bounces, period = period_spread(run), float(run.bounces), repetition_period(run)
     unsteady, loss_fraction = distance > LINE_WIDTH, float(run.losing_share)

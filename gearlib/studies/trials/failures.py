@@ -257,6 +257,7 @@ def compute(name: str, method: str, options: dict) -> xr.Dataset:
     problems_by_name = problems()
 
     def description(problem_name: str) -> dict:
+        """Return the variables that describe a problem."""
         problem = problems_by_name[problem_name]
         # States of gear trains have more than two components and are not stored.
         x, v = problem.state if len(problem.state) == 2 else (math.nan, math.nan)
