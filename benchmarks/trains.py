@@ -217,7 +217,7 @@ def grown():
 
 def table_bytes(propagator):
     """Return what the combinations in use take in the tables of a propagator's last run."""
-    tables = (propagator.large or propagator.spare)[0][1]
+    tables = (propagator.unused_large_tables or propagator.unused_tables)[0][1]
     return tables.known[0] * sum(one.nbytes for one in tables if one.ndim > 2) / len(tables.keys)
 
 

@@ -18,7 +18,7 @@ from gearlib.analysis.orbits.followed_parameters import parameter_cases, set_par
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
-from gearlib.engines.growth import propagate_deviation
+from gearlib.engines.growth import propagate_perturbation
 from gearlib.integrators import choose
 from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -90,7 +90,7 @@ class Perturbation:
             if code != status.OK:
                 return state, log_growths, code
             # The free rotation of a model is removed: it neither grows nor decays.
-            if not propagate_deviation(reduction @ maps @ lift, weights, vector, batch):
+            if not propagate_perturbation(reduction @ maps @ lift, weights, vector, batch):
                 log_growths[i:] = -math.inf
                 return state, log_growths, status.OK
         self.vector = vector

@@ -4,7 +4,7 @@
 name                responsibility
 ==================  ========================================================================
 ``protocol``        common interface of all engines
-``pair``            one degree of freedom, linear damping: contact and flight in closed form
+``pair``            one degree of freedom, linear damping: closed forms with and without contact
 ``linear``          many coordinates and meshes: modes of each combination of contacts
 ``taylor``          nonlinear mesh, pairs of teeth: Taylor steps of order 20
 ``exponential``     matrix exponentials by their series
@@ -12,8 +12,7 @@ name                responsibility
 ``polynomial``      first crossing and largest value of a polynomial, by proof
 ``orbit``           records of an orbit: extrema, contact times, samples, events
 ``copies``          copies between arrays
-``growth``          growth of a small deviation under the maps of a run
-``overflow``        check of states that are too large for floating-point numbers
+``growth``          growth of a small perturbation under the maps of a run
 ``jit``             decorators that compile kernels
 ``cache``           folder of the machine code
 ==================  ========================================================================
@@ -33,7 +32,7 @@ def warm_up() -> str:
     import numpy as np
 
     from gearlib.engines.cache import source_hash
-    from gearlib.engines.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS
+    from gearlib.engines.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS, Span
     from gearlib.engines.pair.many_runs import run_many
     from gearlib.engines.pair.motion import mesh_at_tuning
     from gearlib.engines.pair.pair_run import run
@@ -41,7 +40,7 @@ def warm_up() -> str:
     dimensionless_pair = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
     rows = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)
     sweep_arguments = np.array([0.9]), np.argsort([0.9]), np.zeros(2)
-    run_many(dimensionless_pair, *sweep_arguments, False, 2, 1, 100, np.inf, *rows)
+    run_many(dimensionless_pair, *sweep_arguments, False, Span(2, 1, 100), np.inf, *rows)
     samples, events = np.empty((4, SAMPLE_COLUMNS)), np.empty((4, EVENT_COLUMNS))
     run(mesh_at_tuning(dimensionless_pair, 0.9), 0.0, 0.0, 2, 1, samples, events, 100, rows[0][0])
     return source_hash()

@@ -10,8 +10,8 @@ from gearlib.engines.cache import cache_folder
 
 numba.config.CACHE_DIR = cache_folder()
 # Kernels need no C wrapper, because no C code calls them.
-_SHARED = {"cache": True, "fastmath": False, "error_model": "numpy", "nogil": True}
-_SHARED |= {"no_cfunc_wrapper": True}
+_NUMBA_OPTIONS = {"cache": True, "fastmath": False, "error_model": "numpy", "nogil": True}
+_NUMBA_OPTIONS |= {"no_cfunc_wrapper": True}
 
 
 def kernel(function):
@@ -20,24 +20,24 @@ def kernel(function):
     ``fastmath=False``: the order of events depends on the last digits. ``error_model="numpy"``: a
     division by zero gives infinity, which the kernels rely on. ``nogil``: sweeps run in threads.
     """
-    return numba.njit(_nrt=True, forceinline=False, **_SHARED)(function)
+    return numba.njit(_nrt=True, forceinline=False, **_NUMBA_OPTIONS)(function)
 
 
-def inlined(function):
+def inlined_kernel(function):
     """Compile a function into its callers, for steps whose calls cost more than their work."""
-    return numba.njit(_nrt=True, forceinline=True, **_SHARED)(function)
+    return numba.njit(_nrt=True, forceinline=True, **_NUMBA_OPTIONS)(function)
 
 
-def uncounted(function):
+def kernel_without_refcounts(function):
     """Compile a function without reference counts; it must neither create nor return arrays.
 
     Every access to a tuple of arrays would count one reference up and down, for all threads, which
     costs more than the sums in inner loops. ``_nrt`` and ``forceinline`` are named everywhere,
     because numba passes on options that are not named to the kernels that a kernel calls.
     """
-    return numba.njit(_nrt=False, forceinline=False, **_SHARED)(function)
+    return numba.njit(_nrt=False, forceinline=False, **_NUMBA_OPTIONS)(function)
 
 
-def inlined_uncounted(function):
-    """Compile a function into its callers, without reference counts as in `uncounted`."""
-    return numba.njit(_nrt=False, forceinline=True, **_SHARED)(function)
+def inlined_without_refcounts(function):
+    """Compile a function into its callers, without reference counts of arrays."""
+    return numba.njit(_nrt=False, forceinline=True, **_NUMBA_OPTIONS)(function)

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, NORMAL
-from gearlib.engines.copies import copy, enlarged
-from gearlib.engines.jit import kernel, uncounted
-from gearlib.engines.polynomial import highest
+from gearlib.engines.copies import copy, enlarge_table
+from gearlib.engines.jit import kernel, kernel_without_refcounts
+from gearlib.engines.polynomial import polynomial_maximum
 
 # Columns of the summary of an orbit. The TIME columns hold phase, BOUNCES a count.
 (
@@ -37,8 +37,8 @@ MAX_PERIOD = 16
 #: Number of last mesh periods with recorded start states. Two periods of the longest orbit fit.
 #: With run-out `strobe_periods` returns the number.
 STROBE_PERIODS = 2 * MAX_PERIOD - 1
-#: Largest distance of stroboscopic states that count as equal, as a share of the orbit's height or
-#: of the static deflection, if that is larger. It is far above rounding and not visible.
+#: Largest distance of stroboscopic states that count as equal, as a fraction of the displacement
+#: range or of the static deflection, if that is larger. It is far above rounding and not visible.
 SAME_STATE_TOLERANCE = 1e-6
 
 
@@ -64,12 +64,18 @@ class Record(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """The rows that a sweep fills, one for each tuning."""
+    """Tables of a sweep with a row for each tuning, which the engines fill."""
 
     bound: float  #: largest displacement of a bounded motion
     summaries: np.ndarray  #: summaries of `Record`
     ends: np.ndarray  #: final states
     codes: np.ndarray  #: period and status, shape (n, 2)
+
+
+@kernel
+def is_within_range(x, v):
+    """Return whether displacement x and velocity v are finite and small enough to be squared."""
+    return math.fabs(x) < 1e150 and math.fabs(v) < 1e150
 
 
 @kernel
@@ -82,8 +88,8 @@ def clear_summary(summary: np.ndarray) -> None:
     summary[FORCE_MIN] = math.inf
 
 
-@uncounted
-def unresolved(summary: np.ndarray) -> bool:
+@kernel_without_refcounts
+def has_unresolved_extremum(summary: np.ndarray) -> bool:
     """Return whether an extremum in the summary of a motion is NaN because it was not isolated."""
     for k in range(FORCE_MIN + 1):
         if math.isnan(summary[k]):
@@ -91,7 +97,7 @@ def unresolved(summary: np.ndarray) -> bool:
     return False
 
 
-@uncounted
+@kernel_without_refcounts
 def fill_sample_phases(samples: np.ndarray, column: int, duration: float) -> None:
     """Fill a column of the k samples with equally spaced phases from 0 to below `duration`."""
     for k in range(samples.shape[0]):
@@ -99,20 +105,21 @@ def fill_sample_phases(samples: np.ndarray, column: int, duration: float) -> Non
 
 
 @kernel
-def add_curve(curve, to_bernstein, work, summary, max_column, min_column):
+def add_polynomial_extrema(coefficients, to_bernstein, work, summary, max_column, min_column):
     """Update the maximum and minimum columns of a summary by a polynomial on [0, 1].
 
-    `curve` has its power coefficients, constant first; they change sign. `to_bernstein` is the
-    matrix from power to Bernstein coefficients, `work` is storage, shape (WORK_ROWS, n + 2).
+    `coefficients` are its power coefficients, constant first; they change sign. `to_bernstein` is
+    the matrix from power to Bernstein coefficients, `work` is storage, shape (WORK_ROWS, n + 2).
     """
-    summary[max_column] = highest(curve, to_bernstein, work, summary[max_column])
-    for k in range(curve.shape[0]):
-        curve[k] = -curve[k]
-    summary[min_column] = -highest(curve, to_bernstein, work, -summary[min_column])
+    highest, lowest = summary[max_column], summary[min_column]
+    summary[max_column] = polynomial_maximum(coefficients, to_bernstein, work, highest)
+    for k in range(coefficients.shape[0]):
+        coefficients[k] = -coefficients[k]
+    summary[min_column] = -polynomial_maximum(coefficients, to_bernstein, work, -lowest)
 
 
-@uncounted
-def add_time(contact_code: int, duration: float, below_mean: bool, summary: np.ndarray) -> None:
+@kernel_without_refcounts
+def add_contact_time(contact_code, duration, below_mean, summary) -> None:
     """Add a duration with one contact code, and stiffness below its mean or not, to a summary."""
     if contact_code == BACKLASH:
         summary[TIME_BACKLASH] += duration
@@ -128,8 +135,8 @@ def add_time(contact_code: int, duration: float, below_mean: bool, summary: np.n
 def count_event(events, event_count, period, phase, code_before, code_after, velocity, summary):
     """Count a change of contact in the summary; append it to the event table unless that is empty.
 
-    The phase is counted from the start of a mesh period, given by its number; contact codes change
-    from `code_before` to `code_after` at the velocity dx/dtau. Returns (event table, event count).
+    Contact codes change from `code_before` to `code_after` at the velocity dx/dtau, at a phase
+    since the start of the mesh period with the number `period`. Returns (event table, event count).
     """
     if code_before == NORMAL:
         summary[BOUNCES] += 1.0
@@ -144,11 +151,11 @@ def count_event(events, event_count, period, phase, code_before, code_after, vel
 def add_event(events, event_count, period, phase, code_before, code_after, velocity):
     """Append a change of contact to the event table, enlarged if full; return (table, event count).
 
-    The phase is counted from the start of a mesh period, given by its number; contact codes change
-    from `code_before` to `code_after` at the velocity dx/dtau.
+    Contact codes change from `code_before` to `code_after` at the velocity dx/dtau, at a phase
+    since the start of the mesh period with the number `period`.
     """
     if event_count == events.shape[0]:
-        events = enlarged(events, 2 * event_count + 16)
+        events = enlarge_table(events, 2 * event_count + 16)
     events[event_count, EVENT_PERIOD] = period
     events[event_count, EVENT_PHASE] = phase
     events[event_count, EVENT_FROM] = code_before
@@ -189,16 +196,16 @@ def strobe_periods(repeats: int) -> int:
 
 
 @kernel
-def orbit_period(strobes, tuning, height, repeats=1):
+def orbit_period(strobes, tuning, displacement_range, repeats=1):
     """Return the smallest number n of mesh periods after which the motion repeats, or 0.
 
     `strobes`, shape (k + 1, 2), has displacement and dx/dtau at the bounds of the last k periods;
-    `height` is the difference of the largest and smallest displacement. n is at most 16, or up to
-    16 times the number of mesh periods after which the excitation `repeats`. Other n have to hold
-    over a whole repeat, since a slow run-out changes little from one period to the next.
+    the largest minus the smallest displacement, `displacement_range`, scales the tolerance. n is at
+    most 16, or 16 times the mesh periods after which the excitation `repeats`. The motion has to
+    repeat over at least these, since a slow run-out changes little from one period to the next.
     """
     last = strobes.shape[0] - 1
-    tolerance = SAME_STATE_TOLERANCE * max(1.0, height)
+    tolerance = SAME_STATE_TOLERANCE * max(1.0, displacement_range)
     for i in range(2 * MAX_PERIOD):
         n = i + 1 if i < MAX_PERIOD else (i + 1 - MAX_PERIOD) * repeats
         span = max(n, repeats)

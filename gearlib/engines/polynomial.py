@@ -1,4 +1,4 @@
-"""First crossing and largest value of a polynomial on an interval, isolated in Bernstein form.
+"""First zero crossing and maximum of a polynomial on an interval, isolated in Bernstein form.
 
 A polynomial on [0, 1] lies between its smallest and its largest Bernstein coefficient. So an
 interval without a negative coefficient has no crossing, and an interval with falling coefficients
@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from gearlib.engines.jit import inlined_uncounted, kernel, uncounted
+from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
 
 #: Largest number of halvings; the interval is then as short as rounding.
 MAX_DEPTH = 48
@@ -23,7 +23,7 @@ _MAX_PEAK_STEPS = 60
 WORK_ROWS = MAX_DEPTH + 4
 #: Largest number of intervals in a search. Ten nearly double roots take 140.
 MAX_INTERVALS = 1000
-#: Rounding of a polynomial, as a share of its coefficients.
+#: Rounding error of a polynomial, as a fraction of its coefficients.
 _ROUNDING = 4e-16
 #: Highest degree of a polynomial.
 _MAX_DEGREE = 24
@@ -34,7 +34,7 @@ BINOMIALS = np.array([[float(math.comb(n, k)) for k in _DEGREES] for n in _DEGRE
 #: same weights with columns in reverse order.
 _LEFT_WEIGHTS = np.array([[math.comb(k, i) / 2.0**k for k in _DEGREES] for i in _DEGREES])
 _RIGHT_WEIGHTS = np.ascontiguousarray(_LEFT_WEIGHTS[:, ::-1])
-#: Tolerance of a largest value, as a share of the coefficients: a hundred times their rounding.
+#: Tolerance of a largest value, as a fraction of the coefficients: a hundred times their rounding.
 _VALUE_TOLERANCE = 4e-14
 #: Tolerance of the location of a maximum. Its square, the error of the value, is below rounding.
 _PEAK_LOCATION_TOLERANCE = 1e-9
@@ -74,7 +74,7 @@ def _to_bernstein(coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.nd
             bernstein[j] += matrix[i, j] * coefficients[i]
 
 
-@inlined_uncounted
+@inlined_without_refcounts
 def halve(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) -> None:
     """Split a polynomial on an interval into halves: b becomes the right half, `left` is filled.
 
@@ -109,7 +109,7 @@ def halve(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) -> None:
 
 
 @kernel
-def min_of_parabola(a: float, b: float, c: float) -> float:
+def parabola_minimum(a: float, b: float, c: float) -> float:
     """Return the smallest value of the parabola a + b s + c s^2 for s in [0, 1]."""
     min_value = min(a, a + b + c)
     if c > 0.0 and 0.0 < -b < 2.0 * c:
@@ -117,63 +117,64 @@ def min_of_parabola(a: float, b: float, c: float) -> float:
     return min_value
 
 
-@uncounted
-def _find_root(b, n, s, p, q):
+@kernel_without_refcounts
+def _find_root(b, n, s, value_terms, slope_terms):
     """Return (root s, slope at s) of a polynomial on [0, 1] that changes once from plus to minus.
 
-    b has its Bernstein coefficients of degree n, and s is an estimate of the root. The storage p
-    and q, shape (n + 1,), gets the scaled coefficients of the polynomial and of its derivative.
+    b has its Bernstein coefficients of degree n, and s is an estimate of the root. The storage
+    `value_terms` and `slope_terms`, shape (n + 1,), gets the scaled coefficients of the polynomial
+    and of its derivative.
     """
     for i in range(n + 1):
-        p[i] = BINOMIALS[n, i] * b[i]
+        value_terms[i] = BINOMIALS[n, i] * b[i]
     for i in range(n):
-        q[i] = BINOMIALS[n - 1, i] * (b[i + 1] - b[i])
-    low, high, rate, scale, last_step = 0.0, 1.0, 0.0, 1.0, 0.0
-    for count in range(MAX_NEWTON_STEPS):
-        rate = 0.0
+        slope_terms[i] = BINOMIALS[n - 1, i] * (b[i + 1] - b[i])
+    lower, upper, derivative, scale, last_step = 0.0, 1.0, 0.0, 1.0, 0.0
+    for step_count in range(MAX_NEWTON_STEPS):
+        derivative = 0.0
         if s <= 0.5:
             ratio, scale = s / (1.0 - s), 1.0 - s
-            value = p[n]
+            value = value_terms[n]
             for i in range(n - 1, -1, -1):
-                value = value * ratio + p[i]
-                rate = rate * ratio + q[i]
+                value = value * ratio + value_terms[i]
+                derivative = derivative * ratio + slope_terms[i]
         else:
             ratio, scale = (1.0 - s) / s, s
-            value = p[0]
+            value = value_terms[0]
             for i in range(1, n + 1):
-                value = value * ratio + p[i]
-                rate = rate * ratio + q[i - 1]
+                value = value * ratio + value_terms[i]
+                derivative = derivative * ratio + slope_terms[i - 1]
         if value > 0.0:
-            low = s
+            lower = s
         else:
-            high = s
-        # Both sums lack powers of the scale: the value n of them, its rate n - 1.
-        new_s = s - value * scale / (n * rate) if rate < 0.0 else -1.0
-        is_newton = low <= new_s <= high and count % 8 < 7
+            upper = s
+        # Both sums lack powers of the scale: the value n of them, the derivative n - 1.
+        new_s = s - value * scale / (n * derivative) if derivative < 0.0 else -1.0
+        is_newton = lower <= new_s <= upper and step_count % 8 < 7
         if not is_newton:
-            new_s = 0.5 * (low + high)
+            new_s = 0.5 * (lower + upper)
         step = abs(new_s - s)
         s = new_s
         # Newton's method converges quadratically, so two steps predict the next one.
-        if step <= 2e-16 * high:
+        if step <= 2e-16 * upper:
             break
-        if is_newton and step * step * step < 1e-17 * high * last_step * last_step:
+        if is_newton and step * step * step < 1e-17 * upper * last_step * last_step:
             break
         last_step = step if is_newton else 0.0
-    return s, n * rate * scale ** (n - 1)
+    return s, n * derivative * scale ** (n - 1)
 
 
-@uncounted
-def _count_sign_changes(b, n, noise):
+@kernel_without_refcounts
+def _count_sign_changes(b, n, tolerance):
     """Return (number of sign changes of Bernstein coefficients b, estimate of the last root).
 
-    The polynomial of degree n has at most as many roots in [0, 1]. Coefficients within `noise` of
-    zero are ignored, except the first.
+    The polynomial of degree n has at most as many roots in [0, 1]. Coefficients within `tolerance`
+    of zero are ignored, except the first.
     """
     count, root_estimate = 0, 0.0
     last_value, last_index = b[0], 0
     for i in range(1, n + 1):
-        if abs(b[i]) > noise:
+        if abs(b[i]) > tolerance:
             if last_value * b[i] < 0.0:
                 count += 1
                 offset = (i - last_index) * last_value / (last_value - b[i])
@@ -182,65 +183,65 @@ def _count_sign_changes(b, n, noise):
     return count, root_estimate
 
 
-@uncounted
-def first_fall_from(work, zeros, end, noise):
+@kernel_without_refcounts
+def first_bernstein_crossing(work, zero_count, end, value_error):
     """Return (first s in [0, end] where a polynomial falls through zero, error of s by rounding).
 
     s is 2 if there is none, and -1 if the search takes too many intervals. The first row of `work`,
-    shape (WORK_ROWS, n + 2), begins with the Bernstein coefficients. The first `zeros` power
-    coefficients are exactly 0: one if the motion starts on a flank line, two if it rests there.
-    A dip below zero by `noise` counts as rounding. Intervals are halved until signs or sign changes
-    of their Bernstein coefficients decide.
+    shape (WORK_ROWS, n + 2), begins with the Bernstein coefficients. The first `zero_count` power
+    coefficients are exactly 0: one if the motion starts on a flank line, two if it rests there. A
+    dip below zero by `value_error` counts as rounding. Intervals are halved until signs or sign
+    changes of their Bernstein coefficients decide.
     """
-    last, b, rounding = work.shape[1] - 1, work[0], noise
+    last, b, tolerance = work.shape[1] - 1, work[0], value_error
     n = last - 1
-    if not noise < math.inf:
+    if not tolerance < math.inf:
         # The coefficients overflow, which the status of the run reports later.
         return 2.0, 0.0
     # Factors s are divided out, so that roots near 0 stay above rounding.
-    for _ in range(min(zeros, n - 2)):
+    for _ in range(min(zero_count, n - 2)):
         for i in range(n):
             b[i] = b[i + 1] * n / (i + 1)
-        noise *= n
+        tolerance *= n
         n -= 1
     slope = n * (b[1] - b[0])
-    if zeros == 0 and b[0] <= 0.0 and slope < -noise:
+    if zero_count == 0 and b[0] <= 0.0 and slope < -tolerance:
         return 0.0, 0.0
-    if zeros > 0 and abs(b[0]) <= noise and slope < -noise:
+    if zero_count > 0 and abs(b[0]) <= tolerance and slope < -tolerance:
         # The root is closer to 0 than rounding.
         return max(-b[0] / slope, 0.0), 0.0
-    p, q = work[MAX_DEPTH + 2], work[MAX_DEPTH + 3]
-    depth, low = 0, 0.0
+    value_terms, slope_terms = work[MAX_DEPTH + 2], work[MAX_DEPTH + 3]
+    depth, start = 0, 0.0
     b[last] = 1.0
     for _ in range(MAX_INTERVALS):
-        if depth < 0 or low > end:
+        if depth < 0 or start > end:
             return 2.0, 0.0
         b = work[depth]
         width = b[last]
         smallest, largest = b[0], b[0]
         for j in range(1, n + 1):
             smallest, largest = min(smallest, b[j]), max(largest, b[j])
-        if smallest >= -noise:
-            low += width
+        if smallest >= -tolerance:
+            start += width
             depth -= 1
             continue
-        changes, estimate = _count_sign_changes(b, n, noise)
+        changes, estimate = _count_sign_changes(b, n, tolerance)
         if changes == 1 and b[0] > 0.0:
-            s, slope = _find_root(b, n, estimate, p, q)
-            root = low + width * s
+            s, slope = _find_root(b, n, estimate, value_terms, slope_terms)
+            root = start + width * s
             if root > end:
                 return 2.0, 0.0
-            slope *= root**zeros / width
-            return root, rounding / abs(slope) if slope != 0.0 else 0.0
-        if (largest < 0.0 and b[n] >= b[0]) or (changes == 1 and b[n] > noise):
+            slope *= root**zero_count / width
+            return root, value_error / abs(slope) if slope != 0.0 else 0.0
+        if (largest < 0.0 and b[n] >= b[0]) or (changes == 1 and b[n] > tolerance):
             # The polynomial starts below zero and rises.
-            low += width
+            start += width
             depth -= 1
         elif depth == MAX_DEPTH:
-            if b[n] < -noise and b[n] < b[0]:
+            if b[n] < -tolerance and b[n] < b[0]:
                 # The polynomial falls within this interval, which is as short as rounding.
-                return low, 0.0
-            low += width
+                return start, 0.0
+            start += width
             depth -= 1
         else:
             # This row keeps the right half. The next row gets the left half, to be searched first.
@@ -253,7 +254,9 @@ def first_fall_from(work, zeros, end, noise):
 
 
 @kernel
-def first_fall(coefficients: np.ndarray, to_bernstein: np.ndarray, work: np.ndarray) -> float:
+def first_downward_crossing(
+    coefficients: np.ndarray, to_bernstein: np.ndarray, work: np.ndarray
+) -> float:
     """Return the first s in [0, 1] where a polynomial falls through zero, 2 if there is none.
 
     s is -1 if the search takes too many intervals. The n + 1 power coefficients begin with the
@@ -261,31 +264,31 @@ def first_fall(coefficients: np.ndarray, to_bernstein: np.ndarray, work: np.ndar
     is negative; otherwise it has to rise above zero first. `to_bernstein` is `bernstein_matrix` of
     degree n; `work` is storage of shape (WORK_ROWS, n + 2).
     """
-    noise, other_slopes, end = 0.0, 0.0, 0.0
+    value_error, other_slopes, end = 0.0, 0.0, 0.0
     for k in range(coefficients.shape[0]):
         end += coefficients[k]
-        noise += abs(coefficients[k])
+        value_error += abs(coefficients[k])
         other_slopes += k * abs(coefficients[k])
-    noise *= _ROUNDING
+    value_error *= _ROUNDING
     slope = coefficients[1]
-    if coefficients[0] <= 0.0 and slope < -noise:
+    if coefficients[0] <= 0.0 and slope < -value_error:
         return 0.0
     # If one slope dominates, the polynomial is monotonic, and its end decides.
     other_slopes -= abs(slope)
-    if slope > other_slopes or (slope < -other_slopes and end > noise):
+    if slope > other_slopes or (slope < -other_slopes and end > value_error):
         return 2.0
-    zeros = 0
-    while zeros < 2 and coefficients[zeros] == 0.0:
-        zeros += 1
-    if zeros > 0 and coefficients[zeros] < -noise:
+    zero_count = 0
+    while zero_count < 2 and coefficients[zero_count] == 0.0:
+        zero_count += 1
+    if zero_count > 0 and coefficients[zero_count] < -value_error:
         return 0.0
     _to_bernstein(coefficients, to_bernstein, work[0])
-    return first_fall_from(work, zeros, 1.0, noise)[0]
+    return first_bernstein_crossing(work, zero_count, 1.0, value_error)[0]
 
 
 @kernel
-def highest(coefficients, to_bernstein, work, floor):
-    """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
+def polynomial_maximum(coefficients, to_bernstein, work, lower_bound):
+    """Return the largest value of a polynomial on [0, 1], or `lower_bound` if that is larger.
 
     It is NaN if the search takes too many intervals. The n + 1 power coefficients begin with the
     constant; `to_bernstein` is `bernstein_matrix` of degree n, `work` storage (WORK_ROWS, n + 2).
@@ -293,13 +296,13 @@ def highest(coefficients, to_bernstein, work, floor):
     variation = 0.0
     for k in range(1, coefficients.shape[0]):
         variation += abs(coefficients[k])
-    if coefficients[0] + variation <= floor:
-        return floor
+    if coefficients[0] + variation <= lower_bound:
+        return lower_bound
     _to_bernstein(coefficients, to_bernstein, work[0])
-    return highest_from(work, coefficients.shape[0] - 1, floor)
+    return bernstein_maximum(work, coefficients.shape[0] - 1, lower_bound)
 
 
-@uncounted
+@kernel_without_refcounts
 def _has_one_peak(b: np.ndarray, n: int) -> bool:
     """Return whether n + 1 Bernstein coefficients rise, then fall, so that there is one maximum."""
     k = 1
@@ -310,13 +313,13 @@ def _has_one_peak(b: np.ndarray, n: int) -> bool:
     return k > n
 
 
-@uncounted
+@kernel_without_refcounts
 def _peak_value(b: np.ndarray, n: int) -> float:
-    """Return the largest value on [0, 1] of a polynomial with one maximum by Newton's method.
+    """Return the maximum on [0, 1], by Newton's method, of a polynomial with one local maximum.
 
-    b has the Bernstein coefficients of the degree n >= 2.
+    b has its Bernstein coefficients of degree n >= 2.
     """
-    s, low, high = 0.5, 0.0, 1.0
+    s, lower, upper = 0.5, 0.0, 1.0
     for _ in range(_MAX_PEAK_STEPS):
         slope, curvature, power, complement = 0.0, 0.0, 1.0, 1.0 - s
         for k in range(n - 1):
@@ -326,12 +329,12 @@ def _peak_value(b: np.ndarray, n: int) -> float:
             power *= s
         slope = slope * complement + power * (b[n] - b[n - 1])
         if slope > 0.0:
-            low = s
+            lower = s
         else:
-            high = s
+            upper = s
         new_s = s - slope / ((n - 1) * curvature) if curvature < 0.0 else -1.0
-        if not low <= new_s <= high:
-            new_s = 0.5 * (low + high)
+        if not lower <= new_s <= upper:
+            new_s = 0.5 * (lower + upper)
         step = abs(new_s - s)
         s = new_s
         if step <= _PEAK_LOCATION_TOLERANCE:
@@ -343,9 +346,9 @@ def _peak_value(b: np.ndarray, n: int) -> float:
     return value
 
 
-@uncounted
-def highest_from(work: np.ndarray, n: int, floor: float) -> float:
-    """Return the largest value of a polynomial on [0, 1], or `floor` if that is larger.
+@kernel_without_refcounts
+def bernstein_maximum(work: np.ndarray, n: int, lower_bound: float) -> float:
+    """Return the largest value of a polynomial on [0, 1], or `lower_bound` if that is larger.
 
     The first row of `work`, shape (WORK_ROWS, n + 2), begins with its Bernstein coefficients of
     degree n. By branch and bound, intervals are dropped if no coefficient exceeds the largest value
@@ -354,22 +357,22 @@ def highest_from(work: np.ndarray, n: int, floor: float) -> float:
     size = 0.0
     for k in range(n + 1):
         size = max(size, abs(work[0, k]))
-    noise, depth = _VALUE_TOLERANCE * size, 0
+    tolerance, depth = _VALUE_TOLERANCE * size, 0
     for _ in range(MAX_INTERVALS):
         if depth < 0:
-            return floor
+            return lower_bound
         b = work[depth]
-        floor = max(floor, b[0], b[n])
-        bound = b[0]
+        lower_bound = max(lower_bound, b[0], b[n])
+        upper_bound = b[0]
         for j in range(1, n + 1):
-            bound = max(bound, b[j])
-        if bound <= floor + noise or depth == MAX_DEPTH:
+            upper_bound = max(upper_bound, b[j])
+        if upper_bound <= lower_bound + tolerance or depth == MAX_DEPTH:
             depth -= 1
             continue
         if n > 1 and _has_one_peak(b, n):
-            floor = max(floor, _peak_value(b, n))
+            lower_bound = max(lower_bound, _peak_value(b, n))
             depth -= 1
             continue
         halve(b, work[depth + 1], work[MAX_DEPTH + 1], n)
         depth += 1
-    return floor if depth < 0 else math.nan
+    return lower_bound if depth < 0 else math.nan

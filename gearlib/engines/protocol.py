@@ -47,17 +47,17 @@ class Base:
         return np.array(state, float)
 
     def run(
-        self, z, span: Span, samples: int = 0, first: int = 0, keep_events: bool = True
+        self, z, span: Span, samples: int = 0, first_period: int = 0, keep_events: bool = True
     ) -> Record:
         """Return the `Record` of a run from the state z over a span of mesh periods.
 
         `samples` is the number of samples in each recorded period. If the excitation repeats only
-        after several mesh periods, the run begins in period number `first` of them. Events are
+        after several mesh periods, the run begins in its period number `first_period`. Events are
         recorded unless `keep_events` is False. z is not changed.
         """
         event_rows = _FIRST_EVENT_ROWS if keep_events else 0
         tables = self.model.empty_record(span.recorded * samples, event_rows)
-        return self.fill_record(np.array(z, float), span, *tables, first)
+        return self.fill_record(np.array(z, float), span, *tables, first_period)
 
     def record(self, z, periods: int, max_events: int, samples: int = 0) -> Record:
         """Return the `Record` of a run from the state z, in which all mesh periods are recorded.
@@ -66,31 +66,31 @@ class Base:
         """
         return self.run(z, Span(periods, periods, max_events), samples)
 
-    def fill_record(self, z, span: Span, samples, events, summary, first: int) -> Record:
+    def fill_record(self, z, span: Span, samples, events, summary, first_period: int) -> Record:
         """Run from the state z, which may change, and fill the tables; return the `Record`.
 
-        The tables are those of `Record`; the excitation starts with its mesh period `first`.
+        The tables are those of `Record`; the excitation starts with its mesh period `first_period`.
         """
         raise NotImplementedError
 
-    def maps(self, z, periods: int, max_events: int, first: int = 0) -> tuple:
+    def maps(self, z, periods: int, max_events: int, first_period: int = 0) -> tuple:
         """Return (final state, period maps, status) of a run from the state z.
 
         Period maps, shape (periods, size, size), are the derivatives of the state after each mesh
         period by the state before. They are exact, with a saltation matrix for each flank crossing,
-        and NaN if the status is not OK. The excitation starts with its mesh period `first`.
+        and NaN if the status is not OK. The excitation starts with its mesh period `first_period`.
         """
         z = np.array(z, float)
         maps = np.empty((periods, z.size, z.size))
-        code = self.fill_maps(z, periods, max_events, maps, first)
-        if code != OK:
+        status = self.fill_maps(z, periods, max_events, maps, first_period)
+        if status != OK:
             maps[:] = np.nan
-        return z, maps, code
+        return z, maps, status
 
-    def fill_maps(self, z, periods: int, max_events: int, maps, first: int) -> int:
+    def fill_maps(self, z, periods: int, max_events: int, maps, first_period: int) -> int:
         """Fill the period maps of a run from z and move z to its end; return the status.
 
-        Maps have the shape (periods, size, size); the excitation starts with period `first`.
+        Maps have the shape (periods, size, size); the excitation starts with period `first_period`.
         """
         raise NotImplementedError
 
@@ -101,8 +101,8 @@ class Base:
         """
         span = Span(periods, 1, max_events)
         records = [self.run(z, span, keep_events=False) for z in states]
-        codes = np.array([record.status for record in records], np.int64)
-        return np.array([record.state for record in records]).reshape(np.shape(states)), codes
+        statuses = np.array([record.status for record in records], np.int64)
+        return np.array([record.state for record in records]).reshape(np.shape(states)), statuses
 
     def sections(
         self, states, settle_periods: int, phase: float, max_events: int, table, ends, codes
@@ -113,19 +113,21 @@ class Base:
         `ends`, shape (n, 2), get the final states, `codes`, shape (n,), the statuses. The phase, in
         rad, is a multiple of one degree; a mesh period has at most `max_events` events.
         """
-        share = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MAX_SECTION_SAMPLES)
-        if abs(share - phase / (2.0 * math.pi)) > 1e-12:
+        period_fraction = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MAX_SECTION_SAMPLES)
+        if abs(period_fraction - phase / (2.0 * math.pi)) > 1e-12:
             raise ValueError(
                 f"phase = {phase!r} is not allowed for this {type(self.model).__name__}: it must "
                 "be a multiple of one degree, pi / 180"
             )
-        periods, samples = table.shape[1], share.denominator
+        periods, samples = table.shape[1], period_fraction.denominator
         span = Span(settle_periods + periods, periods, max_events)
         for i, state in enumerate(states):
             record = self.run(self.start(state), span, samples, keep_events=False)
             ends[i], codes[i] = record.final[:2], record.status
             if record.status == OK:
-                table[i] = record.samples[share.numerator :: samples, [SAMPLE_X, SAMPLE_V]]
+                table[i] = record.samples[
+                    period_fraction.numerator :: samples, [SAMPLE_X, SAMPLE_V]
+                ]
 
     def sweep(self, tunings, order, state, warm_start: bool, span: Span, rows: Rows) -> None:
         """Run the model at all tunings, in an order of their indices, and fill their result rows.
@@ -137,19 +139,19 @@ class Base:
 
         def run(tuning: float, previous: Record | None) -> Record:
             nonlocal engine, next_period
-            engine, first = engine.at(tuning), next_period if previous else 0
+            engine, first_period = engine.at(tuning), next_period if previous else 0
             z = previous.state if previous else engine.start(state)
-            record = engine.run(z, span, first=first, keep_events=False)
-            next_period = (first + span.periods) % repeats
+            record = engine.run(z, span, first_period=first_period, keep_events=False)
+            next_period = (first_period + span.periods) % repeats
             period = proven_period(
                 engine, record.state, record.period, span.max_events, next_period
             )
             return record._replace(period=period)
 
-        run_each(run, tunings, order, warm_start, rows)
+        run_all_tunings(run, tunings, order, warm_start, rows)
 
 
-def run_each(run: Callable, tunings, order, warm_start: bool, rows: Rows) -> None:
+def run_all_tunings(run: Callable, tunings, order, warm_start: bool, rows: Rows) -> None:
     """Run all tunings in an order of their indices and fill their result rows.
 
     ``run(tuning, previous)`` returns a `Record`. With `warm_start`, `previous` is the record of the
@@ -158,11 +160,13 @@ def run_each(run: Callable, tunings, order, warm_start: bool, rows: Rows) -> Non
     previous = None
     for i in order:
         record = run(float(tunings[i]), previous)
-        largest = np.abs(record.summary[..., [X_MAX, X_MIN]]).max()
-        code = OVERFLOW if record.status == OK and largest > rows.bound else record.status
-        rows.codes[i] = record.period, code
-        if code == OK:
+        max_displacement = np.abs(record.summary[..., [X_MAX, X_MIN]]).max()
+        status = (
+            OVERFLOW if record.status == OK and max_displacement > rows.bound else record.status
+        )
+        rows.codes[i] = record.period, status
+        if status == OK:
             rows.summaries[i], rows.ends[i] = record.summary, record.final
         else:
             rows.summaries[i], rows.ends[i] = np.nan, np.nan
-        previous = record if warm_start and code == OK else None
+        previous = record if warm_start and status == OK else None

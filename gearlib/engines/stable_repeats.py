@@ -39,19 +39,19 @@ _START_DISTANCE, _DIVERGED_DISTANCE = 1e-13, 1e-2
 
 
 def proven_period(
-    propagator: "Base", z: np.ndarray, period: int, max_events: int, first: int = 0
+    propagator: "Base", z: np.ndarray, period: int, max_events: int, first_period: int = 0
 ) -> int:
     """Return the period of the orbit to which a motion from the state z converges, 0 unproven.
 
     `period` is the number of mesh periods after which stroboscopic states repeat, 0 if they do not.
-    A mesh period has at most `max_events` events; the excitation starts with its period `first`.
+    A mesh period has at most `max_events` events; the excitation starts with period `first_period`.
     """
     model = propagator.model
     if not period or propagator.proves_periods:
         return period
-    span, first = math.lcm(period, model.repeats), first % model.repeats
-    end, maps, code = propagator.maps(z, span, max_events, first)
-    if code != OK:
+    span, first_period = math.lcm(period, model.repeats), first_period % model.repeats
+    end, maps, status = propagator.maps(z, span, max_events, first_period)
+    if status != OK:
         return 0
     try:
         reduce, lift = model.reduction()
@@ -68,7 +68,7 @@ def proven_period(
         matrix = reduce @ period_map @ lift @ matrix
     if not _distance_bound(matrix, step) <= tolerance:
         return 0
-    record = propagator.run(z, Span(span, span, max_events), first=first)
+    record = propagator.run(z, Span(span, span, max_events), first_period=first_period)
     return period if record.status == OK and _avoids_grazing(propagator, record) else 0
 
 
@@ -121,8 +121,9 @@ def settled_period(
         added = min(periods, max_periods - periods)
         if proven or has_diverged or not added:
             return proven, periods
-        next_span, first = Span(added, 1, span.max_events), periods % propagator.model.repeats
-        run = functools.partial(propagator.run, span=next_span, first=first, keep_events=False)
+        arguments = {"span": Span(added, 1, span.max_events), "keep_events": False}
+        arguments["first_period"] = periods % propagator.model.repeats
+        run = functools.partial(propagator.run, **arguments)
         record, neighbour_record, periods = run(z), run(neighbour), periods + added
         if record.status != OK:
             return 0, periods

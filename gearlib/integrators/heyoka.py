@@ -13,7 +13,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.engines.codes import BACKLASH, INVERSE
 from gearlib.engines.orbit import Span
-from gearlib.engines.taylor.series import damping_of
+from gearlib.engines.taylor.series import damping_coefficients
 from gearlib.integrators.method import Integrator, Option, Package
 from gearlib.integrators.recording import Run
 from gearlib.integrators.right_hand_sides import (
@@ -172,7 +172,7 @@ class _OneDegreeRun(_Run):
     def equations(self, branch: Branch, state: np.ndarray) -> _Equations:
         """Return the compiled equations of a branch for an arc from the state (x, x')."""
         contact_code, velocity_sign = int(branch.contact_codes[0]), 0
-        if damping_of(self.problem.law, contact_code)[1] != 0.0:
+        if damping_coefficients(self.problem.law, contact_code)[1] != 0.0:
             v = state[1]
             if v == 0.0:
                 v = self.problem.branch_derivative(
@@ -210,7 +210,7 @@ class _OneDegreeRun(_Run):
             return hy.sum(terms)
 
         # Coefficients of v, |v| v and v^3.
-        d1, d2, d3 = damping_of(law, contact_code)
+        d1, d2, d3 = damping_coefficients(law, contact_code)
         damping = parameter(d1) + parameter(-d2 if velocity_sign < 0 else d2) * v
         damping = damping + parameter(d3) * v * v
         force = harmonic_sum(law.force_harmonics) - damping * v

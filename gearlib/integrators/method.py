@@ -8,7 +8,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.engines.orbit import Record, Rows, Span
-from gearlib.engines.protocol import run_each
+from gearlib.engines.protocol import run_all_tunings
 
 
 class Option(NamedTuple):
@@ -95,7 +95,7 @@ class Integrator:
             initial_state = tuple(previous_record.final) if previous_record else state
             return self.run(model, tuning, initial_state, span, keep_events=False, **options)
 
-        run_each(run, tunings, order, warm_start, rows)
+        run_all_tunings(run, tunings, order, warm_start, rows)
 
 
 class Exact(Integrator):

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.engines.linear.grid import new_work
-from gearlib.engines.linear.train_run import set_contacts
-from gearlib.engines.linear.train_system import matrix_of, set_harmonics
+from gearlib.engines.linear.run_storage import new_work
+from gearlib.engines.linear.train_run import set_initial_contacts
+from gearlib.engines.linear.train_system import fill_system_matrix, set_harmonics
 from gearlib.engines.pair.motion import contact_between
 from gearlib.integrators.steps import equation_of_motion
 from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE
@@ -195,7 +195,7 @@ class PiecewiseLinear(_RightHandSide):
     def __init__(self, model, tuning: float):
         """Store the system of a model at a tuning, its flank distances and their derivatives."""
         self.propagator = model.propagator(tuning)
-        self.system, self._grid = self.propagator.whole()
+        self.system, self._grid = self.propagator.complete_system()
         system, size = self.system, model.size
         self.segment_bounds, self.first_segment = system.starts, system.first_segment
         self.below_mean = system.low
@@ -237,7 +237,7 @@ class PiecewiseLinear(_RightHandSide):
         full_size, mesh_count = self.scale.size, self._meshes.size
         work = new_work(full_size, full_size, mesh_count)
         work.state[:] = self.scale * self.full_state(0.0, z)
-        set_contacts(self.system, self._grid.no_coast_side, work, 0)
+        set_initial_contacts(self.system, self._grid.no_coast_side, work, 0)
         return z, work.contact.copy()
 
     def final_state(self, t: float, state: np.ndarray) -> tuple:
@@ -293,7 +293,7 @@ class PiecewiseLinear(_RightHandSide):
         if branch not in self._matrices:
             matrix = np.empty_like(self.system.base_matrix)
             effects = self.system.effect[contact_codes + 1, segment, self._meshes]
-            matrix_of(self.system, effects, matrix)
+            fill_system_matrix(self.system, effects, matrix)
             scaled_matrix = matrix[: self.size] / self.scale[: self.size, None]
             self._matrices[branch] = scaled_matrix * self.scale / self.tuning
         return self._matrices[branch]
@@ -335,4 +335,4 @@ class PiecewiseLinear(_RightHandSide):
         """Fill the sample table of the model from k states, their segments and contact codes."""
         system_states = self.scale * self.full_state(t, states)
         table = np.concatenate([system_states, contact_codes, segments[:, None]], axis=1)
-        self.propagator.fill(table, samples, self.system)
+        self.propagator.fill_samples(table, samples, self.system)

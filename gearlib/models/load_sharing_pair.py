@@ -271,17 +271,17 @@ class LoadSharingPair(WithPair):
         system = ToothPairSystem(
             starts=starts,
             first_segment=np.searchsorted(starts, period_starts - 1e-9),
-            renewed=masks_change | (pair_numbers != np.roll(pair_numbers, 1)),
-            inside=pair_masks,
-            force=_with_rates(left_forces, right_forces, lengths),
-            overlap=_with_rates(left_overlaps, right_overlaps, lengths),
-            slip=(smallest_gaps[1] - smallest_gaps[0]) / lengths / self.static_deflection,
+            pairs_change=masks_change | (pair_numbers != np.roll(pair_numbers, 1)),
+            active_pairs=pair_masks,
+            force_lines=_with_rates(left_forces, right_forces, lengths),
+            overlap_lines=_with_rates(left_overlaps, right_overlaps, lengths),
+            gap_rate=(smallest_gaps[1] - smallest_gaps[0]) / lengths / self.static_deflection,
             damping=np.zeros(2),
-            lower=-self.backlash_ratio,
-            longest=0.0,
+            coast_line=-self.backlash_ratio,
+            max_step=0.0,
             tuning=0.0,
             repeats=repeats,
-            closing=bool(-np.min(smallest_gaps) > self.backlash),
+            may_jam=bool(-np.min(smallest_gaps) > self.backlash),
         )
         return system, max(left_forces[..., 0].max(), right_forces[..., 0].max())
 
@@ -346,7 +346,7 @@ class LoadSharingPair(WithPair):
     def steps_per_period(self, tuning: float) -> float:
         """Return the minimum number of integration steps per mesh period."""
         system = self.system(tuning)
-        return max(len(system.force) / self.repeats, math.tau / system.longest)
+        return max(len(system.force_lines) / self.repeats, math.tau / system.max_step)
 
     @property
     def slowest_tuning(self) -> float:
@@ -359,8 +359,8 @@ class LoadSharingPair(WithPair):
         """Return the forces and overlaps of the pairs of teeth for the engine at a tuning."""
         system, max_stiffness = self.tables
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
-        longest = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
-        return system._replace(damping=damping, longest=longest, tuning=tuning)
+        max_step = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
+        return system._replace(damping=damping, max_step=max_step, tuning=tuning)
 
 
 def _with_rates(left: np.ndarray, right: np.ndarray, lengths: np.ndarray) -> np.ndarray:

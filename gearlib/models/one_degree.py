@@ -9,8 +9,8 @@
 
 with d(v) = d1 v + d2 |v| v + d3 v^3 and x' in units of the time t of the model; nu is the frequency
 of the excitation in that unit. Each model converts its parameters to an `Equation`. The engines
-use it as a `Law` for Taylor steps or, if it is linear with constant coefficients between events,
-as a `TrainSystem` of one mesh.
+use it as a `NonlinearMesh` for Taylor steps or, if it is linear with constant coefficients between
+events, as a `TrainSystem` of one mesh.
 
 A gear pair has Eq. (3) of Hortel & Skuderova (2007) for one coordinate,
 
@@ -34,7 +34,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.linear.train_system import TrainSystem
-from gearlib.engines.taylor.series import Law
+from gearlib.engines.taylor.series import NonlinearMesh
 from gearlib.models import one_mesh_system
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
@@ -70,7 +70,7 @@ class Equation:
             nonlinear |= bool(pieces.harmonics.size) or pieces.lines[:, 1].any()
         return not nonlinear
 
-    def law(self, tuning: float, tolerance: float) -> Law:
+    def law(self, tuning: float, tolerance: float) -> NonlinearMesh:
         """Return the equation at an excitation frequency, the tuning, for Taylor steps.
 
         `tolerance` is the allowed error of a step. Velocities are by mesh phase, so that x' becomes
@@ -80,7 +80,7 @@ class Equation:
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
         # Harmonics are rows (order, cosine, sine), of which only the amplitudes are scaled.
         harmonic_scale = np.array([1.0, force_scale, force_scale])
-        return Law(
+        return NonlinearMesh(
             tuning,
             self.upper - self.lower,
             damping[NORMAL + 1],

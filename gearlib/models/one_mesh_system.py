@@ -7,7 +7,7 @@ import numpy as np
 
 from gearlib.engines.codes import INVERSE, NORMAL
 from gearlib.engines.exponential import MAX_NORM, exponential
-from gearlib.engines.linear.train_system import TrainSystem, matrix_of
+from gearlib.engines.linear.train_system import TrainSystem, fill_system_matrix
 
 
 def single_mesh_system(free, force_input, flanks, low, starts, orders, tuning) -> TrainSystem:
@@ -52,7 +52,7 @@ def single_mesh_system(free, force_input, flanks, low, starts, orders, tuning) -
         low=np.repeat(np.asarray(low)[None, :, None], 3, axis=0),
         starts=starts.copy(),
         first_segment=np.array([0, p]),
-        longest=MAX_NORM / max(norm, np.abs(orders * tuning).max(initial=1e-300)),
+        max_step=MAX_NORM / max(norm, np.abs(orders * tuning).max(initial=1e-300)),
         harmonics=np.asarray(orders, float),
         tuning=tuning,
         repeats=1,
@@ -72,7 +72,7 @@ def state_matrix_by_phase(system, contact_codes, segment) -> np.ndarray:
     """
     effects = [system.effect[code + 1, segment, j] for j, code in enumerate(contact_codes)]
     matrix = np.empty_like(system.base_matrix)
-    matrix_of(system, np.array(effects, np.int64), matrix)
+    fill_system_matrix(system, np.array(effects, np.int64), matrix)
     half = (len(matrix) - 1 - 2 * system.harmonics.size) // 2  # number of coordinates
     scale = np.ones(len(matrix), matrix.dtype)
     scale[half : 2 * half] = system.tuning
@@ -108,8 +108,8 @@ def contact_map(model: Any, tuning: float) -> np.ndarray:
     contact_codes = [NORMAL] * len(system.drive_lines)
     for segment, length in enumerate(np.diff(system.starts)):
         matrix = state_matrix_by_phase(system, contact_codes, segment)[:n, :n].copy()
-        # Steps no longer than `system.longest` keep the matrix exponential accurate.
-        steps = math.ceil(length / tuning / system.longest)
+        # Steps no longer than `system.max_step` keep the matrix exponential accurate.
+        steps = math.ceil(length / tuning / system.max_step)
         step_map = exponential(matrix, length / steps)
         period_map = np.linalg.matrix_power(step_map, steps) @ period_map
     reduce, lift = model.reduction()

@@ -8,7 +8,7 @@ from gearlib import checks
 from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.engines import orbit
-from gearlib.engines.linear import courses
+from gearlib.engines.linear import speed_profiles
 from gearlib.engines.linear.record import FORCE_SUM
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
@@ -128,7 +128,7 @@ def run_up(
     max_events = checks.integer("max_events", max_events, 1)
     inertia_forces = _inertia_forces(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
-    runner, pieces, start_state = courses.start_course(model, speeds, loads, state)
+    runner, pieces, start_state = speed_profiles.start_profile_run(model, speeds, loads, state)
     mesh_count, last = runner.meshes, pieces[-1]
     final_phase = last.phase + last.length * (last.speed + 0.5 * last.acceleration * last.length)
     numbers_per_period = samples * (mesh_count * 6 + model.size) + _NUMBERS_PER_PERIOD * mesh_count
@@ -136,7 +136,9 @@ def run_up(
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
     teeth = model.periods_per_revolution
     records = list(
-        courses.run_course(runner, pieces, start_state, samples, max_events, inertia_forces, teeth)
+        speed_profiles.run_profiles(
+            runner, pieces, start_state, samples, max_events, inertia_forces, teeth
+        )
     )
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
@@ -242,7 +244,7 @@ def _check_profile(name, pairs, allowed_values: str, is_allowed, steps=False) ->
 
 
 def _inertia_forces(model, driver, driven_mass, base_radius) -> np.ndarray:
-    """Return the inertia force of each mesh per unit of acceleration, for `courses.run_course`.
+    """Return the inertia force of each mesh per unit of acceleration, for `speed_profiles.run_profiles`.
 
     The arguments are those of `run_up`: a train may have a `driver`, the name of the accelerated
     body; a model with one mesh may have a `driven_mass` in kg and a `base_radius` in m.
@@ -266,7 +268,7 @@ def _inertia_forces(model, driver, driven_mass, base_radius) -> np.ndarray:
 def _revolution_variables(model, records: list, omega: float) -> dict:
     """Return {name: (dims, values)} of the variables along the revolutions of a run-up.
 
-    `records` are its `courses.Stretch`es in order of time, whose blocks of mesh periods are the
+    `records` are its `speed_profiles.Stretch`es in order of time, whose blocks of mesh periods are the
     revolutions. Their dimensionless time is theta = omega t, `omega` in rad/s.
     """
     revolutions = np.concatenate([record.block for record in records])
@@ -312,10 +314,10 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
 def _event_variables(model, records: list, omega: float) -> dict:
     """Return {name: (dims, values)} of the variables along the contact events of a run-up.
 
-    `records` are its `courses.Stretch`es; their dimensionless time is omega t, `omega` in rad/s.
+    `records` are its `speed_profiles.Stretch`es; their dimensionless time is omega t, `omega` in rad/s.
     """
     rows = np.concatenate([record.events for record in records])
-    speeds = [record.piece.by(record.events[:, 0])[0] for record in records]
+    speeds = [record.piece.at_times(record.events[:, 0])[0] for record in records]
     columns = {
         "event_time": rows[:, 0] / omega,
         "event_speed": np.asarray(model.speed(np.concatenate(speeds))),
@@ -331,7 +333,7 @@ def _event_variables(model, records: list, omega: float) -> dict:
 def _time_variables(model, records: list, omega: float, samples: int) -> dict:
     """Return the time history of a run-up as {variable name: (dims, values)}.
 
-    `records` are its `courses.Stretch`es, with `samples` in each mesh period; their dimensionless
+    `records` are its `speed_profiles.Stretch`es, with `samples` in each mesh period; their dimensionless
     time is theta = omega t, `omega` in rad/s.
     """
     fractions = np.arange(samples) / samples
@@ -339,7 +341,7 @@ def _time_variables(model, records: list, omega: float, samples: int) -> dict:
     for record in records:
         steps = fractions * np.diff(record.theta)[:, None]
         thetas.append((record.theta[:-1, None] + steps).ravel())
-        excitations.append(record.piece.by(thetas[-1]))
+        excitations.append(record.piece.at_times(thetas[-1]))
     theta, (tuning, phase, load) = np.concatenate(thetas), np.hstack(excitations)
     table = np.concatenate([record.samples for record in records])
     length, force = model.static_deflection, model.scales()["force_scale"]

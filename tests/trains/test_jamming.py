@@ -66,8 +66,8 @@ def overlap(train, tuning, states, periods):
 def unwatched(train, tuning, state, periods):
     """Return (status, overlaps) of a motion in which flanks in contact look at no other flank."""
     propagator = train.propagator(tuning)
-    closing = np.zeros_like(propagator.grid.may_jam)
-    propagator.grid = propagator.grid._replace(may_jam=closing)
+    closing = np.zeros_like(propagator.constants.may_jam)
+    propagator.constants = propagator.constants._replace(may_jam=closing)
     record = propagator.record(state, periods, 10**5, SAMPLES)
     states = record.samples[:, 6 * len(train.meshes) :]
     return record.status, overlap(train, tuning, states, periods)
@@ -164,7 +164,7 @@ def test_six_degrees_whose_backlash_closes(moving, tuning, backlash):
     assert code == int(runs[1].status)
     propagator = model.propagator(tuning)
     assert code == propagator.maps(propagator.start((0.0, 0.0)), 6, 100)[2]
-    propagator.grid = propagator.grid._replace(may_jam=np.zeros(1, bool))
+    propagator.constants = propagator.constants._replace(may_jam=np.zeros(1, bool))
     samples = propagator.record(propagator.start((0.0, 0.0)), 6, 100, SAMPLES).samples
     # y of Eq. (4) and s of Eq. (10), from rotations and bearings.
     u3, u2, y3, _, y2, _ = samples[:, 6:12].T

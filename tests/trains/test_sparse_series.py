@@ -26,17 +26,17 @@ def parted(train, size=2.0):
 def motion(train, tuning, state, price, periods=2):
     """Return (state, samples, events, summary, maps, combinations with modes)."""
     propagator = train.propagator(tuning)
-    tables = propagator.taken()
+    tables = propagator.take_tables()
     tables.mode_cost[0] = price
-    propagator.spare[:] = [(propagator.system, tables)]
+    propagator.unused_tables[:] = [(propagator.system, tables)]
     z, size = np.array(state), train.size
     raw, events = propagator.raw(50 * periods), np.empty((4, EVENT_COLUMNS))
     summary, maps = np.empty((len(train.meshes), SUMMARY_COLUMNS)), np.empty((periods, size, size))
     spans = periods, periods
     done = propagator.run_system(z, raw, events, 10**5, summary, spans, maps)
     assert done[3] == 0
-    tables = (propagator.large or propagator.spare).pop()[1]
-    propagator.spare.clear()
+    tables = (propagator.unused_large_tables or propagator.unused_tables).pop()[1]
+    propagator.unused_tables.clear()
     return z, raw, done[1][: done[2]], summary, maps, int(tables.used[0])
 
 

@@ -103,7 +103,7 @@ def test_a_run_does_not_depend_on_the_stretches_of_its_segments(monkeypatch):
     for stretch in (10**6, 4):
         monkeypatch.setattr(linear_propagator, "_PERIODS_AT_A_TIME", stretch)
         run = simulate(train, 0.9, periods=13, record_periods=5)
-        orbit = train.propagator(0.9).maps(train.start_state("static"), 11, 100, first=30)
+        orbit = train.propagator(0.9).maps(train.start_state("static"), 11, 100, first_period=30)
         found.append((run, orbit))
     (whole, maps), (parts, other) = found
     xr.testing.assert_allclose(whole, parts, rtol=1e-9, atol=1e-9)

@@ -7,8 +7,8 @@ import pytest
 
 import gearlib
 from gearlib.engines.linear import modal_frame
-from gearlib.engines.linear.modal_arcs import advance, fill_mode_factors
-from gearlib.engines.linear.train_system import matrix_of
+from gearlib.engines.linear.modal_arcs import advance_modes, fill_mode_factors
+from gearlib.engines.linear.train_system import fill_system_matrix
 from tests.properties.known_models import pairs_as_train
 from tests.trains.test_events import PAIR
 
@@ -16,28 +16,28 @@ from tests.trains.test_events import PAIR
 def combinations_of(train, tuning, rng, count=6):
     """Return a propagator and random combinations of its effects, with their tables filled."""
     propagator = train.propagator(tuning)
-    propagator.spare = [(propagator.system, propagator.taken())]
+    propagator.unused_tables = [(propagator.system, propagator.take_tables())]
     system, found = propagator.system, []
     for _ in range(count):
         segment = rng.integers(system.effect.shape[1])
         codes = rng.choice([1, 1, 0, -1], size=len(train.meshes))
-        codes = np.where(propagator.grid.no_coast_side & (codes < 0), 0, codes)
+        codes = np.where(propagator.constants.no_coast_side & (codes < 0), 0, codes)
         effects = np.array([system.effect[code + 1, segment, j] for j, code in enumerate(codes)])
-        c = modal_frame.add(propagator.spare[0][1], system, propagator.frame, effects)
+        c = modal_frame.add_modes(propagator.unused_tables[0][1], system, propagator.frame, effects)
         a = np.empty_like(system.base_matrix)
-        matrix_of(system, effects, a)
+        fill_system_matrix(system, effects, a)
         found.append((c, a, codes))
     return propagator, found
 
 
 def after(propagator, c, z, t):
     """Return the state a time later by the modes of combination c."""
-    tables, n = propagator.spare[0][1], propagator.components
+    tables, n = propagator.unused_tables[0][1], propagator.components
     wide = tables.from_modes.shape[2]
     y, term, image, factors = (np.zeros(k) for k in (wide, max(wide, 8 * 24), wide, n))
     y[:n] = z @ tables.to_modes[c][:, :n]
     fill_mode_factors(tables, c, t, factors)
-    advance(tables, c, factors, t, y, term, image)
+    advance_modes(tables, c, factors, t, y, term, image)
     return y[:n] @ tables.from_modes[c][:, :n], y
 
 
@@ -54,4 +54,4 @@ def test_a_critical_damping_falls_back_on_one_block(share):
     np.testing.assert_allclose(other.displacement[:, 0], one.displacement, rtol=0, atol=1e-11)
     c, _, codes = found[0]
     if (codes == 1).all():
-        assert propagator.spare[0][1].pair_counts[c] == 0
+        assert propagator.unused_tables[0][1].pair_counts[c] == 0

@@ -10,8 +10,8 @@ from numpy.polynomial import Polynomial
 from gearlib.engines.polynomial import (
     WORK_ROWS,
     bernstein_matrix,
-    first_fall,
-    highest,
+    first_downward_crossing,
+    polynomial_maximum,
 )
 from gearlib.engines.taylor.series import DISPLACEMENT, ROWS
 from gearlib.engines.taylor.taylor_run import first_crossing
@@ -38,7 +38,7 @@ def with_roots(roots, rng):
     return np.convolve(c, rest)
 
 
-@pytest.mark.parametrize("find", [lambda c: first_fall(c, MATRIX, WORK), of_a_step])
+@pytest.mark.parametrize("find", [lambda c: first_downward_crossing(c, MATRIX, WORK), of_a_step])
 @pytest.mark.parametrize("seed", range(2))
 def test_the_first_of_many_roots_is_found(seed, find):
     rng = np.random.default_rng(seed)
@@ -80,7 +80,7 @@ def test_nearly_multiple_roots_are_found_to_rounding():
         c = nearly_multiple(rng)
         if c[0] < 0.0:
             continue
-        fall = first_fall(c.copy(), MATRIX, WORK)
+        fall = first_downward_crossing(c.copy(), MATRIX, WORK)
         assert fall == 2.0 or 0.0 <= fall <= 1.0
         # Rounding of 21 Bernstein coefficients of the size of the terms, and of their halvings.
         rounding = 1e-14 * abs(c).sum()
@@ -99,11 +99,11 @@ def test_the_largest_value_is_that_between_the_ends_too(seed):
     curve = Polynomial(c[:6])
     tops = [s.real for s in curve.deriv().roots() if abs(s.imag) < 1e-12 and 0.0 < s.real < 1.0]
     wanted = max(float(curve(s)) for s in (0.0, 1.0, *tops))
-    assert highest(c, MATRIX, WORK, -math.inf) == pytest.approx(wanted, abs=1e-13)
+    assert polynomial_maximum(c, MATRIX, WORK, -math.inf) == pytest.approx(wanted, abs=1e-13)
 
 
 def test_a_flat_root_is_placed_to_the_end():
     # Newton's method takes a twentieth off the distance at a time; 60 steps would end at 0.02.
     c = np.zeros(DEGREE + 1)
     c[0], c[20] = 1e-40, -1.0
-    assert first_fall(c, MATRIX, WORK) == pytest.approx(0.01, rel=1e-12)
+    assert first_downward_crossing(c, MATRIX, WORK) == pytest.approx(0.01, rel=1e-12)

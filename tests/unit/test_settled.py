@@ -8,7 +8,7 @@ import pytest
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
 from gearlib.engines import orbit
 from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
-from gearlib.engines.pair.pair_run import skip
+from gearlib.engines.pair.pair_run import run_unrecorded
 from gearlib.engines.pair.propagator import ratios
 from gearlib.engines.pair.whole_periods import new_work, set_mesh, set_start
 from tests.geometry.drawings import own
@@ -27,7 +27,9 @@ def run(m, x, v, periods):
     work = new_work()
     set_mesh(work, m)
     set_start(work, x, v)
-    _, x, v, _, repeat, _ = skip(m, work, contact_of(m.gap, x, v), x, v, periods, LIMIT)
+    _, x, v, _, repeat, _ = run_unrecorded(
+        m, work, contact_of(m.backlash, x, v), x, v, periods, LIMIT
+    )
     return x, v, repeat
 
 

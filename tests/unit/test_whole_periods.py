@@ -10,7 +10,13 @@ from gearlib.engines.orbit import orbit_period
 from gearlib.engines.pair.events import ARC_COLUMNS, march_period
 from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
 from gearlib.engines.pair.stiffness import levels, segment_lengths
-from gearlib.engines.pair.whole_periods import ENTRY, advance, new_work, set_mesh, set_start
+from gearlib.engines.pair.whole_periods import (
+    LOSS_ENTRIES,
+    advance_periods,
+    new_work,
+    set_mesh,
+    set_start,
+)
 
 LIMIT = 10**6
 
@@ -49,7 +55,7 @@ def bouncing_case(rng):
 def event_by_event(m, x, v, periods):
     """Return (contact, x, v) event by event."""
     no_arcs = np.empty((0, ARC_COLUMNS))
-    contact = contact_of(m.gap, x, v)
+    contact = contact_of(m.backlash, x, v)
     for _ in range(periods):
         contact, x, v, _ = march_period(m, contact, x, v, no_arcs, LIMIT)
     return contact, x, v
@@ -61,8 +67,8 @@ def whole_periods(m, x, v, periods):
     work = new_work()
     set_mesh(work, m)
     set_start(work, x, v)
-    return advance(
-        m, work, 0, contact_of(m.gap, x, v), x, v, periods, LIMIT, np.empty((0, ARC_COLUMNS))
+    return advance_periods(
+        m, work, 0, contact_of(m.backlash, x, v), x, v, periods, LIMIT, np.empty((0, ARC_COLUMNS))
     )
 
 
@@ -101,8 +107,8 @@ def one_period(m, work, state, entries):
     """Return the changes of contact in one period both ways, from the same state."""
     fast, plain = np.empty((200, ARC_COLUMNS)), np.empty((200, ARC_COLUMNS))
     set_start(work, *state[1:])
-    work.memory[ENTRY:] = entries
-    *fast_end, fast_count = advance(m, work, 0, *state, 1, LIMIT, fast)
+    work.memory[LOSS_ENTRIES:] = entries
+    *fast_end, fast_count = advance_periods(m, work, 0, *state, 1, LIMIT, fast)
     *plain_end, plain_count = march_period(m, *state, plain, LIMIT)
     return changes(fast, fast_count), changes(plain, plain_count), fast_end, plain_end
 
@@ -112,7 +118,7 @@ def jump_of_the_pattern(m, x):
 
     def pattern(v):
         arcs = np.empty((200, ARC_COLUMNS))
-        *_, count = march_period(m, contact_of(m.gap, x, v), x, v, arcs, LIMIT)
+        *_, count = march_period(m, contact_of(m.backlash, x, v), x, v, arcs, LIMIT)
         return changes(arcs, count)[:, 2].tolist()
 
     speeds = np.linspace(-1.5, 1.5, 100)
@@ -142,7 +148,7 @@ def test_grazing_changes_the_events_of_a_period_as_marching_has_it():
         misses = 10.0 ** -np.linspace(3.0, 14.0, 12)
         for v in [*(sides[0] - misses), *(sides[1] + misses)]:
             for entries in rng.integers(0, 40, (4, 3)):
-                state = contact_of(m.gap, x, v), x, v
+                state = contact_of(m.backlash, x, v), x, v
                 fast, plain, end, expected = one_period(m, work, state, entries)
                 assert fast[:, 2].tolist() == plain[:, 2].tolist(), (m, x, v)
                 # A flank left at a graze feels rounding as its square root.

@@ -235,7 +235,7 @@ def _stiffness_coefficients(constants: Any, highest: int) -> np.ndarray:
     """Return the exact complex Fourier coefficients 0 ... `highest` of the stiffness c / nu^2.
 
     They follow from the jumps of value and slope between the linear segments of the stiffness in
-    `constants`, a `Law`, and from its harmonics.
+    `constants`, a `NonlinearMesh`, and from its harmonics.
     """
     n, phases = np.arange(1, highest + 1), constants.segment_bounds
     lengths, (starts, slopes) = np.diff(phases), constants.stiffness_lines.T

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.jit import inlined_uncounted, uncounted
-from gearlib.engines.linear.sparse_series import mode_cost_of
+from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
+from gearlib.engines.linear.sparse_series import mode_cost_in_steps
 
 #: Degree of the polynomials of distances over a piece. Long pieces of high degree pay for many
 #: components, where a change of modes costs more than the search for roots.
@@ -34,7 +34,7 @@ _MAX_COMBINATIONS, MAX_SEGMENT_LENGTHS = 1024, 64
 #: e^(lambda t), cut behind the degree, is exact to 2 (2.4 / 4)^16 / 16! = 3e-17
 #: and 2 (7.2 / 4)^24 / 24! = 4e-18.
 MAX_PIECE_RATES = {LOW_DEGREE: 2.4, HIGH_DEGREE: 7.2}
-#: A series ends with a term below this share of the state, or after so many terms.
+#: A series ends with a term below this fraction of the state, or after so many terms.
 _LAST_TERM, _MAX_TERMS = 1e-30, 60
 
 
@@ -44,7 +44,7 @@ class Modes(NamedTuple):
     Index 2 stands for the distances from the coast-side and the drive-side flank line.
     """
 
-    used: np.ndarray  #: int, number of combinations and of `turn_factors` in use, shape (2,)
+    used: np.ndarray  #: int, number of combinations and of `segment_factors` in use, shape (2,)
     hash_slots: np.ndarray  #: int, hash table: row of a combination, or -1
     series_steps: np.ndarray  #: int, steps by the power series, by hash slot
     mode_cost: np.ndarray  #: int, number of series steps that cost as much as modes, shape (1,)
@@ -58,11 +58,13 @@ class Modes(NamedTuple):
     to_modes: np.ndarray  #: matrix from z to y, by columns, shape (c, n, n padded)
     from_modes: np.ndarray  #: matrix from y to z, by columns, shape (c, n, n padded)
     curves: np.ndarray  #: Bernstein coefficients of the distances, (c, 2, m, n, degree + 1)
-    mode_shares: np.ndarray  #: largest share of each mode in the distances, (c, 2, m, n)
-    slow_distance: np.ndarray  #: constant part of the distances, shape (c, 2, m)
-    bounded: np.ndarray  #: bool, whether these two bound the distances, shape (c, 2, m)
-    turn_index: np.ndarray  #: int, row of `turn_factors` by length of segment, or -1, (c, k)
-    turn_factors: np.ndarray  #: factors of the modes over a segment, shape (s, n)
+    mode_amplitude_factors: np.ndarray  #: distance for each mode of magnitude 1, (c, 2, m, n)
+    constant_distance: np.ndarray  #: constant part of the distances, shape (c, 2, m)
+    is_bounded: np.ndarray  #: bool, whether these two bound the distances, shape (c, 2, m)
+    segment_factor_rows: (
+        np.ndarray
+    )  #: int, row of `segment_factors` by length of segment, or -1, (c, k)
+    segment_factors: np.ndarray  #: factors of the modes over a segment, shape (s, n)
 
 
 def modes(n, meshes, lengths, combinations=_MAX_COMBINATIONS, memory=MAX_TABLE_BYTES):
@@ -76,7 +78,7 @@ def modes(n, meshes, lengths, combinations=_MAX_COMBINATIONS, memory=MAX_TABLE_B
     count = memory // (8 * numbers_per_combination)
     count = int(min(max(count, 2), _MAX_COMBINATIONS, max(combinations, 16)))
     # Combinations that go by the series take hash slots as well.
-    slots, cost = 2**14 if mode_cost_of(n) else 1, mode_cost_of(n)
+    slots, cost = 2**14 if mode_cost_in_steps(n) else 1, mode_cost_in_steps(n)
     while slots < 4 * count:
         slots *= 2
     return Modes(
@@ -107,7 +109,7 @@ def round_up_to_eight(count: int) -> int:
     return (count + 7) // 8 * 8
 
 
-@uncounted
+@kernel_without_refcounts
 def find_slot(slots, keys, effects):
     """Return the hash slot of a combination of mesh effects, or the free slot for it.
 
@@ -133,37 +135,37 @@ def clear_tables(tables: Modes) -> None:
     tables.used[:] = 0
     tables.hash_slots[:] = -1
     tables.series_steps[:] = 0
-    tables.turn_index[:] = -1
+    tables.segment_factor_rows[:] = -1
 
 
 def clear_segment_factors(tables: Modes) -> None:
     """Mark the mode factors of whole segments, which depend on the tuning, as unused."""
     tables.used[1] = 0
-    tables.turn_index[:] = -1
+    tables.segment_factor_rows[:] = -1
 
 
-@inlined_uncounted
-def multiply(columns, row, z, out):
-    """Fill `out`, shape (w,), with columns[row].T @ z; `columns` has the shape (c, n, w)."""
-    n, w = columns.shape[1], columns.shape[2]
+@inlined_without_refcounts
+def apply_stored_matrix(matrices, row, z, product):
+    """Fill `product`, shape (w,), with matrices[row].T @ z; `matrices` has the shape (c, n, w)."""
+    n, w = matrices.shape[1], matrices.shape[2]
     for r in range(w):
-        out[r] = 0.0
+        product[r] = 0.0
     j = 0
     while j + 3 < n:
         p, q, s, t = z[j], z[j + 1], z[j + 2], z[j + 3]
         for r in range(w):
-            out[r] += (columns[row, j, r] * p + columns[row, j + 1, r] * q) + (
-                columns[row, j + 2, r] * s + columns[row, j + 3, r] * t
+            product[r] += (matrices[row, j, r] * p + matrices[row, j + 1, r] * q) + (
+                matrices[row, j + 2, r] * s + matrices[row, j + 3, r] * t
             )
         j += 4
     while j < n:
         p = z[j]
         for r in range(w):
-            out[r] += columns[row, j, r] * p
+            product[r] += matrices[row, j, r] * p
         j += 1
 
 
-@inlined_uncounted
+@inlined_without_refcounts
 def fill_mode_factors(tables, combination, t, factors):
     """Fill `factors`, shape (n,), by which modes change in a time t, from a row of the `Modes`.
 
@@ -179,23 +181,23 @@ def fill_mode_factors(tables, combination, t, factors):
         factors[2 * pair_count + k] = math.exp(tables.rates[combination, pair_count + k, 0] * t)
 
 
-@inlined_uncounted
+@inlined_without_refcounts
 def find_segment_factors(tables, combination, length_index, t):
-    """Return the row of ``tables.turn_factors`` with the mode factors over a whole segment.
+    """Return the row of ``tables.segment_factors`` with the mode factors over a whole segment.
 
     They are computed at first use. `combination` is a row of `tables` (`Modes`); t is the duration
     of the segment and `length_index` its index among the different durations.
     """
-    if tables.turn_index[combination, length_index] < 0:
+    if tables.segment_factor_rows[combination, length_index] < 0:
         row = tables.used[1]
-        fill_mode_factors(tables, combination, t, tables.turn_factors[row])
-        tables.turn_index[combination, length_index] = row
+        fill_mode_factors(tables, combination, t, tables.segment_factors[row])
+        tables.segment_factor_rows[combination, length_index] = row
         tables.used[1] = row + 1
-    return tables.turn_index[combination, length_index]
+    return tables.segment_factor_rows[combination, length_index]
 
 
-@inlined_uncounted
-def advance(tables, combination, factors, t, y, term, image):
+@inlined_without_refcounts
+def advance_modes(tables, combination, factors, t, y, term, image):
     """Advance the modal state y, shape (n,) or longer, by the time t, in place.
 
     `combination` is a row of `tables` (`Modes`), `factors` are those of `fill_mode_factors` for t;
@@ -214,27 +216,27 @@ def advance(tables, combination, factors, t, y, term, image):
     _advance_block(matrix, n - first, rate, t, y[first:], term, image)
 
 
-@inlined_uncounted
-def advance_in_time(tables, combination, work, t, y):
+@inlined_without_refcounts
+def advance_modes_in_time(tables, combination, work, t, y):
     """Advance the modal state y by the time t, in place, with temporary arrays of `work`.
 
     `combination` is a row of `tables` (`Modes`).
     """
     fill_mode_factors(tables, combination, t, work.mode_factors)
-    advance(tables, combination, work.mode_factors, t, y, work.term, work.image)
+    advance_modes(tables, combination, work.mode_factors, t, y, work.term, work.image)
 
 
-@uncounted
-def _advance_block(block, size, rate, t, y, term, image):
-    """Advance the slow components y, shape (size,), by the time t with the series of exp(block t).
+@kernel_without_refcounts
+def _advance_block(matrix, size, rate, t, y, term, image):
+    """Advance the slow components y, shape (size,), by the time t with the series of exp(matrix t).
 
-    `block` is their matrix. The time is split into steps of at most 1 / `rate`, so that the series
-    converges quickly; `term` and `image`, shape (size,), are overwritten.
+    The time is split into steps of at most 1 / `rate`, so that the series converges quickly; `term`
+    and `image`, shape (size,), are overwritten.
     """
     # A block of one component holds the constant, which does not change.
     steps = max(math.ceil(t * rate), 1.0) if size > 1 else 0.0
-    h, done = t / max(steps, 1.0), 0.0
-    while done < steps:
+    h, step = t / max(steps, 1.0), 0.0
+    while step < steps:
         largest = 0.0
         for r in range(size):
             term[r] = y[r]
@@ -246,10 +248,10 @@ def _advance_block(block, size, rate, t, y, term, image):
             for r in range(size):
                 total = 0.0
                 for i in range(size):
-                    total += block[r, i] * term[i]
+                    total += matrix[r, i] * term[i]
                 image[r] = factor * total
                 last_term = max(last_term, abs(image[r]))
             for r in range(size):
                 term[r] = image[r]
                 y[r] += term[r]
-        done += 1.0
+        step += 1.0

@@ -17,7 +17,7 @@ import scipy.linalg
 from scipy.special import factorial
 
 from gearlib.engines.linear.modal_arcs import MAX_PIECE_RATES, Modes, clear_tables, find_slot
-from gearlib.engines.linear.train_system import TrainSystem, matrix_of
+from gearlib.engines.linear.train_system import TrainSystem, fill_system_matrix
 
 #: Number of terms of the series of e^z, |z| <= 3.6: the next is 3.6^36 / 36! = 3e-22.
 _TERM_COUNT = 36
@@ -34,15 +34,15 @@ _MAX_GROWTH = 1e-12
 
 
 class Basis(NamedTuple):
-    """A basis of a combination of contacts: z = out y, y = into z, n components.
+    """A basis of a combination of contacts: z = from_basis y, y = to_basis z, n components.
 
     Oscillating pairs come first, then real modes, then the slow motions with the constant last.
     """
 
-    out: np.ndarray  #: shape (n, n)
-    into: np.ndarray  #: shape (n, n)
+    from_basis: np.ndarray  #: shape (n, n)
+    to_basis: np.ndarray  #: shape (n, n)
     rates: np.ndarray  #: complex, of pairs and real modes, (growth + i angular frequency)
-    pairs: int  #: number of oscillating pairs
+    n_pairs: int  #: number of oscillating pairs
     block: np.ndarray  #: matrix of the slow motions, dy/dtheta = block y
     rows: np.ndarray  #: row vectors of coast-side and drive-side distances in y, (2, m, n)
 
@@ -79,7 +79,7 @@ def _bernstein_of_powers(degree):
     return np.array(rows)
 
 
-class Frame:
+class ModalFrame:
     """Coordinates in which bases are computed: linear modes of a train, then free rotations.
 
     The modes are those with all meshes at their mean stiffness, scaled by their frequencies. They
@@ -95,10 +95,11 @@ class Frame:
         `rigid`, (n, k), are free rotations and `mass`, (n, n), is the mass matrix.
         """
         (n, r), k, omega = shapes.shape, rigid.shape[1], frequencies
-        self.elastic = e = 2 * r
+        #: Number of state components of the elastic modes, which come first.
+        self.elastic_size = e = 2 * r
         self._known_bases: dict[bytes, Basis] = {}
-        #: Tables between two runs, see `propagator.Propagator`.
-        self.spare: list[tuple] = []
+        #: Mode tables that no run uses at present, see `propagator.Propagator`.
+        self.unused_tables: list[tuple] = []
         self.from_frame, self.to_frame, self.base_matrix = np.zeros((3, 2 * n, 2 * n))
         self.from_frame[:n, :r], self.from_frame[n:, r:e] = shapes / omega, shapes
         self.from_frame[:n, e : e + k], self.from_frame[n:, e + k :] = rigid, rigid
@@ -109,13 +110,13 @@ class Frame:
 
     def __getstate__(self):
         # Tables and bases are large, and another process computes its own.
-        return vars(self) | {"_known_bases": {}, "spare": []}
+        return vars(self) | {"_known_bases": {}, "unused_tables": []}
 
     @classmethod
-    def of_mesh(cls, model: Any, system: TrainSystem) -> "Frame":
+    def for_mesh(cls, model: Any, system: TrainSystem) -> "ModalFrame":
         """Return the frame of a model with one mesh and its `TrainSystem`."""
         frame = cls(*model.contact_modes(system))
-        size, e = len(frame.from_frame), frame.elastic
+        size, e = len(frame.from_frame), frame.elastic_size
         r = e // 2
         velocity_rows = np.r_[r:e, e + size // 2 - r : size]
         # The angles of free rotations cause no forces.
@@ -126,7 +127,7 @@ class Frame:
         return frame
 
     @classmethod
-    def of_train(cls, train: Any, system: TrainSystem) -> "Frame":
+    def for_train(cls, train: Any, system: TrainSystem) -> "ModalFrame":
         """Return the frame of a gear train and its `TrainSystem`."""
         stiffness_scale = train.stiffness_scale
         matrices = train.dimensionless_matrices(system.tuning)
@@ -137,7 +138,7 @@ class Frame:
         )
         w = np.sqrt(squared_frequencies) / omega
         frame = cls(w, shapes, rigid, matrices.mass)
-        (n, r), k, e = shapes.shape, rigid.shape[1], frame.elastic
+        (n, r), k, e = shapes.shape, rigid.shape[1], frame.elastic_size
         # The linear modes contain the mean mesh stiffness, which is subtracted here.
         beta = train.structure.lines @ shapes
         mean = np.array([mesh.mean_stiffness for mesh in train.meshes]) / stiffness_scale
@@ -158,18 +159,19 @@ class Frame:
         `effects`, int, shape (m,), has the number of the contact effect of each mesh.
         """
         matrix, size = self.base_matrix.copy(), len(self.base_matrix)
+        rigid_angles = slice(self.elastic_size, (self.elastic_size + size) // 2)
         for j, effect in enumerate(effects):
             if effect:
                 force_output = system.force_output[j, effect, :, :size] @ self.from_frame
                 # The angles of free rotations cause no forces.
-                force_output[:, self.elastic : self.elastic + (size - self.elastic) // 2] = 0.0
+                force_output[:, rigid_angles] = 0.0
                 matrix += (self.to_frame @ system.force_input[j, effect, :, :size].T) @ force_output
         return matrix
 
     def basis_of(self, system: TrainSystem, effects: np.ndarray) -> Basis:
-        """Return the `Basis` for the meshes' `effects`, int, (m,); equal matrices share one."""
+        """Return the `Basis` for the meshes' `effects`, int, (m,); equal matrices share a basis."""
         matrix = np.empty_like(system.base_matrix)
-        matrix_of(system, effects, matrix)
+        fill_system_matrix(system, effects, matrix)
         matrix_bytes = matrix.tobytes()
         basis = self._known_bases.get(matrix_bytes)
         if basis is None:
@@ -181,40 +183,45 @@ class Frame:
 
     def _new_basis(self, system, effects, state_matrix):
         """Return the `Basis` of `state_matrix`, (n, n), the matrix A of the meshes' `effects`."""
-        n, moving, mode_count = len(state_matrix), len(self.from_frame), self.elastic // 2
-        matrix, out, into = np.zeros((n, n)), np.eye(n), np.eye(n)
-        matrix[:moving, :moving] = self.matrix(system, effects)
-        matrix[:moving, moving:] = self.to_frame @ state_matrix[:moving, moving:]
-        matrix[moving:, moving:] = state_matrix[moving:, moving:]
+        n, n_moving, mode_count = len(state_matrix), len(self.from_frame), self.elastic_size // 2
+        matrix, from_basis, to_basis = np.zeros((n, n)), np.eye(n), np.eye(n)
+        matrix[:n_moving, :n_moving] = self.matrix(system, effects)
+        matrix[:n_moving, n_moving:] = self.to_frame @ state_matrix[:n_moving, n_moving:]
+        matrix[n_moving:, n_moving:] = state_matrix[n_moving:, n_moving:]
         # The constant and the harmonics are scaled by the deflections that they cause.
         frequencies = self.base_matrix[range(mode_count), range(mode_count, 2 * mode_count)]
-        forces = matrix[mode_count : 2 * mode_count, moving:] / frequencies[:, None]
-        deflection = np.abs(self.from_frame[: moving // 2, :mode_count] @ forces).max(initial=0.0)
+        forces = matrix[mode_count : 2 * mode_count, n_moving:] / frequencies[:, None]
+        deflections = self.from_frame[: n_moving // 2, :mode_count] @ forces
         scale = np.ones(n)
-        scale[moving:] /= np.abs(forces).max(initial=1.0)
-        out[:moving, :moving], into[:moving, :moving] = self.from_frame, self.to_frame
-        out, into, matrix = out * scale, into / scale[:, None], matrix * scale / scale[:, None]
-        rates, pairs, p, inverse = _separate_modes(matrix)
-        fast, constant = pairs + rates.size, n - 1 - 2 * system.harmonics.size
-        out, into, block = out @ p, inverse @ into, inverse[fast:] @ matrix @ p[:, fast:]
+        scale[n_moving:] /= np.abs(forces).max(initial=1.0)
+        from_basis[:n_moving, :n_moving] = self.from_frame
+        to_basis[:n_moving, :n_moving] = self.to_frame
+        matrix = matrix * scale / scale[:, None]
+        rates, n_pairs, p, p_inverse = _separate_modes(matrix)
+        n_fast, constant = n_pairs + rates.size, n - 1 - 2 * system.harmonics.size
+        from_basis, to_basis = from_basis * scale @ p, p_inverse @ (to_basis / scale[:, None])
+        block = p_inverse[n_fast:] @ matrix @ p[:, n_fast:]
         distances = np.stack([system.coast_lines, system.drive_lines])
-        rows = (distances @ out).reshape(-1, n)
-        rotation, unobserved = _slow_coordinates(
-            rows[:, fast:], block, out[constant, fast:], np.abs(rows).max()
+        rows = (distances @ from_basis).reshape(-1, n)
+        rotation, unobserved_count = _slow_coordinates(
+            rows[:, n_fast:], block, from_basis[constant, n_fast:], np.abs(rows).max()
         )
-        back = np.linalg.inv(rotation)
-        out[:, fast:] = out[:, fast:] @ rotation
-        into[fast:] = back @ into[fast:]
-        block = back @ block
-        block, observed = block @ rotation, n - 1 - unobserved
-        if deflection > _MAX_UNREFINED_DEFLECTION:
-            out, into, rates, block = _refined_basis(state_matrix, out, into, rates, pairs, block)
-        rows = distances @ out
+        rotation_inverse = np.linalg.inv(rotation)
+        from_basis[:, n_fast:] = from_basis[:, n_fast:] @ rotation
+        to_basis[n_fast:] = rotation_inverse @ to_basis[n_fast:]
+        block = rotation_inverse @ block
+        block, observed_end = block @ rotation, n - 1 - unobserved_count
+        if np.abs(deflections).max(initial=0.0) > _MAX_UNREFINED_DEFLECTION:
+            from_basis, to_basis, rates, block = _refined_basis(
+                state_matrix, from_basis, to_basis, rates, n_pairs, block
+            )
+        rows = distances @ from_basis
         # Entries that are zero but for rounding are set to zero: the constant must not move.
-        block[-1], into[-1] = 0.0, 0.0
-        into[-1, constant] = 1.0
-        rows[..., observed : n - 1], block[: observed - fast, observed - fast : -1] = 0.0, 0.0
-        return Basis(out, into, rates, pairs, block, rows)
+        block[-1], to_basis[-1] = 0.0, 0.0
+        to_basis[-1, constant] = 1.0
+        rows[..., observed_end : n - 1] = 0.0
+        block[: observed_end - n_fast, observed_end - n_fast : -1] = 0.0
+        return Basis(from_basis, to_basis, rates, n_pairs, block, rows)
 
 
 def _separate_modes(matrix):
@@ -226,36 +233,36 @@ def _separate_modes(matrix):
     conditioned. The eigenvalues are those of pairs and real modes.
     """
     rates, left, right = scipy.linalg.eig(matrix, left=True, right=True)
-    size, order = len(matrix), np.argsort(np.abs(rates), kind="stable")
-    limit = _MAX_SLOW_RATE + _MAX_SLOW_SHARE * np.abs(rates).max()
-    for slow_count in range(max(int((np.abs(rates) < limit).sum()), 1), size + 1):
+    n, order = len(matrix), np.argsort(np.abs(rates), kind="stable")
+    max_slow_rate = _MAX_SLOW_RATE + _MAX_SLOW_SHARE * np.abs(rates).max()
+    for slow_count in range(max(int((np.abs(rates) < max_slow_rate).sum()), 1), n + 1):
         fast = order[slow_count:]
         if rates[fast].imag.sum() != 0.0:
             continue  # The two modes of a pair stay together.
         pairs, real = fast[rates[fast].imag > 0.0], fast[rates[fast].imag == 0.0]
         left_modes = np.hstack([left[:, pairs].real, left[:, pairs].imag, left[:, real].real])
         slow_motions = (
-            scipy.linalg.null_space(left_modes.T, rcond=1e-13) if fast.size else np.eye(size)
+            scipy.linalg.null_space(left_modes.T, rcond=1e-13) if fast.size else np.eye(n)
         )
         fast_modes = np.concatenate([pairs, real])
         modes = right[:, fast_modes] - slow_motions @ _slow_components(
             matrix, rates[fast_modes], right[:, fast_modes], slow_motions
         )
         p = np.stack([modes[:, : pairs.size].real, -modes[:, : pairs.size].imag], axis=2)
-        p = np.hstack([p.reshape(size, -1), modes[:, pairs.size :].real, slow_motions])
-        if p.shape[1] == size and (np.linalg.cond(p) < _MAX_CONDITION or not fast.size):
+        p = np.hstack([p.reshape(n, -1), modes[:, pairs.size :].real, slow_motions])
+        if p.shape[1] == n and (np.linalg.cond(p) < _MAX_CONDITION or not fast.size):
             break
     return rates[fast_modes], pairs.size, p, np.linalg.inv(p)
 
 
-def _slow_components(matrix, rates, modes, slow):
+def _slow_components(matrix, rates, modes, slow_motions):
     """Return the components of slow motions that rounding has left in the eigenvectors `modes`.
 
-    `slow` has the slow motions of `matrix` as columns; `modes`, with complex eigenvalues `rates`,
-    the fast ones.
+    `slow_motions` and `modes` are columns, the modes with the complex eigenvalues `rates` of
+    `matrix`.
     """
-    block = slow.T @ matrix @ slow
-    residuals = (slow.T @ (matrix @ modes - modes * rates)).T[..., None]
+    block = slow_motions.T @ matrix @ slow_motions
+    residuals = (slow_motions.T @ (matrix @ modes - modes * rates)).T[..., None]
     difference = block - rates[:, None, None] * np.eye(len(block))
     try:
         return np.linalg.solve(difference, residuals)[..., 0].T
@@ -264,44 +271,44 @@ def _slow_components(matrix, rates, modes, slow):
         return (np.linalg.pinv(difference, 1e-6) @ residuals)[..., 0].T
 
 
-def _refined_basis(matrix, out, into, rates, pairs, block):
-    """Return (out, into, rates, block) after a Newton step with residuals in long double.
+def _refined_basis(matrix, from_basis, to_basis, rates, n_pairs, block):
+    """Return (from_basis, to_basis, rates, block) after a Newton step with long double residuals.
 
-    `out`, `into`, `rates`, `pairs` and `block` are the fields of a `Basis` of `matrix`, (n, n).
+    The arguments are the fields of a `Basis` of `matrix`, (n, n).
     """
-    n, fast = len(matrix), pairs + rates.size
-    long = [x.astype(np.longdouble) for x in (matrix, out, into)]
+    n, n_fast = len(matrix), n_pairs + rates.size
+    a, p, p_inverse = (x.astype(np.longdouble) for x in (matrix, from_basis, to_basis))
     # In complex coordinates a pair is an eigenvector and its conjugate.
     to_complex = np.eye(n, dtype=complex)
-    order = np.concatenate([np.arange(0, 2 * pairs, 2), np.arange(2 * pairs, fast)])
-    eigenvalues = np.zeros(fast, complex)
-    eigenvalues[order], eigenvalues[1 : 2 * pairs : 2] = rates, rates[:pairs].conj()
-    for i in range(0, 2 * pairs, 2):
+    order = np.concatenate([np.arange(0, 2 * n_pairs, 2), np.arange(2 * n_pairs, n_fast)])
+    eigenvalues = np.zeros(n_fast, complex)
+    eigenvalues[order], eigenvalues[1 : 2 * n_pairs : 2] = rates, rates[:n_pairs].conj()
+    for i in range(0, 2 * n_pairs, 2):
         to_complex[i : i + 2, i : i + 2] = (1.0, 1.0j), (1.0, -1.0j)
     from_complex = np.linalg.inv(to_complex)
     diagonal = np.zeros((n, n), complex)
-    diagonal[range(fast), range(fast)] = eigenvalues
+    diagonal[range(n_fast), range(n_fast)] = eigenvalues
     motion = (from_complex @ diagonal @ to_complex).real
-    motion[fast:, fast:] = block
-    gram = long[2] @ long[1]
-    residual = (long[2] @ (long[0] @ long[1]) - gram @ motion.astype(np.longdouble)).astype(float)
+    motion[n_fast:, n_fast:] = block
+    gram = p_inverse @ p
+    residual = (p_inverse @ (a @ p) - gram @ motion.astype(np.longdouble)).astype(float)
     error, residual = (gram - np.eye(n)).astype(float), to_complex @ residual @ from_complex
     step, differences = np.zeros((n, n), complex), eigenvalues[None] - eigenvalues[:, None]
     # Equal eigenvalues need no correction: any vectors of their subspace are valid.
-    equal = np.abs(differences) <= 1e-6 * np.abs(eigenvalues).max(initial=0.0)
-    step[:fast, :fast] = np.where(
-        equal, 0.0, residual[:fast, :fast] / np.where(equal, 1.0, differences)
+    is_equal = np.abs(differences) <= 1e-6 * np.abs(eigenvalues).max(initial=0.0)
+    step[:n_fast, :n_fast] = np.where(
+        is_equal, 0.0, residual[:n_fast, :n_fast] / np.where(is_equal, 1.0, differences)
     )
     for i, eigenvalue in enumerate(eigenvalues):
-        shifted = block - eigenvalue * np.eye(n - fast)
-        step[i, fast:] = np.linalg.solve(shifted.T, residual[i, fast:])
-        step[fast:, i] = -np.linalg.solve(shifted, residual[fast:, i])
+        shifted = block - eigenvalue * np.eye(n - n_fast)
+        step[i, n_fast:] = np.linalg.solve(shifted.T, residual[i, n_fast:])
+        step[n_fast:, i] = -np.linalg.solve(shifted, residual[n_fast:, i])
     step = (from_complex @ step @ to_complex).real
     return (
-        (long[1] + out @ step).astype(float),
-        (long[2] - (step + error) @ into).astype(float),
+        (p + from_basis @ step).astype(float),
+        (p_inverse - (step + error) @ to_basis).astype(float),
         rates + residual.diagonal()[order],
-        block + residual[fast:, fast:].real,
+        block + residual[n_fast:, n_fast:].real,
     )
 
 
@@ -309,45 +316,45 @@ def _slow_coordinates(rows, block, constant, scale):
     """Return (new basis of the slow motions as columns, number of them that no distance contains).
 
     The last column is the constant component of the state, which the row vector `constant` maps to
-    1. Before it come motions with a share in the distances below rounding. `rows` maps slow motions
-    to distances, `scale` is its scale and `block` the matrix of the slow motions.
+    1. Before it come motions whose components in the distances are below rounding. `rows` map slow
+    motions to distances of the size `scale`; `block` is the matrix of the slow motions.
     """
     length = np.linalg.norm(constant)
     complement = scipy.linalg.null_space(constant[None])
-    observed = [rows @ complement]
+    observations = [rows @ complement]
     for _ in range(len(block) - 2):
-        observed.append(observed[-1] @ (complement.T @ block @ complement))
-    _, singular_values, right_vectors = np.linalg.svd(np.vstack(observed))
+        observations.append(observations[-1] @ (complement.T @ block @ complement))
+    _, singular_values, right_vectors = np.linalg.svd(np.vstack(observations))
     unobserved_count = complement.shape[1] - int((singular_values > 1e-9 * scale).sum())
     basis = np.hstack([complement @ right_vectors.T, constant[:, None] / length**2])
     return basis, unobserved_count
 
 
-def add(tables: Modes, system: TrainSystem, frame: Frame, effects: np.ndarray) -> int:
+def add_modes(tables: Modes, system: TrainSystem, frame: ModalFrame, effects: np.ndarray) -> int:
     """Add the modes of a combination of mesh effects to the `Modes` in `tables`; return its row.
 
-    `system` is the `TrainSystem`, `frame` its `Frame` and `effects`, int, shape (m,), the effect of
+    `frame` is the `ModalFrame` of the `TrainSystem`, `effects`, int, shape (m,), has the effect of
     each mesh. Full tables are emptied first.
     """
     if tables.used[0] == len(tables.keys):
         clear_tables(tables)
     combination, n, basis = tables.used[0], len(system.base_matrix), frame.basis_of(system, effects)
-    _fill_distance_tables(tables, combination, basis.rates, basis.pairs, basis.block, basis.rows)
+    _fill_distance_tables(tables, combination, basis.rates, basis.n_pairs, basis.block, basis.rows)
     tables.from_modes[combination], tables.to_modes[combination] = 0.0, 0.0
-    tables.from_modes[combination, :, :n] = basis.out.T
-    tables.to_modes[combination, :, :n] = basis.into.T
+    tables.from_modes[combination, :, :n] = basis.from_basis.T
+    tables.to_modes[combination, :, :n] = basis.to_basis.T
     tables.hash_slots[find_slot(tables.hash_slots, tables.keys, effects)] = combination
     tables.keys[combination] = effects
     tables.used[0] = combination + 1
     return combination
 
 
-def _fill_distance_tables(tables, combination, rates, pairs, block, rows):
+def _fill_distance_tables(tables, combination, rates, n_pairs, block, rows):
     """Fill a row of the `Modes` in `tables` with the polynomials and limits of the distances.
 
-    `combination` is the row; `rates`, `pairs`, `block` and `rows` are the fields of a `Basis`.
+    `combination` is the row; the other arguments are the fields of a `Basis`.
     """
-    size, fast = 2 * pairs, pairs + rates.size
+    size, n_fast = 2 * n_pairs, n_pairs + rates.size
     degree = tables.curves.shape[4] - 1
     # The 16th root of the norm of the 16th power does not depend on the scales of components.
     slow_rate = np.linalg.norm(np.linalg.matrix_power(block, 16)) ** (1.0 / 16.0)
@@ -355,30 +362,30 @@ def _fill_distance_tables(tables, combination, rates, pairs, block, rows):
     fastest_rate = max(np.abs(rates).max(initial=0.0), slow_rate, 1.0)
     half_length = 0.5 * MAX_PIECE_RATES[degree] / fastest_rate
     power_curves = _bernstein_of_powers(degree)
-    order = np.arange(len(power_curves))
+    orders = np.arange(len(power_curves))
     exponents = half_length * rates[:, None]
-    terms = np.exp(exponents) * exponents**order / factorial(order)
+    terms = np.exp(exponents) * exponents**orders / factorial(orders)
     mode_rows = np.concatenate(
-        [rows[..., 0:size:2] - 1j * rows[..., 1:size:2], rows[..., size:fast]], axis=-1
+        [rows[..., 0:size:2] - 1j * rows[..., 1:size:2], rows[..., size:n_fast]], axis=-1
     )
     mode_curves = mode_rows[..., None] * (terms @ power_curves)
     curves = tables.curves[combination]
-    curves[:, :, 0:size:2] = mode_curves[:, :, :pairs].real
-    curves[:, :, 1:size:2] = -mode_curves[:, :, :pairs].imag
-    curves[:, :, size:fast] = mode_curves[:, :, pairs:].real
-    curves[:, :, fast:] = 0.0
-    slow_rows = rows[..., fast:] @ scipy.linalg.expm(half_length * block)
+    curves[:, :, 0:size:2] = mode_curves[:, :, :n_pairs].real
+    curves[:, :, 1:size:2] = -mode_curves[:, :, :n_pairs].imag
+    curves[:, :, size:n_fast] = mode_curves[:, :, n_pairs:].real
+    curves[:, :, n_fast:] = 0.0
+    slow_rows = rows[..., n_fast:] @ scipy.linalg.expm(half_length * block)
     for i, power in enumerate(power_curves):
-        curves[:, :, fast:] += slow_rows[..., None] * power
+        curves[:, :, n_fast:] += slow_rows[..., None] * power
         slow_rows = slow_rows @ block * (half_length / (i + 1))
-    tables.pair_counts[combination] = pairs
-    tables.real_counts[combination] = rates.size - pairs
+    tables.pair_counts[combination] = n_pairs
+    tables.real_counts[combination] = rates.size - n_pairs
     tables.piece_lengths[combination] = 2.0 * half_length
     tables.rates[combination, : rates.size] = np.stack([rates.real, rates.imag], axis=1)
     tables.slow_matrix[combination, : len(block), : len(block)] = block
     tables.slow_rate[combination] = slow_rate
-    tables.mode_shares[combination, :, :, : rates.size] = np.abs(mode_rows)
-    tables.slow_distance[combination] = rows[..., -1]
-    tables.bounded[combination] = (rates.real <= _MAX_GROWTH).all() & ~rows[..., fast:-1].any(
+    tables.mode_amplitude_factors[combination, :, :, : rates.size] = np.abs(mode_rows)
+    tables.constant_distance[combination] = rows[..., -1]
+    tables.is_bounded[combination] = (rates.real <= _MAX_GROWTH).all() & ~rows[..., n_fast:-1].any(
         axis=-1
     )

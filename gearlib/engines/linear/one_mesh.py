@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gearlib.engines import orbit
-from gearlib.engines.linear.modal_frame import Frame
+from gearlib.engines.linear.modal_frame import ModalFrame
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.propagator import Propagator as Train
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
@@ -15,23 +15,23 @@ from gearlib.engines.orbit import Record
 class Propagator(Train):
     """Run a piecewise-linear model with one mesh at one tuning."""
 
-    description, chunk_size, turning = "closed forms", 16, False
-    create_frame = Frame.of_mesh
+    description, chunk_size, depends_on_tuning = "closed forms", 16, False
+    create_frame = ModalFrame.for_mesh
 
     def __init__(self, model, tuning, other=None):
         """Build the system of a model at a tuning; reuse tables of the propagator `other`."""
         super().__init__(model, tuning, other)
         self.pieces = 0
         # Kernels count displacements from the drive-side flank line.
-        self.line = model.flank_lines[0]
+        self.drive_line = model.flank_lines[0]
         #: Deviation of the flanks and its rate by phase at the start of a mesh period, by which
         #: displacements of one degree of freedom differ from the first coordinate.
-        self.shift = np.zeros(model.size)
+        self.flank_deviation = np.zeros(model.size)
         if model.equation is not None:
             cosines = slice(model.size + 1, None, 2)
             rate = self.system.drive_lines[0] @ self.system.base_matrix
-            self.shift[0] = self.system.drive_lines[0, cosines].sum()
-            self.shift[1] = rate[cosines].sum() / self.system.tuning
+            self.flank_deviation[0] = self.system.drive_lines[0, cosines].sum()
+            self.flank_deviation[1] = rate[cosines].sum() / self.system.tuning
 
     def start(self, state):
         """Return the state z for a state of the mesh, (2,), or of all coordinates, (2 N,)."""
@@ -39,40 +39,40 @@ class Propagator(Train):
             return np.array(state, float)
         return self.model.full_state(self.system, state)[: self.model.size]
 
-    def fill_record(self, z, span, samples, events, summary, first):
+    def fill_record(self, z, span, samples, events, summary, first_period):
         """Run from the state z, shape (2 N,), and fill the tables; see `Base.fill_record`."""
-        z -= self.shift
-        train_summary, raw = np.empty((1, SUMMARY_COLUMNS)), self.raw(len(samples))
+        z -= self.flank_deviation
+        train_summary, raw = np.empty((1, SUMMARY_COLUMNS)), self.empty_raw_samples(len(samples))
         event_rows = np.empty((len(events), EVENT_COLUMNS))
-        period, event_rows, count, code, system = self.run_system(
-            z, raw, event_rows, span.max_events, train_summary, span[:2], first=first
+        period, event_rows, event_count, status, system = self.run_system(
+            z, raw, event_rows, span.max_events, train_summary, span[:2], first=first_period
         )
         summary[:] = train_summary[0, : orbit.SUMMARY_COLUMNS]
-        summary[[orbit.X_MAX, orbit.X_MIN]] += self.line
+        summary[[orbit.X_MAX, orbit.X_MIN]] += self.drive_line
         state = np.ones(self.components)
         state[: z.size] = z * self.scale
-        phase = 2.0 * math.pi * (first + span.periods) * self.system.harmonics
+        phase = 2.0 * math.pi * (first_period + span.periods) * self.system.harmonics
         state[z.size + 1 :: 2], state[z.size + 2 :: 2] = np.cos(phase), np.sin(phase)
-        x = float(self.system.drive_lines[0] @ state) + self.line
-        v = float(self.grid.drive_rates[0] @ state) / self.system.tuning
-        if not code and len(samples):
-            self.fill(raw, samples, system)
-        z += self.shift
-        events = event_rows[:count, : orbit.EVENT_COLUMNS]
-        return Record(z, np.array([x, v]), period, samples, events, summary, code)
+        x = float(self.system.drive_lines[0] @ state) + self.drive_line
+        v = float(self.constants.drive_rates[0] @ state) / self.system.tuning
+        if not status and len(samples):
+            self.fill_samples(raw, samples, system)
+        z += self.flank_deviation
+        events = event_rows[:event_count, : orbit.EVENT_COLUMNS]
+        return Record(z, np.array([x, v]), period, samples, events, summary, status)
 
     def fill_maps(self, z, *arguments):
         """Fill derivatives of period maps, move z to the end; see the base class for arguments."""
-        z -= self.shift
+        z -= self.flank_deviation
         code = super().fill_maps(z, *arguments)
-        z += self.shift
+        z += self.flank_deviation
         return code
 
-    def fill(self, raw, samples, system):
+    def fill_samples(self, raw, samples, system):
         """Fill samples, (k, 6 + e), with the mesh and e model outputs, from `raw` samples."""
         n, count = self.components, orbit.SAMPLE_COLUMNS
-        self.fill_meshes(raw, samples[:, :count].reshape(-1, 1, count), system)
-        samples[:, orbit.SAMPLE_X] += self.line
+        self.fill_mesh_samples(raw, samples[:, :count].reshape(-1, 1, count), system)
+        samples[:, orbit.SAMPLE_X] += self.drive_line
         state = raw[:, :n].copy()
         state[:, : self.scale.size] /= self.scale
         contact, segment = raw[:, n].astype(int), raw[:, -1].astype(int)

@@ -8,23 +8,23 @@ rounding count as simultaneous: their saltation matrices commute, so that the or
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
-from gearlib.engines.jit import inlined_uncounted, uncounted
+from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 from gearlib.engines.linear.distances import fill_amplitudes, find_first_events, stays_off_lines
-from gearlib.engines.linear.grid import (
+from gearlib.engines.linear.modal_arcs import (
+    advance_modes,
+    apply_stored_matrix,
+    fill_mode_factors,
+    find_segment_factors,
+    find_slot,
+)
+from gearlib.engines.linear.record import record
+from gearlib.engines.linear.run_storage import (
     EVENT_ROWS,
     FIRST_EVENT_ROW,
     PERIOD_EVENTS,
     SAMPLES_TAKEN,
     SEGMENT,
 )
-from gearlib.engines.linear.modal_arcs import (
-    advance,
-    fill_mode_factors,
-    find_segment_factors,
-    find_slot,
-    multiply,
-)
-from gearlib.engines.linear.record import record
 from gearlib.engines.linear.sparse_series import (
     SERIES,
     advance_by_series,
@@ -34,13 +34,13 @@ from gearlib.engines.linear.sparse_series import (
 )
 from gearlib.engines.linear.train_system import dot
 
-#: Largest share of a piece between crossings that count as simultaneous. The bound is needed near
+#: Largest time between simultaneous crossings, as a fraction of a piece. The bound is needed near
 #: grazing, where the rounding of an instant has no bound.
-_MAX_SIMULTANEOUS_SHARE = 1e-13
+_MAX_SIMULTANEOUS_STEP = 1e-13
 #: Rounding error of the states of equal meshes, as a multiple of that of one distance.
 _STATE_ROUNDING = 8.0
 #: Requests to the caller, no statuses of a run: the tables lack the combination of the effects of
-#: `Work`, the event table has no room, the system has no further segments.
+#: `RunStorage`, the event table has no room, the system has no further segments.
 COMBINATION_MISSING, EVENTS_FULL, SEGMENTS_MISSING = -1, -2, -3
 
 #: Columns of the event table: those of `orbit` and the number of the mesh.
@@ -48,22 +48,22 @@ EVENT_MESH = orbit.EVENT_COLUMNS
 EVENT_COLUMNS = orbit.EVENT_COLUMNS + 1
 
 
-@inlined_uncounted
-def _cross(system, grid, work, j, segment, vectors):
-    """Change the contact of mesh j in `work` (`Work`), as it has reached a flank line in a segment.
+@inlined_without_refcounts
+def _cross_flank_line(system, constants, work, j, segment, vectors):
+    """Change the contact of mesh j in `work` (`RunStorage`), which has reached a flank line.
 
-    Small deviations of the state, `vectors`, shape (k, n or more), are multiplied by the saltation
-    matrix of the `TrainSystem` `system`; `grid` is its `Grid`.
+    Small perturbations of the state, `vectors`, shape (k, n or more), are multiplied by the
+    saltation matrix of the `TrainSystem` in a segment.
     """
     n = system.drive_lines.shape[1]
     line = 1 if NORMAL in (work.contact[j], work.contact_after[j]) else -1
     work.start_line[j] = line
     if vectors.shape[0] > 0:
-        rate = grid.drive_rates if line == 1 else grid.coast_rates
-        row = system.drive_lines if line == 1 else system.coast_lines
+        line_rates = constants.drive_rates if line == 1 else constants.coast_rates
+        lines = system.drive_lines if line == 1 else system.coast_lines
         speed = 0.0
         for r in range(n):
-            speed += rate[j, r] * work.state[r]
+            speed += line_rates[j, r] * work.state[r]
         effect_before = system.effect[work.contact[j] + 1, segment, j]
         effect_after = system.effect[work.contact_after[j] + 1, segment, j]
         for r in range(n):
@@ -82,7 +82,7 @@ def _cross(system, grid, work, j, segment, vectors):
         for i in range(vectors.shape[0] if speed != 0.0 else 0):
             time_shift = 0.0
             for r in range(n):
-                time_shift += row[j, r] * vectors[i, r]
+                time_shift += lines[j, r] * vectors[i, r]
             time_shift /= speed
             for r in range(n):
                 vectors[i, r] += work.term[r] * time_shift
@@ -90,14 +90,14 @@ def _cross(system, grid, work, j, segment, vectors):
     work.contact[j] = work.contact_after[j]
 
 
-@uncounted
-def sort_last_event(events, row, first):
+@kernel_without_refcounts
+def sort_last_event(events, row, first_row):
     """Move the last event of a table, in `row`, before events of equal phase and later meshes.
 
-    `events` has the columns EVENT_*; `first` is the first row to which the event may move.
+    `events` has the columns EVENT_*; `first_row` is the first row to which the event may move.
     """
     while (
-        row > first
+        row > first_row
         and events[row - 1, orbit.EVENT_PHASE] == events[row, orbit.EVENT_PHASE]
         and events[row - 1, EVENT_MESH] > events[row, EVENT_MESH]
     ):
@@ -106,13 +106,13 @@ def sort_last_event(events, row, first):
         row -= 1
 
 
-@inlined_uncounted
+@inlined_without_refcounts
 def run_period(
-    system, grid, tables, work, number, limit, vectors, recording, summary, samples, events
+    system, constants, tables, work, number, limit, vectors, recording, summary, samples, events
 ):
     """Run through one mesh period from contact event to contact event; return a status.
 
-    The state in `work`, and small deviations of it, `vectors`, shape (k, n or more), change in
+    The state in `work`, and small perturbations of it, `vectors`, shape (k, n or more), change in
     place. `number` is the index of the mesh period in the excitation, `limit` the largest number of
     events. If `recording`, `summary`, shape (m, 10), `samples` as in `record.record` and `events`,
     shape (k, 6), are filled; an event table without rows stays empty. The status
@@ -125,9 +125,9 @@ def run_period(
         work.counters[SEGMENT], work.counters[PERIOD_EVENTS] = first, 0
         work.counters[FIRST_EVENT_ROW] = work.counters[EVENT_ROWS]
         work.counters[SAMPLES_TAKEN] = 0
-        work.progress[0] = grid.lengths[first]
+        work.progress[0] = constants.lengths[first]
         work.progress[1] = 0.0
-        if grid.sample_starts.shape[0] == 0:
+        if constants.sample_starts.shape[0] == 0:
             orbit.fill_sample_phases(samples, n + m, system.starts[last] - system.starts[first])
     while work.counters[SEGMENT] < last:
         segment, combination, remaining = work.counters[SEGMENT], -1, work.progress[0]
@@ -146,103 +146,95 @@ def run_period(
                     return COMBINATION_MISSING if combination == -1 else EVENTS_FULL
                 if combination == SERIES:
                     tables.series_steps[slot] += 1 + vectors.shape[0]
-                    piece = expand(system, grid, work.effects, work.state, work.series)
-                    fill_distance_series(system, grid, work.series, work.distance_series)
+                    piece = expand(system, constants, work.effects, work.state, work.series)
+                    fill_distance_series(system, constants, work.series, work.distance_series)
                 else:
                     piece = tables.piece_lengths[combination]
-                    multiply(tables.to_modes, combination, work.state, work.modal_state)
+                    apply_stored_matrix(tables.to_modes, combination, work.state, work.modal_state)
             mode_count, all_stay_off = 0, True
             if combination != SERIES:
                 mode_count = fill_amplitudes(tables, combination, work.modal_state, work.amplitudes)
             for j in range(m):
                 if not work.stays_off[j]:
                     work.stays_off[j] = work.zero_order[j] == 0 and stays_off_lines(
-                        tables, combination, j, grid, work, mode_count
+                        tables, combination, j, constants, work, mode_count
                     )
                     all_stay_off &= work.stays_off[j]
-            length = (
-                min(piece, remaining) if combination == SERIES or not all_stay_off else remaining
-            )
-            event_share = 2.0
+            step = min(piece, remaining) if combination == SERIES or not all_stay_off else remaining
+            instant = 2.0
             if not all_stay_off:
-                event_share = find_first_events(tables, combination, grid, work, length / piece)
+                instant = find_first_events(tables, combination, constants, work, step / piece)
                 for j in range(m):
                     work.zero_order[j] = 0
-                if event_share < 0.0:
+                if instant < 0.0:
                     return UNRESOLVED
-                if event_share <= 1.0:
-                    length = event_share * piece
+                if instant <= 1.0:
+                    step = instant * piece
             if recording:
                 phase = system.starts[segment] - system.starts[first]
-                phase += (grid.lengths[segment] - remaining) * system.tuning
+                phase += (constants.lengths[segment] - remaining) * system.tuning
                 record(
-                    system,
-                    tables,
-                    combination,
-                    work,
-                    segment,
-                    phase,
-                    length,
-                    piece,
-                    summary,
-                    samples,
+                    system, tables, combination, work, segment, phase, step, piece, summary, samples
                 )
-            remaining -= length
+            remaining -= step
             if combination == SERIES:
-                sum_series(work.series, n, length / piece, work.state)
+                sum_series(work.series, n, step / piece, work.state)
                 for i in range(vectors.shape[0]):
-                    advance_by_series(system, grid, work.effects, length, vectors[i], work.series)
-                if event_share > 1.0 and remaining > 0.0:
+                    advance_by_series(
+                        system, constants, work.effects, step, vectors[i], work.series
+                    )
+                if instant > 1.0 and remaining > 0.0:
                     # After many series steps modes may cost less, so the method is chosen again.
                     combination = -1
                     continue
             else:
-                kind, factors = grid.length_index[segment], work.mode_factors
-                if length == grid.lengths[segment] and 0 <= kind < tables.turn_index.shape[1]:
-                    factors = tables.turn_factors[
-                        find_segment_factors(tables, combination, kind, length)
+                length_index, factors = constants.length_index[segment], work.mode_factors
+                if (
+                    step == constants.lengths[segment]
+                    and 0 <= length_index < tables.segment_factor_rows.shape[1]
+                ):
+                    factors = tables.segment_factors[
+                        find_segment_factors(tables, combination, length_index, step)
                     ]
                 else:
-                    fill_mode_factors(tables, combination, length, factors)
-                advance(
-                    tables, combination, factors, length, work.modal_state, work.term, work.image
+                    fill_mode_factors(tables, combination, step, factors)
+                advance_modes(
+                    tables, combination, factors, step, work.modal_state, work.term, work.image
                 )
                 y = work.mode_buffer
                 for i in range(vectors.shape[0]):
-                    multiply(tables.to_modes, combination, vectors[i], y)
-                    advance(tables, combination, factors, length, y, work.term, work.image)
-                    multiply(tables.from_modes, combination, y, vectors[i])
-                if event_share > 1.0 and remaining > 0.0:
+                    apply_stored_matrix(tables.to_modes, combination, vectors[i], y)
+                    advance_modes(tables, combination, factors, step, y, work.term, work.image)
+                    apply_stored_matrix(tables.from_modes, combination, y, vectors[i])
+                if instant > 1.0 and remaining > 0.0:
                     continue
-                multiply(tables.from_modes, combination, work.modal_state, work.state)
-            if event_share > 1.0:
+                apply_stored_matrix(tables.from_modes, combination, work.modal_state, work.state)
+            if instant > 1.0:
                 break
-            event_rounding = 0.0
+            rounding = 0.0
             for j in range(m):
-                if work.event_share[j] == event_share:
-                    event_rounding = max(event_rounding, work.share_rounding[j])
+                if work.event_instant[j] == instant:
+                    rounding = max(rounding, work.instant_rounding[j])
             for j in range(m):
                 tolerance = min(
-                    _STATE_ROUNDING * (event_rounding + work.share_rounding[j]),
-                    _MAX_SIMULTANEOUS_SHARE,
+                    _STATE_ROUNDING * (rounding + work.instant_rounding[j]),
+                    _MAX_SIMULTANEOUS_STEP,
                 )
-                if work.event_share[j] > 1.0 or work.event_share[j] - event_share > tolerance:
+                if work.event_instant[j] > 1.0 or work.event_instant[j] - instant > tolerance:
                     continue
                 if work.contact_after[j] == BOTH:
                     return JAMMED
                 contact_before = work.contact[j]
-                _cross(system, grid, work, j, segment, vectors)
+                _cross_flank_line(system, constants, work, j, segment, vectors)
                 work.counters[PERIOD_EVENTS] += 1
                 if recording:
                     if contact_before == NORMAL:
                         summary[j, orbit.BOUNCES] += 1.0
                     if events.shape[0] > 0:
-                        velocity = (
-                            dot(grid.drive_rates[j], work.state[: grid.drive_rates.shape[1]])
-                            / system.tuning
-                        )
+                        state = work.state[: constants.drive_rates.shape[1]]
+                        velocity = dot(constants.drive_rates[j], state) / system.tuning
                         # The sum of lengths may round to less than the phase of the last event.
-                        work.progress[1] = max(phase + length * system.tuning, work.progress[1])
+                        work.progress[1] = max(phase + step * system.tuning, work.progress[1])
                         row = work.counters[EVENT_ROWS]
                         events[row, orbit.EVENT_PERIOD] = 0.0
                         events[row, orbit.EVENT_PHASE] = work.progress[1]
@@ -257,6 +249,6 @@ def run_period(
             combination = -1
         work.counters[SEGMENT] = segment + 1
         if segment + 1 < last:
-            work.progress[0] = grid.lengths[segment + 1]
+            work.progress[0] = constants.lengths[segment + 1]
     work.counters[SEGMENT] = -1
     return OK

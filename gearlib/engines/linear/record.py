@@ -5,53 +5,56 @@ import math
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.copies import copy
-from gearlib.engines.jit import inlined_uncounted, uncounted
+from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 from gearlib.engines.linear.distances import (
+    distance_amplitude,
     fill_amplitudes,
     fill_curve,
-    largest_deviation,
     restrict_to_start,
 )
-from gearlib.engines.linear.grid import SAMPLES_TAKEN
-from gearlib.engines.linear.modal_arcs import advance_in_time, multiply
+from gearlib.engines.linear.modal_arcs import advance_modes_in_time, apply_stored_matrix
+from gearlib.engines.linear.run_storage import SAMPLES_TAKEN
 from gearlib.engines.linear.sparse_series import SERIES, sum_series
-from gearlib.engines.polynomial import highest_from
+from gearlib.engines.polynomial import bernstein_maximum
 
 #: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
 FORCE_SUM = orbit.SUMMARY_COLUMNS
 SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
 
 
-@uncounted
+@kernel_without_refcounts
 def _add_extrema(curve, is_displacement, stiffness, work, row):
     """Widen the extrema in the summary `row` of a mesh by those of a distance from a flank line.
 
     `curve` has the Bernstein coefficients of the distance. If `is_displacement`, it counts as the
     displacement of the mesh; a `stiffness` > 0 times the distance is the mesh force. `work` is the
-    `Work` in which the polynomial is searched.
+    `RunStorage` in which the polynomial is searched.
     """
     degree = curve.shape[0] - 1
-    for sign, shift, force in (
+    for sign, displacement_column, force_column in (
         (1.0, orbit.X_MAX, orbit.FORCE_MAX),
         (-1.0, orbit.X_MIN, orbit.FORCE_MIN),
     ):
-        floor, largest = sign * row[shift] if is_displacement else math.inf, -math.inf
+        lower_bound, largest = (
+            sign * row[displacement_column] if is_displacement else math.inf,
+            -math.inf,
+        )
         if stiffness > 0.0:
-            floor = min(floor, sign * row[force] / stiffness)
+            lower_bound = min(lower_bound, sign * row[force_column] / stiffness)
         for k in range(degree + 1):
             work.search[0, k] = sign * curve[k]
             largest = max(largest, work.search[0, k])
         # The largest coefficient is an upper limit, which excludes new extrema in most pieces.
-        if largest <= floor:
+        if largest <= lower_bound:
             continue
-        extremum = highest_from(work.search, degree, floor)
-        if is_displacement and not extremum <= sign * row[shift]:
-            row[shift] = sign * extremum
-        if stiffness > 0.0 and not stiffness * extremum <= sign * row[force]:
-            row[force] = sign * stiffness * extremum
+        extremum = bernstein_maximum(work.search, degree, lower_bound)
+        if is_displacement and not extremum <= sign * row[displacement_column]:
+            row[displacement_column] = sign * extremum
+        if stiffness > 0.0 and not stiffness * extremum <= sign * row[force_column]:
+            row[force_column] = sign * stiffness * extremum
 
 
-@inlined_uncounted
+@inlined_without_refcounts
 def _fill_distance(tables, combination, side, j, work):
     """Fill `work.curve` with the distance of mesh j from the flank line of a side.
 
@@ -63,32 +66,35 @@ def _fill_distance(tables, combination, side, j, work):
         fill_curve(tables.curves[combination, side, j], work.mode_buffer, work.curve)
 
 
-@inlined_uncounted
-def _extrema_are_covered(system, tables, combination, work, segment, summary, mode_count):
+@inlined_without_refcounts
+def _extrema_stay_within_summary(system, tables, combination, work, segment, summary, mode_count):
     """Return whether no mesh provably exceeds the extrema in `summary` until a contact changes.
 
     `summary` has a row a mesh; `combination` is a row of `tables` (`Modes`), `segment` one of the
-    `TrainSystem` `system`, and `mode_count` the number of mode amplitudes in `work` (`Work`).
+    `TrainSystem`, and `mode_count` the number of mode amplitudes in `work` (`RunStorage`).
     """
     for j in range(work.contact.shape[0]):
         row, code = summary[j], work.contact[j]
-        if not tables.bounded[combination, 1, j] or not tables.bounded[combination, 0, j]:
+        if not tables.is_bounded[combination, 1, j] or not tables.is_bounded[combination, 0, j]:
             return False
-        level = tables.slow_distance[combination, 1, j]
-        deviation = largest_deviation(tables, combination, 1, j, work, mode_count)
-        if level + deviation > row[orbit.X_MAX] or level - deviation < row[orbit.X_MIN]:
+        mean_distance = tables.constant_distance[combination, 1, j]
+        amplitude = distance_amplitude(tables, combination, 1, j, work, mode_count)
+        if (
+            mean_distance + amplitude > row[orbit.X_MAX]
+            or mean_distance - amplitude < row[orbit.X_MIN]
+        ):
             return False
         if code == INVERSE:
-            level = tables.slow_distance[combination, 0, j]
-            deviation = largest_deviation(tables, combination, 0, j, work, mode_count)
+            mean_distance = tables.constant_distance[combination, 0, j]
+            amplitude = distance_amplitude(tables, combination, 0, j, work, mode_count)
         stiffness = system.stiffness[code + 1, segment, j] if code != BACKLASH else 0.0
-        high, low = stiffness * (level + deviation), stiffness * (level - deviation)
+        high, low = stiffness * (mean_distance + amplitude), stiffness * (mean_distance - amplitude)
         if high > row[orbit.FORCE_MAX] or low < row[orbit.FORCE_MIN]:
             return False
     return True
 
 
-@inlined_uncounted
+@inlined_without_refcounts
 def _distance_integral(tables, combination, line, j, start, end, t):
     """Return the time integral of the distance of mesh j from a flank line over the time t.
 
@@ -96,55 +102,59 @@ def _distance_integral(tables, combination, line, j, start, end, t):
     is 0 for the coast and 1 for the drive side.
     """
     pair_count = tables.pair_counts[combination]
-    total = tables.slow_distance[combination, line, j] * t
+    total = tables.constant_distance[combination, line, j] * t
     rates = tables.rates[combination]
-    # The first coefficient of a curve is the share of a mode in the distance.
+    # The first coefficient of a curve is the component of a mode in the distance.
     curves = tables.curves[combination, line, j]
     for k in range(pair_count):
         # The integral of a mode is its change over its complex rate.
-        a, b = rates[k, 0], rates[k, 1]
+        growth, frequency = rates[k, 0], rates[k, 1]
         u, v = end[2 * k] - start[2 * k], end[2 * k + 1] - start[2 * k + 1]
-        p, q = a * u + b * v, a * v - b * u
-        total += (curves[2 * k, 0] * p + curves[2 * k + 1, 0] * q) / (a * a + b * b)
+        p, q = growth * u + frequency * v, growth * v - frequency * u
+        total += (curves[2 * k, 0] * p + curves[2 * k + 1, 0] * q) / (
+            growth * growth + frequency * frequency
+        )
     for k in range(tables.real_counts[combination]):
         i = 2 * pair_count + k
         total += curves[i, 0] * (end[i] - start[i]) / rates[pair_count + k, 0]
     return total
 
 
-@uncounted
-def record(system, tables, combination, work, segment, phase, length, piece, summary, samples):
+@kernel_without_refcounts
+def record(
+    system, tables, combination, work, segment, phase, length, piece_length, summary, samples
+):
     """Record a motion without contact changes in the summary, shape (m, 10), and the samples.
 
     It begins at `phase`, in a segment, with the modal state in `work` and lasts `length` in theta;
-    polynomials of distances hold over the time `piece`. `combination` is a row of `tables` or
-    SERIES. Samples have the columns: state, shape (n,), contact codes, shape (m,), segment; the
-    last column has the phase of the sample until it is filled. There is no search for extrema if
-    the first one in `summary` is infinite.
+    polynomials of distances hold over `piece_length`. `combination` is a row of `tables` or SERIES.
+    Samples have the columns: state, shape (n,), contact codes, shape (m,), segment; the last column
+    has the phase of the sample until it is filled. There is no search for extrema if the first one
+    in `summary` is infinite.
     """
     m, n = system.drive_lines.shape
-    tuning, done, curve = system.tuning, 0.0, work.curve
+    tuning, elapsed, curve = system.tuning, 0.0, work.curve
     degree = curve.shape[0] - 1
     with_extrema = summary[0, orbit.X_MAX] < math.inf
     copy(work.modal_state, work.mode_buffer)
     for j in range(m):
-        orbit.add_time(
+        orbit.add_contact_time(
             work.contact[j],
             length * tuning,
             system.low[work.contact[j] + 1, segment, j],
             summary[j],
         )
-    while done < length:
-        step = min(piece, length - done) if with_extrema else length
+    while elapsed < length:
+        step = min(piece_length, length - elapsed) if with_extrema else length
         search_step = with_extrema
-        if with_extrema and step < length - done:
+        if with_extrema and step < length - elapsed:
             mode_count = fill_amplitudes(tables, combination, work.mode_buffer, work.amplitudes)
-            if _extrema_are_covered(
+            if _extrema_stay_within_summary(
                 system, tables, combination, work, segment, summary, mode_count
             ):
-                step, search_step = length - done, False
+                step, search_step = length - elapsed, False
                 copy(work.mode_buffer, work.sampled_modes)
-                advance_in_time(tables, combination, work, step, work.sampled_modes)
+                advance_modes_in_time(tables, combination, work, step, work.sampled_modes)
                 for j in range(m):
                     code = work.contact[j]
                     if code != BACKLASH:
@@ -157,36 +167,38 @@ def record(system, tables, combination, work, segment, phase, length, piece, sum
         for j in range(m if search_step else 0):
             row, code = summary[j], work.contact[j]
             _fill_distance(tables, combination, 1, j, work)
-            restrict_to_start(curve, step / piece, degree)
+            restrict_to_start(curve, step / piece_length, degree)
             stiffness = 0.0 if code == BACKLASH else system.stiffness[code + 1, segment, j]
             _add_extrema(curve, True, stiffness if code == NORMAL else 0.0, work, row)
             if code == BACKLASH:
                 continue
             if code == INVERSE:
                 _fill_distance(tables, combination, 0, j, work)
-                restrict_to_start(curve, step / piece, degree)
+                restrict_to_start(curve, step / piece_length, degree)
                 _add_extrema(curve, False, stiffness, work, row)
             for k in range(degree + 1):
                 row[FORCE_SUM] += step * tuning * stiffness * curve[k] / (degree + 1)
-        step_start = phase + done * tuning
+        step_start = phase + elapsed * tuning
         step_end = step_start + step * tuning - 1e-12
         while work.counters[SAMPLES_TAKEN] < samples.shape[0]:
             sample = work.counters[SAMPLES_TAKEN]
-            wanted = samples[sample, n + m]
-            if wanted >= step_end:
+            sample_phase = samples[sample, n + m]
+            if sample_phase >= step_end:
                 break
-            t = max(wanted - step_start, 0.0) / tuning
+            t = max(sample_phase - step_start, 0.0) / tuning
             if combination == SERIES:
-                sum_series(work.series, n, t / piece, work.sampled_state)
+                sum_series(work.series, n, t / piece_length, work.sampled_state)
             else:
                 copy(work.mode_buffer, work.sampled_modes)
-                advance_in_time(tables, combination, work, t, work.sampled_modes)
-                multiply(tables.from_modes, combination, work.sampled_modes, work.sampled_state)
+                advance_modes_in_time(tables, combination, work, t, work.sampled_modes)
+                apply_stored_matrix(
+                    tables.from_modes, combination, work.sampled_modes, work.sampled_state
+                )
             copy(work.sampled_state, samples[sample, :n])
             for j in range(m):
                 samples[sample, n + j] = work.contact[j]
             samples[sample, n + m] = segment
             work.counters[SAMPLES_TAKEN] = sample + 1
-        done += step
-        if done < length:
-            advance_in_time(tables, combination, work, step, work.mode_buffer)
+        elapsed += step
+        if elapsed < length:
+            advance_modes_in_time(tables, combination, work, step, work.mode_buffer)

@@ -11,20 +11,20 @@ import math
 import numpy as np
 
 from gearlib.engines import exponential
-from gearlib.engines.jit import inlined_uncounted, uncounted
+from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 
-#: Row of a combination that has no modes and goes by the series.
+#: Row of a combination that has no modes and is advanced by the series.
 SERIES = -2
-#: |A| times the unit of a series; the terms beyond degree 23 add less than 4/3 of the last term.
+#: |A| times the time unit of a series; terms beyond degree 23 add less than 4/3 of the last term.
 MAX_NORM = 6.0
-#: Largest last term of a series, as a share of the state.
+#: Largest last term of a series, as a fraction of the state.
 _LAST_TERM = 2e-17
 #: Number of components from which the series is tried first, and the cost of modes in steps of the
 #: series over the square of the components.
 _MIN_SERIES_COMPONENTS, _MODE_COST = 60, 0.015
 
 
-def mode_cost_of(n: int) -> int:
+def mode_cost_in_steps(n: int) -> int:
     """Return how many steps of the Taylor series cost as much as the modes of n state components.
 
     It is 0 where there are so few components that modes are always used.
@@ -32,15 +32,15 @@ def mode_cost_of(n: int) -> int:
     return int(_MODE_COST * n * n) if n >= _MIN_SERIES_COMPONENTS else 0
 
 
-def sparse_fields(system, with_series=False):
-    """Return the fields of a `Grid` that list the non-zeros of a `TrainSystem`, {name: array}.
+def nonzero_fields(system, with_series=False):
+    """Return the fields of `RunConstants` with the non-zeros of a `TrainSystem`, {name: array}.
 
     The arrays are empty if the system is so small that it needs no series, unless `with_series`.
     """
     names = ["nonzero_columns", "nonzero_counts", "mesh_components", "mesh_component_counts"]
     names.append("nonzero_values")
     n = system.base_matrix.shape[0]
-    if not (mode_cost_of(n) or with_series):
+    if not (mode_cost_in_steps(n) or with_series):
         empty = np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
         return dict(zip(names, (*empty, *empty, np.zeros((0, 0))), strict=True))
     involved = (system.drive_lines != 0.0) | (system.coast_lines != 0.0)
@@ -53,144 +53,144 @@ def sparse_fields(system, with_series=False):
 
 
 def _true_columns(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (column indices of the true entries of each row, their number in each row).
+    """Return (column indices of the true entries of each row, their number in each row) of a mask.
 
-    Both are for a 2-d bool array; rows with fewer true entries are filled with other columns.
+    Rows with fewer true entries are filled with other columns.
     """
     counts = mask.sum(axis=1)
     return np.argsort(~mask, axis=1, kind="stable")[:, : counts.max()].copy(), counts
 
 
-@uncounted
-def _fill_scaled_image(system, grid, effects, z, share, out):
-    """Fill `out`, shape (n,), with share * A @ z for the matrix A of a `TrainSystem`.
+@kernel_without_refcounts
+def _fill_scaled_image(system, constants, effects, z, factor, image):
+    """Fill `image`, shape (n,), with factor * A @ z for the matrix A of a `TrainSystem`.
 
-    `effects`, int, shape (m,), are the contact effects of the meshes; `grid` lists non-zeros of A.
+    `effects`, int, (m,), are the contact effects of the meshes; `constants` list non-zeros of A.
     """
-    for r in range(grid.nonzero_counts.shape[0]):
+    for r in range(constants.nonzero_counts.shape[0]):
         total = 0.0
-        for i in range(grid.nonzero_counts[r]):
-            total += grid.nonzero_values[r, i] * z[grid.nonzero_columns[r, i]]
-        out[r] = share * total
+        for i in range(constants.nonzero_counts[r]):
+            total += constants.nonzero_values[r, i] * z[constants.nonzero_columns[r, i]]
+        image[r] = factor * total
     for j in range(effects.shape[0]):
         # The second force is the friction, which may be zero.
         for k in range(2 if effects[j] > 0 else 0):
             row, force = system.force_output[j, effects[j], k], 0.0
             column = system.force_input[j, effects[j], k]
-            for i in range(grid.mesh_component_counts[j]):
-                r = grid.mesh_components[j, i]
+            for i in range(constants.mesh_component_counts[j]):
+                r = constants.mesh_components[j, i]
                 force += row[r] * z[r]
             if force != 0.0:
-                force *= share
-                for i in range(grid.mesh_component_counts[j]):
-                    r = grid.mesh_components[j, i]
-                    out[r] += column[r] * force
+                force *= factor
+                for i in range(constants.mesh_component_counts[j]):
+                    r = constants.mesh_components[j, i]
+                    image[r] += column[r] * force
 
 
-@uncounted
-def _fill_chirp_rates(grid, k, unit, terms):
+@kernel_without_refcounts
+def _fill_chirp_rates(constants, k, time_unit, terms):
     """Fill term k + 1 of the Taylor series of the harmonics' derivatives while the speed changes.
 
     Behind displacements and velocities the state has the speed nu and, for each harmonic, cosine c,
-    sine s and their derivatives. Since c' = -w nu s, c'' = -w (nu' s + nu s'), and likewise
-    for the sine. `unit` is the time unit of the series `terms`, shape (degree + 1, n).
+    sine s and their derivatives. Since c' = -w nu s, c'' = -w (nu' s + nu s'), and likewise for the
+    sine. `time_unit` is that of the series `terms`, shape (degree + 1, n).
     """
-    speed = grid.speed_component
+    speed = constants.speed_component
     speed_start, speed_change = terms[0, speed], terms[1, speed]
-    for j in range(grid.chirp_frequencies.shape[0]):
-        i, share = speed + 1 + 4 * j, grid.chirp_frequencies[j] / (k + 1)
+    for j in range(constants.chirp_frequencies.shape[0]):
+        i, factor = speed + 1 + 4 * j, constants.chirp_frequencies[j] / (k + 1)
         for is_sine in range(2):
             # The rate of the cosine depends on the sine, and that of the sine on the cosine.
             value, rate = i + 1 - is_sine, i + 3 - is_sine
-            total = speed_change * terms[k, value] + unit * speed_start * terms[k, rate]
+            total = speed_change * terms[k, value] + time_unit * speed_start * terms[k, rate]
             if k > 0:
-                total += unit * speed_change * terms[k - 1, rate]
-            terms[k + 1, i + 2 + is_sine] = share * total if is_sine == 1 else -share * total
+                total += time_unit * speed_change * terms[k - 1, rate]
+            terms[k + 1, i + 2 + is_sine] = factor * total if is_sine == 1 else -factor * total
 
 
-@uncounted
-def expand(system, grid, effects, z, terms):
+@kernel_without_refcounts
+def expand(system, constants, effects, z, terms):
     """Fill `terms`, shape (degree + 1, n padded), with the Taylor series of the state z.
 
     Returns its time unit in theta, over which the series is exact to rounding. The matrix of the
-    series is that of the `TrainSystem` with the meshes' `effects`, int, shape (m,); `grid` lists
-    its non-zeros.
+    series is that of the `TrainSystem` with the meshes' `effects`, int, shape (m,); `constants`
+    list its non-zeros.
     """
-    last, n = terms.shape[0] - 1, grid.nonzero_counts.shape[0]
-    unit = MAX_NORM / exponential.MAX_NORM * system.longest
+    degree, n = terms.shape[0] - 1, constants.nonzero_counts.shape[0]
+    time_unit = MAX_NORM / exponential.MAX_NORM * system.max_step
     largest, last_term = 0.0, 0.0
     for r in range(n):
         terms[0, r] = z[r]
         largest = max(largest, abs(z[r]))
-    for k in range(last):
-        _fill_scaled_image(system, grid, effects, terms[k], unit / (k + 1), terms[k + 1])
-        if grid.chirp_frequencies.shape[0] > 0:
-            _fill_chirp_rates(grid, k, unit, terms)
+    for k in range(degree):
+        _fill_scaled_image(system, constants, effects, terms[k], time_unit / (k + 1), terms[k + 1])
+        if constants.chirp_frequencies.shape[0] > 0:
+            _fill_chirp_rates(constants, k, time_unit, terms)
     for r in range(n):
-        last_term = max(last_term, abs(terms[last, r]))
+        last_term = max(last_term, abs(terms[degree, r]))
     # The last term bounds those that follow; it is zero for a state at rest.
-    share = 1.0
+    unit_fraction = 1.0
     if _LAST_TERM * largest < last_term < math.inf:
-        share = (_LAST_TERM * largest / last_term) ** (1.0 / last)
+        unit_fraction = (_LAST_TERM * largest / last_term) ** (1.0 / degree)
     power = 1.0
-    for k in range(1, last + 1):
-        power *= share
+    for k in range(1, degree + 1):
+        power *= unit_fraction
         for r in range(n):
             terms[k, r] *= power
-    return unit * share
+    return time_unit * unit_fraction
 
 
-@uncounted
-def fill_distance_series(system, grid, terms, curves):
+@kernel_without_refcounts
+def fill_distance_series(system, constants, terms, curves):
     """Fill `curves`, (2, m, degree + 2), with the Taylor series of all distances from flank lines.
 
     The first index is 0 for the coast side and 1 for the drive side; the last column is the sum of
     magnitudes, a scale of the rounding error. `terms` is the series of the state from `expand`.
     """
-    for j in range(grid.mesh_component_counts.shape[0]):
+    for j in range(constants.mesh_component_counts.shape[0]):
         for side in range(2):
             row = system.drive_lines[j] if side == 1 else system.coast_lines[j]
             magnitude = 0.0
-            for i in range(grid.mesh_component_counts[j]):
-                r = grid.mesh_components[j, i]
+            for i in range(constants.mesh_component_counts[j]):
+                r = constants.mesh_components[j, i]
                 magnitude += abs(row[r] * terms[0, r])
             for k in range(terms.shape[0]):
                 total = 0.0
-                for i in range(grid.mesh_component_counts[j]):
-                    r = grid.mesh_components[j, i]
+                for i in range(constants.mesh_component_counts[j]):
+                    r = constants.mesh_components[j, i]
                     total += row[r] * terms[k, r]
                 curves[side, j, k] = total
             curves[side, j, terms.shape[0]] = magnitude
 
 
-@inlined_uncounted
-def sum_series(terms, n, share, out):
-    """Fill `out` with the sum of a Taylor series of n components at a `share` of its time unit.
+@inlined_without_refcounts
+def sum_series(terms, n, fraction, state):
+    """Fill `state` with the sum of a Taylor series of n components at a fraction of its time unit.
 
     `terms`, shape (degree + 1, n padded), is that of `expand`.
     """
     for r in range(n):
-        out[r] = terms[terms.shape[0] - 1, r]
+        state[r] = terms[terms.shape[0] - 1, r]
     for k in range(terms.shape[0] - 2, -1, -1):
         for r in range(n):
-            out[r] = out[r] * share + terms[k, r]
+            state[r] = state[r] * fraction + terms[k, r]
 
 
-@uncounted
-def advance_by_series(system, grid, effects, length, z, terms):
-    """Advance a state or its small deviation z by `length` in theta at constant contacts, in place.
+@kernel_without_refcounts
+def advance_by_series(system, constants, effects, length, z, terms):
+    """Advance a state z, or a perturbation, by `length` in theta at constant contacts, in place.
 
     `effects` are the contact effects of the meshes; `terms`, as in `expand`, is overwritten.
     """
     remaining = length
     while remaining > 0.0:
-        unit = expand(system, grid, effects, z, terms)
-        step = min(unit, remaining)
-        sum_series(terms, grid.nonzero_counts.shape[0], step / unit, z)
+        time_unit = expand(system, constants, effects, z, terms)
+        step = min(time_unit, remaining)
+        sum_series(terms, constants.nonzero_counts.shape[0], step / time_unit, z)
         remaining -= step
 
 
-@inlined_uncounted
+@inlined_without_refcounts
 def series_may_reach_zero(curve, sign, degree):
     """Return whether a distance from a flank line may reach zero within its series' time unit.
 

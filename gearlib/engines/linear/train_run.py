@@ -6,15 +6,21 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLOW, UNRESOLVED
-from gearlib.engines.jit import inlined_uncounted, kernel, uncounted
-from gearlib.engines.linear.grid import EVENT_ROWS, FIRST_EVENT_ROW, KNOWN_PERIODS, PERIOD, SEGMENT
+from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
 from gearlib.engines.linear.periods import SEGMENTS_MISSING, run_period
+from gearlib.engines.linear.run_storage import (
+    EVENT_ROWS,
+    FIRST_EVENT_ROW,
+    KNOWN_PERIODS,
+    PERIOD,
+    SEGMENT,
+)
 from gearlib.engines.linear.train_system import (
     ZERO_TOLERANCE,
     dot,
-    image,
-    is_behind,
-    matrix_of,
+    fill_system_matrix,
+    is_past_coast_line,
+    matrix_vector_product,
     set_harmonics,
 )
 
@@ -22,8 +28,8 @@ from gearlib.engines.linear.train_system import (
 _MAX_DERIVATIVES = 10
 
 
-@uncounted
-def _sign(row_vector, z):
+@kernel_without_refcounts
+def _sign_or_zero(row_vector, z):
     """Return the sign of the product of a row vector and z, 0.0 if it is zero to rounding."""
     value, magnitude = 0.0, 0.0
     for r in range(z.shape[0]):
@@ -35,56 +41,56 @@ def _sign(row_vector, z):
 
 
 @kernel
-def set_contacts(system, no_coast_side, work, segment):
-    """Set contact, start_line and zero_order of `Work` for its state at the start of a segment.
+def set_initial_contacts(system, no_coast_side, work, segment):
+    """Set contact, start_line and zero_order in `work` for its state at the start of a segment.
 
     For a mesh on a flank line, the first nonzero derivative of its distance decides the contact
     just after. Until that derivative is reached, the mesh exerts no force. `system` is the
-    `TrainSystem`, and `no_coast_side`, bool, shape (m,), the field of its `Grid`.
+    `TrainSystem`, and `no_coast_side`, bool, shape (m,), says whether a mesh has no coast side.
     """
     m, n = system.drive_lines.shape
     z = work.state[:n]
     work.zero_order[:] = 0
     work.start_line[:] = 0
-    undecided = np.zeros(m, dtype=np.bool_)
+    is_undecided = np.zeros(m, dtype=np.bool_)
     for j in range(m):
-        drive_sign = _sign(system.drive_lines[j], z)
-        coast_sign = 1.0 if no_coast_side[j] else _sign(system.coast_lines[j], z)
+        drive_sign = _sign_or_zero(system.drive_lines[j], z)
+        coast_sign = 1.0 if no_coast_side[j] else _sign_or_zero(system.coast_lines[j], z)
         work.contact[j] = BACKLASH
         if drive_sign > 0.0:
             work.contact[j] = NORMAL
         elif drive_sign == 0.0:
-            work.start_line[j], undecided[j] = 1, True
+            work.start_line[j], is_undecided[j] = 1, True
         elif coast_sign < 0.0:
             work.contact[j] = INVERSE
         elif coast_sign == 0.0:
-            work.start_line[j], undecided[j] = -1, True
+            work.start_line[j], is_undecided[j] = -1, True
     matrix = np.empty((n, n))
     for order in range(1, _MAX_DERIVATIVES):
-        if not undecided.any():
+        if not is_undecided.any():
             break
         for j in range(m):
             work.effects[j] = system.effect[work.contact[j] + 1, segment, j]
-        matrix_of(system, work.effects, matrix)
-        derivative = image(matrix, z)
+        fill_system_matrix(system, work.effects, matrix)
+        derivative = matrix_vector_product(matrix, z)
         for _ in range(order - 1):
-            derivative = image(matrix, derivative)
+            derivative = matrix_vector_product(matrix, derivative)
         for j in range(m):
-            if not undecided[j]:
+            if not is_undecided[j]:
                 continue
             lines = system.drive_lines if work.start_line[j] == 1 else system.coast_lines
-            sign = _sign(lines[j], derivative)
+            sign = _sign_or_zero(lines[j], derivative)
             if sign != 0.0:
-                undecided[j], work.zero_order[j] = False, order
+                is_undecided[j], work.zero_order[j] = False, order
                 if sign == work.start_line[j]:
                     work.contact[j] = work.start_line[j]
     for j in range(m):
-        if undecided[j]:
+        if is_undecided[j]:
             work.zero_order[j] = _MAX_DERIVATIVES
             work.contact[j] = max(work.start_line[j], 0)
 
 
-@uncounted
+@kernel_without_refcounts
 def _exceeds_range(z):
     """Return whether a component of the state z is NaN or so large that its square overflows."""
     for r in range(z.shape[0]):
@@ -94,26 +100,27 @@ def _exceeds_range(z):
 
 
 @kernel
-def start_run(system, grid, work):
-    """Set the contacts in `work` (`Work`) for the state at the start of a run; return a status.
+def start_run(system, constants, work):
+    """Set the contacts in `work` for the state at the start of a run; return a status.
 
-    It is OK, or JAMMED if both flanks of a mesh overlap; `grid` is the `Grid` of `system`.
+    It is OK, or JAMMED if both flanks of a mesh overlap; `constants` are those of the system.
     """
     n = system.drive_lines.shape[1]
-    set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * system.first)
-    mesh_period = system.first % (system.first_segment.shape[0] - 1)
-    set_contacts(system, grid.no_coast_side, work, system.first_segment[mesh_period])
+    set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * system.first_period)
+    mesh_period = system.first_period % (system.first_segment.shape[0] - 1)
+    set_initial_contacts(system, constants.no_coast_side, work, system.first_segment[mesh_period])
     for j in range(system.drive_lines.shape[0]):
         touches = work.contact[j] == NORMAL or work.start_line[j] == 1
-        if grid.may_jam[j] and touches and is_behind(system.coast_lines[j], work.state[:n]):
+        overlaps = is_past_coast_line(system.coast_lines[j], work.state[:n])
+        if constants.may_jam[j] and touches and overlaps:
             return JAMMED
     return OK
 
 
-@uncounted
+@kernel_without_refcounts
 def run_train(
     system,
-    grid,
+    constants,
     tables,
     work,
     periods,
@@ -131,10 +138,11 @@ def run_train(
     The statuses COMBINATION_MISSING, EVENTS_FULL and SEGMENTS_MISSING ask for a combination in the
     tables, a larger event table, or the next segments; the next call then continues from there. The
     last `record_periods` are recorded in samples and events, see `periods.run_period`, in a summary
-    for each block of `grid`, and in `strobes`, shape (m, k + 1, 2): displacement and velocity of
-    the meshes at the bounds of the last k periods. `limit` is the most events of a period. `maps`,
-    shape (periods, 2 N, 2 N) or (0, 2 N, 2 N), are filled with the derivative of the state after
-    each period by the state before it, for which `vectors`, shape (2 N, n or more), are storage.
+    for each block of `constants`, and in `strobes`, shape (m, k + 1, 2): displacement and velocity
+    of the meshes at the bounds of the last k periods. `limit` is the most events of a period.
+    `maps`, shape (periods, 2 N, 2 N) or (0, 2 N, 2 N), are filled with the derivative of the state
+    after each period by the state before it, for which `vectors`, shape (2 N, n or more), are
+    storage.
     """
     m, n = system.drive_lines.shape
     size, strobe_count = maps.shape[1], strobes.shape[1] - 1
@@ -145,23 +153,25 @@ def run_train(
             return SEGMENTS_MISSING
         if work.counters[SEGMENT] < 0:
             # The harmonics are set anew, so that their rounding does not grow with the run.
-            set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * (system.first + period))
+            phase = 2.0 * math.pi * (system.first_period + period)
+            set_harmonics(system.harmonics, work.state[:n], phase)
             row = period - (periods - strobe_count)
             if row >= 0:
-                _record_strobe(system, grid, work.state, strobes, row)
+                _record_strobe(system, constants, work.state, strobes, row)
             for r in range(vectors.shape[0]):
                 for k in range(vectors.shape[1]):
                     vectors[r, k] = 1.0 if r == k else 0.0
         recording = period >= first_recorded
-        number = (system.first + period) % (system.first_segment.shape[0] - 1)
+        number = (system.first_period + period) % (system.first_segment.shape[0] - 1)
         first_sample = max(period - first_recorded, 0) * per_period
         last_sample = first_sample + per_period if recording else first_sample
-        if grid.sample_starts.shape[0] > 0:
-            first_sample, last_sample = grid.sample_starts[number], grid.sample_starts[number + 1]
-        rows = summary[grid.summary_blocks[number] * m :]
-        sample_rows = samples[first_sample:last_sample]
+        if constants.sample_starts.shape[0] > 0:
+            first_sample = constants.sample_starts[number]
+            last_sample = constants.sample_starts[number + 1]
+        rows = summary[constants.summary_blocks[number] * m :]
+        table = samples[first_sample:last_sample]
         status = run_period(
-            system, grid, tables, work, number, limit, vectors, recording, rows, sample_rows, events
+            system, constants, tables, work, number, limit, vectors, recording, rows, table, events
         )
         if status < 0:
             return status
@@ -171,7 +181,7 @@ def run_train(
             status = OVERFLOW
         if recording and status == OK:
             for j in range(m):
-                if orbit.unresolved(rows[j]):
+                if orbit.has_unresolved_extremum(rows[j]):
                     status = UNRESOLVED
         if status != OK:
             return status
@@ -180,12 +190,12 @@ def run_train(
                 maps[period, k, r] = vectors[r, k]
         work.counters[PERIOD] = period + 1
     if record_periods > 0:
-        _record_strobe(system, grid, work.state, strobes, strobe_count)
+        _record_strobe(system, constants, work.state, strobes, strobe_count)
     return OK
 
 
 @kernel
-def period_of(system, strobes, summary):
+def motion_period(system, strobes, summary):
     """Return the number of mesh periods after which the motion of all meshes repeats, or 0.
 
     `strobes`, shape (m, k + 1, 2), has displacements and velocities at k + 1 successive bounds of
@@ -193,18 +203,18 @@ def period_of(system, strobes, summary):
     """
     period = 1
     for j in range(strobes.shape[0]):
-        height = summary[j, orbit.X_MAX] - summary[j, orbit.X_MIN]
-        mesh_period = orbit.orbit_period(strobes[j], system.tuning, height, system.repeats)
+        x_range = summary[j, orbit.X_MAX] - summary[j, orbit.X_MIN]
+        mesh_period = orbit.orbit_period(strobes[j], system.tuning, x_range, system.repeats)
         period = period // math.gcd(period, mesh_period) * mesh_period if mesh_period > 0 else 0
         if period == 0:
             break
     return period
 
 
-@inlined_uncounted
-def _record_strobe(system, grid, z, strobes, row):
+@inlined_without_refcounts
+def _record_strobe(system, constants, z, strobes, row):
     """Write displacement and velocity of all meshes in the state z to strobes[:, row]."""
     state = z[: system.drive_lines.shape[1]]
     for j in range(strobes.shape[0]):
         strobes[j, row, 0] = dot(system.drive_lines[j], state)
-        strobes[j, row, 1] = dot(grid.drive_rates[j], state) / system.tuning
+        strobes[j, row, 1] = dot(constants.drive_rates[j], state) / system.tuning

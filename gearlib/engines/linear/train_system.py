@@ -18,11 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, BOTH
-from gearlib.engines.jit import inlined_uncounted, kernel, uncounted
+from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
 
-#: Largest overlap of both flanks that counts as rounding, as a share of the terms of a distance.
+#: Largest overlap of both flanks that counts as rounding, relative to the terms of a distance.
 _MAX_OVERLAP = 1e-13
-#: Sums below this share of their terms count as zero.
+#: Sums below this fraction of their terms count as zero.
 ZERO_TOLERANCE = 1e-14
 
 
@@ -39,15 +39,15 @@ class TrainSystem(NamedTuple):
     low: np.ndarray  #: bool, whether the stiffness is at its lower level, shape (3, p, m)
     starts: np.ndarray  #: phases tau of the reference mesh that bound segments, shape (p + 1,)
     first_segment: np.ndarray  #: where each reference mesh period begins, shape (repeats + 1,)
-    longest: float  #: longest step in theta: |A| theta <= exponential.MAX_NORM for every A
+    max_step: float  #: longest step in theta: |A| theta <= exponential.MAX_NORM for every A
     harmonics: np.ndarray  #: frequencies of the harmonics by tau, shape (h,)
     tuning: float  #: dtau/dtheta
     repeats: int  #: reference mesh periods after which the excitation repeats
-    first: int = 0  #: reference mesh period of the excitation in which runs begin
+    first_period: int = 0  #: reference mesh period of the excitation in which runs begin
 
 
-@uncounted
-def matrix_of(system, effects, matrix):
+@kernel_without_refcounts
+def fill_system_matrix(system, effects, matrix):
     """Fill `matrix`, (n, n), with A of z' = A z for a `TrainSystem` and the meshes' `effects`.
 
     `effects`, int, shape (m,), has the number of the contact effect of each mesh.
@@ -65,7 +65,7 @@ def matrix_of(system, effects, matrix):
                         matrix[r, i] += force_input[r] * force_output[i]
 
 
-@uncounted
+@kernel_without_refcounts
 def set_harmonics(frequencies, z, phase):
     """Set the constant and the harmonics of the state z, shape (n,), at a mesh phase in rad.
 
@@ -79,16 +79,16 @@ def set_harmonics(frequencies, z, phase):
 
 
 @kernel
-def image(matrix, z):
+def matrix_vector_product(matrix, z):
     """Return the product of a small matrix and the vector z, without a linear algebra library."""
-    out = np.zeros(matrix.shape[0])
+    product = np.zeros(matrix.shape[0])
     for r in range(matrix.shape[0]):
-        for c in range(matrix.shape[1]):
-            out[r] += matrix[r, c] * z[c]
-    return out
+        for i in range(matrix.shape[1]):
+            product[r] += matrix[r, i] * z[i]
+    return product
 
 
-@uncounted
+@kernel_without_refcounts
 def dot(row_vector, z):
     """Return the scalar product of z, shape (n,), and a row vector, shape (n,) or longer."""
     total = 0.0
@@ -97,7 +97,7 @@ def dot(row_vector, z):
     return total
 
 
-@inlined_uncounted
+@inlined_without_refcounts
 def next_contact(contact, line):
     """Return the contact code of a mesh after it has crossed a flank line.
 
@@ -110,15 +110,15 @@ def next_contact(contact, line):
     return BOTH if contact == -line else line
 
 
-def may_close(near, far, constant_index):
+def flanks_may_overlap(drive_lines, coast_lines, constant_index):
     """Return whether both flanks of each mesh may touch at once, a bool array of shape (...).
 
-    `near` and `far`, shape (..., n), are row vectors of the distances from the drive-side and the
-    coast-side line; both flanks touch where near >= 0 >= far. The clearance far - near is provably
-    positive if it contains no coordinates and its constant, at index `constant_index`, exceeds the
-    amplitudes of the harmonics behind it. Otherwise the run has to check it.
+    The lines, shape (..., n), are row vectors of the distances from the drive-side and the
+    coast-side line; both flanks touch where drive distance >= 0 >= coast distance. Their clearance
+    is provably positive if it contains no coordinates and its constant, at index `constant_index`,
+    exceeds the amplitudes of the harmonics behind it. Otherwise the run has to check it.
     """
-    clearance = (far - near).real
+    clearance = (coast_lines - drive_lines).real
     cosines = clearance[..., constant_index + 1 :: 2]
     sines = clearance[..., constant_index + 2 :: 2]
     amplitudes = np.hypot(cosines, sines).sum(axis=-1) * (1.0 + 1e-12)
@@ -127,8 +127,8 @@ def may_close(near, far, constant_index):
     )
 
 
-@uncounted
-def is_behind(coast_line, z):
+@kernel_without_refcounts
+def is_past_coast_line(coast_line, z):
     """Return whether the state z is beyond the coast-side flank line by more than rounding.
 
     A mesh that also touches on the drive side is then jammed. `coast_line`, shape (n,), is the row

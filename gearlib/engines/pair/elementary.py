@@ -6,7 +6,7 @@ error is one unit in the last place of the result for `decay`, of 1 for `cos_sin
 
 import numpy as np
 
-from gearlib.engines.jit import inlined
+from gearlib.engines.jit import inlined_kernel
 
 #: 1.5 * 2^52: adding it leaves the nearest integer in the last bits of the sum.
 _ROUNDING = 6755399441055744.0
@@ -19,7 +19,7 @@ _QUARTER_HIGH, _QUARTER_LOW = 1.57079632673412561417, 6.07710050650619224932e-11
 _MAX_EXPONENT = 700.0
 
 
-@inlined
+@inlined_kernel
 def decay(z):
     """Return exp(-z) for z >= 0 to one unit in the last place, by arithmetic only."""
     z = z if z < _MAX_EXPONENT else _MAX_EXPONENT
@@ -38,7 +38,7 @@ def decay(z):
     return (1.0 + (r + s * (even + r * odd))) * np.int64(bits).view(np.float64)
 
 
-@inlined
+@inlined_kernel
 def cos_sin(angle):
     """Return (cosine, sine) of an angle in rad, at most 2^20 quarter turns, by arithmetic only."""
     rounded = angle * _TWO_OVER_PI + _ROUNDING

@@ -7,8 +7,8 @@ An *arc* is a piece of orbit with one closed form. A row of the arc table holds
 
 The first crossing of a flank line is proven to be the first, without sampling. In contact the
 turning points are known in closed form and their depths decrease, so that the first minimum after
-the start is the deepest: the motion crosses the line once on the way to it, or never. In flight
-there is one lowest point, and likewise one descent and one climb.
+the start is the deepest: the motion crosses the line once on the way to it, or never. A free
+flight through the backlash has one lowest point, and likewise one descent and one climb.
 """
 
 import math
@@ -20,48 +20,48 @@ from gearlib.engines.pair.motion import (
     climb_time,
     evolve,
     fall_time,
-    fly,
-    lowest_time,
-    turning_time,
+    free_flight,
+    lowest_point_time,
+    next_turning_time,
 )
 
 #: Dips below a line that are smaller than this share of the deflections count as rounding, and
 #: hence as grazing without an event.
 GRAZING_TOLERANCE = 4e-16
 #: Largest number of Newton steps. Every eighth halves the bracket, so that 60 halvings suffice.
-_MAX_ITERATIONS = 480
+_MAX_NEWTON_STEPS = 480
 
 
 @kernel
-def descent_time(level, u, v, line, horizon):
-    """Return the first time in [0, horizon] at which a motion in contact falls through a line.
+def descent_time(level, u, v, line, max_time):
+    """Return the first time in [0, max_time] at which a motion in contact falls through a line.
 
     The time is infinity if there is none. The motion starts with displacement u and velocity v, in
     a stiffness `Level`; u and `line` count from its equilibrium. A start below the line must fall.
     """
     if u <= line and v < 0.0:
         return 0.0
-    turn = turning_time(level, u, v)
+    turning_time = next_turning_time(level, u, v)
     # Times at which the descent begins and ends.
     descent_start, descent_end = 0.0, math.inf
-    if level.kind == UNDERDAMPED:
-        half_turn = math.pi / level.w
+    if level.damping_kind == UNDERDAMPED:
+        half_oscillation = math.pi / level.frequency
         if v < 0.0:
-            descent_end = turn
+            descent_end = turning_time
         elif v > 0.0:
-            descent_start, descent_end = turn, turn + half_turn
+            descent_start, descent_end = turning_time, turning_time + half_oscillation
         elif u > 0.0:
-            descent_end = half_turn
+            descent_end = half_oscillation
         else:
-            descent_start, descent_end = half_turn, 2.0 * half_turn
+            descent_start, descent_end = half_oscillation, 2.0 * half_oscillation
     elif v < 0.0:
-        descent_end = turn
-    elif turn < math.inf:
-        descent_start = turn
+        descent_end = turning_time
+    elif turning_time < math.inf:
+        descent_start = turning_time
     elif v > 0.0 or u <= 0.0:
         # The motion creeps up to the equilibrium, or stays in it.
         return math.inf
-    end = min(descent_end, horizon)
+    end = min(descent_end, max_time)
     if end <= descent_start:
         return math.inf
     lowest, speed = evolve(level, u, v, end)
@@ -71,47 +71,47 @@ def descent_time(level, u, v, line, horizon):
 
 
 @kernel
-def _descent_root(level, u, v, line, low, high):
-    """Return the time in [low, high] at which a motion in contact falls through a line.
+def _descent_root(level, u, v, line, earliest, latest):
+    """Return the time in [earliest, latest] at which a motion in contact falls through a line.
 
-    The motion starts at time 0 with displacement u and velocity v, in a stiffness `Level`; u and
-    `line` count from its equilibrium. The motion falls monotonically between `low` and `high`.
+    It has displacement u and velocity v at time 0, in a stiffness `Level`; u and `line` count from
+    its equilibrium. Between `earliest` and `latest` it falls monotonically.
     """
-    t = 0.5 * (low + high)
-    for step in range(_MAX_ITERATIONS):
+    t = 0.5 * (earliest + latest)
+    for step in range(_MAX_NEWTON_STEPS):
         height, speed = evolve(level, u, v, t)
         if height > line:
-            low = t
+            earliest = t
         else:
-            high = t
+            latest = t
         if abs(height - line) <= 2e-16 * abs(line):
             break
-        new_t = t - (height - line) / speed if speed < 0.0 else low
-        if not low < new_t < high or step % 8 == 7:
-            new_t = 0.5 * (low + high)
+        new_t = t - (height - line) / speed if speed < 0.0 else earliest
+        if not earliest < new_t < latest or step % 8 == 7:
+            new_t = 0.5 * (earliest + latest)
         step_size = abs(new_t - t)
         t = new_t
-        if step_size <= 2e-16 * high:
+        if step_size <= 2e-16 * latest:
             break
     return t
 
 
 @kernel
-def landing(drag, load, gap, x, v):
-    """Return (t, side): the duration of a flight through the backlash, and the flank it hits.
+def next_impact(drag, load, backlash, x, v):
+    """Return (duration, flank code) of a free flight through the backlash up to its next impact.
 
-    The flight x'' + 2 drag x' = load starts with displacement -gap <= x <= 0 and velocity v; the
-    backlash `gap` > 0 may be infinite. `side` is 1 for the drive-side flank (x = 0) and -1 for the
-    back-side flank (x = -gap).
+    The flight x'' + 2 drag x' = load starts with displacement -backlash <= x <= 0 and velocity v;
+    the backlash > 0 may be infinite. The code is 1 for the drive-side flank (x = 0) and -1 for the
+    back-side flank (x = -backlash).
     """
     if v >= 0.0:
         return climb_time(drag, load, -x, v), 1
-    if x <= -gap:
+    if x <= -backlash:
         return 0.0, -1
-    t = lowest_time(drag, load, v)
-    lowest, _ = fly(drag, load, x, v, t)
-    if lowest < -gap * (1.0 + GRAZING_TOLERANCE):
-        return min(fall_time(drag, load, x + gap, v), t), -1
+    t = lowest_point_time(drag, load, v)
+    lowest, _ = free_flight(drag, load, x, v, t)
+    if lowest < -backlash * (1.0 + GRAZING_TOLERANCE):
+        return min(fall_time(drag, load, x + backlash, v), t), -1
     return t + climb_time(drag, load, -lowest, 0.0), 1
 
 
@@ -121,102 +121,104 @@ ARC_COLUMNS = 6
 
 
 @kernel
-def next_event(mesh, level, contact, x, v, horizon):
+def next_event(mesh, level, contact, x, v, max_duration):
     """Return (duration, new contact code, x, v): duration of an arc, and the state at its end.
 
     The arc starts with displacement x, velocity v and a contact code (1 drive side, 0 loss, -1 back
     side), in a `Mesh` at a stiffness `Level`. It ends at the first crossing of a flank line, where
-    x is exact, or after the time `horizon`, where the contact code does not change.
+    x is exact, or after `max_duration`, where the contact code does not change.
     """
     if contact == BACKLASH:
-        t, side = landing(mesh.drag, mesh.load, mesh.gap, x, v)
-        if t > horizon:
-            x, v = fly(mesh.drag, mesh.load, x, v, horizon)
-            return horizon, contact, x, v
-        _, v = fly(mesh.drag, mesh.load, x, v, t)
-        if side == NORMAL:
+        t, flank_code = next_impact(mesh.drag, mesh.load, mesh.backlash, x, v)
+        if t > max_duration:
+            x, v = free_flight(mesh.drag, mesh.load, x, v, max_duration)
+            return max_duration, contact, x, v
+        _, v = free_flight(mesh.drag, mesh.load, x, v, t)
+        if flank_code == NORMAL:
             return t, NORMAL, 0.0, max(v, 0.0)
-        return t, INVERSE, -mesh.gap, min(v, 0.0)
+        return t, INVERSE, -mesh.backlash, min(v, 0.0)
     if contact == NORMAL:
         u = x - level.equilibrium
-        t = descent_time(level, u, v, -level.equilibrium, horizon)
-        if t <= horizon:
+        t = descent_time(level, u, v, -level.equilibrium, max_duration)
+        if t <= max_duration:
             _, speed = evolve(level, u, v, t)
             if speed < 0.0:
-                return t, (INVERSE if mesh.gap == 0.0 else BACKLASH), 0.0, speed
-        u, v = evolve(level, u, v, horizon)
-        return horizon, contact, u + level.equilibrium, v
+                return t, (INVERSE if mesh.backlash == 0.0 else BACKLASH), 0.0, speed
+        u, v = evolve(level, u, v, max_duration)
+        return max_duration, contact, u + level.equilibrium, v
     # Back-side contact is mirrored: it ends when -u falls through the static deflection.
-    u = x + mesh.gap - level.equilibrium
-    t = descent_time(level, -u, -v, level.equilibrium, horizon)
-    if t <= horizon:
+    u = x + mesh.backlash - level.equilibrium
+    t = descent_time(level, -u, -v, level.equilibrium, max_duration)
+    if t <= max_duration:
         _, speed = evolve(level, u, v, t)
-        return t, (NORMAL if mesh.gap == 0.0 else BACKLASH), -mesh.gap, max(speed, 0.0)
-    u, v = evolve(level, u, v, horizon)
-    return horizon, contact, u + level.equilibrium - mesh.gap, v
+        return t, (NORMAL if mesh.backlash == 0.0 else BACKLASH), -mesh.backlash, max(speed, 0.0)
+    u, v = evolve(level, u, v, max_duration)
+    return max_duration, contact, u + level.equilibrium - mesh.backlash, v
 
 
 @kernel
-def march(mesh, level_index, start, length, contact, x, v, arcs, count, limit):
+def march_segment(mesh, level_index, start, length, contact, x, v, arcs, arc_count, max_arcs):
     """Run through a segment of constant stiffness; return (contact code, x, v, number of arcs).
 
     The segment has stiffness level 0 (C_min) or 1 (C_max) and covers the phase `length` from phase
     `start` of the mesh period; the motion enters it with a contact code, displacement x and
-    velocity v. Rows of the arc table `arcs`, shape (n, 6), are filled from row `count` on. If more
-    than `limit` arcs are needed, the number is limit + 1.
+    velocity v. Rows of the arc table `arcs`, shape (n, 6), are filled from row `arc_count` on. If
+    more than `max_arcs` arcs are needed, the number is max_arcs + 1.
     """
-    _, contact, x, v, count = march_on(
-        mesh, level_index, start, 0.0, length, contact, x, v, arcs, count, limit, False
+    _, contact, x, v, arc_count = march_rest_of_segment(
+        mesh, level_index, start, 0.0, length, contact, x, v, arcs, arc_count, max_arcs, False
     )
-    return contact, x, v, count
+    return contact, x, v, arc_count
 
 
 @kernel
-def march_on(mesh, level_index, start, t, length, contact, x, v, arcs, count, limit, to_landing):
+def march_rest_of_segment(
+    mesh, level_index, start, t, length, contact, x, v, arcs, arc_count, max_arcs, until_impact
+):
     """Run through the rest of a segment of constant stiffness, from the phase t after its start.
 
-    Returns (t, contact code, x, v, number of arcs) at its end, or with `to_landing` at the next
-    landing on the drive-side flank. Other arguments as in `march`: stiffness level 0 or 1, phases
-    `start` and `length` of the segment, state (x, v), arc table, its rows in use, and their limit.
+    Returns (t, contact code, x, v, number of arcs) at its end, or with `until_impact` at the next
+    impact on the drive-side flank. The other arguments are those of `march_segment`.
     """
-    level = mesh.high if level_index == 1 else mesh.low
+    level = mesh.high_level if level_index == 1 else mesh.low_level
     while t < length:
-        if count >= limit:
-            return t, contact, x, v, limit + 1
+        if arc_count >= max_arcs:
+            return t, contact, x, v, max_arcs + 1
         duration, new_contact, new_x, new_v = next_event(mesh, level, contact, x, v, length - t)
-        if count < arcs.shape[0]:
-            arcs[count, START] = start + t
-            arcs[count, DURATION] = duration
-            arcs[count, CONTACT] = contact
-            arcs[count, LEVEL] = level_index
-            arcs[count, DISPLACEMENT] = x
-            arcs[count, VELOCITY] = v
-        count += 1
+        if arc_count < arcs.shape[0]:
+            arcs[arc_count, START] = start + t
+            arcs[arc_count, DURATION] = duration
+            arcs[arc_count, CONTACT] = contact
+            arcs[arc_count, LEVEL] = level_index
+            arcs[arc_count, DISPLACEMENT] = x
+            arcs[arc_count, VELOCITY] = v
+        arc_count += 1
         x, v = new_x, new_v
         if new_contact == contact:
-            return length, contact, x, v, count
+            return length, contact, x, v, arc_count
         contact = new_contact
         t += duration
-        if to_landing and contact == NORMAL:
+        if until_impact and contact == NORMAL:
             break
-    return t, contact, x, v, count
+    return t, contact, x, v, arc_count
 
 
 @kernel
-def march_period(mesh, contact, x, v, arcs, limit):
+def march_period(mesh, contact, x, v, arcs, max_arcs):
     """Run through one mesh period; return (contact code, x, v, number of arcs) at its end.
 
     The motion starts with a contact code, displacement x and velocity v in the middle of the C_max
-    segment. The arc table `arcs`, shape (n, 6), is filled; `limit` is the largest number of arcs.
+    segment. The arc table `arcs`, shape (n, 6), is filled; `max_arcs` is the largest number of
+    arcs.
     """
-    count, start = 0, 0.0
+    arc_count, start = 0, 0.0
     for segment in range(3):
         level_index = 1 - segment % 2
-        length = mesh.half_high if level_index == 1 else mesh.whole_low
-        contact, x, v, count = march(
-            mesh, level_index, start, length, contact, x, v, arcs, count, limit
+        length = mesh.half_high_length if level_index == 1 else mesh.low_length
+        contact, x, v, arc_count = march_segment(
+            mesh, level_index, start, length, contact, x, v, arcs, arc_count, max_arcs
         )
-        if count > limit:
+        if arc_count > max_arcs:
             break
         start += length
-    return contact, x, v, count
+    return contact, x, v, arc_count

@@ -7,36 +7,27 @@ import numpy as np
 from gearlib.engines import orbit
 from gearlib.engines.codes import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.engines.jit import kernel
-from gearlib.engines.overflow import within_range
+from gearlib.engines.orbit import is_within_range
 from gearlib.engines.pair import recorded_arcs
 from gearlib.engines.pair.events import ARC_COLUMNS, START
 from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
-from gearlib.engines.pair.pair_run import outcome, run_at, skip, whole_period
+from gearlib.engines.pair.pair_run import (
+    period_status,
+    run_unrecorded,
+    run_whole_period,
+    run_with_storage,
+)
 from gearlib.engines.pair.whole_periods import new_work, set_mesh, set_start
 
 
 @kernel
-def run_many(
-    ratios,
-    tunings,
-    order,
-    state,
-    carry,
-    periods,
-    record_periods,
-    limit,
-    bound,
-    summaries,
-    ends,
-    codes,
-):
+def run_many(ratios, tunings, order, state, warm_start, span, max_x, summaries, ends, codes):
     """Run a gear pair at the tunings ``tunings[order]`` and fill a row of each table per tuning.
 
-    `ratios` are the constants of the pair, see `mesh_at_tuning`. Each run starts from `state`,
-    shape (2,), or, with `carry`, from the end of the last run unless that has failed. It has
-    `periods` mesh periods, of which the last `record_periods` are summarised, each with at most
-    `limit` arcs. A displacement beyond `bound` gives the status OVERFLOW. The tables are
-    `summaries`, shape (n, 9), final states `ends`, (n, 2), and `codes`, (n, 2): period and status.
+    `ratios` are the constants of the pair, see `mesh_at_tuning`. Each run lasts a `Span` and starts
+    from `state`, shape (2,), or, with `warm_start`, from the end of the last run unless that has
+    failed. A displacement beyond `max_x` gives the status OVERFLOW. The tables are `summaries`,
+    shape (n, 9), final states `ends`, (n, 2), and `codes`, (n, 2): period and status.
     """
     samples = np.empty((0, orbit.SAMPLE_COLUMNS))
     events = np.empty((0, orbit.EVENT_COLUMNS))
@@ -45,83 +36,86 @@ def run_many(
     for i in order:
         mesh = mesh_at_tuning(ratios, tunings[i])
         set_mesh(work, mesh)
-        x, v, period, _, _, status = run_at(
-            mesh, work, x, v, periods, record_periods, samples, events, limit, summaries[i]
+        arguments = samples, events, span.max_events, summaries[i]
+        x, v, period, _, _, status = run_with_storage(
+            mesh, work, x, v, span.periods, span.recorded, *arguments
         )
-        if status == OK and max(summaries[i, orbit.X_MAX], -summaries[i, orbit.X_MIN]) > bound:
+        if status == OK and max(summaries[i, orbit.X_MAX], -summaries[i, orbit.X_MIN]) > max_x:
             status = OVERFLOW
         if status != OK:
             summaries[i, :] = math.nan
             ends[i, :] = math.nan
         else:
             ends[i, 0], ends[i, 1] = x, v
-        if status != OK or not carry:
+        if status != OK or not warm_start:
             x, v = state[0], state[1]
         codes[i, 0], codes[i, 1] = period, status
 
 
 @kernel
-def skip_many(mesh, states, periods, limit, ends, statuses):
+def run_many_states(mesh, states, periods, max_arcs, ends, statuses):
     """Run a `Mesh` from many `states`, shape (k, 2), through a number of mesh periods from tau = 0.
 
     Fills the final states `ends`, shape (k, 2), and `statuses`, shape (k,). A period with more than
-    `limit` arcs ends a run.
+    `max_arcs` arcs ends a run.
     """
     work = new_work()
     set_mesh(work, mesh)
     for i in range(states.shape[0]):
         x, v = states[i, 0], states[i, 1]
         status = OVERFLOW
-        if within_range(x, v):
+        if is_within_range(x, v):
             set_start(work, x, v)
-            _, x, v, status, _, _ = skip(
-                mesh, work, contact_of(mesh.gap, x, v), x, v, periods, limit
+            _, x, v, status, _, _ = run_unrecorded(
+                mesh, work, contact_of(mesh.backlash, x, v), x, v, periods, max_arcs
             )
         ends[i, 0], ends[i, 1], statuses[i] = x, v, status
 
 
 @kernel
-def section(mesh, states, settle, phase, limit, table, ends, statuses):
+def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, statuses):
     """Fill `table`, shape (n, periods, 2), with states of n motions at one phase of each period.
 
-    The motions start from `states`, shape (n, 2), at tau = 0; `settle` periods pass before the
+    The motions start from `states`, shape (n, 2), at tau = 0; `settle_periods` pass before the
     first row. `phase` lies in [0, 2 pi). Final states go to `ends`, shape (n, 2), and `statuses`,
-    shape (n,), are filled. A period with more than `limit` arcs ends a motion; its later rows stay
-    unchanged.
+    shape (n,), are filled. A period with more than `max_arcs` arcs ends a motion; its later rows
+    stay unchanged.
     """
     work = new_work()
     set_mesh(work, mesh)
     for j in range(states.shape[0]):
-        ends[j, 0], ends[j, 1], statuses[j] = _section_of(
-            mesh, work, states[j, 0], states[j, 1], settle, phase, limit, table[j]
+        ends[j, 0], ends[j, 1], statuses[j] = _fill_section(
+            mesh, work, states[j, 0], states[j, 1], settle_periods, phase, max_arcs, table[j]
         )
 
 
 @kernel
-def _section_of(mesh, work, x, v, settle, phase, limit, table):
+def _fill_section(mesh, work, x, v, settle_periods, phase, max_arcs, table):
     """Fill `table`, shape (periods, 2), with states at one phase of each period of a motion.
 
-    It starts with displacement x and velocity v at tau = 0 and settles for `settle` periods. `work`
-    is storage prepared for the `Mesh`, `limit` the largest number of arcs of a period. Returns
-    (x, v, status) at the end.
+    It starts with displacement x and velocity v at tau = 0; `settle_periods` pass before the first
+    row. `work` is storage prepared for the `Mesh`, `max_arcs` the largest number of arcs of a
+    period. Returns (x, v, status) at the end.
     """
-    if not within_range(x, v):
+    if not is_within_range(x, v):
         return x, v, OVERFLOW
     set_start(work, x, v)
-    contact = contact_of(mesh.gap, x, v)
-    contact, x, v, status, _, _ = skip(mesh, work, contact, x, v, settle, limit)
+    contact = contact_of(mesh.backlash, x, v)
+    contact, x, v, status, _, _ = run_unrecorded(
+        mesh, work, contact, x, v, settle_periods, max_arcs
+    )
     arcs = np.empty((16, ARC_COLUMNS))
     for row in range(table.shape[0]):
         if status != OK:
             break
-        contact, x, v, count, arcs = whole_period(
-            mesh, work, settle + row, contact, x, v, limit, arcs
+        contact, x, v, arc_count, arcs = run_whole_period(
+            mesh, work, settle_periods + row, contact, x, v, max_arcs, arcs
         )
-        status = outcome(x, v, count, limit)
+        status = period_status(x, v, arc_count, max_arcs)
         if status == EVENT_LIMIT:
             break
         i = 0
-        while i + 1 < count and arcs[i + 1, START] <= phase:
+        while i + 1 < arc_count and arcs[i + 1, START] <= phase:
             i += 1
-        table[row, 0], table[row, 1], _, _ = recorded_arcs.in_arc(mesh, arcs[i], phase)
+        table[row, 0], table[row, 1], _, _ = recorded_arcs.state_in_arc(mesh, arcs[i], phase)
     return x, v, status

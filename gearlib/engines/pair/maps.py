@@ -1,8 +1,8 @@
-"""Maps of small deviations along the arcs of an orbit, and over mesh periods.
+"""Maps of small perturbations along the arcs of an orbit, and over mesh periods.
 
-Along a phase of contact or a flight a deviation w = (dx, dx') obeys the linearised equation of
-motion, in closed form. A stiffness switch happens at a fixed phase and leaves w as it is. A flank
-crossing multiplies it by the saltation matrix
+Along a phase of contact or a free flight a perturbation w = (dx, dx') obeys the linearised
+equation of motion, in closed form. A stiffness switch happens at a fixed phase and leaves w as it
+is. A flank crossing multiplies it by the saltation matrix
 
     S = I + (f_after - f_before) n^T / (n . f_before),   n = (1, 0),   f = (x', x''),
 
@@ -16,72 +16,75 @@ import math
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, EVENT_LIMIT, OK, OVERFLOW
-from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.overflow import within_range
+from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.orbit import is_within_range
 from gearlib.engines.pair.events import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_period
 from gearlib.engines.pair.motion import contact_of, propagators
 
 
-@inlined
-def multiply(a, b, c, d, matrix):
+@inlined_kernel
+def multiply_from_left(a, b, c, d, matrix):
     """Replace `matrix`, shape (2, 2), by the product [[a, b], [c, d]] matrix."""
     for j in range(2):
-        first, second = matrix[0, j], matrix[1, j]
-        matrix[0, j] = a * first + b * second
-        matrix[1, j] = c * first + d * second
+        upper, lower = matrix[0, j], matrix[1, j]
+        matrix[0, j] = a * upper + b * lower
+        matrix[1, j] = c * upper + d * lower
 
 
 @kernel
-def follow_arcs(mesh, arcs, count, previous, matrix):
-    """Multiply `matrix`, shape (2, 2), from the left by the linearised maps of `count` arcs.
+def multiply_by_arc_maps(mesh, arcs, arc_count, previous_code, matrix):
+    """Multiply `matrix`, shape (2, 2), from the left by the Jacobian matrices of successive arcs.
 
-    `arcs`, shape (n, 6), is the arc table of a motion of the `Mesh`, and `previous` the contact
-    code before its first arc. Returns the contact code of the last arc.
+    `arcs`, shape (n, 6), is the arc table of a motion of the `Mesh` with `arc_count` rows, and
+    `previous_code` the contact code before its first arc. Returns the contact code of the last arc.
     """
-    for i in range(count):
+    for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
-        level = mesh.high if arcs[i, LEVEL] == 1.0 else mesh.low
-        if contact != previous:
+        level = mesh.high_level if arcs[i, LEVEL] == 1.0 else mesh.low_level
+        if contact != previous_code:
             # The saltation matrix: only the damping changes at a flank line.
-            before = mesh.drag if previous == BACKLASH else level.a
-            after = mesh.drag if contact == BACKLASH else level.a
-            multiply(1.0, 0.0, -2.0 * (after - before), 1.0, matrix)
-            previous = contact
+            decay_before = mesh.drag if previous_code == BACKLASH else level.decay_rate
+            decay_after = mesh.drag if contact == BACKLASH else level.decay_rate
+            multiply_from_left(1.0, 0.0, -2.0 * (decay_after - decay_before), 1.0, matrix)
+            previous_code = contact
         t = arcs[i, DURATION]
         if contact == BACKLASH:
             decay = math.exp(-2.0 * mesh.drag * t)
-            # The displacement per initial velocity after the time t.
-            shift = -math.expm1(-2.0 * mesh.drag * t) / (2.0 * mesh.drag) if mesh.drag > 0.0 else t
-            multiply(1.0, shift, 0.0, decay, matrix)
+            # The displacement due to an initial velocity of 1.
+            response = t
+            if mesh.drag > 0.0:
+                response = -math.expm1(-2.0 * mesh.drag * t) / (2.0 * mesh.drag)
+            multiply_from_left(1.0, response, 0.0, decay, matrix)
         else:
             c, s = propagators(level, t)
-            multiply(c + level.a * s, s, -level.square * s, c - level.a * s, matrix)
-    return previous
+            a = level.decay_rate
+            multiply_from_left(c + a * s, s, -level.natural_squared * s, c - a * s, matrix)
+    return previous_code
 
 
 @kernel
-def fill_period_maps(mesh, x, v, periods, limit, matrices):
+def fill_period_maps(mesh, x, v, periods, max_arcs, matrices):
     """Run through mesh periods and fill the Jacobian matrix of each; return (x, v, status).
 
     The motion starts with displacement x and velocity v at tau = 0. `matrices`, shape (periods, 2,
     2), receive the derivatives of the state at the end of each period with respect to the state at
-    its start. `limit` is the largest number of arcs of a period.
+    its start. `max_arcs` is the largest number of arcs of a period.
     """
     arcs = np.empty((64, ARC_COLUMNS))
-    contact = contact_of(mesh.gap, x, v)
-    previous = contact
+    contact = contact_of(mesh.backlash, x, v)
+    previous_code = contact
     for i in range(periods):
         start = contact, x, v
-        contact, x, v, count = march_period(mesh, contact, x, v, arcs, limit)
-        if count > limit:
+        contact, x, v, arc_count = march_period(mesh, contact, x, v, arcs, max_arcs)
+        if arc_count > max_arcs:
             return x, v, EVENT_LIMIT
-        if count > arcs.shape[0]:
-            arcs = np.empty((2 * count, ARC_COLUMNS))
+        if arc_count > arcs.shape[0]:
+            arcs = np.empty((2 * arc_count, ARC_COLUMNS))
             contact, x, v = start
-            contact, x, v, count = march_period(mesh, contact, x, v, arcs, limit)
-        if not within_range(x, v):
+            contact, x, v, arc_count = march_period(mesh, contact, x, v, arcs, max_arcs)
+        if not is_within_range(x, v):
             return x, v, OVERFLOW
         matrices[i, 0, 0] = matrices[i, 1, 1] = 1.0
         matrices[i, 0, 1] = matrices[i, 1, 0] = 0.0
-        previous = follow_arcs(mesh, arcs, count, previous, matrices[i])
+        previous_code = multiply_by_arc_maps(mesh, arcs, arc_count, previous_code, matrices[i])
     return x, v, OK

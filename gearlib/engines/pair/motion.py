@@ -1,4 +1,4 @@
-"""Constants of a mesh, and its motion in contact and in flight in closed form.
+"""Constants of a mesh, and its motion in contact and through the backlash in closed form.
 
 In contact, between two stiffness switches, the flanks touch as
 
@@ -10,7 +10,7 @@ q = a u0' + W^2 u0 the motion is
     u(t)  = u0  C(t) + p S(t),        C = exp(-a t) cos(w t),      S = exp(-a t) sin(w t) / w
     u'(t) = u0' C(t) - q S(t),        (cosh, sinh when over-damped; 1, t when critical)
 
-with w^2 = |W^2 - a^2|. In the backlash it flies freely under load and oil drag:
+with w^2 = |W^2 - a^2|. In the backlash it moves freely under load and oil drag, a free flight:
 
     x'' + 2 b x' = f,      b = beta_m / nu,    f = 1 / nu^2 > 0.
 
@@ -27,7 +27,7 @@ import math
 from typing import NamedTuple
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.engines.jit import inlined, kernel
+from gearlib.engines.jit import inlined_kernel, kernel
 
 UNDERDAMPED, CRITICAL, OVERDAMPED = 1, 0, -1
 
@@ -35,200 +35,201 @@ UNDERDAMPED, CRITICAL, OVERDAMPED = 1, 0, -1
 class Level(NamedTuple):
     """Oscillator of one stiffness level, and its equilibrium."""
 
-    a: float  #: decay rate
-    square: float  #: W^2
-    w: float  #: damped frequency, or half the difference of the two rates when over-damped
-    kind: int  #: UNDERDAMPED, CRITICAL or OVERDAMPED
+    decay_rate: float  #: a
+    natural_squared: float  #: W^2, square of the natural frequency
+    frequency: float  #: w, damped frequency, or half the difference of the rates if over-damped
+    damping_kind: int  #: UNDERDAMPED, CRITICAL or OVERDAMPED
     equilibrium: float  #: static deflection at this stiffness, 1 / c
     stiffness: float  #: c = C / C_s
 
 
 @kernel
 def level_at_tuning(stiffness, damping, tuning):
-    """Return the constants of motion at a stiffness level, a `Level`.
-
-    `stiffness` is c = C / C_s, `damping` the damping ratio beta, and `tuning` nu.
-    """
-    a = damping / tuning
-    natural = math.sqrt(stiffness) / tuning
+    """Return the `Level` of a stiffness c = C / C_s, a damping ratio beta and a tuning nu."""
+    decay_rate = damping / tuning
+    natural_frequency = math.sqrt(stiffness) / tuning
     # The product does not lose digits near critical damping, as W^2 - a^2 would.
-    difference = (natural - a) * (natural + a)
-    kind = UNDERDAMPED if difference > 0.0 else (OVERDAMPED if difference < 0.0 else CRITICAL)
-    return Level(a, natural * natural, math.sqrt(abs(difference)), kind, 1.0 / stiffness, stiffness)
+    difference = (natural_frequency - decay_rate) * (natural_frequency + decay_rate)
+    damping_kind = (
+        UNDERDAMPED if difference > 0.0 else (OVERDAMPED if difference < 0.0 else CRITICAL)
+    )
+    return Level(
+        decay_rate,
+        natural_frequency * natural_frequency,
+        math.sqrt(abs(difference)),
+        damping_kind,
+        1.0 / stiffness,
+        stiffness,
+    )
 
 
-@inlined
+@inlined_kernel
 def propagators(level, t):
     """Return the free motions C and S of a stiffness `Level` after the time t.
 
     Under-damped they are C = exp(-a t) cos(w t) and S = exp(-a t) sin(w t) / w.
     """
-    if level.kind == UNDERDAMPED:
-        decay = math.exp(-level.a * t)
-        return decay * math.cos(level.w * t), decay * math.sin(level.w * t) / level.w
-    if level.kind == CRITICAL:
-        decay = math.exp(-level.a * t)
+    if level.damping_kind == UNDERDAMPED:
+        decay = math.exp(-level.decay_rate * t)
+        w = level.frequency
+        return decay * math.cos(w * t), decay * math.sin(w * t) / w
+    if level.damping_kind == CRITICAL:
+        decay = math.exp(-level.decay_rate * t)
         return decay, decay * t
     # The form exp(-(a - w) t) times bounded factors never gives inf * 0 and does not cancel.
-    decay = 0.5 * math.exp(-level.square / (level.a + level.w) * t)
-    difference = math.expm1(-2.0 * level.w * t)
-    return decay * (2.0 + difference), -decay * difference / level.w
+    decay = 0.5 * math.exp(-level.natural_squared / (level.decay_rate + level.frequency) * t)
+    difference = math.expm1(-2.0 * level.frequency * t)
+    return decay * (2.0 + difference), -decay * difference / level.frequency
 
 
-@inlined
+@inlined_kernel
 def evolve(level, u, v, t):
-    """Return the displacement and velocity of a motion in contact after the time t.
+    """Return displacement and velocity of a motion in contact, from (u, v), after the time t.
 
-    It starts with displacement u and velocity v; displacements count from the equilibrium of the
-    stiffness `Level`.
+    Displacements count from the equilibrium of the stiffness `Level`.
     """
     c, s = propagators(level, t)
-    return u * c + (v + level.a * u) * s, v * c - (level.a * v + level.square * u) * s
+    q = level.decay_rate * v + level.natural_squared * u
+    return u * c + (v + level.decay_rate * u) * s, v * c - q * s
 
 
 @kernel
-def turning_time(level, u, v):
+def next_turning_time(level, u, v):
     """Return the first time t > 0 at which a motion in contact has zero velocity, or infinity.
 
     It starts with displacement u from the equilibrium of the stiffness `Level` and velocity v. An
     under-damped motion turns at intervals pi / w, an over-damped or critical one at most once.
     """
-    q = level.a * v + level.square * u
+    a, w, is_underdamped = level.decay_rate, level.frequency, level.damping_kind == UNDERDAMPED
+    q = a * v + level.natural_squared * u
     if v == 0.0:
-        # The motion is at a turning point; the next one is half a turn away.
-        return math.pi / level.w if level.kind == UNDERDAMPED and u != 0.0 else math.inf
-    if level.kind == UNDERDAMPED:
+        # The motion is at a turning point; the next one is half an oscillation away.
+        return math.pi / w if is_underdamped and u != 0.0 else math.inf
+    if is_underdamped:
         # With the signs in atan2 a turning point close by keeps its relative accuracy.
-        return math.atan2(abs(v) * level.w, math.copysign(1.0, v) * q) / level.w
-    if level.kind == CRITICAL:
+        return math.atan2(abs(v) * w, math.copysign(1.0, v) * q) / w
+    if level.damping_kind == CRITICAL:
         ratio = v / q
         return ratio if ratio > 0.0 else math.inf
     # This is artanh(w v / q) / w, written such that 1 - w v / q does not cancel.
-    ratio = v / (level.square * (v / (level.a + level.w) + u))
-    return math.log1p(2.0 * level.w * ratio) / (2.0 * level.w) if ratio > 0.0 else math.inf
+    ratio = v / (level.natural_squared * (v / (a + w) + u))
+    return math.log1p(2.0 * w * ratio) / (2.0 * w) if ratio > 0.0 else math.inf
 
 
 class Mesh(NamedTuple):
-    """Dimensionless constants of the rectangular mesh at one tuning."""
+    """Dimensionless constants of a mesh with rectangular stiffness at one tuning."""
 
-    low: Level  #: C_min
-    high: Level  #: C_max
-    half_high: float  #: phase length of half the C_max segment
-    whole_low: float  #: phase length of the C_min segment
+    low_level: Level  #: of the stiffness C_min
+    high_level: Level  #: of the stiffness C_max
+    half_high_length: float  #: phase length of half the C_max segment
+    low_length: float  #: phase length of the C_min segment
     drag: float  #: b = beta_m / nu
     load: float  #: f = 1 / nu^2
-    gap: float  #: backlash in static deflections
+    backlash: float  #: backlash in static deflections
     tuning: float  #: nu
 
 
 @kernel
 def mesh_at_tuning(ratios, tuning):
-    """Return the constants of a gear pair at one tuning nu, a `Mesh`.
+    """Return the `Mesh` of a gear pair at one tuning nu.
 
     `ratios`, shape (7,), are C_max / C_s, C_min / C_s, the phase lengths of half the C_max segment
-    and of the C_min segment, damping ratios beta in contact and beta_m in flight, and the backlash
-    in static deflections.
+    and of the C_min segment, damping ratios beta in contact and beta_m in the backlash, and the
+    backlash in static deflections.
     """
-    return Mesh(
-        level_at_tuning(ratios[1], ratios[4], tuning),
-        level_at_tuning(ratios[0], ratios[4], tuning),
-        ratios[2],
-        ratios[3],
-        ratios[5] / tuning,
-        1.0 / (tuning * tuning),
-        ratios[6],
-        tuning,
-    )
+    damping, load = ratios[4], 1.0 / (tuning * tuning)
+    low_level = level_at_tuning(ratios[1], damping, tuning)
+    high_level = level_at_tuning(ratios[0], damping, tuning)
+    half_high_length, low_length, drag = ratios[2], ratios[3], ratios[5] / tuning
+    return Mesh(low_level, high_level, half_high_length, low_length, drag, load, ratios[6], tuning)
 
 
 @kernel
-def contact_of(gap, x, v):
+def contact_of(backlash, x, v):
     """Return the contact code (1 drive side, 0 loss, -1 back side) at displacement x, velocity v.
 
-    `gap` is the backlash. On a flank line the code is valid just after; the load acts upwards, so
-    that a mesh at rest moves up.
+    The drive-side flanks touch at x = 0, the back-side flanks at x = -backlash.
     """
-    return contact_between(0.0, -gap, x, v)
+    return contact_between(0.0, -backlash, x, v)
 
 
 @kernel
-def contact_between(upper, lower, x, v):
+def contact_between(drive_line, coast_line, x, v):
     """Return the contact code (1 drive side, 0 loss, -1 back side) at displacement x, velocity v.
 
-    The drive-side flanks touch at x = `upper`, the back-side flanks at x = `lower`.
+    The drive-side flanks touch at x = `drive_line`, the back-side flanks at x = `coast_line`. On
+    these lines the code is valid just after; the load acts upwards, so that a mesh at rest moves
+    up.
     """
-    if x > upper or (x == upper and v >= 0.0):
+    if x > drive_line or (x == drive_line and v >= 0.0):
         return NORMAL
-    if x < lower or (x == lower and v < 0.0):
+    if x < coast_line or (x == coast_line and v < 0.0):
         return INVERSE
     return BACKLASH
 
 
-#: Below this z the power series of phi2 is used: the closed form would lose two digits there.
-_SERIES_BELOW = 0.5
+#: Up to this z power series are used: the closed form of phi2 would lose two digits there.
+_MAX_SERIES_ARGUMENT = 0.5
 #: Largest Q for which `return_flight` uses the polynomial.
 _MAX_POLYNOMIAL_Q = 0.5
 #: Relative step of Newton's method after which its squared error is below rounding.
 _LAST_NEWTON_STEP = 1e-10
-_MAX_ITERATIONS = 60
+_MAX_NEWTON_STEPS = 60
 
 
-@inlined
+@inlined_kernel
 def _phi_series(z):
-    """Return phi1, phi2 and phi3 at a small z >= 0 by Taylor series, cut where z^13 / 15! < 1e-16.
+    """Return phi1, phi2 and phi3 of `phi_functions` at a small z >= 0 by Taylor series.
 
-    phi1 = (1 - exp(-z)) / z, phi2 = (1 - phi1) / z, phi3 = (1/2 - phi2) / z.
+    The series are cut where z^13 / 15! < 1e-16.
     """
-    r = 1.0 / 87178291200.0
-    r = 1.0 / 6227020800.0 - z * r
-    r = 1.0 / 479001600.0 - z * r
-    r = 1.0 / 39916800.0 - z * r
-    r = 1.0 / 3628800.0 - z * r
-    r = 1.0 / 362880.0 - z * r
-    r = 1.0 / 40320.0 - z * r
-    r = 1.0 / 5040.0 - z * r
-    r = 1.0 / 720.0 - z * r
-    r = 1.0 / 120.0 - z * r
-    r = 1.0 / 24.0 - z * r
-    third = 1.0 / 6.0 - z * r
-    second = 0.5 - z * third
-    return 1.0 - z * second, second, third
+    series = 1.0 / 87178291200.0
+    series = 1.0 / 6227020800.0 - z * series
+    series = 1.0 / 479001600.0 - z * series
+    series = 1.0 / 39916800.0 - z * series
+    series = 1.0 / 3628800.0 - z * series
+    series = 1.0 / 362880.0 - z * series
+    series = 1.0 / 40320.0 - z * series
+    series = 1.0 / 5040.0 - z * series
+    series = 1.0 / 720.0 - z * series
+    series = 1.0 / 120.0 - z * series
+    series = 1.0 / 24.0 - z * series
+    phi3 = 1.0 / 6.0 - z * series
+    phi2 = 0.5 - z * phi3
+    return 1.0 - z * phi2, phi2, phi3
 
 
 @kernel
 def phi(z):
     """Return exp(-z), phi1 = (1 - exp(-z)) / z and phi2 = (1 - phi1) / z for z >= 0."""
-    decay, first, second, _ = phis(z)
-    return decay, first, second
+    exponential, phi1, phi2, _ = phi_functions(z)
+    return exponential, phi1, phi2
 
 
-@inlined
-def phis(z):
+@inlined_kernel
+def phi_functions(z):
     """Return exp(-z), phi1, phi2 and phi3 for z >= 0, without loss of digits at small z.
 
     phi1 = (1 - exp(-z)) / z, phi2 = (1 - phi1) / z, phi3 = (1/2 - phi2) / z.
     """
-    if z < _SERIES_BELOW:
-        first, second, third = _phi_series(z)
-        return 1.0 - z * first, first, second, third
-    decayed = -math.expm1(-z)
-    first = decayed / z
-    second = (1.0 - first) / z
-    return 1.0 - decayed, first, second, (0.5 - second) / z
+    if z < _MAX_SERIES_ARGUMENT:
+        phi1, phi2, phi3 = _phi_series(z)
+        return 1.0 - z * phi1, phi1, phi2, phi3
+    complement = -math.expm1(-z)
+    phi1 = complement / z
+    phi2 = (1.0 - phi1) / z
+    return 1.0 - complement, phi1, phi2, (0.5 - phi2) / z
 
 
 @kernel
-def fly(drag, load, x, v, t):
-    """Return the displacement and velocity of a flight after the time t.
-
-    The flight x'' + 2 drag x' = load starts with displacement x and velocity v.
-    """
-    decay, first, second = phi(2.0 * drag * t)
-    return x + t * (v * first + load * t * second), v * decay + load * t * first
+def free_flight(drag, load, x, v, t):
+    """Return displacement and velocity of x'' + 2 drag x' = load, from (x, v), after the time t."""
+    exponential, phi1, phi2 = phi(2.0 * drag * t)
+    return x + t * (v * phi1 + load * t * phi2), v * exponential + load * t * phi1
 
 
 @kernel
-def lowest_time(drag, load, v):
+def lowest_point_time(drag, load, v):
     """Return the time of the lowest point of x'' + 2 drag x' = load with initial velocity v < 0."""
     if drag == 0.0:
         return -v / load
@@ -237,7 +238,7 @@ def lowest_time(drag, load, v):
 
 @kernel
 def climb_time(drag, load, depth, v):
-    """Return the time in which the flight x'' + 2 drag x' = load climbs by `depth` >= 0.
+    """Return the time in which a free flight x'' + 2 drag x' = load climbs by `depth` >= 0.
 
     It starts with velocity v >= 0. Newton's method starts from the undamped time, a lower bound,
     and overshoots at most once, since the height is convex or concave throughout.
@@ -247,8 +248,8 @@ def climb_time(drag, load, depth, v):
     t = 2.0 * depth / (v + math.sqrt(v * v + 2.0 * load * depth))
     if drag == 0.0:
         return t
-    for _ in range(_MAX_ITERATIONS):
-        height, speed = fly(drag, load, -depth, v, t)
+    for _ in range(_MAX_NEWTON_STEPS):
+        height, speed = free_flight(drag, load, -depth, v, t)
         step = height / speed
         t -= step
         if abs(step) <= _LAST_NEWTON_STEP * t:
@@ -258,14 +259,14 @@ def climb_time(drag, load, depth, v):
 
 @kernel
 def fall_time(drag, load, depth, v):
-    """Return the time in which the flight x'' + 2 drag x' = load falls by `depth` > 0.
+    """Return the time in which a free flight x'' + 2 drag x' = load falls by `depth` > 0.
 
     It starts with velocity v < 0 and must fall that far. The height is convex on the way down, so
     that Newton's method approaches the root from one side and cannot overshoot.
     """
     t = 0.0
-    for _ in range(_MAX_ITERATIONS):
-        height, speed = fly(drag, load, depth, v, t)
+    for _ in range(_MAX_NEWTON_STEPS):
+        height, speed = free_flight(drag, load, depth, v, t)
         if not (height > 0.0 and speed < 0.0):
             break
         step = height / speed
@@ -275,34 +276,34 @@ def fall_time(drag, load, depth, v):
     return t
 
 
-@inlined
+@inlined_kernel
 def _scaled_flight_time(q):
-    """Return the duration T of a flight back to its starting height, scaled as -T load / v.
+    """Return -T load / v for a free flight of duration T back to its starting height.
 
     The flight x'' + 2 drag x' = load starts with v < 0; q = -2 drag v / load is at most 1/2. The
     polynomial is a Chebyshev series in powers of 4 q - 1 with a remainder below 1e-17.
     """
-    t = 4.0 * q - 1.0
-    s = t * t
-    r = s * s
-    low = 1.8568510175152666 - 0.12319979501934847 * t
-    low += s * (0.016955815698790882 - 0.0025146009094055006 * t)
-    low += r * (0.0003989940732782814 - 6.610785443764073e-05 * t)
-    low += (r * s) * (1.127852885014331e-05 - 1.9657782437696068e-06 * t)
-    high = 3.4825554480466923e-07 - 6.249390899417227e-08 * t
-    high += s * (1.1331521119792905e-08 - 2.073050795636026e-09 * t)
-    high += r * (3.818970303206023e-10 - 7.00128693778487e-11 * t)
-    high += (r * s) * (1.3022464626380772e-11 - 2.8748860555250845e-12 * t)
-    return low + (r * r) * (high + (r * r) * 5.457531285323438e-13)
+    x = 4.0 * q - 1.0
+    x2 = x * x
+    x4 = x2 * x2
+    low_terms = 1.8568510175152666 - 0.12319979501934847 * x
+    low_terms += x2 * (0.016955815698790882 - 0.0025146009094055006 * x)
+    low_terms += x4 * (0.0003989940732782814 - 6.610785443764073e-05 * x)
+    low_terms += (x4 * x2) * (1.127852885014331e-05 - 1.9657782437696068e-06 * x)
+    high_terms = 3.4825554480466923e-07 - 6.249390899417227e-08 * x
+    high_terms += x2 * (1.1331521119792905e-08 - 2.073050795636026e-09 * x)
+    high_terms += x4 * (3.818970303206023e-10 - 7.00128693778487e-11 * x)
+    high_terms += (x4 * x2) * (1.3022464626380772e-11 - 2.8748860555250845e-12 * x)
+    return low_terms + (x4 * x4) * (high_terms + (x4 * x4) * 5.457531285323438e-13)
 
 
-@inlined
+@inlined_kernel
 def return_flight(drag, load, v):
-    """Return (duration T, landing velocity) of a flight from x = 0 with v < 0 back to x = 0.
+    """Return (duration T, impact velocity) of a free flight from x = 0 with v < 0 back to x = 0.
 
     The equation of motion is x'' + 2 drag x' = load. The drag impulses of the way down and up
-    cancel, so that the landing velocity is v + load T. With z = 2 drag T and Q = -2 drag v / load,
-    T obeys z = (1 + Q) (1 - exp(-z)), one function of Q for all flights.
+    cancel, so that the impact velocity is v + load T. With z = 2 drag T and Q = -2 drag v / load, T
+    obeys z = (1 + Q) (1 - exp(-z)), one function of Q for all flights.
     """
     if drag == 0.0:
         return -2.0 * v / load, -v
@@ -311,8 +312,8 @@ def return_flight(drag, load, v):
         t = -v / load * _scaled_flight_time(q)
         return t, v + load * t
     # For strong drag the sum v + load T would lose digits.
-    t = lowest_time(drag, load, v)
-    lowest, _ = fly(drag, load, 0.0, v, t)
+    t = lowest_point_time(drag, load, v)
+    lowest, _ = free_flight(drag, load, 0.0, v, t)
     t += climb_time(drag, load, -lowest, 0.0)
-    _, speed = fly(drag, load, 0.0, v, t)
+    _, speed = free_flight(drag, load, 0.0, v, t)
     return t, speed

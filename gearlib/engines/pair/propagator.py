@@ -41,33 +41,33 @@ class Propagator(Base):
         """Return the propagator of the same pair at another tuning."""
         return type(self)(self.model, tuning, self)
 
-    def fill_record(self, z, span, samples, events, summary, first):
+    def fill_record(self, z, span, samples, events, summary, first_period):
         """Run from state z, shape (2,), which changes, and return the `Record` of the run.
 
         `span` gives the numbers of mesh periods; tables `samples`, `events` and `summary` are
-        filled. See `Base.fill_record`; `first` is not used.
+        filled. See `Base.fill_record`; `first_period` is not used.
         """
         tables = samples, events, span.max_events, summary
         result = pair_run.run(self.mesh, *z, span.periods, span.recorded, *tables)
-        *z[:], period, events, count, code = result
-        return Record(z, z, period, samples, events[:count], summary, code)
+        *z[:], period, events, arc_count, status = result
+        return Record(z, z, period, samples, events[:arc_count], summary, status)
 
-    def sweep(self, tunings, order, state, carry, span, rows):
+    def sweep(self, tunings, order, state, warm_start, span, rows):
         """Run at the tunings ``tunings[order]`` in one call of the kernel, and fill `rows`.
 
-        Each run starts from `state`, or with `carry` from the end of the last one. `span` gives the
-        numbers of mesh periods; see `Base.sweep`.
+        Each run starts from `state`, or with `warm_start` from the end of the last one. `span`
+        gives the numbers of mesh periods.
         """
-        many_runs.run_many(self.ratios, tunings, order, np.array(state), carry, *span, *rows)
+        many_runs.run_many(self.ratios, tunings, order, np.array(state), warm_start, span, *rows)
 
-    def fill_maps(self, z, periods, max_events, maps, first):
+    def fill_maps(self, z, periods, max_events, maps, first_period):
         """Fill `maps`, shape (periods, 2, 2), with the Jacobian matrices of mesh periods.
 
         State z, shape (2,), changes to the state at the end; returns the status. A period has at
-        most `max_events` arcs; `first` is not used, see `Base.fill_maps`.
+        most `max_events` arcs; `first_period` is not used.
         """
-        *z[:], code = fill_period_maps(self.mesh, *z, periods, max_events, maps)
-        return code
+        *z[:], status = fill_period_maps(self.mesh, *z, periods, max_events, maps)
+        return status
 
     def many(self, states, periods, max_events):
         """Return final states, shape (k, 2), and statuses of runs from `states`, shape (k, 2).
@@ -76,9 +76,9 @@ class Propagator(Base):
         """
         states = np.ascontiguousarray(states)
         ends, codes = np.empty(states.shape), np.empty(len(states), np.int64)
-        many_runs.skip_many(self.mesh, states, periods, max_events, ends, codes)
+        many_runs.run_many_states(self.mesh, states, periods, max_events, ends, codes)
         return ends, codes
 
     def sections(self, *arguments):
         """Fill a table with states at one phase of every period; see `Base.sections`."""
-        many_runs.section(self.mesh, *arguments)
+        many_runs.fill_sections(self.mesh, *arguments)

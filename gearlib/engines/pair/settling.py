@@ -9,7 +9,7 @@ P has one fixed point within about D of s, and all later states lie within D of 
 the state is P(s) + (M^k - I) e with e = -M (I - M)^-1 d, but for the curvature of P, which makes
 D^2 over the lowest speed at an event: less than rounding. Where M does not contract well enough
 (next to a fold, without damping), where an event is close to grazing, or where d is too large,
-there is no proof: a run that creeps past the ghost of a fold has not settled.
+there is no proof: a run that creeps past a fold has not settled.
 """
 
 import math
@@ -18,20 +18,18 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, NORMAL
-from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.orbit import MAX_PERIOD
-from gearlib.engines.overflow import within_range
-from gearlib.engines.pair.events import (
-    ARC_COLUMNS,
-    CONTACT,
-    DISPLACEMENT,
-    DURATION,
-    LEVEL,
-    VELOCITY,
+from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.orbit import MAX_PERIOD, is_within_range
+from gearlib.engines.pair import events
+from gearlib.engines.pair.maps import multiply_by_arc_maps
+from gearlib.engines.pair.motion import (
+    UNDERDAMPED,
+    evolve,
+    free_flight,
+    lowest_point_time,
+    next_turning_time,
 )
-from gearlib.engines.pair.maps import follow_arcs
-from gearlib.engines.pair.motion import UNDERDAMPED, evolve, fly, lowest_time, turning_time
-from gearlib.engines.pair.whole_periods import STORED_PERIODS, advance
+from gearlib.engines.pair.whole_periods import STORED_PERIODS, advance_periods
 
 #: Largest D of a settled run, in static deflections, or in units of the state if that is larger.
 MAX_DISTANCE = 1e-10
@@ -56,26 +54,26 @@ class Settled(NamedTuple):
 
 
 @kernel
-def not_settled():
+def unsettled():
     """Return the `Settled` of a run without a proof."""
     return Settled(0, 0.0, 0.0, (1.0, 0.0, 0.0, 1.0))
 
 
 @kernel
-def _size(mesh, x, v):
+def _state_norm(mesh, x, v):
     """Return the norm, in static deflections, of a state with displacement x and velocity v."""
     return math.hypot(x, mesh.tuning * v)
 
 
 @kernel
-def repeat_of(mesh, work, n, share):
+def repeat_period(mesh, work, n, relative_tolerance):
     """Return the smallest number of mesh periods after which stored states repeat, 0 if none.
 
-    The state after n periods is compared with earlier states in `work`. The tolerance is `share`
-    times the size of the state or one static deflection, whichever is larger.
+    The state after n periods is compared with earlier states in `work`. `relative_tolerance` is a
+    fraction of the size of the state or of one static deflection, whichever is larger.
     """
     x, v = work.states[n % STORED_PERIODS, 0], work.states[n % STORED_PERIODS, 1]
-    tolerance = share * max(1.0, _size(mesh, x, v))
+    tolerance = relative_tolerance * max(1.0, _state_norm(mesh, x, v))
     for p in range(1, min(n, MAX_PERIOD) + 1):
         row = (n - p) % STORED_PERIODS
         if (
@@ -87,60 +85,64 @@ def repeat_of(mesh, work, n, share):
 
 
 @kernel
-def _is_off_grazing(line, x, speed, distance, share):
+def _avoids_grazing(line, x, speed, margin, orbit_distance):
     """Return whether a motion at displacement x with a `speed` does not graze the flank at `line`.
 
-    It is farther from the line than `distance`, or crosses it fast enough. `share` is the distance
-    from the orbit over which the proof must hold.
+    It is farther from the line than `margin`, or crosses it fast enough for a proof over a
+    distance `orbit_distance` from the orbit.
     """
-    return abs(x - line) > distance or abs(speed) > max(
-        _GRAZING_SPEED, _SPEED_OVER_DISTANCE * share
-    )
+    min_speed = max(_GRAZING_SPEED, _SPEED_OVER_DISTANCE * orbit_distance)
+    return abs(x - line) > margin or abs(speed) > min_speed
 
 
 @kernel
-def all_arcs_off_grazing(mesh, arcs, count, share):
+def all_arcs_avoid_grazing(mesh, arcs, arc_count, orbit_distance):
     """Return whether no arc of a motion of a `Mesh` comes close to grazing a flank line.
 
-    The ends and turning points of the first `count` rows of the arc table `arcs`, shape (n, 6), are
-    checked. `share` is the distance from the orbit over which the proof must hold.
+    The ends and turning points of the first `arc_count` rows of the arc table `arcs`, shape (n, 6),
+    are checked. The proof must hold over a distance `orbit_distance` from the orbit.
     """
-    distance = max(_GRAZING_DISTANCE, 10.0 * share)
-    for i in range(count):
-        contact = int(arcs[i, CONTACT])
-        level = mesh.high if arcs[i, LEVEL] == 1.0 else mesh.low
-        duration, x, v = arcs[i, DURATION], arcs[i, DISPLACEMENT], arcs[i, VELOCITY]
+    margin = max(_GRAZING_DISTANCE, 10.0 * orbit_distance)
+    for i in range(arc_count):
+        contact = int(arcs[i, events.CONTACT])
+        level = mesh.high_level if arcs[i, events.LEVEL] == 1.0 else mesh.low_level
+        x, v = arcs[i, events.DISPLACEMENT], arcs[i, events.VELOCITY]
+        duration = arcs[i, events.DURATION]
         if contact == BACKLASH:
             speed = mesh.tuning * v
-            is_clear = _is_off_grazing(0.0, x, speed, distance, share)
-            is_clear = is_clear and _is_off_grazing(-mesh.gap, x, speed, distance, share)
+            is_clear = _avoids_grazing(0.0, x, speed, margin, orbit_distance)
+            is_clear = is_clear and _avoids_grazing(
+                -mesh.backlash, x, speed, margin, orbit_distance
+            )
             if v < 0.0:
-                t = lowest_time(mesh.drag, mesh.load, v)
-                if t < duration:
-                    lowest, _ = fly(mesh.drag, mesh.load, x, v, t)
-                    is_clear = is_clear and lowest + mesh.gap > distance
-            x, v = fly(mesh.drag, mesh.load, x, v, duration)
-            is_clear = is_clear and _is_off_grazing(-mesh.gap, x, mesh.tuning * v, distance, share)
+                time = lowest_point_time(mesh.drag, mesh.load, v)
+                if time < duration:
+                    lowest, _ = free_flight(mesh.drag, mesh.load, x, v, time)
+                    is_clear = is_clear and lowest + mesh.backlash > margin
+            x, v = free_flight(mesh.drag, mesh.load, x, v, duration)
+            is_clear = is_clear and _avoids_grazing(
+                -mesh.backlash, x, mesh.tuning * v, margin, orbit_distance
+            )
         else:
-            line = 0.0 if contact == NORMAL else -mesh.gap
-            shift = line + level.equilibrium
-            is_clear = _is_off_grazing(line, x, mesh.tuning * v, distance, share)
-            t = turning_time(level, x - shift, v)
+            line = 0.0 if contact == NORMAL else -mesh.backlash
+            equilibrium = line + level.equilibrium
+            is_clear = _avoids_grazing(line, x, mesh.tuning * v, margin, orbit_distance)
+            time = next_turning_time(level, x - equilibrium, v)
             for _ in range(2):
-                if not t < duration:
+                if not time < duration:
                     break
-                u, _v = evolve(level, x - shift, v, t)
-                is_clear = is_clear and abs(u + shift - line) > distance
-                if level.kind != UNDERDAMPED:
+                u, _v = evolve(level, x - equilibrium, v, time)
+                is_clear = is_clear and abs(u + equilibrium - line) > margin
+                if level.damping_kind != UNDERDAMPED:
                     break
-                t += math.pi / level.w
+                time += math.pi / level.frequency
         if not is_clear:
             return False
     return True
 
 
-@inlined
-def product(a, b):
+@inlined_kernel
+def matrix_product(a, b):
     """Return the product a b of two 2 x 2 matrices, given by rows as tuples."""
     return (
         a[0] * b[0] + a[1] * b[2],
@@ -150,15 +152,15 @@ def product(a, b):
     )
 
 
-@inlined
-def _norm(mesh, a):
-    """Return the Frobenius norm of a 2 x 2 map a, a tuple by rows, with scaled velocities."""
-    upper, lower = a[1] / mesh.tuning, a[2] * mesh.tuning
-    return math.sqrt(a[0] * a[0] + upper * upper + lower * lower + a[3] * a[3])
+@inlined_kernel
+def _map_norm(mesh, matrix):
+    """Return the Frobenius norm of a 2 x 2 map, a tuple by rows, with scaled velocities."""
+    upper, lower = matrix[1] / mesh.tuning, matrix[2] * mesh.tuning
+    return math.sqrt(matrix[0] * matrix[0] + upper * upper + lower * lower + matrix[3] * matrix[3])
 
 
 @kernel
-def sum_of_powers(mesh, matrix):
+def power_sum_bound(mesh, matrix):
     """Return an upper bound of 1 + |M| + |M^2| + ..., infinity if M hardly contracts.
 
     `matrix` is the 2 x 2 map M, a tuple by rows.
@@ -166,55 +168,55 @@ def sum_of_powers(mesh, matrix):
     total = 1.0
     for _ in range(_DOUBLINGS):
         # The sum of twice as many powers is at most the sum times 1 + |power|.
-        total *= 1.0 + _norm(mesh, matrix)
-        matrix = product(matrix, matrix)
-    return 2.0 * total if _norm(mesh, matrix) <= 0.5 else math.inf
+        total *= 1.0 + _map_norm(mesh, matrix)
+        matrix = matrix_product(matrix, matrix)
+    return 2.0 * total if _map_norm(mesh, matrix) <= 0.5 else math.inf
 
 
 @kernel
-def check_settled(mesh, work, n, contact, x, v, repeat, limit, share):
+def prove_settled(mesh, work, n, contact, x, v, repeat, max_arcs, tolerance):
     """Run through `repeat` periods and try to prove that the motion converges to an orbit.
 
     The motion has a contact code, displacement x and velocity v after n mesh periods; `work` is
-    storage prepared for the `Mesh`, `limit` the largest number of arcs of a period. The distance
-    from the orbit may be `share` of the state. Returns (contact code, x, v, number of arcs,
-    `Settled`), with the state at the end of the run.
+    storage prepared for the `Mesh`, `max_arcs` the largest number of arcs of a period. The distance
+    from the orbit may be `tolerance` times the state. Returns (contact code, x, v, number
+    of arcs, `Settled`), with the state at the end of the run.
     """
-    arcs, derivative = np.empty((_MAX_ARCS, ARC_COLUMNS)), np.eye(2)
-    start_x, start_v, previous = x, v, contact
-    clear = True
-    count = 0
+    arcs, jacobian = np.empty((_MAX_ARCS, events.ARC_COLUMNS)), np.eye(2)
+    start_x, start_v, previous_code, is_clear, arc_count = x, v, contact, True, 0
     for i in range(repeat):
-        contact, x, v, count = advance(mesh, work, n + i, contact, x, v, np.int64(1), limit, arcs)
-        if count > limit or not within_range(x, v):
-            return contact, x, v, count, not_settled()
-        clear = clear and count <= _MAX_ARCS
-        if clear:
-            clear = all_arcs_off_grazing(mesh, arcs, count, share)
-            previous = follow_arcs(mesh, arcs, count, previous, derivative)
-    if not clear:
-        return contact, x, v, count, not_settled()
-    matrix = derivative[0, 0], derivative[0, 1], derivative[1, 0], derivative[1, 1]
+        contact, x, v, arc_count = advance_periods(
+            mesh, work, n + i, contact, x, v, np.int64(1), max_arcs, arcs
+        )
+        if arc_count > max_arcs or not is_within_range(x, v):
+            return contact, x, v, arc_count, unsettled()
+        is_clear = is_clear and arc_count <= _MAX_ARCS
+        if is_clear:
+            is_clear = all_arcs_avoid_grazing(mesh, arcs, arc_count, tolerance)
+            previous_code = multiply_by_arc_maps(mesh, arcs, arc_count, previous_code, jacobian)
+    if not is_clear:
+        return contact, x, v, arc_count, unsettled()
+    matrix = jacobian[0, 0], jacobian[0, 1], jacobian[1, 0], jacobian[1, 1]
     dx, dv = x - start_x, v - start_v
-    tolerance = share * max(1.0, _size(mesh, x, v))
-    if not sum_of_powers(mesh, matrix) * _size(mesh, dx, dv) <= tolerance:
-        return contact, x, v, count, not_settled()
+    max_distance = tolerance * max(1.0, _state_norm(mesh, x, v))
+    if not power_sum_bound(mesh, matrix) * _state_norm(mesh, dx, dv) <= max_distance:
+        return contact, x, v, arc_count, unsettled()
     a, b, c, d = 1.0 - matrix[0], -matrix[1], -matrix[2], 1.0 - matrix[3]
-    # The deviation d = (dx, dv) is replaced by (I - M)^-1 d, with I - M = [[a, b], [c, d]].
+    # The step d = (dx, dv) is replaced by (I - M)^-1 d, with I - M = [[a, b], [c, d]].
     factor = 1.0 / (a * d - b * c)
     dx, dv = factor * (d * dx - b * dv), factor * (a * dv - c * dx)
-    ex = -(matrix[0] * dx + matrix[1] * dv)
-    ev = -(matrix[2] * dx + matrix[3] * dv)
-    return contact, x, v, count, Settled(repeat, ex, ev, matrix)
+    offset_x = -(matrix[0] * dx + matrix[1] * dv)
+    offset_v = -(matrix[2] * dx + matrix[3] * dv)
+    return contact, x, v, arc_count, Settled(repeat, offset_x, offset_v, matrix)
 
 
 @kernel
-def after_repeats(settled, k):
-    """Return the deviation (x, v) of a `Settled` run from its orbit after k >= 0 repeats, M^k e."""
+def offset_after_repeats(settled, k):
+    """Return the offset (x, v) of a `Settled` run from its orbit after k >= 0 repeats, M^k e."""
     x, v, power = settled.x, settled.v, settled.matrix
     while k > 0:
         if k % 2 == 1:
             x, v = power[0] * x + power[1] * v, power[2] * x + power[3] * v
-        power = product(power, power)
+        power = matrix_product(power, power)
         k //= 2
     return x, v

@@ -16,48 +16,21 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.orbit import STROBE_PERIODS
-from gearlib.engines.overflow import within_range
-from gearlib.engines.pair.contact_table import (
-    BOUND,
-    EMPTY,
-    END_S,
-    END_X,
-    ENTRIES,
-    EQUILIBRIUM,
-    LAST,
-    LENGTH,
-    LEVEL_COLUMNS,
-    MARGIN,
-    PER_TIME,
-    SPACING,
-    SQUARE,
-    TURN,
-    TWICE_A,
-    WITHIN_HALF,
-    WITHIN_TURN,
-    fill_table,
-    first_loss_of_contact,
-    first_minimum_is_above,
-    lowest_entry,
-    move_by,
-    provably_stays,
-    set_level,
-    step_by_series,
-)
-from gearlib.engines.pair.events import descent_time, march_on
-from gearlib.engines.pair.motion import evolve, fly, return_flight
+from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.orbit import STROBE_PERIODS, is_within_range
+from gearlib.engines.pair import contact_table as table
+from gearlib.engines.pair.events import descent_time, march_rest_of_segment
+from gearlib.engines.pair.motion import evolve, free_flight, return_flight
 
 #: Number of last periods whose states are stored, one more than `orbit.orbit_period` compares.
 STORED_PERIODS = STROBE_PERIODS + 1
-# Entries of `Work.memory`, which carries a flight from one call to the next: its remaining time
-# (negative: there is no flight), its duration, its speeds at the start and at the landing; then the
-# table entries of the last loss of contact in the three segments of a period.
-REMAINING, DURATION, START_SPEED, LANDING_SPEED, ENTRY = range(5)
-MEMORY = ENTRY + 3
-#: Contact code of a flight from x = 0 that returns to it, used within `advance` only.
-_FLYING = 2
+# Entries of `Work.memory`, which carries a free flight from one call to the next: its remaining
+# time (negative: there is no flight), its duration, its speeds at the start and at the impact; then
+# the table entries of the last loss of contact in the three segments of a period.
+REMAINING, DURATION, START_SPEED, IMPACT_SPEED, LOSS_ENTRIES = range(5)
+_MEMORY_SIZE = LOSS_ENTRIES + 3
+#: Contact code of a flight from x = 0 that returns to it, used within `advance_periods` only.
+_RETURN_FLIGHT = 2
 
 
 class Work(NamedTuple):
@@ -65,141 +38,150 @@ class Work(NamedTuple):
 
     levels: np.ndarray  #: rows of `contact_table` for C_min and half a segment of C_max
     tables: np.ndarray  #: shape (2, ENTRIES, 2)
-    memory: np.ndarray  #: shape (MEMORY,)
+    memory: np.ndarray  #: entries REMAINING to LOSS_ENTRIES, see above
     states: np.ndarray  #: at the end of period n in row n % STORED_PERIODS, (STORED_PERIODS, 2)
 
 
 @kernel
 def new_work():
     """Return empty storage for runs through whole periods, to be prepared by `set_mesh`."""
-    return Work(
-        np.zeros((2, LEVEL_COLUMNS)),
-        np.zeros((2, ENTRIES, 2)),
-        np.zeros(MEMORY),
-        np.zeros((STORED_PERIODS, 2)),
-    )
+    levels, tables = np.zeros((2, table.LEVEL_COLUMNS)), np.zeros((2, table.ENTRIES, 2))
+    return Work(levels, tables, np.zeros(_MEMORY_SIZE), np.zeros((STORED_PERIODS, 2)))
 
 
 @kernel
 def set_mesh(work, mesh):
     """Prepare storage `work` for runs of a `Mesh`: set the constants of its stiffness levels."""
-    set_level(mesh.low, mesh.whole_low, work.levels[0])
-    set_level(mesh.high, mesh.half_high, work.levels[1])
+    table.set_level(mesh.low_level, mesh.low_length, work.levels[0])
+    table.set_level(mesh.high_level, mesh.half_high_length, work.levels[1])
 
 
 @kernel
 def set_start(work, x, v):
     """Prepare storage `work` for a new run from displacement x and velocity v at tau = 0."""
     work.memory[REMAINING] = -1.0
-    work.memory[ENTRY:] = 0.0
+    work.memory[LOSS_ENTRIES:] = 0.0
     work.states[0, 0], work.states[0, 1] = x, v
 
 
-@inlined
-def _write(arcs, count, start, duration, contact, level, x, v):
-    """Write an arc to row `count` of the arc table, if it has this row; return `count` + 1.
+@inlined_kernel
+def _append_arc(arcs, row, start, duration, contact, level, x, v):
+    """Write an arc to a row of the arc table, if the table has this row; return the next row.
 
     The arc has a `start` phase, `duration`, contact code, stiffness level (0 C_min, 1 C_max) and
     starts with displacement x and velocity v.
     """
-    if count < arcs.shape[0]:
-        arcs[count, 0], arcs[count, 1], arcs[count, 2] = start, duration, contact
-        arcs[count, 3], arcs[count, 4], arcs[count, 5] = level, x, v
-    return count + 1
+    if row < arcs.shape[0]:
+        arcs[row, 0], arcs[row, 1], arcs[row, 2] = start, duration, contact
+        arcs[row, 3], arcs[row, 4], arcs[row, 5] = level, x, v
+    return row + 1
 
 
 @kernel
-def advance(mesh, work, n, contact, x, v, periods, limit, arcs):
+def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
     """Run through `periods` mesh periods of a `Mesh` from tau = 2 pi n.
 
     The motion starts with a contact code, displacement x and velocity v. `work` is storage prepared
-    for the mesh; it keeps a flight from one call to the next. `arcs`, shape (k, 6), receives the
-    arcs of the last period; k may be 0. Returns (contact code, x, v, count) at the end, which may
-    be out of range; `count` is the number of arcs of the last period, above `limit` after an abort.
+    for the mesh; it keeps a free flight from one call to the next. `arcs`, shape (k, 6), receives
+    the arcs of the last period; k may be 0. Returns (contact code, x, v, arc count) at the end,
+    which may be out of range; the number of arcs of the last period is above `max_arcs` after an
+    abort.
     """
     levels, tables, memory, states = work
-    escape_square = 2.0 * mesh.load * mesh.gap * MARGIN
+    max_return_energy = 2.0 * mesh.load * mesh.backlash * table.ROUNDING_MARGIN
     count = np.int64(0)
     end_u = end_v = 0.0
     flight_remaining, duration = memory[REMAINING], memory[DURATION]
-    start_speed, landing_speed = memory[START_SPEED], memory[LANDING_SPEED]
+    start_speed, impact_speed = memory[START_SPEED], memory[IMPACT_SPEED]
     if flight_remaining >= 0.0:
-        contact = _FLYING
+        contact = _RETURN_FLIGHT
     for period in range(n, n + periods):
-        if not within_range(x, v):
+        if not is_within_range(x, v):
             break
         count = 0
         start = 0.0
         for segment in range(3):
             i = 1 - (segment & 1)
-            length, equilibrium = levels[i, LENGTH], levels[i, EQUILIBRIUM]
+            length, equilibrium = levels[i, table.SEGMENT_LENGTH], levels[i, table.EQUILIBRIUM]
             if segment > 0:
-                start += levels[2 - segment, LENGTH]
+                start += levels[2 - segment, table.SEGMENT_LENGTH]
             if length == 0.0:
                 continue
-            t, landed = 0.0, False
-            if contact == _FLYING:
+            t, starts_on_line = 0.0, False
+            if contact == _RETURN_FLIGHT:
                 if arcs.shape[0] > 0 and flight_remaining > 0.0:
-                    x, v = fly(mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining)
-                    count = _write(
+                    x, v = free_flight(
+                        mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining
+                    )
+                    count = _append_arc(
                         arcs, count, start, min(flight_remaining, length), BACKLASH, i, x, v
                     )
                 if flight_remaining >= length:
                     flight_remaining -= length
                     continue
                 contact = NORMAL
-                t, u, v, landed = flight_remaining, -equilibrium, landing_speed, True
+                t, u, v, starts_on_line = flight_remaining, -equilibrium, impact_speed, True
             elif contact == NORMAL:
                 u = x - equilibrium
-                end_u, end_v = move_by(levels, i, u, v, levels[i, END_X], levels[i, END_S])
-                half = levels[i, WITHIN_HALF] > 0.0
-                turn = levels[i, WITHIN_TURN] > 0.0
+                end_u, end_v = table.advance_by_responses(
+                    levels, i, u, v, levels[i, table.END_X], levels[i, table.END_S]
+                )
+                half = levels[i, table.WITHIN_HALF_CYCLE] > 0.0
+                cycle = levels[i, table.WITHIN_CYCLE] > 0.0
                 if (
-                    provably_stays(half, turn, v, end_u + equilibrium, end_v)
-                    or levels[i, SQUARE] * u * u + v * (v + levels[i, TWICE_A] * u)
-                    < levels[i, BOUND]
+                    table.provably_stays_in_contact(half, cycle, v, end_u + equilibrium, end_v)
+                    or levels[i, table.STIFFNESS] * u * u + v * (v + levels[i, table.DAMPING] * u)
+                    < levels[i, table.MAX_ENERGY]
                 ):
-                    count = _write(arcs, count, start, length, NORMAL, i, x, v)
+                    count = _append_arc(arcs, count, start, length, NORMAL, i, x, v)
                     x, v = end_u + equilibrium, end_v
                     continue
             else:
-                t, contact, x, v, count = march_on(
-                    mesh, i, start, t, length, contact, x, v, arcs, count, limit, True
+                t, contact, x, v, count = march_rest_of_segment(
+                    mesh, i, start, t, length, contact, x, v, arcs, count, max_arcs, True
                 )
-                if t >= length or count > limit:
+                if t >= length or count > max_arcs:
                     continue
-                u, landed = -equilibrium, True
+                u, starts_on_line = -equilibrium, True
 
             # Contact and flight alternate until the segment ends.
-            level = mesh.high if i == 1 else mesh.low
-            if levels[i, LAST] == EMPTY:
-                fill_table(level, levels[i], tables[i])
+            level = mesh.high_level if i == 1 else mesh.low_level
+            if levels[i, table.LAST_ENTRY] == table.UNFILLED:
+                table.fill_table(level, levels[i], tables[i])
             while True:
                 remaining = length - t
-                end_is_known = not landed
-                count = _write(arcs, count, start + t, remaining, NORMAL, i, u + equilibrium, v)
-                if landed:
-                    k = int(remaining * levels[i, PER_TIME] + 0.5)
-                    end_is_known = k <= levels[i, LAST]
+                end_is_known = not starts_on_line
+                count = _append_arc(
+                    arcs, count, start + t, remaining, NORMAL, i, u + equilibrium, v
+                )
+                if starts_on_line:
+                    k = int(remaining * levels[i, table.ENTRIES_PER_TIME] + 0.5)
+                    end_is_known = k <= levels[i, table.LAST_ENTRY]
                     if end_is_known:
-                        end_u, end_v = move_by(levels, i, u, v, tables[i, k, 0], tables[i, k, 1])
-                        end_u, end_v = step_by_series(
-                            levels, i, end_u, end_v, remaining - k * levels[i, SPACING]
+                        end_u, end_v = table.advance_by_responses(
+                            levels, i, u, v, tables[i, k, 0], tables[i, k, 1]
                         )
-                        half = 2.0 * remaining < levels[i, TURN]
-                        turn = remaining < levels[i, TURN]
-                        if provably_stays(half, turn, v, end_u + equilibrium, end_v):
+                        end_u, end_v = table.advance_by_series(
+                            levels, i, end_u, end_v, remaining - k * levels[i, table.SPACING]
+                        )
+                        half = 2.0 * remaining < levels[i, table.CYCLE_TIME]
+                        cycle = remaining < levels[i, table.CYCLE_TIME]
+                        if table.provably_stays_in_contact(
+                            half, cycle, v, end_u + equilibrium, end_v
+                        ):
                             x, v = end_u + equilibrium, end_v
                             break
-                k = int(memory[ENTRY + segment])
-                loss_time, speed, k = first_loss_of_contact(levels, tables, i, u, v, k, remaining)
-                if loss_time < 0.0 and levels[i, LAST] > 0.0:
-                    k, below = lowest_entry(levels, tables, i, u, v)
+                k = int(memory[LOSS_ENTRIES + segment])
+                loss_time, speed, k = table.first_loss_of_contact(
+                    levels, tables, i, u, v, k, remaining
+                )
+                if loss_time < 0.0 and levels[i, table.LAST_ENTRY] > 0.0:
+                    k, below = table.lowest_entry(levels, tables, i, u, v)
                     if below:
-                        loss_time, speed, k = first_loss_of_contact(
+                        loss_time, speed, k = table.first_loss_of_contact(
                             levels, tables, i, u, v, k, remaining
                         )
-                    elif end_is_known and first_minimum_is_above(levels, tables, i, u, v, k):
+                    elif end_is_known and table.first_minimum_is_above(levels, tables, i, u, v, k):
                         x, v = end_u + equilibrium, end_v
                         break
                 if loss_time < 0.0:
@@ -210,45 +192,48 @@ def advance(mesh, work, n, contact, x, v, periods, limit, arcs):
                         x, v = evolve(level, u, v, remaining)
                         x += equilibrium
                         break
-                    k = int(loss_time * levels[i, PER_TIME] + 0.5)
-                memory[ENTRY + segment] = k
+                    k = int(loss_time * levels[i, table.ENTRIES_PER_TIME] + 0.5)
+                memory[LOSS_ENTRIES + segment] = k
                 if count <= arcs.shape[0]:
                     arcs[count - 1, 1] = loss_time
-                if speed * speed >= escape_square:
-                    # The far flank may be reached: march event by event to the next landing.
+                if speed * speed >= max_return_energy:
+                    # The far flank may be reached: march event by event to the next impact.
                     t += loss_time
-                    flying = BACKLASH if mesh.gap > 0.0 else INVERSE
-                    t, contact, x, v, count = march_on(
-                        mesh, i, start, t, length, flying, 0.0, speed, arcs, count, limit, True
+                    flight_code = BACKLASH if mesh.backlash > 0.0 else INVERSE
+                    x, v = 0.0, speed
+                    t, contact, x, v, count = march_rest_of_segment(
+                        mesh, i, start, t, length, flight_code, x, v, arcs, count, max_arcs, True
                     )
-                    if t >= length or count > limit:
+                    if t >= length or count > max_arcs:
                         break
-                    u, landed = -equilibrium, True
+                    u, starts_on_line = -equilibrium, True
                     continue
-                duration, landing_speed = return_flight(mesh.drag, mesh.load, speed)
+                duration, impact_speed = return_flight(mesh.drag, mesh.load, speed)
                 t += loss_time
-                count = _write(
+                count = _append_arc(
                     arcs, count, start + t, min(duration, length - t), BACKLASH, i, 0.0, speed
                 )
                 t += duration
                 if t >= length:
-                    contact, flight_remaining, start_speed = _FLYING, t - length, speed
+                    contact, flight_remaining, start_speed = _RETURN_FLIGHT, t - length, speed
                     break
-                if count > limit:
+                if count > max_arcs:
                     break
-                u, v, landed = -equilibrium, landing_speed, True
-            if count > limit:
+                u, v, starts_on_line = -equilibrium, impact_speed, True
+            if count > max_arcs:
                 break
-        if contact == _FLYING:
+        if contact == _RETURN_FLIGHT:
             if flight_remaining > 0.0:
-                x, v = fly(mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining)
+                x, v = free_flight(
+                    mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining
+                )
             else:
-                contact, x, v = NORMAL, 0.0, landing_speed
-        if count > limit:
+                contact, x, v = NORMAL, 0.0, impact_speed
+        if count > max_arcs:
             break
         row = (period + 1) % STORED_PERIODS
         states[row, 0], states[row, 1] = x, v
-    memory[REMAINING] = flight_remaining if contact == _FLYING else -1.0
+    memory[REMAINING] = flight_remaining if contact == _RETURN_FLIGHT else -1.0
     memory[DURATION] = duration
-    memory[START_SPEED], memory[LANDING_SPEED] = start_speed, landing_speed
-    return (BACKLASH if contact == _FLYING else contact), x, v, count
+    memory[START_SPEED], memory[IMPACT_SPEED] = start_speed, impact_speed
+    return (BACKLASH if contact == _RETURN_FLIGHT else contact), x, v, count

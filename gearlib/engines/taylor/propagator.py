@@ -1,4 +1,4 @@
-"""Taylor steps that end at events, for one degree of freedom and nonlinear laws."""
+"""Taylor steps that end at events, for one degree of freedom with nonlinear forces."""
 
 import numpy as np
 
@@ -19,44 +19,45 @@ class Propagator(Base):
     description = "Taylor steps"
 
     def __init__(self, model, tuning: float, tolerance: float = TOLERANCE):
-        """Set the law of a model at a tuning, for a truncation error of each step."""
+        """Set the constants of a model at a tuning, for a truncation error of each step."""
         super().__init__(model, tuning)
         self.tolerance = tolerance
-        self.law = model.law(tuning, tolerance)
+        self.mesh = model.law(tuning, tolerance)
 
     def at(self, tuning: float) -> "Propagator":
         """Return the propagator of the same model at another tuning."""
         return type(self)(self.model, tuning, self.tolerance)
 
-    def fill_record(self, z, span, samples, events, summary, first):
+    def fill_record(self, z, span, samples, events, summary, first_period):
         """Run from the state z over a span and fill the tables; return the `Record`.
 
-        The excitation starts with its mesh period `first`.
+        The excitation starts with its mesh period `first_period`.
         """
-        return self._integrate_from(z, span, samples, events, summary, np.empty((0, 2, 2)), first)
+        tables = samples, events, summary, np.empty((0, 2, 2))
+        return self._integrate_from(z, span, *tables, first_period)
 
-    def fill_maps(self, z, periods, max_events, maps, first):
+    def fill_maps(self, z, periods, max_events, maps, first_period):
         """Fill the period maps, shape (periods, 2, 2), of a run from z; return its status.
 
-        z becomes the final state; the excitation starts with its mesh period `first`.
+        z becomes the final state; the excitation starts with its mesh period `first_period`.
         """
-        tables = self.model.empty_record(events=0)
-        return self._integrate_from(z, Span(periods, 0, max_events), *tables, maps, first).status
+        span, tables = Span(periods, 0, max_events), self.model.empty_record(events=0)
+        return self._integrate_from(z, span, *tables, maps, first_period).status
 
-    def _integrate_from(self, z, span, samples, events, summary, maps, first) -> Record:
+    def _integrate_from(self, z, span, samples, events, summary, maps, first_period) -> Record:
         """Run from the state z, in place, and fill the tables and period maps; return the `Record`.
 
-        Maps have the shape (periods, 2, 2) or (0, 2, 2); the excitation starts with period `first`.
+        Maps have the shape (periods, 2, 2) or (0, 2, 2); the excitation starts with `first_period`.
         """
-        tables = samples, events, span.max_events, summary, maps, first
+        tables = samples, events, span.max_events, summary, maps, first_period
         result = self.integrate(*z, span.periods, span.recorded, *tables)
-        *z[:], period, events, count, code, steps = result
+        *z[:], period, events, event_count, status, steps = result
         # A coefficient of the series costs about one evaluation of the right-hand side.
-        return Record(z, z, period, samples, events[:count], summary, code, steps * ORDER)
+        return Record(z, z, period, samples, events[:event_count], summary, status, steps * ORDER)
 
     def integrate(self, *arguments):
         """Run the kernel `run_nonlinear` with all arguments but the last one, the first period.
 
         The excitation of a nonlinear mesh repeats after each period.
         """
-        return run_nonlinear(self.law, TO_BERNSTEIN, *arguments[:-1])
+        return run_nonlinear(self.mesh, TO_BERNSTEIN, *arguments[:-1])

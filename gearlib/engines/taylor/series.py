@@ -16,7 +16,7 @@ import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.copies import copy
-from gearlib.engines.jit import inlined, kernel
+from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.pair.elementary import cos_sin
 
 #: Degree of the series. The cost of a step grows with its square, the length of a step at most with
@@ -27,7 +27,7 @@ _INVERSE = 1.0 / np.arange(1, ORDER + 2)
 
 # Steps take plain arrays, since the reference counts of named tuples cost more than the sums.
 #: Rows of the array of series: x, x', elastic deflection, stiffness, deflection with its powers,
-#: mesh force, squares of deflection and x', excitation, a polynomial of the share of a step.
+#: mesh force, squares of deflection and x', excitation, a polynomial of the fraction of a step.
 (
     DISPLACEMENT,
     VELOCITY,
@@ -51,7 +51,7 @@ COLUMNS = 15
 EXCITATION = 3
 
 
-class Law(NamedTuple):
+class NonlinearMesh(NamedTuple):
     """Dimensionless constants and tables of the nonlinear mesh at one tuning."""
 
     tuning: float
@@ -65,7 +65,7 @@ class Law(NamedTuple):
     stiffness_harmonics: np.ndarray  #: added to c: order, cosine, sine, shape (j, 3)
     force_harmonics: np.ndarray  #: of F (order 0 the mean): order, cosine, sine, shape (k, 3)
     tolerance: float  #: truncation error of a step, in static deflections
-    # In gear pairs the drive flank lies at 0, both flanks have the same laws, and e = 0.
+    # In gear pairs the drive flank lies at 0, both flanks have the same coefficients, and e = 0.
     drive_line: float  #: displacement of the drive flank
     coast_line: float  #: displacement of the coast flank
     ground_stiffness: float  #: e, stiffness towards x = 0 in all contacts
@@ -74,15 +74,15 @@ class Law(NamedTuple):
     coast_stiffness_harmonics: np.ndarray  #: as `stiffness_harmonics`, of the coast flank
 
 
-@inlined
-def damping_of(law, contact_code):
-    """Return the damping coefficients d1, d2, d3, shape (3,), of a `Law` for a contact code."""
+@inlined_kernel
+def damping_coefficients(mesh, contact_code):
+    """Return d1, d2, d3, shape (3,), of a `NonlinearMesh` for a contact code."""
     if contact_code == BACKLASH:
-        return law.backlash_damping
-    return law.drive_damping if contact_code == NORMAL else law.coast_damping
+        return mesh.backlash_damping
+    return mesh.drive_damping if contact_code == NORMAL else mesh.coast_damping
 
 
-@inlined
+@inlined_kernel
 def _fill_harmonics(harmonics, series_terms):
     """Fill the terms of the Taylor series of harmonics; return the mean, the term of order 0.
 
@@ -91,67 +91,67 @@ def _fill_harmonics(harmonics, series_terms):
     """
     mean, row = 0.0, 0
     for i in range(harmonics.shape[0]):
-        n = harmonics[i, 0]
-        if n == 0.0:
+        order = harmonics[i, 0]
+        if order == 0.0:
             mean += harmonics[i, 1]
             continue
         copy(harmonics[i], series_terms[row, :3])
         # n^k / k! with the signs of the derivatives of cosine and sine.
-        series_terms[row, 3], series_terms[row, 4] = 1.0, n
+        series_terms[row, 3], series_terms[row, 4] = 1.0, order
         for k in range(2, ORDER + 1):
-            series_terms[row, 3 + k] = -n * n * series_terms[row, 1 + k] / (k * (k - 1.0))
+            series_terms[row, 3 + k] = -order * order * series_terms[row, 1 + k] / (k * (k - 1.0))
         row += 1
     return mean
 
 
 @kernel
-def tabulate_law(law):
-    """Return (constants, harmonics) of a `Law` for the Taylor steps.
+def tabulate_mesh(mesh):
+    """Return (constants, harmonics) of a `NonlinearMesh` for the Taylor steps.
 
     Constants have the shape (3, m, COLUMNS), by contact code + 1 and segment, harmonics the shape
     (4, n, ORDER + 4), by contact code + 1 or EXCITATION; a row of zeros ends them.
     """
     max_count = max(
-        law.stiffness_harmonics.shape[0],
-        law.coast_stiffness_harmonics.shape[0],
-        law.force_harmonics.shape[0],
+        mesh.stiffness_harmonics.shape[0],
+        mesh.coast_stiffness_harmonics.shape[0],
+        mesh.force_harmonics.shape[0],
     )
-    constants = np.empty((3, law.stiffness_lines.shape[0], COLUMNS))
+    constants = np.empty((3, mesh.stiffness_lines.shape[0], COLUMNS))
     harmonics = np.zeros((4, max_count + 1, ORDER + 4))
-    mean_force = _fill_harmonics(law.force_harmonics, harmonics[EXCITATION])
+    mean_force = _fill_harmonics(mesh.force_harmonics, harmonics[EXCITATION])
     for contact_code in (INVERSE, BACKLASH, NORMAL):
         # In the backlash the stiffness of the drive side is recorded, but it exerts no force.
         is_coast = contact_code == INVERSE
-        harmonics_of_side = law.coast_stiffness_harmonics if is_coast else law.stiffness_harmonics
+        harmonics_of_side = mesh.coast_stiffness_harmonics if is_coast else mesh.stiffness_harmonics
         mean = _fill_harmonics(harmonics_of_side, harmonics[contact_code + 1])
-        stiffness_lines = law.coast_stiffness_lines if is_coast else law.stiffness_lines
-        damping = damping_of(law, contact_code)
-        side = 1.0 if contact_code == NORMAL else -1.0
+        stiffness_lines = mesh.coast_stiffness_lines if is_coast else mesh.stiffness_lines
+        damping = damping_coefficients(mesh, contact_code)
+        sign = 1.0 if contact_code == NORMAL else -1.0
         for segment in range(stiffness_lines.shape[0]):
             row = constants[contact_code + 1, segment]
             row[D1], row[D2], row[D3] = damping[0], damping[1], damping[2]
-            row[P2], row[P3] = side * law.stiffness_powers[0], law.stiffness_powers[1]
-            row[FLANK_LINE] = law.coast_line if is_coast else law.drive_line
+            row[P2], row[P3] = sign * mesh.stiffness_powers[0], mesh.stiffness_powers[1]
+            row[FLANK_LINE] = mesh.coast_line if is_coast else mesh.drive_line
             row[START_STIFFNESS] = stiffness_lines[segment, 0] + mean
             row[STIFFNESS_SLOPE] = stiffness_lines[segment, 1]
-            row[START_PHASE], row[MEAN_FORCE] = law.segment_bounds[segment], mean_force
-            row[GROUND_STIFFNESS], row[TUNING] = law.ground_stiffness, law.tuning
-            row[DRIVE_LINE], row[COAST_LINE] = law.drive_line, law.coast_line
-            row[STEP_SCALE] = law.tolerance ** (1.0 / ORDER)
+            row[START_PHASE], row[MEAN_FORCE] = mesh.segment_bounds[segment], mean_force
+            row[GROUND_STIFFNESS], row[TUNING] = mesh.ground_stiffness, mesh.tuning
+            row[DRIVE_LINE], row[COAST_LINE] = mesh.drive_line, mesh.coast_line
+            row[STEP_SCALE] = mesh.tolerance ** (1.0 / ORDER)
     return constants, harmonics
 
 
-@inlined
+@inlined_kernel
 def _add_harmonics(harmonics, group, phase, series, quantity):
     """Add the Taylor coefficients of harmonics at a phase to the row `quantity` of `series`.
 
     The group of harmonics, shape (4, n, ORDER + 4), is a contact code + 1 or EXCITATION.
     """
     for j in range(harmonics.shape[1]):
-        n = harmonics[group, j, 0]
-        if n == 0.0:
+        order = harmonics[group, j, 0]
+        if order == 0.0:
             break
-        cosine, sine = cos_sin(n * phase)
+        cosine, sine = cos_sin(order * phase)
         even = harmonics[group, j, 1] * cosine + harmonics[group, j, 2] * sine
         odd = harmonics[group, j, 2] * cosine - harmonics[group, j, 1] * sine
         for k in range(0, ORDER, 2):
@@ -160,7 +160,7 @@ def _add_harmonics(harmonics, group, phase, series, quantity):
         series[quantity, ORDER] += harmonics[group, j, 3 + ORDER] * even
 
 
-@inlined
+@inlined_kernel
 def _square_and_cube_terms(series, quantity, square_quantity, k):
     """Return coefficient k of a^2 and of a^3 without the terms 2 a_0 a_k and 3 a_0^2 a_k.
 
@@ -184,8 +184,8 @@ def _square_and_cube_terms(series, quantity, square_quantity, k):
     return square_sum, cube_sum + cube_tail + square_sum * constant_term
 
 
-@inlined
-def _product(series, quantity, other_quantity, k):
+@inlined_kernel
+def _product_coefficient(series, quantity, other_quantity, k):
     """Return coefficient k of the Cauchy product of two rows of `series`, by their row numbers.
 
     The newest coefficients are added last, so that the other sums can be computed in parallel.
@@ -208,12 +208,12 @@ def _product(series, quantity, other_quantity, k):
 
 
 @kernel
-def expand(
+def expand_motion(
     constants, harmonics, segment, phase, contact_code, velocity_sign, x, v, series, term_count
 ):
     """Fill the Taylor series of the motion through (x, v) at a phase of a stiffness segment.
 
-    Constants and harmonics come from `tabulate_law`; contact code and sign of the velocity do not
+    Constants and harmonics come from `tabulate_mesh`; contact code and sign of the velocity do not
     change. `series`, shape (ROWS, ORDER + 1), gets `term_count` <= ORDER coefficients of the
     velocity beyond the first.
     """
@@ -249,7 +249,7 @@ def expand(
                 spring_force = stiffness_factor * spring_force + (p2 * square + p3 * cube)
             series[SPRING_FORCE, k] = spring_force
             force = (
-                _product(series, STIFFNESS, SPRING_FORCE, k)
+                _product_coefficient(series, STIFFNESS, SPRING_FORCE, k)
                 if has_harmonics
                 else stiffness * spring_force + stiffness_slope * previous_spring_force
             )
@@ -267,7 +267,7 @@ def expand(
     series[MESH_FORCE, ORDER] = 0.0
 
 
-@inlined
+@inlined_kernel
 def step_length(constants, series, max_step):
     """Return the longest step up to `max_step` for which the last series terms are negligible.
 
@@ -288,7 +288,7 @@ def step_length(constants, series, max_step):
     return min(step_ratio * step_scale, max_step)
 
 
-@inlined
+@inlined_kernel
 def state_at(series, t):
     """Return (x, x') of a Taylor series at the phase t after its start, by even and odd powers."""
     square = t * t

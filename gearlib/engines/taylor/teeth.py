@@ -28,13 +28,13 @@ from gearlib.engines.codes import (
     OVERFLOW,
     UNRESOLVED,
 )
-from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.overflow import within_range
-from gearlib.engines.pair.maps import multiply
+from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.orbit import is_within_range
+from gearlib.engines.pair.maps import multiply_from_left
 from gearlib.engines.polynomial import WORK_ROWS
 from gearlib.engines.protocol import Base
 from gearlib.engines.taylor import propagator
-from gearlib.engines.taylor.deviations import set_identity
+from gearlib.engines.taylor.perturbations import set_identity
 from gearlib.engines.taylor.series import (
     DISPLACEMENT,
     MESH_FORCE,
@@ -46,7 +46,7 @@ from gearlib.engines.taylor.series import (
 )
 from gearlib.engines.taylor.taylor_run import (
     add_samples,
-    add_step,
+    add_step_to_summary,
     first_crossing,
     samples_of_period,
 )
@@ -61,20 +61,20 @@ class ToothPairSystem(NamedTuple):
 
     starts: np.ndarray  #: phases that bound the segments, shape (p + 1,)
     first_segment: np.ndarray  #: int, where each mesh period begins, shape (repeats + 1,)
-    renewed: np.ndarray  #: bool, whether pairs come or go at the start of a segment, shape (p,)
-    inside: np.ndarray  #: int, set of the pairs on their path of contact, shape (p,)
-    force: np.ndarray  #: of a set, a and b, shape (p, 2^k + 1, 4)
-    overlap: np.ndarray  #: of a pair beside a set without it, p and r, shape (p, 2^k, k, 4)
-    slip: np.ndarray  #: e', rate of the gap without load, shape (p,)
+    pairs_change: np.ndarray  #: bool, whether pairs change at the start of a segment, shape (p,)
+    active_pairs: np.ndarray  #: int, set of the pairs on their path of contact, shape (p,)
+    force_lines: np.ndarray  #: of a set, a and b, shape (p, 2^k + 1, 4)
+    overlap_lines: np.ndarray  #: of a pair beside a set without it, p and r, shape (p, 2^k, k, 4)
+    gap_rate: np.ndarray  #: e', rate of the gap without load, shape (p,)
     damping: np.ndarray  #: d in the backlash and in contact, over nu, shape (2,)
-    lower: float  #: displacement of the coast side, may be -inf
-    longest: float  #: phase of the longest step
+    coast_line: float  #: displacement of the coast side, may be -inf
+    max_step: float  #: largest step in phase
     tuning: float  #: nu
     repeats: int  #: mesh periods after which the pairs of teeth repeat
-    closing: bool  #: whether pairs of teeth and the coast side may touch at once
+    may_jam: bool  #: whether pairs of teeth and the coast side may touch at once
 
 
-@inlined
+@inlined_kernel
 def _line_value(line, t, x):
     """Return factor x - offset, both linear in the phase t since the start of a segment.
 
@@ -92,9 +92,9 @@ def touching_set(overlaps, active_set, coast_line, t, x):
     pair. Bits of `active_set` mark pairs on their path of contact; `coast_line` is the displacement
     of the coast side.
     """
-    sets, pair_count = overlaps.shape[0], overlaps.shape[1]
+    coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
     best_set, min_violation = 0, math.inf
-    for contact_set in range(sets):
+    for contact_set in range(coast_set):
         if contact_set & ~active_set:
             continue
         violation = 0.0
@@ -105,10 +105,10 @@ def touching_set(overlaps, active_set, coast_line, t, x):
                 violation = max(violation, -value if contact_set & pair_bit else value)
         if violation < min_violation:
             best_set, min_violation = contact_set, violation
-    return sets if best_set == 0 and x < coast_line else best_set
+    return coast_set if best_set == 0 and x < coast_line else best_set
 
 
-@inlined
+@inlined_kernel
 def _fill_linear(series, quantity, line, t):
     """Fill the row `quantity` of `series` with factor x - offset, both linear in phase.
 
@@ -128,8 +128,8 @@ def _fill_linear(series, quantity, line, t):
         )
 
 
-@inlined
-def _expand(line, t, damping, gap_rate, force_scale, x, v, series):
+@inlined_kernel
+def _expand_motion(line, t, damping, gap_rate, force_scale, x, v, series):
     """Fill the Taylor series of the motion through (x, v), t after the start of a segment.
 
     The mesh force is factor x - offset, times `force_scale`, 1 / nu^2; the line is (factor, factor
@@ -156,8 +156,8 @@ def _expand(line, t, damping, gap_rate, force_scale, x, v, series):
 
 
 @kernel
-def _map_step(line, t, damping, force_scale, h, map_matrix):
-    """Multiply a map of deviations, shape (2, 2), in place by the map of a step of length h.
+def _map_step(line, t, damping, force_scale, step, map_matrix):
+    """Multiply a map of perturbations, shape (2, 2), in place by the map of a Taylor step.
 
     The step starts t after the start of a segment, whose mesh force is factor x - offset, times
     `force_scale`; the line is (factor, factor slope, offset, offset slope).
@@ -176,14 +176,14 @@ def _map_step(line, t, damping, force_scale, h, map_matrix):
                 + damping * velocity_term
             ) / (k + 1.0)
             previous_term, displacement_term = displacement_term, new_term
-            power *= h
+            power *= step
             displacement += displacement_term * power
             velocity += velocity_term * power
         image[0, j], image[1, j] = displacement, velocity
-    multiply(image[0, 0], image[0, 1], image[1, 0], image[1, 1], map_matrix)
+    multiply_from_left(image[0, 0], image[0, 1], image[1, 0], image[1, 1], map_matrix)
 
 
-@inlined
+@inlined_kernel
 def _first_contact_event(
     overlaps,
     active_set,
@@ -192,50 +192,47 @@ def _first_contact_event(
     contact_set,
     start_pair,
     t,
-    h,
+    step,
     x,
     series,
     to_bernstein,
     work,
 ):
-    """Return (share of a step, number of the pair) of the first pair that touches or separates.
+    """Return (fraction of a step, number of the pair) of the first pair that touches or separates.
 
-    The step, of length h, starts at x, t after the start of a segment with its overlaps, (2^k, k,
-    4), and its active pairs. The share is 2 if there is no event and -1 if rounding hides whether
-    there is one; pair number k is the coast side. The step starts on the line of `start_pair`, or
-    on none if that is -1. If the sides `may_jam`, touches on the other side count as well.
+    The step, of length `step`, starts at x, t after the start of a segment with its overlaps, (2^k,
+    k, 4), and its active pairs. The fraction is 2 if there is no event and -1 if rounding hides
+    whether there is one; pair number k is the coast side. The step starts on the line of
+    `start_pair`, or on none if that is -1. If the sides `may_jam`, touches on the other side count
+    as well.
     """
     coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
-    first_share, first_pair = 2.0, -1
+    first_fraction, first_pair = 2.0, -1
     for i in range(pair_count):
         pair_bit = 1 << i
         if (contact_set == coast_set and not may_jam) or not active_set & pair_bit:
             continue
         touches = contact_set != coast_set and contact_set & pair_bit != 0
-        _fill_linear(
-            series,
-            ROWS + i,
-            overlaps[contact_set & ~pair_bit if contact_set != coast_set else 0, i],
-            t,
-        )
+        other_pairs = contact_set & ~pair_bit if contact_set != coast_set else 0
+        _fill_linear(series, ROWS + i, overlaps[other_pairs, i], t)
         if start_pair == i:
             series[ROWS + i, 0] = 0.0
-        side = 1.0 if touches else -1.0
-        share = first_crossing(series, ROWS + i, 0.0, side, h, to_bernstein, work)
-        if share < first_share:
-            first_share, first_pair = share, i
+        sign = 1.0 if touches else -1.0
+        fraction = first_crossing(series, ROWS + i, 0.0, sign, step, to_bernstein, work)
+        if fraction < first_fraction:
+            first_fraction, first_pair = fraction, i
     if coast_line > -math.inf and (may_jam or contact_set == 0 or contact_set == coast_set):
         for j in range(ORDER + 1):
             series[ROWS + pair_count, j] = series[DISPLACEMENT, j]
         series[ROWS + pair_count, 0] = 0.0 if start_pair == pair_count else x - coast_line
-        side = 1.0 if contact_set != coast_set else -1.0
-        share = first_crossing(series, ROWS + pair_count, 0.0, side, h, to_bernstein, work)
-        if share < first_share:
-            first_share, first_pair = share, pair_count
-    return first_share, first_pair
+        sign = 1.0 if contact_set != coast_set else -1.0
+        fraction = first_crossing(series, ROWS + pair_count, 0.0, sign, step, to_bernstein, work)
+        if fraction < first_fraction:
+            first_fraction, first_pair = fraction, pair_count
+    return first_fraction, first_pair
 
 
-@inlined
+@inlined_kernel
 def _contact_code_of(contact_set, coast_set):
     """Return the contact code of a set of touching pairs, 0 for none and `coast_set` for coast."""
     if contact_set == 0:
@@ -265,18 +262,18 @@ def run_tooth_pairs(
     Returns also the number of steps.
     """
     orbit.clear_summary(summary)
-    first_segment, active_set = system.first_segment, system.inside
-    starts, renewed = system.starts, system.renewed
-    force, overlaps = system.force, system.overlap
-    gap_rate, damping_levels = system.slip, system.damping
-    coast_line, max_step, tuning = system.lower, system.longest, system.tuning
-    may_jam = system.closing
+    first_segment, active_set = system.first_segment, system.active_pairs
+    starts, renewed = system.starts, system.pairs_change
+    force, overlaps = system.force_lines, system.overlap_lines
+    gap_rate, damping_levels = system.gap_rate, system.damping
+    coast_line, max_step, tuning = system.coast_line, system.max_step, system.tuning
+    may_jam = system.may_jam
     pair_count, coast_set = overlaps.shape[2], overlaps.shape[1]
     force_scale = 1.0 / (tuning * tuning)
     series, work = np.zeros((ROWS + pair_count + 1, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
     strobe_count = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((strobe_count + 1, 2))
-    event_rows, steps, contact_set, start_pair = 0, 0, 0, -1
+    rows, steps, contact_set, start_pair = 0, 0, 0, -1
     for period in range(periods):
         strobe = period - (periods - strobe_count)
         if strobe >= 0:
@@ -299,26 +296,20 @@ def run_tooth_pairs(
                 if code_after == NORMAL and x < coast_line:
                     return x, v, 0, events, 0, JAMMED, steps
                 if recorded >= 0 and code_after != code_before and not is_run_start:
-                    events, event_rows = orbit.count_event(
-                        events,
-                        event_rows,
-                        period,
-                        starts[segment] - period_start,
-                        code_before,
-                        code_after,
-                        v,
-                        summary,
+                    phase = starts[segment] - period_start
+                    events, rows = orbit.count_event(
+                        events, rows, period, phase, code_before, code_after, v, summary
                     )
             phase, end = starts[segment], starts[segment + 1]
             while phase < end:
                 t, damping = phase - starts[segment], damping_levels[1 if contact_set else 0]
                 contact_code = _contact_code_of(contact_set, coast_set)
                 force_line = force[segment, contact_set]
-                _expand(force_line, t, damping, gap_rate[segment], force_scale, x, v, series)
+                _expand_motion(force_line, t, damping, gap_rate[segment], force_scale, x, v, series)
                 h = min(max_step, end - phase)
                 if end - phase - h < 1e-13:
                     h = end - phase
-                event_share, pair = _first_contact_event(
+                event_fraction, pair = _first_contact_event(
                     segment_overlaps,
                     active_pairs,
                     coast_line,
@@ -332,38 +323,35 @@ def run_tooth_pairs(
                     to_bernstein,
                     work,
                 )
-                if event_share < 0.0:
+                if event_fraction < 0.0:
                     return x, v, 0, events, 0, UNRESOLVED, steps
-                if event_share <= 1.0 and (
+                if event_fraction <= 1.0 and (
                     contact_set != 0 and pair == pair_count
                     if contact_set != coast_set
                     else pair < pair_count
                 ):
                     return x, v, 0, events, 0, JAMMED, steps
-                h = h if event_share > 1.0 else event_share * h
+                h = h if event_fraction > 1.0 else event_fraction * h
                 x, v = state_at(series, h)
                 steps += 1
-                if not within_range(x, v):
+                if not is_within_range(x, v):
                     return x, v, 0, events, 0, OVERFLOW, steps
                 if period_maps.shape[0] > 0:
                     _map_step(force_line, t, damping, force_scale, h, period_maps[period])
                 if recorded >= 0:
                     # The lower stiffness is that of a single pair.
                     low = contact_set < coast_set and contact_set & (contact_set - 1) == 0
-                    add_step(tuning, low, to_bernstein, h, contact_code, series, work, summary)
-                    if orbit.unresolved(summary):
+                    add_step_to_summary(
+                        tuning, low, to_bernstein, h, contact_code, series, work, summary
+                    )
+                    if orbit.has_unresolved_extremum(summary):
                         return x, v, 0, events, 0, UNRESOLVED, steps
+                    step_phase = phase - period_start
                     sample_count = add_samples(
-                        tuning,
-                        phase - period_start,
-                        h,
-                        contact_code,
-                        series,
-                        period_samples,
-                        sample_count,
+                        tuning, step_phase, h, contact_code, series, period_samples, sample_count
                     )
                 phase += h
-                if event_share > 1.0:
+                if event_fraction > 1.0:
                     start_pair = -1
                     continue
                 event_count += 1
@@ -394,22 +382,18 @@ def run_tooth_pairs(
                         )
                     # The saltation matrix of a tangential crossing is the identity.
                     if rate != 0.0:
-                        multiply(1.0, 0.0, -jump * factor / rate, 1.0, period_maps[period])
+                        multiply_from_left(
+                            1.0, 0.0, -jump * factor / rate, 1.0, period_maps[period]
+                        )
                 if code_after != contact_code and recorded >= 0:
-                    events, event_rows = orbit.count_event(
-                        events,
-                        event_rows,
-                        period,
-                        phase - period_start,
-                        contact_code,
-                        code_after,
-                        v,
-                        summary,
+                    event_phase = phase - period_start
+                    events, rows = orbit.count_event(
+                        events, rows, period, event_phase, contact_code, code_after, v, summary
                     )
     strobes[strobe_count, 0], strobes[strobe_count, 1] = x, v
-    height = summary[orbit.X_MAX] - summary[orbit.X_MIN]
-    orbit_period = orbit.orbit_period(strobes, tuning, height, system.repeats)
-    return x, v, orbit_period, events, event_rows, OK, steps
+    displacement_range = summary[orbit.X_MAX] - summary[orbit.X_MIN]
+    orbit_period = orbit.orbit_period(strobes, tuning, displacement_range, system.repeats)
+    return x, v, orbit_period, events, rows, OK, steps
 
 
 class Propagator(propagator.Propagator):

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import EVENT_LIMIT, OK, OVERFLOW, STALLED
-from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.overflow import within_range
+from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.orbit import is_within_range
 from gearlib.integrators.steps.equation_of_motion import acceleration_at
 
 _NODES = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
@@ -52,7 +52,7 @@ class StepControl(NamedTuple):
     max_step: float  #: rad of mesh phase
 
 
-@inlined
+@inlined_kernel
 def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
     """Return the displacement and velocity after a Runge-Kutta step of length h from phase t.
 
@@ -81,7 +81,7 @@ def _take_step(excitation, contact_law, t, h, x, v, stages) -> tuple:
     return new_x, new_v
 
 
-@inlined
+@inlined_kernel
 def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
     """Return the relative error of a step of length h, which the step control compares with rtol.
 
@@ -97,7 +97,7 @@ def _step_error(control, h, x, v, new_x, new_v, stages) -> float:
     return h * max(x_error, v_error)
 
 
-@inlined
+@inlined_kernel
 def _first_step(control: StepControl, end: float, x: float, v: float, a: float) -> float:
     """Return the length that ode45 chooses for the first step, from (x, v) with acceleration a.
 
@@ -160,7 +160,7 @@ def take_embedded_steps(equation, record_start, end, max_attempts, progress, tim
         if t > record_start:
             i += 1
         times[i], states[i, 0], states[i, 1] = t, x, v
-        if not within_range(x, v):
+        if not is_within_range(x, v):
             return i, OVERFLOW, evaluations
         if is_last:
             return i, OK, evaluations

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.linear.train_system import TrainSystem, dot, is_behind, set_harmonics
-from gearlib.engines.taylor.series import Law
+from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.linear.train_system import TrainSystem, dot, is_past_coast_line, set_harmonics
+from gearlib.engines.taylor.series import NonlinearMesh
 
 #: Phases this close to a switch of stiffness count as the switch. The tolerance is far above the
 #: rounding of a phase and far below any step.
@@ -38,7 +38,7 @@ class ContactLaw(NamedTuple):
     is_simple: bool = False  #: whether the law is sharp and its damping and stiffness linear
 
 
-def contact_law_of(law: Law, sharpness: float = 0.0) -> ContactLaw:
+def contact_law_of(law: NonlinearMesh, sharpness: float = 0.0) -> ContactLaw:
     """Return the contact law of an equation of motion, smoothed if `sharpness` is positive."""
     damping = [tuple(d.tolist()) for d in (law.drive_damping, law.backlash_damping)]
     damping.append(tuple(law.coast_damping.tolist()))
@@ -56,7 +56,7 @@ def contact_law_of(law: Law, sharpness: float = 0.0) -> ContactLaw:
     )
 
 
-@inlined
+@inlined_kernel
 def contact_code_at(contact_law: ContactLaw, x: float) -> int:
     """Return the contact code (drive side, coast side or backlash) at the displacement x."""
     if x >= contact_law.drive_line:
@@ -64,20 +64,20 @@ def contact_code_at(contact_law: ContactLaw, x: float) -> int:
     return INVERSE if x <= contact_law.coast_line else BACKLASH
 
 
-@inlined
+@inlined_kernel
 def damping_force(coefficients: tuple, v: float) -> float:
     """Return the damping force d1 v + d2 |v| v + d3 v^3 for the coefficients (d1, d2, d3)."""
     return (coefficients[0] + (coefficients[1] + coefficients[2] * abs(v)) * abs(v)) * v
 
 
-@inlined
+@inlined_kernel
 def _force_over_stiffness(contact_law: ContactLaw, deflection: float) -> float:
     """Return g, the elastic contact force over the mesh stiffness, at an elastic deflection."""
     p2, p3 = contact_law.stiffness_powers
     return deflection + (p2 * abs(deflection) + p3 * deflection * deflection) * deflection
 
 
-@inlined
+@inlined_kernel
 def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
     """Return (1 in contact, else 0; displacement at first contact; damping d1, d2, d3)."""
     if contact_code == NORMAL:
@@ -87,14 +87,14 @@ def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
     return 0.0, contact_law.drive_line, contact_law.backlash_damping
 
 
-@inlined
+@inlined_kernel
 def contact_forces(contact_law: ContactLaw, contact_code: int, x: float, v: float) -> tuple:
     """Return (elastic force over stiffness g, damping force) for a contact code, not smoothed."""
     is_touching, flank, damping = contact_terms(contact_law, contact_code)
     return is_touching * _force_over_stiffness(contact_law, x - flank), damping_force(damping, v)
 
 
-@inlined
+@inlined_kernel
 def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
     """Return (elastic force over stiffness g, contact factor H1 + H2) of the smoothed law."""
     sharpness, drive_line = contact_law.sharpness, contact_law.drive_line
@@ -107,7 +107,7 @@ def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
     return g, h1 + h2
 
 
-@inlined
+@inlined_kernel
 def force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v) -> tuple:
     """Return (elastic mesh force over stiffness g, acceleration x'') at displacement x, velocity v.
 
@@ -124,7 +124,7 @@ def force_and_acceleration(contact_law, contact_code, stiffness, external_force,
     return g, external_force - ground_force - drag - stiffness * g
 
 
-@inlined
+@inlined_kernel
 def acceleration(
     contact_law: ContactLaw, stiffness: float, external_force: float, x: float, v: float
 ) -> float:
@@ -144,7 +144,7 @@ def acceleration(
     return force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v)[1]
 
 
-@inlined
+@inlined_kernel
 def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
     """Return a Fourier sum at a phase; `harmonics` has rows (order, cosine, sine coefficient)."""
     total = 0.0
@@ -158,7 +158,7 @@ def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
     return total
 
 
-@inlined
+@inlined_kernel
 def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, side) -> float:
     """Return the mesh stiffness at a phase from 0 to 2 pi: a line on each segment plus harmonics.
 
@@ -179,7 +179,7 @@ def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, side) -> flo
     return line_value + harmonic_sum(harmonics, phase)
 
 
-@inlined
+@inlined_kernel
 def acceleration_at(
     segment_bounds, stiffness_lines, stiffness_harmonics, force_harmonics, contact_law, t, x, v
 ) -> float:
@@ -196,7 +196,9 @@ def acceleration_at(
 
 
 @kernel
-def mesh_acceleration(contact_law: ContactLaw, law: Law, t: float, x: float, v: float) -> float:
+def mesh_acceleration(
+    contact_law: ContactLaw, law: NonlinearMesh, t: float, x: float, v: float
+) -> float:
     """Return x'' of one mesh at phase t, displacement x (which decides contact) and velocity v."""
     if contact_law.sharpness == 0.0 and x <= contact_law.coast_line:
         lines, harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
@@ -206,7 +208,7 @@ def mesh_acceleration(contact_law: ContactLaw, law: Law, t: float, x: float, v: 
     return acceleration_at(bounds, lines, harmonics, force_harmonics, contact_law, t, x, v)
 
 
-@inlined
+@inlined_kernel
 def _segment_stiffness(segment_bounds, stiffness_lines, harmonics, segment, t) -> float:
     """Return the mesh stiffness at the phase t, which rounding may put just before the segment.
 
@@ -293,7 +295,7 @@ def is_jammed(system: TrainSystem, may_jam: np.ndarray, t: float, state: np.ndar
         if (
             may_jam[mesh]
             and dot(system.drive_lines[mesh], full_state) >= 0.0
-            and is_behind(system.coast_lines[mesh], full_state)
+            and is_past_coast_line(system.coast_lines[mesh], full_state)
         ):
             return True
     return False

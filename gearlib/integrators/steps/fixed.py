@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import JAMMED, NOT_CONVERGED, OK, OVERFLOW
-from gearlib.engines.jit import inlined, kernel
-from gearlib.engines.overflow import within_range
-from gearlib.engines.taylor.series import Law
+from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.orbit import is_within_range
+from gearlib.engines.taylor.series import NonlinearMesh
 from gearlib.integrators.steps.equation_of_motion import (
     SAME_PHASE_TOLERANCE,
     ContactLaw,
@@ -47,7 +47,7 @@ class Scheme(NamedTuple):
 
 
 @kernel
-def tabulate_excitation(law: Law, steps: int, middle_fraction: float) -> tuple:
+def tabulate_excitation(law: NonlinearMesh, steps: int, middle_fraction: float) -> tuple:
     """Return (stiffness, external force, jump mask) for the equal steps of one mesh period.
 
     Stiffness and force, shape (steps, 3), are those at the start, at `middle_fraction` of the step
@@ -67,7 +67,7 @@ def tabulate_excitation(law: Law, steps: int, middle_fraction: float) -> tuple:
     return stiffness, force, has_jump
 
 
-@inlined
+@inlined_kernel
 def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
     """Return (x, v) after a step of length h of the classical Runge-Kutta method.
 
@@ -85,7 +85,7 @@ def runge_kutta_step(contact_law, h, stiffness, force, x, v) -> tuple:
     return x + weight * (v + 2.0 * (v2 + v3) + v4), v + weight * (a1 + 2.0 * (a2 + a3) + a4)
 
 
-@inlined
+@inlined_kernel
 def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> float:
     """Return the acceleration at the end of a generalised-alpha step with frozen contact.
 
@@ -109,7 +109,7 @@ def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle
     return net_force / (1.0 - alpha_m + secant_damping * dv_da + secant_stiffness * dx_da)
 
 
-@inlined
+@inlined_kernel
 def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, middle) -> tuple:
     """Return (acceleration at the end, iterations, convergence) by Newton's method.
 
@@ -154,7 +154,7 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
     return a, iterations, False
 
 
-@inlined
+@inlined_kernel
 def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start_a) -> tuple:
     """Return (x, v, a, evaluations, converged) after a step of the generalised-alpha method.
 
@@ -209,7 +209,7 @@ def take_steps(
             )
             evaluations += count
         states[i + 1, 0], states[i + 1, 1] = x, v
-        if not within_range(x, v):
+        if not is_within_range(x, v):
             return OVERFLOW, evaluations, a
         if not converged:
             return NOT_CONVERGED, evaluations, a

@@ -1,21 +1,21 @@
-"""The segments and meshes of a gear train as its kernels need them, and the storage of a run."""
+"""Constants of the segments and meshes of a gear train for its kernels, and storage of a run."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from gearlib.engines.linear.modal_arcs import HIGH_DEGREE
-from gearlib.engines.linear.sparse_series import mode_cost_of, sparse_fields
-from gearlib.engines.linear.train_system import TrainSystem, may_close
+from gearlib.engines.linear.sparse_series import mode_cost_in_steps, nonzero_fields
+from gearlib.engines.linear.train_system import TrainSystem, flanks_may_overlap
 from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
 
-# Entries of `Work.counters`: rows in use of the event table, mesh period, segment (-1: at the
+# Entries of `RunStorage.counters`: rows in use of the event table, mesh period, segment (-1: at the
 # start of a period), events and samples of this period so far, first row of its events, and the
 # number of mesh periods that the segments of the system last for.
 EVENT_ROWS, PERIOD, SEGMENT, PERIOD_EVENTS, SAMPLES_TAKEN, FIRST_EVENT_ROW, KNOWN_PERIODS = range(7)
 
 
-class Grid(NamedTuple):
+class RunConstants(NamedTuple):
     """Quantities that the kernels need of a `TrainSystem`: p segments, m meshes, n components."""
 
     lengths: np.ndarray  #: theta of the segments, shape (p,)
@@ -26,7 +26,7 @@ class Grid(NamedTuple):
     may_jam: np.ndarray  #: bool, whether both of its flanks may touch at once, shape (m,)
     constant_gap: np.ndarray  #: bool, whether its flanks are a constant apart, shape (m,)
     has_backlash: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
-    spin: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
+    harmonic_frequencies: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
     summary_blocks: np.ndarray  #: int, block of the summary of each mesh period, shape (repeats,)
     sample_starts: np.ndarray  #: int, first sample of each period, shape (repeats + 1,) or (0,)
     nonzero_columns: np.ndarray  #: int, columns of the non-zeros of `base_matrix`, by rows
@@ -38,7 +38,7 @@ class Grid(NamedTuple):
     speed_component: int  #: the component that is dtau/dtheta while the speed changes
 
 
-class Work(NamedTuple):
+class RunStorage(NamedTuple):
     """State and storage of a run: m meshes, n components, padded to a multiple of eight."""
 
     contact: np.ndarray  #: int, contact codes, shape (m,)
@@ -46,9 +46,9 @@ class Work(NamedTuple):
     start_line: np.ndarray  #: int, that line: 1 drive side, -1 coast side, shape (m,)
     effects: np.ndarray  #: int, effects of the meshes, shape (m,)
     stays_off: np.ndarray  #: bool, whether a mesh provably reaches no flank line, shape (m,)
-    event_share: np.ndarray  #: instant of the next event, as a share of a piece, shape (m,)
+    event_instant: np.ndarray  #: instant of the next event, as a fraction of a piece, shape (m,)
     contact_after: np.ndarray  #: int, contact code after that event, shape (m,)
-    share_rounding: np.ndarray  #: rounding error of `event_share`, shape (m,)
+    instant_rounding: np.ndarray  #: rounding error of `event_instant`, shape (m,)
     state: np.ndarray  #: z, padded
     modal_state: np.ndarray  #: y, the state in modes, padded
     mode_buffer: np.ndarray  #: copy of y that `record` moves on, or a deviation in modes
@@ -67,8 +67,8 @@ class Work(NamedTuple):
     to_bernstein: np.ndarray  #: matrix from powers to Bernstein coefficients, (degree + 1,) * 2
 
 
-def grid_of(system: TrainSystem) -> Grid:
-    """Return the `Grid` of a `TrainSystem`: lengths of its segments and facts about its meshes."""
+def run_constants(system: TrainSystem) -> RunConstants:
+    """Return the `RunConstants` of a `TrainSystem`: lengths of segments, properties of meshes."""
     lengths = np.diff(system.starts) / system.tuning
     # Lengths that differ only by rounding get the same index.
     order = np.argsort(lengths, kind="stable")
@@ -82,23 +82,25 @@ def grid_of(system: TrainSystem) -> Grid:
     constant_gap = ~(clearance[:, :constant].any(axis=1) | clearance[:, constant + 1 :].any(axis=1))
     drive_rates = system.drive_lines @ system.base_matrix
     coast_rates = system.coast_lines @ system.base_matrix
-    may_jam = ~no_coast_side & may_close(system.drive_lines, system.coast_lines, constant)
-    spin = system.harmonics * system.tuning
+    may_jam = ~no_coast_side & flanks_may_overlap(system.drive_lines, system.coast_lines, constant)
+    harmonic_frequencies = system.harmonics * system.tuning
     has_backlash = ~constant_gap | (clearance[:, constant] != 0.0)
     blocks = np.zeros(len(system.first_segment) - 1, np.int64)
-    mesh_facts = drive_rates, coast_rates, no_coast_side, may_jam, constant_gap, has_backlash
-    mesh_facts += spin, blocks, np.empty(0, np.int64)
+    mesh_fields = drive_rates, coast_rates, no_coast_side, may_jam, constant_gap, has_backlash
+    mesh_fields += harmonic_frequencies, blocks, np.empty(0, np.int64)
     constant_speed = {"chirp_frequencies": np.empty(0), "speed_component": 0}
-    return Grid(lengths, length_index, *mesh_facts, **sparse_fields(system), **constant_speed)
+    return RunConstants(
+        lengths, length_index, *mesh_fields, **nonzero_fields(system), **constant_speed
+    )
 
 
 def new_work(n, padded, m, degree=HIGH_DEGREE, with_series=False):
-    """Return an empty `Work` for n state components, stored in `padded` numbers, and m meshes.
+    """Return an empty `RunStorage` for m meshes and n state components, stored as `padded` numbers.
 
     Distances are polynomials of `degree`. There is storage for Taylor series if n is so large that
     they may cost less than modes, or if `with_series`.
     """
-    series = with_series or mode_cost_of(n) > 0
+    series = with_series or mode_cost_in_steps(n) > 0
     series_terms = np.zeros((degree + 1 if series else 0, padded))
     distance_series = np.zeros((2, m, degree + 2 if series else 0))
     integers = (np.zeros(m, np.int64) for _ in range(4))
@@ -107,6 +109,6 @@ def new_work(n, padded, m, degree=HIGH_DEGREE, with_series=False):
     storage = np.zeros(degree + 1), np.zeros((WORK_ROWS, degree + 2)), series_terms, distance_series
     events = np.zeros(m, np.bool_), np.zeros(m), np.zeros(m, np.int64), np.zeros(m)
     amplitudes, to_bernstein = (np.zeros(n), np.zeros(n)), bernstein_matrix(degree if series else 0)
-    return Work(
+    return RunStorage(
         *integers, *events, *states, *amplitudes, counters, progress, *storage, to_bernstein
     )

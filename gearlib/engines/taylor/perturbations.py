@@ -1,6 +1,6 @@
-"""Small deviations from a motion along Taylor steps.
+"""Small perturbations of a motion along Taylor steps.
 
-Along a step a deviation w obeys w'' + damping(t) w' + stiffness(t) w = 0, with Taylor series of
+Along a step a perturbation w obeys w'' + damping(t) w' + stiffness(t) w = 0, with Taylor series of
 damping and stiffness. At a flank line the damping and w' jump as in
 `gearlib.engines.pair.maps`.
 """
@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH
-from gearlib.engines.jit import inlined, kernel
+from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.taylor.series import (
     D1,
     D2,
@@ -29,28 +29,27 @@ from gearlib.engines.taylor.series import (
 
 #: Entry k is 1 / (k + 1).
 _INVERSE = 1.0 / np.arange(1, ORDER + 2)
-#: Largest frequency times step, since x^20 / 20! = 1e-17 at x = 1.18.
+#: Largest frequency times step length, since x^20 / 20! = 1e-17 at x = 1.18.
 _MAX_ANGLE = 1.18
-#: Rows of the series of a deviation: w, w', sum of terms of w'', damping, stiffness, and stiffness
-#: over c(tau).
+#: Rows of the series of a perturbation: w, w', sum of terms of w'', damping, stiffness, and the
+#: stiffness over c(tau).
 _W, _RATE, _ACCELERATION, _DAMPING, _STIFFNESS, _FORCE_SLOPE = range(6)
 
 
-@inlined
-def stiffness_bound(law):
-    """Return an upper bound of the stiffness of both flanks over the mesh period, from a `Law`."""
-    near = _segment_stiffness_bound(law.stiffness_lines, law.stiffness_harmonics)
-    return max(
-        near, _segment_stiffness_bound(law.coast_stiffness_lines, law.coast_stiffness_harmonics)
-    )
+@inlined_kernel
+def stiffness_bound(mesh):
+    """Return an upper bound of the stiffness of both flanks of a `NonlinearMesh` over a period."""
+    bound = _segment_stiffness_bound(mesh.stiffness_lines, mesh.stiffness_harmonics)
+    lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
+    return max(bound, _segment_stiffness_bound(lines, harmonics))
 
 
-@inlined
+@inlined_kernel
 def _segment_stiffness_bound(stiffness_lines, harmonics):
-    """Return an upper bound of a stiffness over its period.
+    """Return an upper bound of a stiffness, a sum of lines and harmonics, over its period.
 
-    It is the sum of lines, shape (m, 2): start value and slope of each segment, and of harmonics,
-    shape (j, 3): order, cosine and sine coefficient.
+    Lines, shape (m, 2), are start value and slope of each segment, harmonics, shape (j, 3), order,
+    cosine and sine coefficient.
     """
     total = 0.0
     for i in range(harmonics.shape[0]):
@@ -59,12 +58,12 @@ def _segment_stiffness_bound(stiffness_lines, harmonics):
     return total + stiffness_lines[:, 0].max()
 
 
-@inlined
-def longest_deviation_step(constants, max_stiffness, contact_code, x, v):
-    """Return the longest step in phase over which the series of a deviation converges.
+@inlined_kernel
+def max_perturbation_step(constants, max_stiffness, contact_code, x, v):
+    """Return the longest step in phase over which the series of a perturbation converges.
 
-    A deviation oscillates with the frequency of the contact even if the motion (x, v) is slow. Its
-    terms, (frequency h)^k / k!, have to fall below rounding by k = ORDER. The constants, shape
+    A perturbation oscillates with the frequency of the contact even if the motion (x, v) is slow.
+    Its terms, (frequency h)^k / k!, have to fall below rounding by k = ORDER. The constants, shape
     (COLUMNS,), are those of contact code and segment; the stiffness is at most `max_stiffness`.
     """
     deflection = abs(x - constants[FLANK_LINE]) if contact_code != BACKLASH else 0.0
@@ -78,15 +77,15 @@ def longest_deviation_step(constants, max_stiffness, contact_code, x, v):
 
 
 @kernel
-def _fill_equation(constants, contact_code, sign, series, deviation):
-    """Fill the damping and stiffness of the equation of deviations, two rows of `deviation`.
+def _fill_equation(constants, contact_code, velocity_sign, series, perturbation):
+    """Fill the damping and stiffness of the equation of perturbations, two rows of `perturbation`.
 
     The motion has the Taylor series `series` and velocities of one sign. The constants, shape
     (COLUMNS,), are those of contact code and segment.
     """
-    damping_series, stiffness_series = deviation[_DAMPING], deviation[_STIFFNESS]
-    force_slope = deviation[_FORCE_SLOPE]
-    d2, d3, p2, p3 = sign * constants[D2], constants[D3], constants[P2], constants[P3]
+    damping_series, stiffness_series = perturbation[_DAMPING], perturbation[_STIFFNESS]
+    force_slope = perturbation[_FORCE_SLOPE]
+    d2, d3, p2, p3 = velocity_sign * constants[D2], constants[D3], constants[P2], constants[P3]
     for k in range(ORDER):
         damping_series[k] = 2.0 * d2 * series[VELOCITY, k] + 3.0 * d3 * series[VELOCITY_SQUARE, k]
         deflection = series[DISPLACEMENT, k] - (constants[FLANK_LINE] if k == 0 else 0.0)
@@ -103,7 +102,7 @@ def _fill_equation(constants, contact_code, sign, series, deviation):
                 stiffness_series[i + k] += series[STIFFNESS, i] * force_slope[k]
 
 
-@inlined
+@inlined_kernel
 def _series_value(coefficients, t):
     """Return the value at t of a power series with ORDER + 1 coefficients, constant first."""
     total = coefficients[ORDER]
@@ -112,57 +111,61 @@ def _series_value(coefficients, t):
     return total
 
 
-@inlined
+@inlined_kernel
 def set_identity(map_matrix):
-    """Set the map of a deviation (w, w'), shape (2, 2), to the identity."""
+    """Set the map of a perturbation (w, w'), shape (2, 2), to the identity."""
     map_matrix[0, 0] = map_matrix[1, 1] = 1.0
     map_matrix[0, 1] = map_matrix[1, 0] = 0.0
 
 
 @kernel
-def map_step(constants, contact_code, sign, h, series, deviation, map_matrix):
-    """Multiply a map of deviations (w, w'), shape (2, 2), by the map of a step of length h.
+def map_step(constants, contact_code, velocity_sign, step, series, perturbation, map_matrix):
+    """Multiply a map of perturbations (w, w'), shape (2, 2), by the map of a Taylor step.
 
     The motion has the Taylor series `series` and velocities of one sign. The constants, shape
-    (COLUMNS,), are those of contact code and segment; `deviation`, (6, ORDER + 1), is storage.
+    (COLUMNS,), are those of contact code and segment; `perturbation`, (6, ORDER + 1), is storage.
     """
-    _fill_equation(constants, contact_code, sign, series, deviation)
+    _fill_equation(constants, contact_code, velocity_sign, series, perturbation)
     ground = constants[GROUND_STIFFNESS]
-    w, rate, acceleration = deviation[_W], deviation[_RATE], deviation[_ACCELERATION]
-    damping_series, stiffness_series = deviation[_DAMPING], deviation[_STIFFNESS]
-    terms = ORDER
-    while terms > 1 and damping_series[terms - 1] == 0.0 and stiffness_series[terms - 1] == 0.0:
-        terms -= 1
+    w, rate, acceleration = perturbation[_W], perturbation[_RATE], perturbation[_ACCELERATION]
+    damping_series, stiffness_series = perturbation[_DAMPING], perturbation[_STIFFNESS]
+    term_count = ORDER
+    while (
+        term_count > 1
+        and damping_series[term_count - 1] == 0.0
+        and stiffness_series[term_count - 1] == 0.0
+    ):
+        term_count -= 1
     for j in range(2):
         w[0], rate[0] = map_matrix[0, j], map_matrix[1, j]
         acceleration[:] = 0.0
         for k in range(ORDER):
             # Add the products of coefficient k to all later terms.
-            for i in range(min(terms, ORDER - k)):
+            for i in range(min(term_count, ORDER - k)):
                 acceleration[k + i] -= damping_series[i] * rate[k] + stiffness_series[i] * w[k]
             w[k + 1] = rate[k] * _INVERSE[k]
             rate[k + 1] = (acceleration[k] - ground * w[k]) * _INVERSE[k]
-        map_matrix[0, j], map_matrix[1, j] = _series_value(w, h), _series_value(rate, h)
+        map_matrix[0, j], map_matrix[1, j] = _series_value(w, step), _series_value(rate, step)
 
 
-@inlined
-def _damping(constants, speed):
+@inlined_kernel
+def _damping_coefficient(constants, speed):
     """Return the damping force over x' at the speed |x'|, from the constants of a contact."""
     return constants[D1] + constants[D2] * speed + constants[D3] * speed * speed
 
 
 @kernel
 def map_crossing(constants, segment, code_before, code_after, v, map_matrix):
-    """Multiply a map of deviations, shape (2, 2), by the saltation matrix of a change of contact.
+    """Multiply a map of perturbations, (2, 2), by the saltation matrix of a change of contact.
 
-    The contact code changes at the velocity v on a stiffness segment; constants have the shape
-    (3, m, COLUMNS). Without a backlash a change between both flanks crosses both lines.
+    The contact code changes at the velocity v on a stiffness segment; constants have the shape (3,
+    m, COLUMNS). Without a backlash a change between both flanks crosses both lines.
     """
     contact_code, speed = code_before, abs(v)
     while contact_code != code_after:
         next_code = code_after if contact_code == BACKLASH or code_after == BACKLASH else BACKLASH
-        jump = _damping(constants[next_code + 1, segment], speed)
-        jump -= _damping(constants[contact_code + 1, segment], speed)
+        jump = _damping_coefficient(constants[next_code + 1, segment], speed)
+        jump -= _damping_coefficient(constants[contact_code + 1, segment], speed)
         for j in range(2):
             map_matrix[1, j] -= jump * map_matrix[0, j]
         contact_code = next_code
