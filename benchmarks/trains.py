@@ -218,7 +218,7 @@ def grown():
 def table_bytes(propagator):
     """Return what the combinations in use take in the tables of a propagator's last run."""
     tables = (propagator.unused_large_tables or propagator.unused_tables)[0][1]
-    return tables.known[0] * sum(one.nbytes for one in tables if one.ndim > 2) / len(tables.keys)
+    return tables.used[0] * sum(one.nbytes for one in tables if one.ndim > 2) / len(tables.keys)
 
 
 def growth():
@@ -261,11 +261,12 @@ def to_the_end():
         state[: train.size // 2] += size * np.sin(1.7 * np.arange(train.size // 2))
         status = propagator.run(state, Span(periods, 1, 10**6), keep_events=False).status
         spent = time.process_time() - before
+        tables = (propagator.unused_large_tables or propagator.unused_tables)[0][1]
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(
             f"{name}, {train.size // 2} coordinates, repeats after {train.repeats:.3g} periods: "
             f"{spent:.3g} s for {periods} periods, status {status}, "
-            f"{(propagator.large or propagator.spare)[0][1].known[0]} combinations with modes, "
+            f"{tables.used[0]} combinations with modes, "
             f"{table_bytes(propagator) / 1e6:.3g} MB of tables, process {most:.0f} MiB",
             flush=True,
         )

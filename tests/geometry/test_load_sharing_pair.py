@@ -289,7 +289,7 @@ def test_teeth_too_thick_for_the_backlash_jam(backlash, jams):
     drawing = with_backlash(fzg_c(), backlash)
     model = constant(drawing, pitch_errors=(0.0, -8e-6, 0.0))
     system = model.system(0.3)
-    assert system.closing == jams
+    assert system.may_jam == jams
     loose = dataclasses.replace(model, drawing=with_backlash(fzg_c(), FAR))
     loose = dataclasses.replace(loose, pair=model.pair.replace(backlash=FAR))
     for record in (1, 9):
