@@ -135,11 +135,8 @@ def run_up(
     description = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
     teeth = model.periods_per_revolution
-    records = list(
-        speed_profiles.run_profiles(
-            runner, pieces, start_state, samples, max_events, inertia_forces, teeth
-        )
-    )
+    arguments = start_state, samples, max_events, inertia_forces, teeth
+    records = list(speed_profiles.run_profiles(runner, pieces, *arguments))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
     if code == status.OK and displacement > model.bound(1.0, state):
@@ -244,7 +241,7 @@ def _check_profile(name, pairs, allowed_values: str, is_allowed, steps=False) ->
 
 
 def _inertia_forces(model, driver, driven_mass, base_radius) -> np.ndarray:
-    """Return the inertia force of each mesh per unit of acceleration, for `speed_profiles.run_profiles`.
+    """Return the inertia force of each mesh per unit of acceleration, for `run_profiles`.
 
     The arguments are those of `run_up`: a train may have a `driver`, the name of the accelerated
     body; a model with one mesh may have a `driven_mass` in kg and a `base_radius` in m.
@@ -268,7 +265,7 @@ def _inertia_forces(model, driver, driven_mass, base_radius) -> np.ndarray:
 def _revolution_variables(model, records: list, omega: float) -> dict:
     """Return {name: (dims, values)} of the variables along the revolutions of a run-up.
 
-    `records` are its `speed_profiles.Stretch`es in order of time, whose blocks of mesh periods are the
+    `records` are its `IntervalRecord`s in order of time, whose blocks of mesh periods are the
     revolutions. Their dimensionless time is theta = omega t, `omega` in rad/s.
     """
     revolutions = np.concatenate([record.block for record in records])
@@ -314,7 +311,7 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
 def _event_variables(model, records: list, omega: float) -> dict:
     """Return {name: (dims, values)} of the variables along the contact events of a run-up.
 
-    `records` are its `speed_profiles.Stretch`es; their dimensionless time is omega t, `omega` in rad/s.
+    `records` are its `IntervalRecord`s; their dimensionless time is omega t, `omega` in rad/s.
     """
     rows = np.concatenate([record.events for record in records])
     speeds = [record.piece.at_times(record.events[:, 0])[0] for record in records]
@@ -333,7 +330,7 @@ def _event_variables(model, records: list, omega: float) -> dict:
 def _time_variables(model, records: list, omega: float, samples: int) -> dict:
     """Return the time history of a run-up as {variable name: (dims, values)}.
 
-    `records` are its `speed_profiles.Stretch`es, with `samples` in each mesh period; their dimensionless
+    `records` are its `IntervalRecord`s, with `samples` in each mesh period; their dimensionless
     time is theta = omega t, `omega` in rad/s.
     """
     fractions = np.arange(samples) / samples
