@@ -7,13 +7,10 @@ import pytest
 import xarray as xr
 
 from gearlib import config, sweep
-from gearlib.analysis.orbits.special_points import FOLD, GRAZING, REGULAR
+from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
-from gearlib.data.motions import LINE_WIDTH, describe_steadiness, period_spread
+from gearlib.data.motions import describe_steadiness
 from gearlib.studies import certificates, claims, jump, paper, resonance, scenes
-from gearlib.studies.claims import characteristics
-from gearlib.studies.claims.characteristics import drift
-from gearlib.studies.claims.data import Data, NoData
 from tests.independent.certificates import faults
 from tests.paper import CONFIG, PAPER
 from tests.tables import read_back
@@ -109,14 +106,6 @@ def orbit(*shapes, periods=24, samples=32):
     return xr.Dataset({"displacement": ("phase", size * np.cos(phase))}, {"phase": phase})
 
 
-def test_steady_is_what_draws_a_single_line():
-    # Mesh periods 0.02 apart in an orbit 2.04 high.
-    assert period_spread(orbit(1.0, 1.02)) == pytest.approx(0.02 / 2.04)
-    assert period_spread(orbit(1.0, 1.02)) < LINE_WIDTH < period_spread(orbit(1.0, 1.03))
-    # Two loops by turns repeat, and are no single line.
-    assert drift(orbit(1.0, 1.5)) < 1e-12 and period_spread(orbit(1.0, 1.5)) > LINE_WIDTH
-
-
 def test_both_readings_of_steady_are_printed(data):
     planes = data[1].copy(deep=True)
     none, oil = {"damping": "none", "tuning": 0.6}, {"damping": "k1m", "tuning": 0.8}
@@ -127,24 +116,6 @@ def test_both_readings_of_steady_are_printed(data):
     assert table["P9"] == "holds at plot resolution; strictly none at 0.60 repeats after 3 periods"
     # No longer a single line, and so unsteady in either reading.
     assert table["P10"] == "differs"
-
-
-def test_a_curve_is_read_only_where_its_tunings_reach(data):
-    source = Data(PAPER, DAMPINGS, *data)
-    low, high = source.resonance.tuning.values[[0, -1]]
-    assert source.curve("k1", low, high).tuning.size == source.resonance.tuning.size
-    for ends in ((low - 0.02, high), (low, high + 0.02)):
-        with pytest.raises(NoData, match="do not cover"):
-            source.curve("k1", *ends)
-
-
-def test_bounces_above_count_from_beyond_the_reading_of_the_plot(data):
-    for tuning, holds in ((1.13, True), (1.15, False)):
-        curves = data[0].copy(deep=True)
-        place = {"damping": "k1", "tuning": slice(tuning - 1e-3, tuning + 1e-3)}
-        curves.displacement_min.loc[place] = -1.0
-        source = Data(PAPER, DAMPINGS, curves, *data[1:])
-        assert characteristics.contact_loss_above_resonance(source)[0] == holds
 
 
 def test_verdicts_follow_the_data(data):
@@ -198,21 +169,6 @@ def test_what_is_proven_stands_in_a_table(proofs, tmp_path):
     for nu, lowest in (("0.815", "-0.127"), ("0.8151", "-0.1299")):
         small = [float(row["lowest"]) for row in of("k1", "orbit", "BNB") if row["tuning"] == nu]
         assert lowest in [f"{x:.4g}" for x in small]
-
-
-@pytest.mark.parametrize(
-    ("damping", "label", "tunings"),
-    # In ball arithmetic, by versions of gearlib that proved points: to all digits.
-    [
-        ("k1m", GRAZING, [0.7903261462, 1.128379318]),
-        ("k1", GRAZING, [0.802051993, 1.11372635]),
-        ("k1", FOLD, [0.8081903379, 0.8160450454]),
-    ],
-)
-def test_special_points_are_those_that_were_proven(proofs, damping, label, tunings):
-    branch = proofs[0][damping]
-    points = branch.tuning.values[(branch.label == label) & (branch.period == 1)]
-    assert sorted(float(f"{nu:.10g}") for nu in points)[-2:] == tunings
 
 
 def test_an_independent_program_confirms_what_is_proven(proofs, tmp_path):

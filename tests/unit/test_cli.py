@@ -203,20 +203,6 @@ def test_gears_are_drawn_by_options_or_a_saved_file(run):
     assert "has not settled" in run(f"gears {UNDAMPED} --damping-ratio 0 --speed 4000", code=1)
 
 
-def test_six_degrees_take_masses_and_radii_of_the_drawing(run):
-    bearings = "--bearing-stiffness '0.1 kN/um' --bearing-damping 900"
-    run(f"simulate DRAWN --speed 4000 --model six_degrees {bearings} -o a.nc")
-    load = {"torque": 85.0, "damping_ratio": 0.05}
-    bearings, mesh = {"bearing_stiffness": [1e8] * 4, "bearing_damping": [900] * 4}, drawings.own()
-    pair = gearlib.SixDegreePair.from_geometry(mesh, **load, **bearings)
-    assert pair.base_radii == (mesh.pinion.base_diameter / 2, mesh.wheel.base_diameter / 2)
-    assert pair.masses == (mesh.pinion.mass, mesh.wheel.mass) and pair.teeth == (23, 61)
-    assert pair.inertias == (mesh.pinion.inertia, mesh.wheel.inertia)
-    assert pair.friction == pair.eccentricities == (0.0, 0.0)
-    expected = gearlib.simulate(pair, speed=4000.0, periods=200)
-    np.testing.assert_allclose(xr.load_dataset("a.nc").displacement, expected.displacement, 1e-8)
-
-
 def test_the_default_sweep_of_drawn_gears_holds_their_speed_and_goes_on_until_it_jumps(run):
     run(f"gears {UNDAMPED} --damping-ratio 0.004 --speed 9000 --save light.yaml")
     sweep = "sweep --config light.yaml --points 201 -o a.nc --force"

@@ -76,18 +76,6 @@ def test_orders_that_free_vibrations_hide_are_nan_and_nothing_else_is():
     assert 0 < np.sum(hidden) < 10
 
 
-def test_of_teeth_that_meet_again_late_the_first_stand_for_all():
-    rng, load = np.random.default_rng(1), {"torque": 210.0, "damping_ratio": 0.05}
-    gears = [
-        SpurGear(teeth=z, module=4e-3, width=0.032, pitch_errors=tuple(rng.normal(0.0, 1e-6, z)))
-        for z in (29, 97)
-    ]
-    whole = LoadSharingPair.from_geometry(Mesh(*gears), **load)
-    duty = duty_point(Mesh(*gears), 4000.0, **load)
-    assert whole.repeats == 29 * 97 and duty.settled == 0
-    assert duty.error_rms == pytest.approx(duty_point(whole, 4000.0).error_rms.item(), rel=0.05)
-
-
 def test_bearings_of_six_degrees_and_trains_carry_the_load():
     pair = GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.05)
     six = SixDegreePair(

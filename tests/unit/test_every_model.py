@@ -12,7 +12,6 @@ import pytest
 import gearlib
 from gearlib import (
     DeadZoneOscillator,
-    GearPair,
     Harmonics,
     LoadSharingPair,
     OneDegreePair,
@@ -34,14 +33,6 @@ from gearlib import (
     tongues,
     trust,
 )
-from gearlib.analysis.orbits.followed_parameters import (
-    continuation_parameters,
-    value_of,
-    with_parameter,
-)
-from gearlib.data.files import canonical_json
-from gearlib.data.variables import DESCRIPTIONS
-from gearlib.models.from_values import model_from_json
 from gearlib.models.model import Model
 from gearlib.models.one_degree import Equation
 from gearlib.models.profiles import Steps
@@ -213,50 +204,6 @@ def test_branches_are_those_of_gears(model):
     for call in (switch_branch, partial(locus, parameter="damping", to=0.1)):
         with pytest.raises(ValueError, match="pair = .* is not allowed: it must be a GearPair"):
             call(MODELS[model], branch, point=0)
-
-
-@pytest.mark.parametrize("name", [name for name in MODELS if name != "number"])
-def test_a_model_has_what_the_protocol_says(name):
-    model = MODELS[name]
-    assert model.mesh is None or model.mesh.mesh is model.mesh and type(model.mesh) is GearPair
-    assert (model.equation is None) == (model.size > 2 or name == "pairs of teeth")
-    assert not np.any(model.flank_lines[0]) and model.has_damping() is True
-    # Fits and tables make a model of gears anew from what a dataset says of it.
-    again = None if name in NO_GEARS | {"pairs of teeth"} else model
-    assert model.replace() == model and model_from_json(canonical_json(model.as_dict())) == again
-    names = [*model.scales(), *model.speed_scales(NU), *model.extra_samples, *model.long_names]
-    assert set(names) <= set(DESCRIPTIONS)
-    for parameter in continuation_parameters(model) if model.mesh or model.mesh_names else ():
-        # The parameters of a train are those that all its meshes share.
-        if model.mesh_names and len({getattr(mesh, parameter, 0) for mesh in model.meshes}) > 1:
-            continue
-        value = 0.9 * value_of(model, NU, parameter) + 0.01
-        moved, tuning = with_parameter(model, NU, parameter, value)
-        assert value_of(moved, tuning, parameter) == pytest.approx(value, rel=1e-12)
-        if parameter == "backlash":
-            tight, tuning = with_parameter(model, NU, parameter, 0.0)
-            assert value_of(tight, tuning, parameter) == 0.0
-
-
-@pytest.mark.parametrize("name", [name for name in MODELS if name != "number"])
-def test_run_maps_record_and_many_states_are_by_one_propagator(name):
-    model, periods = MODELS[name], 6
-    run = simulate(model, NU, periods=periods, record_periods=periods, samples_per_period=4)
-    displacement = run.displacement[:, 0] if model.mesh_names else run.displacement
-    first = model.propagator(NU)
-    for method in model.propagators:
-        propagator = model.propagator(NU, method)
-        start = propagator.start((0.0, 0.0))
-        end, maps, code = propagator.maps(start, periods, 1000)
-        samples = propagator.record(start, periods, 1000, 4).samples
-        ends, codes = propagator.many(np.array([start, start]), periods, 1000)
-        assert code == 0 and not codes.any()
-        # Rounding, over a few bounces.
-        close = {"rtol": 0, "atol": 1e-11 * max(1.0, np.abs(end).max())}
-        np.testing.assert_allclose(ends, [end, end], **close)
-        np.testing.assert_allclose(samples[:, 0], displacement, **close)
-        expected = first.maps(start, periods, 1000)[1]
-        np.testing.assert_allclose(maps, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
 
 
 def test_a_new_model_moves_as_its_equation_says():

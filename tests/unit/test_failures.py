@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, integrators
-from gearlib.data import gathering, status
+from gearlib.data import status
 from gearlib.studies.trials import difficult_problems, failures
 from gearlib.studies.trials.difficult_problems import Problem
-from gearlib.studies.trials.failures import VERDICTS, Outcome, decide
+from gearlib.studies.trials.failures import Outcome, decide
 
 PAIR = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6, backlash=4.0)
 CONTACTS = ((1, 0), (0, 1))
@@ -111,34 +111,3 @@ def test_the_judge_is_never_the_method_itself():
             if module.supports(problem.model):
                 judge, options = failures.reference_method(problem, method)
                 assert judge != method or (method == "scipy" and options["rtol"] == 1e-13), key
-
-
-def test_extrema_of_an_orbit_are_looked_for_between_the_steps():
-    def highest(quantity, method, **options):
-        problem = Problem("", PAIR, 0.7, quantity=quantity, tolerance=1e-2, record_periods=1)
-        return failures.run(problem, method, options, 4).high
-
-    exact = highest("orbit", "exact")
-    # The steps themselves are good to 1e-3.
-    assert abs(highest("orbit", "rk4", steps_per_period=16) - exact) < 2e-3
-    assert abs(highest("state", "rk4", steps_per_period=16) - exact) > 8e-3
-
-
-def test_the_matrix_has_flags_and_both_columns(monkeypatch):
-    chosen = ["graze_past_6", "rest_near", "stiff_bearings"]
-    problems = {name: difficult_problems.problems()[name] for name in chosen}
-    monkeypatch.setattr(failures, "problems", lambda: problems)
-    matrix = gathering.gather_failures(
-        [
-            failures.compute("rk4-40", "rk4", {"steps_per_period": 40}),
-            failures.compute("lsoda", "scipy", {"solver": "LSODA", "rtol": 1e-4}),
-        ]
-    )
-    assert matrix.verdict.dims == ("problem", "trial") and matrix.problem.values.tolist() == chosen
-    assert matrix.trial.values.tolist() == ["rk4-40", "lsoda"]
-    assert matrix.verdict.attrs["flag_meanings"].split() == VERDICTS
-    refused = matrix.sel(problem="stiff_bearings", trial="rk4-40")
-    assert VERDICTS[int(refused.verdict)] == "refused" and np.isnan(refused.error)
-    assert "it takes one degree of freedom" in refused.message.item()
-    start = matrix.sel(problem="rest_near")
-    assert (start.displacement, start.velocity) == problems["rest_near"].state

@@ -4,20 +4,17 @@ All are drawn of golden data, with something taken away or changed.
 """
 
 import math
-import re
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib.config.experiments import METHOD_PACKAGES
 from gearlib.figures import (
     jump_figure,
     nonlinear_damping_figure,
     phase_planes_figure,
     resonance_figure,
     style,
-    work_precision_figure,
 )
 from tests.golden import data as golden
 
@@ -88,23 +85,6 @@ def test_an_orbit_is_closed_where_it_ends_and_not_in_the_midst_of_the_next():
     growing = run.assign(displacement=("phase", x * phase), period=1)
     for whole in (growing, run.assign(period=0)):
         assert phase_planes_figure.closed_orbit(whole)[0].size == 24
-
-
-@pytest.mark.parametrize("draw", ["draw_evaluations", "draw_measures"])
-def test_notes_on_gears_and_absent_methods_stand_beside_legend_and_panels(draw, tmp_path):
-    errors = [golden.read(f"work_precision/errors_{name}.nc") for name in ("exact", "taylor")]
-    figure = getattr(work_precision_figure, draw)(errors)
-    style.name_gears(figure, "gear pair z 23/61, m 2.5 mm")
-    style.note_absent(figure, list(METHOD_PACKAGES))
-    style.save(figure, tmp_path / "figure.png")
-    others = [legend.get_window_extent() for legend in figure.legends]
-    others += [axes.get_tightbbox() for axes in figure.axes]
-    notes = [text for text in figure.texts if re.match("not installed|gear pair", text.get_text())]
-    assert len(notes) == 2
-    for box in (note.get_window_extent() for note in notes):
-        assert not any(box.overlaps(other) for other in others)
-        assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
-        assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1
 
 
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])

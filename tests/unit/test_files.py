@@ -74,17 +74,6 @@ def test_a_replaced_result_is_noticed_a_touched_missing_or_unrecorded_one_is_not
     assert replaced(results) == replaced(results / "none") == []
 
 
-@pytest.mark.parametrize("suffix", ["png", "html"])
-def test_drawings_are_not_watched(result, suffix):
-    log, drawing = Path("results/case/logs/draw.log"), Path(f"results/a.{suffix}")
-    drawing.write_bytes(b"drawn")
-    log.write_text(record(log, [drawing]), encoding="utf-8")
-    drawing.write_bytes(b"by hand")
-    assert replaced(Path("results")) == []
-    shutil.rmtree(".snakemake")
-    assert drawing not in foreign(Path("results"))
-
-
 def test_results_of_another_folder_are_noticed(result):
     results = Path("results")
     assert foreign(results) == []

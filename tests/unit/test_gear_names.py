@@ -4,9 +4,7 @@ import json
 
 import pytest
 import yaml
-from click.testing import CliRunner
 
-from gearlib.cli import main
 from gearlib.config import ConfigError, gear_names, load, overlay, overlay_gears
 from gearlib.config.targets import TRAIN_TARGETS
 from tests.paper import CONFIG
@@ -98,20 +96,3 @@ def test_names_of_gears_say_what_was_drawn():
     ):
         settings = load(OWN | {"train": train, "targets": ["train_sweep", "campbell"]})
         assert gear_names.of_train(settings) == name
-
-
-@pytest.mark.parametrize(
-    ("command", "settings", "first"),
-    [
-        ("campbell", PLANETS, "planetary set z 27/36/99, m 2 mm"),
-        ("static", {"train": {"kind": "planetary"}}, "Lin and Parker's planetary set"),
-        ("phasing", OWN | {"train": {}}, f"paper's reducer (Fig. 1 a), every mesh: {NAME}"),
-        ("gears", OWN, NAME),
-    ],
-)
-def test_commands_say_first_whose_gears_they_are_about(tmp_path, command, settings, first):
-    path = tmp_path / "mine.yaml"
-    path.write_text(yaml.safe_dump(settings), encoding="utf-8")
-    result = CliRunner().invoke(main, [command, "--config", str(path)])
-    assert result.exit_code == 0, result.output
-    assert result.output.splitlines()[0] == first

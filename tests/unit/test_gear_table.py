@@ -96,20 +96,3 @@ def test_the_dampings_of_another_pair_count_by_name_only(gears, tmp_path):
     for option, damping in (("", 0.0), ("--damping k1", 4e3)):
         table = values(gears(f"{ISO_EXAMPLE} --format json {option}"))
         assert table["material_damping"]["iso"] == damping
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("--config fzg.yaml --shift -1 0", "gears.pinion.shift = -1"),
-        ("--config fzg.yaml --damping k9", "damping = 'k9' is not allowed"),
-        ("--teeth 20 20 --width '1 cm'", "gears.pinion.module is missing"),
-        ("--config pair.yaml", "gears is missing"),
-        ("--config empty.yaml", "empty.yaml is empty: it must be a mapping"),
-        (f"{ISO_EXAMPLE} --damping k1", "--damping need a configuration"),
-    ],
-)
-def test_wrong_input_ends_with_code_2(gears, tmp_path, line, words):
-    (tmp_path / "pair.yaml").write_text("gear_pair: {}", encoding="utf-8")
-    (tmp_path / "empty.yaml").touch()
-    assert words in gears(line, code=2)

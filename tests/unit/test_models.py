@@ -122,14 +122,6 @@ def test_the_reduced_mass_of_two_gears_is_that_of_two_bodies():
     assert SIX.reduced_mass_free == pytest.approx(free, rel=1e-14)
 
 
-def test_what_is_infinite_is_no_parameter_of_a_derivative():
-    stiffness = (1e8, math.inf, 2e8, 3e8)
-    model = SIX.replace(bearing_stiffness=stiffness, bearing_damping=(0.0,) * 4)
-    for i, value in enumerate(stiffness):
-        assert (f"bearing_stiffness[{i}]" in model.settable) == math.isfinite(value)
-    assert {"inertias[0]", "inertias[1]", "masses[0]", "masses[1]"} <= model.settable.keys()
-
-
 @pytest.mark.parametrize(("model", "teeth"), [(PAPER, 24), (UNEQUAL, 30), (TRAIN, 24)])
 def test_a_run_at_a_speed_is_that_at_its_tuning(model, teeth):
     run = gearlib.simulate(model, speed=2000.0, **RUN)

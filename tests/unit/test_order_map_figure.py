@@ -59,16 +59,3 @@ def test_a_measured_map_lies_over_the_computed_one(levels):
     (_, dots) = both.axes[2].lines
     overall = halves(louder)[0].overall
     np.testing.assert_allclose(10.0 ** (dots.get_ydata() / 20.0), overall, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (lambda levels: {"vertical": "time"}, "must be one of 'order', 'frequency'"),
-        (lambda levels: {"measured": levels.assign_attrs(variable="x")}, "measured.variable = 'x'"),
-        (lambda levels: {"measured": levels.drop_vars("amplitude")}, "measured is not allowed: it"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused(levels, options, words):
-    with pytest.raises(ValueError, match=words):
-        plot.order_map(levels, **options(levels))

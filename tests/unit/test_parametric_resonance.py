@@ -36,15 +36,6 @@ def test_the_singular_region_is_a_tongue(facts):
     assert stability.orbit_min(GearPair(**PARAMETERS), 0.8) < 0.0 < free.forced_from < 0.8
 
 
-def test_an_orbit_that_touches_the_flank_does_not_leave_it(facts):
-    touch = float(facts.forced_from.sel(damping="conservative"))
-    pair = GearPair(**PARAMETERS)
-    assert abs(stability.orbit_min(pair, touch)) < 1e-10
-    for tuning, cause in ((touch, stability.NONE), (touch + 1e-5, stability.FORCED)):
-        loss = stability.contact_loss({"conservative": PARAMETERS}, tuning, 0.6, 1.1, RUN)
-        assert loss.cause == cause
-
-
 @pytest.mark.parametrize(
     ("tuning", "causes"),
     [

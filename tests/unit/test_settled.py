@@ -13,7 +13,6 @@ from gearlib.engines.pair.propagator import ratios
 from gearlib.engines.pair.whole_periods import new_work, set_mesh, set_start
 from tests.geometry.drawings import own
 from tests.paper import PAPER
-from tests.properties.known_models import gears, pairs_as_train
 from tests.unit.test_whole_periods import LIMIT, bouncing_case, ratios_of, whole_periods
 
 PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
@@ -113,21 +112,6 @@ def test_a_period_is_that_of_the_settled_motion(damping):
 
 
 LIGHT = PAPER.replace(material_damping=600.0, backlash_damping=600.0)
-
-
-@pytest.mark.parametrize(
-    "model",
-    [
-        OneDegreePair(pair=LIGHT, cubic_damping=0.01),
-        gears(3e7, 600.0, 600.0),
-        pairs_as_train(LIGHT),
-    ],
-)
-def test_other_models_are_followed_until_their_period_is_proven(model):
-    span = {"record_periods": 6 * model.repeats, "samples_per_period": 1, "until_settled": True}
-    short, long = (simulate(model, 0.6, periods=n * model.repeats, **span) for n in (60, 1500))
-    assert int(short.period) == int(long.period) > 0
-    assert 60 * model.repeats < int(short.followed) <= 20 * 60 * model.repeats
 
 
 def test_an_orbit_that_draws_nothing_on_is_not_settled_on():
