@@ -22,12 +22,11 @@ SETTINGS = {
 
 TRAINS = [
     split_power_reducer(PAPER),
-    planetary(turning=True),
     planetary(turning=True, stiffness_ratio=(0.7, 0.7)),
 ]
 
 
-@pytest.mark.parametrize("train", TRAINS, ids=["reducer", "constant stiffness", "planetary"])
+@pytest.mark.parametrize("train", TRAINS, ids=["reducer", "planetary"])
 def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train):
     found = train.campbell(2)
     assert found.stiffness_order.size > 1
@@ -99,11 +98,3 @@ def test_the_table_has_every_intersection_once(diagram, tmp_path):
         expected = "" if below else nearest[f"{tuning:g}"]
         assert row["contact_lost_at_the_nearest_speed_swept"] == expected
         assert row["excited"] == ("yes" if row["mode_kind"] == "rotational" else "no")
-
-
-@pytest.mark.parametrize("excites", [[True, False], [False, True], [False, False]])
-def test_modes_of_one_frequency_are_excited_if_one_of_them_is(diagram, tmp_path, excites):
-    twice = diagram.isel(mode=[0, 0]).assign_coords(mode=[1, 2])
-    twice["excites"] = ("stiffness_order", "mode"), [excites] * twice.stiffness_order.size
-    found = [row["excited"] for row in read_back(trains.campbell_rows(twice), tmp_path)]
-    assert found and {*found} == {"yes" if any(excites) else "no"}

@@ -1,11 +1,9 @@
-"""Trains whose stiffnesses and inertias lie twelve decades apart: modes, free motions, balance.
+"""Trains whose stiffnesses and inertias lie twelve decades apart: modes, statics, free rotations.
 
 Natural frequencies are held against those of the same bodies in 60 digits, by the code of
 `tests.independent`, with radii that are exact multiples of their tooth numbers.
 """
 
-import math
-import os
 from dataclasses import replace
 
 import mpmath
@@ -13,13 +11,11 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
-import gearlib
-from gearlib import Body, GearPair, GearTrain, Mesh, Shaft
+from gearlib import Shaft
 from tests.independent.systems import describe, system_of
 from tests.trains.random_trains import chain_train, planetary_train, reducer_train
 
 KINDS = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}
-SEEDS = range(int(os.environ.get("GRADED_TRAINS", "4")))
 
 
 def graded_train(kind, seed):
@@ -67,17 +63,17 @@ def exact(train):
     return system_of(description, 1.0, mpmath.mp)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", KINDS)
 def test_natural_frequencies_have_all_digits(kind, seed):
     train = graded_train(kind, seed)
     squares, shapes = train.linear_modes
     with mpmath.workdps(60):
-        wanted = exact(train).modes()[0]
+        expected = exact(train).modes()[0]
     free = train.free_motions.shape[1]
-    assert free == 1 and abs(float(wanted[0])) < 1e-20 * float(wanted[1])
+    assert free == 1 and abs(float(expected[0])) < 1e-20 * float(expected[1])
     # Springs and masses have 1e-16, which moves each of these by no more; and n roundings.
-    np.testing.assert_allclose(squares, np.array(wanted[1:], float), rtol=1e-13)
+    np.testing.assert_allclose(squares, np.array(expected[1:], float), rtol=1e-13)
     # Shares of the strain energy: those of a mode, and of a spring in all modes, are at most 1.
     np.testing.assert_allclose((train.strains**2).sum(axis=0), 1.0, rtol=1e-13)
     mass = train.structure.mass
@@ -94,102 +90,37 @@ def test_static_forces_have_all_digits(kind):
     with mpmath.workdps(60):
         system = exact(train)
         whole = system.modes()[2]
-        load = [mpf(float(value)) for value in train.structure.load]
+        torques = [mpf(float(value)) for value in train.structure.load]
         # One gear held: what its torque lacks to balance is rounding.
         held = system.names.index((train.reference_mesh.pinion, "u"))
         kept = [i for i in range(system.n) if i != held]
         inner = mpmath.matrix(whole[np.ix_(kept, kept)].tolist())
         q = system.zeros(system.n)
-        q[kept] = list(mpmath.lu_solve(inner, mpmath.matrix([load[i] for i in kept])))
+        q[kept] = list(mpmath.lu_solve(inner, mpmath.matrix([torques[i] for i in kept])))
         forces = [
             mesh.mean_stiffness * (contact["sides"][0]["row"] @ q)
             for mesh, contact in zip(train.meshes, system.contacts, strict=True)
         ]
     largest = float(max(abs(force) for force in forces))
-    own = float(abs(forces[train.mesh_names.index(train.reference)]))
-    assert own > 1e-6 * largest
-    assert train.load == pytest.approx(own, rel=1e-9)
+    reference = float(abs(forces[train.mesh_names.index(train.reference)]))
+    assert reference > 1e-6 * largest
+    assert train.load == pytest.approx(reference, rel=1e-9)
     np.testing.assert_allclose(
         train.mean_forces * train.load, np.array(forces, float), rtol=0, atol=1e-9 * largest
     )
 
 
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", KINDS)
-def test_free_rotations_are_those_of_the_tooth_numbers(kind):
-    """Without rounding that springs could see, and so is what balances on them."""
-    for seed in range(12):
-        train = graded_train(kind, seed)
-        (motion,) = train.free_motions.T
-        coordinates = train.structure.coordinates
-        turns = {
-            name: motion[coordinates.index((name, "u"))] / body.base_radius
-            for name, body in train.by_name.items()
-            if (name, "u") in coordinates
-        }
-        if kind != "planetary":
-            speeds = train.speeds
-            first = train.reference_pinion.name
-            for name, turn in turns.items():
-                assert turn == pytest.approx(
-                    turns[first] * float(speeds[name] / speeds[first]), rel=1e-14
-                )
-        rows = np.concatenate([train.structure.springs[0], train.structure.lines])
-        there = np.append(train.structure.springs[1], np.ones(len(train.meshes))) > 0.0
-        assert np.all(
-            np.abs(rows @ motion)[there] <= 1e-15 * (np.abs(rows) @ np.abs(motion))[there]
-        )
-        # The torque of the first body, which drives, out of balance by a millionth.
-        driving = next(body for body in train.bodies if body.torque)
-        for more, allowed in ((1e-12, True), (1e-6, False), (-1e-6, False)):
-            other = replace(driving, torque=driving.torque * (1.0 + more))
-            bodies = [other if body is driving else body for body in train.bodies]
-            if allowed:
-                train.replace(bodies=bodies)
-            else:
-                with pytest.raises(ValueError, match="must balance"):
-                    train.replace(bodies=bodies)
-
-
-def test_the_reducer_of_a_pair_without_dimensions():
-    """Its shafts are a million times as stiff as its meshes."""
-    pair = GearPair.from_ratios(
-        contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash=4
-    )
-    train = gearlib.split_power_reducer(pair)
-    assert train.static_deflection == pytest.approx(pair.load / pair.mean_stiffness, rel=1e-12)
-    assert train.structure.lines @ train.free_motions == pytest.approx(0.0, abs=1e-15)
-
-
-def pairs(**shaft):
-    """Return two pairs of gears, each balanced, on bodies that may have more freedom."""
-    gears = [
-        Body(name=name, teeth=20, base_radius=0.1, inertia=0.02, torque=torque, **more)
-        for name, torque, more in (
-            ("a", 3.0, {}),
-            ("b", 3.0, {}),
-            ("c", 5.0, {}),
-            ("d", 5.0, {"mass": 2.0, "support_stiffness": (0.0, 1e6)}),
-        )
-    ]
-    meshes = [
-        Mesh(
-            pinion=pinion,
-            wheel=wheel,
-            max_stiffness=4e8,
-            stiffness_ratio=0.6,
-            contact_ratio=1.5,
-            # The line of action is that of y, but for the rounding of the angle.
-            line_of_action=math.pi / 2.0,
-            phase=0.0,
-        )
-        for pinion, wheel in ("ab", "cd")
-    ]
-    return GearTrain(bodies=gears, meshes=meshes, shafts=[Shaft(bodies=("a", "c"), **shaft)])
-
-
-def test_free_motions_other_than_the_rotation():
-    # Nothing holds d along x; a shaft of nothing leaves two rotations.
-    assert pairs(stiffness=1e5).free_motions.shape[1] == 2
-    loose = pairs(stiffness=1e-200)
-    assert loose.free_motions.shape[1] == 3
-    np.testing.assert_array_less(np.abs(loose.structure.lines @ loose.free_motions), 1e-15)
+def test_no_spring_feels_the_free_rotation(kind, seed):
+    train = graded_train(kind, seed)
+    (motion,) = train.free_motions.T
+    rows = np.concatenate([train.structure.springs[0], train.structure.lines])
+    stiffness = np.append(train.structure.springs[1], np.ones(len(train.meshes)))
+    strains, sizes = np.abs(rows @ motion), np.abs(rows) @ np.abs(motion)
+    assert (strains <= 1e-15 * sizes)[stiffness > 0.0].all()
+    # The torque of the first body, which drives, out of balance by a millionth.
+    driving = next(body for body in train.bodies if body.torque)
+    unbalanced = replace(driving, torque=driving.torque * (1.0 + 1e-6))
+    with pytest.raises(ValueError, match="must balance"):
+        train.replace(bodies=[unbalanced if body is driving else body for body in train.bodies])

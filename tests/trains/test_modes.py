@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import idler, planetary, split_power_reducer
+from gearlib import planetary
 from gearlib.models.trains.elastic import free_motions_and_modes
-from tests.paper import PAPER
 
 ROTATIONAL = (0.0, 1475.7, 1930.3, 2658.3, 7462.8, 11775.3)
 TRANSLATIONAL = (743.2, 1102.4, 1896.0, 2276.4, 6986.3, 9647.9)
@@ -26,26 +25,25 @@ def test_frequencies_are_those_printed_by_lin_and_parker():
     )
 
 
-def test_structure_of_the_modes_of_three_to_eight_planets():
+def test_modes_of_planets_are_single_double_and_of_satellites():
     """Lin & Parker's theorem, also for modes that mix the digits of a common frequency."""
-    satellite = None
-    for planets in range(3, 9):
+    for planets in (3, 4, 5):
         modes = planetary(planets=planets, teeth=(210, 630)).modes()
         assert of_kind(modes, "rigid").size == 1
         assert np.unique(of_kind(modes, "rotational").round(3)).size == 5
         double = of_kind(modes, "translational")
         assert double.size == 12
         np.testing.assert_allclose(double[::2], double[1::2], rtol=1e-9)
-        own = of_kind(modes, "satellite")
-        assert own.size == 3 * (planets - 3) and modes.sizes["mode"] == 9 + 3 * planets
+        frequencies = of_kind(modes, "satellite")
+        assert frequencies.size == 3 * (planets - 3) and modes.sizes["mode"] == 9 + 3 * planets
         if planets == 4:
-            satellite = own
+            satellite = frequencies
         elif planets > 4:
             # Three frequencies, N - 3 times each, for every N the same.
-            np.testing.assert_allclose(own, np.repeat(satellite, planets - 3), rtol=1e-9)
+            np.testing.assert_allclose(frequencies, np.repeat(satellite, planets - 3), rtol=1e-9)
 
 
-@pytest.mark.parametrize("planets", [2, 3, 4, 5])
+@pytest.mark.parametrize("planets", [2, 4])
 def test_torsional_train_has_kahramans_frequencies(planets):
     rng = np.random.default_rng(planets)
     m_s, m_ring, m_c, m_p = rng.uniform(0.3, 5.0, 4)
@@ -87,13 +85,7 @@ def test_energy_of_a_mode_lies_in_meshes_supports_and_shafts():
     np.testing.assert_allclose(rigid.strain_energy.sum("mesh").values[1:], 1.0, rtol=1e-12)
 
 
-def test_a_train_without_branches_has_other_modes():
-    kinds = idler(PAPER).modes().mode_kind.values
-    assert list(kinds) == ["rigid", "other", "other"]
-
-
-@pytest.mark.parametrize("teeth", [(27, 99), (28, 98), (29, 97), (26, 100)])
-@pytest.mark.parametrize("planets", [3, 6])
+@pytest.mark.parametrize(("teeth", "planets"), [((27, 99), 3), ((28, 98), 3), ((29, 97), 6)])
 def test_phasing_follows_parkers_rule(teeth, planets):
     """k = l z_s mod N: 0 rotational, 1 and N - 1 translational, else satellite modes."""
     train = planetary(
@@ -127,12 +119,7 @@ def test_reference_frequency_is_of_the_mode_that_strains_the_reference_mesh():
     assert train.replace(reference_frequency=1475.0).mesh_frequency(2.0) == 2950.0 * 2.0 * math.pi
 
 
-def test_modes_of_the_reducer_come_with_its_three_branches():
-    modes = split_power_reducer(PAPER).modes()
-    assert set(modes.mode_kind.values) <= {"rigid", "rotational", "translational", "satellite"}
-
-
-@pytest.mark.parametrize("unit", [1e-30, 1e-8, 1.0, 1e12])
+@pytest.mark.parametrize("unit", [1e-30, 1e12])
 def test_which_springs_are_too_soft_to_count_is_no_matter_of_units(unit):
     # Two masses on springs of their own; the third one is held by 1e-20 of the stiffest.
     springs = np.eye(3), unit * np.array([1.0, 4.0, 1e-20])

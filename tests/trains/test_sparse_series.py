@@ -54,24 +54,15 @@ def assert_same(one, other):
     np.testing.assert_allclose(one[4], other[4], rtol=0, atol=1e-11 * size)
 
 
-@pytest.mark.parametrize("frequency", [900.0, 1900.0])
-def test_many_planets_part_by_the_series_as_by_their_modes(frequency):
-    tuning = frequency / UNIT
+def test_many_planets_part_by_the_series_as_by_their_modes():
+    tuning = 1900.0 / UNIT
     state = parted(EIGHT)
     series, modes = (motion(EIGHT, tuning, state, price) for price in (10**9, 0))
     assert series[5] == 0 and modes[5] > 20 and len(modes[2]) > 60
     assert_same(series, modes)
 
 
-def test_modes_take_over_where_a_combination_comes_back():
-    tuning = 1900.0 / UNIT
-    state = EIGHT.start_state("static")
-    series, both = (motion(EIGHT, tuning, state, price, 4) for price in (10**9, 400))
-    assert series[5] == 0 and both[5] > 0
-    assert_same(series, both)
-
-
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_random_trains_go_by_the_series_as_by_their_modes(seed, monkeypatch):
     # Friction, deviations, run-out, narrow and infinite backlashes; few of them have many meshes.
     train, tuning, state = random_problem(np.random.default_rng(seed))

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from gearlib import idler, planetary, split_power_reducer, two_stage
+from gearlib import idler, planetary, simulate, split_power_reducer, two_stage
 from gearlib.models.trains.statics import equilibrium
 from tests.independent.systems import describe, system_of
 from tests.paper import PAPER
@@ -139,3 +139,16 @@ def test_a_train_that_its_load_opens_for_good_is_refused():
     finite = idler(PAPER).replace(bodies=turned).static()
     assert list(finite.contact.values) == [-1, -1]
     np.testing.assert_allclose(finite.mesh_force.values, -PAPER.load, rtol=1e-12)
+
+
+@pytest.mark.parametrize("load", [2000.0, -2000.0])
+@pytest.mark.parametrize("turning", [False, True])
+def test_a_static_start_stays_at_rest_on_coast_sides_that_move_with_the_supports(load, turning):
+    train = planetary(load=load, turning=turning)
+    changes = {"moving_backlash": True, "backlash": 6e-6}
+    train = train.replace(meshes=[replace(mesh, **changes) for mesh in train.meshes])
+    assert set(train.static().contact.values) == {1 if load > 0.0 else -1}
+    run = simulate(train, 0.7, periods=3, record_periods=3, initial_state="static")
+    assert np.ptp(run.displacement.values, axis=0).max() < 1e-9
+    # Turning the whole train moves no flank against another.
+    assert np.abs(train.coast_lines @ train.free_motions).max() < 1e-12

@@ -32,17 +32,17 @@ def harmonics(model, tuning, guess=None):
 @pytest.mark.parametrize(
     ("teeth", "planets", "tuning"),
     # Orders l with k = l z_s mod N: in phase; a third, half a mesh period apart.
-    [((27, 99), 3, 12.0), ((28, 98), 3, 9.0), ((28, 98), 3, 10.0), ((26, 98), 4, 8.0)],
+    [((27, 99), 3, 12.0), ((28, 98), 3, 10.0), ((26, 98), 4, 8.0)],
 )
 def test_harmonics_that_phasing_forbids_are_zero_through_loss_of_contact(teeth, planets, tuning):
-    found, bounces = harmonics(train(teeth, planets), tuning)
+    amplitudes, bounces = harmonics(train(teeth, planets), tuning)
     assert bounces.max() == 1.0
     k = np.arange(1, 13) * teeth[0] % planets
     rotational, translational = k == 0, (k == 1) | (k == planets - 1)
     # Orbits are found to 1e-12 static deflections, free rotation drifts by as much in a period.
-    assert found[:2, ~translational].max() < 1e-11
-    assert found[2, ~rotational].max(initial=0.0) < 1e-11
-    for motions, allowed in ((found[:2], translational), (found[2:], rotational)):
+    assert amplitudes[:2, ~translational].max() < 1e-11
+    assert amplitudes[2, ~rotational].max(initial=0.0) < 1e-11
+    for motions, allowed in ((amplitudes[:2], translational), (amplitudes[2:], rotational)):
         assert motions[:, allowed].min(initial=1.0) > 1e-6
 
 
@@ -87,25 +87,21 @@ def shifted(model):
 
 
 def test_a_late_mesh_lets_forbidden_harmonics_in():
-    for teeth, planets, tuning in (((28, 98), 3, 10.0), ((26, 98), 4, 8.0)):
-        model = shifted(train(teeth, planets))
-        # From rest rounding grows until one of several motions is reached.
-        found, _ = harmonics(model, tuning, model.start_state("static"))
-        assert found[:2, 2 * planets - 3].min() > 1e-6
+    model = shifted(train((28, 98), 3))
+    # From rest rounding grows until one of several motions is reached.
+    amplitudes, _ = harmonics(model, 10.0, model.start_state("static"))
+    assert amplitudes[:2, 3].min() > 1e-6
 
 
 @pytest.mark.parametrize(
     ("planets", "teeth", "tuning", "growth"),
     [
-        (3, (27, 99), 8.0, 1.0),
         (3, (27, 99), 11.0, 1.0),
         # Here the symmetry breaks: rounding grows, by no more than the largest multiplier.
         (3, (27, 99), 10.0, 1.26),
-        (4, (28, 100), 6.0, 1.0),
         (4, (28, 100), 8.0, 1.0),
         # Three bounces in every mesh period.
         (5, (30, 100), 2.0, 1.0),
-        (5, (30, 100), 8.0, 1.0),
     ],
 )
 def test_equal_planets_in_phase_move_as_the_reduced_train(planets, teeth, tuning, growth):
@@ -149,7 +145,6 @@ def test_multipliers_of_a_symmetric_orbit_are_those_of_the_reduced_train_and_oth
     for planets, tuning, outside in (
         (3, 11.0, False),
         (3, 10.0, True),
-        (3, 19.5, True),
         (4, 10.0, False),
     ):
         full = trains[planets]

@@ -40,9 +40,9 @@ def turned(train):
     return q
 
 
-@pytest.mark.parametrize("tuning", [0.01, 1.0, 30.0])
+@pytest.mark.parametrize("tuning", [0.01, 30.0])
 def test_a_turn_of_the_whole_train_costs_nothing(tuning):
-    for seed in range(6):
+    for seed in range(3):
         torsional = dict(torsional_stiffness=(0.0, 0.0, 0.0))
         train = turning(np.random.default_rng(seed), planets=seed + 1, **torsional)
         rigid, n = turned(train), train.size // 2
