@@ -1,17 +1,13 @@
 """Claims: verdicts follow the data, whatever the data are."""
 
-import json
-
 import numpy as np
 import pytest
 import xarray as xr
 
 from gearlib import config, sweep
-from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.data.motions import describe_steadiness
 from gearlib.studies import certificates, claims, jump, paper, resonance, scenes
-from tests.independent.certificates import faults
 from tests.paper import CONFIG, PAPER
 from tests.tables import read_back
 
@@ -169,22 +165,3 @@ def test_what_is_proven_stands_in_a_table(proofs, tmp_path):
     for nu, lowest in (("0.815", "-0.127"), ("0.8151", "-0.1299")):
         small = [float(row["lowest"]) for row in of("k1", "orbit", "BNB") if row["tuning"] == nu]
         assert lowest in [f"{x:.4g}" for x in small]
-
-
-def test_an_independent_program_confirms_what_is_proven(proofs, tmp_path):
-    certificates.write_json(proofs[1], tmp_path / "certificates.json")
-    rows = json.loads((tmp_path / "certificates.json").read_text("utf-8"))
-    counts = {row["damping"]: row["orbits"] for row in rows if row["claim"] == "count"}
-    for name, branch in proofs[0].items():
-        assert sum(counts[name].values()) == int((branch.label == REGULAR).sum()) > 100
-    ranges = [row | {"pieces": row["pieces"][-1:]} for row in rows if row["claim"] == "range"]
-    ranges = [row | {"start": row["pieces"][0]["start"]} for row in ranges]
-    orbits = [row for row in rows if row["claim"] == "orbit"]
-    assert len(orbits) > 40
-    for row in [*ranges, *orbits[::20]]:
-        assert faults(row) == [], row
-    # Of the reducer in tests/proofs: its 48 components take minutes.
-    *_, reducer = [row for row in rows if row["claim"] == "train"]
-    assert reducer["stability"] == "unstable" and len(reducer["meshes"]) == 6
-    real, imaginary = (list(map(float, part)) for part in reducer["multipliers"][0])
-    assert real[1] < -1.0 and imaginary == [0.0, 0.0]

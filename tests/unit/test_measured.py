@@ -210,16 +210,6 @@ def test_what_is_not_in_order_is_refused_in_one_sentence(rig, tmp_path, sentence
     assert re.match(pattern, text) and "\n" not in text and len(text) < 700, text
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [("a: [", "is not YAML"), ("[1, 2]", "a mapping"), ("a: 1\na: 2\n", "given twice")],
-)
-def test_a_description_that_is_no_mapping_is_refused(tmp_path, content, words):
-    (tmp_path / "rig.yaml").write_text(content)
-    with pytest.raises(ValueError, match=words):
-        read_measured(tmp_path / "rig.yaml")
-
-
 OTHERS = {key: CHANNELS[key] for key in ("x", "F")}
 
 
@@ -246,12 +236,6 @@ def test_a_universal_file_is_read(rig, tmp_path, binary):
         rig(None, data="rig.uff", channels={"y": CHANNELS["x"]})
     with pytest.raises(ValueError, match="universal file"):
         rig(b"no\nuff\n", data="rig.uff", channels=OTHERS)
-
-
-def test_a_package_that_is_not_there_is_named(rig, monkeypatch):
-    monkeypatch.setattr("gearlib.uncertainty.measured_tables.Package.available", lambda self: False)
-    with pytest.raises(ImportError, match="pip install pyuff"):
-        rig(b"x", data="rig.uff", channels=OTHERS)
 
 
 def test_sets_on_the_page_are_sets():

@@ -137,19 +137,6 @@ def test_the_onset_of_contact_loss_is_that_of_the_sweep_up(rig, resonance):
     assert float(below.speed) < onset < float(above.speed)
 
 
-def test_a_run_up_gives_the_extremes_of_its_stretches(rig, resonance):
-    time = np.linspace(0.0, 40.0, 40_001)
-    speed = 1500.0 + 1000.0 * np.interp(time, [0.0, 20.0, 40.0], [0.0, 1.0, 0.0])
-    wave = (speed / 1000.0) * np.sin(2.0 * np.pi * 50.0 * time)
-    channels = {"t": TIME, "n": SPEED, "x": DISPLACEMENT | {"unit": "mm"}}
-    data = study.curve(rig(channels, time, speed, wave), resonance)
-    scale = 1e-6 / float(resonance.static_deflection)
-    assert data.sizes["sample"] > 300
-    assert data.displacement_max.values == pytest.approx(scale * data.speed.values, rel=2e-3)
-    assert data.displacement_min.values == pytest.approx(-scale * data.speed.values, rel=2e-3)
-    assert set(data.direction.values[:190]) == {1} and set(data.direction.values[-190:]) == {-1}
-
-
 def test_harmonics_of_a_course_are_those_it_was_made_of(rig):
     amplitudes, phases = np.array([5.0, 2.0, 1.0, 0.5, 0.25]), np.array([0.4, 1.0, -0.7, 2.0, 0.1])
     orders, rate = np.arange(1, 6), 2.0 * np.pi * 3333.0 / 60.0 * 24

@@ -80,21 +80,6 @@ def test_pitch_circles_touch_at_the_pitch_points(name, phase):
     assert all(any(math.dist(hub.center, c.center) < 1e-9 for c in circles) for hub in hubs)
 
 
-@pytest.mark.parametrize("name", TRAINS)
-def test_gears_roll_on_each_other(name):
-    train, step = TRAINS[name], 1e-3
-    layout, names = train.layout(), list(train.body_names)
-    turned = step * (layout.body_turns.values - float(layout.frame_turns))
-    for mesh, radii in zip(train.meshes, layout.pitch_radius.values, strict=True):
-        # Against the line of centres both rims go equally far.
-        pinion, wheel = radii * [turned[names.index(body)] for body in (mesh.pinion, mesh.wheel)]
-        assert pinion == pytest.approx(-wheel, rel=1e-12)
-    marks = [schematic.create_drawing(layout, phase).marks for phase in (0.0, step)]
-    angles = [np.arctan2(*(lines[:, 1] - lines[:, 0]).T[::-1]) for lines in marks]
-    shown = [bool(radii) for radii in schematic.circles_of(layout).values()]
-    np.testing.assert_allclose(angles[1] - angles[0], step * layout.body_turns.values[shown])
-
-
 def test_meshes_show_their_contact():
     train = TRAINS["planetary"]
     axes = draw(train, contact=[1, 0, 1, 1, -1, 1])

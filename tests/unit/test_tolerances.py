@@ -222,23 +222,6 @@ def test_allowances_of_the_thickness_are_those_of_din_3967(diameter, designation
     assert np.allclose(found, np.array(limits) * 1e-6, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: thickness_limits(0.1, "27x"), "thickness = '27x' .* such as '27cd'"),
-        (lambda: thickness_limits(0.1, "31cd"), "thickness = '31cd' .* from 21 to 30"),
-        (lambda: thickness_limits(3.0, "27cd"), "diameter = 3.0 .* <= 2.5 m"),
-        (lambda: distance_limits(0.1, "h7"), "centre_distance = 'h7' .* 'js5'"),
-        (lambda: distance_limits(1.0, "js7"), "centre_distance = 1.0 .* from 0.01 to 0.5 m"),
-        (lambda: by_class(fzg_c(), form=True), "quality = None"),
-        (lambda: by_class(7, form=True), "mesh = 7"),
-    ],
-)
-def test_what_no_table_has_is_refused(call, words):
-    with pytest.raises(ValueError, match=words):
-        call()
-
-
 def test_degrees_of_centre_distances_are_those_of_the_formula_of_iso_286():
     assert np.allclose(distance_limits(0.0915, "js7"), (-17.5e-6, 17.5e-6))
     # Of the tolerance factor i, by the geometric mean D of both ends of a range, mm.
