@@ -380,7 +380,7 @@ def rows(
 
 def _row(title: str, damping: str, comparison: Comparison) -> list:
     """Return the row of the table for one comparison of a measured set with one damping."""
-    quantity, unit, calibration, measured, computed = comparison
+    quantity, unit, calibration, measured, computed = comparison  # the last two have deviations
     difference = computed[0] - measured[0]
     total_deviation = math.hypot(measured[1], computed[1] if math.isfinite(computed[1]) else 0.0)
     ratio = difference / total_deviation if measured[1] > 0 else math.nan
@@ -488,7 +488,9 @@ def _misfits(
 ) -> Iterator[Comparison]:
     """Yield the rms difference between a measured curve and the model, relative to its range.
 
-    The first comparison fits gain and offset of the sensor, the second uses its calibration.
+    Gain and offset of the sensor are fitted, and in a second comparison those of its calibration. A
+    comparison is (quantity, unit, required calibration, measured estimate, computed estimate); an
+    estimate is a value with its standard deviation.
     """
     values = measured[observable].values
     computed = _values_at_samples(measured, characteristics, observable)

@@ -115,8 +115,8 @@ def contact_loss(
     ]
     data = xr.concat(dampings, xr.IndexVariable("damping", [*pairs]), join="outer")
     # The closing damping depends on the order only.
-    closings = xr.concat([data.closing_damping for data in tongues], "model", join="outer")
-    data = data.assign(closing_damping=closings.max("model"), asked=tuning)
+    closing_dampings = xr.concat([data.closing_damping for data in tongues], "model", join="outer")
+    data = data.assign(closing_damping=closing_dampings.max("model"), asked=tuning)
     title = "Parametric resonance of the dampings"
     dataset = result(title, models[0], data, method="closed form", pairs=pairs, **run)
     dataset["cause"].attrs |= flags_of(CAUSES)

@@ -44,7 +44,7 @@ def pin_errors_of_first_branch(settings: dict) -> list[tuple[float, float]]:
 
 
 def reducer(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
-    """Return all meshes of the reducer over tuning, with equal branches and with two errors.
+    """Return force and contact of all meshes of the reducer over tuning, without and with errors.
 
     `pair` has arguments of `GearPair`. `settings` are those of `reducer_train` and of
     `gearlib.studies.many_starts`, and the errors pin_error (m, radial and tangential) and
@@ -144,7 +144,7 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
 
 
 def over_speed(train: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
-    """Return all meshes of a gear train over tuning.
+    """Return force and contact of all meshes of a gear train over tuning.
 
     `train` has the arguments of `gearlib.models.from_values.train_from_description`, `settings` are
     those of `gearlib.studies.many_starts`.

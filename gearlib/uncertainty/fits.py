@@ -365,9 +365,9 @@ def _jacobian(problem: Problem, scaled_values: np.ndarray, residuals: np.ndarray
     jacobian = np.zeros((problem.size, scaled_values.size))
     for i in range(scaled_values.size):
         step = _DIFFERENCE_STEP if scaled_values[i] < 0.5 else -_DIFFERENCE_STEP
-        changed = problem.residuals(_with_value(scaled_values, i, scaled_values[i] + step))
-        if changed is not None:
-            jacobian[:, i] = (changed - residuals) / step
+        new_residuals = problem.residuals(_with_value(scaled_values, i, scaled_values[i] + step))
+        if new_residuals is not None:
+            jacobian[:, i] = (new_residuals - residuals) / step
     norms = np.linalg.norm(jacobian, axis=0)
     jacobian[:, norms < _MIN_RELATIVE_COLUMN_NORM * max(norms.max(), 1.0)] = 0.0
     return jacobian
@@ -387,6 +387,7 @@ def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, 
     for i, best_value in enumerate(optimum.x):
 
         def residuals(value, i=i, best_value=best_value):
+            """Return the residuals for a value of parameter i, None if the step is too small."""
             if value != best_value and abs(value - best_value) < _MIN_OPTIMUM_STEP:
                 return None
             return problem.residuals(_with_value(optimum.x, i, value))

@@ -56,8 +56,8 @@ def _set_observations(model: Any, data: Any) -> list[Observation]:
     speeds = {name: data[name] for name in RESONANCE_NAMES if name in data}
     has_time, quantities, observations = "time" in data.coords, {}, []
     if has_time or "speed" in data.coords:
-        known = ("displacement",) if has_time else _SWEEP_QUANTITIES
-        quantities = quantities_of(model, data.data_vars, known)
+        comparable = ("displacement",) if has_time else _SWEEP_QUANTITIES
+        quantities = quantities_of(model, data.data_vars, comparable)
     _check_set(data, quantities, speeds)
     if has_time:
         for name, (quantity, mesh) in quantities.items():
@@ -77,11 +77,11 @@ def _set_observations(model: Any, data: Any) -> list[Observation]:
     return observations
 
 
-def quantities_of(model: Any, names: Any, known: tuple = _SWEEP_QUANTITIES) -> dict:
+def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES) -> dict:
     """Return the quantities that variables hold: name of a variable -> (quantity, mesh index).
 
     `names` are those of the variables; for trains they end with the name of the mesh, such as
-    ``load_sharing_sun_1``. Only quantities whose names are in `known` are returned.
+    ``load_sharing_sun_1``. Only quantities whose names are in `comparable` are returned.
     """
     mesh_names = [name.replace(" ", "_") for name in model.mesh_names]
     quantities = {}
@@ -94,9 +94,9 @@ def quantities_of(model: Any, names: Any, known: tuple = _SWEEP_QUANTITIES) -> d
             kind, _, number = quantity.rpartition("_")
             if kind == ORDER_AMPLITUDE and number.isdigit():
                 in_range = 0 < int(number) <= SAMPLES_PER_PERIOD // 2
-                is_known = in_range and ORDER_AMPLITUDE in known
+                is_known = in_range and ORDER_AMPLITUDE in comparable
             else:
-                is_known = quantity in known and quantity != ORDER_AMPLITUDE
+                is_known = quantity in comparable and quantity != ORDER_AMPLITUDE
             if is_known and (mesh_name or quantity != LOAD_SHARING):
                 quantities[name] = quantity, mesh
     return quantities

@@ -1,7 +1,7 @@
 """Tolerances by the classes of drawings: tooth thickness, centre distance, profile form.
 
 Sources: DIN 3967 (1978), allowances E_sns and tolerances T_sn of the tooth thickness, tables 1 and
-2; DIN 3964 (1980), centre distance js 5 to js 11, half of the degrees IT of ISO 286-1; ISO
+2; DIN 3964 (1980), centre distance js 5 to js 11, half of the IT grades of ISO 286-1; ISO
 1328-1:2013 for the form of the profile, by `SpurGear.form_deviation`. Tolerances of other tables
 are passed to `gearlib.scatter` as limits.
 """
@@ -39,7 +39,7 @@ _TOLERANCE_ROWS = tuple(
 )
 _FIRST_NUMBER, _LAST_NUMBER = 21, 30  # of the tolerances of DIN 3967
 #: Largest centre distance of a row, m -> IT 5 to IT 11 in um, ISO 286-1.
-_IT_DEGREES = {
+_IT_GRADES = {
     0.018: (8, 11, 18, 27, 43, 70, 110),
     0.03: (9, 13, 21, 33, 52, 84, 130),
     0.05: (11, 16, 25, 39, 62, 100, 160),
@@ -51,18 +51,18 @@ _IT_DEGREES = {
     0.4: (25, 36, 57, 89, 140, 230, 360),
     0.5: (27, 40, 63, 97, 155, 250, 400),
 }
-_MIN_DISTANCE, _FIRST_DEGREE = 0.01, 5
+_MIN_DISTANCE, _FIRST_GRADE = 0.01, 5
 _DESIGNATION_PATTERN = re.compile(r"(\d\d)\s*(ab|bc|cd|[a-h])|(ab|bc|cd|[a-h])\s*(\d\d)")
 
 
 def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
-    """Return the lower and upper allowance of the normal tooth thickness by DIN 3967, m.
+    """Return the lower and upper allowance of the normal tooth thickness according to DIN 3967, m.
 
     `diameter` is the reference diameter, m, up to 2.5; a designation is for example "27cd".
     """
-    largest = _MAX_DIAMETERS[-1]
-    allowed = f"> 0 and <= {largest} m"
-    diameter = checks.number("diameter", diameter, allowed, lambda d: 0 < d <= largest)
+    max_diameter = _MAX_DIAMETERS[-1]
+    allowed = f"> 0 and <= {max_diameter} m"
+    diameter = checks.number("diameter", diameter, allowed, lambda d: 0 < d <= max_diameter)
     text = designation.strip() if isinstance(designation, str) else ""
     match = _DESIGNATION_PATTERN.fullmatch(text)
     number, letters = (match[1] or match[4], match[2] or match[3]) if match else (0, "")
@@ -80,25 +80,25 @@ def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
 
 
 def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
-    """Return the lower and upper deviation of a centre distance by DIN 3964, m.
+    """Return the lower and upper deviation of a centre distance according to DIN 3964, m.
 
     `distance` is from 0.01 to 0.5 m; the designation is a class from "js5" to "js11".
     """
-    max_distances = tuple(_IT_DEGREES)
+    max_distances = tuple(_IT_GRADES)
     lower, upper = _MIN_DISTANCE, max_distances[-1]
     allowed = f"from {lower} to {upper} m"
     distance = checks.number("centre_distance", distance, allowed, lambda a: lower <= a <= upper)
-    degrees = [f"js{_FIRST_DEGREE + i}" for i in range(len(_IT_DEGREES[upper]))]
-    checks.one_of("centre_distance", designation, degrees)
-    row = _IT_DEGREES[next(limit for limit in max_distances if distance <= limit)]
-    half_width = _MICROMETRE * row[degrees.index(designation)] / 2.0
+    designations = [f"js{_FIRST_GRADE + i}" for i in range(len(_IT_GRADES[upper]))]
+    checks.one_of("centre_distance", designation, designations)
+    row = _IT_GRADES[next(limit for limit in max_distances if distance <= limit)]
+    half_width = _MICROMETRE * row[designations.index(designation)] / 2.0
     return -half_width, half_width
 
 
 def by_class(
     mesh: Any, *, thickness: Any = None, centre_distance: str | None = None, form: bool = False
 ) -> dict:
-    """Return tolerances by the classes of a drawing, for `gearlib.scatter` of a `DrawnPair`.
+    """Return tolerances from the classes of a drawing, for `gearlib.scatter` of a `DrawnPair`.
 
     `thickness` is a class of DIN 3967 such as "27cd", or a pair of classes for pinion and wheel;
     the backlash follows from it if the `DrawnPair` has ``backlash=None``. `centre_distance` is a

@@ -97,15 +97,15 @@ def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
         state = model.reduction()[0] @ state
     names = ("fraction_normal", "fraction_backlash", "fraction_inverse")
     return Outcome(
-        status.OK,
-        tuple(state),
-        float(run.displacement_min.min()),
-        float(run.displacement_max.max()),
-        tuple(float(run[name].mean()) for name in names),
-        float(run.bounces.mean()),
-        int(run.period),
-        tuple(zip(*(codes.tolist() for codes in contacts), strict=True)),
-        int(run.evaluations),
+        status=status.OK,
+        state=tuple(state),
+        low=float(run.displacement_min.min()),
+        high=float(run.displacement_max.max()),
+        fractions=tuple(float(run[name].mean()) for name in names),
+        bounces=float(run.bounces.mean()),
+        period=int(run.period),
+        contacts=tuple(zip(*(codes.tolist() for codes in contacts), strict=True)),
+        evaluations=int(run.evaluations),
     )
 
 

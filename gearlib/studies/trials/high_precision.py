@@ -109,7 +109,7 @@ def _six_degrees(model: Any, tuning: float) -> Equations:
     ]
     lines = decimals([system.drive_lines[0], system.coast_lines[0]])
     z = decimals(model.full_state(system, (0.0, 0.0)))
-    # Correct the first rotation, so that the start is at rest on the flank line in all digits.
+    # Correct the first rotation and its velocity: the start is at rest on the flank line.
     z[0] -= lines[0] @ z
     z[len(model.elastic_bearings()) + 2] -= lines[0] @ (matrices[BACKLASH, 0] @ z)
     return Equations(matrices, dict.fromkeys(_CODES, 0), bounds, lines, z)
