@@ -269,7 +269,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
     if points:
         click.echo("Largest share of the designs that lose contact at a speed:")
         output.frame(designs.contact_loss_probability.max("speed").to_dataframe())
-    draw = scatter_figure.bands if points else scatter_figure.quantities
+    draw = scatter_figure.draw_bands if points else scatter_figure.draw_quantities
     return designs, lambda plot: draw(designs).axes[0]
 
 

@@ -67,7 +67,7 @@ def picture(path, name, draw, model=None, dataset=None):
 
     axes = draw(plot)
     if model is not None and model.mesh_names and {"mesh", "mode"} & {*dataset.dims}:
-        schematic.beside(axes, model, dataset if "contact" in dataset else None)
+        schematic.draw_beside(axes, model, dataset if "contact" in dataset else None)
     style.name_gears(axes.figure, name)
     style.save(axes.figure, path)
     click.echo(f"drawn in {path}")

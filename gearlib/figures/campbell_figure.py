@@ -20,7 +20,7 @@ def draw(diagram: xr.Dataset):
     a sweep are marked behind the line of its mesh frequency.
     """
     figure = style.page_figure(4.2)
-    axes = schematic.with_train(figure, diagram, {}).add_subplot()
+    axes = schematic.draw_train(figure, diagram, {}).add_subplot()
     speed = diagram.speed.values
     handles = draw_orders(axes, diagram, speed[-1])
     loses_contact = contact_loss_fraction(diagram.fraction_normal_high).max("direction") > 0.0

@@ -26,13 +26,13 @@ _GREY = "#CFCFCF"
 def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[str, Figure]:
     """Return the figures of a result of `gearlib.scatter`, in a dict by name."""
     return {
-        "tolerance_bands": bands(scattered),
-        "tolerance_quantities": quantities(scattered, indices=indices),
+        "tolerance_bands": draw_bands(scattered),
+        "tolerance_quantities": draw_quantities(scattered, indices=indices),
     }
 
 
 @style.styled()
-def bands(scattered: xr.Dataset):
+def draw_bands(scattered: xr.Dataset):
     """Return a figure of quantile bands of displacement, and of probabilities, over the speed.
 
     `scattered` is a result of `gearlib.scatter`, over "tuning" or "speed".
@@ -69,7 +69,7 @@ def bands(scattered: xr.Dataset):
 
 
 @style.styled()
-def quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
+def draw_quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
     """Return a figure of histograms of a result of `gearlib.scatter`, beside Sobol' indices."""
     names = [name for name in QUANTITIES if name in scattered]
     figure = style.page_figure(_ROW_HEIGHT * len(names))

@@ -120,7 +120,7 @@ def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, 
         style.draw_markers(axes, [x], [y], marker, colour, 4.0, zorder=5, **options)
     _draw_names(axes, names, drawing.meshes, colours)
     axes.set_axis_off()
-    axes.set_title("\n".join([*title, *description(layout, codes)]), fontsize=6 if title else None)
+    axes.set_title("\n".join([*title, *text_lines(layout, codes)]), fontsize=6 if title else None)
 
 
 def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[str]):
@@ -137,7 +137,7 @@ def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[
             style.annotate(axes, names[i], (x, y), offset, anchor, color=colour, fontsize=5.5)
 
 
-def description(layout: xr.Dataset, codes: list[int]) -> list[str]:
+def text_lines(layout: xr.Dataset, codes: list[int]) -> list[str]:
     """Return text lines that explain the contact codes and report inconsistent positions."""
     lines = [text for code, (_, _, text) in CONTACTS.items() if text and code in codes]
     misfit = float(layout.misfit)
@@ -169,7 +169,7 @@ def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
 
 
 @style.styled()
-def beside(axes: Axes, train, run=None, colours=None) -> Axes:
+def draw_beside(axes: Axes, train, run=None, colours=None) -> Axes:
     """Draw a `GearTrain` beside axes that fill a figure; return these axes.
 
     The contacts are those at the start of `run`, if given; `colours` maps mesh names to colours.
@@ -185,8 +185,8 @@ def beside(axes: Axes, train, run=None, colours=None) -> Axes:
     return axes
 
 
-def with_train(figure: Figure, data: xr.Dataset, colours=None, below=False) -> Figure | SubFigure:
-    """Draw the train of a dataset on the right of a figure, or below; return the remaining area.
+def draw_train(figure: Figure, data: xr.Dataset, colours=None, below=False) -> Figure | SubFigure:
+    """Draw the train of a dataset on the right of a figure, or below it; return the remaining area.
 
     Nothing is drawn if `data` lacks the variables of `GearTrain.layout`. `colours` maps mesh names
     to colours.

@@ -30,9 +30,9 @@ def draw_sweep(curves: xr.Dataset):
     `curves` is a result of `gearlib.studies.trains.over_speed`.
     """
     figure = style.page_figure(5.2)
-    styles = _thinning_lines(panels.plot_options(curves.mesh))
+    styles = _with_decreasing_widths(panels.plot_options(curves.mesh))
     colours = {mesh: options["color"] for mesh, options in styles.items()}
-    remaining = schematic.with_train(figure, curves, colours)
+    remaining = schematic.draw_train(figure, curves, colours)
     rows = [(name, styles) for name in ("dynamic_factor", "fraction_normal")]
     grid = _draw_columns(remaining, [curves], "speed", rows)
     grid[-1, 0].set_xlabel("speed of the reference pinion (rpm)")
@@ -52,9 +52,9 @@ def draw_reducer(characteristics: xr.Dataset):
     figure = style.page_figure(6.8)
     branches = dict(zip(data.mesh.values, data.mesh_branch.values, strict=True))
     colours = {mesh: style.PALETTE[int(branch) - 1] for mesh, branch in branches.items()}
-    remaining = schematic.with_train(figure, data, colours, below=True)
+    remaining = schematic.draw_train(figure, data, colours, below=True)
     stages = {
-        stage: _thinning_lines(
+        stage: _with_decreasing_widths(
             {
                 mesh: {"color": colours[mesh], "label": f"branch {branches[mesh]}, from rest"}
                 for mesh in data.mesh.values[data.mesh_stage.values == stage]
@@ -83,7 +83,7 @@ def draw_reducer(characteristics: xr.Dataset):
     return figure
 
 
-def _thinning_lines(styles: dict[str, dict]) -> dict[str, dict]:
+def _with_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
     """Add decreasing line widths to the plot options of curves, in place, and return them."""
     for options, width in zip(styles.values(), np.linspace(3.0, 0.8, len(styles)), strict=True):
         options |= {"linestyle": "-", "linewidth": width}

@@ -55,8 +55,9 @@ def draw_evaluations(errors: list[xr.Dataset]):
     `errors` are results of `gearlib.studies.trials.work_precision.errors`, one for each method.
     Methods without evaluations of the right-hand side are at the left edge.
     """
-    data = _joined(errors)
-    return _draw_panels(data, "period_evaluations", _panels(data, "state"), "rounding of the state")
+    data = _concatenate(errors)
+    panel_errors = _panels_with_errors(data, "state")
+    return _draw_panels(data, "period_evaluations", panel_errors, "rounding of the state")
 
 
 @style.styled()
@@ -66,11 +67,11 @@ def draw_time(errors: list[xr.Dataset], times: list[xr.Dataset]):
     `errors` and `times` are results of the functions of `gearlib.studies.trials.work_precision` of
     the same name, one for each method.
     """
-    data = _joined(errors).assign(period_time=_joined(times).period_time)
+    data = _concatenate(errors).assign(period_time=_concatenate(times).period_time)
     # The shortest of the measured times is the least disturbed one.
     closed_form_time = min(float(method.closed_form_time) for method in times)
     label = "rounding; less than one closed form"
-    figure = _draw_panels(data, "period_time", _panels(data, "state"), label)
+    figure = _draw_panels(data, "period_time", _panels_with_errors(data, "state"), label)
     for axes in figure.axes:
         axes.set_xlim(left=0.3 * closed_form_time)
         axes.axvspan(0.3 * closed_form_time, closed_form_time, **_GREY_AREA)
@@ -83,17 +84,17 @@ def draw_measures(errors: list[xr.Dataset]):
 
     `errors` are results of `gearlib.studies.trials.work_precision.errors`, one for each method.
     """
-    data = _joined(errors)
-    panel_errors = _panels(data, "event") + _panels(data, "multiplier")
+    data = _concatenate(errors)
+    panel_errors = _panels_with_errors(data, "event") + _panels_with_errors(data, "multiplier")
     return _draw_panels(data, "period_evaluations", panel_errors, "rounding")
 
 
-def _joined(datasets: list[xr.Dataset]) -> xr.Dataset:
+def _concatenate(datasets: list[xr.Dataset]) -> xr.Dataset:
     """Return one dataset of all methods, concatenated along the dimension of accuracy levels."""
     return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
 
 
-def _panels(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
+def _panels_with_errors(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
     """Return (problem, kind) for each problem with errors of a kind: state, event, multiplier."""
     has_errors = data[f"{kind}_error"].notnull().any("rung")
     return [(problem, kind) for problem in data.problem.values[has_errors.values]]

@@ -75,7 +75,7 @@ def _methods_for(model) -> list[str]:
     return [name for name, method in METHODS.items() if method.supports(model)]
 
 
-def refusal(model, name: str) -> str:
+def reason_unsupported(model, name: str) -> str:
     """Return the reason why the method called `name` cannot run a model, empty if it can."""
     method, model_class = METHODS[name], type(model).__name__
     if method.supports(model):
@@ -101,7 +101,7 @@ def choose(model, name: Any, options: dict | None) -> tuple[str, Any, dict]:
         raise ValueError(removal_message(name))
     checks.one_of("method", name, tuple(METHODS))
     # The other methods are checked only now, because their modules take time to load.
-    reason = refusal(model, name)
+    reason = reason_unsupported(model, name)
     if reason:
         names = ", ".join(map(repr, _methods_for(model)))
         raise ValueError(f"{reason}; it must be one of {names}")

@@ -113,7 +113,7 @@ class _Run(Run):
     """A run in equal steps of a mesh period."""
 
     def __init__(self, problem: OneDegree | PiecewiseLinear, steps_per_period: int, scheme: Scheme):
-        """Set the right-hand side and the scheme, and tabulate the excitation at the steps."""
+        """Store the right-hand side and the scheme, and tabulate the excitation at the steps."""
         super().__init__(problem)
         self.steps_per_period, self.scheme = steps_per_period, scheme
         if isinstance(problem, OneDegree):

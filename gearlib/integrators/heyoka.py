@@ -165,7 +165,7 @@ class _OneDegreeRun(_Run):
     RESTART_DISTANCE = 1e-15
 
     def __init__(self, problem: OneDegree, tol: float):
-        """Set the right-hand side and the relative tolerance of a step."""
+        """Store the right-hand side and the relative tolerance of each step."""
         super().__init__(problem, tol=tol)
         self._branches: dict = {}
 
@@ -199,6 +199,7 @@ class _OneDegreeRun(_Run):
         x, v = hy.make_vars("x", "v")
 
         def parameter(value):
+            """Return a new runtime parameter of the integrator with this value."""
             values.append(value)
             return hy.par[len(values) - 1]
 
@@ -242,7 +243,7 @@ class _TrainRun(_Run):
     problem: PiecewiseLinear
 
     def __init__(self, problem: PiecewiseLinear, tol: float):
-        """Compile the equations of a right-hand side for a relative tolerance of a step."""
+        """Compile the equations of a right-hand side, with a relative tolerance of each step."""
         import heyoka as hy
 
         super().__init__(problem, tol=tol)

@@ -228,7 +228,7 @@ def try_method(problem: Problem, method: str, options: dict) -> dict:
     The dict maps names of variables of the dataset to values.
     """
     verdict, deviation, periods, evaluations, reference_name = "refused", math.nan, 0, 0, ""
-    message = integrators.refusal(problem.model, method)
+    message = integrators.reason_unsupported(problem.model, method)
     if not message:
         # Interpreted steps of scipy are thousands of times slower than compiled steps.
         short_periods = problem.brief_periods if method == "scipy" else None
