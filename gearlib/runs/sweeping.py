@@ -175,7 +175,7 @@ def _check_order(direction: str, tunings: np.ndarray, name: str):
     increasing, decreasing = (steps > 0.0).all(), (steps < 0.0).all()
     is_allowed = {"cold": True, "up": increasing, "down": increasing or decreasing}
     if not is_allowed[direction]:
-        order = "rising" if direction == "up" else "rising or falling"
+        order = "increasing" if direction == "up" else "increasing or decreasing"
         raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {order} values")
 
 

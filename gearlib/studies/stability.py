@@ -155,7 +155,7 @@ def _contact_loss_data(pair: GearPair, tuning: float, tongues: xr.Dataset, run: 
 
 def orbit_min(pair: GearPair, tuning: float) -> float:
     """Return the smallest displacement (static deflections) of the orbit without contact loss."""
-    state, linear = meissner.orbit(pair, tuning), meissner.linear_pair(pair)
+    state, linear = meissner.orbit_state(pair, tuning), meissner.linear_pair(pair)
     curve = sweep(linear, [tuning], periods=1, record_periods=1, initial_state=state)
     return float(curve.displacement_min[0])
 

@@ -36,7 +36,9 @@ def places(branch, label):
 
 def undamped_branch(start, to):
     """Return the branch of the undamped motion that does not lose contact at its start."""
-    return continue_orbit(periodic_orbit(PAPER, start, guess=meissner.orbit(PAPER, start)), to=to)
+    return continue_orbit(
+        periodic_orbit(PAPER, start, guess=meissner.orbit_state(PAPER, start)), to=to
+    )
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +83,7 @@ def test_a_motion_from_rest_that_cannot_go_on_leads_to_no_orbit(model):
 
 def smallest_displacement(nu):
     """Return that of the undamped orbit that never loses contact."""
-    top = meissner.orbit(PAPER, nu)
+    top = meissner.orbit_state(PAPER, nu)
     # By symmetry it turns in the middle of both stretches: at phase 0 and at pi.
     (high, low), (half_high, whole_low) = levels(1.569, 0.5879), segment_lengths(1.569)
     edge = meissner.state_after(top, high, 0.0, nu, half_high)
@@ -110,7 +112,9 @@ def test_doublings_are_the_edges_of_the_tongue():
 
 def test_a_doubled_branch_repeats_after_two_periods():
     pair = PAPER.replace(backlash_damping=3953.7)
-    branch = continue_orbit(periodic_orbit(pair, 0.65, guess=meissner.orbit(pair, 0.65)), to=0.67)
+    branch = continue_orbit(
+        periodic_orbit(pair, 0.65, guess=meissner.orbit_state(pair, 0.65)), to=0.67
+    )
     point = int(np.flatnonzero(branch.label == DOUBLING)[1])
     doubled = switch_branch(pair, branch, point)
     # Born in a linear motion, it stands across the tuning until it grazes.

@@ -258,7 +258,7 @@ class _ResonanceSearch:
             if sign * tangent[-1] < 0.0:
                 _, fold = locate(problem, last, new, FOLD) or (0.0, None)
                 if fold is None:
-                    raise ContinuationFailed("the branch turns at no fold")
+                    raise ContinuationFailed("the branch turns without a fold")
                 points.append(fold)
                 return length, _FOLD_REACHED
             # The slope of the interpolating cubic in the middle indicates two folds within a step.
@@ -280,7 +280,7 @@ class _ResonanceSearch:
         return fold, points
 
     def _stable_fold(self, fold: BranchPoint | None) -> np.ndarray | None:
-        """Return the scaled unknowns of a fold, if any; raise an error if it is unstable before it.
+        """Return the scaled unknowns of a fold, if any; raise an error if the motion is unstable.
 
         With one degree of freedom and damping the second multiplier is always below 1.
         """

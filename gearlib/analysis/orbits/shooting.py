@@ -355,8 +355,8 @@ def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
             step = -np.linalg.solve(solution.jacobian, solution.residuals)
         except np.linalg.LinAlgError:
             raise NoOrbit(
-                f"the map has a multiplier 1 at tuning = {problem.tuning!r}: a fold is here; "
-                "guess an orbit on one of its sides"
+                f"the map has a multiplier 1 at tuning = {problem.tuning!r}: this is a fold; "
+                "guess an orbit on either side of it"
             ) from None
         for _ in range(_MAX_HALVINGS):
             candidate = problem.evaluate(solution.unknowns + step)

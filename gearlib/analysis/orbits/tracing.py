@@ -51,7 +51,7 @@ def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
         except ValueError as error:
             raise ContinuationFailed(str(error)) from None
         if not np.linalg.norm(correction) < _MAX_CORRECTION_LENGTH:
-            raise ContinuationFailed("a correction leads too far")
+            raise ContinuationFailed("a correction is too long")
         unknowns = unknowns + correction
     raise ContinuationFailed("the corrections do not converge")
 
@@ -63,7 +63,7 @@ def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """
     _, singular_values, right_vectors = np.linalg.svd(jacobian)
     if singular_values[-1] < _SINGULAR_TOLERANCE * singular_values[0]:
-        raise ContinuationFailed("the solutions are no single curve here")
+        raise ContinuationFailed("the curve has no unique tangent here")
     null_vector = right_vectors[-1]
     return null_vector if null_vector @ direction >= 0.0 else -null_vector
 
@@ -86,7 +86,7 @@ def take_step(
     if goal is not None and (unknowns[-1] - goal) * (predicted[-1] - goal) < 0.0:
         solution, corrections = solve_at_value(problem, unknowns, predicted, goal), 0
         if not np.linalg.norm(solution.unknowns - unknowns) < 2.0 * length:
-            raise ContinuationFailed("the step leads too far")
+            raise ContinuationFailed("the step is too long")
     else:
         solution, corrections = correct(problem, predicted, direction)
     new_direction = tangent(solution.jacobian, direction)

@@ -250,7 +250,7 @@ def _fixed_coordinates(motions: np.ndarray) -> list[int]:
     coordinates, remaining = [], np.array(motions)
     while remaining.shape[1]:
         sizes = np.abs(remaining).max(axis=1)
-        # The index of the largest entry may depend on rounding errors, that of the first large not.
+        # The first large entry is used: the index of the largest may depend on rounding errors.
         row = int(np.argmax(sizes >= 0.5 * sizes.max()))
         column = int(np.abs(remaining[row]).argmax())
         factors = remaining[row] / remaining[row, column]

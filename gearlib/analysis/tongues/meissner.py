@@ -385,7 +385,7 @@ def period_map(model: Any, tuning: float) -> tuple:
     return maps[0], shift
 
 
-def orbit(pair: Any, tuning: float) -> tuple:
+def orbit_state(pair: Any, tuning: float) -> tuple:
     """Return the state (x, dx/dtau) at phase 0 of the orbit without loss of contact.
 
     If it is not unique, as with constant stiffness at nu = 1 / n, return the state nearest to the

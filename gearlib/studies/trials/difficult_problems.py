@@ -96,7 +96,7 @@ def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
         (f"tongue_{name}", centre, f"inside the tongue at $\\nu$ = {centre:g}"),
         (f"edge_{name}", beyond, f"beyond its edge, $\\nu$ = {beyond:.4f}"),
     ):
-        x, v = meissner.orbit(model, tuning)
+        x, v = meissner.orbit_state(model, tuning)
         comparison = {"quantity": "deviation", "tolerance": 1e-2, "orbit": (x, v)}
         start = x + 1e-6, v
         problems[key] = Problem(description, model, tuning, start, periods, 1, **comparison)
