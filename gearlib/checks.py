@@ -55,10 +55,7 @@ def speed(name, value, resonance_speed):
 
 
 def known_damping(value, owner=""):
-    """Return the damping in contact, or raise ValueError if it is None, which means unknown.
-
-    `owner` follows its name in the message, as in " of mesh sun-planet".
-    """
+    """Return the damping in contact, or raise ValueError if it is None; `owner` is " of mesh a"."""
     if value is None:
         raise ValueError(
             f"damping_ratio{owner} is missing: it must be a finite number >= 0 and < 1 where gears "

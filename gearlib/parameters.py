@@ -234,10 +234,7 @@ def checked(function):
 
 
 def documented(constructor):
-    """Decorate a class or function: append a table of its declared parameters to its docstring.
-
-    In its signature the declarations are replaced by plain types.
-    """
+    """Decorate a class or function: put declared parameters into docstring, types in signature."""
     lines = ["", "Parameters", "----------"]
     for name, parameter in declared_parameters(constructor).items():
         default = "" if parameter.default is MISSING else f", default {parameter.default!r}"
@@ -260,10 +257,7 @@ _DRAWING_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 
 
 def unit_hint(value, example, maximum):
-    """Return "; did you mean 2.5 mm?" for a number that is only allowed in the example's unit.
-
-    Return "" if `value` is no number above `maximum`, or too large in that unit, too.
-    """
+    """Return "; did you mean 2.5 mm?" for a value above `maximum` that fits the example's unit."""
     unit = example.partition(" ")[2]
     try:
         fits = maximum is not None and float(value) > maximum >= float(value) * _DRAWING_UNITS[unit]
@@ -280,16 +274,16 @@ def _bound_text(value):
     return f"{value:g}"
 
 
-# Kinds with a dimension, and the parameters that many take.
+# Common kinds and parameters.
 
 POSITIVE = Number("1", gt=0)
 NONNEGATIVE = Number("1", ge=0)
 FINITE = Number("1")
 ANGLE = Number("rad", "30 deg")
-#: A pressure angle in operation.
+#: Working pressure angle.
 WORKING_ANGLE = Number("rad", "20 deg", ge=0, lt=math.pi / 2)
 LENGTH = Number("m", "100 mm", gt=0)
-#: Of drawings, with bounds beyond which a number was meant in another unit.
+#: Dimensions of drawings; larger numbers must have been meant in another unit.
 MODULE = Number("m", "2.5 mm", gt=0, le=0.1)
 WIDTH = Number("m", "20 mm", gt=0, le=2)
 DIAMETER = Number("m", "100 mm", gt=0, le=20)
@@ -300,7 +294,7 @@ BACKLASH = Number("m", "40 um", ge=0, infinite="infinity included")
 RUN_OUT = Number("m", "10 um", ge=0)
 ERROR = Number("m", "10 um")
 STIFFNESS = Number("N/m", "4e5 N/mm", gt=0)
-#: Of a support.
+#: Stiffness of a support.
 SUPPORT = Number("N/m", "1 kN/um", ge=0, infinite="infinity: rigid")
 SHAFT_STIFFNESS = Number("N m/rad", "1 MN m/rad", gt=0)
 MASS = Number("kg", "3123 g", gt=0)
@@ -312,7 +306,7 @@ FORCE = Number("N", "2 kN")
 TORQUE = Number("N m", "200 N m")
 DRIVING_TORQUE = Number("N m", "302 N m", gt=0)
 DAMPING = Number("N s/m", "3.95 N s/mm", ge=0)
-#: Of contact: None where nobody gave it, which is enough at rest; motions ask for it.
+#: Damping in contact; None means unknown, which is allowed at rest.
 CONTACT_DAMPING = Number("N s/m", "3.95 N s/mm", ge=0, optional=True)
 TWIST_DAMPING = Number("N m s/rad", "10 N m s/rad", ge=0)
 TIME = Number("s", "1 us", ge=0)
@@ -320,7 +314,7 @@ TEETH = Integer(3, limit=100_000)
 STIFFNESS_RATIO = Number("1", gt=0, le=1)
 CONTACT_RATIO = Number("1", ge=1, le=2)
 TRUTH = OneOf((False, True))
-#: The name of something.
+#: Name of a part.
 TEXT = Kind("a text", lambda value: isinstance(value, str) and value != "")
 
 MaxStiffness = Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
@@ -333,7 +327,7 @@ MaterialDamping = Annotated[float, CONTACT_DAMPING, "Damping of the material in 
 BacklashDamping = Annotated[float, DAMPING, "Damping of the oil in the backlash", "k_1m"]
 PressureAngle = Annotated[float, WORKING_ANGLE, "Pressure angle in operation"]
 
-# Damping in contact of drawn gears, one of the first three at most.
+# Damping of drawn gears; of the first three at most one is given.
 DampingRatio = Annotated[float | None, NONNEGATIVE, "Damping ratio in contact, beta"]
 Decrement = Annotated[
     float | None, NONNEGATIVE, "delta = 2 pi beta / sqrt(1 - beta^2), in place of damping_ratio"

@@ -41,13 +41,11 @@ def main():
     """
 
 
-def gear_command(
-    name, option_names, dimension, motion="several speeds", arguments=(), prepare=None
-):
+def gear_command(name, option_names, dimension, motion="sweep", arguments=(), prepare=None):
     """Return a decorator that makes a command of a function of gears, their model and options.
 
     The function returns a dataset, whose table has a row for each entry of `dimension`, and a
-    function that plots it. `motion` is "one speed", "several speeds" or, for trains at rest,
+    function that plots it. `motion` is "one speed", "sweep" over speeds or, for trains at rest,
     "none". `arguments` are further parameters of the command; `prepare` changes the option values.
     """
 
@@ -100,7 +98,7 @@ def _at_largest(dataset, name, dimension):
     return dataset.isel({dimension: int(values.fillna(-math.inf).argmax(dimension))})
 
 
-@gear_command("simulate", _RUN, dimension="phase", motion="one speed")
+@gear_command("simulate", _RUN, "phase", motion="one speed")
 def simulate(gears, model, tuning, samples, **settings):
     """Run the gears at one speed: time course, contact events, orbit."""
     from gearlib.analysis.duty_point import si_variables
@@ -114,9 +112,7 @@ def simulate(gears, model, tuning, samples, **settings):
     return run, lambda plot: plot.time_course(run)
 
 
-@gear_command(
-    "sweep", "start stop speed points direction periods record_periods method", dimension="tuning"
-)
+@gear_command("sweep", "start stop speed points direction periods record_periods method", "tuning")
 def sweep(gears, model, start, stop, speed, points, direction, **settings):
     """Run many tunings: the resonance characteristic.
 
@@ -146,9 +142,7 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     return curve, lambda plot: plot.resonance(curve)
 
 
-@gear_command(
-    "run-up", "start stop duration acceleration back initial_state driver", dimension="revolution"
-)
+@gear_command("run-up", "start stop duration acceleration back initial_state driver", "revolution")
 def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
     """Run the gears up or down: forces and contact losses over the speed."""
     from gearlib.runs.run_up import speed_profile
@@ -163,7 +157,7 @@ def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
     return run, lambda plot: plot.run_up(run)
 
 
-@gear_command("orbit", "tuning speed period guess", dimension="coordinate", motion="one speed")
+@gear_command("orbit", "tuning speed period guess", "coordinate", motion="one speed")
 def orbit(gears, model, tuning, **settings):
     """Find a periodic orbit and its Floquet multipliers."""
     from gearlib.analysis.orbits.shooting import NoOrbit
@@ -177,7 +171,7 @@ def orbit(gears, model, tuning, **settings):
     return orbit.dataset(), lambda plot: plot.orbit(orbit)
 
 
-@gear_command("trust", "tuning speed initial_state periods", dimension="run", motion="one speed")
+@gear_command("trust", "tuning speed initial_state periods", "run", motion="one speed")
 def trust(gears, model, tuning, **settings):
     """Chaos or artefact: run one tuning in several ways and label the motion."""
     verdict = gearlib.trust(model, tuning, **settings)
@@ -189,7 +183,7 @@ def trust(gears, model, tuning, **settings):
     return verdict.runs, lambda plot: plot.values(verdict.runs, *extrema)
 
 
-@gear_command("modes", "", dimension="mode", motion="none")
+@gear_command("modes", "", "mode", motion="none")
 def modes(gears, train):
     """Natural frequencies of the gear train, and the kinds of its modes."""
     modes = train.modes()
@@ -197,7 +191,7 @@ def modes(gears, train):
     return modes, lambda plot: plot.values(modes, "natural_frequency")
 
 
-@gear_command("static", "phase", dimension="mesh", motion="none")
+@gear_command("static", "phase", "mesh", motion="none")
 def static(gears, train, phase):
     """Load sharing of the gear train at rest, with gaps and errors."""
     equilibrium = train.static(phase)
@@ -205,7 +199,7 @@ def static(gears, train, phase):
     return equilibrium, lambda plot: plot.values(equilibrium, "mesh_force")
 
 
-@gear_command("phasing", "count", dimension="stiffness_order", motion="none")
+@gear_command("phasing", "count", "stiffness_order", motion="none")
 def phasing(gears, train, count):
     """Which harmonics of the mesh stiffness excite which modes of the gear train."""
     phasing = train.phasing(count)
@@ -215,7 +209,7 @@ def phasing(gears, train, count):
     return phasing, lambda plot: plot.values(phasing, "modal_force")
 
 
-@gear_command("campbell", "count", dimension="mode", motion="none")
+@gear_command("campbell", "count", "mode", motion="none")
 def campbell(gears, train, count):
     """Speeds, rpm, at which the mesh frequencies of the gear train excite a natural mode."""
     diagram = train.campbell(count)
@@ -239,7 +233,7 @@ def _tolerance(text):
     return section.model_construct(parameter=name, shape=shape or None, **values)
 
 
-@gear_command("scatter", _SCATTER + "points seed", dimension="sample")
+@gear_command("scatter", _SCATTER + "points seed", "sample")
 def scatter(gears, model, quantity, samples, points, **settings):
     """Scatter of jumps, contact loss, peaks and the duty point at a speed by tolerances."""
     import numpy as np
@@ -273,40 +267,40 @@ def scatter(gears, model, quantity, samples, points, **settings):
     return designs, lambda plot: draw(designs).axes[0]
 
 
-def _source_and_tolerances(gears, model, tolerance, thickness_class, distance_class, quality):
+def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, distance_class, quality):
     """Return the model or drawing and the tolerances for `gearlib.scatter`.
 
-    `tolerance` is a list of texts such as "load std=5%", which replace the section `tolerances`;
-    the others are classes of DIN 3967, DIN 3964 and ISO 1328-1, or None.
+    `tolerance_texts`, such as ["load std=5%"], replace the section `tolerances`; the last three
+    arguments are classes of DIN 3967, DIN 3964 and ISO 1328-1, or None.
     """
     thickness = thickness_class and (thickness_class.split() * 2)[:2]
-    section, given = gears.settings.tolerances, list(map(_tolerance, tolerance))
+    section, given = gears.settings.tolerances, list(map(_tolerance, tolerance_texts))
     has_section = not given and "tolerances" in gears.mapping
     has_classes = bool(thickness or distance_class or quality)
     if not (given or has_section or has_classes):
         raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
-    laws, known_parameters = {}, tolerances_section.known_parameters()
+    tolerances, known_parameters = {}, tolerances_section.known_parameters()
     for toleranced in section.parameters if has_section else given:
         name = toleranced.parameter
         kind = known_parameters[name].kind if name in known_parameters else None
-        laws[name] = toleranced.law(f"tolerances.{name}", kind)
+        tolerances[name] = toleranced.distribution_dict(f"tolerances.{name}", kind)
     drawing_only = tolerated.drawing_parameters().keys() - tolerated.pair_parameters().keys()
-    needs_drawing = has_classes or bool(laws.keys() & drawing_only)
+    needs_drawing = has_classes or bool(tolerances.keys() & drawing_only)
     if has_section and section.correlations:
-        laws["correlations"] = [[*x.parameters, x.rho] for x in section.correlations]
+        tolerances["correlations"] = [[*x.parameters, x.rho] for x in section.correlations]
     if not needs_drawing:
-        return model, laws
+        return model, tolerances
     if gears.drawn is None:
         raise click.UsageError("tolerances of a drawing need drawn gears and --model one_degree")
     from gearlib.studies.tolerance_study import nominal_design
     from gearlib.uncertainty.quality_classes import by_class
 
-    drawing = gears.drawn.described() | ({"backlash": None} if thickness else {})
+    drawing = gears.drawn.drawing_dict() | ({"backlash": None} if thickness else {})
     for gear in ("pinion", "wheel") if quality else ():
         drawing[gear] = drawing[gear] | {"quality": quality}
     source = nominal_design(model.as_dict(), drawing)
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
-    return source, by_class(source.mesh, **classes) | laws
+    return source, by_class(source.mesh, **classes) | tolerances
 
 
 def _read_measured(values):
@@ -330,7 +324,7 @@ def _read_measured(values):
     values["model"] = values["model"] or section.model
 
 
-@gear_command("fit", "free", dimension="parameter", arguments=[_DATA], prepare=_read_measured)
+@gear_command("fit", "free", "parameter", arguments=[_DATA], prepare=_read_measured)
 def fit(gears, model, data, free):
     """Fit parameters of the gears to the measured set that the YAML file DATA describes."""
     text = f"{data.title}{', synthetic' if data.synthetic else ''}: {data.source}"
@@ -341,9 +335,7 @@ def fit(gears, model, data, free):
     return fitted.dataset(), lambda plot: plot.fit(fitted)
 
 
-@main.command(
-    params=options.DRAWN_GEARS + options.command_options("gears", "format save plot force")
-)
+@main.command(params=options.DRAWN_GEARS + options.command_options("", "format save plot force"))
 def gears(format, save, plot, force, **values):
     """Print geometry, mesh stiffness by each method and resonance of two drawn gears.
 

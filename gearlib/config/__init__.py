@@ -22,10 +22,7 @@ RATIO_KEYS = {
     "backlash_damping": ("backlash_damping_ratio",),
 }
 #: Sets of keys that exclude each other within a section.
-_ALTERNATIVES = (
-    {"gears", "gear_pair"},
-    *({key, *others} for key, others in RATIO_KEYS.items()),
-)
+_ALTERNATIVES = [{"gears", "gear_pair"}, *({key, *keys} for key, keys in RATIO_KEYS.items())]
 
 
 class ConfigError(ValueError):
@@ -33,17 +30,9 @@ class ConfigError(ValueError):
 
 
 def load(mapping: dict) -> Any:
-    """Return the validated configuration read from YAML.
+    """Return the validated configuration from the content of its YAML file.
 
-    Parameters
-    ----------
-    mapping : dict
-        Content of the YAML file, with the keys ``gear_pair`` or ``gears``, and ``dampings``.
-
-    Raises
-    ------
-    ConfigError
-        With one sentence for each problem.
+    Raise ConfigError with one sentence for each problem.
     """
     # pydantic is imported here so that `gearlib --help` starts quickly.
     from pydantic import ValidationError

@@ -193,7 +193,7 @@ class Config(Section):
         """Return the keyword arguments of `gearlib.SixDegreePair` except `pair`."""
         arguments = self.six_degrees.model_dump()
         if self.gears:
-            gears = self.gears.described()
+            gears = self.gears.drawing_dict()
             arguments["teeth"] = [gears[name]["teeth"] for name in ("pinion", "wheel")]
         return arguments
 
@@ -219,7 +219,7 @@ class Config(Section):
             return names[2:]
         return names[1:] if histories & e.SIX_DEGREE_HISTORIES else names
 
-    def tolerance_laws(self) -> dict:
+    def tolerance_distributions(self) -> dict:
         """Return the probability distributions of the section `tolerances` for `gearlib.scatter`.
 
         Raise ValueError if the gears cannot have such values.
@@ -228,8 +228,8 @@ class Config(Section):
         pair = PairParameters(**parameters)
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}
         if self.tolerances.of_drawing():
-            drawing = self.gears.described()
+            drawing = self.gears.drawing_dict()
             nominal_values |= drawing
             for gear in ("pinion", "wheel"):
                 nominal_values |= {f"{gear}.{name}": x for name, x in drawing[gear].items()}
-        return self.tolerances.laws(nominal_values)
+        return self.tolerances.distributions(nominal_values)

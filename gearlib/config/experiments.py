@@ -41,13 +41,10 @@ class Resonance(default_grid(0.5, 1.4, 0.0005)):
         return self
 
     def windows(self, direction):
-        """Return the (first, last) tunings of the jobs of a sweep direction: cold, up or down.
-
-        Sweeps up and down are a single job, because each run starts from the state of the last.
-        """
+        """Return the (first, last) tunings of the jobs of a sweep "cold", "up" or "down"."""
         if direction == "cold":
             return tunings.windows(self.start, self.stop, self.step, self.window)
-        return [(self.start, self.stop)]
+        return [(self.start, self.stop)]  # Each run starts from the final state of the last.
 
 
 class PhasePlanes(Section):

@@ -120,10 +120,8 @@ class MethodSection(Section):
         if "stiffness_options" in arguments:
             arguments["options"] = arguments.pop("stiffness_options")
             if "torque" in arguments["options"]:
-                raise ValueError(
-                    f"{section_key}.stiffness_options.torque is not allowed: it must be "
-                    f"{section_key}.torque"
-                )
+                key = f"{section_key}.stiffness_options.torque"
+                raise ValueError(f"{key} is not allowed: it must be {section_key}.torque")
         return arguments
 
 
@@ -189,7 +187,7 @@ class Gears(MethodSection, DrawnPair):
         """Return the torque of the pinion, N m, rounded to 12 digits."""
         return rounded(torque_of(self.torque, self.power, self.speed))
 
-    def described(self) -> dict:
+    def drawing_dict(self) -> dict:
         """Return the drawing, the stiffness method and the pinion torque (N m) as a dict."""
         return self.model_dump(exclude={"power", "speed"}) | {"torque": self.driving_torque()}
 

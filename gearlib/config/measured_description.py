@@ -116,10 +116,7 @@ class Channel(Section):
             self.noise_std(key)
 
     def scale(self, key):
-        """Return the factor that converts values of the channel `key` to CF units, and these units.
-
-        Raise ValueError if the unit does not fit the observable.
-        """
+        """Return the factor to CF units, and the CF units, of the values of the channel `key`."""
         name, unit_key, text = self.observableId or key, "unit", f"1 {self.unit}"
         dimensions = measured_names.allowed_units(measured_names.units_and_description(name)[0])
         if self.unit == DATES and name == "time":
@@ -249,10 +246,7 @@ class Description(Section):
 
 
 def sets(paths):
-    """Return name -> (path, `Description`) of the measured sets in these YAML files.
-
-    Raise ValueError if a path or a file is invalid.
-    """
+    """Return name -> (path, `Description`) of the measured sets in these YAML files."""
     descriptions = {}
     for i, path in enumerate(paths):
         name, key = Path(path).stem, f"measured[{i}]"

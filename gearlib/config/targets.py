@@ -23,6 +23,8 @@ NO_TRAIN = (
     "train is missing: it must be a section of the configuration, whose kind is one of "
     f"{', '.join(get_args(Kind))}"
 )
+#: Error message for a configuration without measured sets.
+NO_MEASURED_SETS = "measured = [] is not allowed: it must be a list of YAML files"
 
 
 def refusal(target: str, config: Any) -> str:
@@ -114,26 +116,10 @@ def _missing_teeth(config: Any) -> str:
     return ""
 
 
-def _refuse_campbell(config: Any) -> str:
-    """Return why the Campbell diagram cannot be computed for the configuration, else ""."""
-    return _missing_teeth(config) if has_own_train(config) else _refuse_reducer(config)
-
-
 def _refuse_train_sweep(config: Any) -> str:
     """Return why the train cannot be swept over speed, else ""."""
     reason = _missing_teeth(config)
     return NO_TRAIN if not reason and "train" not in config.model_fields_set else reason
-
-
-def _refuse_work_precision(config: Any) -> str:
-    """Return the error message for missing bearings if a test problem needs them, else ""."""
-    return _missing_bearings(config) if "six_degrees" in config.work_precision.problems else ""
-
-
-def _refuse_measured(config: Any) -> str:
-    """Return the error message for a configuration without measured sets, else ""."""
-    allowed = "it must be a list of YAML files"
-    return "" if config.measured else f"measured = [] is not allowed: {allowed}"
 
 
 def _refuse_tolerances(config: Any) -> str:
@@ -145,7 +131,7 @@ def _refuse_tolerances(config: Any) -> str:
             "of gear_pair where no gears are drawn"
         )
     try:
-        config.tolerance_laws()
+        config.tolerance_distributions()
     except ValueError as error:
         return str(error)
     return ""
@@ -157,12 +143,14 @@ _REFUSALS = {
     "claims": partial(_refuse_drawn_gears, "its statements are about the paper's pair"),
     "models": _refuse_models,
     "failures": partial(_refuse_drawn_gears, "its problems have gears of their own"),
-    "work_precision": _refuse_work_precision,
+    "work_precision": lambda x: (
+        _missing_bearings(x) if "six_degrees" in x.work_precision.problems else ""
+    ),
     "reducer": _refuse_reducer,
-    "campbell": _refuse_campbell,
+    "campbell": lambda x: _missing_teeth(x) if has_own_train(x) else _refuse_reducer(x),
     "train_sweep": _refuse_train_sweep,
     "mesh_stiffness": partial(gears_section.refusal, section_name="mesh_stiffness"),
     "harris_map": partial(gears_section.refusal, section_name="harris_map"),
-    "measured": _refuse_measured,
+    "measured": lambda x: "" if x.measured else NO_MEASURED_SETS,
     "tolerances": _refuse_tolerances,
 }

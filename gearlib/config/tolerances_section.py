@@ -34,11 +34,10 @@ class ToleratedParameter(Section):
     distribution: t.Label = field("Name of a law of scipy.stats, in place of these.", None)
     shape: dict[t.Name, t.Finite] = field("Parameters of that law.", None)
 
-    def law(self, key, kind):
+    def distribution_dict(self, key, kind):
         """Return the probability distribution as a dict for `gearlib.scatter`, in SI units.
 
-        `key` is the config key of this section and `kind` the `gearlib.parameters.Kind` of the
-        parameter.
+        `key` is the config key of this section, `kind` the `gearlib.parameters.Kind` of its values.
         """
         values = self.model_dump(include={*_VALUES, *_DEVIATIONS})
         if self.distribution is None:
@@ -128,7 +127,7 @@ class Tolerances(default_grid(0.5, 1.4, 0.01), RecordedPeriods):
             is_pair = {*pair} <= {*names} and len({*pair}) == 2
             checks.require(is_pair, f".correlations[{i}].parameters", pair, allowed)
         # The nominal values of the gears are not known yet; any number serves.
-        self._laws("", dict.fromkeys(names, 1.0))
+        self._distributions("", dict.fromkeys(names, 1.0))
         return self
 
     def of_drawing(self):
@@ -140,30 +139,28 @@ class Tolerances(default_grid(0.5, 1.4, 0.01), RecordedPeriods):
     def _parameters(self):
         return tolerated.drawing_parameters() if self.of_drawing() else tolerated.pair_parameters()
 
-    def laws(self, nominal_values):
-        """Return the tolerances, a dict for `gearlib.scatter`, from the nominal values by name.
-
-        Raise ValueError if a parameter of the gears cannot have such values.
-        """
-        laws = self._laws("tolerances", nominal_values)
-        for key, (name, law) in zip(self.keys().values(), laws.items(), strict=True):
-            if "distribution" not in law:
-                limits = tolerated.centre_and_limits(law)
-                tolerated.check_range(key, law, self._parameters()[name], limits)
+    def distributions(self, nominal_values):
+        """Return the tolerances as a dict for `gearlib.scatter`; raise ValueError if impossible."""
+        tolerances = self._distributions("tolerances", nominal_values)
+        for key, (name, tolerance) in zip(self.keys().values(), tolerances.items(), strict=True):
+            if "distribution" not in tolerance:
+                limits = tolerated.centre_and_limits(tolerance)
+                tolerated.check_range(key, tolerance, self._parameters()[name], limits)
         if self.correlations:
-            laws["correlations"] = [[*x.parameters, x.rho] for x in self.correlations]
-        return laws
+            tolerances["correlations"] = [[*x.parameters, x.rho] for x in self.correlations]
+        return tolerances
 
-    def _laws(self, section_key, nominal_values):
-        """Return parameter name -> probability distribution, completed by the nominal values."""
-        laws = {}
-        for i, tolerance in enumerate(self.parameters):
-            key, name = f"{section_key}.parameters[{i}]", tolerance.parameter
-            law = tolerance.law(key, self._parameters()[name].kind)
-            if "distribution" not in law:
-                law = tolerated.complete_scatter(key, law, model_value=nominal_values.get(name))
-            laws[name] = law
-        return laws
+    def _distributions(self, section_key, nominal_values):
+        """Return parameter name -> tolerance as a dict, completed by the nominal values."""
+        tolerances = {}
+        for i, section in enumerate(self.parameters):
+            key, name = f"{section_key}.parameters[{i}]", section.parameter
+            tolerance = section.distribution_dict(key, self._parameters()[name].kind)
+            value = nominal_values.get(name)
+            if "distribution" not in tolerance:
+                tolerance = tolerated.complete_scatter(key, tolerance, model_value=value)
+            tolerances[name] = tolerance
+        return tolerances
 
     def needs_scipy(self):
         """Return whether scipy is needed to check the probability distributions."""

@@ -119,21 +119,15 @@ def _read_tuning(value, info):
 
 
 def tuning_per_rpm(pair, change=None):
-    """Return the tuning of a gear pair at 1 rpm; `change` holds other values of its parameters.
-
-    If the gear pair is invalid (None), any positive number serves, because it is reported anyway.
-    """
-    if pair is None:
+    """Return the tuning of a gear pair at 1 rpm; `change` holds other values of its parameters."""
+    if pair is None:  # An invalid pair is reported anyway, and any number serves.
         return 1e-4
     pair = pair.model_copy(update=change.model_dump()) if change else pair
     return 2.0 * math.pi * pair.teeth / (60.0 * pair.mean_eigenfrequency)
 
 
 def number(read=_read_number, **constraints):
-    """Return the type of a finite float with pydantic `constraints` (gt, ge, lt, le).
-
-    The function `read` converts the value in the YAML file.
-    """
+    """Return the type of a finite float with `constraints` of pydantic; `read` converts values."""
     # Constraints come before the validator, because pydantic would omit them from the schema else.
     return Annotated[float, Field(**{"allow_inf_nan": False} | constraints), BeforeValidator(read)]
 
@@ -174,10 +168,7 @@ def text(comment, **constraints):
 
 
 def custom_type(read, json_types, comment):
-    """Return the type of the values that the function `read` accepts and converts.
-
-    `comment` describes allowed values in error messages.
-    """
+    """Return the type of values that `read` converts; `comment` describes them in messages."""
     schema = WithJsonSchema({"type": json_types, "$comment": comment})
     return Annotated[Any, PlainValidator(read), schema]
 
@@ -232,11 +223,7 @@ class Section(pydantic.BaseModel):
     model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
     def model_dump(self, *, include=None, exclude=(), **_):
-        """Return the section as a dict without keys whose value is None.
-
-        `include` and `exclude` are collections of keys. Pydantic's version is slower, because it
-        builds a serializer.
-        """
+        """Return the section as a dict without keys whose value is None; faster than pydantic."""
         excluded = {*exclude, *(key for key, x in type(self).model_fields.items() if x.exclude)}
         keys = (type(self).model_fields.keys() if include is None else {*include}) - excluded
         values = ((key, value) for key, value in self if key in keys and value is not None)

@@ -10,12 +10,8 @@ from gearlib.config import units
 from gearlib.parameters import unit_hint
 from gearlib.removed import REMOVED, removal_message
 
-_BOUNDS = {
-    "exclusiveMinimum": "> {}",
-    "minimum": ">= {}",
-    "exclusiveMaximum": "< {}",
-    "maximum": "<= {}",
-}
+#: Bounds of the JSON schema -> sign.
+_SIGNS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
 #: Largest numbers of characters of a value, digits of a computed number, and sections in a message.
 _MAX_CHARACTERS, _MAX_DIGITS, _MAX_SECTIONS = 60, 12, 3
 #: A key and its numeric value, as in "key = 1.5", but not in a sum.
@@ -25,10 +21,7 @@ _ASSIGNMENT = re.compile(
 
 
 def error_messages(errors, schema):
-    """Return a message for each of pydantic's ``ValidationError.errors()``.
-
-    `schema` is the JSON schema of the validated model, which has the allowed values.
-    """
+    """Return a message for each of pydantic's ``ValidationError.errors()``, by the JSON schema."""
     return [_error_message(error, schema) for error in errors]
 
 
@@ -171,14 +164,11 @@ def allowed(node, schema):
 
 def _range(node):
     """Return the bounds of a number in a JSON schema as text, rounded to five digits."""
-    bounds = {
-        name: f"{node[name]:.5g}" if isinstance(node[name], float) else node[name]
-        for name in _BOUNDS
-        if name in node
-    }
+    numbers = ((name, node[name]) for name in _SIGNS if name in node)
+    bounds = {name: f"{x:.5g}" if isinstance(x, float) else x for name, x in numbers}
     if {"minimum", "maximum"} <= bounds.keys():
         return f"from {bounds['minimum']} to {bounds['maximum']}"
-    return " and ".join(_BOUNDS[name].format(value) for name, value in bounds.items())
+    return " and ".join(f"{_SIGNS[name]} {bound}" for name, bound in bounds.items())
 
 
 def _dotted_key(path):

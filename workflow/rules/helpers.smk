@@ -66,7 +66,7 @@ def check_tables_and_distributions(checked):
         from gearlib.uncertainty import distributions
 
         keys = checked.tolerances.keys()
-        distributions.read(checked.tolerance_laws(), known_parameters(), keys=keys)
+        distributions.read(checked.tolerance_distributions(), known_parameters(), keys=keys)
 
 
 def checked_configuration():
@@ -280,7 +280,7 @@ def designs():
     """Return the arguments of the study of tolerances that describe the designs."""
     section, tolerances = CONFIG.tolerances, {}
     if not targets.refusal("tolerances", CONFIG):
-        tolerances = CONFIG.tolerance_laws()
+        tolerances = CONFIG.tolerance_distributions()
     has_drawing = section.of_drawing() and CONFIG.gears
     return canonical(
         {
@@ -288,7 +288,7 @@ def designs():
             "tolerances": tolerances,
             "seed": section.seed,
             "quantities": section.quantities,
-            **({"drawing": CONFIG.gears.described()} if has_drawing else {}),
+            **({"drawing": CONFIG.gears.drawing_dict()} if has_drawing else {}),
         }
     )
 
