@@ -114,7 +114,7 @@ def test_methods_and_packages_are_those_of_the_library():
     assert methods == [method.name for method in gearlib.methods()]
     packages = {name: method.PACKAGE for name, method in METHODS.items()}
     assert {
-        name: one.module for name, one in packages.items() if one is not None
+        name: package.module for name, package in packages.items() if package is not None
     } == METHOD_PACKAGES
 
 

@@ -87,21 +87,3 @@ def test_the_default_resonance_of_drawn_gears_holds_their_speed():
     gears = {"gears": TWENTY | {"speed": 1000.0}, "dampings": damping}
     section = load(gears | {"resonance": {"start": 0.6}}).resonance
     assert section.start == 0.6 and section.lowest is None
-
-
-def test_what_is_given_stays():
-    settings = load(
-        {
-            "gear_pair": GEARS,
-            "dampings": {"a": coefficients(1.0, 0.0), "b": coefficients(2.0, 0.0)},
-            "jump": {"damping": "b"},
-            "resonance": {"stop": 1.2},
-            "bifurcation": {"damping": coefficients(5.0, 6.0)},
-            "figures": {"colours": {"b": "#0072b2"}},
-        }
-    )
-    assert settings.jump.damping == "b" and settings.analytic_method.damping == "a"
-    assert (settings.resonance.start, settings.resonance.stop) == (0.5, 1.2)
-    assert settings.bifurcation.damping.backlash_damping == 6.0
-    colours = settings.figures.colours
-    assert colours["b"] == "#0072b2" and colours["a"].lower() != "#0072b2"

@@ -50,7 +50,7 @@ def test_a_duty_point_is_the_settled_run_in_units_of_machines():
     assert duty.error_rms.item() ** 2 == pytest.approx(power, rel=1e-4)
     assert duty.iso_dynamic_factor == dynamic_factor(MESH, 85.0, 6000.0).factor
     assert duty.settled == 1 and duty.lost_share == pytest.approx(0.0, abs=1e-12)
-    assert all({"units", "long_name"} <= one.attrs.keys() for one in duty.data_vars.values())
+    assert all({"units", "long_name"} <= value.attrs.keys() for value in duty.data_vars.values())
 
 
 def test_relief_is_carried_by_pairs_of_teeth():

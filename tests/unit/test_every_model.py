@@ -216,6 +216,6 @@ def test_a_new_model_moves_as_its_equation_says():
     for variable in curves[0].data_vars:
         np.testing.assert_array_equal(*(curve[variable] for curve in curves))
     assert "a mass at a stop" in curves[0].attrs["title"]
-    np.testing.assert_array_equal(*(periodic_orbit(one, NU).multipliers for one in (new, twin)))
+    np.testing.assert_array_equal(*(periodic_orbit(model, NU).multipliers for model in (new, twin)))
     with pytest.raises(ValueError, match="method = 'rk4' is not allowed for this Stop"):
         simulate(new, NU, periods=1, method="rk4")

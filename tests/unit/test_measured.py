@@ -34,7 +34,7 @@ def rig(tmp_path):
     """Write a synthetic set and read it; a change to None takes a key away."""
 
     def rig(table=TABLE, **changes):
-        settings = {key: one for key, one in (SETTINGS | changes).items() if one is not None}
+        settings = {key: value for key, value in (SETTINGS | changes).items() if value is not None}
         if table is not None:
             data = table if isinstance(table, bytes) else table.encode()
             (tmp_path / settings.get("data", "rig.csv")).write_bytes(data)
@@ -47,7 +47,7 @@ def rig(tmp_path):
 
 def channels(**changes):
     """Return channels with keys of some changed: x={"unit": ...}."""
-    return {"channels": {key: one | changes.get(key, {}) for key, one in CHANNELS.items()}}
+    return {"channels": {key: keys | changes.get(key, {}) for key, keys in CHANNELS.items()}}
 
 
 def test_a_wide_table_is_read_in_si(rig, tmp_path):

@@ -79,8 +79,8 @@ def scores(curves, resonance, **more):
 
 
 def test_what_needs_no_calibration_does_not_change_with_it(curve, resonance):
-    plain, away = curve(), curve(factor=1.7, zero=-30.0, **UNKNOWN)
-    calibrated, free = (scores([part], resonance) for part in (plain, away))
+    plain, scaled = curve(), curve(factor=1.7, zero=-30.0, **UNKNOWN)
+    calibrated, free = (scores([part], resonance) for part in (plain, scaled))
     jumps = calibrated["jump down over jump up"]
     assert jumps["measured"] == free["jump down over jump up"]["measured"] == jumps["computed"]
     assert 0.7 < jumps["measured"] < 0.95 and jumps["calibration"] == "none"
@@ -95,7 +95,7 @@ def test_what_needs_no_calibration_does_not_change_with_it(curve, resonance):
     assert calibrated[sensor]["computed"] < 1e-12 and sensor not in free
     assert calibrated[sensor]["calibration"] == "sensor"
     # The picture shows them where the model is.
-    figure = resonance_figure.draw(resonance, measured=[plain, away], forces=True)
+    figure = resonance_figure.draw(resonance, measured=[plain, scaled], forces=True)
     lines = [line for axes in figure.axes for line in axes.lines]
     points = [line for line in lines if line.get_marker() in "^v" and line.get_markersize() == 3.0]
     assert len(points) == 4 and points[2].get_markerfacecolor() == "none"
@@ -176,11 +176,11 @@ def test_orders_of_a_run_up_are_those_of_the_model_that_made_it(rig, resonance):
     tilted = tilted.assign_coords(observable=["velocity"])
     both = xr.concat([spectra, tilted], "observable", data_vars="minimal")
     rows = scores([], resonance, orders=[both])
-    ratio, other = (
+    ratio, bent = (
         rows[f"largest order 2z of {name} over order z"] for name in ("displacement", "velocity")
     )
     assert ratio["computed"] == pytest.approx(ratio["measured"], rel=0.02)
-    assert other["measured"] == pytest.approx(1.5 * ratio["measured"], rel=1e-5)
+    assert bent["measured"] == pytest.approx(1.5 * ratio["measured"], rel=1e-5)
     assert len(measured_figure.draw_orders([spectra]).axes) == 3
     half = len(table[0]) // 2
     gap = [np.delete(column, slice(half, half + 1000)) for column in table]

@@ -32,9 +32,9 @@ def highest(axes):
 def test_resonance_holds_both_sweeps_and_their_speeds():
     run = {"periods": 400, "record_periods": 8}
     curves = [sweep(PAIR, np.linspace(0.6, 1.3, 36), direction=to, **run) for to in ("up", "down")]
-    _, given = pyplot.subplots()
-    axes = plot.resonance(*curves, axes=given)
-    assert axes is given and labels(axes) == {"tuning going up", "tuning going down"}
+    _, subplot = pyplot.subplots()
+    axes = plot.resonance(*curves, axes=subplot)
+    assert axes is subplot and labels(axes) == {"tuning going up", "tuning going down"}
     expected = max(float(curve.displacement_max.max()) for curve in curves)
     assert highest(axes) == pytest.approx(expected)
     names = {scale.get_xlabel() + scale.get_ylabel() for scale in axes.child_axes}

@@ -1,7 +1,6 @@
 """First crossings and largest values of polynomials, against their known roots."""
 
 import math
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -50,46 +49,6 @@ def test_the_first_of_many_roots_is_found(seed, find):
         assert abs(find(with_roots(roots, rng)) - expected) <= 1e-12 / apart ** max(
             1, roots.size - 1
         )
-
-
-def exactly(c, s):
-    """Return the value at s, a Fraction, without rounding."""
-    value = Fraction(0)
-    for coefficient in c[::-1]:
-        value = value * s + Fraction(float(coefficient))
-    return value
-
-
-def nearly_multiple(rng):
-    """Return a polynomial with double or fourfold roots, moved by a few roundings of its terms."""
-    count = int(rng.integers(1, 11))
-    c = np.array([1.0])
-    for root in rng.uniform(0.0, 1.0, count):
-        for _ in range(2 * (1 + (count < 6 and rng.random() < 0.3))):
-            c = np.convolve(c, [root, -1.0])
-    c = np.append(c, np.zeros(DEGREE + 1 - len(c)))
-    c[0] += abs(c).sum() * rng.choice([-1.0, 0.0, 1.0]) * 10 ** rng.uniform(-17, -14)
-    return c
-
-
-def test_nearly_multiple_roots_are_found_to_rounding():
-    rng = np.random.default_rng(2)
-    grid = [Fraction(k, 64) for k in range(65)]
-    falls = 0
-    for _ in range(400):
-        c = nearly_multiple(rng)
-        if c[0] < 0.0:
-            continue
-        fall = first_downward_crossing(c.copy(), MATRIX, WORK)
-        assert fall == 2.0 or 0.0 <= fall <= 1.0
-        # Rounding of 21 Bernstein coefficients of the size of the terms, and of their halvings.
-        rounding = 1e-14 * abs(c).sum()
-        before = [s for s in grid if s < fall]
-        assert min(exactly(c, s) for s in before) >= -rounding
-        if fall <= 1.0:
-            assert abs(exactly(c, Fraction(fall))) <= rounding
-            falls += 1
-    assert falls > 40
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -53,16 +53,6 @@ def test_the_last_revolution_counts_and_powers_have_squared_units():
     assert shown.amplitude.units == "m2"
 
 
-def test_a_wave_between_two_orders_is_seen_by_both():
-    data, _ = chirp(order=12.5)
-    options = {"variable": "acceleration", "amplitude": "peak"}
-    coarse = gearlib.order_map(data, highest=20, **options).amplitude.sel(order=[12, 13])
-    # sin(pi / 2) / (pi / 2), 3.9 dB below, up to what the mirror wave adds.
-    assert np.abs(coarse.max("order") - 2.0 / math.pi).max() < 0.03
-    fine = gearlib.order_map(data, resolution=0.5, **options).amplitude.sel(order=12.5)
-    assert np.abs(fine - 1.0).max() < 1e-3
-
-
 def test_a_tacho_stands_for_the_speed():
     data, turns = chirp()
     pulses = np.interp(np.arange(int(turns[-1]) + 1), turns, data.time.values)

@@ -218,8 +218,7 @@ def test_samples_without_a_model_are_refused_one_by_one():
     ],
 )
 def test_allowances_of_the_thickness_are_those_of_din_3967(diameter, designation, limits):
-    found = thickness_limits(diameter, designation)
-    assert np.allclose(found, np.array(limits) * 1e-6, rtol=1e-12)
+    assert np.allclose(thickness_limits(diameter, designation), np.array(limits) * 1e-6, rtol=1e-12)
 
 
 def test_degrees_of_centre_distances_are_those_of_the_formula_of_iso_286():

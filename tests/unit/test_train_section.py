@@ -26,12 +26,12 @@ def test_all_keys_are_tried():
     # Keys of drawn gears are tried in test_drawn_trains.py.
     drawn = {"gear", *train_section.DRAWN_MESH_KEYS} - {"material_damping"}
     instead = {"line_of_action", "planetary_set"}
-    train, own = train_section.Train, EVERY["own"]
+    train, parts = train_section.Train, EVERY["own"]
     sections = [(train.model_fields[key].annotation, EVERY[key]) for key in READY_MADE]
-    sections += [(train_section.Own, own), (train, EVERY)]
-    sections += [(train_section.BodyPart, own["bodies"][0])]
-    sections += [(train_section.ShaftPart, own["shafts"][0])]
-    sections += [(train_section.MeshPart, own["meshes"][0])]
+    sections += [(train_section.Own, parts), (train, EVERY)]
+    sections += [(train_section.BodyPart, parts["bodies"][0])]
+    sections += [(train_section.ShaftPart, parts["shafts"][0])]
+    sections += [(train_section.MeshPart, parts["meshes"][0])]
     for section, keys in sections:
         assert set(section.model_fields) - set(keys) <= instead | drawn
 

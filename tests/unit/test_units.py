@@ -6,7 +6,7 @@ import pint
 import pytest
 
 from gearlib.config import ConfigError, load, units
-from gearlib.geometry import Mesh, SpurGear
+from gearlib.geometry import SpurGear
 
 
 # Equal, not close: a value spelled with a unit must rerun nothing.
@@ -62,10 +62,3 @@ def test_a_bare_number_too_large_is_asked_about(changes, likely):
         SpurGear(**gear | changes)
     with pytest.raises(ConfigError, match=f"did you mean {likely}"):
         load({"gears": {"pinion": gear | changes, "wheel": {"teeth": 61}, "torque": 85.0}})
-
-
-@pytest.mark.parametrize(("backlash", "likely"), [(80, "80 um"), (0.08, "0.08 mm")])
-def test_a_backlash_above_the_pitch_is_asked_about(backlash, likely):
-    gear = SpurGear(teeth=23, module=2.5e-3, width=0.018)
-    with pytest.raises(ValueError, match=f"base pitch.*did you mean {likely}"):
-        Mesh(gear, gear, backlash=backlash)

@@ -24,15 +24,6 @@ def test_error_of_the_events():
     assert np.isnan(wp.event_error(motion(), motion()))
 
 
-def test_the_fastest_of_a_decade():
-    error = np.array([1e-2, 1e-9, 3e-5, np.nan, 1e-12, 1e-3])
-    seconds = np.array([1.0, 5.0, 2.0, 0.1, np.nan, -1.0])
-    # The third is the quickest within 1e-3 and 1e-4, the second from there on to its own error; a
-    # time below zero is none.
-    rungs = [fastest.fastest(error, seconds, decade) for decade in fastest.DECADES]
-    assert rungs == [0, 0, 2, 2, 1, 1, 1, 1, 1, *[None] * 6]
-
-
 def measured(method, line, error, seconds):
     """Return datasets of errors and times of one line with some rungs on one problem."""
     count = len(error)
