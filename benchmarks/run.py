@@ -120,7 +120,7 @@ def against_scipy():
     summary = np.empty(orbit.SUMMARY_COLUMNS)
 
     def taylor(periods, tolerance):
-        law = cubic.law(0.9, tolerance)
+        law = cubic.nonlinear_mesh(0.9, tolerance)
         start, rest = (0.0, 0.0, periods, 1), (10**6, summary, np.empty((0, 2, 2)))
         result = run_nonlinear(law, matrix, *start, samples, events, *rest)
         return np.array(result[:2])

@@ -87,7 +87,7 @@ class OneDegree(_RightHandSide):
 
     def __init__(self, model, tuning: float, sharpness: float = 0.0):
         """Store the equation of motion of a model, smoothed if the sharpness is positive."""
-        self.law = law = model.law(tuning)
+        self.law = law = model.nonlinear_mesh(tuning)
         self.contact_law = equation_of_motion.contact_law_of(law, sharpness)
         self.segment_bounds = law.segment_bounds
         self.first_segment = np.array([0, len(law.below_mean)])

@@ -203,7 +203,7 @@ class LoadSharingPair(WithPair):
 
     @cached_property
     def _corner_lengths(self) -> Any:
-        """Lengths of corner contact (before, behind) the path of contact in base pitches."""
+        """Lengths of corner contact before and after the path of contact in base pitches."""
         return corner_contact_lengths(
             self.drawing, self.corner_contact, self.load, self.pitch_errors
         )
@@ -227,10 +227,10 @@ class LoadSharingPair(WithPair):
         equal_intervals = np.arange(self.phases) / self.phases
         breaks = [(np.array(kinks) - start) / mesh.base_pitch, equal_intervals]
         if any(self._corner_lengths):
-            before, behind = (
+            entry, exit_ = (
                 np.linspace(0.0, length, _CORNER_INTERVALS + 1) for length in self._corner_lengths
             )
-            breaks += [0.0 - before, mesh.contact_ratio + behind]
+            breaks += [0.0 - entry, mesh.contact_ratio + exit_]
         return np.append(np.concatenate(breaks), self._phase_offset) % 1.0
 
     @property
@@ -256,9 +256,9 @@ class LoadSharingPair(WithPair):
         first = int(np.searchsorted(pitches, offset - SAME_POSITION_TOLERANCE))
         pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + offset]])
         left, right = pitches[:-1], pitches[1:]
-        middles = (left + right) / 2.0
-        can_touch, on_path, ends = self._segments(left, middles, right)
-        pair_numbers = self._pair_numbers(middles)
+        midpoints = (left + right) / 2.0
+        can_touch, on_path, ends = self._segments(left, midpoints, right)
+        pair_numbers = self._pair_numbers(midpoints)
         lengths = math.tau * (right - left)
         left_forces, left_overlaps = self._force_coefficients(ends[0], on_path)
         right_forces, right_overlaps = self._force_coefficients(ends[1], on_path)
@@ -285,17 +285,17 @@ class LoadSharingPair(WithPair):
         )
         return system, max(left_forces[..., 0].max(), right_forces[..., 0].max())
 
-    def _segments(self, left, middles, right) -> tuple[np.ndarray, np.ndarray, list[ToothPairs]]:
+    def _segments(self, left, midpoints, right) -> tuple[np.ndarray, np.ndarray, list[ToothPairs]]:
         """Return the k pairs of teeth in mesh in p segments as (can_touch, on_path, ends).
 
-        The segments are given by their ends and middles in base pitches, (p,) each. `can_touch`,
+        The segments are given by their ends and midpoints in base pitches, (p,) each. `can_touch`,
         (p, k), is whether a pair can touch, `on_path`, (p, k), whether it also lies on its path of
         contact, and `ends` holds the `ToothPairs` at the left and at the right ends.
         """
         mesh, pitches = self.drawing, np.concatenate([left, right])
-        segment_middles = np.concatenate([middles] * 2)
+        segment_middles = np.concatenate([midpoints] * 2)
         if mesh.overlap_ratio == 0.0:
-            pairs = self._pairs(middles)
+            pairs = self._pairs(midpoints)
             can_touch = pairs.can_touch
             on_path = pairs.position == np.clip(pairs.position, *mesh.path)
             both_ends = np.concatenate([can_touch] * 2)
@@ -324,13 +324,13 @@ class LoadSharingPair(WithPair):
         forces, overlaps = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
         for set_index in range(2**k):
             touching = [i for i in range(k) if set_index >> i & 1]
-            possible = pairs.can_touch[:, touching].all(-1)
-            if not possible.any():
+            can_touch = pairs.can_touch[:, touching].all(-1)
+            if not can_touch.any():
                 continue
             stiffness, offset = pairs.force_coefficients(touching)
             mesh_stiffness = stiffness.sum(-1) / self.mean_stiffness
             coefficients = np.stack([mesh_stiffness, offset.sum(-1) / self.load], -1)
-            forces[possible, set_index] = coefficients[possible]
+            forces[can_touch, set_index] = coefficients[can_touch]
             # The forces of the touching pairs displace the flanks of all pairs.
             compliance = pairs.compliance[:, :, touching]
             overlaps[:, set_index, :, 0] = 1.0 - (compliance @ stiffness[..., None])[..., 0]

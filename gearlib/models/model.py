@@ -99,9 +99,9 @@ class Model:
         """
         return self.propagator_class(method)(self, float(tuning), **options)
 
-    def law(self, tuning: float, tolerance: float = 0.0) -> Any:
-        """Return the equation of one degree of freedom for Taylor steps with an error tolerance."""
-        return self.equation.law(tuning, tolerance)
+    def nonlinear_mesh(self, tuning: float, tolerance: float = 0.0) -> Any:
+        """Return the `NonlinearMesh` of one degree of freedom for Taylor steps with a tolerance."""
+        return self.equation.nonlinear_mesh(tuning, tolerance)
 
     def system(self, tuning: float) -> Any:
         """Return the matrices of a piecewise-linear model at a tuning as a `TrainSystem`."""
@@ -256,7 +256,7 @@ class Model:
             lengths.append(np.abs(equation.deviation[:, 1:]).sum())
         return float(max(lengths))
 
-    def bound(self, tuning: float, state: Any = (0.0, 0.0)) -> float:
+    def displacement_limit(self, tuning: float, state: Any = (0.0, 0.0)) -> float:
         """Return the displacement above which a motion counts as unbounded.
 
         It is `UNBOUNDED_FACTOR` times the largest length of the model and of the initial `state`,

@@ -70,13 +70,13 @@ class Equation:
             nonlinear |= bool(pieces.harmonics.size) or pieces.lines[:, 1].any()
         return not nonlinear
 
-    def law(self, tuning: float, tolerance: float) -> NonlinearMesh:
-        """Return the equation at an excitation frequency, the tuning, for Taylor steps.
+    def nonlinear_mesh(self, tuning: float, tolerance: float) -> NonlinearMesh:
+        """Return the constants of the equation at an excitation frequency, the tuning.
 
-        `tolerance` is the allowed error of a step. Velocities are by mesh phase, so that x' becomes
-        nu x' and the equation is divided by nu^2.
+        `tolerance` is the allowed error of a Taylor step. Velocities are by mesh phase, so that x'
+        becomes nu x' and the equation is divided by nu^2.
         """
-        force_scale, (drive, coast) = 1.0 / tuning**2, self.stiffness_pieces()
+        force_scale, (drive_side, coast_side) = 1.0 / tuning**2, self.stiffness_pieces()
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
         # Harmonics are rows (order, cosine, sine), of which only the amplitudes are scaled.
         harmonic_scale = np.array([1.0, force_scale, force_scale])
@@ -86,18 +86,18 @@ class Equation:
             damping[NORMAL + 1],
             damping[BACKLASH + 1],
             self.stiffness_powers,
-            drive.breaks,
-            drive.lines * force_scale,
-            drive.low,
-            drive.harmonics * harmonic_scale,
+            drive_side.breaks,
+            drive_side.lines * force_scale,
+            drive_side.low,
+            drive_side.harmonics * harmonic_scale,
             np.vstack([[0.0, self.load * force_scale, 0.0], self._excitation(force_scale)]),
             tolerance,
             self.upper,
             self.lower,
             self.ground_stiffness * force_scale,
             damping[INVERSE + 1],
-            coast.lines * force_scale,
-            coast.harmonics * harmonic_scale,
+            coast_side.lines * force_scale,
+            coast_side.harmonics * harmonic_scale,
         )
 
     def system(self, tuning: float) -> TrainSystem:
@@ -107,7 +107,7 @@ class Equation:
         a cosine and a sine of each order, over the time t of the model. The deviation f moves the
         flanks, so that its inertia does not appear as a force.
         """
-        drive, coast = self.stiffness_pieces()
+        drive_side, coast_side = self.stiffness_pieces()
         orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
         n = 3 + 2 * orders.size
         upper, lower, force_input = np.zeros((3, n), np.result_type(tuning))
@@ -125,13 +125,13 @@ class Equation:
         lower[:] = upper
         upper[2] = -self.upper
         damping = self.damping[NORMAL + 1, 0] - gap_damping
-        flanks = {NORMAL: (upper, drive.lines[:, 0], damping)}
+        flanks = {NORMAL: (upper, drive_side.lines[:, 0], damping)}
         if np.isfinite(self.lower):
             lower[2] = -self.lower
             damping = self.damping[INVERSE + 1, 0] - gap_damping
-            flanks[INVERSE] = lower, coast.lines[:, 0], damping
+            flanks[INVERSE] = lower, coast_side.lines[:, 0], damping
         return one_mesh_system.single_mesh_system(
-            free, force_input, flanks, drive.low, drive.breaks, orders, tuning
+            free, force_input, flanks, drive_side.low, drive_side.breaks, orders, tuning
         )
 
     def _excitation(self, force_scale: float) -> np.ndarray:

@@ -308,6 +308,6 @@ def _harmonic_pieces(mean: float, harmonics: np.ndarray) -> Pieces:
     sign_changes = np.nonzero(signs[:-1] * signs[1:] < 0)[0]
     crossings = [brentq(oscillation, phases[i], phases[i + 1], xtol=1e-15) for i in sign_changes]
     breaks = np.array([0.0, *crossings, 2.0 * math.pi])
-    middles = (breaks[:-1] + breaks[1:]) / 2.0
-    low = _sum_of_harmonics(harmonics, middles) < 0.0
-    return _constant_pieces(breaks, np.full(middles.size, mean), low, harmonics)
+    midpoints = (breaks[:-1] + breaks[1:]) / 2.0
+    low = _sum_of_harmonics(harmonics, midpoints) < 0.0
+    return _constant_pieces(breaks, np.full(midpoints.size, mean), low, harmonics)

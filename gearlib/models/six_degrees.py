@@ -46,7 +46,7 @@ from gearlib.models.one_mesh_system import contact_map
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.trains import waves
 from gearlib.models.trains.elements import Body, Mesh
-from gearlib.models.trains.structure import FLOATS, Arithmetic, Structure, structure
+from gearlib.models.trains.structure import FLOAT_ARITHMETIC, Arithmetic, Structure, structure
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import (
     ANGLE,
@@ -85,7 +85,7 @@ _MESH_FIELDS_OF_GEARS = (
 )
 
 #: Names of the extra recorded variables, after the columns of `gearlib.engines.orbit`.
-OUTPUTS = (
+EXTRA_VARIABLES = (
     *("rotation_3", "rotation_2", *(f"bearing_{name}" for name in _BEARINGS)),
     *("backlash", "friction_force", *(f"bearing_force_{name}" for name in _BEARINGS)),
 )
@@ -154,7 +154,7 @@ class SixDegreePair(WithPair):
         "Whether the bearings start in their deflection under the load, instead of undeflected",
     ] = True
 
-    extra_samples = OUTPUTS
+    extra_samples = EXTRA_VARIABLES
     propagators = {"exact": "linear.one_mesh"}
     moving_flank = True
     defaults = {
@@ -164,7 +164,7 @@ class SixDegreePair(WithPair):
     }
 
     @classmethod
-    def from_geometry(cls, mesh: Any, *, bearing_stiffness: Any, **more: Any) -> "SixDegreePair":
+    def from_geometry(cls, mesh: Any, *, bearing_stiffness: Any, **options: Any) -> "SixDegreePair":
         """Return the pair of two drawn gears on bearings, with the pinion as gear 3.
 
         Radii, masses, inertias, teeth and pitch phase follow from the drawing. Friction and
@@ -177,12 +177,12 @@ class SixDegreePair(WithPair):
         bearing_stiffness : sequence of float
             Bearing stiffness C3y, C3z, C2y, C2z of gears 3 and 2, y along and z across the line of
             action, N/m; > 0 or infinite.
-        **more
+        **options
             Other parameters of the class, which replace those of the drawing, and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
-        fields = {name: more.pop(name) for name in cls.__dataclass_fields__ if name in more}
-        pair = GearPair.from_geometry(mesh, **more)
+        fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
+        pair = GearPair.from_geometry(mesh, **options)
         drawn_fields = six_degree_parameters(mesh)
         return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(drawn_fields | fields))
 
@@ -248,24 +248,26 @@ class SixDegreePair(WithPair):
         return TwoGears(gears=self)
 
     def output_rows(self, system: TrainSystem) -> np.ndarray:
-        """Return the row vectors that map states to the extra recorded variables, `OUTPUTS`.
+        """Return the row vectors that map states to the variables in `EXTRA_VARIABLES`.
 
         The shape is (12 variables, 3 contact states, segments, components of the state).
         """
         pair, elastic_bearings = self.pair, self.elastic_bearings()
         m = 2 + len(elastic_bearings)  # number of coordinates: two rotations, then bearings
         shape = (*system.effect.shape[:2], len(system.base_matrix))
-        rows = np.zeros((len(OUTPUTS), *shape), system.base_matrix.dtype)
+        rows = np.zeros((len(EXTRA_VARIABLES), *shape), system.base_matrix.dtype)
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0
         # The backlash line s is the difference of the distances y and y - s.
-        rows[OUTPUTS.index("backlash")] = system.drive_lines[0] - system.coast_lines[0]
+        rows[EXTRA_VARIABLES.index("backlash")] = system.drive_lines[0] - system.coast_lines[0]
         if math.isinf(pair.backlash):
-            rows[OUTPUTS.index("backlash"), ..., 2 * m] = -pair.backlash_ratio
-        rows[OUTPUTS.index("friction_force")] = system.force_output[0, system.effect[:, :, 0], 1]
+            rows[EXTRA_VARIABLES.index("backlash"), ..., 2 * m] = -pair.backlash_ratio
+        rows[EXTRA_VARIABLES.index("friction_force")] = system.force_output[
+            0, system.effect[:, :, 0], 1
+        ]
         damping_scale = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
         for column, i in enumerate(elastic_bearings, 2):
-            motion_row = OUTPUTS.index(f"bearing_{_BEARINGS[i]}")
-            force_row = OUTPUTS.index(f"bearing_force_{_BEARINGS[i]}")
+            motion_row = EXTRA_VARIABLES.index(f"bearing_{_BEARINGS[i]}")
+            force_row = EXTRA_VARIABLES.index(f"bearing_force_{_BEARINGS[i]}")
             rows[motion_row, ..., column] = 1.0
             rows[force_row, ..., column] = self.bearing_stiffness[i] / pair.mean_stiffness
             rows[force_row, ..., m + column] = self.bearing_damping[i] * damping_scale
@@ -305,7 +307,7 @@ class _PairMesh(Mesh):
 
 @dataclass(frozen=True, kw_only=True)
 class TwoGears(GearTrain):
-    """The gears of a `SixDegreePair` as a train, from which the matrices of the pair are assemble.
+    """The gears of a `SixDegreePair` as a train, from which the matrices of the pair are assembled.
 
     The line of action lies along x: the bearings y of the pair are the supports along x, its
     bearings z those along y. The scales are those of the pair, whatever its torques.
@@ -319,7 +321,7 @@ class TwoGears(GearTrain):
     """
 
     gears: Any
-    arithmetic: Arithmetic = FLOATS
+    arithmetic: Arithmetic = FLOAT_ARITHMETIC
     bodies: tuple = ()
     meshes: tuple = ()
 
@@ -354,7 +356,7 @@ class TwoGears(GearTrain):
         for name, value in (("bodies", bodies), ("meshes", (mesh,)), ("reference", "mesh")):
             object.__setattr__(self, name, value)
 
-    def assemble(self, arithmetic: Arithmetic = FLOATS) -> Structure:
+    def assemble(self, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
         """Return the matrices in floats or balls, with rotations before bearing motions."""
         return structure(self.by_name, self.meshes, (), arithmetic, rotations_first=True)
 

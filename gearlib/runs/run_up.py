@@ -139,7 +139,7 @@ def run_up(
     records = list(speed_profiles.run_profiles(runner, pieces, *arguments))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
-    if code == status.OK and displacement > model.bound(1.0, state):
+    if code == status.OK and displacement > model.displacement_limit(1.0, state):
         code = status.OVERFLOW
     data = _revolution_variables(model, records, omega) | _event_variables(model, records, omega)
     if samples:

@@ -146,7 +146,8 @@ def _run(pair, tuning, arguments, samples_per_period, prove_period=False, until_
     settings = arguments.state, arguments.span, samples_per_period
     record = arguments.module.run(pair, tuning, *settings, **arguments.options)
     if record.status == status.OK:
-        if summary.max_displacement(record.summary) > pair.bound(tuning, arguments.state):
+        limit = pair.displacement_limit(tuning, arguments.state)
+        if summary.max_displacement(record.summary) > limit:
             record = record._replace(status=status.OVERFLOW)
     if record.status != status.OK:
         for table in (record.samples, record.summary, record.final):

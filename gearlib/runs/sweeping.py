@@ -139,7 +139,7 @@ def _run_sweep(
     Only a cold sweep uses several threads.
     """
     rows = Rows(
-        model.bound(float(tunings.max()), arguments.state),
+        model.displacement_limit(float(tunings.max()), arguments.state),
         np.empty((tunings.size, *model.empty_record()[2].shape)),
         np.empty((tunings.size, len(model.components))),
         np.full((tunings.size, 2), -1),  # -1: not yet computed

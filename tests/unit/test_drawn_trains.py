@@ -61,7 +61,7 @@ def test_a_planetary_set_is_that_of_the_library():
     keys = set(train_section.PlanetarySet.model_fields)
     instead = {"power", "speed", "logarithmic_decrement", "material_damping"}
     assert keys - set(SET) == instead | {"stiffness", "stiffness_options"}
-    arguments = set(inspect.signature(planetary_set).parameters) - {"options", "more"}
+    arguments = set(inspect.signature(planetary_set).parameters) - {"options", "train_options"}
     assert arguments == keys - {"power", "speed", "stiffness_options"}
     common = {"module": 3e-3, "width": 0.025}
     expected = planetary_set(

@@ -118,7 +118,8 @@ def _section(
     # This fills the last three arrays.
     model.propagator(tuning).sections(starts, settle, phase, max_events, states, ends, codes)
     for i, start in enumerate(starts):
-        if codes[i] == status.OK and np.abs(states[i, :, 0]).max() > model.bound(tuning, start):
+        limit = model.displacement_limit(tuning, start)
+        if codes[i] == status.OK and np.abs(states[i, :, 0]).max() > limit:
             states[i], codes[i] = math.nan, status.OVERFLOW
     ends[codes != status.OK] = math.nan
     return states, ends, codes

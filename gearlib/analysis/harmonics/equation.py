@@ -58,7 +58,8 @@ class MeshEquation:
         self.model, self.tuning = model, tuning
         self.harmonics, self.period = harmonics, period
         self.samples = samples or default_samples(harmonics)
-        constants, linear_damping = model.law(tuning), np.array([added_damping, 0.0, 0.0])
+        constants = model.nonlinear_mesh(tuning)
+        linear_damping = np.array([added_damping, 0.0, 0.0])
         self.constants = constants._replace(
             drive_damping=constants.drive_damping + linear_damping,
             backlash_damping=constants.backlash_damping + linear_damping,

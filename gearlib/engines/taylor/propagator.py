@@ -22,7 +22,7 @@ class Propagator(Base):
         """Set the constants of a model at a tuning, for a truncation error of each step."""
         super().__init__(model, tuning)
         self.tolerance = tolerance
-        self.mesh = model.law(tuning, tolerance)
+        self.mesh = model.nonlinear_mesh(tuning, tolerance)
 
     def at(self, tuning: float) -> "Propagator":
         """Return the propagator of the same model at another tuning."""

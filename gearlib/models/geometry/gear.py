@@ -92,8 +92,8 @@ class Rack:
         """Raise ValueError if a dimension is impossible or the tip radius exceeds the dedendum."""
         check(self, " of a rack")
         allowed = f">= 0 and below the dedendum, {self.dedendum}"
-        fits = self.tip_radius < self.dedendum
-        checks.require(fits, "tip_radius of a rack", self.tip_radius, allowed)
+        valid = self.tip_radius < self.dedendum
+        checks.require(valid, "tip_radius of a rack", self.tip_radius, allowed)
 
 
 #: The four basic racks of ISO 53.
@@ -117,9 +117,9 @@ class Web:
     def __post_init__(self) -> None:
         """Raise ValueError if a dimension of the web is impossible or its rim is inside its hub."""
         check(self, " of a web")
-        fits = self.rim_diameter > self.hub_diameter
+        valid = self.rim_diameter > self.hub_diameter
         allowed = f"above hub_diameter, {self.hub_diameter!r}"
-        checks.require(fits, "rim_diameter of a web", self.rim_diameter, allowed)
+        checks.require(valid, "rim_diameter of a web", self.rim_diameter, allowed)
 
 
 #: Shape of a tip relief -> exponent of the gap over the length.
@@ -284,14 +284,14 @@ class SpurGear:
             height = self.rack_form_height / self.module
             min_shift = height - radius * math.sin(self.transverse_pressure_angle) ** 2
             allowed = f">= {min_shift:.4f} for {self.teeth} teeth, or the rack undercuts them"
-            fits = self.shift >= min_shift - _UNDERCUT_TOLERANCE
-            checks.require(fits, "shift", self.shift, allowed)
+            valid = self.shift >= min_shift - _UNDERCUT_TOLERANCE
+            checks.require(valid, "shift", self.shift, allowed)
         if self.tip_diameter is None:
             addenda = 2.0 * self.module * (self.shift + rack.addendum)
             object.__setattr__(self, "tip_diameter", self.reference_diameter + self.sign * addenda)
-            fits = not self.internal or self.tip_diameter > base
+            valid = not self.internal or self.tip_diameter > base
             allowed = "larger, or a tip_diameter be given outside of its base circle"
-            checks.require(fits, "teeth of the ring gear", self.teeth, allowed)
+            checks.require(valid, "teeth of the ring gear", self.teeth, allowed)
         lower, upper = (base, root) if self.internal else (max(root, base), math.inf)
         allowed = f"from {lower:.6g} to {upper:.6g} m" if self.internal else f"above {lower:.6g} m"
         allowed += ", by its base and root circles"
@@ -301,8 +301,8 @@ class SpurGear:
         allowed += " > 0 is allowed)"
         checks.require(thickness > 0.0, "tip_diameter", self.tip_diameter, allowed)
         allowed = f"{self.teeth} numbers, one for each tooth"
-        fits = len(self.pitch_errors) in (0, self.teeth)
-        checks.require(fits, "pitch_errors", self.pitch_errors, allowed)
+        valid = len(self.pitch_errors) in (0, self.teeth)
+        checks.require(valid, "pitch_errors", self.pitch_errors, allowed)
         if self.tip_relief is not None:
             amount = self.tip_relief.amount
             allowed = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"

@@ -202,11 +202,12 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     errors, is_spur = checked_errors(mesh, pitch_errors), mesh.overlap_ratio == 0.0
     allowed = "0, load sharing along the path of contact is that of spur gears"
     checks.require(is_spur or load is not None, "helix_angle", mesh.pinion.helix_angle, allowed)
-    before, behind = corner_contact_lengths(mesh, corners, load, errors)
+    entry_length, exit_length = corner_contact_lengths(mesh, corners, load, errors)
     face = face_slices(mesh, errors.size)
     selection_pitches = pitches if selection_pitches is None else selection_pitches
-    last_pair = np.floor(selection_pitches + before + face.half_overlap)
-    count = math.floor(mesh.contact_ratio + before + behind + 2.0 * face.half_overlap) + 1
+    last_pair = np.floor(selection_pitches + entry_length + face.half_overlap)
+    mesh_length = entry_length + mesh.contact_ratio + exit_length + 2.0 * face.half_overlap
+    count = math.floor(mesh_length) + 1
     allowed = f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh"
     checks.require(count <= _MAX_PAIRS, "total contact ratio", mesh.total_contact_ratio, allowed)
     pair_indices, slice_count = np.arange(count), len(face.width_fractions)
@@ -214,7 +215,8 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     # Base pitches since each pair began its contact in each slice, (m * slices, k).
     pitches_on_path = ((pitches - last_pair)[:, None] + face.delays)[..., None] + pair_indices
     pitches_on_path = pitches_on_path.reshape(-1, count)
-    in_mesh = (pitches_on_path >= -before) & (pitches_on_path < mesh.contact_ratio + behind)
+    end = mesh.contact_ratio + exit_length
+    in_mesh = (pitches_on_path >= -entry_length) & (pitches_on_path < end)
     if is_spur and can_touch is not None:
         in_mesh = can_touch
     position = mesh.path[0] + pitches_on_path * mesh.base_pitch
@@ -311,7 +313,7 @@ def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
 
 
 def corner_contact_lengths(mesh, corners, load, pitch_errors) -> tuple[float, ...]:
-    """Return the lengths of corner contact (before, behind) the path of contact in base pitches.
+    """Return the lengths of corner contact before and after the path of contact in base pitches.
 
     Tip corners can touch where their gap is below 6 deflections of one pair under the load in N,
     plus the range of the pitch errors in m. The lengths are 0 if `corners` is False.

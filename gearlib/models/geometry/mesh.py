@@ -78,9 +78,9 @@ class Mesh:
         for name in ("pinion", "wheel"):
             relief = getattr(self, name).tip_relief
             # The tolerance allows for the rounding error of a length that equals the longest.
-            fits = relief is None or relief.length <= longest * (1.0 + 1e-9)
+            valid = relief is None or relief.length <= longest * (1.0 + 1e-9)
             field = f"length of the tip relief of the {name}"
-            checks.require(fits, field, relief and relief.length, allowed)
+            checks.require(valid, field, relief and relief.length, allowed)
         self._set_backlash()
 
     def _set_field(self, name: str, value: float) -> None:

@@ -89,7 +89,7 @@ class Body:
         checks.require(valid, name, self.eccentricity, allowed)
 
     @classmethod
-    def from_gear(cls, gear: Any, name: str, **more: Any) -> "Body":
+    def from_gear(cls, gear: Any, name: str, **fields: Any) -> "Body":
         """Return a body with the teeth, base radius, mass and inertia of a drawn gear.
 
         Parameters
@@ -98,16 +98,16 @@ class Body:
             The drawn gear.
         name : str
             Name of the body.
-        **more
+        **fields
             Other parameters of the class; they replace those of the drawing.
         """
         checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
-        values = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
+        drawn_fields = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
         for field in ("mass", "inertia"):
             # The mass of a drawn ring gear fails without its outer diameter, unless it is given.
-            if field not in more:
-                values[field] = getattr(gear, field)
-        return cls(name=name, **(values | more))
+            if field not in fields:
+                drawn_fields[field] = getattr(gear, field)
+        return cls(name=name, **(drawn_fields | fields))
 
 
 @parameters.documented
@@ -258,7 +258,7 @@ class Mesh:
         checks.require(unique, name, self.line_of_action, allowed)
 
     @classmethod
-    def from_geometry(cls, mesh: Any, pinion: str, wheel: str, **more: Any) -> "Mesh":
+    def from_geometry(cls, mesh: Any, pinion: str, wheel: str, **fields: Any) -> "Mesh":
         """Return a mesh with stiffness, contact ratio, backlash, angle and phases of a drawing.
 
         Parameters
@@ -277,20 +277,20 @@ class Mesh:
             Damping ratio in the backlash.
         stiffness, options
             Method of the mesh stiffness and its options, see `GearPair.from_geometry`.
-        **more
+        **fields
             Other parameters of the class; they replace those of the drawing.
         """
-        options = {name: more.pop(name) for name in _DRAWING_ARGUMENTS if name in more}
-        values = checks.drawn_mesh(mesh).train_parameters(**options) | more
-        return cls(pinion=pinion, wheel=wheel, **values)
+        options = {name: fields.pop(name) for name in _DRAWING_ARGUMENTS if name in fields}
+        drawn_fields = checks.drawn_mesh(mesh).train_parameters(**options)
+        return cls(pinion=pinion, wheel=wheel, **(drawn_fields | fields))
 
     @property
     def line(self) -> float:
         """Angle of the line of action, rad."""
-        return self.line_by(math.pi)
+        return self.line_angle(math.pi)
 
-    def line_by(self, pi: Any) -> Any:
-        """Return the angle of the line of action, rad, where pi is a float or a ball."""
+    def line_angle(self, pi: Any) -> Any:
+        """Return the angle of the line of action, rad; `pi` is the number pi, a float or a ball."""
         if self.line_of_action is not None:
             return self.line_of_action
         return (self.position or 0.0) + self.direction * (pi / 2.0 + self._signed_pressure_angle)
@@ -384,7 +384,7 @@ def check_names(train: Any) -> None:
 
 
 def check_gears(train: Any) -> None:
-    """Raise ValueError if gears of a `GearTrain` cannot mesh, rotate or be assemble."""
+    """Raise ValueError if gears of a `GearTrain` cannot mesh, rotate or be assembled."""
     for mesh in train.meshes:
         pinion, wheel = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
         for body in (pinion, wheel):
@@ -398,10 +398,10 @@ def check_gears(train: Any) -> None:
             f"{pinion.base_radius * wheel.teeth / pinion.teeth:.6g} to have the base pitch "
             f"(module) of {pinion.name} in mesh {mesh.name}",
         )
-        fits = not mesh.internal or wheel.teeth > pinion.teeth
+        valid = not mesh.internal or wheel.teeth > pinion.teeth
         allowed = f"more than the {pinion.teeth} of {pinion.name}, which meshes inside it"
-        checks.require(fits, f"teeth of body {wheel.name}", wheel.teeth, allowed)
-    train.phases  # noqa: B018 (raises ValueError if gears are locked or cannot be assemble)
+        checks.require(valid, f"teeth of body {wheel.name}", wheel.teeth, allowed)
+    train.phases  # noqa: B018 (raises ValueError if gears are locked or cannot be assembled)
 
 
 def check_balance(train: Any) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from gearlib.data.variables import describe
 from gearlib.models.trains.elements import Mesh
-from gearlib.models.trains.structure import FLOATS
+from gearlib.models.trains.structure import FLOAT_ARITHMETIC
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -68,7 +68,7 @@ def _round_to_zero(values: ArrayLike, sizes: Iterable[float]) -> np.ndarray:
 
 def _vector(length: float, angle: float) -> np.ndarray:
     """Return the x and y components of a vector with a length and an angle in rad."""
-    return length * np.array(FLOATS.cos_sin(angle))
+    return length * np.array(FLOAT_ARITHMETIC.cos_sin(angle))
 
 
 def _pitch_radii(train: "GearTrain", mesh: Mesh) -> tuple[float, float]:

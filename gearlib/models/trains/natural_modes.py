@@ -33,7 +33,7 @@ def modes(train: "GearTrain") -> xr.Dataset:
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     energy = np.zeros((frequency.size, len(train.meshes)))
     energy[free.shape[1] :] = train.strains[-len(train.meshes) :].T ** 2
-    kinds = ["rigid"] * free.shape[1] + _kinds(train, motions[free.shape[1] :])
+    kinds = ["rigid"] * free.shape[1] + _mode_kinds(train, motions[free.shape[1] :])
     dataset = xr.Dataset(
         {
             "natural_frequency": ("mode", frequency),
@@ -55,7 +55,7 @@ def _largest_motions(motions: np.ndarray) -> np.ndarray:
     return np.abs(motions).max(axis=(1, 2), initial=0.0)
 
 
-def _kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
+def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
     """Return the kind of each elastic mode by the motions of the central bodies of a train.
 
     Central bodies are carriers and gears with several meshes. `motions` are the mass-normalised
@@ -81,7 +81,7 @@ def _kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
 def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
     """Return the critical speeds of a train as the dataset of `GearTrain.campbell`."""
     orders = sorted({n * rate for rate in train.rates for n in range(1, count + 1)})
-    # Orders that the stiffness does not excite may be excitation_harmonics by deviations.
+    # Orders that the stiffness does not excite may be excited by deviations.
     data = phasing(train, math.ceil(orders[-1])).reindex(
         stiffness_order=[float(order) for order in orders],
         fill_value={"modal_force": 0.0, "phase_sum": 0.0, "excites": False},
@@ -114,7 +114,7 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
     force = np.reshape([np.abs(np.sum(mesh_forces[order], axis=0)) for order in orders], shape)
     # The sum if all meshes acted in phase.
     in_phase = np.reshape([np.sum(np.abs(mesh_forces[order]), axis=0) for order in orders], shape)
-    # A mode without deflection in the meshes of an order is not excitation_harmonics.
+    # A mode without deflection in the meshes of an order is not excited.
     deformed = in_phase > 1e-9 * in_phase.max(initial=0.0)
     phase_sum = np.where(deformed, force / np.where(deformed, in_phase, 1.0), 0.0)
     data = modes(train).isel(mode=slice(train.free_motions.shape[1], None))

@@ -167,8 +167,8 @@ def planetary(
         for i, angle in enumerate(positions):
             planet, phase = f"planet {i + 1}", None
             if not is_ring:
-                place = {"carrier": "carrier", "angle": angle, "offset": errors[i]}
-                bodies.append(body("planet", planet_teeth, planet, **place))
+                position = {"carrier": "carrier", "angle": angle, "offset": errors[i]}
+                bodies.append(body("planet", planet_teeth, planet, **position))
             elif ring_phase is not None:
                 phase = ring_phase - ring * (angle - positions[0]) / (2.0 * math.pi)
             mesh = Mesh(
@@ -274,7 +274,7 @@ def planetary_set(
     turning: Turning = True,
     driving: Driving = "sun",
     gyroscopic: Gyroscopic = False,
-    **more,
+    **train_options,
 ):
     """Return the planetary train of a drawn sun, planet and ring.
 
@@ -286,10 +286,10 @@ def planetary_set(
     Raises
     ------
     ValueError
-        If gears do not mesh, planets cannot be assemble or strike each other, or a value is
+        If gears do not mesh, planets cannot be assembled or strike each other, or a value is
         impossible.
     """
-    drawn = planetary_meshes(
+    drawn_meshes = planetary_meshes(
         sun,
         planet,
         ring,
@@ -298,17 +298,19 @@ def planetary_set(
         centre_distance=centre_distance,
         backlashes=backlashes,
     )
-    n = len(drawn.positions)
-    pin_radius = float(drawn.sun_mesh.centre_distance)
+    n = len(drawn_meshes.positions)
+    pin_radius = float(drawn_meshes.sun_mesh.centre_distance)
     disc_mass = math.pi * pin_radius**2 * planet.width * planet.material.density
     mass = disc_mass if carrier_mass is None else carrier_mass
     inertia = disc_mass * pin_radius**2 / 2.0 if carrier_inertia is None else carrier_inertia
-    reduced = [gear.inertia / (gear.base_diameter / 2.0) ** 2 for gear in (sun, ring, planet)]
-    reduced.insert(2, inertia / pin_radius**2)
-    # Each sun mesh carries a share of the torque, and each ring mesh the same force.
-    share = torque / n
-    pinion_torques = share, share * planet.teeth / sun.teeth
-    derivation = {
+    reduced_inertias = [
+        gear.inertia / (gear.base_diameter / 2.0) ** 2 for gear in (sun, ring, planet)
+    ]
+    reduced_inertias.insert(2, inertia / pin_radius**2)
+    # All sun meshes carry the same part of the torque, and each ring mesh the same force.
+    sun_torque = torque / n
+    planet_torque = sun_torque * planet.teeth / sun.teeth
+    mesh_options = {
         "stiffness": stiffness,
         "options": options,
         "load_argument": ("torque", torque, "N m"),
@@ -317,29 +319,29 @@ def planetary_set(
         "material_damping": material_damping,
         "backlash_damping_ratio": backlash_damping_ratio,
     }
-    sun_flanks = drawn.sun_mesh.train_parameters(torque=pinion_torques[0], **derivation)
-    ring_flanks = drawn.ring_mesh.train_parameters(torque=pinion_torques[1], **derivation)
+    sun_mesh_fields = drawn_meshes.sun_mesh.train_parameters(torque=sun_torque, **mesh_options)
+    ring_mesh_fields = drawn_meshes.ring_mesh.train_parameters(torque=planet_torque, **mesh_options)
     train = planetary(
         planets=n,
         teeth=(sun.teeth, ring.teeth),
         planet_teeth=planet.teeth,
-        positions=list(drawn.positions),
+        positions=list(drawn_meshes.positions),
         masses=(sun.mass, ring.mass, mass, planet.mass),
-        reduced_inertias=reduced,
+        reduced_inertias=reduced_inertias,
         sun_base_radius=sun.base_diameter / 2.0,
-        pressure_angle=drawn.sun_mesh.working_pressure_angle,
+        pressure_angle=drawn_meshes.sun_mesh.working_pressure_angle,
         support_stiffness=support_stiffness,
         torsional_stiffness=torsional_stiffness,
         structural_damping=structural_damping,
-        load=share / (sun.base_diameter / 2.0),
+        load=sun_torque / (sun.base_diameter / 2.0),
         pin_errors=pin_errors,
         turning=turning,
         driving=driving,
         gyroscopic=gyroscopic,
-        **more,
+        **train_options,
     )
     meshes = [
-        dataclasses.replace(mesh, **(ring_flanks if mesh.internal else sun_flanks))
+        dataclasses.replace(mesh, **(ring_mesh_fields if mesh.internal else sun_mesh_fields))
         for mesh in train.meshes
     ]
     return dataclasses.replace(train, meshes=tuple(meshes))

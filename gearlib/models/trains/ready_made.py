@@ -286,7 +286,7 @@ def split_power_reducer(
     output_force = n * pair.load * gears.base_radii[1] / gears.base_radii[2]
     output_force *= 1.0 if internal else -1.0
     bodies = [gears.body(0, "input", n * pair.load), gears.body(3, "output", output_force)]
-    first, second, shafts = [], [], []
+    first_meshes, second_meshes, shafts = [], [], []
     for i in range(n):
         angle = 2.0 * math.pi * i / n
         gear_a, gear_b = f"satellite {i + 1} a", f"satellite {i + 1} b"
@@ -294,12 +294,13 @@ def split_power_reducer(
         offset = cosine * radial - sine * tangential, sine * radial + cosine * tangential
         bodies += [gears.body(1, gear_a, offset=offset), gears.body(2, gear_b, offset=offset)]
         fields = {"name": f"first {i + 1}", "backlash": backlashes[i][0], "position": angle}
-        first.append(gears.mesh("input", gear_a, **fields))
+        first_meshes.append(gears.mesh("input", gear_a, **fields))
         fields = {"name": f"second {i + 1}", "backlash": backlashes[i][1]}
         if internal:
             fields |= {"position": angle, "internal": True}
         else:
             fields |= {"position": angle + math.pi, "direction": -1}
-        second.append(gears.mesh(gear_b, "output", **fields))
+        second_meshes.append(gears.mesh(gear_b, "output", **fields))
         shafts.append(gears.shaft(gear_a, gear_b, shaft_stiffness))
-    return create_train(bodies=bodies, meshes=first + second, shafts=shafts, **options)
+    meshes = first_meshes + second_meshes
+    return create_train(bodies=bodies, meshes=meshes, shafts=shafts, **options)

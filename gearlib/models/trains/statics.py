@@ -51,8 +51,9 @@ def equilibrium(train: "GearTrain", phase: float = 0.0) -> Equilibrium:
     squares, shapes = train.linear_modes
     basis = shapes / np.sqrt(squares)
     drive_lines = train.linear_stretches / np.sqrt(squares)
-    moving = np.array([[mesh.moving_backlash] for mesh in train.meshes])
-    lines = np.stack([np.where(moving, train.coast_lines @ basis, drive_lines), drive_lines])
+    moves = np.array([[mesh.moving_backlash] for mesh in train.meshes])
+    coast_lines = np.where(moves, train.coast_lines @ basis, drive_lines)
+    lines = np.stack([coast_lines, drive_lines])
     strains = train.strains[: -len(train.meshes)]
     load = basis.T @ train.structure.load
     energy = _Energy(strains.T @ strains, lines, stiffness, gaps, load)
@@ -69,7 +70,7 @@ def equilibrium(train: "GearTrain", phase: float = 0.0) -> Equilibrium:
     forces, (residual, force_sizes) = energy.forces(distances), energy.gradient(modal_amplitudes)
     scale = force_scale + np.abs(load).sum() + force_sizes.sum()
     if not np.abs(residual).max(initial=0.0) <= _RESIDUAL_TOLERANCE * scale:
-        raise ValueError("the static equilibrium is not found to rounding; no result")
+        raise ValueError("the static equilibrium is not accurate to rounding; no result")
     contact_codes = np.where(distances[1] >= 0.0, 1, np.where(distances[0] <= 0.0, -1, 0))
     # A smaller overlap of the coast-side flanks is a rounding error of the distance.
     rounding = 1e-12 * (gap_sizes.max() + np.abs(drive_lines @ modal_amplitudes))

@@ -26,7 +26,7 @@ import numpy as np
 
 
 class Arithmetic(NamedTuple):
-    """Arithmetic with which the matrices of a train are assemble: floats or balls."""
+    """Arithmetic with which the matrices of a train are assembled: floats or balls."""
 
     dtype: type
     convert: Any  #: function from a float to a number of this arithmetic
@@ -49,7 +49,7 @@ class Arithmetic(NamedTuple):
         return np.stack([cosine * rows[0] - sine * rows[1], sine * rows[0] + cosine * rows[1]])
 
 
-FLOATS = Arithmetic(
+FLOAT_ARITHMETIC = Arithmetic(
     float,
     lambda value: value,
     lambda angle: (math.cos(angle), math.sin(angle)),
@@ -189,7 +189,7 @@ def _lines(meshes, motions, n, arithmetic) -> tuple[np.ndarray, np.ndarray, np.n
         pinion, wheel = motions[mesh.pinion], motions[mesh.wheel]
         first, second = (wheel, pinion) if mesh.internal else (pinion, wheel)
         # The unit vector e of the line of action.
-        e = np.array(arithmetic.cos_sin(mesh.line_by(arithmetic.pi)))
+        e = np.array(arithmetic.cos_sin(mesh.line_angle(arithmetic.pi)))
         arms[j] = (-e, e) if mesh.internal else (e, -e)
         sign = -1.0 if mesh.internal else 1.0
         lines[j] = e @ (first[:2] - second[:2]) + mesh.direction * (first[2] + sign * second[2])
@@ -200,7 +200,7 @@ def _lines(meshes, motions, n, arithmetic) -> tuple[np.ndarray, np.ndarray, np.n
     return lines, sliding, arms
 
 
-def coast_lines(structure, bodies, meshes, arithmetic=FLOATS) -> np.ndarray:
+def coast_lines(structure, bodies, meshes, arithmetic=FLOAT_ARITHMETIC) -> np.ndarray:
     """Return the row vectors that map n coordinates to the coast-side distances of meshes, (m, n).
 
     In a mesh with moving backlash, they exclude the deflections of the supports. `bodies` maps

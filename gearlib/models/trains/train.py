@@ -38,7 +38,7 @@ from gearlib.models.trains.elements import (
 )
 from gearlib.models.trains.structure import (
     AXES,
-    FLOATS,
+    FLOAT_ARITHMETIC,
     Arithmetic,
     Structure,
     coast_lines,
@@ -64,7 +64,7 @@ class GearTrain(Model):
     Raises
     ------
     ValueError
-        If a value is impossible or the train cannot be assemble, turn, or stay in balance.
+        If a value is impossible or the train cannot be assembled, turn, or stay in balance.
     """
 
     bodies: Annotated[tuple, ElementSequence(Body), "Gears and carriers"]
@@ -137,7 +137,7 @@ class GearTrain(Model):
         """Mass, stiffness and damping matrices of the train in SI units."""
         return self.assemble()
 
-    def assemble(self, arithmetic: Arithmetic = FLOATS) -> Structure:
+    def assemble(self, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
         """Return the matrices of the train in SI units, in floats or balls."""
         return structure(self.by_name, self.meshes, self.shafts, arithmetic)
 
@@ -303,8 +303,8 @@ class GearTrain(Model):
 
     def speed(self, tuning: Any) -> Any:
         """Return the speed of the reference pinion in rpm at a tuning (float or array)."""
-        turns = self.mesh_frequency(tuning) / (2.0 * math.pi) / self.reference_pinion.teeth
-        return 60.0 * turns * abs(1.0 + self.carrier_ratio)
+        frequency = self.mesh_frequency(tuning) / (2.0 * math.pi) / self.reference_pinion.teeth
+        return 60.0 * frequency * abs(1.0 + self.carrier_ratio)
 
     def scales(self) -> dict:
         """Return the dataset variables that depend on the train alone, name -> value."""

@@ -10,7 +10,7 @@ at the angle alpha after
 with the speed w of the gear and f = 1 for counterclockwise flanks. At that time the stiffness is
 past the middle of its upper level by `pitch_phase` if the pinion drives, and before it by as much
 if the wheel drives. Both gears of a mesh have the same t. Around a loop of meshes the orientations
-o must agree, or the train cannot be assemble: for equal satellites (z_s + z_r) psi_n / 2 pi must
+o must agree, or the train cannot be assembled: for equal satellites (z_s + z_r) psi_n / 2 pi must
 be an integer. Parker, J. Sound Vib. 236 (2000) 561-573; Parker & Lin, J. Mech. Des. 126 (2004)
 365-370. The teeth of gears on one shaft are in line, or apart by the angle of the keying, unless
 loops of meshes require another angle. The tooth of the first gear is the tooth nearest to the line
@@ -35,8 +35,9 @@ _POSITION_TOLERANCE = 1e-6
 def speeds(bodies, meshes, shafts, reference) -> dict[str, Fraction]:
     """Return the signed speeds of the bodies per radian of reference mesh phase, name -> Fraction.
 
-    `reference` is the name of the reference mesh. Bodies without a mesh or shaft have speed 0.
-    Raises ValueError for a locked train or a mesh without connection to the reference mesh.
+    `bodies` maps names to `Body`, and `reference` is the name of the reference mesh. Bodies without
+    a mesh or shaft have speed 0. Raises ValueError for a locked train or a mesh without connection
+    to the reference mesh.
     """
     ratios = []  # (first body, second body, ratio of their speeds, description)
     for mesh in meshes:
@@ -134,8 +135,9 @@ def inverse_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> float
 def phases(bodies, meshes, shafts, reference, speed) -> dict:
     """Return the phase of each mesh in mesh periods, in [0, 1), by the name of the mesh.
 
-    `reference` names the reference mesh, `speed` maps a body to its signed speed. Raises ValueError
-    if the teeth do not fit together, so that the train cannot be assemble.
+    `bodies` maps names to `Body`, `reference` is the name of the reference mesh, and `speed` maps a
+    body to its signed speed. Raises ValueError if the teeth do not fit together, so that the train
+    cannot be assembled.
     """
     meshes_by_teeth = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
     # Given keyings come before those that follow from the loops of meshes.

@@ -12,7 +12,7 @@ import numpy as np
 
 from gearlib.models.trains import turning
 from gearlib.models.trains.elements import Mesh
-from gearlib.models.trains.structure import FLOATS
+from gearlib.models.trains.structure import FLOAT_ARITHMETIC
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -45,8 +45,8 @@ def segments(train: "GearTrain", first: int, count: int) -> Segments:
         times = _change_times(mesh, rate, phases, first, count) + offset
         boundaries.append(math.tau * np.where(times > count, times - count, times))
     starts = _without_duplicates(np.sort(np.concatenate(boundaries)), set(period_starts))
-    middles = (starts[:-1] + starts[1:]) / (2.0 * math.tau)
-    low = np.zeros((2, middles.size, len(train.meshes)), dtype=bool)
+    midpoints = (starts[:-1] + starts[1:]) / (2.0 * math.tau)
+    low = np.zeros((2, midpoints.size, len(train.meshes)), dtype=bool)
     sense = np.ones(low.shape)
     kinds = []
     for j, (mesh, rate, (stiffness_phases, sliding_phases)) in enumerate(
@@ -54,7 +54,7 @@ def segments(train: "GearTrain", first: int, count: int) -> Segments:
     ):
         # Mesh phases at position 0 of the periods stored after and before the first one.
         starts_of_phase = [float((first + k) * rate % 1) for k in (-offset, count - offset)]
-        phases = middles * float(rate) + np.where(middles > offset, *starts_of_phase)
+        phases = midpoints * float(rate) + np.where(midpoints > offset, *starts_of_phase)
         low[:, :, j] = at_lower_level(mesh, stiffness_phases, phases)
         directions: tuple = (0,)
         if any(mesh.friction):
@@ -148,7 +148,7 @@ def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.array([float(frequency) for frequency in frequencies]), amplitudes, constants
 
 
-def excitation_harmonics(train, arms, arithmetic=FLOATS):
+def excitation_harmonics(train, arms, arithmetic=FLOAT_ARITHMETIC):
     """Return the excitation of m meshes as (harmonics, constants) in m, in floats or balls.
 
     Harmonics are a dict, frequency -> cosines and sines, shape (2, m, 2); constants have the shape
