@@ -10,7 +10,7 @@ from gearlib.checks import refusal
 from gearlib.cli import options
 from gearlib.config import gear_names, overlay, units, yaml_keys
 from gearlib.config.gear_pair_section import DAMPINGS, MISSING_BEARINGS
-from gearlib.config.targets import NO_TRAIN, undamped
+from gearlib.config.targets import NO_TRAIN, missing_mesh_damping
 from gearlib.config.train_section import PAIR_TRAINS
 
 DEFAULT_CONFIG = Path("config.yaml")
@@ -112,7 +112,7 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     settings = config.load(_select(mapping, *_NEEDED) if drawing or changes else mapping)
     if damping not in settings.dampings:
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
-    if moves and kind == "train" and (message := undamped(settings)):
+    if moves and kind == "train" and (message := missing_mesh_damping(settings)):
         raise click.UsageError(message)
     name = gear_names.of_train(settings) if kind == "train" else gear_names.of_pair(settings)
     drawn = settings.gears if kind == "one_degree" else None

@@ -162,13 +162,13 @@ class Config(Section):
     def missing_train_damping(self) -> list[str]:
         """Return an error message if targets need the damping of a train that has none, else []."""
         names = [name for name in self.computed_targets() if name in targets.TRAIN_TARGETS]
-        reason = targets.undamped(self)
+        reason = targets.missing_mesh_damping(self)
         return [targets.for_targets(reason, *names)] if reason and names else []
 
     def computed_targets(self) -> list[str]:
         """Return the names of the targets to compute, without those that do not fit these gears."""
         names = list(self.targets)
-        if "targets" not in self.model_fields_set and targets.has_own_train(self):
+        if "targets" not in self.model_fields_set and targets.has_custom_train(self):
             names.append("train_sweep")
         if self.measured:
             names.append("measured")

@@ -64,13 +64,13 @@ class Damping(_Coefficients):
         pair, coefficients = t.from_context(info, "pair"), {}
         for coefficient_key, ratio_keys in RATIO_KEYS.items():
             keys = [coefficient_key, *ratio_keys]
-            given_keys = [key for key in keys if getattr(self, key) is not None]
-            if not given_keys:
+            values = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
+            if not values:
                 raise PydanticCustomError("missing_key", "", {"key": coefficient_key})
-            if len(given_keys) > 1:
-                key_list = " and ".join(f".{key}" for key in given_keys)
+            if len(values) > 1:
+                key_list = " and ".join(f".{key}" for key in values)
                 raise ValueError(f"{key_list} are not allowed together: it must be one of them")
-            key, value = given_keys[0], getattr(self, given_keys[0])
+            ((key, value),) = values.items()
             if pair and t.from_context(info, "drawn"):
                 with parameters_renamed(lambda argument, owner: f".{argument}"):
                     checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)

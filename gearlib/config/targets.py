@@ -43,13 +43,13 @@ def installed(method: str) -> bool:
     return method not in METHOD_PACKAGES or find_spec(METHOD_PACKAGES[method]) is not None
 
 
-def has_own_train(config: Any) -> bool:
+def has_custom_train(config: Any) -> bool:
     """Return whether the section `train` describes another train than the paper's reducer."""
     train = config.train
     return train.kind != "split_power_reducer" or bool(train.split_power_reducer.model_dump())
 
 
-def undamped(config: Any) -> str:
+def missing_mesh_damping(config: Any) -> str:
     """Return the error message for a train that has a mesh without damping, else ""."""
     train, meshes = config.train, {}
     if train.kind == "planetary_set":
@@ -147,7 +147,7 @@ _REFUSALS = {
         _missing_bearings(x) if "six_degrees" in x.work_precision.problems else ""
     ),
     "reducer": _refuse_reducer,
-    "campbell": lambda x: _missing_teeth(x) if has_own_train(x) else _refuse_reducer(x),
+    "campbell": lambda x: _missing_teeth(x) if has_custom_train(x) else _refuse_reducer(x),
     "train_sweep": _refuse_train_sweep,
     "mesh_stiffness": partial(gears_section.refusal, section_name="mesh_stiffness"),
     "harris_map": partial(gears_section.refusal, section_name="harris_map"),

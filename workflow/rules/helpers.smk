@@ -202,7 +202,7 @@ def target_files(target, *files):
     """Return the files of a target, or an input function that exits if the gears do not allow it."""
     reason = targets.refusal(target, CONFIG)
     if target in targets.TRAIN_TARGETS:
-        reason = reason or targets.undamped(CONFIG)
+        reason = reason or targets.missing_mesh_damping(CONFIG)
     if not reason:
         return list(files)
     message = f"The configuration is refused.\n{targets.for_targets(reason, target)}"
@@ -302,7 +302,7 @@ config["captions"] = {
     "drawn": CONFIG.gears is not None,
     "paper": gear_names.is_paper(CONFIG),
     "forces": force_note(CONFIG.gear_pair.stiffness_ratio) if CONFIG.gears else "",
-    "own_train": targets.has_own_train(CONFIG),
+    "own_train": targets.has_custom_train(CONFIG),
     "missing": ", ".join(not_installed(CONFIG.work_precision.methods)),
     "stiffness_pairs": " and ".join(drawn_pairs(CONFIG, "mesh_stiffness")),
     "reliefs_left_out": bool(

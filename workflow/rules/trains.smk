@@ -93,7 +93,7 @@ rule train_sweep:
 
 # Natural frequencies and mesh frequencies of the configured train, or else of the reducer.
 
-HAS_OWN_TRAIN = targets.has_own_train(CONFIG)
+HAS_OWN_TRAIN = targets.has_custom_train(CONFIG)
 
 
 use rule _compute as compute_campbell with:
