@@ -32,6 +32,8 @@ from gearlib.uncertainty.designs import MAX_SAMPLES, Designs, count_refusals
 
 #: Directions of sweeps; "cold" starts each speed from rest, "seeded" from a random state.
 DIRECTIONS = ("up", "down", "cold", "seeded")
+#: Default quantities of `shard`.
+_QUANTITIES = ("jump_up", "jump_down")
 #: Quantiles of the bands.
 QUANTILES = (0.05, 0.5, 0.95)
 #: Motion on which a seeded run settles: the only motion of the sweeps up and down, the lower or the
@@ -142,16 +144,7 @@ def scatter(
 
 
 def shard(
-    model,
-    tolerances,
-    n,
-    first,
-    last,
-    *,
-    quantities=("jump_up", "jump_down"),
-    speed=None,
-    seed=0,
-    **settings,
+    model, tolerances, n, first, last, *, quantities=_QUANTITIES, speed=None, seed=0, **settings
 ) -> xr.Dataset:
     """Return the dataset of the samples `first` to `last` - 1 of n designs, a shard of `scatter`.
 
