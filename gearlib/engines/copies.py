@@ -1,4 +1,4 @@
-"""Copies between arrays, number by number.
+"""Copies between arrays, entry by entry.
 
 numba compiles ``target[:] = source`` with error messages that cost five seconds in every process
 that compiles anything.
@@ -11,7 +11,7 @@ from gearlib.engines.jit import kernel, kernel_without_refcounts
 
 @kernel_without_refcounts
 def copy(source: np.ndarray, target: np.ndarray) -> None:
-    """Fill the array `target`, shape (n,), with the first n numbers of the array `source`."""
+    """Fill the array `target`, shape (n,), with the first n entries of the array `source`."""
     for i in range(target.shape[0]):
         target[i] = source[i]
 

@@ -9,10 +9,11 @@ from gearlib.engines.jit import kernel
 
 @kernel
 def propagate_perturbation(maps, weights, perturbation, log_growths):
-    """Multiply a perturbation, shape (n,), in place by k period maps, (k, n, n), and normalise it.
+    """Multiply a perturbation, (n,), in place by k period maps, (k, n, n), normalising after each.
 
-    Its norm after each map, with the logarithm `log_growths`, shape (k,), is the Euclidean norm of
-    weights * perturbation, both of shape (n,). Returns False if the perturbation vanishes.
+    The norm is the Euclidean norm of weights * perturbation, both of shape (n,). Fills
+    `log_growths`, shape (k,), with its logarithm after each map. Returns False if the perturbation
+    vanishes.
     """
     n = perturbation.shape[0]
     image = np.empty(n)

@@ -143,10 +143,8 @@ class Base:
             z = previous.state if previous else engine.start(state)
             record = engine.run(z, span, first_period=first_period, keep_events=False)
             next_period = (first_period + span.periods) % repeats
-            period = proven_period(
-                engine, record.state, record.period, span.max_events, next_period
-            )
-            return record._replace(period=period)
+            arguments = record.state, record.period, span.max_events, next_period
+            return record._replace(period=proven_period(engine, *arguments))
 
         run_all_tunings(run, tunings, order, warm_start, rows)
 
@@ -161,9 +159,9 @@ def run_all_tunings(run: Callable, tunings, order, warm_start: bool, rows: Rows)
     for i in order:
         record = run(float(tunings[i]), previous)
         max_displacement = np.abs(record.summary[..., [X_MAX, X_MIN]]).max()
-        status = (
-            OVERFLOW if record.status == OK and max_displacement > rows.bound else record.status
-        )
+        status = record.status
+        if status == OK and max_displacement > rows.bound:
+            status = OVERFLOW
         rows.codes[i] = record.period, status
         if status == OK:
             rows.summaries[i], rows.ends[i] = record.summary, record.final

@@ -34,7 +34,7 @@ _GRAZING_DISTANCE, _GRAZING_SPEED = 1e-5, 1e-3
 #: Largest number of additional periods, and of all periods as a multiple of the periods so far.
 _MAX_ADDED_PERIODS, _MAX_PERIOD_RATIO = 5000, 20
 #: Distance of two neighbouring starts, as large as the rounding of a run, and distance at which
-#: their motions have diverged, both as shares of the state.
+#: their motions have diverged, both as fractions of the state.
 _START_DISTANCE, _DIVERGED_DISTANCE = 1e-13, 1e-2
 
 

@@ -16,7 +16,7 @@ from gearlib.engines.linear.sparse_series import SERIES, series_may_reach_zero
 from gearlib.engines.linear.train_system import next_contact
 from gearlib.engines.polynomial import BINOMIALS, first_bernstein_crossing
 
-#: Largest rounding error of a distance, as a share of the sum of its terms' magnitudes.
+#: Largest rounding error of a distance, as a fraction of the sum of its terms' magnitudes.
 _ROUNDING = 1e-15
 
 
@@ -109,10 +109,8 @@ def stays_off_lines(tables, combination, j, constants, work, count):
         if line == 1 or code == INVERSE or not constants.constant_gap[j]:
             factors = tables.mode_amplitude_factors[combination, side, j]
             amplitude = _dot_of_first(factors, work.amplitudes, count)
-        mean_distance = tables.constant_distance[combination, side, j]
-        if not _distance_sign(code, line) * mean_distance > amplitude + _ROUNDING * abs(
-            mean_distance
-        ):
+        center = tables.constant_distance[combination, side, j]
+        if not _distance_sign(code, line) * center > amplitude + _ROUNDING * abs(center):
             return False
     return True
 

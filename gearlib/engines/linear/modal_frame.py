@@ -153,7 +153,7 @@ class ModalFrame:
         frame.base_matrix[np.ix_(velocities, velocities)] += motions.T @ velocity_matrix @ motions
         return frame
 
-    def matrix(self, system: TrainSystem, effects: np.ndarray) -> np.ndarray:
+    def system_matrix(self, system: TrainSystem, effects: np.ndarray) -> np.ndarray:
         """Return the matrix A, (2 N, 2 N), of a `TrainSystem` in the coordinates of the frame.
 
         `effects`, int, shape (m,), has the number of the contact effect of each mesh.
@@ -185,7 +185,7 @@ class ModalFrame:
         """Return the `Basis` of `state_matrix`, (n, n), the matrix A of the meshes' `effects`."""
         n, n_moving, mode_count = len(state_matrix), len(self.from_frame), self.elastic_size // 2
         matrix, from_basis, to_basis = np.zeros((n, n)), np.eye(n), np.eye(n)
-        matrix[:n_moving, :n_moving] = self.matrix(system, effects)
+        matrix[:n_moving, :n_moving] = self.system_matrix(system, effects)
         matrix[:n_moving, n_moving:] = self.to_frame @ state_matrix[:n_moving, n_moving:]
         matrix[n_moving:, n_moving:] = state_matrix[n_moving:, n_moving:]
         # The constant and the harmonics are scaled by the deflections that they cause.

@@ -62,11 +62,11 @@ class Propagator(Train):
         return Record(z, np.array([x, v]), period, samples, events, summary, status)
 
     def fill_maps(self, z, *arguments):
-        """Fill derivatives of period maps, move z to the end; see the base class for arguments."""
+        """Fill the derivatives of period maps and move z to the end; see `Base.fill_maps`."""
         z -= self.flank_deviation
-        code = super().fill_maps(z, *arguments)
+        status = super().fill_maps(z, *arguments)
         z += self.flank_deviation
-        return code
+        return status
 
     def fill_samples(self, raw, samples, system):
         """Fill samples, (k, 6 + e), with the mesh and e model outputs, from `raw` samples."""

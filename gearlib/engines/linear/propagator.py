@@ -50,7 +50,7 @@ def _check_rates(model: Any, system: TrainSystem) -> None:
         raise ValueError(
             "support_stiffness, shaft_stiffness or damping of this model is not allowed in a run: "
             f"its fastest motion is {rate:.2g} times as fast as that of the mesh, it must be at "
-            f"most {_MAX_RATE:,.0f} times; what is so stiff must be rigid (infinity)"
+            f"most {_MAX_RATE:,.0f} times; stiffer parts must be rigid (infinity)"
         )
 
 

@@ -35,10 +35,8 @@ def _add_extrema(curve, is_displacement, stiffness, work, row):
         (1.0, orbit.X_MAX, orbit.FORCE_MAX),
         (-1.0, orbit.X_MIN, orbit.FORCE_MIN),
     ):
-        lower_bound, largest = (
-            sign * row[displacement_column] if is_displacement else math.inf,
-            -math.inf,
-        )
+        lower_bound = sign * row[displacement_column] if is_displacement else math.inf
+        largest = -math.inf
         if stiffness > 0.0:
             lower_bound = min(lower_bound, sign * row[force_column] / stiffness)
         for k in range(degree + 1):
@@ -77,18 +75,15 @@ def _extrema_stay_within_summary(system, tables, combination, work, segment, sum
         row, code = summary[j], work.contact[j]
         if not tables.is_bounded[combination, 1, j] or not tables.is_bounded[combination, 0, j]:
             return False
-        mean_distance = tables.constant_distance[combination, 1, j]
+        center = tables.constant_distance[combination, 1, j]
         amplitude = distance_amplitude(tables, combination, 1, j, work, mode_count)
-        if (
-            mean_distance + amplitude > row[orbit.X_MAX]
-            or mean_distance - amplitude < row[orbit.X_MIN]
-        ):
+        if center + amplitude > row[orbit.X_MAX] or center - amplitude < row[orbit.X_MIN]:
             return False
         if code == INVERSE:
-            mean_distance = tables.constant_distance[combination, 0, j]
+            center = tables.constant_distance[combination, 0, j]
             amplitude = distance_amplitude(tables, combination, 0, j, work, mode_count)
         stiffness = system.stiffness[code + 1, segment, j] if code != BACKLASH else 0.0
-        high, low = stiffness * (mean_distance + amplitude), stiffness * (mean_distance - amplitude)
+        high, low = stiffness * (center + amplitude), stiffness * (center - amplitude)
         if high > row[orbit.FORCE_MAX] or low < row[orbit.FORCE_MIN]:
             return False
     return True

@@ -252,7 +252,7 @@ class _ProfileRunMixin:
 
     def set_piece(self, piece: ProfilePiece, inertia: np.ndarray) -> None:
         """Set the loads and the acceleration of a piece; `inertia` is that of `run_profiles`."""
-        self.loaded_system = _loaded(self.unloaded_system, piece, inertia)
+        self.loaded_system = _system_with_load(self.unloaded_system, piece, inertia)
         if self.base_system.harmonics.size:
             self.loaded_system.base_matrix[self.model.size, -1] = piece.acceleration
         # The old tables may have another number of state components.
@@ -265,11 +265,13 @@ class _ProfileRunMixin:
 
     @cached_property
     def unloaded_system(self):
-        """`base_system`; its harmonics, if any, follow a phase that is quadratic in theta."""
+        """`base_system`, whose harmonics, if any, follow a phase that is quadratic in theta."""
         if not self.base_system.harmonics.size:
             return self.base_system
         period_range = (0, self.base_system.first_segment.size - 1) if self.long_run_out else ()
-        return _chirped(self.base_system, self.model.system(2.0, *period_range), self.model.size)
+        return _system_with_chirps(
+            self.base_system, self.model.system(2.0, *period_range), self.model.size
+        )
 
     def take_tables(self):
         """Return mode tables for one run; while harmonics change speed, only series apply."""
@@ -323,8 +325,8 @@ class _ProfileRunMixin:
         )
         self.components = len(system.base_matrix)
 
-    def _add_chirps(self, raw, piece, columns):
-        """Add the harmonics to accelerations in `columns`, (k, m, 6), from `raw` states."""
+    def _add_chirp_accelerations(self, raw, piece, columns):
+        """Add the accelerations due to harmonics to mesh samples `columns`, (k, m, 6)."""
         speed_index, rate = self.model.size, self.constants.drive_rates
         for j, w in enumerate(self.base_system.harmonics):
             i = speed_index + 1 + 4 * j
@@ -359,7 +361,7 @@ class _ProfileRunMixin:
         events, columns = events[: event_count if status == OK else 0], np.zeros((len(raw), m, 6))
         if status == OK:
             self.fill_mesh_samples(raw, columns, system)
-            self._add_chirps(raw, piece, columns)
+            self._add_chirp_accelerations(raw, piece, columns)
         event_rows = events[:, [1, -1, 2, 3, 4, 0, 1]]
         event_rows[:, 0] += bounds[events[:, 0].astype(int)]
         summary = summary.reshape(-1, m, SUMMARY_COLUMNS)
@@ -387,7 +389,7 @@ def propagator_of(model: Any) -> Any:
     return runner
 
 
-def _loaded(system: TrainSystem, piece: ProfilePiece, inertia: np.ndarray) -> TrainSystem:
+def _system_with_load(system: TrainSystem, piece: ProfilePiece, inertia: np.ndarray) -> TrainSystem:
     """Return a `TrainSystem` with the load and the acceleration of a `ProfilePiece`.
 
     A changing load adds one component to the state. `inertia`, shape (N,), is the acceleration by
@@ -411,13 +413,15 @@ def _loaded(system: TrainSystem, piece: ProfilePiece, inertia: np.ndarray) -> Tr
     return system._replace(base_matrix=matrix, **widened)
 
 
-def _chirped(system: TrainSystem, system_at_tuning_2: TrainSystem, size: int) -> TrainSystem:
+def _system_with_chirps(
+    system: TrainSystem, system_at_tuning_2: TrainSystem, size: int
+) -> TrainSystem:
     """Return a `TrainSystem` whose harmonics have a phase that is quadratic in theta.
 
     Behind `size` displacements and velocities come dtau/dtheta and, for each harmonic, cosine, sine
-    and their derivatives by theta, on which damping acts. The coefficients of these derivatives are
-    the difference between `system_at_tuning_2`, the system at tuning 2, and `system`, at tuning 1.
-    `sparse_series` computes the derivatives of the new components.
+    and their derivatives by theta, on which damping acts. Their coefficients follow from the
+    difference between `system_at_tuning_2` and `system`, which is at tuning 1. `sparse_series`
+    computes the derivatives of the new components.
     """
     h = system.harmonics.size
     size_after = size + 2 + 4 * h  # speed, four components a harmonic, constant

@@ -25,7 +25,7 @@ from gearlib.engines.pair.motion import (
     next_turning_time,
 )
 
-#: Dips below a line that are smaller than this share of the deflections count as rounding, and
+#: Dips below a line that are smaller than this fraction of the deflections count as rounding, and
 #: hence as grazing without an event.
 GRAZING_TOLERANCE = 4e-16
 #: Largest number of Newton steps. Every eighth halves the bracket, so that 60 halvings suffice.

@@ -25,7 +25,7 @@ from gearlib.engines.pair.whole_periods import (
 FIRST_ARC_ROWS = 32
 #: Number of periods between checks whether a run has settled; it doubles after each failed proof.
 _CHECK_INTERVAL = 8
-#: Largest distance from an orbit of which a single repeat is recorded, as a share of the state.
+#: Largest distance from an orbit of which a single repeat is recorded, as a fraction of the state.
 _ORBIT_DISTANCE = 1e-13
 #: Largest distance D of a motion whose period is proven after its run, distance at which states
 #: count as equal, and largest D of a motion without events, which no figure would show.

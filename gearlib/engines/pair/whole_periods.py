@@ -5,8 +5,8 @@ The orbit is that of `events`, with shortcuts that are proven to be exact:
 * A whole segment in contact is a 2 x 2 map if no flank line can be reached: if the amplitude is
   below the static deflection, or if the velocities at both ends and the length of the segment
   exclude a minimum in between.
-* `contact_table` gives the motion from a landing to the loss of contact or the end of the segment.
-* `motion.return_flight` gives the landing of a flight from x = 0 that cannot reach the far flank.
+* `contact_table` gives the motion from an impact to the loss of contact or the end of the segment.
+* `motion.return_flight` gives the impact after a free flight from x = 0 that misses the far flank.
 
 All other cases use the closed forms, or `events`.
 """

@@ -68,10 +68,8 @@ def first_crossing(series, quantity, line, direction, step, to_bernstein, work):
     if there is no crossing and -1 if the search fails. `to_bernstein` is the matrix from power to
     Bernstein coefficients, `work` storage, shape (WORK_ROWS, ORDER + 2).
     """
-    tail, polynomial = (
-        _fill_scaled_polynomial(series, quantity, line, direction, step),
-        series[SCALED],
-    )
+    tail = _fill_scaled_polynomial(series, quantity, line, direction, step)
+    polynomial = series[SCALED]
     # In most steps the first three terms prove that the curve does not reach the line.
     if parabola_minimum(polynomial[0], polynomial[1], polynomial[2]) > tail:
         return 2.0
