@@ -36,9 +36,9 @@ def test_statistics_at_a_speed_are_those_in_fifty_digits(tuning):
         table = differences.columns(pair, nu, 1, z)
         scale = {"displacement": system.length, "dynamic": system.length * system.force}
         for name in observation.STATISTICS:
-            wanted = float(table[name][0] * scale.get(name.partition("_")[0], 1))
+            expected = float(table[name][0] * scale.get(name.partition("_")[0], 1))
             value = observation.mesh_quantity(point, name, 0)
-            assert value == pytest.approx(wanted, rel=CLOSE, abs=1e-30), name
+            assert value == pytest.approx(expected, rel=CLOSE, abs=1e-30), name
 
 
 @pytest.mark.parametrize("gain", [False, True])
@@ -52,5 +52,5 @@ def test_gain_and_offset_are_eliminated(gain, offset):
     measured, predicted, basis = measured / deviations, predicted / deviations, 1.0 / deviations
     target = measured if gain else measured - predicted
     columns = np.column_stack([predicted] * gain + [basis] * offset + [np.zeros(12)])
-    wanted = columns @ np.linalg.lstsq(columns, target, rcond=None)[0] - target
-    assert np.abs(residuals - wanted).max() < CLOSE * np.abs(wanted).max()
+    expected = columns @ np.linalg.lstsq(columns, target, rcond=None)[0] - target
+    assert np.abs(residuals - expected).max() < CLOSE * np.abs(expected).max()

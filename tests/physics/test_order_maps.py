@@ -63,31 +63,31 @@ def test_a_ramp_agrees_with_a_quadrature_of_the_independent_program(name, tuning
     load += [(seconds / (4.0 if name == "pair" else 2.0), 0.7)]
     start = (0.0,) * max(model.size, 2)
     run = gearlib.run_up(model, speed=speed, load=load, initial_state=start, samples_per_period=256)
-    found = gearlib.order_map(run, highest=15, amplitude="peak")
-    orders = found.order.values
-    assert found.sizes["time"] == 2 and run.event_time.size > 5
-    exact = by_quadrature(model, run, speed, load, orders).reshape(found.amplitude[0].shape)
+    result = gearlib.order_map(run, highest=15, amplitude="peak")
+    orders = result.order.values
+    assert result.sizes["time"] == 2 and run.event_time.size > 5
+    exact = by_quadrature(model, run, speed, load, orders).reshape(result.amplitude[0].shape)
     size = np.abs(exact)
     size[orders > 0] *= 2.0
-    assert np.abs(found.amplitude[0].values - size).max() < 1e-6 * size.max()
-    turned = np.exp(1j * (found.phase[0].values - np.angle(exact)))
-    assert np.abs((turned - 1.0) * size).max() < 1e-6 * size.max()
-    assert found.amplitude_error.max() < 1e-4 * size.max()
+    assert np.abs(result.amplitude[0].values - size).max() < 1e-6 * size.max()
+    rotation = np.exp(1j * (result.phase[0].values - np.angle(exact)))
+    assert np.abs((rotation - 1.0) * size).max() < 1e-6 * size.max()
+    assert result.amplitude_error.max() < 1e-4 * size.max()
 
 
-@pytest.mark.parametrize("tuning", [0.6, 0.9])
-def test_at_constant_speed_it_is_the_spectrum(tuning):
+def test_a_run_up_at_constant_speed_has_the_spectrum_of_a_run():
+    tuning = 0.9
     rpm = PAPER.speed(tuning)
     pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
     once = gearlib.simulate(pair, tuning, periods=240, record_periods=24, samples_per_period=256)
     spectrum = gearlib.orders(once, count=5)
     run = gearlib.run_up(pair, rpm, rpm, duration=600.02 / rpm, samples_per_period=256)
     for variable, name in (("displacement", "error"), ("dynamic_force", "force")):
-        found = gearlib.order_map(run, variable=variable, amplitude="peak").isel(time=-1)
+        result = gearlib.order_map(run, variable=variable, amplitude="peak").isel(time=-1)
         exact = spectrum[f"{name}_amplitude"].values
         # What has not died out in nine revolutions is far smaller.
-        assert np.abs(found.amplitude.values - exact).max() < 1e-7 * exact.max()
-        assert float(found.rpm) == pytest.approx(rpm, rel=1e-12)
+        assert np.abs(result.amplitude.values - exact).max() < 1e-7 * exact.max()
+        assert float(result.rpm) == pytest.approx(rpm, rel=1e-12)
 
 
 def test_powers_of_all_orders_make_the_overall_level():
@@ -108,40 +108,36 @@ def test_powers_of_all_orders_make_the_overall_level():
     np.testing.assert_allclose(single.amplitude, track, rtol=1e-9, atol=1e-18)
 
 
-@pytest.mark.parametrize("variable", ["displacement", "dynamic_force"])
-def test_errors_fall_with_the_samples_and_are_estimated(variable):
+def test_errors_fall_with_the_samples_and_are_estimated():
     rpm = FEW.speed(0.85)
     course = {"start": rpm, "stop": 1.2 * rpm, "duration": 0.2}
-    found = [
-        gearlib.order_map(
-            gearlib.run_up(FEW, samples_per_period=samples, **course), highest=9, variable=variable
+    runs = [gearlib.run_up(FEW, samples_per_period=n, **course) for n in (64, 256, 2048)]
+    maps = [gearlib.order_map(run, highest=9, variable="dynamic_force") for run in runs]
+    errors = [float(np.abs(one.amplitude - maps[-1].amplitude).max()) for one in maps[:2]]
+    assert errors[1] < 0.1 * errors[0] < 1e-3 * float(maps[-1].overall.max())
+    for error, coarse in zip(errors, maps[:2], strict=True):
+        assert error < float(coarse.amplitude_error.max())
+
+
+def test_a_block_at_constant_speed_has_the_spectrum_of_its_revolutions():
+    pair = PAPER.replace(material_damping=1000.0)
+    # Three mesh periods with all phases of contact, from the first period of the record on.
+    settings = {"periods": 1507, "record_periods": 48, "samples_per_period": 256}
+    run = gearlib.simulate(pair, 1.055, initial_state=(-2.0, 1.0), **settings)
+    spectrum = gearlib.orders(run, count=4)
+    for variable, name in (("displacement", "error"), ("dynamic_force", "force")):
+        orders = gearlib.order_map(
+            run, variable=variable, amplitude="peak", resolution=0.5, highest=96
         )
-        for samples in (64, 256, 2048)
-    ]
-    errors = [float(np.abs(one.amplitude - found[-1].amplitude).max()) for one in found[:2]]
-    assert errors[1] < 0.1 * errors[0] < 1e-3 * float(found[-1].overall.max())
-    for error, one in zip(errors, found, strict=False):
-        assert error < float(one.amplitude_error.max())
-
-
-def test_a_course_from_rest_to_rest_has_orders():
-    top = float(FEW.speed(0.6))
-    course = {"speed": [(0.0, 0.0), (0.1, top), (0.15, top), (0.25, 0.0), (0.3, 0.0)]}
-    course |= {"samples_per_period": 64}
-    models = FEW, gearlib.OneDegreePair(pair=FEW)
-    found, same = (gearlib.order_map(gearlib.run_up(one, **course), highest=9) for one in models)
-    assert np.isfinite(found.amplitude).all()
-    gap = np.abs(same.amplitude - found.amplitude)
-    assert gap.max() < 1e-9 * found.amplitude.max()
-
-
-def test_a_coast_side_has_the_orders_of_the_drive_side():
-    rpm = float(FEW.speed(0.85))
-    course = {"start": rpm, "stop": 1.2 * rpm, "duration": 0.2, "samples_per_period": 64}
-    drive = gearlib.order_map(gearlib.run_up(FEW, **course), highest=9)
-    start = -FEW.backlash_ratio, 0.0
-    coast = gearlib.run_up(FEW, load=[(0.0, -1.0)], initial_state=start, **course)
-    own = gearlib.order_map(coast, highest=9)
-    # The mean is measured from the other flank.
-    gap = np.abs(own.amplitude - drive.amplitude)[:, 1:]
-    assert gap.max() < 1e-5 * drive.overall.max()
+        assert orders.order.values == pytest.approx(spectrum.order.values, rel=1e-14)
+        exact = spectrum[f"{name}_amplitude"].values
+        assert np.abs(orders.amplitude[0].values - exact).max() < 1e-7 * exact.max()
+        # The spectrum counts phases from the mesh phase 0, the map from the first sample.
+        begin = orders.order.values / pair.teeth * float(run.phase[0])
+        rotation = np.exp(1j * (orders.phase[0].values - spectrum[f"{name}_phase"].values - begin))
+        assert np.abs(exact * (rotation - 1.0)).max() < 1e-7 * exact.max()
+        assert float(orders.rpm[0]) == pytest.approx(float(run.speed), rel=1e-12)
+    # Of each revolution there is a block; both are the same motion.
+    halves = gearlib.order_map(run, orders=[24, 48], variable="dynamic_force")
+    assert halves.sizes == {"time": 2, "order": 2}
+    assert halves.amplitude[0].values == pytest.approx(halves.amplitude[1].values, rel=1e-9)

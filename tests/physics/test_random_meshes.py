@@ -10,7 +10,7 @@ from tests.references import Stored, from_rest
 
 REFERENCES = Stored("random_meshes")
 
-CASES_PER_SEED, SEEDS, PERIODS = 140, 16, 3
+CASES_PER_SEED, SEEDS, PERIODS = 140, 8, 3
 
 
 def random_mesh(rng):

@@ -1,19 +1,16 @@
-"""Run-ups: against runs at constant speed, a second code, the balance of the torques."""
+"""Run-ups: against runs at constant speed, a second code, the fold where a slow one jumps."""
 
 import math
-import os
 
 import mpmath as mp
 import numpy as np
 import pytest
 
 import gearlib
-from gearlib.geometry import optimum_relief
 from gearlib.models import acceleration
-from tests.geometry.drawings import fzg_c
 from tests.independent.systems import RunUp, describe
 from tests.paper import PAPER
-from tests.trains.random_trains import chain_with_everything, random_problem
+from tests.trains.random_trains import chain_with_everything
 
 TRAIN = gearlib.planetary(stiffness_ratio=(0.7, 0.7), turning=True)
 SIX = gearlib.SixDegreePair(
@@ -32,9 +29,6 @@ WAVES = {
     "deviation": gearlib.Harmonics((1e-6,), (0.0, 5e-7)),
 }
 WAVY = gearlib.OneDegreePair(pair=DAMPED, **WAVES)
-RELIEVED = gearlib.LoadSharingPair.from_geometry(
-    optimum_relief(fzg_c(), 150.0, length="long"), torque=300.0, damping_ratio=0.05
-)
 RUN_OUT = SIX.replace(
     pair=DAMPED,
     moving_backlash=False,
@@ -44,7 +38,6 @@ RUN_OUT = SIX.replace(
     deviation=gearlib.Harmonics((1e-6,), (0.0, 5e-7)),
     inverse_deviation=gearlib.Harmonics((5e-7,)),
 )
-LONG = "GEARLIB_PROPERTIES" in os.environ
 #: Planets that are not alike: no events at once.
 PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
 
@@ -52,7 +45,6 @@ PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
 @pytest.mark.parametrize(
     ("model", "tuning", "start"),
     [
-        (PAPER, 0.6, (0.0, 0.0)),
         (PAPER, 0.9, (2.0, -0.5)),
         (WAVY, 0.9, (2.0, -0.5)),
         (SIX, 0.9, (0, 0)),
@@ -130,24 +122,19 @@ def test_taylor_steps_on_random_courses():
     rng, model = np.random.default_rng(3), WAVY
     speed, load = random_course(rng, model, 0.7, 20, 0.6)
     mass, radius = 0.5 * model.reduced_mass, 0.05
-    given = {"load": load, "driven_mass": mass, "base_radius": radius, "samples_per_period": 8}
-    run = gearlib.run_up(model, speed=speed, **given)
+    options = {"load": load, "driven_mass": mass, "base_radius": radius, "samples_per_period": 8}
+    run = gearlib.run_up(model, speed=speed, **options)
     assert "Taylor steps" in run.attrs["source"]
     push = [mass * radius / model.teeth / model.reduced_mass]
     none = np.zeros(1)
     moved, events = reference(model, speed, load, push).move(none, none, run.time.values)
     assert np.abs(run.displacement.values - moved[:, 0]).max() < 1e-12 * moved.max()
     assert run.sizes["event"] == len(events) > 3
-    wrong = run.event_time.values - [one[0] for one in events]
-    assert np.abs(wrong).max() < 1e-12 / model.mean_eigenfrequency
-    # In many digits as far as time allows.
-    until = speed[-1][0] if LONG else 0.1 * speed[-1][0]
-    times = run.time.values[run.time < until]
-    moved, _ = in_digits(model, speed, load, push, times, until)
-    assert np.abs(run.displacement.values[: times.size] - moved).max() < 1e-13 * moved.max()
+    error = run.event_time.values - [one[0] for one in events]
+    assert np.abs(error).max() < 1e-12 / model.mean_eigenfrequency
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_random_courses_agree_with_forty_digits(seed):
     rng = np.random.default_rng(seed)
     damping, film = rng.uniform(500.0, 4000.0), rng.uniform(0.0, 4000.0)
@@ -172,9 +159,7 @@ def test_random_courses_agree_with_forty_digits(seed):
     [
         (SIX.replace(moving_backlash=False), 0.8),
         (gearlib.planetary(stiffness_ratio=(0.7, 0.7), turning=True, pin_errors=PINS), 0.3),
-        (random_problem(np.random.default_rng(3))[0], 0.95),
         (RUN_OUT, 0.8),
-        random_problem(np.random.default_rng(4))[:2],
         (chain_with_everything(np.random.default_rng(1)), 0.8),
     ],
 )
@@ -190,39 +175,17 @@ def test_random_courses_of_many_coordinates_agree(model, tuning):
     z = z * model.static_deflection * np.repeat([1.0, code.pieces[0].speed], model.size // 2)
     fastest, times = math.sqrt(train.linear_modes[0].max()), run.time.values
     moved, events = code.move(*np.split(z, 2), times)
-    found = run.displacement.values.reshape(moved.shape)
-    assert np.abs(found - moved).max() < 1e-11 * np.abs(moved).max()
+    result = run.displacement.values.reshape(moved.shape)
+    assert np.abs(result - moved).max() < 1e-11 * np.abs(moved).max()
     assert run.sizes["event"] == len(events) > 3
-    wrong = run.event_time.values - [event[0] for event in events]
-    assert np.abs(wrong).max() < 1e-10 / fastest
-
-
-@pytest.mark.parametrize("model", [DAMPED, WAVY, RUN_OUT])
-def test_a_course_that_rests_in_between(model):
-    # Next to rest a phase says little about the speed there.
-    top, span = float(model.speed(0.8)), 10.0 * math.tau / float(model.mesh_frequency(0.8))
-    speed = [(0.0, top), (span, 0.0), (2.0 * span, 0.0), (3.0 * span, top)]
-    load = [(0.0, 1.0), (0.5 * span, -0.2), (0.5 * span, 0.3), (span, 1.2)]
-    n = model.size // 2
-    start = (0.0,) * max(2 * n, 2)
-    run = gearlib.run_up(model, speed=speed, load=load, initial_state=start, samples_per_period=4)
-    train = model.train
-    push = (
-        [0.0]
-        if train is None
-        else acceleration.train_accelerations(train) * model.static_deflection
-    )
-    code = reference(model, speed, load, push)
-    moved, events = code.move(*np.zeros((2, n)), run.time.values)
-    assert np.abs(run.displacement.values - moved[:, 0]).max() < 1e-12 * moved.max()
-    assert run.sizes["event"] == len(events) > 3
+    error = run.event_time.values - [event[0] for event in events]
+    assert np.abs(error).max() < 1e-10 / fastest
 
 
 @pytest.mark.parametrize("model", [TRAIN, SIX.train, gearlib.idler(PAPER)])
-def test_inertia_is_that_of_newton(model):
+def test_forces_of_inertia_leave_nothing_for_the_free_rotation(model):
     push = acceleration.train_accelerations(model) * model.static_deflection
     forces = model.structure.mass @ push
-    # The free rotation keeps to the speed: nothing is left for it to do.
     assert np.abs(model.free_motions.T @ forces).max() < 1e-9 * np.abs(forces).max()
 
 
@@ -238,7 +201,7 @@ def test_the_jump_lags_behind_the_fold_by_two_thirds_of_a_power():
     # of the order of y, the root of the distance. See docs/theory/propagation.md.
     multiplier = branch.multiplier_real.values[k - 2 : k].max(axis=1)
     product = np.polyfit(np.sqrt(away), (1.0 - multiplier) ** 2 / (4.0 * away), 1)[1]
-    lags, rates = [], np.array([1e-9, 1e-8, 1e-7, 1e-6])
+    lags, rates = [], np.array([1e-8, 1e-7, 1e-6])
     for rate in rates:
         expected = AIRY * rate ** (2.0 / 3.0) / product ** (1.0 / 3.0)
         first, last = fold + 12.0 * expected + 200.0 * rate, fold - 4.0 * expected - 100.0 * rate
@@ -264,59 +227,8 @@ def test_the_jump_lags_behind_the_fold_by_two_thirds_of_a_power():
     assert abs(exponent - 2.0 / 3.0) < 0.01
 
 
-def test_rigid_bearings_make_a_pair_of_it():
-    stiff = SIX.replace(bearing_stiffness=(math.inf,) * 4, friction=(0.0, 0.0))
-    torsional = PAPER.replace(reduced_mass=stiff.reduced_mass_torsional, material_damping=3000.0)
-    stiff = stiff.replace(pair=torsional)
-    mass = stiff.inertias[1] / stiff.base_radii[1] ** 2
-    course = {"speed": [(0.0, 500.0), (0.03, 4000.0), (0.04, 3000.0)], "samples_per_period": 8}
-    course["load"] = [(0.0, 1.0), (0.01, 0.4), (0.03, 1.3)]
-    one = gearlib.run_up(torsional, driven_mass=mass, base_radius=stiff.base_radii[0], **course)
-    six = gearlib.run_up(stiff, **course)
-    assert np.abs(six.displacement - one.displacement).max() < 1e-11 * one.displacement.max()
-    assert np.array_equal(six.event_to, one.event_to)
-    # Driven from the other end the mesh has the inertia of gear 3 to pull.
-    other = gearlib.run_up(stiff, driver="2", **course)
-    mass = -stiff.inertias[0] / stiff.base_radii[0] ** 2
-    pull = (six.mean_force - other.mean_force).values / stiff.base_radii[0]
-    wanted = (stiff.inertias[1] / stiff.base_radii[1] ** 2 - mass) * math.tau / 60.0
-    assert 0.9 < pull[0] / (wanted * 3500.0 / 0.03) < 1.1
-
-
-def test_there_is_no_revolution_of_rounding():
-    # Its end lies 5e-12 before a mesh period of which 7,080 are behind it.
-    pair, top = PAPER.replace(material_damping=3953.7), 4900.0
-    run = gearlib.run_up(pair, speed=[(0.0, 1000.0), (3.0, top), (6.0, 1000.0)])
-    assert run.sizes["revolution"] == 295
-    assert abs(run.revolution_speed[-1] - 1000.0) < 40.0
-    assert (np.diff(run.revolution_time) > 0.01).all()
-
-
-def test_a_ramp_of_the_load_does_not_begin_anew():
-    pair = PAPER.replace(material_damping=3953.7)
-    run = gearlib.run_up(pair, 3000.0, 3000.0, duration=3.0, load=[(0.0, 1.0), (3.0, 2.0)])
-    wanted = pair.load * (1.0 + run.revolution_time / 3.0)
-    assert np.abs(run.mean_force / wanted - 1.0).max() < 1e-3
-
-
-@pytest.mark.parametrize(("model", "start"), [(TRAIN, "static"), (WAVY, (0.0, 0.0))])
-def test_a_course_in_parts_is_one_course(model, start):
-    load = [(0.01, 0.3), (0.02, 1.4), (0.05, 0.7)]
-    whole = {"load": load, "initial_state": start, "samples_per_period": 4}
-    one = gearlib.run_up(model, speed=[(0.0, 100.0), (0.06, 2500.0)], **whole)
-    # So that steps begin elsewhere; before its first row the load is that of this row.
-    whole["load"] = [(0.0, 0.3), *load]
-    cut = [(t, 100.0 + 4e4 * t) for t in np.linspace(0.0, 0.06, 38).tolist()]
-    two = gearlib.run_up(model, speed=cut, **whole)
-    for name in ("displacement_max", "dynamic_force_min", "mean_force", "fraction_normal"):
-        size = np.abs(one[name.replace("_min", "_max")]).max()
-        assert np.abs(two[name] - one[name]).max() < 1e-9 * size, name
-    assert one.sizes["revolution"] == two.sizes["revolution"]
-    assert (one.mean_force.values[-1] > 0.0).all()
-
-
 @pytest.mark.parametrize("model", [PAPER.replace(material_damping=3953.7), TRAIN])
-def test_what_a_revolution_has_is_that_of_its_time_course(model):
+def test_statistics_of_a_revolution_are_those_of_its_time_course(model):
     # Slow: the modes die out long before the stiffness switches, and no extremum is looked for.
     speeds = (1000.0, 1500.0) if model is TRAIN else (300.0, 700.0)
     steps = {"load": [(0.21, 1.0), (0.21, 0.6)], "samples_per_period": 512}
@@ -344,3 +256,19 @@ def test_what_a_revolution_has_is_that_of_its_time_course(model):
         for name, code in (("normal", 1), ("backlash", 0), ("inverse", -1)):
             share = (part.contact == code).mean("time")
             assert np.abs(share - own[f"fraction_{name}"]).max() < 5e-3
+
+
+def test_statistics_of_arcs_and_of_matrices_are_the_same():
+    # Through the resonance, with flights and strokes on both flanks.
+    pair = DAMPED.replace(backlash_damping=0.0, backlash=6e-6)
+    speed = [(0.0, 2000.0), (0.4, 4000.0), (0.8, 2000.0)]
+    course = {"speed": speed, "load": [(0.0, 1.0), (0.1, 1.0), (0.1, 0.7)]}
+    course |= {"driven_mass": 1.5, "base_radius": 0.05, "samples_per_period": 4}
+    arcs, matrices = (
+        gearlib.run_up(model, **course) for model in (pair, gearlib.OneDegreePair(pair=pair))
+    )
+    assert (arcs.fraction_inverse > 0.0).any() and arcs.bounces.max() > 0.5
+    for name in arcs.data_vars:
+        if arcs[name].dtype.kind == "f":
+            difference = np.abs(arcs[name].values - matrices[name].values)
+            assert difference.max() < 1e-11 * np.abs(arcs[name]).max(), name

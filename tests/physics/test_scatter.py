@@ -47,14 +47,14 @@ def loops(designs, count):
 def test_bands_are_those_of_plain_loops():
     designs = Designs(PAIR, MANY)
     height, factor, lost = loops(designs, 24)
-    found = scatter(PAIR, MANY, n=24, **RUNS)
+    result = scatter(PAIR, MANY, n=24, **RUNS)
     for name, own in (("height_band", height), ("factor_band", factor)):
         # Single precision.
-        assert np.allclose(found[name], np.quantile(own, QUANTILES, axis=0), rtol=3e-7)
-    assert np.array_equal(found.contact_loss_probability, lost.mean(axis=0))
+        assert np.allclose(result[name], np.quantile(own, QUANTILES, axis=0), rtol=3e-7)
+    assert np.array_equal(result.contact_loss_probability, lost.mean(axis=0))
     up, down = height[:, 0], height[:, 1]
     two = np.abs(up - down) > 0.02 * np.maximum(up, down)
-    assert two.any() and np.allclose(found.two_motions_probability, two.mean(axis=0))
+    assert two.any() and np.allclose(result.two_motions_probability, two.mean(axis=0))
 
 
 def test_any_shards_give_the_same_bytes(whole, tmp_path):
@@ -88,8 +88,8 @@ def test_probabilities_of_motions_are_shares_of_the_designs(whole):
 
 def test_the_share_of_a_uniform_parameter_is_that_of_its_limits():
     """Contact is lost above one load or below it: the probability is a length over a length."""
-    given = {"damping_ratio": {"min": 0.02, "max": 0.3}}
-    found = scatter(PAIR, given, n=1024, tunings=[0.95], quantities=(), directions=("up",))
+    options = {"damping_ratio": {"min": 0.02, "max": 0.3}}
+    result = scatter(PAIR, options, n=1024, tunings=[0.95], quantities=(), directions=("up",))
     low, high = 0.02, 0.3
     for _ in range(40):
         beta = (low + high) / 2.0
@@ -101,17 +101,17 @@ def test_the_share_of_a_uniform_parameter_is_that_of_its_limits():
     near = {"damping_ratio": {"min": (1.0 - 1e-6) * low, "max": (1.0 - 1e-8) * low}}
     lost = scatter(PAIR, near, n=4, tunings=[0.95], quantities=(), directions=("up",))
     assert float(lost.contact_loss_probability.squeeze()) == 1.0
-    share = float(found.contact_loss_probability.squeeze())
+    share = float(result.contact_loss_probability.squeeze())
     assert 0.1 < share < 0.9 and abs(share - (low - 0.02) / 0.28) < 2.0 / 1024
 
 
 def test_samples_that_cannot_be_built_are_counted_and_told():
-    given = {"contact_ratio": {"mean": 1.9, "std": 0.1}}
-    found = scatter(PAIR, given, n=128, tunings=[0.9], quantities=())
-    count = int((found.refusal != "").sum())
-    assert count == int((found.contact_ratio > 2.0).sum()) > 10
-    assert (found.run_count == 128 - count).all() and not found.failed_runs.any()
-    (text,) = refused(found)
+    options = {"contact_ratio": {"mean": 1.9, "std": 0.1}}
+    result = scatter(PAIR, options, n=128, tunings=[0.9], quantities=())
+    count = int((result.refusal != "").sum())
+    assert count == int((result.contact_ratio > 2.0).sum()) > 10
+    assert (result.run_count == 128 - count).all() and not result.failed_runs.any()
+    (text,) = refused(result)
     assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
 
 
@@ -123,15 +123,15 @@ def test_other_models_go_one_by_one():
         load=1.0,
         forcing=gearlib.Harmonics((0.5,)),
     )
-    given = {"damping": {"min": 0.08, "max": 0.12}}
+    options = {"damping": {"min": 0.08, "max": 0.12}}
     ways, box = ("up", "seeded"), ((1.0, 2.0), (2.0, 3.0))
-    asked = {"quantities": (), "directions": ways, "box": box, "periods": 6, "record_periods": 5}
-    found = scatter(oscillator, given, n=4, tunings=[0.8, 0.9], **asked)
+    settings = {"quantities": (), "directions": ways, "box": box, "periods": 6, "record_periods": 5}
+    result = scatter(oscillator, options, n=4, tunings=[0.8, 0.9], **settings)
     run = {"periods": 6, "record_periods": 5}
-    points = Designs(oscillator, given).points(0, 4)
+    points = Designs(oscillator, options).points(0, 4)
     for direction in ways:
         heights = []
-        for value, point in zip(found.damping.values, points, strict=True):
+        for value, point in zip(result.damping.values, points, strict=True):
             model = oscillator.replace(damping=float(value))
             how = {"direction": direction}
             if direction == "seeded":
@@ -139,26 +139,26 @@ def test_other_models_go_one_by_one():
             one = gearlib.sweep(model, [0.8, 0.9], **run, **how)
             heights.append(one.displacement_max - one.displacement_min)
         expected = np.quantile(heights, QUANTILES, axis=0)
-        assert np.allclose(found.height_band.sel(direction=direction), expected, rtol=1e-6)
-    assert found.height_band.attrs["units"] == "1" and "tuning" in found.dims
-    assert math.isfinite(float(found.factor_band.max()))
+        assert np.allclose(result.height_band.sel(direction=direction), expected, rtol=1e-6)
+    assert result.height_band.attrs["units"] == "1" and "tuning" in result.dims
+    assert math.isfinite(float(result.factor_band.max()))
 
 
 def test_quantities_go_with_the_samples():
-    given = {"max_stiffness": {"std": "1 %"}, "contact_ratio": {"mean": 1.9, "std": 0.06}}
+    options = {"max_stiffness": {"std": "1 %"}, "contact_ratio": {"mean": 1.9, "std": 0.06}}
     names = ("jump_up", "onset_of_contact_loss")
-    found = scatter(PAIR, given, names, n=32)
-    parts = [shard(PAIR, given, 32, *ends, quantities=names) for ends in ((5, 32), (0, 5))]
-    assert gather(parts).identical(found)
-    there = found.refusal.values == ""
+    result = scatter(PAIR, options, names, n=32)
+    parts = [shard(PAIR, options, 32, *ends, quantities=names) for ends in ((5, 32), (0, 5))]
+    assert gather(parts).identical(result)
+    there = result.refusal.values == ""
     assert 0 < there.sum() < 32
     for name in names:
-        assert np.array_equal(found[f"{name}_status"].values == -1, ~there)
+        assert np.array_equal(result[f"{name}_status"].values == -1, ~there)
     i = int(np.argmax(there))
-    designs = Designs(PAIR, given)
+    designs = Designs(PAIR, options)
     model = designs.model(designs.values(designs.points(i, i + 1))[0])
     # Onset: first with contact, then without.
-    speed = float(found.onset_of_contact_loss[i])
+    speed = float(result.onset_of_contact_loss[i])
     up = [speed * (1.0 - 1e-4), speed * (1.0 + 1e-4)]
     run = gearlib.sweep(model, speeds=up, periods=600, record_periods=20, direction="down")
     assert run.bounces.values.astype(bool).sum() == 1

@@ -31,8 +31,8 @@ def test_threads_change_no_bit(known, hasty):
         starts = rng.uniform(-2.0, 2.0, (3 * THREADS, 2))
         shared = [model.propagator(tuning) for tuning in tunings]
         start = alone.start_state("static") if alone.mesh_names else np.zeros(alone.size)
-        asked = [np.array(start) for _ in starts]
-        for z, (x, v) in zip(asked, starts, strict=True):
+        settings = [np.array(start) for _ in starts]
+        for z, (x, v) in zip(settings, starts, strict=True):
             z[0] += x
             z[z.size // 2] += v
 
@@ -40,7 +40,7 @@ def test_threads_change_no_bit(known, hasty):
             record = propagator.record(z, PERIODS, 10**5, 4)
             return [np.asarray(part).tobytes() for part in record]
 
-        serial = [go(alone.propagator(tunings[i % 3]), z) for i, z in enumerate(asked)]
+        serial = [go(alone.propagator(tunings[i % 3]), z) for i, z in enumerate(settings)]
         with ThreadPoolExecutor(THREADS) as pool:
-            found = list(pool.map(go, [shared[i % 3] for i in range(len(asked))], asked))
-        assert found == serial
+            result = list(pool.map(go, [shared[i % 3] for i in range(len(settings))], settings))
+        assert result == serial

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from gearlib import (
-    DeadZoneOscillator,
     GearPair,
-    Harmonics,
     OneDegreePair,
     basins,
     bifurcation_diagram,
@@ -41,66 +39,62 @@ def growth(pair, tuning):
     return math.log(np.abs(np.linalg.eigvals(pairs_as_train(pair).contact_map(tuning))).max())
 
 
-def test_labels():
-    found = scan(PAIR, TUNINGS)
-    names = [LABELS[code] for code in found.label.values]
+def test_motions_inside_the_tongue_are_labelled_unbounded():
+    assert [growth(PAIR, nu) > 0.0 for nu in TUNINGS] == GROWS.tolist()
+    result = scan(PAIR, TUNINGS)
+    names = [LABELS[code] for code in result.label.values]
     assert names == ["unbounded" if grows else "periodic" for grows in GROWS]
-    assert (np.isnan(found.exponent.values) == GROWS).all()
-    assert "unbounded" in found.label.flag_meanings.split()
+    assert (np.isnan(result.exponent.values) == GROWS).all()
+    assert "unbounded" in result.label.flag_meanings.split()
     assert "bound" in trust(PAIR, 0.942).message
 
 
 def test_exponents_have_a_status():
-    found = lyapunov_exponents(PAIR, TUNINGS)
-    assert found.status.values.tolist() == np.where(GROWS, OVERFLOW, 0).tolist()
-    assert (np.isnan(found.exponent.values) == GROWS).all()
+    result = lyapunov_exponents(PAIR, TUNINGS)
+    assert result.status.values.tolist() == np.where(GROWS, OVERFLOW, 0).tolist()
+    assert (np.isnan(result.exponent.values) == GROWS).all()
     states = np.zeros((2, 2))
     states[1] = math.nan
-    found = lyapunov_exponents(PAIR, [0.93, 0.94], states=states)
-    assert found.status.values.tolist() == [0, NO_START] and np.isnan(found.exponent.values[1])
+    result = lyapunov_exponents(PAIR, [0.93, 0.94], states=states)
+    assert result.status.values.tolist() == [0, NO_START] and np.isnan(result.exponent.values[1])
 
 
-def test_a_run_that_stops_gives_its_reason():
-    found = lyapunov_exponents(PAIR, [0.93], max_events=1)
-    assert found.status.values.tolist() == [status.EVENT_LIMIT]
-
-
-@pytest.mark.parametrize("direction", ["cold", "up", "down"])
-def test_sweeps(direction):
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_sweeps_tell_an_overflow(direction):
     run = sweep(PAIR, TUNINGS, periods=6000, record_periods=2, direction=direction)
-    wanted = GROWS.copy()
-    assert (run.status.values == np.where(wanted, OVERFLOW, 0)).all()
-    assert (run.displacement_max.isnull().values == wanted).all()
+    expected = GROWS.copy()
+    assert (run.status.values == np.where(expected, OVERFLOW, 0)).all()
+    assert (run.displacement_max.isnull().values == expected).all()
     # What follows a motion without bound starts from rest.
     cold = sweep(PAIR, [0.94], periods=6000, record_periods=2)
     if direction != "up":
         np.testing.assert_array_equal(run.displacement_max.values[1], cold.displacement_max[0])
 
 
-def test_diagrams_and_sections():
-    found = bifurcation_diagram(PAIR, [0.94, 0.9435], settle=2000, strobes=4)
-    assert found.status.values.tolist() == [0, OVERFLOW]
-    assert found.displacement.isnull().values.tolist() == [[False] * 4, [True] * 4]
+def test_diagrams_and_sections_tell_an_overflow():
+    result = bifurcation_diagram(PAIR, [0.94, 0.9435], settle=2000, strobes=4)
+    assert result.status.values.tolist() == [0, OVERFLOW]
+    assert result.displacement.isnull().values.tolist() == [[False] * 4, [True] * 4]
     one = poincare_section(PAIR, 0.9435, [(0.0, 0.0)], periods=4, settle=2000)
     assert one.status.values.tolist() == [OVERFLOW] and one.final_state.isnull().all()
 
 
-def test_basins():
+def test_basins_have_an_unbounded_class():
     grid = ((-2.0, 2.0, 4), (-2.0, 2.0, 4))
     for nu, kind in ((0.93, "periodic"), (0.941, "unbounded"), (0.945, "unbounded")):
-        found = basins(PAIR, nu, grid)
-        flags = found.attractor_kind.flag_meanings.split()
-        assert [flags[code] for code in found.attractor_kind.values] == [kind]
+        result = basins(PAIR, nu, grid)
+        flags = result.attractor_kind.flag_meanings.split()
+        assert [flags[code] for code in result.attractor_kind.values] == [kind]
 
 
 @pytest.mark.parametrize("make", [lambda pair: OneDegreePair(pair=pair), pairs_as_train])
-def test_other_models(make):
+def test_other_models_tell_an_overflow(make):
     model = make(PAIR)
     for nu, code in ((0.93, 0), (0.945, OVERFLOW)):
         run = simulate(model, nu, periods=700, samples_per_period=1)
         assert int(run.status) == code
-        found = lyapunov_exponents(model, [nu], settle=200, periods=400)
-        assert found.status.values.tolist() == [code]
+        result = lyapunov_exponents(model, [nu], settle=200, periods=400)
+        assert result.status.values.tolist() == [code]
     run = sweep(model, [0.93, 0.945], periods=700, record_periods=1, direction="down")
     assert run.status.values.tolist() == [0, OVERFLOW]
 
@@ -111,27 +105,8 @@ def test_a_start_far_out_is_no_growth():
         assert int(run.status) == 0 and float(run.displacement_max) > 1e8
     run = simulate(PAIR, 0.8, periods=4000, initial_state=(1e9, 0.0))
     assert int(run.status) == 0 and float(run.displacement_max) < 10.0
-    found = basins(PAIR, 0.8, ((1e7, 1e9, 2), (0.0, 0.0, 1)))
-    assert found.attractor_kind.values.tolist() == [0]
-
-
-def test_a_unit_of_length_that_is_small_is_no_growth():
-    """All lengths in a unit of 1e-12 of the other; the motion is the same."""
-    small, large = (
-        simulate(
-            DeadZoneOscillator(
-                upper_stiffness=1.0,
-                damping=0.05,
-                forcing=Harmonics((0.3 * size,)),
-                load=size,
-            ),
-            0.7,
-            periods=400,
-        )
-        for size in (1.0, 1e12)
-    )
-    assert int(small.status) == int(large.status) == 0
-    np.testing.assert_allclose(large.displacement_max, 1e12 * small.displacement_max, rtol=1e-9)
+    result = basins(PAIR, 0.8, ((1e7, 1e9, 2), (0.0, 0.0, 1)))
+    assert result.attractor_kind.values.tolist() == [0]
 
 
 @pytest.mark.parametrize(("trains", "method"), [(False, "scipy"), (True, "rk4"), (False, "exact")])

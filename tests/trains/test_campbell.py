@@ -28,14 +28,14 @@ TRAINS = [
 
 @pytest.mark.parametrize("train", TRAINS, ids=["reducer", "planetary"])
 def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train):
-    found = train.campbell(2)
-    assert found.stiffness_order.size > 1
-    assert found.excites.any() == any(mesh.varies for mesh in train.meshes)
+    result = train.campbell(2)
+    assert result.stiffness_order.size > 1
+    assert result.excites.any() == any(mesh.varies for mesh in train.meshes)
     modes = train.modes().natural_frequency
     pinion = train.reference_pinion
-    for order in found.stiffness_order.values:
-        for mode in found.mode.values:
-            speed = float(found.critical_speed.sel(stiffness_order=order, mode=mode))
+    for order in result.stiffness_order.values:
+        for mode in result.mode.values:
+            speed = float(result.critical_speed.sel(stiffness_order=order, mode=mode))
             # Teeth per second that pass the mesh, seen from the carrier.
             passing = speed / 60.0 / (1.0 + train.carrier_ratio) * pinion.teeth
             frequency = float(modes.sel(mode=mode))
@@ -43,7 +43,7 @@ def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train):
     # Orders of both mesh frequencies of the reducer, 2 to 3.
     if train.carrier_ratio == 0.0:
         expected = [2.0 / 3.0, 1.0, 4.0 / 3.0, 2.0]
-        np.testing.assert_allclose(found.stiffness_order, expected, rtol=1e-12)
+        np.testing.assert_allclose(result.stiffness_order, expected, rtol=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -47,17 +47,17 @@ def overlap(train, tuning, states, periods):
     phases = 2.0 * math.pi * periods * np.arange(len(states)) / len(states)
 
     def distances(side):
-        found = states @ side["row"] + side["constant"] / system.length
+        result = states @ side["row"] + side["constant"] / system.length
         for frequency, cosine, sine in side["waves"]:
             wave = cosine * np.cos(frequency * phases) + sine * np.sin(frequency * phases)
-            found += wave / system.length
-        return found
+            result += wave / system.length
+        return result
 
-    found = [
+    result = [
         np.minimum(distances(drive), -distances(coast[0]) if coast else -math.inf)
         for drive, *coast in (contact["sides"] for contact in system.contacts)
     ]
-    return np.stack(found, axis=1)
+    return np.stack(result, axis=1)
 
 
 def unwatched(train, tuning, state, periods):
@@ -196,8 +196,8 @@ def test_statics_say_where_the_load_wedges_a_mesh():
     assert int(wedged.status) == status.JAMMED and "both flanks" in wedged.status.attrs["message"]
     assert int(free.status) == status.OK
     # Net of the 250 N and 150 N on both flanks: the load.
-    for found in (wedged, free):
-        assert float(found.mesh_force[0]) == pytest.approx(100.0)
+    for result in (wedged, free):
+        assert float(result.mesh_force[0]) == pytest.approx(100.0)
     # Without backlash, but without deviations: one flank touches.
     without = two_gears(0.0, 0.0, 0.0).static()
     assert int(without.contact[0]) == 1 and int(without.status) == status.OK

@@ -31,9 +31,9 @@ def run(train, method=None, options=None, tuning=0.9, **more):
     return gearlib.simulate(train, tuning, method=method, options=options, **(known | more))
 
 
-def differences(found, expected):
+def differences(result, expected):
     return {
-        name: float(np.abs(found[name] - expected[name]).max())
+        name: float(np.abs(result[name] - expected[name]).max())
         for name in (*DEFLECTIONS, *SUMMARY, *MORE)
     }
 
@@ -49,18 +49,18 @@ def differences(found, expected):
 )
 def test_steps_over_switches_come_close(method, options, close):
     train, state = bouncing(), START
-    expected, found = (
+    expected, result = (
         run(train, *way, initial_state=state, periods=2, record_periods=2)
         for way in ((), (method, options))
     )
-    off = differences(found, expected)
+    difference = differences(result, expected)
     # Contact of a sample near an event may be the other one.
-    off.pop("modified_stiffness")
-    assert all(value < close for value in off.values()), off
-    assert found.event.size == expected.event.size
-    np.testing.assert_allclose(found.event_phase, expected.event_phase, rtol=0.0, atol=close)
+    difference.pop("modified_stiffness")
+    assert all(value < close for value in difference.values()), difference
+    assert result.event.size == expected.event.size
+    np.testing.assert_allclose(result.event_phase, expected.event_phase, rtol=0.0, atol=close)
     # Before errors have grown from bounce to bounce: well within a step of the fixed ones.
-    first = [one.event_phase[:3] for one in (found, expected)]
+    first = [one.event_phase[:3] for one in (result, expected)]
     np.testing.assert_allclose(*first, rtol=0.0, atol=0.01 * close)
 
 

@@ -69,8 +69,8 @@ def test_torsional_train_has_kahramans_frequencies(planets):
     squares = [0.0, *[(k1 + k2) / m_p] * (n - 1), *np.roots([l1, l2, l3])]
     modes = train.modes()
     # The eigenvalues of a few coordinates: some hundred units of rounding.
-    found = (2.0 * math.pi * modes.natural_frequency.values) ** 2
-    np.testing.assert_allclose(found, np.sort(squares), rtol=1e-12, atol=1e-12 * max(squares))
+    result = (2.0 * math.pi * modes.natural_frequency.values) ** 2
+    np.testing.assert_allclose(result, np.sort(squares), rtol=1e-12, atol=1e-12 * max(squares))
     assert of_kind(modes, "satellite").size == n - 1
 
 
@@ -91,19 +91,19 @@ def test_phasing_follows_parkers_rule(teeth, planets):
     train = planetary(
         planets=planets, teeth=teeth, stiffness_ratio=(0.7, 0.8), contact_ratio=(1.43, 1.61)
     )
-    found = train.phasing(7)
-    for order in found.stiffness_order.values:
+    result = train.phasing(7)
+    for order in result.stiffness_order.values:
         k = int(order) * teeth[0] % planets
         expected = "rotational" if k == 0 else "satellite"
         if k in (1, planets - 1):
             expected = "translational"
-        excited = found.sel(stiffness_order=order)
+        excited = result.sel(stiffness_order=order)
         kinds = set(excited.mode_kind.values[excited.excites.values])
         assert kinds <= {expected}
         # At least where the wave has that harmonic and the load deforms a mesh of the mode.
         assert kinds or expected == "satellite"
-        off = excited.mode_kind.values != expected
-        assert np.all(excited.phase_sum.values[off] < 1e-11)
+        difference = excited.mode_kind.values != expected
+        assert np.all(excited.phase_sum.values[difference] < 1e-11)
 
 
 def test_reference_frequency_is_of_the_mode_that_strains_the_reference_mesh():
@@ -123,6 +123,6 @@ def test_reference_frequency_is_of_the_mode_that_strains_the_reference_mesh():
 def test_which_springs_are_too_soft_to_count_is_no_matter_of_units(unit):
     # Two masses on springs of their own; the third one is held by 1e-20 of the stiffest.
     springs = np.eye(3), unit * np.array([1.0, 4.0, 1e-20])
-    found = free_motions_and_modes(springs, (np.eye(3), unit * np.ones(3)))
-    assert np.abs(found.free[:, 0] * np.sqrt(unit)) == pytest.approx([0.0, 0.0, 1.0])
-    assert found.squares == pytest.approx([1.0, 4.0], rel=1e-14)
+    result = free_motions_and_modes(springs, (np.eye(3), unit * np.ones(3)))
+    assert np.abs(result.free[:, 0] * np.sqrt(unit)) == pytest.approx([0.0, 0.0, 1.0])
+    assert result.squares == pytest.approx([1.0, 4.0], rel=1e-14)

@@ -27,11 +27,11 @@ def test_starts_are_seeded_of_the_size_asked_for_and_no_two_alike():
 
 
 def test_settled_motions_are_the_periodic_orbit_and_not_a_late_transient():
-    (found,) = many_starts.motions_from_equilibrium(TRAIN, [1.2], SETTINGS)
-    assert found.settled and (found.period == TRAIN.repeats).all()
-    orbit = periodic_orbit(TRAIN, 1.2, guess=found.state[0], period=TRAIN.repeats)
+    (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.2], SETTINGS)
+    assert result.settled and (result.period == TRAIN.repeats).all()
+    orbit = periodic_orbit(TRAIN, 1.2, guess=result.state[0], period=TRAIN.repeats)
     exact = simulate(TRAIN, 1.2, periods=12, record_periods=12, initial_state=tuple(orbit.state))
-    every = many_starts.summarise(TRAIN, [found], SETTINGS, ["dynamic_factor"])
+    every = many_starts.summarise(TRAIN, [result], SETTINGS, ["dynamic_factor"])
     for start in range(5):
         ours = every.dynamic_factor.isel(start=start, tuning=0)
         np.testing.assert_allclose(ours, exact.dynamic_factor, rtol=1e-11)
@@ -40,10 +40,10 @@ def test_settled_motions_are_the_periodic_orbit_and_not_a_late_transient():
 
 def test_motions_that_part_are_told_by_their_range():
     # Where branches that move alike are unstable.
-    (found,) = many_starts.motions_from_equilibrium(TRAIN, [1.6], SETTINGS)
-    every = many_starts.summarise(TRAIN, [found], SETTINGS, ["dynamic_factor"])
-    assert not found.settled and int(every.settled[0]) == 0 and int(every.period[0]) == 0
-    assert (found.orbit < 0).any() and not found.period[found.orbit < 0].any()
+    (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.6], SETTINGS)
+    every = many_starts.summarise(TRAIN, [result], SETTINGS, ["dynamic_factor"])
+    assert not result.settled and int(every.settled[0]) == 0 and int(every.period[0]) == 0
+    assert (result.orbit < 0).any() and not result.period[result.orbit < 0].any()
     low, high = (
         many_starts.ranges_over_starts(every, ["dynamic_factor"])[f"dynamic_factor_{end}"].values
         for end in ("low", "high")
@@ -58,9 +58,9 @@ def test_shares_are_those_of_the_motions_that_starts_lead_to():
     assert float(keeps.fraction_normal) == 1.0 > float(loses.fraction_normal)
     low, high = keeps.final_state.values, loses.final_state.values
     states = np.array([low, high, low, low])
-    found = many_starts.final_motions(PAIR, 0.81, states, SETTINGS | {"first_starts": 4})
-    every = many_starts.summarise(PAIR, [found], SETTINGS, ["displacement_max"])
-    assert found.orbit.tolist() == [0, 1, 0, 0]
+    result = many_starts.final_motions(PAIR, 0.81, states, SETTINGS | {"first_starts": 4})
+    every = many_starts.summarise(PAIR, [result], SETTINGS, ["displacement_max"])
+    assert result.orbit.tolist() == [0, 1, 0, 0]
     assert float(every.largest_share[0]) == 0.75 and int(every.motion_count[0]) == 2
     assert float(every.settled_share[0]) == 1.0 and int(every.settled[0]) == 0
     # On the boundary of the basins, to rounding, the start alone decides: that counts as neither.
@@ -78,14 +78,14 @@ def test_shares_are_those_of_the_motions_that_starts_lead_to():
 
 def test_a_carried_motion_begins_anew_behind_one_that_did_not_settle():
     tunings, direction = [1.2, 1.6, 1.84], "up"
-    found = many_starts.warm_started_motions(TRAIN, tunings, SETTINGS, direction)
+    result = many_starts.warm_started_motions(TRAIN, tunings, SETTINGS, direction)
     alone = many_starts.warm_started_motions(TRAIN, tunings[-1:], SETTINGS, direction)
-    assert not found[1].settled and found[-1].settled
-    np.testing.assert_allclose(found[-1].summary, alone[0].summary, rtol=1e-9)
+    assert not result[1].settled and result[-1].settled
+    np.testing.assert_allclose(result[-1].summary, alone[0].summary, rtol=1e-9)
 
 
 def test_a_start_that_could_not_go_on_does_not_hide_the_others():
     values = [[1.0, np.nan], [np.nan, np.nan], [3.0, np.nan], [4.0, np.nan]]
-    found = many_starts.ranges_over_starts(xr.Dataset({"x": (("start", "model"), values)}), ["x"])
-    assert [float(found[f"x{end}"][0]) for end in ("", "_low", "_high")] == [3.0, 1.0, 4.0]
-    assert all(np.isnan(found[f"x{end}"][1]) for end in ("", "_low", "_high"))
+    result = many_starts.ranges_over_starts(xr.Dataset({"x": (("start", "model"), values)}), ["x"])
+    assert [float(result[f"x{end}"][0]) for end in ("", "_low", "_high")] == [3.0, 1.0, 4.0]
+    assert all(np.isnan(result[f"x{end}"][1]) for end in ("", "_low", "_high"))

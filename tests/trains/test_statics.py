@@ -19,12 +19,12 @@ def rests(train):
 
     Springs only push, so that no other forces do that: their energy is convex.
     """
-    found, system = equilibrium(train), system_of(describe(train), 1.0)
-    assert not found.both_flanks_touch.any()
+    result, system = equilibrium(train), system_of(describe(train), 1.0)
+    assert not result.both_flanks_touch.any()
     stiffness, load = system.still
-    left, size = load - stiffness @ found.q, np.abs(load) + np.abs(stiffness) @ np.abs(found.q)
-    for contact, force, code in zip(system.contacts, found.force, found.contact, strict=True):
-        near, far = (system.distance(side, found.q, 0.0) for side in contact["sides"])
+    left, size = load - stiffness @ result.q, np.abs(load) + np.abs(stiffness) @ np.abs(result.q)
+    for contact, force, code in zip(system.contacts, result.force, result.contact, strict=True):
+        near, far = (system.distance(side, result.q, 0.0) for side in contact["sides"])
         # A flank that just touches fits either way, to a millionth of a millionth of the gaps.
         assert {1: near >= -1e-17, 0: near < 1e-17 and far > -1e-17, -1: far <= 1e-17}[code]
         side, way = contact["sides"][int(code < 0)], near if code >= 0 else far
@@ -33,7 +33,7 @@ def rests(train):
         assert force == pytest.approx(level * way if code else 0.0, abs=1e-12 * size.max())
         left, size = left - force * side["row"], size + abs(force * side["row"])
     np.testing.assert_allclose(left, 0.0, rtol=0, atol=1e-12 * size.max())
-    return found.contact
+    return result.contact
 
 
 def test_equilibrium_meets_all_conditions():
@@ -133,10 +133,10 @@ def test_speeds_are_those_of_willis():
 
 def test_a_train_that_its_load_opens_for_good_is_refused():
     train = idler(PAPER.replace(backlash=math.inf))
-    turned = [replace(body, torque=-body.torque) for body in train.bodies]
+    rotation = [replace(body, torque=-body.torque) for body in train.bodies]
     with pytest.raises(ValueError, match="no static equilibrium"):
-        train.replace(bodies=turned).static()
-    finite = idler(PAPER).replace(bodies=turned).static()
+        train.replace(bodies=rotation).static()
+    finite = idler(PAPER).replace(bodies=rotation).static()
     assert list(finite.contact.values) == [-1, -1]
     np.testing.assert_allclose(finite.mesh_force.values, -PAPER.load, rtol=1e-12)
 

@@ -14,8 +14,10 @@ SAMPLES = 120
 def train(teeth, planets, **options):
     """Return a planetary train with a stiffness jump of 60 % of its mean; tunings are kHz."""
     ratios = [1.0 - 0.6 / (1.0 + 0.6 * (2.0 - epsilon)) for epsilon in (1.4, 1.6)]
-    given = dict(planets=planets, teeth=teeth, stiffness_ratio=ratios, reference_frequency=1000.0)
-    return planetary(**given | options)
+    settings = dict(
+        planets=planets, teeth=teeth, stiffness_ratio=ratios, reference_frequency=1000.0
+    )
+    return planetary(**settings | options)
 
 
 def harmonics(model, tuning, guess=None):

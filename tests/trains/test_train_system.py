@@ -50,13 +50,13 @@ def with_run_out(**options):
 
 
 def test_a_run_does_not_depend_on_the_stretches_of_its_segments(monkeypatch):
-    train, found = with_run_out(), []
+    train, result = with_run_out(), []
     for stretch in (10**6, 4):
         monkeypatch.setattr(linear_propagator, "_PERIODS_AT_A_TIME", stretch)
         run = simulate(train, 0.9, periods=13, record_periods=5)
         orbit = train.propagator(0.9).maps(train.start_state("static"), 11, 100, first_period=30)
-        found.append((run, orbit))
-    (whole, maps), (parts, other) = found
+        result.append((run, orbit))
+    (whole, maps), (parts, other) = result
     xr.testing.assert_allclose(whole, parts, rtol=1e-9, atol=1e-9)
     for one, same in zip(maps, other, strict=True):
         np.testing.assert_allclose(one, same, rtol=1e-9, atol=1e-9)
@@ -84,10 +84,10 @@ def test_a_line_of_action_tells_where_the_gears_lie(internal, direction):
         assert again.centres == pytest.approx(position, abs=1e-14)
         # Of a pair outside of each other the pressure parts the axes; a ring gear is pulled along.
         # Across the line of centres it turns the gear with the drive side.
-        turned = mesh.line - position
+        rotation = mesh.line - position
         apart = -math.sin(alpha) if internal else math.sin(alpha)
-        assert math.cos(turned) == pytest.approx(apart, abs=1e-14)
-        assert math.sin(turned) == pytest.approx(direction * math.cos(alpha), abs=1e-14)
+        assert math.cos(rotation) == pytest.approx(apart, abs=1e-14)
+        assert math.sin(rotation) == pytest.approx(direction * math.cos(alpha), abs=1e-14)
 
 
 def test_what_a_train_keeps_from_one_call_to_the_next_changes_no_bit():

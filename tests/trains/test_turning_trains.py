@@ -12,11 +12,11 @@ from gearlib import planetary, simulate
 
 def turning(rng=None, planets=3, **options):
     """Return a turning planetary train; with `rng` one without any symmetry."""
-    given = dict(planets=planets, turning=True, gyroscopic=True)
+    settings = dict(planets=planets, turning=True, gyroscopic=True)
     if rng is not None:
         teeth = ((27, 99), (28, 98), (30, 90))[rng.integers(3)]
         whole = rng.permutation(sum(teeth) // 9)[:planets] * 9
-        given |= dict(
+        settings |= dict(
             teeth=teeth,
             positions=[2.0 * math.pi * k / sum(teeth) for k in whole],
             masses=tuple(rng.uniform(0.5, 6.0, 4)),
@@ -25,7 +25,7 @@ def turning(rng=None, planets=3, **options):
             torsional_stiffness=(0.0, 10.0 ** rng.uniform(7.0, 9.0), 0.0),
             load=rng.uniform(-3000.0, 3000.0),
         )
-    return planetary(**(given | options))
+    return planetary(**(settings | options))
 
 
 def turned(train):
