@@ -41,7 +41,7 @@ def resonance(pair, seed, names=(*HEIGHT, "fraction_backlash"), gain=1.0):
 
 def test_exact_curves_of_unknown_noise_give_the_truth():
     # Jumps are known to half a step only: with one scale for all they would pull damping by 12 %.
-    data = resonance(TRUTH, None, HEIGHT)
+    data = resonance(TRUTH, None)
     guess = TRUTH.replace(material_damping=4200.0, reduced_mass=3.1)
     fit = gearlib.fit(
         guess, data, {name: FREE[name] for name in ("material_damping", "reduced_mass")}

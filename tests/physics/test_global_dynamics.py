@@ -46,7 +46,7 @@ def grid(count):
     ("pair", "tuning", "periods"), [(MATERIAL, 0.72, 1), (BOTH, 1.75, 2), (LIGHT, 2.05, 3)]
 )
 def test_labels_are_those_of_runs_event_by_event(pair, tuning, periods):
-    result = basins(pair, tuning, grid(25))
+    result = basins(pair, tuning, grid(33))
     states = np.stack(np.meshgrid(result.displacement, result.velocity, indexing="ij"), axis=-1)
     # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
     m = mesh_at_tuning(ratios(pair), tuning)
