@@ -411,6 +411,41 @@ LIBRARY = {
     "tunings = [0.7] with speeds = [3000.0] ": lambda: sweep([0.7], speeds=[3000.0]),
     "speeds[1] = -1.0 ... > 0": lambda: sweep(speeds=[3000.0, -1.0]),
     "speeds contains 10.0 twice": lambda: sweep(speeds=[10.0, 10.0]),
+    "upper_stiffness = 0.0 and lower_stiffness": lambda: gearlib.DeadZoneOscillator(
+        upper_stiffness=0.0, lower_stiffness=0.0, lower_edge=-1.0
+    ),
+    "... the stiffness falls to -0.25": lambda: gearlib.Series(1.0, gearlib.Harmonics((1.25,))),
+    "to = 0.9 ": lambda: gearlib.continue_orbit(
+        gearlib.periodic_orbit(PAPER.replace(material_damping=4e3), 0.9), to=0.9
+    ),
+    "... must be after 0.0 s": lambda: gearlib.run_up(PAPER, speed=[(0.0, 5.0), (0.0, 6.0)]),
+    "... one of the two": lambda: gearlib.run_up(PAPER, 10.0, 20.0),
+    "... base_radius = None": lambda: gearlib.run_up(
+        PAPER, 1.0, 2.0, duration=1.0, driven_mass=1.0
+    ),
+    "... <= 6,250,000 mesh periods": lambda: gearlib.run_up(PAPER, 0.0, 2e3, duration=15_700.0),
+    "... must be piecewise linear": lambda: gearlib.run_up(
+        gearlib.OneDegreePair(pair=PAPER, cubic_damping=1.0), 10.0, 20.0, duration=1.0
+    ),
+    "... gyroscopic": lambda: gearlib.run_up(
+        planetary(turning=True, gyroscopic=True), 10.0, 20.0, duration=1.0
+    ),
+    "... without any damping": lambda: gearlib.basins(PAPER, 0.75, ([0.0], [0.0])),
+    "... memory": lambda: gearlib.basins(
+        PAPER.replace(material_damping=4e3), 0.75, ((0.0, 1.0, 40_000),) * 2
+    ),
+    "method = 'rk4' ... one degree of freedom": lambda: gearlib.simulate(
+        gearlib.SixDegreePair(
+            pair=PAPER,
+            base_radii=(0.1, 0.1),
+            inertias=(0.06, 0.06),
+            masses=(17.0, 17.0),
+            bearing_stiffness=(1e8,) * 4,
+        ),
+        0.9,
+        periods=1,
+        method="rk4",
+    ),
     "branch = None": lambda: gearlib.switch_branch(PAPER, None, 0),
     "values = [0.5] ... left out where parameter is None": lambda: gearlib.tongues(
         PAPER, values=[0.5]
