@@ -219,7 +219,7 @@ LIBRARY = {
     "pitch_errors = (1e-06,) ... 20 numbers, one for each tooth": lambda: gear(
         pitch_errors=(1e-6,)
     ),
-    "position = (1.0, 1.0) ... rise": lambda: PathTable((1.0, 1.0), (0.0, 0.0)),
+    "position = (1.0, 1.0) ... increase": lambda: PathTable((1.0, 1.0), (0.0, 0.0)),
     "a table of 1 positions and 0 values ... many": lambda: PathTable((1.0,), ()),
     # Two gears.
     "internal of the pinion = True ... False": lambda: Mesh(inner(), gear()),
@@ -262,7 +262,7 @@ LIBRARY = {
     "speed = 3000.0 ... dimensionless": lambda: gearlib.simulate(
         GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6), speed=3e3, periods=1
     ),
-    "tunings out of order ... rising": lambda: gearlib.sweep(
+    "tunings out of order ... increasing": lambda: gearlib.sweep(
         PAPER, [0.7, 0.5], periods=1, record_periods=1, direction="up"
     ),
     "speed = 0.0 ... > 0": lambda: pair(power=1e3, speed=0.0),
