@@ -1,7 +1,7 @@
 # make         set up .venv with the pinned packages and compute everything, results/
 # make test    the packages of the tests as well, and all checks: style, imports, a small workflow
 # make lint    the checks of style, formatting, imports and types only
-# make golden  renew the golden numbers of tests/golden, and what figures hold of them
+# make golden  renew the golden numbers of tests/golden, and the pictures of the figures
 # make references  renew the references in 50 digits that tests take from tests/references
 # make peers   add heyoka to .venv, a solver that method= can call, where it installs
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes

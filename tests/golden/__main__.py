@@ -1,60 +1,47 @@
-"""Renew golden numbers and what figures hold of them: `make golden`.
+"""Renew golden numbers and pictures of figures: `make golden`.
 
-Runs the small workflow of tests/workflow in a temporary folder, says what has moved and writes only
-that: review the difference before it is committed, and say why in the commit. Results of a small
-workflow that is there already are taken with ``--results FOLDER``; after a change of nothing but
-figures, ``--drawn`` draws them again from the golden numbers, in a minute, or some of them in less.
+Runs the small workflow of tests/workflow in a temporary folder, prints what has changed and writes
+only that. After a change of nothing but figures, ``--drawn`` draws them again, all or those named,
+from the golden numbers.
 """
 
 import argparse
 import tempfile
 from pathlib import Path
 
-from tests.golden import data, redraw
+from tests.golden import data, figures
 from tests.workflow.project import small_project
 
 
-def renew(results):
-    """Write what differs from the golden data; print it."""
+def renew_numbers(results):
+    """Write what differs from the golden data of these results, and print it."""
     names = data.datasets(results)
     for name in names:
-        found = data.kept(results / name)
-        known = (data.FOLDER / name).exists()
-        moved = data.differences(name, data.read(name), found) if known else [f"{name}: new"]
-        if moved:
-            print(*moved, sep="\n")
-            data.write(found, data.FOLDER / name)
+        dataset = data.compared_part(results / name)
+        if (data.FOLDER / name).exists():
+            changes = data.differences(name, data.read(name), dataset)
+        else:
+            changes = [f"{name}: new"]
+        if changes:
+            print(*changes, sep="\n")
+            data.write(dataset, data.FOLDER / name)
     for path in data.FOLDER.rglob("*.nc"):
         if str(path.relative_to(data.FOLDER)) not in names:
             print(f"{path.relative_to(data.FOLDER)}: gone")
             path.unlink()
-    renew_drawn()
-
-
-def renew_drawn(figures=()):
-    """Write what figures, by default all, hold where it differs; print it."""
-    with tempfile.TemporaryDirectory() as folder:
-        found = redraw.redraw(Path(folder) / "drawn", figures)
-        print(*redraw.renew(found, figures), sep="\n")
 
 
 def main():
     parser = argparse.ArgumentParser(prog="python -m tests.golden", description=__doc__)
-    parser.add_argument("--results", type=Path, help="results of a small workflow")
-    parser.add_argument(
-        "--drawn", nargs="*", metavar="figure", help="what figures hold, nothing else; default: all"
-    )
-    given = parser.parse_args()
-    if given.drawn is not None:
-        renew_drawn(given.drawn)
-        return
-    if given.results:
-        renew(given.results)
-        return
+    parser.add_argument("--drawn", nargs="*", metavar="figure", help="renew pictures only")
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        project = small_project(Path(folder) / "small")
-        project.snakemake("-j2")
-        renew(project / "results")
+        if options.drawn is None:
+            project = small_project(Path(folder) / "small")
+            project.snakemake("-j2")
+            renew_numbers(project / "results")
+        pictures = figures.draw(Path(folder) / "drawn", options.drawn or ())
+        print(*figures.renew(pictures), sep="\n")
 
 
 if __name__ == "__main__":

@@ -1,61 +1,102 @@
-"""Golden data: which numbers behind the figures are kept, and how new ones are held against them.
+"""Golden data: the numbers behind the figures, and how far new ones may differ from them.
 
-Motions that do not settle (no period was found) carry rounding without bound: of them only their
-label and, widely, the fractions of time in each phase of contact are compared.
+Motions that do not settle (no period was found) carry rounding without bound: only their label and,
+widely, the fractions of time in each contact state are compared.
 """
 
 from contextlib import suppress
+from fnmatch import fnmatch
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from gearlib.data import variables
-from tests.golden.tolerances import tolerance
 
 FOLDER = Path(__file__).with_name("data")
 
-#: Of a time course this many samples at most are kept, evenly spread.
-SAMPLES = 64
+#: Samples of a time history that are stored at most, evenly spread.
+MAX_SAMPLES = 64
 
-#: A fraction of time of a motion that does not settle, over the recorded periods, by rounding.
+#: How much a fraction of time may differ for a motion that does not settle.
 UNSETTLED_FRACTION = 0.5
 
-#: What is compared of motions that do not settle as of all others.
-_LABELS = ("period", "label", "status")
+#: Variables that are compared for motions that do not settle too.
+LABELS = ("period", "label", "status")
 
-#: Sentences, with digits inside.
-_PROSE = "message"
 
-#: Attributes that figures show, by variable.
-_SHOWN = {"verdict": "flag_meanings"}
+class Tolerance(NamedTuple):
+    """Largest relative and absolute difference, and the share of numbers that may exceed it."""
+
+    relative: float
+    absolute: float
+    exceptions: float = 0.0
+
+
+#: Settled motions carry rounding only; exp and sin differ between processors.
+ROUNDING = Tolerance(1e-9, 1e-9)
+#: Counts, labels and flags.
+EXACT = Tolerance(0.0, 0.0)
+
+#: (pattern of the dataset, patterns of its variables) -> tolerance; the first that fits counts.
+#: They were found by moving the parameters of the gear pair by one unit in the last place.
+TOLERANCES = {
+    # Steps are chosen from errors of the size of rounding: up to 4 % more or fewer.
+    ("*", "evaluations *_evaluations cost"): Tolerance(0.1, 0.0),
+    # Without damping multipliers lie on the unit circle, and where two meet they part with the
+    # square root of rounding; beyond, the branch may go on to another orbit.
+    ("branches/conservative.nc", "*"): Tolerance(1e-6, 1e-6, exceptions=0.15),
+    # Where two multipliers meet they part with the square root of rounding.
+    ("loci.nc", "multiplier_*"): Tolerance(1e-6, 1e-6),
+    # Soft bearings of six degrees let rounding grow for long, and without end in one of the four
+    # models; the change against that model is one of two of the four.
+    ("models/fig8_*", "value"): Tolerance(1e-4, 1e-9, exceptions=0.25),
+    ("models/fig8_*", "change"): Tolerance(1e-4, 1e-9, exceptions=0.5),
+    # Oil damps in the backlash alone: motions settle slowly or never.
+    ("nonlinear_damping/oil_*", "period jump jump_size peak peak_tuning lost_from lost_to"): (
+        Tolerance(0.05, 0.0, exceptions=0.1)
+    ),
+    # Digits left of chaos, and averages over it; the label itself is exact.
+    ("labels/*", "digits exponent uncertainty"): Tolerance(0.1, 2.0),
+}
+
+
+def tolerance_of(dataset_name, variable):
+    """Return the `Tolerance` of a variable of the dataset at this path below results/."""
+    for (datasets, names), tolerance in TOLERANCES.items():
+        fits = any(fnmatch(str(variable.name), name) for name in names.split())
+        if fits and fnmatch(dataset_name, datasets):
+            return tolerance
+    return ROUNDING if variable.dtype.kind == "f" else EXACT
 
 
 def datasets(results):
     """Return the datasets behind the figures, as paths below the folder `results`, sorted.
 
-    Shards that are gathered (``x/`` beside ``x.nc``) are not, nor wall times.
+    Shards that are gathered (``x/`` beside ``x.nc``) and wall times are left out.
     """
-    found = [path.relative_to(results) for path in Path(results).rglob("*.nc")]
-    gathered = {path.with_suffix("") for path in found}
+    paths = [path.relative_to(results) for path in Path(results).rglob("*.nc")]
+    gathered = {path.with_suffix("") for path in paths}
     return sorted(
         str(path)
-        for path in found
+        for path in paths
         if not gathered & set(path.parents) and not path.name.startswith("times")
     )
 
 
-def kept(path):
-    """Return what is compared of the dataset at `path`."""
+def compared_part(path):
+    """Return what is compared of the dataset at `path`: no times, no messages, few samples."""
     with xr.open_dataset(path) as file:
         dataset = file.load()
-    times = [name for name, one in dataset.items() if one.attrs.get("units") == "s"]
-    dataset = dataset.drop_vars([*times, *({_PROSE} & set(dataset))])
-    steps = {name: -(-size // SAMPLES) for name, size in dataset.sizes.items()}
+    times = [name for name, variable in dataset.items() if variable.attrs.get("units") == "s"]
+    dataset = dataset.drop_vars([*times, "message"], errors="ignore")
+    steps = {name: -(-size // MAX_SAMPLES) for name, size in dataset.sizes.items()}
     dataset = dataset.isel({name: slice(None, None, step) for name, step in steps.items()})
     dataset.attrs = {}
-    for name, one in dataset.variables.items():
-        one.attrs = {key: one.attrs[key] for key in one.attrs if key == _SHOWN.get(name)}
+    for name, variable in dataset.variables.items():
+        meanings = variable.attrs.get("flag_meanings") if name == "verdict" else None
+        variable.attrs = {"flag_meanings": meanings} if meanings else {}
     return dataset.load()
 
 
@@ -82,64 +123,59 @@ def read(name):
 def settled(dataset):
     """Return where motions settled, a bool array, or None where the dataset does not say.
 
-    A sweep up or down hands its state on, so that a motion after one that did not settle may be
+    A sweep up or down hands its state on, so the motion after one that did not settle may be
     another of several.
     """
     if "period" not in dataset:
         return None
-    result = dataset.period > 0
-    if "tuning" in result.dims and "direction" in dataset.coords:
-        before = result.shift(tuning=1, fill_value=True)
-        after = result.shift(tuning=-1, fill_value=True)
-        result &= before | (dataset.direction != "up")
-        result &= after | (dataset.direction != "down")
-    return result
+    periodic = dataset.period > 0
+    if "tuning" in periodic.dims and "direction" in dataset.coords:
+        before = periodic.shift(tuning=1, fill_value=True)
+        after = periodic.shift(tuning=-1, fill_value=True)
+        periodic &= before | (dataset.direction != "up")
+        periodic &= after | (dataset.direction != "down")
+    return periodic
 
 
-def differences(name, golden, found):
-    """Return a sentence for each variable of the dataset `name` that has moved too far."""
-    lost, new = set(golden.variables) - set(found.variables), set(found.variables) - set(golden)
-    sentences = [f"{name}: {each} is gone" for each in sorted(lost)]
-    new -= set(golden.coords)
-    sentences += [f"{name}: {each} has no golden data" for each in sorted(new)]
-    if golden.sizes != found.sizes:
-        return [*sentences, f"{name}: sizes {dict(golden.sizes)} are now {dict(found.sizes)}"]
-    steady = settled(golden)
-    for each, key in _SHOWN.items():
-        if {each} <= set(golden.variables) & set(found.variables):
-            old, new = golden[each].attrs.get(key), found[each].attrs.get(key)
-            sentences += [f"{name}: {key} was {old!r}, is {new!r}"] if old != new else []
-    for each in golden.variables:
-        if each not in lost:
-            sentences += _difference(name, each, golden[each], found[each], steady)
-    return sentences
+def differences(name, golden, dataset):
+    """Return a sentence for each variable of the dataset `name` that differs too much."""
+    if golden.variables.keys() - dataset.variables or dataset.data_vars.keys() - golden.variables:
+        return [f"{name}: variables {[*golden.variables]} are now {[*dataset.variables]}"]
+    if golden.sizes != dataset.sizes:
+        return [f"{name}: sizes {dict(golden.sizes)} are now {dict(dataset.sizes)}"]
+    periodic = settled(golden)
+    pairs = [(golden[key], dataset[key]) for key in golden.variables]
+    return [text for old, new in pairs if (text := _difference(name, old, new, periodic))]
 
 
-def _difference(name, each, golden, found, steady):
-    """Return no sentence or one."""
-    if golden.dims != found.dims:
-        return [f"{name}: {each} had the dimensions {golden.dims}, has {found.dims}"]
-    old, new = golden.values, found.values
-    if old.dtype.kind in "OUS":
-        equal = (old.astype(str) == new.astype(str)).all()
-        return [] if equal else [f"{name}: {each} was {old.tolist()}, is {new.tolist()}"]
-    row = tolerance(name, each, old.dtype.kind)
-    absolute = np.full(old.shape, row.absolute)
-    relative = np.full(old.shape, row.relative)
-    if each not in _LABELS and steady is not None and set(steady.dims) <= set(golden.dims):
-        loose = ~steady.broadcast_like(golden).transpose(*golden.dims).values
-        absolute[loose] = UNSETTLED_FRACTION if each.startswith("fraction_") else np.inf
-        relative[loose] = 0.0
+def _difference(dataset_name, golden, variable, periodic):
+    """Return a sentence on how a variable differs, "" where it is near enough."""
+    place = f"{dataset_name}: {golden.name}"
+    if golden.dims != variable.dims:
+        return f"{place} had the dimensions {golden.dims}, has {variable.dims}"
+    meanings = [array.attrs.get("flag_meanings") for array in (golden, variable)]
+    if golden.name == "verdict" and meanings[0] != meanings[1]:
+        return f"{place} meant {meanings[0]!r}, means {meanings[1]!r}"
+    if golden.dtype.kind in "OUS":
+        old, new = (array.values.astype(str).tolist() for array in (golden, variable))
+        return "" if old == new else f"{place} was {old}, is {new}"
+    tolerance = tolerance_of(dataset_name, golden)
+    old, new = golden.values.astype(float), variable.values.astype(float)
     with np.errstate(invalid="ignore"):
-        far = np.abs(new.astype(float) - old) > absolute + relative * np.abs(old)
-    same = (old == new) | (np.isnan(old.astype(float)) & np.isnan(new.astype(float)))
-    unlike = np.isfinite(old.astype(float)) != np.isfinite(new.astype(float))
-    far = (far | (unlike & np.isfinite(absolute))) & ~same
-    if far.sum() <= row.stray * far.size:
-        return []
-    place = np.unravel_index(np.argmax(far), far.shape)
-    return [
-        f"{name}: {far.sum()} of {far.size} numbers of {each} moved, at {tuple(map(int, place))} "
-        f"from {old[place]:.17g} to {new[place]:.17g}; allowed: {row.relative:g} relative, "
-        f"{row.absolute:g} absolute ({row.reason})"
-    ]
+        far = np.abs(new - old) > tolerance.absolute + tolerance.relative * np.abs(old)
+        far |= np.isfinite(old) != np.isfinite(new)
+        if (
+            golden.name not in LABELS
+            and periodic is not None
+            and {*periodic.dims} <= {*golden.dims}
+        ):
+            loose = ~periodic.broadcast_like(golden).transpose(*golden.dims).values
+            widely = np.abs(new - old) > UNSETTLED_FRACTION
+            far &= ~loose | (widely if str(golden.name).startswith("fraction_") else False)
+    if far.sum() <= tolerance.exceptions * far.size:
+        return ""
+    index = np.unravel_index(np.argmax(far), far.shape)
+    return (
+        f"{place}: {far.sum()} of {far.size} numbers moved, at {tuple(map(int, index))} "
+        f"from {old[index]:.17g} to {new[index]:.17g}; allowed are {tolerance}"
+    )

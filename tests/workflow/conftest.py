@@ -1,24 +1,20 @@
-"""The small project: built once, copied for every test that changes it."""
+"""The small project: built once, copied for each test that changes it."""
 
 import fcntl
 import json
 import os
 import shutil
-import subprocess
 
 import pytest
 
-from tests.workflow.forked import LONGEST, SNAKEMAKE
 from tests.workflow.project import ROOT, Project, small_project
-
-RECORDER = ROOT / "tests/workflow/recorder"
 
 
 @pytest.fixture(scope="session")
 def first_run(tmp_path_factory):
-    """The untouched result of one bare `snakemake -j2`: project, printed output.
+    """The untouched project after one `snakemake -j2`, and what that printed.
 
-    Workers share it: the first one builds, the others wait.
+    Of several workers the first one builds it, and the others wait.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -27,42 +23,26 @@ def first_run(tmp_path_factory):
     with open(folder / "workflow.lock", "w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not printed.exists():
-            shutil.rmtree(folder / "workflow", ignore_errors=True)
-            shutil.rmtree(folder / "records", ignore_errors=True)
+            for name in ("workflow", "records"):
+                shutil.rmtree(folder / name, ignore_errors=True)
             (folder / "records").mkdir()
-            recorded = {
-                "GEARLIB_RECORDS": str(folder / "records"),
-                "PYTHONPATH": os.pathsep.join(
-                    filter(None, [str(RECORDER), os.getenv("PYTHONPATH")])
-                ),
-                "PYTHONDONTWRITEBYTECODE": "1",
-            }
-            project = small_project(folder / "workflow")
-            # A process of its own, as users start it: it is recorded too.
-            done = subprocess.run(
-                [SNAKEMAKE, "-j2"],
-                cwd=project.folder,
-                env=os.environ | recorded,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                timeout=LONGEST,
-            )
-            assert done.returncode == 0, done.stdout
-            printed.write_text(done.stdout, encoding="utf-8")
+            paths = [str(ROOT / "tests/workflow/recorder"), os.environ.get("PYTHONPATH", "")]
+            environment = {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+            environment["GEARLIB_RECORDS"] = str(folder / "records")
+            output = small_project(folder / "workflow").snakemake("-j2", **environment)
+            printed.write_text(output, encoding="utf-8")
     return Project(folder / "workflow"), printed.read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")
 def records(first_run):
-    """What each process of the first run loaded and compiled, see `recorder/sitecustomize.py`."""
-    found = (first_run[0].folder.parent / "records").glob("*.json")
-    return [json.loads(path.read_text(encoding="utf-8")) for path in found]
+    """The records of the jobs of the first run, see `recorder/sitecustomize.py`."""
+    paths = (first_run[0].folder.parent / "records").glob("*.json")
+    return [json.loads(path.read_text(encoding="utf-8")) for path in paths]
 
 
 @pytest.fixture
 def project(first_run, tmp_path):
-    """A copy of the project with all its results, to be changed by a test."""
-    built, _ = first_run
-    shutil.copytree(built.folder, tmp_path / "project")
+    """A copy of the project with all its results, for a test that changes it."""
+    shutil.copytree(first_run[0].folder, tmp_path / "project")
     return Project(tmp_path / "project")

@@ -1,21 +1,25 @@
 """A small project in a temporary folder, on which the tests run the real Snakemake."""
 
+import os
 import re
 import shutil
-import tempfile
+import subprocess
+import sys
 from pathlib import Path
 
 import yaml
 
 from gearlib.config.configuration import TARGETS
-from tests.workflow import forked
 
 ROOT = Path(__file__).resolve().parents[2]
-COPIED = ["Snakefile", "config.yaml", "gearlib", "profiles", "workflow"]
+SNAKEMAKE = Path(sys.executable).with_name("snakemake")
+#: Seconds after which Snakemake is killed.
+TIMEOUT = 1800
+_COPIED = ["Snakefile", "config.yaml", "gearlib", "profiles", "workflow"]
 
 
 class Project:
-    """One checkout with its results."""
+    """A checkout with its results."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -23,16 +27,23 @@ class Project:
     def __truediv__(self, path):
         return self.folder / path
 
-    def snakemake(self, *arguments, succeed=True):
-        """Run Snakemake and return what it printed."""
-        with tempfile.NamedTemporaryFile("r", encoding="utf-8") as printed:
-            status = forked.run(self.folder, arguments, printed.name)
-            output = printed.read()
-        assert (status == 0) == succeed, output
-        return output
+    def snakemake(self, *arguments, succeed=True, **environment):
+        """Run Snakemake, assert that it succeeds or fails, and return what it printed."""
+        process = subprocess.run(
+            [SNAKEMAKE, *map(str, arguments)],
+            cwd=self.folder,
+            env=os.environ | environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=TIMEOUT,
+        )
+        assert (process.returncode == 0) == succeed, process.stdout
+        return process.stdout
 
     def jobs(self, *arguments):
-        """Return the jobs, as rule -> number, that Snakemake with these arguments runs."""
+        """Run Snakemake and return its jobs, as rule -> number."""
         return job_counts(self.snakemake(*arguments))
 
     def planned(self, *arguments):
@@ -40,14 +51,14 @@ class Project:
         return self.jobs("-n", *arguments)
 
     def configure(self, change):
-        """Change the configuration: `change` gets it as a dict."""
+        """Change the configuration, of which `change` gets the dict."""
         path = self / "config.yaml"
         settings = yaml.safe_load(path.read_text(encoding="utf-8"))
         change(settings)
         path.write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
 
     def results(self):
-        """Return the contents of all result files by their paths; those with times left out."""
+        """Return path -> content of all result files but logs, benchmarks and the provenance."""
         return {
             str(path.relative_to(self.folder)): path.read_bytes()
             for path in sorted((self / "results").rglob("*"))
@@ -56,7 +67,7 @@ class Project:
 
 
 def job_counts(output):
-    """Return rule -> number from Snakemake's first table of jobs; the target `all` left out."""
+    """Return rule -> number from Snakemake's first table of jobs, without the target `all`."""
     table = re.search(r"^Job stats:\njob +count\n[- ]+\n(.*?)^total ", output, re.S | re.M)
     if table is None:
         assert "Nothing to be done" in output, output
@@ -65,32 +76,32 @@ def job_counts(output):
     return {rule: int(count) for rule, count in counts.items() if rule != "all"}
 
 
-def merge(base, changes):
-    """Lay one configuration over another, in place, as Snakemake does."""
-    for key, value in changes.items():
-        if isinstance(value, dict):
-            merge(base.setdefault(key, {}), value)
-        else:
-            base[key] = value
-
-
 def project_copy(folder):
     """Return a copy of the project without results."""
     folder.mkdir()
-    for name in COPIED:
-        source = ROOT / name
-        if source.is_dir():
-            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in _COPIED:
+        if (ROOT / name).is_dir():
+            no_bytecode = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(ROOT / name, folder / name, ignore=no_bytecode)
         else:
-            shutil.copy2(source, folder / name)
+            shutil.copy2(ROOT / name, folder / name)
     return Project(folder)
 
 
 def small_project(folder):
-    """Return a copy of the project without results, its configuration the small one."""
+    """Return a copy of the project without results, with the configuration of small.yaml."""
     project = project_copy(folder)
     small = yaml.safe_load((ROOT / "tests/workflow/small.yaml").read_text(encoding="utf-8"))
-    # Those that nobody gets unasked too.
+    # Targets that are not computed by default are included.
     small["targets"] = [name for name in TARGETS if name != "measured"]
-    project.configure(lambda settings: merge(settings, small))
+    project.configure(lambda settings: _merge(settings, small))
     return project
+
+
+def _merge(base, changes):
+    """Lay one configuration over another, in place, as Snakemake does."""
+    for key, value in changes.items():
+        if isinstance(value, dict):
+            _merge(base.setdefault(key, {}), value)
+        else:
+            base[key] = value

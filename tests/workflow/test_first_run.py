@@ -1,55 +1,89 @@
-"""What one bare `snakemake -j2` makes, and what its data and its report say of themselves.
-
-The real Snakemake in a small configuration.
-"""
+"""One bare `snakemake -j2` of the small workflow: its jobs, their sources, data and report."""
 
 import functools
 import json
 import re
 from importlib import metadata
+from pathlib import Path
 
 import pytest
 
+from gearlib import processor
+from gearlib.config.configuration import TARGETS
 from gearlib.data import storage
-from tests.browser.chromium import browser, errors, wait_for
 from tests.golden import data as golden
-from tests.golden import redraw
-from tests.workflow.jobs import EVERYTHING
+from tests.golden import figures
 from tests.workflow.project import job_counts
-
-assert browser  # a fixture
 
 pytestmark = pytest.mark.slow
 
-# Of the CF checker, which takes the difference of names where a coordinate holds texts.
-CHECKERS_OWN = "check_coordinate_variables_strict_monotonicity"
+#: A fault of the CF checker, which takes the difference of names where a coordinate holds texts.
+FAULT_OF_CHECKER = "check_coordinate_variables_strict_monotonicity"
+
+#: Modules that are loaded but change no result: lazy names, checksums and lists.
+NO_SOURCES = {
+    "gearlib/removed.py",
+    "gearlib/__init__.py",
+    "workflow/checksums.py",
+    "workflow/sources.py",
+}
 
 
-def test_one_command_builds_everything(first_run):
+def test_one_command_runs_every_rule(first_run):
     project, output = first_run
-    assert job_counts(output) == EVERYTHING
-    for name in ("resonance.nc", "phase_planes.nc", "claims.csv", "claims.md"):
-        assert (project / "results" / name).stat().st_size > 0
-    for figure in ("fig3_resonance", "fig5_phase_planes"):
-        assert (project / f"results/figures/{figure}.png").stat().st_size > 1000
+    jobs = job_counts(output)
+    # Four dampings, three directions with a window each; four scenes.
+    assert (jobs["sweep_window"], jobs["phase_plane"], jobs["scene"]) == (12, 4, 4)
+    rules = {*project.snakemake("--list-rules").split()}
+    templates = {rule for rule in rules if rule.startswith("_")}
+    # Rules that only name targets run no script; measured sets have a test of their own.
+    named = {"all", "paper", "compare", *TARGETS} - {*jobs}
+    measured = {rule for rule in rules if "measured" in rule}
+    assert {*jobs} == rules - templates - named - measured
+    assert len(jobs) > 50
+
+
+def test_sources_of_a_job_are_all_it_loads(first_run, records):
+    folder = first_run[0].folder.resolve()
+    missing = set()
+    for job in records:
+        loaded = {Path(path) for path in job["loaded"]}
+        loaded = {str(path.relative_to(folder)) for path in loaded if path.is_relative_to(folder)}
+        assert "workflow/scripts/joblog.py" in loaded
+        loaded = {path for path in loaded if path.startswith(("gearlib/", "workflow/"))}
+        loaded |= {f"workflow/scripts/{job['script']}"}
+        missing |= {(job["rule"], path) for path in loaded - NO_SOURCES - {*job["sources"]}}
+    assert missing == set()
+
+
+def test_code_that_draws_is_no_source_of_a_computation(records):
+    drawing = "gearlib/figures/"
+    for job in records:
+        if not any(drawing in path for path in job["loaded"]):
+            assert not any(path.startswith(drawing) for path in job["sources"]), job["rule"]
+
+
+def test_every_job_starts_with_the_settings_of_the_processor(records):
+    settings = processor.settings().items()
+    assert all(settings <= job["environment"].items() for job in records)
 
 
 def test_numbers_behind_the_figures_are_the_golden_ones(first_run):
     results = first_run[0] / "results"
-    found = golden.datasets(results)
-    known = sorted(str(path.relative_to(golden.FOLDER)) for path in golden.FOLDER.rglob("*.nc"))
-    sentences = [f"{name}: no golden data; `make golden` adds it" for name in found]
-    sentences = [words for name, words in zip(found, sentences, strict=True) if name not in known]
-    sentences += [f"{name}: gone; `make golden` removes it" for name in known if name not in found]
-    for name in sorted(set(found) & set(known)):
-        sentences += golden.differences(name, golden.read(name), golden.kept(results / name))
-    assert not sentences, "\n".join(sentences)
+    names = golden.datasets(results)
+    stored = sorted(str(path.relative_to(golden.FOLDER)) for path in golden.FOLDER.rglob("*.nc"))
+    assert names == stored, "`make golden` renews them"
+    changes = [
+        golden.differences(name, golden.read(name), golden.compared_part(results / name))
+        for name in names
+    ]
+    assert not any(changes), "\n".join(sum(changes, []))
 
 
-def test_what_every_figure_holds_is_stored(first_run):
-    # tests/golden/test_drawn.py compares it.
-    made = sorted(path.stem for path in (first_run[0] / "results/figures").glob("*.png"))
-    assert made == redraw.stored(), "`make golden` renews it"
+def test_every_figure_has_a_stored_picture(first_run):
+    # tests/golden/test_figures.py compares them.
+    pictures = (first_run[0] / "results/figures").glob("*.png")
+    assert sorted(path.stem for path in pictures) == figures.stored(), "`make golden` renews them"
 
 
 @pytest.fixture(scope="module")
@@ -77,50 +111,14 @@ def test_the_report_holds_every_figure_and_table(first_run, report):
     assert len(set(labels)) == len(labels)
 
 
-def test_the_report_in_a_browser(browser, report):
-    path, entries = report
-    browser.get(path.as_uri())
-    parts = wait_for(lambda: browser.execute_script("return categories"))
-    opened = []
-    for part, groups in parts.items():
-        browser.execute_script("app.setView({navbarMode: 'menu'})")
-        item = f'//a[contains(., "{part}")]'
-        wait_for(lambda item=item: browser.find_elements("xpath", item))[0].click()
-        (paths,) = groups.values()
-        # The first sign of an entry, the eye, shows it.
-        eyes = wait_for(lambda: browser.find_elements("css selector", "#app td a:first-child"))
-        assert len(eyes) == len(paths)
-        for eye in eyes:
-            eye.click()
-            opened.append(wait_for(lambda: _shown(browser, opened)))
-    assert sorted(opened) == sorted(entry["data_uri"] for entry in entries.values())
-    assert errors(browser) == []
-    fetched = browser.execute_script(
-        "return performance.getEntriesByType('resource').map(entry => entry.name)"
-    )
-    assert [name for name in fetched if not name.startswith("data:")] == []
-
-
-def _shown(driver, before):
-    """Return the source of the picture or page on show, once it is a new one and decoded."""
-    source = driver.execute_script(
-        """
-        const shown = document.querySelector("#app .p-3 > img, #app iframe");
-        return shown && (shown.tagName === "IFRAME" || shown.naturalWidth > 0) && shown.src;
-        """
-    )
-    return source and source not in before and source
-
-
 @pytest.fixture(scope="module")
 def kinds(first_run):
     """One file, by its path, for each kind: of equal title, variables and attributes."""
-    project, _ = first_run
-    found = {}
-    for path in sorted((project / "results").rglob("*.nc")):
-        data = storage.read(path)
-        found.setdefault((data.attrs["title"], *data.variables, *data.attrs), path)
-    return {str(path.relative_to(project / "results")): path for path in found.values()}
+    paths = {}
+    for path in sorted((first_run[0] / "results").rglob("*.nc")):
+        dataset = storage.read(path)
+        paths.setdefault((dataset.attrs["title"], *dataset.variables, *dataset.attrs), path)
+    return {str(path.relative_to(first_run[0] / "results")): path for path in paths.values()}
 
 
 def test_every_dataset_keeps_to_cf(kinds, monkeypatch):
@@ -138,15 +136,15 @@ def test_every_dataset_keeps_to_cf(kinds, monkeypatch):
         with suite.load_dataset(str(path)) as data:
             results, errors = suite.run_all(data, ["cf:1.11"])["cf:1.11"]
         faults += [(name, *group.msgs) for group in results if group.value[0] < group.value[1]]
-        faults += [(name, fault) for fault in errors if fault != CHECKERS_OWN]
+        faults += [(name, fault) for fault in errors if fault != FAULT_OF_CHECKER]
     assert faults == []
 
 
 def test_every_variable_is_described(kinds):
     for name, path in kinds.items():
-        for key, one in storage.read(path).variables.items():
-            assert one.attrs.get("long_name"), (name, key)
-            assert "units" in one.attrs or one.dtype.kind not in "fi", (name, key)
+        for key, variable in storage.read(path).variables.items():
+            assert variable.attrs.get("long_name"), (name, key)
+            assert "units" in variable.attrs or variable.dtype.kind not in "fi", (name, key)
 
 
 def test_every_dataset_says_how_it_was_made(kinds):
@@ -162,7 +160,7 @@ def test_every_dataset_says_how_it_was_made(kinds):
             assert attributes[key] == text, name
 
 
-def test_a_source_hash_is_that_of_what_computed_the_data(first_run):
+def test_source_hash_is_that_of_the_job_that_computed_the_data(first_run):
     project, _ = first_run
 
     def source_hash(path):
@@ -170,11 +168,11 @@ def test_a_source_hash_is_that_of_what_computed_the_data(first_run):
 
     shard = next((project / "results/resonance/k1/cold").glob("*.nc"))
     assert source_hash("resonance.nc") == source_hash(shard)
-    # They rest on other modules.
+    # Their jobs have other sources.
     assert source_hash("phase_lag.nc") != source_hash(shard)
 
 
-def test_the_run_says_where_and_when_it_was_made(first_run):
+def test_provenance_says_where_and_when_the_run_was_made(first_run):
     record = json.loads((first_run[0] / "results/provenance.json").read_bytes())
     assert set(record) == {
         *("finished", "commit", "changed_files", "versions", "machine", "jobs"),

@@ -1,50 +1,32 @@
-"""In every process of the small workflow: its processor, what it loaded, what it had to compile."""
+"""Runs at the start of each process of the small workflow: records what a job has loaded."""
 
 import atexit
 import json
 import os
 import sys
-import time
-from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
-import code_taken
-
-_compiled = []
-_source_to_code = SourceFileLoader.source_to_code
-
-
-def _compile(loader, data, path, **options):
-    _compiled.append(str(path))
-    return _source_to_code(loader, data, path, **options)
+_ENVIRONMENT = dict(os.environ)
 
 
 def _write():
-    # The process from which Snakemake is forked outlives the run that it records.
-    if not os.path.isdir(os.environ["GEARLIB_RECORDS"]):
-        return
-    # Snakemake puts this into the main module of a job.
+    # Snakemake puts this object into the main module of a job.
     job = getattr(sys.modules["__main__"], "snakemake", None)
-    files = {getattr(module, "__file__", None) for module in list(sys.modules.values())}
-    declared = []
-    if hasattr(job, "rule"):
-        from workflow import sources
+    if not hasattr(job, "rule"):
+        return
+    from workflow import sources
 
-        declared = sources.read(job.input.sources)
+    files = {getattr(module, "__file__", None) for module in [*sys.modules.values()]}
     record = {
-        "rule": getattr(job, "rule", ""),
-        # Snakemake runs a copy, whose name begins with letters of its own.
-        "script": Path(sys.argv[0]).name.partition(".")[2] if job else "",
-        "declared": declared,
-        "read": [*job.input, *declared] if hasattr(job, "rule") else [],
-        "written": list(job.output) if hasattr(job, "rule") else [],
+        "rule": job.rule,
+        # Snakemake runs a copy of the script, whose name has a random prefix.
+        "script": Path(sys.argv[0]).name.partition(".")[2],
+        "sources": sources.read(job.input.sources),
         "loaded": sorted(filter(None, files)),
-        "compiled": _compiled,
-        "processor": code_taken.taken() if job else {},
+        "environment": _ENVIRONMENT,
     }
-    path = Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}-{time.time_ns()}.json")
+    path = Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}.json")
     path.write_text(json.dumps(record), encoding="utf-8")
 
 
-SourceFileLoader.source_to_code = _compile
 atexit.register(_write)
