@@ -1,29 +1,31 @@
-"""Damaged files, refusing disks, kill -9: one clear sentence, then the bytes of an undisturbed run.
+"""Damaged files, full disks, kill -9: one clear sentence, then the bytes of an undisturbed run."""
 
-One file, so that one worker makes the undisturbed run, once.
-"""
-
+import functools
 import os
+import random
 import shutil
 import signal
 import subprocess
-from contextlib import contextmanager
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import pytest
 
-from tests.robustness.disturbed import data, disturb, end, jobs_of, start, tiny_project, wait
+from tests.workflow.project import SNAKEMAKE, Project, small_project
 
 pytestmark = pytest.mark.slow
 
-# `make torture` asks for more.
+#: Number of kills; `make torture` asks for more.
 KILLS = int(os.environ.get("GEARLIB_KILLS", "3"))
 
 SHARD = "results/phase_planes/k1/0.8200.nc"
-FOREIGN = "results/phase_planes/k1m/0.8200.nc"
+OTHER_SHARD = "results/phase_planes/k1m/0.8200.nc"
 FIGURE = "results/figures/fig2_phase_shift.png"
+FIGURE_SOURCE = "gearlib/figures/phase_shift_figure.py"
 
-#: Of a module: whoever imports it first says so and waits for a file.
-UNTIL_TOLD = """
+#: Appended to a module: the first process that imports it creates a file and waits for another.
+WAIT_FOR_GO = """
 import pathlib, time
 
 if not pathlib.Path("waits").exists():
@@ -33,64 +35,120 @@ if not pathlib.Path("waits").exists():
 """
 
 
-def cut(project):
-    whole = (project / SHARD).read_bytes()
-    return whole[: len(whole) // 2]
+def tiny_project(folder):
+    """Return a project of seven jobs: a phase plane for each of two dampings, the phase lag."""
+
+    def configure(settings):
+        for section in (settings["dampings"], settings["figures"]["colours"]):
+            for name in section.keys() - {"k1", "k1m"}:
+                del section[name]
+        settings["figures"]["formats"] = ["png", "pdf"]
+        settings["stability_chart"] = {"damping": "k1"}
+        settings["scenes"] = {}
+        settings["targets"] = ["phase_planes", "phase_lag"]
+
+    project = small_project(folder)
+    project.configure(configure)
+    return project
 
 
-REFUSED = "Not what their jobs wrote"
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """A project after a run that nobody disturbed."""
+    project = tiny_project(tmp_path_factory.mktemp("robustness") / "built")
+    project.snakemake("-j2")
+    return project
 
 
-def replace(project, path, content):
-    """Put another content into a result, by its time neither new nor old."""
-    times = os.stat(project / path)
-    (project / path).write_bytes(content)
-    # It would be up to date for whoever compares times.
-    os.utime(project / path, ns=(times.st_atime_ns, times.st_mtime_ns + 1000))
+@pytest.fixture
+def project(undisturbed, tmp_path):
+    """A copy of the project with all its results."""
+    shutil.copytree(undisturbed.folder, tmp_path / "project")
+    return Project(tmp_path / "project")
 
 
-def test_a_replaced_result_is_named(project):
-    replace(project, SHARD, (project / FOREIGN).read_bytes())
+@contextmanager
+def started(project):
+    """Start the workflow, whose process leads a group with its jobs; kill what is left at the end.
+
+    Its output goes to a file: jobs that outlive Snakemake would keep a pipe open.
+    """
+    with (project / "printed.txt").open("w", encoding="utf-8") as printed:
+        process = subprocess.Popen(
+            [SNAKEMAKE, "-j2"],
+            cwd=project.folder,
+            stdout=printed,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            # Background jobs of a shell, and their children, ignore Ctrl-C.
+            preexec_fn=functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
+        )
+    try:
+        yield process
+    finally:
+        if process.poll() is None or running_jobs(process):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def running_jobs(process):
+    """Return the process ids of the running scripts of a workflow."""
+    scripts = []
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            # Fields after the name of the command: state, parent, group.
+            group = int(status.read_text().rpartition(")")[2].split()[2])
+            command = status.with_name("cmdline").read_bytes()
+        except OSError:
+            continue
+        if group == process.pid and b"/.snakemake/scripts/" in command:
+            scripts.append(int(status.parent.name))
+    return scripts
+
+
+def wait_until(condition, process):
+    """Wait until a condition holds or the process ends."""
+    while not condition() and process.poll() is None:
+        time.sleep(0.05)
+
+
+def test_replaced_result_is_named(project):
+    times = os.stat(project / SHARD)
+    shutil.copyfile(project / OTHER_SHARD, project / SHARD)
+    # Its date is neither new nor old.
+    os.utime(project / SHARD, ns=(times.st_atime_ns, times.st_mtime_ns + 1000))
     printed = project.snakemake("-j2", succeed=False)
     (sentence,) = (line for line in printed.splitlines() if SHARD in line)
-    assert sentence.startswith(f"{REFUSED}: {SHARD}. To have them computed anew,")
+    assert sentence.startswith(f"Not what their jobs wrote: {SHARD}. To have them computed anew,")
     assert "Traceback" not in printed
-    # Who only asks is answered.
-    for question in ("-n", "--dag", "--unlock"):
-        assert f"{REFUSED}: {SHARD}" in project.snakemake(question)
+    # Questions are answered all the same.
+    for question in ("-n", "--unlock"):
+        assert f"Not what their jobs wrote: {SHARD}" in project.snakemake(question)
     (project / SHARD).unlink()
     assert project.planned(SHARD) == {"phase_plane": 1}
 
 
-def test_a_picture_changed_by_hand_stays(project):
-    replace(project, FIGURE, b"not PNG\n")
+def test_picture_changed_by_hand_stays_until_its_data_change(project):
+    (project / FIGURE).write_bytes(b"not PNG\n")
     assert project.jobs("-j2") == {}
     assert (project / FIGURE).read_bytes() == b"not PNG\n"
-    # Until its data change.
     project.configure(lambda settings: settings["phase_lag"].update(periods=110))
     assert project.planned()["draw_phase_lag"] == 1
 
 
-def test_results_from_another_folder_are_named(project):
+def test_results_without_records_are_named(project):
     shutil.rmtree(project / ".snakemake")
     printed = project.snakemake("-j2", succeed=False)
     (sentence,) = (line for line in printed.splitlines() if "No record says how" in line)
     assert "come from another folder, or .snakemake was removed" in sentence
     assert "Traceback" not in printed
-    assert "No record says how" in project.snakemake("-n")
     shutil.rmtree(project / "results")
     assert project.planned()
 
 
-def test_a_touched_result_is_still_the_same(project):
-    for path in data(project):
-        os.utime(project / path)
-    # Newer than what was made of them, but equal to what their jobs wrote.
-    assert project.planned() == {}
-
-
-def test_a_damaged_file_without_checksum_is_named_when_read(project):
-    (project / SHARD).write_bytes(cut(project))
+def test_damaged_file_without_checksum_is_named_when_it_is_read(project):
+    content = (project / SHARD).read_bytes()
+    (project / SHARD).write_bytes(content[: len(content) // 2])
     (project / "results/logs/phase_planes/k1/0.8200.log").unlink()
     printed = project.snakemake("-j2", succeed=False)
     assert f"{SHARD} cannot be read as netCDF" in printed and "Traceback" not in printed
@@ -98,29 +156,28 @@ def test_a_damaged_file_without_checksum_is_named_when_read(project):
 
 @contextmanager
 def small_disk(folder, size):
-    """A disk of its own for a folder, with what is in it."""
+    """Mount a small disk at a folder, with what is in the folder; copy it back at the end."""
     if os.geteuid() != 0:
         pytest.skip("only root can mount a small disk")
-    kept = folder.with_name("kept")
-    folder.rename(kept)
-    folder.mkdir()
+    backup = folder.with_name("backup")
+    shutil.copytree(folder, backup)
     command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", folder]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        pytest.skip(f"no disk could be mounted: {done.stderr.strip()}")
+    process = subprocess.run(command, capture_output=True, text=True)
+    if process.returncode:
+        pytest.skip(f"no disk could be mounted: {process.stderr.strip()}")
     try:
-        shutil.copytree(kept, folder, dirs_exist_ok=True)
+        shutil.copytree(backup, folder, dirs_exist_ok=True)
         yield
-        shutil.rmtree(kept)
-        shutil.copytree(folder, kept)
+        shutil.rmtree(backup)
+        shutil.copytree(folder, backup)
     finally:
         subprocess.run(["umount", folder], check=True)
-        folder.rmdir()
-        kept.rename(folder)
+        shutil.rmtree(folder)
+        backup.rename(folder)
 
 
-def test_a_full_disk(project, undisturbed):
-    for path in data(project):
+def test_full_disk(project, undisturbed):
+    for path in project.results():
         if "phase_planes" in path:
             (project / path).unlink()
     used = sum(path.stat().st_blocks * 512 for path in (project / "results").rglob("*"))
@@ -129,81 +186,62 @@ def test_a_full_disk(project, undisturbed):
     assert "cannot be written" in printed and "kB are free there" in printed
     assert "Traceback" not in printed
     project.snakemake("-j2")
-    assert data(project) == undisturbed.data
+    assert project.results() == undisturbed.results()
 
 
-def test_results_that_may_not_be_written(project, undisturbed):
+def test_read_only_results(project):
     for path in (project / "results/figures").glob("fig2_phase_shift.*"):
         path.unlink()
     with small_disk(project / "results", "50m"):
-        remount = ["mount", "-o", "remount,ro", project / "results"]
-        subprocess.run(remount, check=True)
+        subprocess.run(["mount", "-o", "remount,ro", project / "results"], check=True)
         printed = project.snakemake("-j2", succeed=False)
     assert "Nothing can be written to results." in printed and "Traceback" not in printed
-    project.snakemake("-j2")
-    assert data(project) == undisturbed.data
 
 
-def test_two_at_once(project, undisturbed):
+def test_second_workflow_in_the_same_folder_is_refused(project, undisturbed):
     (project / FIGURE).unlink()
-    with (project / "gearlib/figures/phase_shift_figure.py").open("a", encoding="utf-8") as source:
-        source.write(UNTIL_TOLD)
-    process = start(project)
-    try:
+    with (project / FIGURE_SOURCE).open("a", encoding="utf-8") as source:
+        source.write(WAIT_FOR_GO)
+    with started(project) as process:
         # A job runs, so the locks are written, and stay until it may go on.
-        while not (project / "waits").exists():
-            assert not wait(process, 0.05)
+        wait_until((project / "waits").exists, process)
         printed = project.snakemake("-j2", succeed=False)
         (project / "go").touch()
-        assert wait(process, 300)
-    finally:
-        end(process)
+        assert process.wait(300) == 0
     assert "cannot be locked" in printed and "Traceback" not in printed
-    assert process.returncode == 0
-    assert data(project) == undisturbed.data
+    assert project.results() == undisturbed.results()
 
 
-def test_ctrl_c_ends_the_jobs_without_a_word_of_python(project, undisturbed):
+def test_ctrl_c_ends_the_jobs_without_a_traceback(project):
     (project / FIGURE).unlink()
-    source = project / "gearlib/figures/phase_shift_figure.py"
-    drawn = source.read_text(encoding="utf-8")
-    source.write_text(drawn + UNTIL_TOLD, encoding="utf-8")
-    process = start(project)
-    try:
-        while not (project / "waits").exists():
-            assert not wait(process, 0.05)
+    with (project / FIGURE_SOURCE).open("a", encoding="utf-8") as source:
+        source.write(WAIT_FOR_GO)
+    with started(project) as process:
+        wait_until((project / "waits").exists, process)
         os.killpg(process.pid, signal.SIGINT)
-        assert wait(process, 60) and jobs_of(process) == []
-    finally:
-        end(process)
-    assert process.returncode == 1
+        assert process.wait(60) == 1 and running_jobs(process) == []
     assert "Traceback" not in (project / "printed.txt").read_text(encoding="utf-8")
-    source.write_text(drawn, encoding="utf-8")
-    project.snakemake("-j2")
-    assert data(project) == undisturbed.data
 
 
-def test_what_killed_processes_left_is_removed(project, undisturbed):
-    left = project / "results/figures/.12345.fig2_phase_shift.png"
-    left.write_bytes(b"half a figure")
-    (project / FIGURE).unlink()
-    project.snakemake("-j2")
-    assert data(project) == undisturbed.data
-
-
-def test_nothing_is_lost_by_kills(undisturbed, tmp_path, capsys):
-    def check(project):
-        found = data(project)
-        assert found.keys() == undisturbed.data.keys()
-        assert [path for path in found if found[path] != undisturbed.data[path]] == []
-
-    happened = disturb(
-        tiny_project(tmp_path / "project"),
-        KILLS,
-        # The later part of a run is reached by what earlier, killed runs have left.
-        duration=undisturbed.seconds / 3,
-        seed=20070414,
-        check=check,
-    )
-    with capsys.disabled():
-        print(f"\n{KILLS} kills:", dict(happened))
+def test_nothing_is_lost_by_kills(undisturbed, tmp_path):
+    """Kill a job, Snakemake alone (its jobs go on) or everything, and start again."""
+    project, dice = tiny_project(tmp_path / "project"), random.Random(20070414)
+    for number in range(KILLS):
+        with started(project) as process:
+            wait_until(functools.partial(running_jobs, process), process)
+            time.sleep(dice.uniform(0.0, 3.0))
+            victim = ("job", "snakemake", "everything")[number % 3]
+            with suppress(IndexError, ProcessLookupError):
+                if victim == "job":
+                    os.kill(running_jobs(process)[0], signal.SIGKILL)
+                    process.wait(300)
+                elif victim == "snakemake":
+                    process.kill()
+                else:
+                    os.killpg(process.pid, signal.SIGKILL)
+        project.snakemake("--unlock")
+        if number % 3 == 2:
+            project.snakemake("-j2")
+            assert project.results() == undisturbed.results()
+            shutil.rmtree(project / "results")
+            shutil.rmtree(project / ".snakemake")

@@ -5,8 +5,7 @@ import subprocess
 import pytest
 
 from tests.slurm import cluster
-from tests.workflow.forked import LONGEST, SNAKEMAKE
-from tests.workflow.project import small_project
+from tests.workflow.project import SNAKEMAKE, TIMEOUT, small_project
 
 TARGETS = ["results/resonance.nc", "results/figures/fig2_phase_shift.png"]
 
@@ -59,7 +58,7 @@ def test_same_bytes_as_locally(slurm, tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=LONGEST,
+        timeout=TIMEOUT,
     )
     assert done.returncode == 0, done.stdout
     jobs = done.stdout.count("has been submitted with SLURM jobid")
