@@ -1,68 +1,9 @@
 """Enclosures hold what they have to, and are hardly wider than that."""
 
-import math
-
-import pytest
 from flint import acb, arb, arb_mat
 
-import gearlib
-from gearlib.analysis.proofs import krawczyk, orbits
-from gearlib.analysis.proofs.arc_laws import ArcDynamics, propagated
-from gearlib.analysis.proofs.balls import first_column, precision
+from gearlib.analysis.proofs.balls import precision
 from gearlib.analysis.proofs.krawczyk import eigenvalues, stability_verdict
-from gearlib.analysis.proofs.orbits import listed_contacts
-from gearlib.analysis.proofs.path import Path
-from tests.paper import PAPER
-from tests.proofs import test_train_certificates
-
-MATERIAL = PAPER.replace(material_damping=3953.7)
-
-
-@pytest.mark.parametrize("case, share", [("parametric resonance", 0.5), ("chain", 0.3)])
-def test_frames_keep_boxes_from_being_wrapped(case, share):
-    orbit, radius = test_train_certificates.found(case), 1e-9
-    with precision(160) as arb:
-        laws = ArcDynamics(orbit.pair, orbit.tuning)
-        path = Path(laws, *listed_contacts(orbit), orbit.period)
-        start = [*laws.initial_state(orbit.state), *path.initial_phases]
-        box = [arb(value.mid(), radius) for value in start]
-        n = laws.state_count
-        wide = max(float(value.rad()) for value in path.equations(box)[0])
-        state, last = first_column(path.start(box[:n], n)), 0
-        for node, phase in zip(path.nodes, path.phases(box[n:]), strict=True):
-            state, last = propagated(node.matrix, state, (phase - last) * path.scale), phase
-        assert wide < share * max(float(v.rad()) for v in (laws.basis * state).entries()[:n])
-        if not path.initial_phases:
-            # Without contacts all is linear: a box about the image turns with it, in n dimensions
-            # no wider than that by sqrt(n).
-            slopes = path.equations([value.mid() for value in start])[1]
-            image = max(sum(float(abs(entry.mid())) for entry in row) for row in slopes)
-            assert wide < math.sqrt(len(slopes)) * image * radius
-
-
-@pytest.mark.parametrize("side", [-1, 1])
-def test_boxes_of_a_range_hold_its_orbits_wherever_their_centre_lies(monkeypatch, side):
-    """Newton's method, which centres a box, is no part of the proof."""
-    orbit, polish, boxes = gearlib.periodic_orbit(MATERIAL, 0.9), krawczyk.polish, []
-    away = iter([side * 1e-3, 0.0])
-
-    def beside(*given):
-        (x, *others), inverse = polish(*given)
-        return [x + next(away), *others], inverse
-
-    def noted(path, arcs, *given):
-        boxes.append((path.dynamics.basis * arcs[0][0]).entries()[:2])
-
-    with precision(128) as arb:
-        part = orbits._Range(orbit, *listed_contacts(orbit))
-        ends = [1 / arb(nu) for nu in (0.9, 0.900001)]
-        systems = [part.path(end).equations for end in ends]
-        inside = [krawczyk.enclose(one, *polish(one, part.reached)) for one in systems]
-        monkeypatch.setattr(orbits, "check_contacts", noted)
-        monkeypatch.setattr(krawczyk, "polish", beside)
-        part._piece(ends[0].union(ends[1]), ends[1], None)
-        for one in inside:
-            assert all(ball.contains(x) for ball, x in zip(*boxes, one, strict=False))
 
 
 def test_multiple_eigenvalues_are_enclosed():

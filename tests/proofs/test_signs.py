@@ -1,4 +1,4 @@
-"""That arcs keep off the flank lines, and that a contact which is not listed is noticed."""
+"""Arcs that touch a flank line, and contacts that are not listed, are noticed."""
 
 import itertools
 import math
@@ -20,18 +20,19 @@ from tests.paper import PAPER
 MATERIAL = PAPER.replace(material_damping=3953.7)
 
 
-def arc(law, x, w, t, *crossed, code=1, line=0.0):
+def arc(coefficients, x, w, t, *crossed, code=1, line=0.0):
     """Return whether an arc is proven to touch no flank line between its ends.
 
-    `crossed` says of both ends whether the line is crossed there, `code` is the contact code.
+    The arc of x'' + 2 damping x' + stiffness x = load, `coefficients`, begins at (x, w) and takes the
+    time t. `crossed` are two flags: the line is crossed at an end; `code` is the contact code.
     """
     with precision(160) as arb:
-        stiffness, damping, load = law
+        stiffness, damping, load = coefficients
         matrix = [[0, 1, 0], [-stiffness, -2.0 * damping, load], [0, 0, 0]]
         law = flint().arb_mat(matrix)
         start = flint().arb_mat([[x], [w], [1]])
         mesh = SimpleNamespace(clearance_varies=False, has_backlash=True)
-        laws = SimpleNamespace(
+        dynamics = SimpleNamespace(
             distances=[[None, flint().arb_mat([[1, 0, -line]])]],
             model=SimpleNamespace(meshes=[mesh]),
             mesh_names=["mesh"],
@@ -39,7 +40,7 @@ def arc(law, x, w, t, *crossed, code=1, line=0.0):
         marks = [(0, DRIVE) if mark else None for mark in crossed or (False, False)]
         try:
             end = (law * arb(t)).exp() * start
-            check_arc(laws, law, start, end, arb(t), [code], marks, 0.0)
+            check_arc(dynamics, law, start, end, arb(t), [code], marks, 0.0)
         except ProofFailed as reason:
             assert reason.args[0] == "grazing"
             return False
@@ -50,13 +51,15 @@ def arc(law, x, w, t, *crossed, code=1, line=0.0):
 LINEAR = 1.0, 0.0, 1.0
 
 
-@pytest.mark.parametrize("lowest, keeps", [(1e-9, True), (-1e-9, False), (0.0, False), (0.3, True)])
-def test_a_dip_between_the_ends(lowest, keeps):
-    # From the highest point over the lowest to the next highest one.
-    assert arc(LINEAR, 2.0 - lowest, 0.0, 2.0 * math.pi) == keeps
+@pytest.mark.parametrize(
+    "lowest, proven", [(1e-9, True), (-1e-9, False), (0.0, False), (0.3, True)]
+)
+def test_dip_between_the_ends(lowest, proven):
+    # From the highest point over the lowest to the next highest proof.
+    assert arc(LINEAR, 2.0 - lowest, 0.0, 2.0 * math.pi) == proven
 
 
-def test_an_arc_that_starts_or_ends_on_the_line():
+def test_arc_that_starts_or_ends_on_the_line():
     # From the line with speed 1 to the line again, over the top.
     back = 2.0 * math.pi - 2.0 * math.atan(1.0)
     assert arc(LINEAR, 0.0, 1.0, 0.5 * back, True, False)
@@ -72,18 +75,18 @@ def test_an_arc_that_starts_or_ends_on_the_line():
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_a_flight_that_nearly_reaches_the_far_flank(damping):
+def test_arc_that_nearly_reaches_the_coast_side(damping):
     # Down from x = 0 with speed 1: the lowest point, in closed form.
     depth = 0.5
     if damping:
         rate = 2.0 * damping
         depth = 1.0 / rate - math.log1p(rate) / rate**2
-    for line, keeps in ((-depth - 1e-10, True), (-depth + 1e-10, False)):
-        assert arc((0.0, damping, 1.0), 0.0, -1.0, 1.5, line=line) == keeps
+    for line, proven in ((-depth - 1e-10, True), (-depth + 1e-10, False)):
+        assert arc((0.0, damping, 1.0), 0.0, -1.0, 1.5, line=line) == proven
 
 
-def without_loss(pair, tuning):
-    """Return the state at tau = 0 of the orbit of a mesh that is never lost, by exponentials."""
+def state_without_contact_loss(pair, tuning):
+    """Return the state at tau = 0 of the orbit without loss of contact, by matrix exponentials."""
     k, mean = 1.0 / tuning, 1.0 / (pair.max_stiffness / pair.mean_stiffness)
     half = math.pi * (pair.contact_ratio - 1.0)
     total = np.eye(3)
@@ -98,31 +101,36 @@ def without_loss(pair, tuning):
     return np.array([x, w * k])
 
 
-def test_a_bounce_that_is_not_listed_is_noticed(monkeypatch):
+def test_contact_loss_that_is_not_listed_is_noticed(monkeypatch):
     """The orbit of the linear mesh is a zero of the equations without contacts, but no motion."""
     monkeypatch.setattr(orbits, "listed_contacts", lambda _: ([1], []))
-    for tuning, keeps in ((0.802, True), (0.803, False)):
+    for tuning, proven in ((0.802, True), (0.803, False)):
         orbit = gearlib.periodic_orbit(MATERIAL, 0.79, guess=(0.5, 0.0))
-        state = without_loss(MATERIAL, tuning)
-        found = gearlib.certify(replace(orbit, tuning=tuning, state=state))
+        state = state_without_contact_loss(MATERIAL, tuning)
+        certificate = gearlib.certify(replace(orbit, tuning=tuning, state=state))
         # The flank is touched at 0.80205.
-        assert bool(found) == keeps
-        assert keeps or found.status == "grazing"
+        assert bool(certificate) == proven
+        assert proven or certificate.status == "grazing"
 
 
 def test_contacts_out_of_order_or_at_a_switch_are_noticed():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.815)
     with precision(160):
-        one = orbits.Proof(orbit, *orbits.listed_contacts(orbit))
-        arcs, given = one.arcs, one.path.phases(one.phases)
-        check_contacts(one.path, arcs, one.ends, one.phases)
-        lost, gained = (i for i, node in enumerate(one.path.nodes) if node.before != node.after)
-        for other in (given[lost + 1], given[lost + 1] + 0.1, given[lost].union(given[lost + 1])):
+        proof = orbits.Proof(orbit, *orbits.listed_contacts(orbit))
+        arcs, phases = proof.arcs, proof.path.phases(proof.phases)
+        check_contacts(proof.path, arcs, proof.ends, proof.phases)
+        lost, gained = (i for i, node in enumerate(proof.path.nodes) if node.before != node.after)
+        for phase in (
+            phases[lost + 1],
+            phases[lost + 1] + 0.1,
+            phases[lost].union(phases[lost + 1]),
+        ):
             with pytest.raises(ProofFailed, match="cannot be told apart"):
-                check_contacts(one.path, arcs, one.ends, [other, *one.phases[1:]])
+                check_contacts(proof.path, arcs, proof.ends, [phase, *proof.phases[1:]])
         # Up through the line where contact is said to be lost, down where gained, or to rest on it.
-        for at, share in itertools.product((lost, gained), (-1, 0)):
-            ends = [end * 1 for end in one.ends]
-            ends[at][1, 0] *= share
+        for node, factor in itertools.product((lost, gained), (-1, 0)):
+            # The product copies a matrix.
+            ends = [end * 1 for end in proof.ends]
+            ends[node][1, 0] *= factor
             with pytest.raises(ProofFailed, match="not proven to be a crossing"):
-                check_contacts(one.path, arcs, ends, one.phases)
+                check_contacts(proof.path, arcs, ends, proof.phases)
