@@ -23,8 +23,8 @@ MATERIAL = PAPER.replace(material_damping=3953.7)
 def arc(coefficients, x, w, t, *crossed, code=1, line=0.0):
     """Return whether an arc is proven to touch no flank line between its ends.
 
-    The arc of x'' + 2 damping x' + stiffness x = load, `coefficients`, begins at (x, w) and takes the
-    time t. `crossed` are two flags: the line is crossed at an end; `code` is the contact code.
+    The arc of x'' + 2 damping x' + stiffness x = load, `coefficients`, begins at (x, w) and takes
+    the time t. `crossed` are two flags: the line is crossed at an end; `code` is the contact code.
     """
     with precision(160) as arb:
         stiffness, damping, load = coefficients
@@ -55,7 +55,7 @@ LINEAR = 1.0, 0.0, 1.0
     "lowest, proven", [(1e-9, True), (-1e-9, False), (0.0, False), (0.3, True)]
 )
 def test_dip_between_the_ends(lowest, proven):
-    # From the highest point over the lowest to the next highest proof.
+    # From the highest point over the lowest to the next highest point.
     assert arc(LINEAR, 2.0 - lowest, 0.0, 2.0 * math.pi) == proven
 
 
