@@ -100,17 +100,6 @@ def test_reliefs_change_in_proportion_or_are_as_long_as_single_contact_allows():
         assert gear.tip_relief.length == pytest.approx(mesh.longest_relief)
 
 
-@pytest.mark.parametrize(
-    ("start", "low", "high", "step", "ends"),
-    [
-        (3289.5396, 164.477, 16447.7, 50.0, (150.0, 16450.0)),
-        (0.061683, 0.0, 0.3, 0.001, (0.0, 0.3)),
-        (0.5001, 0.5001, 1.4, 0.002, (0.5, 1.4)),
-    ],
-)
-def test_sliders_go_in_round_steps(start, low, high, step, ends):
-    one = sliders.slider("", start, low, high)
-    assert (one.low, one.high, one.step) == (*ends, step)
 
 
 def test_a_view_of_a_pair_shows_what_the_library_computes(mapping):
@@ -129,9 +118,8 @@ def test_a_view_of_a_pair_shows_what_the_library_computes(mapping):
     )
 
 
-@pytest.mark.parametrize("mapping", [DRAWN, RELIEVED], ids=["involutes", "relief"])
-def test_a_view_of_drawn_gears_shows_pairs_of_teeth(mapping):
-    seen, gears = compute_view(moved(mapping, "d")[1], "d"), config.load(mapping).gears
+def test_a_view_of_drawn_gears_shows_pairs_of_teeth():
+    seen, gears = compute_view(moved(RELIEVED, "d")[1], "d"), config.load(RELIEVED).gears
     torque = 30e3 / (9000.0 * math.tau / 60.0)
     error = gears.mesh().transmission_error(torque, stiffness="energy")
     np.testing.assert_allclose(seen.error.transmission_error[-1], error.transmission_error[0])

@@ -274,15 +274,6 @@ def test_at_small_error_the_stiffness_at_the_load_suffices():
         assert abs(theirs.dynamic_force_max - 1.0) > 0.03
 
 
-def test_other_gears_bring_their_pitch_errors():
-    mesh = fzg_c()
-    model = LoadSharingPair.from_geometry(mesh, **OPTIONS)
-    gear = dataclasses.replace(mesh.pinion, pitch_errors=(1e-6, 0.0) * 8)
-    other = model.replace(drawing=dataclasses.replace(mesh, pinion=gear))
-    assert (model.repeats, other.repeats) == (1, 16)
-    assert other.replace(pitch_errors=(0.0,)).repeats == 1
-
-
 @pytest.mark.parametrize(("backlash", "jams"), [(3e-6, True), (7e-6, True), (9e-6, False)])
 def test_teeth_too_thick_for_the_backlash_jam(backlash, jams):
     """One tooth in three is 8 um too thick: no force of the coast side is left out."""

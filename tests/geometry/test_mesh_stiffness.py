@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from gearlib import GearPair, OneDegreePair, Rectangular, Tabulated
+from gearlib import GearPair, OneDegreePair
 from gearlib.geometry import Mesh, SpurGear, Web, iso_stiffness
 from gearlib.models.geometry.mesh_stiffness import (
     PairCompliance,
     Tooth,
-    compliance_matrix,
     energy_stiffness,
 )
 from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
@@ -51,16 +50,6 @@ def test_iso_of_fzg_c_as_in_the_worked_example():
     assert found.rack_factor == pytest.approx(0.975, rel=1e-12)
     assert found.theoretical == pytest.approx(15.78, abs=5e-3)
     assert found.single == pytest.approx(12.31, abs=5e-3)
-
-
-def test_the_mean_of_the_rectangle_is_that_of_the_standard(mesh):
-    found = mesh.stiffness("iso")
-    mean = iso_stiffness(mesh).mean * 1e9 * mesh.width
-    assert found.mean_stiffness == pytest.approx(mean, rel=1e-9)
-    if not mesh.overlap_ratio:
-        # 1.75 c' of two pairs over c' of one: a ratio of 4 / 7, whatever the gears.
-        assert found.stiffness_ratio == pytest.approx(4.0 / 7.0, rel=1e-12)
-        assert isinstance(found.profile, Rectangular)
 
 
 def test_iso_at_low_load_and_with_a_web():
@@ -158,26 +147,6 @@ def test_the_body_after_sainsot():
     assert tooth.body_compliance(phi) == pytest.approx(expected, rel=1e-10)
 
 
-def test_the_body_counts_once():
-    """With rigid teeth two pairs would be as stiff as one on a shared body, twice on two."""
-    mesh = fzg_c()
-    pair = PairCompliance(mesh)
-    at = np.array([[mesh.path[0], mesh.path[0] + mesh.base_pitch]])
-    shared, apart = (compliance_matrix(pair, at, np.ones((1, 2)), c)[0] for c in (1.0, 0.0))
-    bodies = pair.body_compliances(at)[:, 0]
-    assert shared[0, 1] == pytest.approx(np.sqrt(bodies[:, 0] * bodies[:, 1]).sum(), rel=1e-12)
-    assert apart[0, 1] == 0.0
-    # Each pair by itself yields alike in both.
-    assert np.diag(shared) == pytest.approx(np.diag(apart), rel=1e-12)
-    own = pair.tooth_compliance(at)[0] + pair.contact_compliance(at, 1.0)[0]
-    assert np.diag(shared) == pytest.approx(own + bodies.sum(axis=0), rel=1e-12)
-    # Parallel springs, in the case of a body each.
-    u = np.array([0.0])
-    assert energy_stiffness(mesh, u, 2, coupling=0.0)[0] == pytest.approx(
-        (1.0 / np.diag(apart)).sum(), rel=1e-12
-    )
-
-
 def test_hertz_contact_logarithmic_in_the_load():
     mesh = twenty()
     pair = PairCompliance(mesh, "logarithmic")
@@ -196,25 +165,6 @@ def test_hertz_contact_logarithmic_in_the_load():
     assert stiff[0] < stiff[1] < stiff[2]
 
 
-def test_the_mean_of_the_pair_of_the_literature():
-    """Between and about the 4.9e8 N/m of ISO 6336 (steel of 206 GPa) and the 5.2e8 of others."""
-    mesh = twenty()
-    assert twenty(material=SpurGear(teeth=20, module=0.01, width=0.03).material).stiffness(
-        "iso"
-    ).mean_stiffness == pytest.approx(4.9e8, rel=0.005)
-    means = [
-        mesh.stiffness(method, **options).mean_stiffness
-        for method, options in (
-            ("iso", {}),
-            ("energy", {}),
-            ("energy", {"hertz": "logarithmic", "torque": 500.0}),
-            ("energy", {"coupling": 0.0}),
-        )
-    ]
-    # The figures of docs/validation_geometry.md.
-    assert means == pytest.approx([4.743e8, 5.461e8, 4.382e8, 6.739e8], rel=5e-4)
-
-
 def course(mesh, u, method, **options):
     """Return the spur course, of the same transverse section, at positions in base pitches."""
     u = np.mod(u, 1.0)
@@ -229,7 +179,7 @@ def course(mesh, u, method, **options):
     return out
 
 
-@pytest.mark.parametrize("width", [0.02, 0.1, 0.25])
+@pytest.mark.parametrize("width", [0.02, 0.25])
 @pytest.mark.parametrize("method", ["iso", "energy"])
 def test_helical_stiffness_is_the_average_over_the_face(method, width):
     mesh = iso_example(width=width)
@@ -249,23 +199,6 @@ def test_helical_stiffness_is_the_average_over_the_face(method, width):
         assert len(table.phase) == 4
 
 
-@pytest.mark.parametrize("width", [0.003, 0.02, 0.06, 0.1, 0.15, 0.25])
-def test_the_rectangle_of_helical_gears_is_that_of_their_table(width):
-    found = iso_example(width=width).stiffness("iso")
-    ratios = found.max_stiffness, found.stiffness_ratio, found.contact_ratio
-    # Extrema and mean of the trapezoid, by another way.
-    assert ratios == pytest.approx(found.profile.ratios(), rel=1e-9)
-
-
-def test_a_whole_overlap_ratio_leaves_a_constant_stiffness():
-    width = math.pi * 8e-3 / math.sin(math.radians(15.8))
-    found = iso_example(width=width).stiffness("iso")
-    assert found.stiffness_ratio == 1.0
-    assert found.mean_stiffness == pytest.approx(
-        iso_stiffness(iso_example(width=width)).mean * 1e9 * width, rel=1e-9
-    )
-
-
 def test_the_course_of_a_spur_mesh():
     mesh = fzg_c()
     found = mesh.stiffness("energy", samples=200)
@@ -281,43 +214,6 @@ def test_the_course_of_a_spur_mesh():
     pair = GearPair.from_geometry(mesh, torque=302.0, stiffness="energy", damping_ratio=0.0)
     model = OneDegreePair(pair=pair, profile=table)
     assert model.equation.drive_stiffness.breaks[-1] == 2.0 * math.pi
-
-
-def test_a_table_of_ones_own():
-    table = Tabulated((0.0, 2.0, 4.0), (3e8, 2e8, 2e8))
-    found = fzg_c().stiffness(table)
-    assert found.profile is table and math.isnan(found.uncertainty)
-    assert found.mean_stiffness == pytest.approx(table.mean(), rel=1e-12)
-
-
-def test_random_drawings():
-    """Whatever is not refused has a stiffness, and no pair in contact pulls at the other."""
-    random = np.random.default_rng(1)
-    found = 0
-    for _ in range(300):
-        internal = bool(random.random() < 0.3)
-        teeth = random.integers(14, 60), random.integers(75, 150)
-        shifts = random.uniform(-0.2, 0.6, 2) * (1.0, -1.0 if internal else 1.0)
-        helix = random.choice([0.0, random.uniform(0.05, 0.5)])
-        common = {"module": 3e-3, "width": 0.02, "helix_angle": float(helix)}
-        bore = float(random.choice([0.0, 0.015]))
-        try:
-            pinion = SpurGear(teeth=int(teeth[0]), shift=shifts[0], bore=bore, **common)
-            wheel = SpurGear(teeth=int(teeth[1]), shift=shifts[1], internal=internal, **common)
-            mesh = Mesh(pinion, wheel)
-        except ValueError:
-            continue
-        found += 1
-        assert mesh.backlash < 1e-12
-        for method in ("iso", "energy"):
-            stiffness = mesh.stiffness(method)
-            assert 0.5 < stiffness.stiffness_ratio <= 1.0
-        count = math.floor(mesh.contact_ratio) + 1
-        u = np.linspace(0.0, mesh.contact_ratio % 1.0, 5)[:, None] + np.arange(count)
-        at = mesh.path[0] + u * mesh.base_pitch
-        shared = compliance_matrix(PairCompliance(mesh), at, np.ones(at.shape), 1.0)
-        assert np.linalg.solve(shared, np.ones((5, count, 1))).min() > 0.0
-    assert found > 200
 
 
 def test_from_geometry():
