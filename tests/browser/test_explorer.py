@@ -100,8 +100,6 @@ def test_reliefs_change_in_proportion_or_are_as_long_as_single_contact_allows():
         assert gear.tip_relief.length == pytest.approx(mesh.longest_relief)
 
 
-
-
 def test_a_view_of_a_pair_shows_what_the_library_computes(mapping):
     whole = moved(mapping, "k1", tuning=0.81)[1]
     seen, pair = compute_view(whole, "k1"), pair_of(mapping, "k1")
