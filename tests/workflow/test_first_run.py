@@ -2,9 +2,9 @@
 
 import functools
 import json
+import os
 import re
 from importlib import metadata
-from pathlib import Path
 
 import pytest
 
@@ -45,11 +45,11 @@ def test_one_command_runs_every_rule(first_run):
 
 
 def test_sources_of_a_job_are_all_it_loads(first_run, records):
-    folder = first_run[0].folder.resolve()
+    folder = f"{first_run[0].folder}/"
     missing = set()
     for job in records:
-        loaded = {Path(path) for path in job["loaded"]}
-        loaded = {str(path.relative_to(folder)) for path in loaded if path.is_relative_to(folder)}
+        paths = map(os.path.normpath, job["loaded"])
+        loaded = {path.removeprefix(folder) for path in paths if path.startswith(folder)}
         assert "workflow/scripts/joblog.py" in loaded
         loaded = {path for path in loaded if path.startswith(("gearlib/", "workflow/"))}
         loaded |= {f"workflow/scripts/{job['script']}"}
@@ -65,8 +65,10 @@ def test_code_that_draws_is_no_source_of_a_computation(records):
 
 
 def test_every_job_starts_with_the_settings_of_the_processor(records):
-    settings = processor.settings().items()
-    assert all(settings <= job["environment"].items() for job in records)
+    settings = processor.settings()
+    # Snakemake sets this variable to the threads of a job.
+    settings.pop("OPENBLAS_NUM_THREADS", None)
+    assert all(settings.items() <= job["environment"].items() for job in records)
 
 
 def test_numbers_behind_the_figures_are_the_golden_ones(first_run):
