@@ -47,14 +47,15 @@ def finite_nonnegative(name, value):
     return number(name, value, "a finite number >= 0", lambda v: 0.0 <= v < math.inf)
 
 
-def speed(name, value, resonance_speed):
+def checked_speed(name, value, resonance_speed):
     """Return a speed in rpm as float if its tuning, speed / `resonance_speed`, is allowed."""
     low, high = MIN_SPEED_TUNING * resonance_speed, MAX_SPEED_TUNING * resonance_speed
-    allowed = f"a finite number > 0, from {low:.3g} to {high:.3g} rpm, a tuning of at most 100"
+    limits = f"from {low:.3g} to {high:.3g} rpm, a tuning of at most {MAX_SPEED_TUNING:g}"
+    allowed = f"a finite number > 0, {limits}"
     return number(name, value, allowed, lambda v: low <= v <= high)
 
 
-def known_damping(value, owner=""):
+def require_damping(value, owner=""):
     """Return the damping in contact, or raise ValueError if it is None; `owner` is " of mesh a"."""
     if value is None:
         raise ValueError(
@@ -72,6 +73,7 @@ def integers(low, high=None):
 def integer(name, value, low, high=None):
     """Return `value` as int if it is an integer from `low` to `high`, else raise ValueError."""
     limit = _MAX_INTEGER if high is None else high
+    # The largest integer of the computer is named only where it is exceeded.
     is_integer = isinstance(value, Integral) and not isinstance(value, bool)
     if is_integer and low <= value <= limit:
         return int(value)
@@ -114,13 +116,14 @@ def options(value):
 
 
 def drawn_mesh(value, name="mesh", alternative=""):
-    """Return a `gearlib.geometry.Mesh`, else raise ValueError; the message adds `alternative`."""
+    """Return a `gearlib.geometry.Mesh`, else raise ValueError; `alternative` is " or a dict"."""
     allowed = f"a gearlib.geometry.Mesh{alternative}"
+    # The class itself would load the numerical stack.
     require(hasattr(value, "pair_parameters"), name, value, allowed)
     return value
 
 
-def known_parameters(owner, names, known_names):
+def check_known_parameters(owner, names, known_names):
     """Raise ValueError unless all `names` are among the `known_names` of parameters of `owner`."""
     for name in names:
         if name not in known_names:

@@ -39,10 +39,7 @@ def bar(noun, total, finished_count):
 
 
 def _update(noun, total, finished_count, ended):
-    """Display and update a progress bar until the event `ended` is set, then clear it.
-
-    The other arguments are those of `bar`.
-    """
+    """Display a progress bar (arguments as for `bar`) until `ended` is set, then clear it."""
     from IPython.display import display
 
     start_time, handle = time.monotonic(), None

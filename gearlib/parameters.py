@@ -41,8 +41,8 @@ class Number(Kind):
     """A real number in a unit, with `bounds` named like those of pydantic: gt, ge, lt, le.
 
     The unit is that of SI, or "1". `example` is a value in another unit, as a configuration may
-    have it. `infinite` is a text that says what infinity means, if it is allowed. If `optional`,
-    None is allowed.
+    have it. `infinite` is a text that says what infinity means, "" if it is not allowed. If
+    `optional`, None is allowed.
     """
 
     gt = ge = lt = le = None  # type: float | None
@@ -54,7 +54,7 @@ class Number(Kind):
 
     @property
     def allowed(self):
-        """Description of the allowed numbers for error messages."""
+        """Description of the allowed numbers for error messages, such as "a finite number > 0"."""
         noun = "a number" if self.infinite else "a finite number"
         if self.ge is not None and self.le is not None:
             bounds = f"from {_bound_text(self.ge)} to {_bound_text(self.le)}"
@@ -62,8 +62,9 @@ class Number(Kind):
             signs = {">": self.gt, ">=": self.ge, "<": self.lt, "<=": self.le}
             texts = (f"{sign} {_bound_text(x)}" for sign, x in signs.items() if x is not None)
             bounds = " and ".join(texts)
-        note = self.infinite or (self.unit if self.unit == "rad" else "")
-        return " ".join(filter(None, (noun, bounds, note and f"({note})")))
+        # In parentheses: the meaning of infinity, or the unit where degrees would be expected.
+        note = f"({self.infinite})" if self.infinite else "(rad)" if self.unit == "rad" else ""
+        return " ".join(filter(None, (noun, bounds, note)))
 
     def accepts(self, value):
         """Return whether a number is within the bounds."""
@@ -131,6 +132,7 @@ class Two(Kind):
         self.item, self.allowed = item, f"one or two numbers, each {item.allowed}"
 
     def check(self, name, values):
+        """Return the checked values (x, y); a single number is that of both axes."""
         values = values if isinstance(values, (tuple, list)) else (values, values)
         checks.require(len(values) == 2, name, values, self.allowed)
         axes = zip("xy", values, strict=True)
@@ -252,12 +254,15 @@ def documented(constructor):
     return constructor
 
 
-#: Factors to SI of the units of drawings.
+#: Factors to SI of the units of drawings, in which numbers are often given by mistake.
 _DRAWING_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 
 
 def unit_hint(value, example, maximum):
-    """Return "; did you mean 2.5 mm?" for a value above `maximum` that fits the example's unit."""
+    """Return "; did you mean 3 mm?" if `value` exceeds `maximum` in SI, but not in mm.
+
+    The unit is that of `example`, such as "2 mm". Return "" if there is nothing to ask.
+    """
     unit = example.partition(" ")[2]
     try:
         fits = maximum is not None and float(value) > maximum >= float(value) * _DRAWING_UNITS[unit]
@@ -313,7 +318,7 @@ TIME = Number("s", "1 us", ge=0)
 TEETH = Integer(3, limit=100_000)
 STIFFNESS_RATIO = Number("1", gt=0, le=1)
 CONTACT_RATIO = Number("1", ge=1, le=2)
-TRUTH = OneOf((False, True))
+BOOLEAN = OneOf((False, True))
 #: Name of a part.
 TEXT = Kind("a text", lambda value: isinstance(value, str) and value != "")
 

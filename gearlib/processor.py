@@ -10,31 +10,31 @@ import platform
 from pathlib import Path
 
 #: Environment variable whose value "native" switches the settings off.
-SWITCH = "GEARLIB_PROCESSOR"
+SWITCH_VARIABLE = "GEARLIB_PROCESSOR"
 #: Flags in /proc/cpuinfo of the features that x86-64-v3 adds to x86-64-v2.
-LEVEL = {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"}
+V3_FEATURES = {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"}
 #: Features beyond x86-64-v3, by the names of all versions of NumPy, which ignores unknown names.
-NUMPY = "X86_V4,AVX512_ICL,AVX512_SPR,AVX512F,AVX512CD,AVX512_SKX,AVX512_CLX,AVX512_CNL"
+NUMPY_EXCLUDED = "X86_V4,AVX512_ICL,AVX512_SPR,AVX512F,AVX512CD,AVX512_SKX,AVX512_CLX,AVX512_CNL"
 #: The same features in a setting of glibc.
-GLIBC = "glibc.cpu.hwcaps=-AVX512F,-AVX512CD,-AVX512BW,-AVX512DQ,-AVX512VL"
+GLIBC_EXCLUDED = "glibc.cpu.hwcaps=-AVX512F,-AVX512CD,-AVX512BW,-AVX512DQ,-AVX512VL"
 
 
 def settings(environment=None, flags=None):
-    """Return the environment variables, a dict, which is empty on processors below x86-64-v3.
+    """Return the environment variables that make rounding equal on all processors, as a dict.
 
-    Libraries read them when they are loaded, glibc when the process starts. By default
-    `environment` is ``os.environ``, and `flags` are the features of this processor. Other settings
-    of glibc in `environment` are preserved.
+    The dict is empty on processors below x86-64-v3. Libraries read the variables when they are
+    loaded, glibc when the process starts. By default `environment` is ``os.environ``, and `flags`
+    are the features of this processor. Other settings of glibc in `environment` are preserved.
     """
     environment = os.environ if environment is None else environment
     flags = features() if flags is None else flags
-    if environment.get(SWITCH) == "native" or not flags >= LEVEL:
+    if environment.get(SWITCH_VARIABLE) == "native" or not flags >= V3_FEATURES:
         return {}
     tunables = environment.get("GLIBC_TUNABLES", "").split(":")
     other_tunables = [tunable for tunable in tunables if tunable and "cpu.hwcaps=" not in tunable]
     return {
-        "GLIBC_TUNABLES": ":".join([*other_tunables, GLIBC]),
-        "NPY_DISABLE_CPU_FEATURES": NUMPY,
+        "GLIBC_TUNABLES": ":".join([*other_tunables, GLIBC_EXCLUDED]),
+        "NPY_DISABLE_CPU_FEATURES": NUMPY_EXCLUDED,
         # With the name alone, numba would use all features of the host.
         "NUMBA_CPU_FEATURES": "+avx2,+fma",
         "NUMBA_CPU_NAME": "x86-64-v3",

@@ -59,7 +59,7 @@ def _machine(settings):
         gears = loaded.gears.model_dump(exclude=_OPERATED)
     else:
         gears = loaded.gear_pair.model_dump(include=gear_names.PAPER.keys())
-    return {"name": gear_names.of_pair(loaded), "gears": json.loads(json.dumps(gears))}
+    return {"name": gear_names.name_of_pair(loaded), "gears": json.loads(json.dumps(gears))}
 
 
 def _recorded(folder):

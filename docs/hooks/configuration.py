@@ -7,7 +7,7 @@ with which a wrong value is refused.
 from mkdocs.structure.files import File
 
 from gearlib.config import CASE_NAME, schema, schema_text
-from gearlib.config.validation import allowed, resolve
+from gearlib.config.validation import allowed_text, resolve
 
 PAGE, SCHEMA = "reference/configuration.md", "config.schema.json"
 _HEAD = f"""# Configuration
@@ -94,7 +94,7 @@ def _section(node, whole):
 def _row(key, node, whole):
     default = node.get("default")
     shown = "" if default in (None, {}, []) else _short(default)
-    words = allowed(node, whole).replace("|", "\\|").replace("<", "&lt;").replace(">", "&gt;")
+    words = allowed_text(node, whole).replace("|", "\\|").replace("<", "&lt;").replace(">", "&gt;")
     return f"`{key}`", _words(node, whole), words, shown
 
 

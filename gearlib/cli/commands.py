@@ -22,8 +22,9 @@ _INSTALLED = Path(__file__).parents[1] / "installed_workflow"
 _ROOT = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2]
 #: Options of `simulate` and `scatter`, and the argument of `fit`.
 _RUN = "tuning speed initial_state periods record_periods samples method until_settled"
-_SCATTER = "tolerance thickness_class distance_class quality quantity samples speed start stop "
+_SCATTER = "tolerance thickness_class distance_class quality quantity samples speed start stop"
 _DATA = click.Argument(["path"], metavar="DATA", type=options.FILE)
+_CURVE_PHASES = 257  #: number of mesh phases of the curve of the mesh stiffness
 
 
 @click.group(
@@ -46,7 +47,8 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
 
     The function returns a dataset, whose table has a row for each entry of `dimension`, and a
     function that plots it. `motion` is "one speed", "sweep" over speeds or, for trains at rest,
-    "none". `arguments` are further parameters of the command; `prepare` changes the option values.
+    "none". `option_names` has spaces between the names, `arguments` are further parameters of the
+    command; `prepare` changes the dict of all their values.
     """
 
     def run(function, values):
@@ -60,7 +62,8 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
         if motion == "none":
             values["model"] = "train"
         gears = take_gears(values, moves=motion != "none")
-        model, drawing = gears.model(tooth_pairs=motion == "one speed"), gears.settings.gears
+        # Sweeps have the rectangular mesh stiffness; `force_note` says what it neglects.
+        model, drawing = gears.model(load_sharing=motion == "one speed"), gears.settings.gears
         if motion == "one speed":
             speed = values.pop("speed")
             if speed is None and values["tuning"] is None and drawing:
@@ -73,7 +76,7 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
         if data_path:
             output.write(data_path, dataset, dimension)
         if plot_path:
-            output.picture(plot_path, gears.name, draw, model, dataset)
+            output.save_picture(plot_path, gears.name, draw, model, dataset)
 
     parameters = [*arguments, *(options.PAIR if motion == "none" else options.MODEL)]
     parameters += options.command_options(name, f"{option_names} output plot force")
@@ -83,13 +86,13 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
 
 
 def _tuning_range(model, start, stop):
-    """Return first and last tuning of a range; the ends may be texts such as "1500rpm" or None."""
+    """Return (first, last) tuning; an end may be a text such as "1500rpm", None for 0.5 and 1.4."""
     from gearlib.runs.run_arguments import check_speed
 
     ends = {"start": 0.5 if start is None else start, "stop": 1.4 if stop is None else stop}
     for name, end in ends.items():
         ends[name] = check_speed(model, name, in_rpm(name, end)) if isinstance(end, str) else end
-    return ends.values()
+    return ends["start"], ends["stop"]
 
 
 def _at_largest(dataset, name, dimension):
@@ -98,7 +101,7 @@ def _at_largest(dataset, name, dimension):
     return dataset.isel({dimension: int(values.fillna(-math.inf).argmax(dimension))})
 
 
-@gear_command("simulate", _RUN, "phase", motion="one speed")
+@gear_command("simulate", _RUN, dimension="phase", motion="one speed")
 def simulate(gears, model, tuning, samples, **settings):
     """Run the gears at one speed: time course, contact events, orbit."""
     from gearlib.analysis.duty_point import si_variables
@@ -106,9 +109,9 @@ def simulate(gears, model, tuning, samples, **settings):
 
     run = gearlib.simulate(model, tuning, samples_per_period=samples, **settings)
     output.show(run)
-    if not model.mesh_names:
+    if not model.mesh_names:  # Only trains have names of meshes.
         duty = result("Duty point of a gear mesh", model, si_variables(run, model), method="run")
-        output.show(duty.drop_vars(["tuning", "speed"]))
+        output.show(duty.drop_vars(["tuning", "speed"]))  # They are printed with the run.
     return run, lambda plot: plot.time_course(run)
 
 
@@ -173,7 +176,7 @@ def orbit(gears, model, tuning, **settings):
 
 @gear_command("trust", "tuning speed initial_state periods", "run", motion="one speed")
 def trust(gears, model, tuning, **settings):
-    """Chaos or artefact: run one tuning in several ways and label the motion."""
+    """Run one tuning in several ways, and say whether chaos is real or a numerical artefact."""
     verdict = gearlib.trust(model, tuning, **settings)
     click.echo(click.wrap_text(f"{verdict.label}: {verdict.message}", output.WIDTH))
     click.echo(f"Lyapunov exponent: {verdict.exponent:.6g} +- {verdict.uncertainty:.2g} per period")
@@ -201,17 +204,17 @@ def static(gears, train, phase):
 
 @gear_command("phasing", "count", "stiffness_order", motion="none")
 def phasing(gears, train, count):
-    """Which harmonics of the mesh stiffness excite which modes of the gear train."""
-    phasing = train.phasing(count)
-    modes = phasing[["excites", "mode_kind"]].to_dataframe()
-    excites = modes.groupby(["stiffness_order", "mode_kind"], sort=False).excites
-    output.frame(excites.agg(lambda modes: f"{modes.sum()} of {modes.size}").unstack())
-    return phasing, lambda plot: plot.values(phasing, "modal_force")
+    """Which harmonics of the mesh stiffness, up to --count, excite which modes of the train."""
+    excitations = train.phasing(count)
+    table = excitations[["excites", "mode_kind"]].to_dataframe()
+    excites = table.groupby(["stiffness_order", "mode_kind"], sort=False).excites
+    output.frame(excites.agg(lambda values: f"{values.sum()} of {values.size}").unstack())
+    return excitations, lambda plot: plot.values(excitations, "modal_force")
 
 
 @gear_command("campbell", "count", "mode", motion="none")
 def campbell(gears, train, count):
-    """Speeds, rpm, at which the mesh frequencies of the gear train excite a natural mode."""
+    """Speeds, rpm, at which mesh frequencies or harmonics, up to --count, excite a natural mode."""
     diagram = train.campbell(count)
     table = diagram[["critical_speed", "natural_frequency", "mode_kind", "excites"]]
     table = table.to_dataframe().reset_index("stiffness_order")
@@ -233,7 +236,7 @@ def _tolerance(text):
     return section.model_construct(parameter=name, shape=shape or None, **values)
 
 
-@gear_command("scatter", _SCATTER + "points seed", "sample")
+@gear_command("scatter", f"{_SCATTER} points seed", "sample")
 def scatter(gears, model, quantity, samples, points, **settings):
     """Scatter of jumps, contact loss, peaks and the duty point at a speed by tolerances."""
     import numpy as np
@@ -248,7 +251,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
     settings["speed"] = in_rpm("speed", settings["speed"])
     names = ("tolerance", "thickness_class", "distance_class", "quality")
     source, tolerances = _source_and_tolerances(gears, model, *map(settings.pop, names))
-    if model.size == 2:
+    if model.size == 2:  # displacement and velocity: a model of one degree of freedom
         quantity = quantity or tolerances_section.Tolerances.model_fields["quantities"].default
         settings["directions"] = ("up", "down", "seeded")
     with click.progressbar(length=samples, file=sys.stderr, hidden=not sys.stderr.isatty()) as bar:
@@ -268,11 +271,13 @@ def scatter(gears, model, quantity, samples, points, **settings):
 
 
 def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, distance_class, quality):
-    """Return the model or drawing and the tolerances for `gearlib.scatter`.
+    """Return (source, tolerances) for `gearlib.scatter`.
 
+    The source is `model`, or a design of the drawing if a tolerance is one of the drawing.
     `tolerance_texts`, such as ["load std=5%"], replace the section `tolerances`; the last three
-    arguments are classes of DIN 3967, DIN 3964 and ISO 1328-1, or None.
+    arguments are classes of DIN 3967 (one or two), DIN 3964 and ISO 1328-1, or None.
     """
+    # A single class holds for both gears.
     thickness = thickness_class and (thickness_class.split() * 2)[:2]
     section, given = gears.settings.tolerances, list(map(_tolerance, tolerance_texts))
     has_section = not given and "tolerances" in gears.mapping
@@ -295,6 +300,7 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     from gearlib.studies.tolerance_study import nominal_design
     from gearlib.uncertainty.quality_classes import by_class
 
+    # The backlash follows from the thickness of the teeth.
     drawing = gears.drawn.drawing_dict() | ({"backlash": None} if thickness else {})
     for gear in ("pinion", "wheel") if quality else ():
         drawing[gear] = drawing[gear] | {"quality": quality}
@@ -304,7 +310,7 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
 
 
 def _read_measured(values):
-    """Read the measured set of `fit` into `values`, and set missing options to its known values."""
+    """Replace `path` and `free` in `values` by the measured set and ranges; add known values."""
     path = values.pop("path")
     values["data"] = data = gearlib.read_measured(path)
     section = measured_description.read(path).fit or measured_description.FitSection()
@@ -314,9 +320,10 @@ def _read_measured(values):
         ranges[name] = limits.split(",") if equals else section.free.get(name, [])
     if not ranges:
         raise click.UsageError(f"--free is missing: give NAME=LOW,HIGH, or fit.free in {path}")
-    values["free"] = {name: measured_description.range_of(name, x) for name, x in ranges.items()}
+    values["free"] = {name: measured_description.free_range(name, x) for name, x in ranges.items()}
     known = json.loads(data.attrs["known"])
     if values["config"] is None and not DEFAULT_CONFIG.exists():
+        # Without a configuration the fit starts from the middle of the free ranges.
         known = {name: sum(limits) / 2.0 for name, limits in values["free"].items()} | known
     for name in (*GearPairSection.model_fields, *DAMPINGS):
         if values[name] is None and isinstance(known.get(name), int | float):
@@ -345,29 +352,30 @@ def gears(format, save, plot, force, **values):
 
     output.check("--save", save, force, options.YAML)
     output.check("--plot", plot, force, options.PICTURES)
-    gears = take_gears(values, moves=bool(save), needs_drawing=True)
+    drawn = take_gears(values, moves=bool(save), needs_drawing=True)
     if save:
         import yaml
 
-        output.write_text(save, yaml.safe_dump(gears.mapping, sort_keys=False, allow_unicode=True))
-    drawing, pair = gears.settings.gears, gears.settings.pair_parameters(gears.damping)
+        output.write_text(save, yaml.safe_dump(drawn.mapping, sort_keys=False, allow_unicode=True))
+    drawing, pair = drawn.settings.gears, drawn.settings.pair_parameters(drawn.damping)
     load = drawing.load() | {"damping": {name: pair[name] for name in DAMPINGS}}
     mesh, method, method_options = drawing.mesh(), drawing.stiffness, drawing.stiffness_options
     rows = gear_table.compute(mesh, options={method or "iso": method_options}, **load)
-    if drawing.speed and gears.damping != NO_DAMPING:
+    if drawing.speed and drawn.damping != NO_DAMPING:
         rows += gear_table.duty_rows(mesh, stiffness=method, options=method_options, **load)
     if format == "text":
-        click.echo(gears.name)
+        click.echo(drawn.name)
     output.gear_table(rows, format)
-    if drawing.speed and gears.damping == NO_DAMPING:
+    if drawing.speed and drawn.damping == NO_DAMPING:
         click.echo("There is no duty point without a damping: give --damping-ratio.", err=True)
     if plot:
         from gearlib.figures import mesh_stiffness_figure
-        from gearlib.studies.drawn_gears import mesh_stiffness
+        from gearlib.studies.drawn import mesh_stiffness
 
-        section = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}
-        curves = mesh_stiffness({"mesh stiffness": section}, samples=257)
-        output.picture(plot, gears.name, lambda _: mesh_stiffness_figure.draw(curves))
+        # This is a `PublishedPair` without published values.
+        pair_dict = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}
+        curves = mesh_stiffness({"mesh stiffness": pair_dict}, samples=_CURVE_PHASES)
+        output.save_picture(plot, drawn.name, lambda _: mesh_stiffness_figure.draw(curves))
     if any(row.name == "settled" and not all(row.values.values()) for row in rows):
         raise click.ClickException("the motion at the duty point has not settled")
 

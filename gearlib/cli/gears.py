@@ -15,8 +15,8 @@ from gearlib.config.train_section import PAIR_TRAINS
 
 DEFAULT_CONFIG = Path("config.yaml")
 _BEARINGS = ("bearing_stiffness", "bearing_damping")
-#: Sections that commands need.
-_NEEDED = ("gears", "gear_pair", "dampings", "six_degrees", "train", "tolerances")
+#: Sections of the configuration that commands need.
+_NEEDED_SECTIONS = ("gears", "gear_pair", "dampings", "six_degrees", "train", "tolerances")
 #: Damping of gears that do not move, and gear pair beside a train that does not use it.
 NO_DAMPING = "not-given"
 _UNDAMPED = {"dampings": {NO_DAMPING: {"material_damping": 0.0, "backlash_damping": 0.0}}}
@@ -33,8 +33,8 @@ class Gears(NamedTuple):
     name: str  #: of the gears
     drawn: Any  #: the section `gears` if a single pair of gears is drawn, else None
 
-    def model(self, tooth_pairs: bool = False):
-        """Return the model; with `tooth_pairs`, modified drawn gears get a `LoadSharingPair`."""
+    def model(self, load_sharing: bool = False):
+        """Return the model; with `load_sharing`, modified drawn gears get a `LoadSharingPair`."""
         from gearlib import GearPair, SixDegreePair
 
         settings, gears = self.settings, self.drawn
@@ -47,13 +47,13 @@ class Gears(NamedTuple):
             if settings.six_degrees.bearing_stiffness is None:
                 raise click.UsageError(f"{MISSING_BEARINGS}; --bearing-stiffness sets all four")
             return SixDegreePair(pair=pair, **settings.six_degree_parameters())
-        if not (tooth_pairs and gears and gears.modification_key()):
+        if not (load_sharing and gears and gears.modification_key()):
             return pair
         from gearlib.models.load_sharing_pair import default_load_sharing_pair
 
         method = {"stiffness": gears.stiffness or "iso", "options": gears.stiffness_options}
-        teeth = default_load_sharing_pair(gears.mesh(), torque=gears.driving_torque(), **method)
-        return teeth.replace(**{name: getattr(pair, name) for name in DAMPINGS})
+        model = default_load_sharing_pair(gears.mesh(), torque=gears.driving_torque(), **method)
+        return model.replace(**{name: getattr(pair, name) for name in DAMPINGS})
 
 
 def in_rpm(name, value):
@@ -66,9 +66,9 @@ def in_rpm(name, value):
 
 
 def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) -> Gears:
-    """Remove the options that describe gears from `values`, and return the gears.
+    """Remove the options that describe gears from the dict `values`, and return the gears.
 
-    Options precede the configuration. Gears that move need a damping.
+    Options override the configuration. Gears that move need a damping.
     """
     damping, kind = values.pop("damping"), values.pop("model", None) or "one_degree"
     mapping = _read(values.pop("config"), values.pop("case"), damping)
@@ -82,6 +82,7 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
         raise click.UsageError("--bearing-stiffness and --bearing-damping need --model six_degrees")
     if kind == "train" and "train" not in mapping:
         raise click.UsageError(NO_TRAIN)
+    # The option --backlash belongs to the drawing if there is one.
     if "backlash" in pair and ("gears" in mapping or drawing):
         drawing["backlash"] = pair.pop("backlash")
     if drawing and "gears" not in mapping:
@@ -96,6 +97,7 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
                 raise click.UsageError("damping_ratio is missing: give --damping-ratio, >= 0, < 1")
             mapping |= _UNDAMPED
         if pair:
+            # Options of the gear pair replace parameters that follow from the drawing.
             drawn_pair = config.load(_UNDAMPED | {"gears": mapping["gears"]}).gear_pair
             pair = drawn_pair.model_dump() | pair
     elif needs_drawing:
@@ -107,20 +109,21 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     damping = damping or next(iter(mapping.get("dampings") or ()), "options")
     dampings = {damping: coefficients} if coefficients or not mapping else {}
     changes = {"gear_pair": pair, "dampings": dampings, "six_degrees": bearings}
+    # Without a configuration empty sections are kept, so that their missing keys are reported.
     changes = {key: section for key, section in changes.items() if section or not mapping}
     mapping = overlay(mapping, changes)
-    settings = config.load(_select(mapping, *_NEEDED) if drawing or changes else mapping)
+    settings = config.load(_select(mapping, *_NEEDED_SECTIONS) if drawing or changes else mapping)
     if damping not in settings.dampings:
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
     if moves and kind == "train" and (message := missing_mesh_damping(settings)):
         raise click.UsageError(message)
-    name = gear_names.of_train(settings) if kind == "train" else gear_names.of_pair(settings)
+    name_of_gears = gear_names.name_of_train if kind == "train" else gear_names.name_of_pair
     drawn = settings.gears if kind == "one_degree" else None
-    return Gears(mapping, settings, damping, kind, name, drawn)
+    return Gears(mapping, settings, damping, kind, name_of_gears(settings), drawn)
 
 
 def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
-    """Return the configuration in the file `path` or in config.yaml, or one of its cases."""
+    """Return the configuration in `path` or in config.yaml, or a case of it; {} without a file."""
     if path is None and not DEFAULT_CONFIG.exists():
         if case or damping:
             raise click.UsageError("--case and --damping need a configuration: give --config")
@@ -129,7 +132,7 @@ def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
     if repeated:
         raise click.UsageError("\n".join(repeated))
     if not isinstance(mapping, dict):
-        config.load(mapping)
+        config.load(mapping)  # raises the error
     if unknown := config.unknown_sections(mapping):
         raise click.UsageError("\n".join(unknown))
     cases = config.cases(mapping) if "cases" in mapping else {"": mapping}
@@ -149,12 +152,13 @@ def _take_sections(values: dict, needs_drawing: bool) -> dict:
         raise refusal("--teeth", teeth, "two values, PINION WHEEL")
     elif teeth is not None:
         sections["gear_pair"]["teeth"] = teeth
-    rows = options.DRAWING + (options.MESH if needs_drawing else options.NUMBERS)
-    for _, names, section_keys in rows:
+    key_groups = options.DRAWING + (options.MESH if needs_drawing else options.PAIR_KEYS)
+    for _, names, section_keys in key_groups:
         for name in names:
             value = values.pop(name)
             if value is None or value is False:
                 continue
+            # An option of both gears has a value for each of their sections.
             section_values = value if len(section_keys) > 1 else [value]
             for section_key, section_value in zip(section_keys, section_values, strict=True):
                 section = sections

@@ -33,13 +33,14 @@ class Command(click.Command):
     """A command whose option --teeth takes one or two values, and that reports removed options."""
 
     def parse_args(self, ctx, args):
-        """Join two values of --teeth, because click options have a fixed number of values."""
+        """Refuse removed options; join two values of --teeth, because click expects one."""
         for option_name in (arg.partition("=")[0] for arg in args):
             if (name := f"{ctx.info_name} {option_name}") in REMOVED:
                 raise click.UsageError(removal_message(name), ctx)
-        for i in [i + 1 for i, arg in enumerate(args) if arg == "--teeth"][::-1]:
-            if "".join(args[i + 1 : i + 2]).isdigit() and not args[i].startswith("-"):
-                args = [*args[:i], f"{args[i]} {args[i + 1]}", *args[i + 2 :]]
+        for i in reversed(range(len(args) - 2)):
+            flag, pinion_teeth, wheel_teeth = args[i : i + 3]
+            if flag == "--teeth" and wheel_teeth.isdigit() and not pinion_teeth.startswith("-"):
+                args = [*args[: i + 1], f"{pinion_teeth} {wheel_teeth}", *args[i + 3 :]]
         return super().parse_args(ctx, args)
 
 
@@ -55,14 +56,16 @@ class Group(click.Group):
                 warnings.showwarning = lambda text, *_: click.echo(f"Warning: {text}", err=True)
                 return super().invoke(ctx)
         except ValueError as error:
+            # Dampings of options have the name "options" without a configuration.
             message = str(error).replace("dampings.options.", "")
-            raise click.UsageError(with_original_values(message, {})) from None
+            text = with_original_values(message, mapping={})  # Only shorten computed numbers.
+            raise click.UsageError(text) from None
         except (ModuleNotFoundError, OSError) as error:
             raise click.ClickException(str(error)) from None
 
 
 def option(name, help_text, default_or_type=None, flags=(), **settings):
-    """Return a click option; the default False makes it a flag.
+    """Return a click option; the default False makes it a flag, a callable is the type of values.
 
     `flags` are further names such as "-o", `settings` further arguments of `click.Option`.
     """
@@ -72,15 +75,16 @@ def option(name, help_text, default_or_type=None, flags=(), **settings):
         settings["type"] = default_or_type
     elif default_or_type is not None:
         settings |= {"default": default_or_type, "show_default": True}
+    # This name is shortened on the command line.
     flag = "--state" if name == "initial_state" else f"--{name.replace('_', '-')}"
     return click.Option([*flags, flag, name], help=help_text, **settings)
 
 
-def key_options(rows):
-    """Return the options of `rows` like those of `DRAWING`; keys of both gears take two values."""
+def key_options(key_groups):
+    """Return the options of groups (section class, key names, section keys), as in `DRAWING`."""
     click_options = []
-    for section, names, places in rows:
-        settings = {"nargs": 2, "metavar": "PINION WHEEL"} if places == _BOTH_GEARS else {}
+    for section, names, section_keys in key_groups:
+        settings = {"nargs": 2, "metavar": "PINION WHEEL"} if section_keys == _BOTH_GEARS else {}
         for name in names:
             value_type = False if name == "internal" else number_or_text
             help_text = section.model_fields[name].description
@@ -89,8 +93,8 @@ def key_options(rows):
 
 
 _BOTH_GEARS = ["gears.pinion", "gears.wheel"]
-#: Keys that are options: of drawn gears, of their mesh, of a gear pair. Each row has a section
-#: class, names of keys, and the places of the section in the configuration.
+#: Keys that are options: of drawn gears, of their mesh, of a gear pair. Each group has a section
+#: class, names of its keys, and the keys of the sections of this class in the configuration.
 DRAWING = [
     (WheelSection, ["shift", "tip_diameter", "bore", "thickness_allowance"], _BOTH_GEARS),
     (WheelSection, ["module", "width", "pressure_angle", "helix_angle", "rack"], _BOTH_GEARS[:1]),
@@ -100,7 +104,7 @@ DRAWING = [
 ]
 MESH = [(Gears, ["backlash", "power", "speed"], ["gears"])]
 _NAMES = [name for name in GearPairSection.model_fields if name != "teeth"]
-NUMBERS = [(GearPairSection, _NAMES, ["gear_pair"]), (Damping, DAMPINGS, ["dampings"])]
+PAIR_KEYS = [(GearPairSection, _NAMES, ["gear_pair"]), (Damping, DAMPINGS, ["dampings"])]
 _CONFIGURATION = click.Path(exists=True, dir_okay=False, path_type=Path)
 _MODELS = click.Choice(["one_degree", "six_degrees", "train"])
 _BEARING = "of each bearing of --model six_degrees, along and across the line of action"
@@ -163,12 +167,14 @@ _TABLE = {
 
 def command_options(command_name, option_names):
     """Return the options of a command; `option_names` is a text with spaces between the names."""
-    names = option_names.split()
-    rows = [_TABLE.get(f"{command_name} {name}") or _TABLE[name] for name in names]
-    return [option(name, *row[:2], **dict(*row[2:])) for name, row in zip(names, rows, strict=True)]
+    click_options = []
+    for name in option_names.split():
+        help_text, default_or_type, *settings = _TABLE.get(f"{command_name} {name}") or _TABLE[name]
+        click_options.append(option(name, help_text, default_or_type, **dict(*settings)))
+    return click_options
 
 
 _GEARS = command_options("", "config case damping teeth") + key_options(DRAWING)
 #: Options of two drawn gears, of a gear pair by its numbers or drawing, of a model that moves.
-DRAWN_GEARS, PAIR = _GEARS + key_options(MESH), _GEARS + key_options(NUMBERS)
+DRAWN_GEARS, PAIR = _GEARS + key_options(MESH), _GEARS + key_options(PAIR_KEYS)
 MODEL = PAIR + command_options("", "model bearing_stiffness bearing_damping")

@@ -57,8 +57,8 @@ def write_text(path, text):
     click.echo(f"written to {path}", err=True)
 
 
-def picture(path, name, draw, model=None, dataset=None):
-    """Draw a picture of gears called `name`; `draw` takes `gearlib.plot` and returns axes."""
+def save_picture(path, name, draw, model=None, dataset=None):
+    """Save the axes that `draw` makes with `gearlib.plot`; `name` is that of the gears."""
     import matplotlib
 
     matplotlib.use("agg")
@@ -67,6 +67,7 @@ def picture(path, name, draw, model=None, dataset=None):
 
     axes = draw(plot)
     if model is not None and model.mesh_names and {"mesh", "mode"} & {*dataset.dims}:
+        # Results on meshes or modes of a train stand beside its scheme, with contacts if known.
         schematic.draw_beside(axes, model, dataset if "contact" in dataset else None)
     style.name_gears(axes.figure, name)
     style.save(axes.figure, path)
@@ -115,6 +116,7 @@ def gear_table(rows, file_format):
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))
     elif file_format == "csv":
         writer = csv.writer(sys.stdout, lineterminator="\n")
+        # A row has values of gears or methods; "of" names the gear or method.
         writer.writerow(["name", "of", "value", "unit", "meaning"])
         for row in rows:
             for column, value in row.values.items():

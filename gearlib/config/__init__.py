@@ -12,7 +12,7 @@ import re
 from functools import cache
 from typing import Any
 
-from gearlib.config.validation import error_messages, show, unknown_key, with_original_values
+from gearlib.config import validation
 
 #: Pattern of the names of cases, which are parts of names of workflow rules.
 CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
@@ -30,10 +30,7 @@ class ConfigError(ValueError):
 
 
 def load(mapping: dict) -> Any:
-    """Return the validated configuration from the content of its YAML file.
-
-    Raise ConfigError with one sentence for each problem.
-    """
+    """Return the validated configuration for the content of a YAML file, or raise ConfigError."""
     # pydantic is imported here so that `gearlib --help` starts quickly.
     from pydantic import ValidationError
 
@@ -49,15 +46,15 @@ def load(mapping: dict) -> Any:
         completed, context = defaults.add_defaults(mapping)
         return Config.model_validate(completed, context=context)
     except ValidationError as error:
-        messages = error_messages(error.errors(), schema())
-        text = "\n".join(with_original_values(message, mapping) for message in messages)
-        raise ConfigError(text) from None
+        messages = validation.error_messages(error.errors(), schema())
+        messages = [validation.with_original_values(message, mapping) for message in messages]
+        raise ConfigError("\n".join(messages)) from None
 
 
 def unknown_sections(mapping: dict) -> list[str]:
     """Return an error message for each top-level key of `mapping` that is not in the schema."""
-    known = {"cases", *schema()["properties"]}
-    return [unknown_key([key], mapping[key], schema()) for key in mapping if key not in known]
+    unknown_keys = [key for key in mapping if key not in {"cases", *schema()["properties"]}]
+    return [validation.unknown_key_error([key], mapping[key], schema()) for key in unknown_keys]
 
 
 def overlay(base: dict, changes: dict) -> dict:
@@ -84,8 +81,8 @@ def cases(mapping: dict) -> dict[str, dict]:
     case_changes = mapping["cases"]
     if not isinstance(case_changes, dict) or not case_changes:
         raise ConfigError(
-            f"cases = {show(case_changes)} is not allowed: it must be a mapping of at least one "
-            "name to the keys that differ"
+            f"cases = {validation.as_text(case_changes)} is not allowed: it must be a mapping of "
+            "at least one name to the keys that differ"
         )
     common = {key: value for key, value in mapping.items() if key != "cases"}
     configurations, problems = {}, []
@@ -97,8 +94,8 @@ def cases(mapping: dict) -> dict[str, dict]:
             )
         elif not isinstance(changes, dict):
             problems.append(
-                f"cases.{name} = {show(changes)} is not allowed: it must be a mapping of the keys "
-                "that differ"
+                f"cases.{name} = {validation.as_text(changes)} is not allowed: it must be a "
+                "mapping of the keys that differ"
             )
         else:
             configurations[name] = overlay(common, changes)
@@ -115,8 +112,9 @@ def overlay_gears(merged: dict, changes: dict) -> dict:
     """Return the configuration `merged` updated with `changes`, without keys that no longer fit.
 
     If `merged` has a `gear_pair` and `changes` has drawn `gears`, return only `changes`, because
-    the dampings, bearings and scenes of `merged` belong to another pair. If `changes` has another
-    train, its default targets apply, or the targets of trains if it has no other gears.
+    the dampings, bearings and scenes of `merged` belong to another pair. If `changes` replaces the
+    train without naming targets, the targets of `merged` are dropped: with other gears the default
+    targets apply, with the same gears only those of trains.
     """
     from gearlib.config.targets import TRAIN_TARGETS
 
@@ -147,10 +145,7 @@ def schema() -> dict:
 
 
 def _drop_null_defaults(node: object) -> None:
-    """Remove the default `null` from `node` of the JSON schema and from all nodes within it.
-
-    Such keys may be left out, but the value null is refused.
-    """
+    """Remove the default null from a node and those in it: the key may be missing, but not null."""
     if isinstance(node, dict):
         if "default" in node and node["default"] is None:
             del node["default"]

@@ -8,11 +8,12 @@ from gearlib import checks
 from gearlib.config import experiments as e
 from gearlib.config import measured_description, targets
 from gearlib.config import types as t
+from gearlib.config.experiments import FRICTION_HISTORIES, SIX_DEGREE_HISTORIES
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
 from gearlib.config.gears_section import Gears, HarrisMap, MeshStiffness
 from gearlib.config.tolerances_section import Tolerances
 from gearlib.config.train_section import PAIR_TRAINS, Campbell, Reducer, Train, TrainSweep
-from gearlib.config.types import SECTION, Distinct, Name, Section, field
+from gearlib.config.types import MAX_JOBS, SECTION, Distinct, Name, Section, field
 from gearlib.models.pair_parameters import RATIOS, PairParameters
 
 Target = Literal[
@@ -93,12 +94,12 @@ class Config(Section):
 
     @field_validator("targets", mode="before")
     @classmethod
-    def _refuse_comparison(cls, target_names: object) -> object:
-        """Raise ValueError if "compare" is in the list of targets instead of being called."""
+    def _reject_compare(cls, target_names: object) -> object:
+        """Raise ValueError if the list has "compare", which needs results of other projects."""
         if isinstance(target_names, list) and "compare" in target_names:
             raise ValueError(
                 f"targets[{target_names.index('compare')}] = 'compare' is not allowed: it must be "
-                "left out, and called by its name, snakemake -j2 compare"
+                "left out, and requested on the command line, snakemake -j2 compare"
             )
         return target_names
 
@@ -117,9 +118,9 @@ class Config(Section):
         harmonics = self.phase_lag.harmonics
         checks.require(harmonics <= max_harmonics, "phase_lag.harmonics", harmonics, allowed)
         self._check_sizes()
-        measured_description.sets(self.measured)
-        # Only the workflow computes targets; commands accept any train beside a gear pair.
-        if self.gears and (messages := self.refusals()):
+        measured_description.read_sets(self.measured)  # Raises the errors of their files.
+        # Without drawn gears only the workflow checks the targets, because commands compute none.
+        if self.gears and (messages := self.target_errors()):
             raise ValueError("\n".join(messages))
         return self
 
@@ -128,24 +129,24 @@ class Config(Section):
         damping_count, resonance, run = len(self.dampings), self.resonance, self.run
         tuning_range = resonance.stop - resonance.start
         runs = damping_count * len(resonance.directions) * tuning_range / resonance.step
-        allowed = f"larger: {runs:,.0f} runs in all are more than {MAX_RUNS:,}"
+        allowed = f"large enough for at most {MAX_RUNS:,} runs, not {runs:,.0f}"
         checks.require(runs <= MAX_RUNS, "resonance.step", resonance.step, allowed)
         windows = damping_count * tuning_range / resonance.window
-        allowed = f"larger: {windows:,.0f} jobs are more than {t.MAX_JOBS:,}"
-        checks.require(windows <= t.MAX_JOBS, "resonance.window", resonance.window, allowed)
+        allowed = f"large enough for at most {MAX_JOBS:,} jobs, not {windows:,.0f}"
+        checks.require(windows <= MAX_JOBS, "resonance.window", resonance.window, allowed)
         plane_count = damping_count * len(self.phase_planes.tunings)
-        if plane_count > t.MAX_JOBS:
+        if plane_count > MAX_JOBS:
             raise ValueError(
                 f"phase_planes.tunings has {plane_count // damping_count:,} entries: there must be "
-                f"from 1 to {t.MAX_JOBS // damping_count:,} to stay within {t.MAX_JOBS:,} jobs"
+                f"from 1 to {MAX_JOBS // damping_count:,} to stay within {MAX_JOBS:,} jobs"
             )
         count = plane_count * self.record_periods * run.samples_per_period
-        allowed = f"smaller: {count:,} samples of all phase planes are more than {MAX_SAMPLES:,}"
+        allowed = f"small enough for at most {MAX_SAMPLES:,} samples of phase planes, not {count:,}"
         key, samples_per_period = "run.samples_per_period", run.samples_per_period
         checks.require(count <= MAX_SAMPLES, key, samples_per_period, allowed)
 
-    def refusals(self) -> list[str]:
-        """Return the error messages for requested targets that these gears cannot have."""
+    def target_errors(self) -> list[str]:
+        """Return an error message for each reason why requested targets do not fit the gears."""
         target_names = self.targets
         if "targets" not in self.model_fields_set:
             # Tolerances other than the default ones are taken as a request.
@@ -157,13 +158,13 @@ class Config(Section):
         for name in target_names:
             if reason := targets.refusal(name, self):
                 targets_by_reason.setdefault(reason, []).append(name)
-        return [targets.for_targets(reason, *names) for reason, names in targets_by_reason.items()]
+        return [targets.with_target_names(*item) for item in targets_by_reason.items()]
 
-    def missing_train_damping(self) -> list[str]:
+    def train_damping_errors(self) -> list[str]:
         """Return an error message if targets need the damping of a train that has none, else []."""
         names = [name for name in self.computed_targets() if name in targets.TRAIN_TARGETS]
         reason = targets.missing_mesh_damping(self)
-        return [targets.for_targets(reason, *names)] if reason and names else []
+        return [targets.with_target_names(reason, names)] if reason and names else []
 
     def computed_targets(self) -> list[str]:
         """Return the names of the targets to compute, without those that do not fit these gears."""
@@ -200,7 +201,7 @@ class Config(Section):
     def train_parameters(self, damping: str) -> dict:
         """Return the arguments from which `gearlib.models.from_values` creates the gear train.
 
-        `damping` is the name of the damping of the gear pair, if it is every mesh of the train.
+        `damping` names that of the gear pair; only trains with this pair as every mesh use it.
         """
         kind, arguments = self.train.kind, self.train.arguments()
         pair = self.pair_parameters(damping) if kind in PAIR_TRAINS else None
@@ -210,14 +211,14 @@ class Config(Section):
         """Return the keyword arguments of `gearlib.GearPair` for a `MeshCase` with a damping."""
         return self.pair_parameters(case.damping) | case.change.model_dump()
 
-    def candidate_models(self, scene: e.Scene) -> list[str]:
-        """Return the names of models with all time histories of `scene`, the smallest first."""
+    def candidate_models(self, scene: Any) -> list[str]:
+        """Return the models, smallest first, with all time histories (`courses`) of `scene`."""
         if scene.model != "smallest":
             return [scene.model]
-        names, histories = ["one_degree", "six_degrees_plain", "six_degrees"], {*scene.courses}
-        if histories & e.FRICTION_HISTORIES:
-            return names[2:]
-        return names[1:] if histories & e.SIX_DEGREE_HISTORIES else names
+        if FRICTION_HISTORIES & {*scene.courses}:
+            return ["six_degrees"]
+        models = ["six_degrees_plain", "six_degrees"]
+        return models if SIX_DEGREE_HISTORIES & {*scene.courses} else ["one_degree", *models]
 
     def tolerance_distributions(self) -> dict:
         """Return the probability distributions of the section `tolerances` for `gearlib.scatter`.
@@ -227,9 +228,9 @@ class Config(Section):
         parameters = self.pair_parameters(self.tolerances.damping)
         pair = PairParameters(**parameters)
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}
-        if self.tolerances.of_drawing():
+        if self.tolerances.concern_drawing():
             drawing = self.gears.drawing_dict()
             nominal_values |= drawing
             for gear in ("pinion", "wheel"):
-                nominal_values |= {f"{gear}.{name}": x for name, x in drawing[gear].items()}
+                nominal_values |= {f"{gear}.{key}": value for key, value in drawing[gear].items()}
         return self.tolerances.distributions(nominal_values)

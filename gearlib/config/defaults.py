@@ -18,30 +18,31 @@ from gearlib.config.gears_section import Gears
 from gearlib.config.types import Name, tuning_per_rpm
 
 #: Replacements for an invalid gear pair or dampings, so that only these cause error messages.
-_PAIR = GearPairSection(**dict.fromkeys(GearPairSection.model_fields, 1.0) | {"teeth": 1})
-_DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
+_VALID_PAIR = GearPairSection(**dict.fromkeys(GearPairSection.model_fields, 1.0) | {"teeth": 1})
+_VALID_DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
 _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
 #: Colours that people with colour blindness can tell apart, also in grey. They repeat.
 _PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9", "#882255")
 #: Damping ratio of studies that need damping, if the configuration has none.
 _DAMPING_RATIO = 0.05
-#: Largest number of panels of one figure, see `Basins` and `Poincare`.
-_MAX_PANELS = 12
-#: Keys of the bodies of the gears. They have no defaults if one of them is given, because the
-#: others would not fit the reduced mass. The default bearings would not fit other bodies either.
+#: Largest number of panels of one figure, see `Basins` and `Poincare`, and length of a title.
+_MAX_PANELS, _MAX_TITLE_LENGTH = 12, 60
+#: Tunings of the panels, and mesh periods before a Poincare section.
+_BASINS_TUNING, _POINCARE_TUNING, _SETTLING_PERIODS = 0.72, 0.66, 300
+#: Keys of the bodies of the gears. They have no defaults if one of them is given.
 _BODY_KEYS = ("base_radii", "inertias", "masses")
 
 
 def add_defaults(mapping: object) -> tuple[object, dict]:
     """Return the content of a YAML file with defaults added, and the context of its validation.
 
-    The context holds the checked `pair` and `dampings`, None if invalid, and whether it is `drawn`.
+    The context is a dict: `pair` and `dampings`, checked, None if invalid; `drawn`, True or False.
     """
     if not isinstance(mapping, dict):
         return mapping, {}
     pair, gears, dampings = _read_gears(mapping)
     context = {"pair": pair, "dampings": dampings, "drawn": gears is not None}
-    defaults = _gear_defaults(pair or _PAIR, dampings or _DAMPINGS)
+    defaults = _gear_defaults(pair or _VALID_PAIR, dampings or _VALID_DAMPINGS)
     six_degrees = mapping.get("six_degrees") or {}
     if gears:
         defaults["resonance"] = _resonance_range(mapping.get("resonance"), pair, gears.speed)
@@ -50,14 +51,15 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
             other_problems = [name for name in get_args(Problem) if name != "six_degrees"]
             defaults["work_precision"]["problems"] = other_problems
     elif isinstance(six_degrees, dict) and any(key in six_degrees for key in _BODY_KEYS):
+        # The default bodies and bearings would not fit the bodies that are given.
         for key in (*_BODY_KEYS, "bearing_stiffness"):
             del defaults["six_degrees"][key]
     completed = overlay(defaults, mapping)
     if "gears" in mapping:
-        completed["gear_pair"] = pair or _PAIR
+        completed["gear_pair"] = pair or _VALID_PAIR
     figures = completed["figures"]
     if isinstance(figures, dict) and isinstance(figures["colours"], dict):
-        figures["colours"] = _damping_colours(dampings or _DAMPINGS, figures["colours"])
+        figures["colours"] = _damping_colours(dampings or _VALID_DAMPINGS, figures["colours"])
     return completed, context
 
 
@@ -77,10 +79,11 @@ def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | 
 
 
 def _resonance_range(resonance: Any, pair: Any, speed: float | None) -> dict[str, float]:
-    """Return default start, stop and lowest tuning of the resonance sweep of drawn gears.
+    """Return the defaults of `start`, `stop` and `lowest` of the resonance sweep of drawn gears.
 
     The range, 0.5 to 1.4, is extended to the speed (rpm) of the gears, in steps of the section
-    `resonance`. It is empty if the section has its own start or stop.
+    `resonance`; `lowest`, a fifth of start, limits the extension of a downward sweep that has not
+    jumped. The dict is empty if the section has a start or stop.
     """
     section = resonance if isinstance(resonance, dict) else {}
     step = section.get("step", Resonance.model_fields["step"].default)
@@ -112,12 +115,12 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
         coefficients = dict.fromkeys(("material_damping", "backlash_damping"), moderate_damping)
         settling = {f"damping ratio {_DAMPING_RATIO:g}": Damping(**coefficients)}
     cubic_damping = largest / (deflection * frequency) ** 2
-    poincare_cases = _tuning_cases(dampings, 0.66)
+    poincare_cases = _panel_cases(dampings, _POINCARE_TUNING)
     for name, case in zip(dampings, poincare_cases, strict=False):
-        # An undamped motion does not settle, so nothing is skipped.
-        case |= {"phase": 0.0, "settle": 300 if damping_sums[name] else 0}
+        # An undamped motion does not settle, so no mesh period is skipped before the section.
+        case |= {"phase": 0.0, "settle": _SETTLING_PERIODS if damping_sums[name] else 0}
     return {
-        "phase_lag": {"material_dampings": [largest, largest / 100.0]},
+        "phase_lag": {"material_dampings": [largest, largest / 100.0]},  # two curves
         "nonlinear_damping": {"damping": largest},
         "six_degrees": _six_degree_defaults(pair),
         **{key: first_damped for key in ("jump", "analytic_method", "run_ups", "tolerances")},
@@ -131,10 +134,11 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
         "reducer": {
             **first_damped,
             "support_stiffness": 2.5 * pair.max_stiffness,
-            "pin_error": [deflection, 0.0],
+            "pin_error": [deflection, 0.0],  # radial and tangential
+            # The first of the three branches has less backlash than the others.
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
         },
-        "basins": {"cases": _tuning_cases(settling, 0.72)},
+        "basins": {"cases": _panel_cases(settling, _BASINS_TUNING)},
         "bifurcation": {"damping": next(iter(settling.values()))},
         "poincare": {"cases": poincare_cases},
         "figures": {"colours": {}},
@@ -144,7 +148,8 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
 def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
     """Return bodies and bearings of two equal gears that have the reduced mass of `pair`.
 
-    They satisfy 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2.
+    Gears 3 and 2 satisfy 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2. Bearings have 1/40
+    of the mesh stiffness and 2 % of the critical damping; the run-out is 0.8 static deflections.
     """
     mass = 6.0 * pair.reduced_mass
     bearing = pair.max_stiffness / 40.0
@@ -158,12 +163,13 @@ def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
     }
 
 
-def _tuning_cases(dampings: dict[str, Damping], tuning: float) -> list[dict]:
-    """Return one panel (title, tuning, damping) for each of the first dampings, at one tuning."""
-    return [
-        {"title": f"tuning {tuning:.2f}, {name}"[:60], "tuning": tuning, "damping": damping}
-        for name, damping in list(dampings.items())[:_MAX_PANELS]
-    ]
+def _panel_cases(dampings: dict[str, Damping], tuning: float) -> list[dict]:
+    """Return a list for the key `cases`: one panel for each of the first dampings, at a tuning."""
+    cases = []
+    for name, damping in list(dampings.items())[:_MAX_PANELS]:
+        title = f"tuning {tuning:.2f}, {name}"[:_MAX_TITLE_LENGTH]
+        cases.append({"title": title, "tuning": tuning, "damping": damping})
+    return cases
 
 
 def _damping_colours(dampings: Iterable[str], colours: dict[str, str]) -> dict[str, str]:

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from gearlib import checks, tunings
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import Damping, MeshCase
-from gearlib.config.types import Distinct, Section, default_grid, field, integer, list_of
+from gearlib.config.types import Distinct, Section, check_unique, field, grid_base, integer, list_of
 
 #: Largest number of tunings of the resonance; it catches a mistyped step.
 MAX_TUNINGS = 1_000_000
@@ -17,7 +17,7 @@ _Range = list_of(t.Finite, 2)
 _RANGE = "Lowest and highest initial value."
 
 
-class Resonance(default_grid(0.5, 1.4, 0.0005)):
+class Resonance(grid_base(0.5, 1.4, 0.0005)):
     """The resonance characteristic (Fig. 3), in windows; by default with the speed of a drawing."""
 
     window: t.Tuning = field("Tunings of one job of a cold sweep; a whole multiple of step.", 0.9)
@@ -53,7 +53,7 @@ class PhasePlanes(Section):
     tunings: Distinct[t.Tuning] = field("Tunings, a row each.", [0.6, 0.66, 0.78, 0.8, 0.81, 0.82])
 
 
-class PhaseLag(default_grid(0.56, 0.79, 0.005)):
+class PhaseLag(grid_base(0.56, 0.79, 0.005)):
     """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
 
     material_dampings: Distinct[t.DampingCoefficient] = field(
@@ -65,7 +65,7 @@ class PhaseLag(default_grid(0.56, 0.79, 0.005)):
     periods: _SettlingPeriods = field("Mesh periods of a run, to settle.", 6000)
 
 
-class Jump(t.SeededStarts, default_grid(0.78, 0.86, 0.001)):
+class Jump(t.SeededStarts, grid_base(0.78, 0.86, 0.001)):
     """Jump of the motion from rest between two orbits, and what moves it (beside Fig. 6)."""
 
     damping: t.DampingName = None
@@ -93,7 +93,7 @@ class Jump(t.SeededStarts, default_grid(0.78, 0.86, 0.001)):
     )
 
 
-class AnalyticMethod(default_grid(0.3, 1.5, 0.02)):
+class AnalyticMethod(grid_base(0.3, 1.5, 0.02)):
     """The paper's analytic method and harmonic balance against exact orbits."""
 
     damping: t.DampingName = None
@@ -110,7 +110,7 @@ class AnalyticMethod(default_grid(0.3, 1.5, 0.02)):
     )
 
 
-class NonlinearDamping(default_grid(0.5, 1.4, 0.004)):
+class NonlinearDamping(grid_base(0.5, 1.4, 0.004)):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
 
     damping: t.PositiveDamping = field("Linear coefficient, N s/m. Default: the largest.", None)
@@ -134,7 +134,7 @@ class ParametricResonance(t.Grid):
     )
 
 
-class Labels(default_grid(0.5, 1.4, 0.01)):
+class Labels(grid_base(0.5, 1.4, 0.01)):
     """Labels of the motion from rest, chaos or artefact, marked in Fig. 3."""
 
     periods: _SettlingPeriods = field("Mesh periods of a run, to settle.", 1500)
@@ -256,8 +256,8 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if titles are not unique or the model lacks a time history."""
-        t.check_unique(".cases", self.cases, "title")
+        """Raise ValueError if titles are not unique or `courses` has histories the model lacks."""
+        check_unique(".cases", self.cases, "title")
         missing_histories = {
             "one_degree": (SIX_DEGREE_HISTORIES, "the model one_degree"),
             "six_degrees_plain": (FRICTION_HISTORIES, "six_degrees_plain, which has no friction"),
@@ -294,7 +294,7 @@ class _InitialStates(Section):
         for key in ("displacement", "velocity"):
             low, high = getattr(self, key)
             checks.require(low < high, f".{key}", [low, high], "a lower value and a higher one")
-        t.check_unique(".cases", getattr(self, "cases", ()), "title")
+        check_unique(".cases", getattr(self, "cases", ()), "title")
         return self
 
 
@@ -318,13 +318,13 @@ class Basins(_InitialStates):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if the gears of a panel have no damping."""
+        """Raise ValueError if one of the cases has no damping."""
         for i, case in enumerate(self.cases):
             _check_damped(f".cases[{i}].damping", case.damping)
         return self
 
 
-class Bifurcation(_InitialStates, default_grid(0.45, 0.95, 0.001)):
+class Bifurcation(_InitialStates, grid_base(0.45, 0.95, 0.001)):
     """Bifurcation diagram over the tuning, Lyapunov exponents and shares of the basins."""
 
     damping: Damping = field("Damping. Default: the first one with material damping.", None)
@@ -338,9 +338,9 @@ class Bifurcation(_InitialStates, default_grid(0.45, 0.95, 0.001)):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError without damping, or if the range is no multiple of `share_step`."""
+        """Raise ValueError without damping, or if the range is no multiple of a step."""
         _check_damped(".damping", self.damping)
-        self.check_steps("share_step")
+        self.check_steps("share_step")  # of the tunings at which shares of basins are computed
         return self
 
 
@@ -365,7 +365,7 @@ class FixedStepMethod(Section):
 _ALPHA = {"method": "generalised_alpha"}
 
 
-class StabilityChart(default_grid(0.2, 2.6, 0.02)):
+class StabilityChart(grid_base(0.2, 2.6, 0.02)):
     """Spectral radii of fixed-step methods on the mesh without contact loss."""
 
     damping: t.DampingName = field("One of the dampings. Default: the lightest.", None)
@@ -437,7 +437,7 @@ class Failures(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        t.check_unique(".trials", self.trials, "name")
+        check_unique(".trials", self.trials, "name")
         return self
 
 

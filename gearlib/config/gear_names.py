@@ -6,7 +6,7 @@ from typing import Any
 
 from gearlib.config.gears_section import FZG_C, GearSection
 
-#: The mesh of Hortel and Skuderova (2007); a pair with these values has its name.
+#: Values of the mesh of Hortel and Skuderova (2007), "the paper"; they identify its pair.
 PAPER = {
     "max_stiffness": 4e8,
     "stiffness_ratio": 0.5879,
@@ -16,7 +16,7 @@ PAPER = {
 _TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 
 
-def of_drawing(pair: Any) -> str:
+def name_of_drawing(pair: Any) -> str:
     """Return the name of drawn gears, such as "gear pair z 23/61, m 2.5 mm, tip relief"."""
     pinion, wheel = pair.pinion, pair.wheel
     is_fzg = all(getattr(pair, gear).model_dump() == FZG_C[gear] for gear in ("pinion", "wheel"))
@@ -34,10 +34,10 @@ def _module_and_helix(gear: GearSection) -> str:
     return f"m {1e3 * gear.module:.4g} mm{helix}"
 
 
-def of_numbers(pair: Any) -> str:
-    """Return the name of a gear pair that is given by its numbers.
+def name_of_parameters(pair: Any) -> str:
+    """Return the name of a gear pair that is given by its parameters instead of a drawing.
 
-    `pair` is a dict, a `GearPair` or a `GearPairSection` with the four quantities of `PAPER`.
+    `pair` is a dict, a `GearPair` or a `GearPairSection` with the four parameters in `PAPER`.
     """
     values = pair if isinstance(pair, dict) else {key: getattr(pair, key) for key in PAPER}
     if all(math.isclose(values[key], value, rel_tol=1e-9) for key, value in PAPER.items()):
@@ -48,14 +48,14 @@ def of_numbers(pair: Any) -> str:
     ).format(**values)
 
 
-def of_pair(config: Any) -> str:
+def name_of_pair(config: Any) -> str:
     """Return the name of the gear pair of a configuration."""
-    return of_drawing(config.gears) if config.gears else of_numbers(config.gear_pair)
+    return name_of_drawing(config.gears) if config.gears else name_of_parameters(config.gear_pair)
 
 
-def of_reducer(config: Any) -> str:
+def name_of_reducer(config: Any) -> str:
     """Return the name of the reducer of the section `reducer`, every mesh of which is the pair."""
-    return _reducer_name(config, config.reducer.teeth, of_pair(config))
+    return _reducer_name(config, config.reducer.teeth, name_of_pair(config))
 
 
 def _reducer_name(config: Any, teeth: Sequence[int] | None, pair_name: str) -> str:
@@ -65,7 +65,7 @@ def _reducer_name(config: Any, teeth: Sequence[int] | None, pair_name: str) -> s
     return f"{name}, every mesh: {pair_name}"
 
 
-def of_train(config: Any, pair_name: str = "") -> str:
+def name_of_train(config: Any, pair_name: str = "") -> str:
     """Return the name of the gear train of a configuration.
 
     `pair_name` is the name of its meshes if they are not the gear pair of the configuration.
@@ -78,9 +78,9 @@ def of_train(config: Any, pair_name: str = "") -> str:
         sun, planet, ring = section.sun, section.planet, section.ring
         teeth = f"{sun.teeth}/{planet.teeth}/{ring.teeth}"
         return f"planetary set z {teeth}, {_module_and_helix(sun)}"
-    if kind == "own":
+    if kind == "own":  # user-defined bodies, shafts and meshes
         return f"own train, {len(section.bodies)} bodies, {len(section.meshes)} meshes"
-    pair_name = pair_name or of_pair(config)
+    pair_name = pair_name or name_of_pair(config)
     if kind == "split_power_reducer":
         return _reducer_name(config, section.teeth, pair_name)
     teeth = f" z {'/'.join(map(str, section.teeth))}" if section.teeth else ""
@@ -89,4 +89,4 @@ def of_train(config: Any, pair_name: str = "") -> str:
 
 def is_paper(config: Any) -> bool:
     """Return whether the gear pair of a configuration is the paper's."""
-    return of_pair(config) == "paper's pair"
+    return name_of_pair(config) == "paper's pair"

@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 from gearlib import checks
 from gearlib.config import RATIO_KEYS
 from gearlib.config import types as t
-from gearlib.config.types import Section, create_section, field, list_of
+from gearlib.config.types import Section, create_section, field, from_context, list_of
 from gearlib.models.geometry.drawings import parameters_renamed
 from gearlib.models.geometry.mesh import checked_damping, damping_coefficient
 from gearlib.models.pair_parameters import SMALLEST, PairParameters, PairScales, check_scales
@@ -34,8 +34,8 @@ class GearPairSection(_Pair, PairScales):
 
     @model_validator(mode="after")
     def _check(self) -> "GearPairSection":
-        """Raise ValueError if mean stiffness or scales of the pair are numerically too small."""
-        check_scales(self, ".")
+        """Raise ValueError if stiffness, mass or load of the pair are numerically out of range."""
+        check_scales(self, prefix=".")  # "." stands for the key of the section.
         mean, ratio = self.mean_stiffness, self.stiffness_ratio
         allowed = f"large enough for a mean stiffness, {mean!r} N/m, >= {SMALLEST}"
         checks.require(mean >= SMALLEST, ".stiffness_ratio", ratio, allowed)
@@ -56,12 +56,12 @@ class Damping(_Coefficients):
     backlash_damping_ratio: _DampingRatio = field("beta_m: backlash_damping likewise.", None)
 
     @model_validator(mode="after")
-    def _in_coefficients(self, info: ValidationInfo) -> "Damping":
+    def _to_coefficients(self, info: ValidationInfo) -> "Damping":
         """Return the damping with coefficients, N s/m, in place of its ratios.
 
-        `info` is the validation context, whose gear pair defines the coefficients.
+        `info` is the validation context; without a valid gear pair in it nothing is converted.
         """
-        pair, coefficients = t.from_context(info, "pair"), {}
+        pair, coefficients = from_context(info, "pair"), {}
         for coefficient_key, ratio_keys in RATIO_KEYS.items():
             keys = [coefficient_key, *ratio_keys]
             values = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
@@ -71,8 +71,9 @@ class Damping(_Coefficients):
                 key_list = " and ".join(f".{key}" for key in values)
                 raise ValueError(f"{key_list} are not allowed together: it must be one of them")
             ((key, value),) = values.items()
-            if pair and t.from_context(info, "drawn"):
-                with parameters_renamed(lambda argument, owner: f".{argument}"):
+            if pair and from_context(info, "drawn"):
+                # Drawn gears must be less than critically damped; only the check matters here.
+                with parameters_renamed(lambda parameter, owner: f".{parameter}"):
                     checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
             if pair and key != coefficient_key:
                 if key == "logarithmic_decrement":
@@ -161,7 +162,7 @@ class SixDegrees(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "SixDegrees":
-        """Raise an error if radii, inertias or masses are missing while others are given."""
+        """Raise an error if radii, inertias or masses are missing: if one is given, all must be."""
         for key in ("base_radii", "inertias", "masses"):
             if getattr(self, key) is None:
                 raise PydanticCustomError("missing_key", "", {"key": key})

@@ -25,8 +25,8 @@ FZG_C = {
     "backlash": 50e-6,
     "torque": 302.0,
 }
-#: Gears with 20 teeth each of the literature on backlash; backlash and torque are assumed.
-TWENTY = {
+#: Pair with 20 teeth each from the literature on backlash; backlash and torque are assumed.
+Z20_PAIR = {
     "pinion": {"teeth": 20, "module": 0.01, "width": 0.03, "material": {"young": 200e9}},
     "wheel": {"teeth": 20},
     "backlash": 50e-6,
@@ -49,16 +49,17 @@ def config_errors(section_key: str = "", options: Iterable[str] | None = None, *
         parameter, of_relief, _ = parameter.partition(" of the tip relief")
         if of_relief or owner == "tip relief":
             parameter = f"tip_relief.{parameter}"
-        elif owner == "rack":
+        elif owner == "rack":  # The tip of the rack cuts the fillet of the gear.
             parameter = parameter.replace("tip_radius", "fillet_radius")
         elif owner in ("web", "material"):
             parameter = f"{owner}.{parameter}"
         if owner in gear_keys:
             return f"{gear_keys[owner]}.{parameter}"
-        if owner in ("sun mesh", "ring mesh", "shifts"):
+        if owner in ("sun mesh", "ring mesh", "shifts"):  # No key: it concerns two gears.
             return f"{section_key and f'{section_key}: '}{parameter} of the {owner}"
         if parameter in (options or ()):
             parameter = f"stiffness_options.{parameter}"
+        # Only ring gears have an outer diameter.
         return f"{ring_key if parameter == 'outer_diameter' else section_key}.{parameter}"
 
     return parameters_renamed(config_key)
@@ -140,14 +141,14 @@ class DrawnPair(_Placed):
         with config_errors(section_key, **gear_keys):
             return Mesh(pinion, wheel, self.centre_distance, self.backlash)
 
-    def check(self, section_key: str, *stiffness_methods: str) -> None:
+    def check(self, section_key: str, stiffness_methods: Iterable[str]) -> None:
         """Raise ValueError if the gears are impossible or one of the methods fails for them.
 
-        `section_key` is the config key of this pair.
+        `section_key` is the config key of this pair; the methods are "iso" and "energy".
         """
         drawing = self.model_dump(include={"pinion", "wheel", "centre_distance"})
         # The default gears are known to be valid. Computing them would slow the workflow's start.
-        if any(drawing.items() <= pair.items() for pair in (FZG_C, TWENTY)):
+        if any(drawing.items() <= pair.items() for pair in (FZG_C, Z20_PAIR)):
             return
         mesh, wheel_key = self.mesh(section_key), f"{section_key}.wheel"
         with config_errors(section_key, pinion=f"{section_key}.pinion", wheel=wheel_key):
@@ -155,7 +156,7 @@ class DrawnPair(_Placed):
                 mesh.pair_parameters(torque=self.torque, stiffness=method)
 
     def modification_key(self, *keys: str) -> str:
-        """Return the first of the keys with a value, such as "pinion.tip_relief", "" without any.
+        """Return the first of the gears' `keys` with a value, as "pinion.tip_relief", else "".
 
         By default these are the keys that modify the involute flanks.
         """
@@ -217,7 +218,7 @@ class PublishedPair(DrawnPair):
     @model_validator(mode="after")
     def _check(self) -> "PublishedPair":
         """Raise ValueError if one of the stiffness methods fails for the gears."""
-        self.check("", "iso", "energy")
+        self.check("", stiffness_methods=("iso", "energy"))
         return self
 
 
@@ -226,7 +227,7 @@ class MeshStiffness(Section):
 
     pairs: Annotated[dict[t.Name, PublishedPair], Field(min_length=1, max_length=6)] = field(
         "Drawn pairs by name.",
-        {"z20-20": TWENTY | {"published": {"ISO": 4.9e8, "thumb": 5.2e8}}, "FZG-C": FZG_C},
+        {"z20-20": Z20_PAIR | {"published": {"ISO": 4.9e8, "thumb": 5.2e8}}, "FZG-C": FZG_C},
     )
     samples: t.integer(8, 4096) = field("Number of phases in the mesh period.", 64)
 
@@ -257,7 +258,7 @@ class HarrisMap(Section):
                 f"{pair_key}.{key} is not allowed: it must be left out, because the Harris map is "
                 "of spur gears without errors, and designs their reliefs"
             )
-        pair.check(pair_key, self.stiffness)
+        pair.check(pair_key, stiffness_methods=[self.stiffness])
 
 
 def takes_configured_gears(config: Any, section_name: str) -> bool:
@@ -285,8 +286,8 @@ def drawn_pairs(config: Any, section_name: str) -> dict[str, DrawnPair]:
     return {f"z{pair.pinion.teeth}-{pair.wheel.teeth}": pair}
 
 
-def refusal(config: Any, section_name: str) -> str:
-    """Return why the section, see `drawn_pairs`, cannot use the configured gears, else ""."""
+def unsuitable_gears(config: Any, section_name: str) -> str:
+    """Return why "mesh_stiffness" or "harris_map" cannot use the configured gears, else ""."""
     if not takes_configured_gears(config, section_name):
         return ""
     try:
@@ -294,7 +295,7 @@ def refusal(config: Any, section_name: str) -> str:
             if section_name == "harris_map":
                 config.harris_map.check_gears("gears", pair)
             else:
-                pair.check("gears", "iso", "energy")
+                pair.check("gears", stiffness_methods=("iso", "energy"))
     except ValueError as error:
         return str(error)
     return ""

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError, model
 from gearlib.checks import refusal, require
 from gearlib.config import types as t
 from gearlib.config import units, yaml_keys
-from gearlib.config.types import Section, field, list_of, quantity
+from gearlib.config.types import Section, field, list_of, quantity, type_of
 from gearlib.config.validation import error_messages
 from gearlib.data import measured_names
 from gearlib.models.pair_parameters import PairParameters
@@ -67,12 +67,12 @@ class FitSection(Section):
     free: dict[_Key, list_of(t.Option, 2)] = field("Lowest and highest value by parameter.", {})
 
 
-def range_of(name, limits):
-    """Return lowest and highest value of a parameter in SI; `limits` may be texts with units."""
+def free_range(name, limits):
+    """Return [low, high] in SI of a parameter to fit; `limits` are numbers or texts with units."""
     parameter = numeric_parameters(PairParameters).get(name)
     kind = parameter.kind if parameter else FINITE
     try:
-        return TypeAdapter(list_of(t.type_of(kind), 2)).validate_python([*limits])
+        return TypeAdapter(list_of(type_of(kind), 2)).validate_python([*limits])
     except ValidationError:
         unit = " in SI" if kind.unit == "1" else f" in {kind.unit} or a text with a unit of it"
         allowed = f"two values, each {kind.allowed}{unit}"
@@ -96,29 +96,31 @@ class Channel(Section):
         """Raise ValueError if the keys of the channel named `key` are not compatible."""
         name, channel_key = self.observableId or key, f"channels.{key}"
         known = measured_names.units_and_description(name)
-        allowed = f"one of {', '.join(measured_names.KNOWN)}, maybe with _ and which one it is"
+        allowed = f"one of {', '.join(measured_names.KNOWN)}, which may be followed by _ and a name"
         require(known, f"{channel_key}.observableId", name, allowed)
+        cf_unit, _ = known
         if self.unit is None:
-            example = measured_names.allowed_units(known[0])[0][1]
+            (_, example), *_ = measured_names.allowed_units(cf_unit)
             raise ValueError(f"{channel_key}.unit is missing: it must be one such as {example}")
         count_keys = self.model_dump(include={"counts_per_turn", "count"})
-        if self.unit == COUNTS and not count_keys and self.gain != "unknown" and known[0] != "1":
+        if self.unit == COUNTS and not count_keys and self.gain != "unknown" and cf_unit != "1":
             raise ValueError(
-                f"{channel_key}.counts_per_turn is missing: of counts it must be said what one is, "
-                "by counts_per_turn or count, or that the gain is unknown"
+                f"{channel_key}.counts_per_turn is missing: the value of a count must be given by "
+                "counts_per_turn or count, or the gain must be unknown"
             )
         for other_key, value in count_keys.items():
             allowed = f"left out: the unit is {self.unit!r}, not 'counts'"
             require(self.unit == COUNTS, f"{channel_key}.{other_key}", value, allowed)
             allowed = f"one of {' and '.join(count_keys)}"
             require(len(count_keys) == 1, f"{channel_key}.{other_key}", value, allowed)
-        if name not in ("condition", "direction"):
-            self.noise_std(key)
+        if name not in ("condition", "direction"):  # These are labels without a unit.
+            self.noise_std(key)  # raises the errors of noise and unit
 
     def scale(self, key):
-        """Return the factor to CF units, and the CF units, of the values of the channel `key`."""
+        """Return (factor, CF unit) for the channel `key`: its values times the factor are in it."""
         name, unit_key, text = self.observableId or key, "unit", f"1 {self.unit}"
-        dimensions = measured_names.allowed_units(measured_names.units_and_description(name)[0])
+        # Pairs (CF unit, usual notation), one for each dimension that the observable may have.
+        unit_pairs = measured_names.allowed_units(measured_names.units_and_description(name)[0])
         if self.unit == DATES and name == "time":
             return 1.0, "s"
         if self.unit == COUNTS and self.counts_per_turn is not None:
@@ -126,29 +128,29 @@ class Channel(Section):
         elif self.unit == COUNTS and self.count is not None:
             unit_key, text = "count", self.count
         elif self.unit == COUNTS:
-            return 1.0, "1" if dimensions[0][0] == "1" else "count"
-        for cf_unit, written_unit in dimensions:
+            return 1.0, "1" if unit_pairs[0] == ("1", "1") else "count"  # of unknown value
+        for cf_unit, written_unit in unit_pairs:
             if cf_unit == "1" and self.unit in _RATIOS:
                 return _RATIOS[self.unit], cf_unit
             with suppress(ValueError):
                 if cf_unit != "1":
                     return units.read(text, written_unit) / (self.counts_per_turn or 1), cf_unit
-        unit_names = " or ".join(written_unit for _, written_unit in dimensions)
+        unit_names = " or ".join(written_unit for _, written_unit in unit_pairs)
         allowed = f"a value in, or a unit of the dimension of {unit_names}, for {name}"
         raise refusal(f"channels.{key}.{unit_key}", getattr(self, unit_key), allowed)
 
     def noise_std(self, key):
         """Return the standard deviation of the channel `key` in CF units, 0 if it is not given."""
         factor, cf_unit = self.scale(key)
-        noise = -1.0
+        noise = None
         if isinstance(self.noise, str):
-            unit = dict(measured_names.allowed_units(cf_unit)).get(cf_unit, cf_unit)
+            (_, written_unit), *_ = measured_names.allowed_units(cf_unit)
             with suppress(ValueError):
-                noise = units.read(self.noise, unit)
+                noise = units.read(self.noise, written_unit)
         elif not isinstance(self.noise, bool):
             noise = (self.noise or 0.0) * abs(factor)
         allowed = f"a number >= 0 in {self.unit}, or a text with a unit of its dimension"
-        require(noise >= 0.0, f"channels.{key}.noise", self.noise, allowed)
+        require(noise is not None and noise >= 0, f"channels.{key}.noise", self.noise, allowed)
         return noise
 
 
@@ -214,10 +216,10 @@ class Description(Section):
             require(Path(self.data).suffix.lower() in _FORMATS, "data", self.data, allowed)
             if not self.channels:
                 raise ValueError(
-                    "channels is missing: it must be a mapping of columns to what they are"
+                    "channels is missing: it must be a mapping of column names to descriptions"
                 )
         for name, limits in (self.fit.free if self.fit else {}).items():
-            range_of(name, limits)
+            free_range(name, limits)  # Raises the error of wrong limits.
         return self
 
     def files(self, path):
@@ -238,22 +240,22 @@ class Description(Section):
         has_times = "time" in names or suffix in _TIMED_FORMATS
         return has_times and "speed" in names and bool(names & _TIME_HISTORIES)
 
-    def not_said(self):
+    def unstated_properties(self):
         """Return the names of properties of the test rig that the source does not state."""
         facts = dict(self.known).items()
         known_keys = {key for key, value in facts if value not in (None, "unknown")}
         return [name for name, keys in _EXPECTED_FACTS.items() if not known_keys & keys]
 
 
-def sets(paths):
-    """Return name -> (path, `Description`) of the measured sets in these YAML files."""
+def read_sets(paths):
+    """Return file name -> (path, `Description`) of measured sets; raise ValueError if invalid."""
     descriptions = {}
     for i, path in enumerate(paths):
         name, key = Path(path).stem, f"measured[{i}]"
         allowed = "a path whose name has letters, digits, +, _ and - only, at most 60"
         require(re.fullmatch("[A-Za-z0-9+_-]{1,60}", name), key, path, allowed)
-        allowed = f"another name than that of {descriptions.get(name, ('',))[0]}"
-        require(name not in descriptions, key, path, allowed)
+        other_path, _ = descriptions.get(name, ("", None))
+        require(name not in descriptions, key, path, f"another name than that of {other_path}")
         require(Path(path).is_file(), key, path, "a path of a YAML file")
         description = read(path)
         for table_path in description.files(path):

@@ -3,6 +3,7 @@
 Each reason is a sentence without a full stop, or "" where the target can be computed.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, get_args
@@ -32,8 +33,8 @@ def refusal(target: str, config: Any) -> str:
     return _REFUSALS[target](config) if target in _REFUSALS else ""
 
 
-def for_targets(reason: str, *target_names: str) -> str:
-    """Return the error message that refuses targets for a reason."""
+def with_target_names(reason: str, target_names: Sequence[str]) -> str:
+    """Return an error message: a reason, followed by the targets that are refused for it."""
     plural = "s" if len(target_names) > 1 else ""
     return f"{reason}, for the target{plural} {', '.join(target_names)}"
 
@@ -71,36 +72,36 @@ def _missing_bearings(config: Any) -> str:
     return MISSING_BEARINGS if config.six_degrees.bearing_stiffness is None else ""
 
 
-def _refuse_models(config: Any) -> str:
-    """Return the error message for missing bearings if a scene may need them, else ""."""
+def _scene_bearings_error(config: Any) -> str:
+    """Return the error message if a scene may need bearings that are missing, else ""."""
     scenes = config.scenes.values()
     models = {model for scene in scenes for model in config.candidate_models(scene)}
     return _missing_bearings(config) if models - {"one_degree"} else ""
 
 
-def _refuse_scenes(config: Any) -> str:
+def _scenes_error(config: Any) -> str:
     """Return why the scenes cannot be computed for drawn gears, else ""."""
     if config.gears and not config.scenes:
         return (
             "scenes = {} is not allowed: the paper's scenes suit the paper's pair only, at least "
             "one must be given"
         )
-    return _refuse_models(config)
+    return _scene_bearings_error(config)
 
 
-def _refuse_drawn_gears(reason: str, config: Any) -> str:
+def _drawn_gears_error(reason: str, config: Any) -> str:
     """Return the error message, with its reason, if the configuration has drawn gears, else ""."""
     return f"gears is not allowed: {reason}, it must be left out" if config.gears else ""
 
 
-def _refuse_reducer(config: Any) -> str:
+def _reducer_error(config: Any) -> str:
     """Return why the paper's reducer cannot be computed for the configuration, else ""."""
     train = config.train
     if train.kind != "split_power_reducer":
         return f"train.kind = {train.kind!r} is not allowed: it must be split_power_reducer"
-    for key in train.split_power_reducer.model_dump():
+    if keys := [*train.split_power_reducer.model_dump()]:
         return (
-            f"train.split_power_reducer.{key} is not allowed: it must be left out; the section "
+            f"train.split_power_reducer.{keys[0]} is not allowed: it must be left out; the section "
             "reducer describes the reducer of this target"
         )
     if config.gears and "teeth" not in config.reducer.model_fields_set:
@@ -109,22 +110,23 @@ def _refuse_reducer(config: Any) -> str:
 
 
 def _missing_teeth(config: Any) -> str:
-    """Return the error message for a train of drawn pairs without teeth, else ""."""
+    """Return the error message if a train of drawn pairs has no numbers of teeth, else ""."""
     kind = config.train.kind
     if config.gears and kind in PAIR_TRAINS and getattr(config.train, kind).teeth is None:
         return f"train.{kind}.teeth is missing: it must be given where the gears are drawn"
     return ""
 
 
-def _refuse_train_sweep(config: Any) -> str:
+def _train_sweep_error(config: Any) -> str:
     """Return why the train cannot be swept over speed, else ""."""
     reason = _missing_teeth(config)
     return NO_TRAIN if not reason and "train" not in config.model_fields_set else reason
 
 
-def _refuse_tolerances(config: Any) -> str:
+def _tolerances_error(config: Any) -> str:
     """Return why the gears cannot have the tolerances of the configuration, else ""."""
-    if config.tolerances.of_drawing() and config.gears is None:
+    # All parameters belong either to the drawing or to the gear pair; the message has the first.
+    if config.tolerances.concern_drawing() and config.gears is None:
         name = config.tolerances.parameters[0].parameter
         return (
             f"tolerances.parameters[0].parameter = {name!r} is not allowed: it must be a parameter "
@@ -139,18 +141,18 @@ def _refuse_tolerances(config: Any) -> str:
 
 #: Target -> function of the configuration that returns why the target is refused, or "".
 _REFUSALS = {
-    "scenes": _refuse_scenes,
-    "claims": partial(_refuse_drawn_gears, "its statements are about the paper's pair"),
-    "models": _refuse_models,
-    "failures": partial(_refuse_drawn_gears, "its problems have gears of their own"),
+    "scenes": _scenes_error,
+    "claims": partial(_drawn_gears_error, "its statements are about the paper's pair"),
+    "models": _scene_bearings_error,
+    "failures": partial(_drawn_gears_error, "its problems have gears of their own"),
     "work_precision": lambda x: (
         _missing_bearings(x) if "six_degrees" in x.work_precision.problems else ""
     ),
-    "reducer": _refuse_reducer,
-    "campbell": lambda x: _missing_teeth(x) if has_custom_train(x) else _refuse_reducer(x),
-    "train_sweep": _refuse_train_sweep,
-    "mesh_stiffness": partial(gears_section.refusal, section_name="mesh_stiffness"),
-    "harris_map": partial(gears_section.refusal, section_name="harris_map"),
+    "reducer": _reducer_error,
+    "campbell": lambda x: _missing_teeth(x) if has_custom_train(x) else _reducer_error(x),
+    "train_sweep": _train_sweep_error,
+    "mesh_stiffness": partial(gears_section.unsuitable_gears, section_name="mesh_stiffness"),
+    "harris_map": partial(gears_section.unsuitable_gears, section_name="harris_map"),
     "measured": lambda x: "" if x.measured else NO_MEASURED_SETS,
-    "tolerances": _refuse_tolerances,
+    "tolerances": _tolerances_error,
 }

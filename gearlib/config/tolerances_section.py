@@ -1,5 +1,6 @@
 """The section `tolerances`: what of the gears scatters, and how far."""
 
+import math
 from typing import Literal
 
 from pydantic import model_validator
@@ -7,7 +8,7 @@ from pydantic import model_validator
 from gearlib import checks
 from gearlib.config import types as t
 from gearlib.config import units
-from gearlib.config.types import RecordedPeriods, Section, default_grid, field, list_of
+from gearlib.config.types import MAX_JOBS, Section, check_unique, field, list_of
 from gearlib.data.variables import QUANTITIES
 from gearlib.models import tolerated
 
@@ -69,7 +70,7 @@ class Correlation(Section):
     rho: t.number(gt=-1, lt=1) = field("Correlation of their normal scores.")
 
 
-class Tolerances(default_grid(0.5, 1.4, 0.01), RecordedPeriods):
+class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
     """Scatter of jumps, contact loss and peaks with the tolerances of the gears."""
 
     damping: t.DampingName = None
@@ -106,59 +107,65 @@ class Tolerances(default_grid(0.5, 1.4, 0.01), RecordedPeriods):
     @model_validator(mode="after")
     def _check(self):
         """Raise ValueError if jobs, parameters or correlations of the section are invalid."""
-        min_shard = -(-self.samples // t.MAX_JOBS)
-        allowed = f"an integer >= {min_shard} to stay within {t.MAX_JOBS:,} jobs"
+        min_shard = math.ceil(self.samples / MAX_JOBS)
+        allowed = f"an integer >= {min_shard} to stay within {MAX_JOBS:,} jobs"
         checks.require(self.shard >= min_shard, ".shard", self.shard, allowed)
-        t.check_unique(".parameters", self.parameters, "parameter")
+        check_unique(".parameters", self.parameters, "parameter")
         names = [tolerance.parameter for tolerance in self.parameters]
-        known = ", ".join(known_parameters())
-        allowed = f"one of {known}, all of the gear pair or all of the drawing"
+        known_names = ", ".join(known_parameters())
+        allowed = f"one of {known_names}, all of the gear pair or all of the drawing"
         for i, name in enumerate(names):
             is_known = name in self._parameters()
             checks.require(is_known, f".parameters[{i}].parameter", name, allowed)
         for ratio, quantity in tolerated.RATIOS.items():
             if {ratio, quantity} <= {*names}:
                 raise ValueError(
-                    f".parameters of {ratio} and {quantity} are not allowed together: both set the "
-                    "same; give one of them"
+                    f".parameters of {ratio} and {quantity} are not allowed together: one follows "
+                    "from the other; give one of them"
                 )
         for i, correlation in enumerate(self.correlations):
             pair, allowed = correlation.parameters, f"two of {', '.join(sorted(names))}"
             is_pair = {*pair} <= {*names} and len({*pair}) == 2
             checks.require(is_pair, f".correlations[{i}].parameters", pair, allowed)
         # The nominal values of the gears are not known yet; any number serves.
-        self._distributions("", dict.fromkeys(names, 1.0))
+        self._complete_tolerances("", dict.fromkeys(names, 1.0))
         return self
 
-    def of_drawing(self):
-        """Return whether the parameters are those of drawn gears, not of the gear pair."""
+    def concern_drawing(self):
+        """Return whether the parameters are those of a drawing, and not all of a gear pair, too."""
         names = {tolerance.parameter for tolerance in self.parameters}
-        of_pair = names <= tolerated.pair_parameters().keys()
-        return names <= tolerated.drawing_parameters().keys() and not of_pair
+        are_of_pair = names <= tolerated.pair_parameters().keys()
+        return names <= tolerated.drawing_parameters().keys() and not are_of_pair
 
     def _parameters(self):
-        return tolerated.drawing_parameters() if self.of_drawing() else tolerated.pair_parameters()
+        return (
+            tolerated.drawing_parameters()
+            if self.concern_drawing()
+            else tolerated.pair_parameters()
+        )
 
     def distributions(self, nominal_values):
-        """Return the tolerances as a dict for `gearlib.scatter`; raise ValueError if impossible."""
-        tolerances = self._distributions("tolerances", nominal_values)
-        for key, (name, tolerance) in zip(self.keys().values(), tolerances.items(), strict=True):
-            if "distribution" not in tolerance:
-                limits = tolerated.centre_and_limits(tolerance)
-                tolerated.check_range(key, tolerance, self._parameters()[name], limits)
+        """Return a dict for `gearlib.scatter`; `nominal_values` are parameter name -> SI value."""
+        tolerances = self._complete_tolerances("tolerances", nominal_values)
+        for name, config_key in self.config_keys().items():
+            if "distribution" not in tolerances[name]:
+                limits = tolerated.centre_and_limits(tolerances[name])
+                tolerated.check_range(
+                    config_key, tolerances[name], self._parameters()[name], limits
+                )
         if self.correlations:
             tolerances["correlations"] = [[*x.parameters, x.rho] for x in self.correlations]
         return tolerances
 
-    def _distributions(self, section_key, nominal_values):
-        """Return parameter name -> tolerance as a dict, completed by the nominal values."""
+    def _complete_tolerances(self, section_key, nominal_values):
+        """Return parameter name -> tolerance as a dict; nominal values replace missing means."""
         tolerances = {}
         for i, section in enumerate(self.parameters):
             key, name = f"{section_key}.parameters[{i}]", section.parameter
             tolerance = section.distribution_dict(key, self._parameters()[name].kind)
-            value = nominal_values.get(name)
+            nominal_value = nominal_values.get(name)
             if "distribution" not in tolerance:
-                tolerance = tolerated.complete_scatter(key, tolerance, model_value=value)
+                tolerance = tolerated.complete_scatter(key, tolerance, model_value=nominal_value)
             tolerances[name] = tolerance
         return tolerances
 
@@ -166,7 +173,7 @@ class Tolerances(default_grid(0.5, 1.4, 0.01), RecordedPeriods):
         """Return whether scipy is needed to check the probability distributions."""
         return bool(self.correlations) or any(x.distribution for x in self.parameters)
 
-    def keys(self):
+    def config_keys(self):
         """Return parameter name -> config key of its tolerance, for error messages."""
         return {x.parameter: f"tolerances.parameters[{i}]" for i, x in enumerate(self.parameters)}
 

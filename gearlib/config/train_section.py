@@ -17,7 +17,7 @@ from gearlib.config.gears_section import (
     config_errors,
     spur_gear,
 )
-from gearlib.config.types import Section, create_section, default_grid, field, list_of
+from gearlib.config.types import Section, create_section, field, grid_base, list_of
 from gearlib.models.geometry.drawings import planetary_meshes
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh, torque_of
@@ -65,10 +65,9 @@ class PlanetarySet(_Set):
             for mesh in (planets.sun_mesh, planets.ring_mesh):
                 # Both meshes of a planet transmit the same force.
                 pinion_torque = sun_mesh_torque * mesh.pinion.teeth / sun.teeth
-                load_argument = ("torque", torque, "N m")
-                mesh.train_parameters(
-                    torque=pinion_torque, load_argument=load_argument, **mesh_arguments
-                )
+                mesh_arguments["torque"] = pinion_torque
+                # Only the errors matter; they shall name the torque that the user gave.
+                mesh.train_parameters(load_argument=("torque", torque, "N m"), **mesh_arguments)
         return self
 
     def arguments(self):
@@ -147,21 +146,21 @@ class Own(Section):
     @model_validator(mode="after")
     def _check(self):
         """Raise ValueError if a drawn gear or a mesh is impossible."""
-        drawn = {
-            x.name: (f".bodies[{i}].gear", x.gear) for i, x in enumerate(self.bodies) if x.gear
-        }
-        gears = {name: spur_gear(key, section) for name, (key, section) in drawn.items()}
+        keys = {body.name: f".bodies[{i}].gear" for i, body in enumerate(self.bodies) if body.gear}
+        gears = {x.name: spur_gear(keys[x.name], x.gear) for x in self.bodies if x.gear}
         meshes: list[Any] = self.meshes
         for i, mesh in enumerate(meshes):
             key, pinion, wheel = f".meshes[{i}]", mesh.pinion, mesh.wheel
             if mesh.max_stiffness is not None or not {pinion, wheel} <= gears.keys():
                 _check_undrawn_mesh(key, mesh)
                 continue
+            # Torque and dampings; the keys of the stiffness method have other names as arguments.
             arguments = mesh.model_dump(include=DRAWN_MESH_KEYS - MethodSection.model_fields.keys())
             distance = arguments.pop("centre_distance", None)
             arguments |= mesh.stiffness_arguments(key)
-            gear_keys = {"pinion": drawn[pinion][0], "wheel": drawn[wheel][0]}
+            gear_keys = {"pinion": keys[pinion], "wheel": keys[wheel]}
             with config_errors(key, mesh.stiffness_options, **gear_keys):
+                # Only the errors matter; the train itself computes the parameters again.
                 Mesh(gears[pinion], gears[wheel], distance).train_parameters(**arguments)
         return self
 
@@ -215,15 +214,12 @@ class Train(Section):
 
     def arguments(self):
         """Return the arguments of the library function or class for this kind of train."""
-        arguments = self.model_dump(include={self.kind, "reference", "reference_frequency"})
-        if self.kind == "planetary_set":
-            arguments[self.kind] = self.planetary_set.arguments()
-        return arguments.pop(self.kind) | arguments
+        section = getattr(self, self.kind)
+        arguments = section.arguments() if self.kind == "planetary_set" else section.model_dump()
+        return arguments | self.model_dump(include={"reference", "reference_frequency"})
 
 
-class TrainSweep(
-    t.IncreasingStarts, default_grid(0.5, 1.4, 0.01, t.NumericGrid), t.RecordedPeriods
-):
+class TrainSweep(t.IncreasingStarts, grid_base(0.5, 1.4, 0.01, t.NumericGrid), t.RecordedPeriods):
     """Every mesh of the train of the section `train` over speed; the target of this name."""
 
     damping: t.DampingName = None
@@ -231,7 +227,7 @@ class TrainSweep(
     record_periods: t.RecordPeriods = 12
 
 
-class Reducer(t.IncreasingStarts, default_grid(0.74, 1.84, 0.02, t.NumericGrid), t.RecordedPeriods):
+class Reducer(t.IncreasingStarts, grid_base(0.74, 1.84, 0.02, t.NumericGrid), t.RecordedPeriods):
     """Fig. 1 a: three double satellites between central gears, the gear pair as every mesh."""
 
     damping: t.DampingName = None

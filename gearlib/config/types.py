@@ -28,8 +28,8 @@ from gearlib.config import units
 MAX_JOBS = 10_000
 #: Tunings converted from speeds are rounded to this decimal, so that floats represent them.
 _TUNING_RESOLUTION = Decimal("1e-12")
-#: Upper bound of speeds in rpm and of numbers of steps.
-_MAX_RPM = 10**9
+#: Upper bounds of speeds in rpm and of numbers of steps.
+_MAX_RPM, _MAX_STEPS = 10**9, 10**9
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _INTEGER = re.compile(r"[-+]?\d+")
 _BOOLEANS = {"true": True, "false": False}
@@ -75,6 +75,7 @@ def _read_choice(value):
 
 
 def _read_option(value):
+    """Return the option of a method as boolean, number or text, converted from its text in YAML."""
     value = _read_number(_read_integer(_read_boolean(value)))
     if not isinstance(value, str) and not (isinstance(value, int | float) and math.isfinite(value)):
         raise _invalid()
@@ -91,7 +92,7 @@ def _invalid():
 
 
 def _require_distinct(values):
-    """Return the list `values`, or raise ValueError if it has a value twice."""
+    """Return `values`, or raise ValueError if two are equal; "." stands for their key."""
     for value in values:
         if values.count(value) > 1:
             raise ValueError(f". lists {value!r} twice: its entries must be all different")
@@ -104,7 +105,8 @@ def from_context(info, key):
 
 
 def _require_known_damping(name, info):
-    """Return the name of a damping, or raise ValueError if the configuration has no such name."""
+    """Return the name of a damping, or raise ValueError; "." in it stands for the key."""
+    # Invalid dampings have an error message of their own, so any name is accepted.
     names = from_context(info, "dampings") or [name]
     checks.require(name in names, ".", name, f"one of {', '.join(names)}")
     return name
@@ -115,6 +117,7 @@ def _read_tuning(value, info):
     rpm = units.rpm(value)
     if rpm is None:
         return _read_number(value)
+    # `info.data` has the preceding keys of the section, such as `change` of a `MeshCase`.
     return float(rpm) * tuning_per_rpm(from_context(info, "pair"), info.data.get("change"))
 
 
@@ -240,10 +243,11 @@ def type_of(kind):
             return number(**bounds)
         return quantity(kind.unit, kind.example, infinite=bool(kind.infinite), **bounds)
     if isinstance(kind, parameters.Integer):
+        # Only configurations have the `limit`; the library accepts larger integers.
         return integer(kind.minimum, kind.limit if kind.maximum is None else kind.maximum)
     if kind == parameters.TEXT:
         return Label
-    if kind == parameters.TRUTH:
+    if kind == parameters.BOOLEAN:
         return Boolean
     if isinstance(kind, parameters.OneOf):
         return Annotated[Literal[kind.choices], BeforeValidator(_read_choice)]
@@ -326,7 +330,7 @@ class NumericGrid(Section):
         return self
 
     def check_steps(self, step_key, max_tunings=MAX_JOBS):
-        """Raise ValueError if the range has too many steps or is no multiple of the step."""
+        """Raise ValueError if the range has too many steps, or no whole number of them."""
         step, tuning_range = getattr(self, step_key), self.stop - self.start
         step_count = tunings.steps(self.start, self.stop, step)
         allowed = f">= {tuning_range / max_tunings:.2g} to stay within {max_tunings:,} tunings"
@@ -347,7 +351,8 @@ class Grid(NumericGrid):
     def _read_speeds(cls, values, info):
         """Convert a range of speeds to one of tunings, so that it stays a multiple of its step.
 
-        `values` is the section, `info` the validation context; all keys or none are in rpm.
+        `values` is the section, `info` the validation context. All tunings and steps are in rpm, or
+        none.
         """
         keys = ("start", "stop", "step", "window", "fine_step", "share_step")
         section = dict(values) if isinstance(values, dict) else {}
@@ -357,12 +362,13 @@ class Grid(NumericGrid):
         for key in (*keys[:3], *speeds):
             if speeds.get(key) is None:
                 problem = f"= {section[key]!r} is not allowed" if key in section else "is missing"
-                raise ValueError(f".{key} {problem}: a grid must be in rpm throughout, or nowhere")
+                raise ValueError(f".{key} {problem}: all keys of a grid must be in rpm, or none")
         start, stop, step = (speeds[key] for key in keys[:3])
         step_count = (stop - start) / step if step else Decimal(0)
-        is_valid = stop < _MAX_RPM and 0 < step_count < _MAX_RPM and step_count % 1 == 0
+        is_valid = stop < _MAX_RPM and 0 < step_count < _MAX_STEPS and step_count % 1 == 0
         allowed = f".start = {section['start']!r} plus a whole multiple of .step = "
         checks.require(is_valid, ".stop", section["stop"], f"{allowed}{section['step']!r}")
+        # The others follow from the rounded start and step, so that multiples stay multiples.
         factor = Decimal(tuning_per_rpm(from_context(info, "pair")))
         first, distance = ((factor * x).quantize(_TUNING_RESOLUTION) for x in (start, step))
         tuning_values = {key: speed / step * distance for key, speed in speeds.items()}
@@ -370,11 +376,11 @@ class Grid(NumericGrid):
         return values | {key: float(value) for key, value in tuning_values.items()}
 
 
-def default_grid(start, stop, step, base=Grid):
-    """Return a base class of sections with a range of tunings that has these defaults."""
+def grid_base(start, stop, step, base=Grid):
+    """Return a base class of sections: `base`, the grid of tunings, with these defaults."""
     types = (NumericStart, NumericStop, NumericStep) if base is NumericGrid else (Start, Stop, Step)
     fields = {"start": (types[0], start), "stop": (types[1], stop), "step": (types[2], step)}
-    return pydantic.create_model("Range", __base__=base, **fields)
+    return pydantic.create_model("GridWithDefaults", __base__=base, **fields)
 
 
 class RecordedPeriods(Section):

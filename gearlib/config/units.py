@@ -15,7 +15,7 @@ TEXT = re.compile(rf"({_NUMBER})\s*({_FACTOR}(?:\s*[ */·⋅]\s*{_FACTOR})*)")
 #: A speed in rpm. In Hz or 1/min it would be ambiguous.
 RPM = re.compile(rf"({_NUMBER})\s*rpm")
 #: (unit, target unit) -> factor of units that are common in drawings, because pint loads slowly.
-PLAIN = {
+FACTORS = {
     ("mm", "m"): "1e-3",
     ("cm", "m"): "1e-2",
     ("um", "m"): "1e-6",
@@ -42,7 +42,7 @@ def rpm(value):
 
 
 def read(text, unit):
-    """Return a text such as "3 kN" as a float in `unit`; ValueError for another dimension."""
+    """Return a text such as "3 kN" as a float in `unit`; raise ValueError for another dimension."""
     match = TEXT.fullmatch(text.strip())
     if match is None:
         raise ValueError(f"{text!r} is not a number with a unit")
@@ -52,7 +52,7 @@ def read(text, unit):
     if source_unit == unit:
         factor = "1"
     else:
-        factor = PLAIN.get((source_unit, unit)) or _conversion_factor(text, source_unit, unit)
+        factor = FACTORS.get((source_unit, unit)) or _conversion_factor(text, source_unit, unit)
     return float(Decimal(match[1]) * Decimal(factor))
 
 

@@ -34,7 +34,7 @@ def _error_message(error, schema):
     is_key_error = kind == "invalid_key" or error["loc"][-1:] == ("[key]",)
     if is_key_error and not isinstance(value, str):
         # YAML reads the keys ``4:``, ``on:`` and ``null:`` as a number, a boolean and null.
-        key = _dotted_key([*path[:-1], show(value)])
+        key = _dotted_key([*path[:-1], as_text(value)])
         return f"{key} is not allowed as a name: it must be a text, in quotes where YAML has none"
     if kind == "value_error":
         text = str(error["ctx"]["error"])
@@ -42,7 +42,7 @@ def _error_message(error, schema):
             text = f". is not allowed as a name{text[text.index(':') :]}"
         return _with_full_keys(text, key if path else "")
     if kind == "extra_forbidden":
-        return unknown_key(path, value, schema)
+        return unknown_key_error(path, value, schema)
     if is_key_error:
         pattern = next(iter(node_at(path[:-1], schema)["patternProperties"]))
         return f"{key} is not allowed as a name: it must be a text matching {pattern}"
@@ -50,13 +50,14 @@ def _error_message(error, schema):
         kind, path = "missing", [*path, error["ctx"]["key"]]
     node = node_at(path, schema)
     if kind == "missing":
-        return f"{_dotted_key(path)} is missing: it must be {allowed(node, schema)}"
+        return f"{_dotted_key(path)} is missing: it must be {allowed_text(node, schema)}"
     if {"targets", "method", "methods"} & {*map(str, path)} and str(value) in REMOVED:
         return removal_message(value)
+    # The comment of a number with a unit ends with an example such as '10 um'.
     example = re.search("such as '(.*)'", node.get("$comment", ""))
     maximum = node.get("maximum", node.get("exclusiveMaximum"))
     hint = unit_hint(value, example[1], maximum) if example else ""
-    return f"{key} = {show(value)} is not allowed: it must be {allowed(node, schema)}{hint}"
+    return f"{key} = {as_text(value)} is not allowed: it must be {allowed_text(node, schema)}{hint}"
 
 
 def _with_full_keys(message, section_key):
@@ -68,12 +69,10 @@ def _with_full_keys(message, section_key):
     return text if has_key else f"{section_key}: {message}"
 
 
-def unknown_key(path, value, schema):
-    """Return the error message for a key that its section does not have.
-
-    `path` is a list of the keys of the sections and of the unknown key.
-    """
+def unknown_key_error(path, value, schema):
+    """Return the error message for the unknown key at the end of `path`, a list of nested keys."""
     section, name = node_at(path[:-1], schema), str(path[-1])
+    # `REMOVED` leaves out names that users choose: "channels.bits" for channels.<name>.bits.
     for removed in (_dotted_key(path), f"{path[0]}.{name}"):
         if removed in REMOVED:
             return removal_message(removed)
@@ -82,8 +81,8 @@ def unknown_key(path, value, schema):
     elif sections := sorted(_sections_with(name, schema), key=lambda key: key.count(".")):
         advice = f"{name} belongs in {' or '.join(sections[:_MAX_SECTIONS])}"
     else:
-        advice = f"{_dotted_key(path[:-1])} must be {allowed(section, schema)}"
-    return f"{_dotted_key(path)} = {show(value)} is not a known key: {advice}"
+        advice = f"{_dotted_key(path[:-1])} must be {allowed_text(section, schema)}"
+    return f"{_dotted_key(path)} = {as_text(value)} is not a known key: {advice}"
 
 
 def _sections_with(name, schema, node=None, section_key=""):
@@ -107,10 +106,11 @@ def with_original_values(message, mapping):
     """
 
     def original_value(match):
+        """Return "key = value" for a match (key, number): as in the file, or shortened."""
         key, number = match[1], match[2]
         value = _value_at(mapping, key)
         if value == float(number) or (isinstance(value, str) and units.TEXT.fullmatch(value)):
-            return f"{key} = {show(value)}"
+            return f"{key} = {as_text(value)}"
         is_computed = value is None and len(number) > _MAX_DIGITS
         return f"{key} = {float(number):.6g}" if is_computed else match[0]
 
@@ -129,7 +129,7 @@ def _value_at(node, dotted_key):
     return node
 
 
-def show(value):
+def as_text(value):
     """Return a value as text in the style of YAML, shortened to one line."""
     if value is None:
         return "null (empty)"
@@ -137,7 +137,7 @@ def show(value):
     return text if len(text) <= _MAX_CHARACTERS else f"{text[:_MAX_CHARACTERS]}..."
 
 
-def allowed(node, schema):
+def allowed_text(node, schema):
     """Return a description of the allowed values of a node of the JSON schema `schema`."""
     node = resolve(node, schema)
     if "enum" in node:
@@ -154,12 +154,12 @@ def allowed(node, schema):
     if kind == "array":
         length = node.get("minItems", 0)
         items = f"{length} entries" if length == node.get("maxItems") else "at least one entry"
-        return f"a list of {items}, each {allowed(node['items'], schema)}"
+        return f"a list of {items}, each {allowed_text(node['items'], schema)}"
     if "properties" in node:
         return f"a mapping with the keys {', '.join(node['properties'])}"
     (value_node,) = node["patternProperties"].values()
     names = "at least one name" if node.get("minProperties") else "names"
-    return f"a mapping of {names} to {allowed(value_node, schema)}"
+    return f"a mapping of {names} to {allowed_text(value_node, schema)}"
 
 
 def _range(node):

@@ -17,7 +17,9 @@ _LARGE_HEIGHT, _SMALL_HEIGHT = (0.55, 300), (0.45, 250)
 _MIN_WIDTH, _LABEL_WIDTH, _HEADING_HEIGHT = 260, 65, 200
 #: Smallest amplitude that is drawn, over the mean force.
 _MIN_AMPLITUDE = 1e-6
+#: Curves of the resonance figure: extrema of both sweeps. Indices of colours in the palette.
 _SWEEPS = ("up", "up_min", "down", "down_min")
+_FIRST_COLOUR, _SECOND_COLOUR, _GREY = 0, 4, 3
 
 
 class Figures:
@@ -25,7 +27,8 @@ class Figures:
 
     def __init__(self, drawn: bool):
         self.drawn = drawn
-        self.harris = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]
+        # The curves of the Harris map are named by their torque over the chosen one, which is last.
+        self.harris_curves = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]
         self.sources = defaultdict(lambda: ColumnDataSource({"x": [], "y": []}))
         self.table = pn.pane.Markdown("", width=290)
         self.resonance, self.marker = self._resonance_figure()
@@ -39,9 +42,9 @@ class Figures:
 
     def draw(self, view: View) -> str:
         """Draw the results of a view into all figures, and return its message."""
-        rpm, tuning = float(view.pair.speed(1.0)), float(view.run.tuning)
+        resonance_speed, tuning = float(view.pair.speed(1.0)), float(view.run.tuning)
         for name, curve in (("up", view.up), ("down", view.down)):
-            x = curve.tuning.values * (rpm if self.drawn else 1.0)
+            x = curve.tuning.values * (resonance_speed if self.drawn else 1.0)
             self._set(name, x, curve.displacement_max.values)
             self._set(f"{name}_min", x, curve.displacement_min.values)
         history = view.run.isel(phase=slice(-SHOWN_PERIODS * SAMPLES, None))
@@ -55,7 +58,8 @@ class Figures:
         self.marker.location = float(view.run.speed) if self.drawn else tuning
         if self.drawn:
             self._draw_teeth(view)
-        return view.message if self.drawn else f"{rpm * tuning:.0f} rpm. {view.message}"
+        speed = resonance_speed * tuning
+        return view.message if self.drawn else f"{speed:.0f} rpm. {view.message}"
 
     def _draw_teeth(self, view: View) -> None:
         """Show the derived quantities, the Harris map and the load share of drawn gears."""
@@ -68,8 +72,11 @@ class Figures:
         # With pitch errors the curves span several mesh periods; their first point closes them.
         period_count = len(view.mesh.pitch_errors)
         phase = np.append(view.error.phase.values / math.tau, period_count)
-        for name, curve in zip(self.harris, view.error.transmission_error.values, strict=True):
+        for name, curve in zip(
+            self.harris_curves, view.error.transmission_error.values, strict=True
+        ):
             self._set(name, phase, 1e6 * np.append(curve, curve[0]))
+        # The last torque is the chosen torque.
         period = view.error.isel(torque=-1, phase=slice(0, view.error.phase.size // period_count))
         position, load_share = 1e3 * period.path_position.values, period.load_share.values
         # Positions outside the path of contact are NaN.
@@ -83,20 +90,21 @@ class Figures:
     def _plot(self, title: str, x: str, y: str, *lines, **options):
         """Return a figure with axis labels `x` and `y`.
 
-        Each line is (source name, colour index, line options). Options are those of `figure`.
+        Each line is (source name, index in the palette, options); `options` are those of `figure`.
         """
         settings = {"sizing_mode": "stretch_both", "min_border_left": _LABEL_WIDTH}
         settings |= {"toolbar_location": None, "title": title} | options
         plot = figure(x_axis_label=x, y_axis_label=y, **settings)
-        for name, colour, line_options in lines:
+        for name, colour_index, line_options in lines:
             source = self.sources[name]
-            plot.line("x", "y", source=source, color=PALETTE[colour], **line_options)
+            plot.line("x", "y", source=source, color=PALETTE[colour_index], **line_options)
         return plot
 
     def _resonance_figure(self):
         """Return the figure of the resonance curve and its marker at the chosen speed or tuning."""
         labels = {name: {"legend_label": f"sweep {name.split('_')[0]}"} for name in _SWEEPS}
-        lines = [(name, 0 if "up" in name else 4, label) for name, label in labels.items()]
+        colours = (_FIRST_COLOUR, _FIRST_COLOUR, _SECOND_COLOUR, _SECOND_COLOUR)
+        lines = zip(_SWEEPS, colours, labels.values(), strict=True)
         x = "speed of the pinion, rpm" if self.drawn else "tuning ν"
         title, y = "Resonance characteristic: extrema", "displacement, static deflections"
         plot = self._plot(title, x, y, *lines, toolbar_location="right")
@@ -107,10 +115,11 @@ class Figures:
 
     def _motion_figures(self) -> list:
         """Return figures of phase plane, time history, Floquet multipliers and order spectrum."""
-        plane = self._plot("Phase plane", "displacement", "velocity dx/dτ", ("plane", 0, {}))
-        displacement = ("history", 0, {"legend_label": "displacement"})
-        force, title = ("force", 4, {"legend_label": "dynamic force / load"}), "Time course"
-        history = self._plot(title, "mesh phase τ, rad", "", displacement, force)
+        orbit = ("plane", _FIRST_COLOUR, {})
+        plane = self._plot("Phase plane", "displacement", "velocity dx/dτ", orbit)
+        displacement = ("history", _FIRST_COLOUR, {"legend_label": "displacement"})
+        force = ("force", _SECOND_COLOUR, {"legend_label": "dynamic force / load"})
+        history = self._plot("Time course", "mesh phase τ, rad", "", displacement, force)
         history.add_layout(history.legend[0], "below")
         history.legend.orientation = "horizontal"
         multipliers = self._plot("Floquet multipliers", "real part", "imaginary part")
@@ -118,21 +127,21 @@ class Figures:
         angle = np.linspace(0.0, math.tau, 200)
         multipliers.line(np.cos(angle), np.sin(angle), color="#999999")
         source = self.sources["multipliers"]
-        multipliers.scatter("x", "y", source=source, size=10, color=PALETTE[0])
-        y, line = "mesh force, N, peak", ("orders", 0, {"line_width": 3})
-        spectrum = self._plot("Order spectrum", "mesh order", y, line, y_axis_type="log")
+        multipliers.scatter("x", "y", source=source, size=10, color=PALETTE[_FIRST_COLOUR])
+        y, stems = "mesh force, N, peak", ("orders", _FIRST_COLOUR, {"line_width": 3})
+        spectrum = self._plot("Order spectrum", "mesh order", y, stems, y_axis_type="log")
         return [plane, history, multipliers, spectrum]
 
     def _teeth_figures(self) -> list:
         """Return figures of the Harris map and of the load share of a pair of teeth."""
-        lines = [(name, 3, {"legend_label": name}) for name in self.harris[:-1]]
-        lines.append(("chosen", 0, {"line_width": 3, "legend_label": "1"}))
-        title = "Harris map"
-        harris = self._plot(title, "mesh phase / 2π", "transmission error, µm", *lines)
-        harris.add_layout(harris.legend[0], "below")
-        harris.legend.update(orientation="horizontal", title="torque over the chosen one")
+        lines = [(name, _GREY, {"legend_label": name}) for name in self.harris_curves[:-1]]
+        lines.append(("chosen", _FIRST_COLOUR, {"line_width": 3, "legend_label": "1"}))
+        x, y = "mesh phase / 2π", "transmission error, µm"
+        harris_map = self._plot("Harris map", x, y, *lines)
+        harris_map.add_layout(harris_map.legend[0], "below")
+        harris_map.legend.update(orientation="horizontal", title="torque over the chosen one")
         title, x = "Load share of a pair of teeth", "position on the path of contact, mm"
-        return [harris, self._plot(title, x, "", ("share", 0, {}))]
+        return [harris_map, self._plot(title, x, "", ("share", _FIRST_COLOUR, {}))]
 
 
 def _stems(spectrum):
@@ -157,13 +166,13 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.0f} µm"),
         ("C_max", f"{1e-6 * pair.max_stiffness:.1f} N/µm"),
         ("κ", f"{pair.stiffness_ratio:.4f}"),
-        ("ε", f"{pair.contact_ratio:.4f}"),
+        ("ε", f"{pair.contact_ratio:.4f}"),  # of the rectangular stiffness, at most 2
         ("static deflection", f"{1e6 * pair.static_deflection:.2f} µm"),
         ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.0f} Hz"),
         ("resonance speed", f"{pair.speed(1.0):.0f} rpm"),
     ]
     if view.error is not None:
-        static = view.error.isel(torque=-1)
+        static = view.error.isel(torque=-1)  # at the chosen torque
         error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
         quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))
         quantities.append(("effective contact ratio", f"{ratio:.4f}"))

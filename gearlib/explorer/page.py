@@ -16,42 +16,42 @@ class Page:
     """The page of a configuration with one of its dampings."""
 
     def __init__(self, mapping: dict, damping: str):
-        self.gears = Sliders(mapping, damping)
-        self.figures = Figures(self.gears.drawn)
-        self.sliders = {name: _widget(slider) for name, slider in self.gears.sliders.items()}
+        self.model = Sliders(mapping, damping)
+        self.figures = Figures(self.model.drawn)
+        self.widgets = {name: _widget(slider) for name, slider in self.model.sliders.items()}
         self.note = pn.pane.Markdown("", sizing_mode="stretch_width", css_classes=["note"])
         self.button = pn.widgets.FileDownload(
             callback=self.file, filename="config.yaml", label="Save as config.yaml", embed=False
         )
         self.figure_column = pn.Column(*self.figures.rows(), sizing_mode="stretch_width")
-        for widget in self.sliders.values():
+        for widget in self.widgets.values():
             widget.param.watch(self.update, "value")
         self.figures.resonance.on_event(Tap, self.pick)
         self.update()
 
     def pick(self, event) -> None:
         """Set the speed or tuning slider to the position of a click into the resonance curve."""
-        widget = self.sliders[self.gears.abscissa]
+        widget = self.widgets[self.model.abscissa]
         value = widget.start + round((event.x - widget.start) / widget.step) * widget.step
         widget.value = min(max(float(f"{value:.12g}"), widget.start), widget.end)
 
     def configuration(self) -> dict:
         """Return the configuration with the current values of all sliders."""
         values = {}
-        for name, slider in self.gears.sliders.items():
+        for name, slider in self.model.sliders.items():
             # Moved values are rounded to 12 digits; sliders not moved keep the exact value.
-            value = self.sliders[name].value
+            value = self.widgets[name].value
             is_moved = value != _initial_value(slider)
-            values[name] = float(f"{value * slider.unit:.12g}") if is_moved else slider.start
-            if isinstance(slider.start, int):
+            values[name] = float(f"{value * slider.unit:.12g}") if is_moved else slider.initial
+            if isinstance(slider.initial, int):
                 values[name] = int(values[name])
-        return self.gears.configuration(values)
+        return self.model.configuration(values)
 
     def update(self, *_) -> None:
         """Compute and draw the results for the slider values, or show why they are invalid."""
         start, visible = time.perf_counter(), True
         try:
-            note = self.figures.draw(compute_view(self.configuration(), self.gears.damping))
+            note = self.figures.draw(compute_view(self.configuration(), self.model.damping))
             note += f" *Computed in {1e3 * (time.perf_counter() - start):.0f} ms.*"
         except ValueError as error:
             note, visible = str(error), False
@@ -65,17 +65,17 @@ class Page:
 
     def layout(self):
         """Return the Panel layout of the page: heading, sliders, note and figures."""
-        controls = pn.Column(*self.sliders.values(), self.button, styles={"flex": "0 0 300px"})
+        controls = pn.Column(*self.widgets.values(), self.button, styles={"flex": "0 0 300px"})
         figures = pn.Column(self.note, self.figure_column, sizing_mode="stretch_width")
         # In a narrow window the figures come below the sliders.
         figures.styles = {"flex": "1 1 360px", "min-width": "0"}
-        heading = pn.pane.Markdown(f"### {self.gears.heading}", css_classes=["gears"])
+        heading = pn.pane.Markdown(f"### {self.model.heading}", css_classes=["gears"])
         return pn.Column(heading, beside(controls, figures), sizing_mode="stretch_width")
 
 
 def _initial_value(slider: Slider) -> float:
     """Return the initial value of a slider in its displayed unit, rounded to 12 digits."""
-    return float(f"{slider.start / slider.unit:.12g}")
+    return float(f"{slider.initial / slider.unit:.12g}")
 
 
 def _widget(slider: Slider):

@@ -23,32 +23,32 @@ _GEOMETRY |= {"module", "helix_angle"}
 
 
 class Slider(NamedTuple):
-    """A slider in its displayed unit; `start` is the initial value in SI units."""
+    """A slider in its displayed unit; `initial` is the initial value in SI units."""
 
     label: str
-    start: float
+    initial: float
     low: float
     high: float
     step: float
     unit: float = 1.0  #: displayed unit in SI
 
 
-def slider(label: str, start: float, low: float, high: float, unit: float = 1.0) -> Slider:
+def slider(label: str, initial: float, low: float, high: float, unit: float = 1.0) -> Slider:
     """Return a slider with limits rounded outwards and a step of 1, 2 or 5 times a power of ten.
 
-    Initial value `start`, limits `low` and `high` and the displayed `unit` are in SI.
+    The `initial` value, the limits `low` and `high` and the displayed `unit` are in SI.
     """
-    low, high, initial = low / unit, high / unit, start / unit
+    low, high, shown_initial = low / unit, high / unit, initial / unit
     max_step = (high - low) / _MIN_STEPS
     power = 10.0 ** math.floor(math.log10(max_step) + _TOLERANCE)
     step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= max_step * (1.0 + _TOLERANCE))
-    low = min(math.floor(low / step + _TOLERANCE) * step, initial)
-    high = max(math.ceil(high / step - _TOLERANCE) * step, initial)
+    low = min(math.floor(low / step + _TOLERANCE) * step, shown_initial)
+    high = max(math.ceil(high / step - _TOLERANCE) * step, shown_initial)
     low, high, step = (float(f"{value:.12g}") for value in (low, high, step))
-    return Slider(label, start, low, high, step, unit)
+    return Slider(label, initial, low, high, step, unit)
 
 
-def parameter_slider(model: type, name: str, start: float, low: float, high: float) -> Slider:
+def parameter_slider(model: type, name: str, initial: float, low: float, high: float) -> Slider:
     """Return the slider of a declared parameter of a class; initial value and limits are in SI."""
     parameter = declared_parameters(model)[name]
     kind, label = parameter.kind, parameter.long_name
@@ -60,7 +60,7 @@ def parameter_slider(model: type, name: str, start: float, low: float, high: flo
         label = label.replace(letter, greek)
     if unit_name:
         label += f", {_SYMBOLS.get(unit_name, unit_name)}"
-    return slider(label, start, low, high, unit)
+    return slider(label, initial, low, high, unit)
 
 
 class Sliders:
@@ -78,40 +78,41 @@ class Sliders:
         # Rounding restores ratios from which the coefficients were computed.
         ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
         self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
-        sliders_of = self._drawing_sliders if self.drawn else self._pair_sliders
-        self.sliders = sliders_of(settings)
+        make_sliders = self._drawing_sliders if self.drawn else self._pair_sliders
+        self.heading, self.sliders = make_sliders(settings)
         for name, symbol, ratio in zip(
             ("damping_ratio", "backlash_damping_ratio"), ("β", "β_m"), self.ratios, strict=True
         ):
             self.sliders[name] = slider(f"damping ratio {symbol}", ratio, 0.0, max(0.3, 2 * ratio))
         self.abscissa = "speed" if self.drawn else "tuning"
 
-    def _pair_sliders(self, settings) -> dict[str, Slider]:
-        """Return name -> slider of a gear pair without drawing: tuning and parameters."""
-        pair, grid = self.pair, settings.resonance
+    def _pair_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
+        """Return (heading, name -> slider) of a gear pair without drawing: tuning, parameters."""
+        pair, grid, tuning = self.pair, settings.resonance, settings.phase_planes.tunings[0]
         # Infinite backlash is shown as four static deflections.
         is_finite = math.isfinite(pair.backlash)
         backlash = pair.backlash if is_finite else 4.0 * pair.static_deflection
-        self.heading = f"Gear pair, z {pair.teeth}, load {pair.load:.4g} N"
+        heading = f"Gear pair, z {pair.teeth}, load {pair.load:.4g} N"
         values_and_limits = {
             "stiffness_ratio": (pair.stiffness_ratio, 0.05, 1.0),
             "contact_ratio": (pair.contact_ratio, 1.0, 2.0),
             "backlash": (backlash, 0.0, max(200e-6, 3.0 * backlash)),
             "load": (pair.load, 0.05 * pair.load, 5.0 * pair.load),
         }
-        tuning = slider("tuning ν", settings.phase_planes.tunings[0], grid.start, grid.stop)
-        sliders = {x: parameter_slider(GearPair, x, *y) for x, y in values_and_limits.items()}
-        return {"tuning": tuning} | sliders
+        sliders = {"tuning": slider("tuning ν", tuning, grid.start, grid.stop)}
+        for name, value_and_limits in values_and_limits.items():
+            sliders[name] = parameter_slider(GearPair, name, *value_and_limits)
+        return heading, sliders
 
-    def _drawing_sliders(self, settings) -> dict[str, Slider]:
-        """Return name -> slider of drawn gears: geometry, backlash, torque and speed."""
+    def _drawing_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
+        """Return (heading, name -> slider) of drawn gears, and keep their mesh in `self.mesh`."""
         self.mesh = mesh = settings.gears.mesh()
         torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
         reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
-        self.heading = (
+        heading = (
             f"Drawn gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
-            f"width {1e3 * pinion.width:g} mm, {torque:g} N m. The motion at the speed is that of "
-            "pairs of teeth, the characteristic that of the rectangular stiffness."
+            f"width {1e3 * pinion.width:g} mm, {torque:g} N m. The motion at the speed has load "
+            "sharing between pairs of teeth, the characteristic has the rectangular stiffness."
         )
         resonance_speed, relief = float(self.pair.speed(1.0)), max(reliefs, default=0.0)
         speed = settings.gears.speed or float(round(0.9 * resonance_speed))
@@ -135,14 +136,14 @@ class Sliders:
         min_speed = min(MIN_SPEED_RATIO * resonance_speed, speed)
         max_speed = max(MAX_SPEED_RATIO * resonance_speed, speed)
         sliders["speed"] = slider("speed of the pinion, rpm", speed, min_speed, max_speed)
-        return sliders
+        return heading, sliders
 
     def configuration(self, values: dict[str, float]) -> dict:
         """Return the configuration changed by the `values` of sliders in SI, by their names.
 
         Keys of sliders that were not moved stay unchanged. Raise ValueError for impossible gears.
         """
-        moved = {name for name, s in self.sliders.items() if values[name] != s.start}
+        moved = {name for name, s in self.sliders.items() if values[name] != s.initial}
         changed = copy.deepcopy(self.mapping)
         if moved - {"tuning", "speed"}:
             ratios = {name: values[name] for name in ("damping_ratio", "backlash_damping_ratio")}
@@ -201,11 +202,11 @@ class Sliders:
             self._apply_tip_relief(gears, values["tip_relief"])
 
     def _apply_tip_relief(self, gears: dict, amount: float) -> None:
-        """Scale the tip reliefs so that the largest `amount` is this, in m.
+        """Scale the tip reliefs so that the largest becomes `amount`, in m.
 
         If there are none, both gears get tip relief of the largest possible length.
         """
-        initial_amount = self.sliders["tip_relief"].start
+        initial_amount = self.sliders["tip_relief"].initial
         if not initial_amount:
             length = float(f"{Gears.model_validate(gears).mesh().longest_relief:.12g}")
             for gear in ("pinion", "wheel"):

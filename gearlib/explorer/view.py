@@ -81,16 +81,18 @@ def compute_view(mapping: dict, damping: str) -> View:
 def _compute_motions(pair, model, tunings: np.ndarray, tuning: float, repeat_periods: int = 1):
     """Return the `View` of the resonance curves of `pair` and the motion of `model` at a tuning.
 
-    The pitch errors of the model repeat after `repeat_periods` mesh periods.
+    The model is `pair` itself, or has load sharing if the gears are drawn; its pitch errors repeat
+    after `repeat_periods` mesh periods. `tunings` are those of the curves.
     """
     settings = {"periods": _PERIODS, "record_periods": _RECORDED, "threads": 1}
 
     def resonance_curve(direction):
-        """Return the dataset of a sweep, and whether it is complete, with the jump down."""
+        """Return (dataset of a sweep "up" or "down", False if it ends before the jump down)."""
         if model is not pair and direction == "down":
             curve, jumped = sweep_down(pair, tunings, EXTENSION_RATIO * tunings[0], **settings)
         else:
             curve, jumped = sweep(pair, tunings, direction=direction, **settings), True
+        # Motions far beyond the `extent` of the pair, its largest length, are unbounded.
         return without_growth(curve, pair.extent), jumped
 
     # The kernels release the interpreter lock.

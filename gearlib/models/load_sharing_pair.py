@@ -38,7 +38,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Tabulated
-from gearlib.parameters import TRUTH, Instance, Integer, Number, documented
+from gearlib.parameters import BOOLEAN, Instance, Integer, Number, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.taylor import teeth  # noqa: F401
@@ -91,7 +91,7 @@ class LoadSharingPair(WithPair):
     deviation: PathTable | None = None
     pitch_errors: Any = None  #: tuple of pitch errors, m
     corner_contact: Annotated[
-        bool, TRUTH, "Whether tip corners touch before and behind the path of contact"
+        bool, BOOLEAN, "Whether tip corners touch before and behind the path of contact"
     ] = True
 
     defaults = {"pitch_errors": lambda model: model.drawing.pitch_errors}
@@ -387,7 +387,7 @@ def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments
         except ValueError:
             stiffness = "iso"
     options = options or {}
-    checks.known_parameters("stiffness", options, _STIFFNESS_OPTIONS)
+    checks.check_known_parameters("stiffness", options, _STIFFNESS_OPTIONS)
     if stiffness == "energy" and "coupling" in options:
         arguments["coupling"] = options["coupling"]
     return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **arguments)

@@ -325,7 +325,7 @@ class Model:
         """
         model_fields = fields_of(self)
         all_fields = model_fields | (fields_of(self.mesh) if self.mesh else {})
-        checks.known_parameters(type(self).__name__, changes, list(all_fields))
+        checks.check_known_parameters(type(self).__name__, changes, list(all_fields))
         recomputed = {
             name: None
             for name, default in self.defaults.items()

@@ -156,7 +156,7 @@ class GearPair(PairParameters, Model):
 
     def has_damping(self) -> bool:
         """Return whether damping acts in contact or in the backlash."""
-        return checks.known_damping(self.material_damping) > 0.0 or self.backlash_damping > 0.0
+        return checks.require_damping(self.material_damping) > 0.0 or self.backlash_damping > 0.0
 
     @property
     def min_stiffness(self):

@@ -42,7 +42,7 @@ class PairScales:
     @property
     def damping_ratio(self):
         """Damping ratio in contact, beta = k_1 / (2 m_red Omega_s)."""
-        damping = checks.known_damping(self.material_damping)
+        damping = checks.require_damping(self.material_damping)
         return damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
 
     @property

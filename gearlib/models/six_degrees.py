@@ -50,6 +50,7 @@ from gearlib.models.trains.structure import FLOAT_ARITHMETIC, Arithmetic, Struct
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import (
     ANGLE,
+    BOOLEAN,
     DAMPING,
     INERTIA,
     LENGTH,
@@ -57,7 +58,6 @@ from gearlib.parameters import (
     NONNEGATIVE,
     RUN_OUT,
     TORQUE,
-    TRUTH,
     Instance,
     Integer,
     Many,
@@ -144,13 +144,13 @@ class SixDegreePair(WithPair):
     ] = 0.0
     moving_backlash: Annotated[
         bool,
-        TRUTH,
+        BOOLEAN,
         "Whether the backlash line s(tau) moves as in Eq. (4), so that bearings do not close the "
         "backlash; otherwise the coast-side flank stays s_k behind y = 0",
     ] = True
     preload: Annotated[
         bool,
-        TRUTH,
+        BOOLEAN,
         "Whether the bearings start in their deflection under the load, instead of undeflected",
     ] = True
 
@@ -347,7 +347,7 @@ class TwoGears(GearTrain):
             )
             for i, name in enumerate("32")
         )
-        checks.known_damping(gears.pair.material_damping)
+        checks.require_damping(gears.pair.material_damping)
         values = {name: getattr(gears.pair, name) for name in _MESH_FIELDS_OF_PAIR}
         values |= {name: getattr(gears, name) for name in _MESH_FIELDS_OF_GEARS}
         mesh = unchecked(

@@ -38,7 +38,7 @@ def check_speed(model, name: str, speed: float) -> float:
     `name` is the name of the argument in the message.
     """
     speed_at_resonance = float(model.speed(1.0))
-    return float(model.tuning_at(checks.speed(name, speed, speed_at_resonance)))
+    return float(model.tuning_at(checks.checked_speed(name, speed, speed_at_resonance)))
 
 
 def check_either(model, tuning_name: str, tuning, speed_name: str, speed):

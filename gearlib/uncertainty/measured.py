@@ -73,7 +73,7 @@ def read_measured(path):
         "synthetic": int(bool(description.synthetic)),
         "known": canonical_json(known),
         "conditions": canonical_json(conditions),
-        "not_said": ", ".join(description.not_said()),
+        "not_said": ", ".join(description.unstated_properties()),
     }
     return data
 

@@ -40,7 +40,7 @@ RELIEVED = config.overlay(DRAWN, {"gears": {"pinion": {"tip_relief": RELIEF}}})
 def moved(mapping, damping, **values):
     """Return the sliders of a configuration, and the one that they make with some values, SI."""
     gears = sliders.Sliders(mapping, damping)
-    start = {name: one.start for name, one in gears.sliders.items()}
+    start = {name: one.initial for name, one in gears.sliders.items()}
     assert values.keys() <= start.keys()
     return gears, gears.configuration(start | values)
 
@@ -135,7 +135,7 @@ def test_a_view_of_drawn_gears_shows_pairs_of_teeth():
 def test_moving_a_slider_draws_anew_or_says_why_it_cannot_be():
     shown = page.Page(DRAWN, "d")
     before = {name: source.data["y"] for name, source in shown.figures.sources.items()}
-    shown.sliders["torque"].value = 60.0
+    shown.widgets["torque"].value = 60.0
     # Without load there is no error.
     for name, source in shown.figures.sources.items():
         assert len(source.data["x"]) and (source.data["y"] is not before[name] or name == "0"), name
@@ -149,19 +149,19 @@ def test_moving_a_slider_draws_anew_or_says_why_it_cannot_be():
     roots = sources["multipliers"].data
     np.testing.assert_array_equal(roots["x"] + 1j * roots["y"], seen.multipliers)
     assert yaml.safe_load(shown.file().read()) == shown.configuration()
-    shown.sliders["pinion_shift"].value = -0.9
+    shown.widgets["pinion_shift"].value = -0.9
     assert "gears.pinion.shift = -0.9 is not allowed" in shown.note.object
     assert not shown.figure_column.visible and shown.button.disabled
     # Helical gears have no Harris map here.
-    shown.sliders["pinion_shift"].value = 0.0
-    shown.sliders["helix_angle"].value = 10.0
+    shown.widgets["pinion_shift"].value = 0.0
+    shown.widgets["helix_angle"].value = 10.0
     assert shown.figure_column.visible and not shown.figures.teeth_panes[0].visible
 
 
 @pytest.mark.parametrize(("name", "at"), [("tuning", 0.8312), ("speed", 9000.4)])
 def test_a_click_on_the_characteristic_shows_the_motion_there(mapping, name, at):
     shown = page.Page(*((mapping, "k1") if name == "tuning" else (DRAWN, "d")))
-    widget = shown.sliders[name]
+    widget = shown.widgets[name]
     for x in (at, 1e9):
         shown.pick(Tap(shown.figures.resonance, x=x, y=1.0))
         assert widget.value == pytest.approx(min(x, widget.end), abs=widget.step)

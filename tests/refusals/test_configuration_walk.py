@@ -11,7 +11,7 @@ from itertools import zip_longest
 import pytest
 
 from gearlib.config import ConfigError, load, schema, validation
-from gearlib.config.validation import show
+from gearlib.config.validation import as_text
 from tests.paper import CONFIG
 from tests.refusals.ranges import Range
 
@@ -42,7 +42,7 @@ def spell(path):
 
 
 def allowed(node):
-    return validation.allowed(node, SCHEMA)
+    return validation.allowed_text(node, SCHEMA)
 
 
 def made(node):
@@ -161,7 +161,7 @@ def test_each_wrong_value_gets_one_sentence(name):
         for key, (value, rest, words) in now.items():
             for part in rest:
                 value = value[part]
-            begin = f"{spell((*path, key, *rest))} = {show(value)} is not allowed: it must be "
+            begin = f"{spell((*path, key, *rest))} = {as_text(value)} is not allowed: it must be "
             told = [text for text in found if text.startswith(begin + words)]
             assert len(told) == 1 and len(told[0]) < 1200, (begin, words, found)
         assert len(found) == len(now), found

@@ -118,7 +118,7 @@ def test_motions_ask_for_a_damping_and_rest_does_not():
     section = {key: value for key, value in SET.items() if "damping_ratio" not in key}
     train = {"kind": "planetary_set", "planetary_set": section}
     settings = load(CONFIG | {"train": train, "targets": ["train_sweep"]})
-    assert "train.planetary_set.damping_ratio is missing" in settings.missing_train_damping()[0]
+    assert "train.planetary_set.damping_ratio is missing" in settings.train_damping_errors()[0]
     undamped = train_from_description(**settings.train_parameters("k1"))
     assert undamped.modes().mode.size and undamped.campbell(1).mode.size
     assert not undamped.static(0.0).status

@@ -68,7 +68,7 @@ def test_drawn_trains_are_wanted_alone_or_beside_a_pair():
     wanted = load(overlay_gears(overlay(CONFIG, both), both)).computed_targets()
     assert {*TRAIN_TARGETS, "resonance"} <= {*wanted} and "reducer" not in wanted
     # Chosen by name it is refused.
-    (words,) = load(CONFIG | PLANETS | {"targets": ["reducer", "campbell"]}).refusals()
+    (words,) = load(CONFIG | PLANETS | {"targets": ["reducer", "campbell"]}).target_errors()
     assert words.startswith("train.kind = 'planetary_set' is not allowed: it must be split_")
     assert words.endswith(", for the target reducer")
 
@@ -80,9 +80,9 @@ def test_names_of_gears_say_what_was_drawn():
         (helical, f"{NAME}, β 15°"),
         (relieved(), f"{NAME}, tip relief"),
     ):
-        assert gear_names.of_pair(load(settings)) == name
+        assert gear_names.name_of_pair(load(settings)) == name
     reducer = load(OWN | {"reducer": {"teeth": [23, 61, 23, 61]}, "targets": ["reducer"]})
-    assert gear_names.of_reducer(reducer) == f"reducer z 23/61/23/61, every mesh: {NAME}"
+    assert gear_names.name_of_reducer(reducer) == f"reducer z 23/61/23/61, every mesh: {NAME}"
     for train, name in (
         (PLANETS["train"], "planetary set z 27/36/99, m 2 mm"),
         (
@@ -95,4 +95,4 @@ def test_names_of_gears_say_what_was_drawn():
         ),
     ):
         settings = load(OWN | {"train": train, "targets": ["train_sweep", "campbell"]})
-        assert gear_names.of_train(settings) == name
+        assert gear_names.name_of_train(settings) == name

@@ -4,7 +4,7 @@ import os
 
 from gearlib import processor
 
-V3 = processor.LEVEL | {"fpu", "sse2"}
+V3 = processor.V3_FEATURES | {"fpu", "sse2"}
 
 
 def test_processors_of_the_level_or_above_get_the_same_settings_and_others_none():
@@ -13,7 +13,7 @@ def test_processors_of_the_level_or_above_get_the_same_settings_and_others_none(
     assert settings["OPENBLAS_CORETYPE"] == "Haswell"
     # As words of a shell they need no quotes.
     assert not any(set(value) & set(" \t'\"$&;") for value in settings.values())
-    assert not any(processor.settings({}, V3 - {flag}) for flag in processor.LEVEL)
+    assert not any(processor.settings({}, V3 - {flag}) for flag in processor.V3_FEATURES)
 
 
 def test_this_process_runs_under_the_settings():

@@ -65,7 +65,7 @@ def check_tables_and_distributions(checked):
     if checked.tolerances.needs_scipy() and not targets.refusal("tolerances", checked):
         from gearlib.uncertainty import distributions
 
-        keys = checked.tolerances.keys()
+        keys = checked.tolerances.config_keys()
         distributions.read(checked.tolerance_distributions(), known_parameters(), keys=keys)
 
 
@@ -76,7 +76,7 @@ def checked_configuration():
     try:
         raise_errors([message for path in files for message in yaml_keys.read(path)[1]])
         checked = configuration.load(config)
-        raise_errors([*checked.refusals(), *checked.missing_train_damping()])
+        raise_errors([*checked.target_errors(), *checked.train_damping_errors()])
         if workflow.is_main_process:
             check_tables_and_distributions(checked)
         return checked
@@ -130,7 +130,7 @@ def global_cases(section):
 #: Damping -> parameters of the gear pair with this damping.
 PAIRS = canonical({damping: CONFIG.pair_parameters(damping) for damping in CONFIG.dampings})
 SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
-GEAR_PAIR = gear_names.of_pair(CONFIG)
+GEAR_PAIR = gear_names.name_of_pair(CONFIG)
 #: Common arguments of `sweep` and `simulate`, and those of `simulate` with samples.
 RUN = {
     "initial_state": [
@@ -205,7 +205,7 @@ def target_files(target, *files):
         reason = reason or targets.missing_mesh_damping(CONFIG)
     if not reason:
         return list(files)
-    message = f"The configuration is refused.\n{targets.for_targets(reason, target)}"
+    message = f"The configuration is refused.\n{targets.with_target_names(reason, [target])}"
     return lambda wildcards: refuse(message)
 
 
@@ -242,7 +242,7 @@ def label_of_scene(wildcards):
 
 
 #: Name of a measured set -> (YAML file, description).
-MEASURED_SETS = measured_description.sets(CONFIG.measured)
+MEASURED_SETS = measured_description.read_sets(CONFIG.measured)
 
 
 def files_of_set(wildcards):
@@ -273,7 +273,7 @@ def drawings(section):
 def names_of_drawings(section):
     """Return a text with the names of the gears of a section."""
     pairs = drawn_pairs(CONFIG, section).values()
-    return " and ".join(dict.fromkeys(map(gear_names.of_drawing, pairs)))
+    return " and ".join(dict.fromkeys(map(gear_names.name_of_drawing, pairs)))
 
 
 def designs():
@@ -281,7 +281,7 @@ def designs():
     section, tolerances = CONFIG.tolerances, {}
     if not targets.refusal("tolerances", CONFIG):
         tolerances = CONFIG.tolerance_distributions()
-    has_drawing = section.of_drawing() and CONFIG.gears
+    has_drawing = section.concern_drawing() and CONFIG.gears
     return canonical(
         {
             "pair": CONFIG.pair_parameters(section.damping),

@@ -2,7 +2,7 @@
 
 # All meshes of the reducer over speed: equal branches, a displaced pin, unequal backlash.
 
-REDUCER = gear_names.of_reducer(CONFIG)
+REDUCER = gear_names.name_of_reducer(CONFIG)
 
 
 use rule _compute as compute_reducer with:
@@ -54,7 +54,7 @@ rule reducer:
 
 # All meshes of the configured train over speed.
 
-TRAIN = gear_names.of_train(CONFIG)
+TRAIN = gear_names.name_of_train(CONFIG)
 TRAIN_PARAMETERS = canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping))
 
 

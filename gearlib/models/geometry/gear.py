@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from gearlib import checks
 from gearlib.parameters import (
+    BOOLEAN,
     BORE,
     DIAMETER,
     ERROR,
@@ -21,7 +22,6 @@ from gearlib.parameters import (
     NONNEGATIVE,
     RELIEF,
     RELIEF_LENGTH,
-    TRUTH,
     WIDTH,
     Instance,
     Integer,
@@ -227,7 +227,7 @@ class SpurGear:
         Number("rad", "15.8 deg", ge=0, lt=math.pi / 3),
         "Helix angle at the reference circle beta; 0 by default",
     ] = 0.0
-    internal: Annotated[bool, TRUTH, "Whether it is a ring gear"] = False
+    internal: Annotated[bool, BOOLEAN, "Whether it is a ring gear"] = False
     tip_diameter: Annotated[
         float | None,
         DIAMETER,

@@ -114,7 +114,7 @@ def iso_rectangle(mesh: "Mesh", **options: float | None) -> tuple[float, float, 
     pair 0.75 c'. Helical gears have the extrema and the mean of the average over the face.
     Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
     """
-    checks.known_parameters("stiffness 'iso'", options, ("torque", "application_factor"))
+    checks.check_known_parameters("stiffness 'iso'", options, ("torque", "application_factor"))
     single = pair_stiffness(mesh, **options)
     fewer_pairs = math.floor(mesh.contact_ratio)
     segment = mesh.contact_ratio - fewer_pairs  # fraction of the period with one more pair

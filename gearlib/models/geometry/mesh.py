@@ -401,7 +401,7 @@ class Mesh:
         mean_stiffness = self._checked_mean_stiffness(torque, parameters, *load_argument)
         if speed is not None:
             frequency = math.sqrt(mean_stiffness / self.reduced_mass)
-            checks.speed("speed", speed, frequency * 60.0 / (math.tau * self.pinion.teeth))
+            checks.checked_speed("speed", speed, frequency * 60.0 / (math.tau * self.pinion.teeth))
         return parameters
 
     def train_parameters(

@@ -390,7 +390,7 @@ def mesh_stiffness(
     """
     checks.drawn_mesh(mesh)
     if isinstance(method, Tabulated):
-        checks.known_parameters("table", options, ("torque",))
+        checks.check_known_parameters("table", options, ("torque",))
         return _stiffness_of_table("table", method)
     if method not in ("iso", "energy"):
         raise checks.refusal("stiffness", method, "'iso', 'energy' or a Tabulated")
@@ -405,7 +405,7 @@ def mesh_stiffness(
         curve = _StiffnessCurve([0.0, segment, segment, 1.0], np.repeat(levels, 2))
         table = curve.face_average(mesh.overlap_ratio).table(segment)
         return MeshStiffness(method, max_stiffness, kappa, epsilon, table)
-    checks.known_parameters("stiffness 'energy'", options, ("torque", "coupling", "hertz"))
+    checks.check_known_parameters("stiffness 'energy'", options, ("torque", "coupling", "hertz"))
     curve, means = _energy_curve(mesh, fewer_pairs, segment, samples, options)
     if mesh.overlap_ratio > 0.0:
         table = curve.face_average(mesh.overlap_ratio).table(segment)

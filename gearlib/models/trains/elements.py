@@ -166,7 +166,7 @@ class Mesh:
     stiffness_ratio: parameters.StiffnessRatio
     contact_ratio: parameters.ContactRatio
     name: Annotated[str | None, parameters.TEXT, "Name of the mesh; by default pinion-wheel"] = None
-    internal: Annotated[bool, parameters.TRUTH, "Whether the wheel is a ring gear"] = False
+    internal: Annotated[bool, parameters.BOOLEAN, "Whether the wheel is a ring gear"] = False
     position: Annotated[
         float | None, parameters.ANGLE, "Angle of the line of centres; 0 by default"
     ] = None
@@ -207,7 +207,7 @@ class Mesh:
     backlash_damping: parameters.BacklashDamping = 0.0
     moving_backlash: Annotated[
         bool,
-        parameters.TRUTH,
+        parameters.BOOLEAN,
         "Whether the coast-side flank moves with supports and run-out as in Eq. (4), so that "
         "bearings do not close the backlash; otherwise it stays a backlash behind the drive side",
     ] = False
@@ -314,7 +314,7 @@ class Mesh:
     @property
     def known_damping(self):
         """The damping in contact, N s/m; raises ValueError if it is unknown."""
-        return checks.known_damping(self.material_damping, f" of mesh {self.name}")
+        return checks.require_damping(self.material_damping, f" of mesh {self.name}")
 
     @property
     def two_levels(self):

@@ -17,6 +17,7 @@ from gearlib.models.trains.ready_made import (
 )
 from gearlib.parameters import (
     ANGLE,
+    BOOLEAN,
     CONTACT_RATIO,
     FINITE,
     FORCE,
@@ -26,7 +27,6 @@ from gearlib.parameters import (
     STIFFNESS_RATIO,
     SUPPORT,
     TEETH,
-    TRUTH,
     WORKING_ANGLE,
     Backlash,
     BacklashDamping,
@@ -51,7 +51,9 @@ Twists = Annotated[
     "Tangential stiffness of the supports of sun, ring and carrier at their base radius",
 ]
 Turning = Annotated[
-    bool, TRUTH, "Whether the carrier turns and the ring stands, which determines the speed in rpm"
+    bool,
+    BOOLEAN,
+    "Whether the carrier turns and the ring stands, which determines the speed in rpm",
 ]
 Driving = Annotated[
     str,
@@ -59,7 +61,9 @@ Driving = Annotated[
     'Gear that drives, seen from the carrier; "ring" also if the carrier drives the sun',
 ]
 Gyroscopic = Annotated[
-    bool, TRUTH, "Whether Coriolis and centrifugal forces of the turning carrier act on moving axes"
+    bool,
+    BOOLEAN,
+    "Whether Coriolis and centrifugal forces of the turning carrier act on moving axes",
 ]
 
 

@@ -24,6 +24,7 @@ from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.parameters import (
     ANGLE,
     BACKLASH,
+    BOOLEAN,
     ERROR,
     MASS,
     MODULE,
@@ -31,7 +32,6 @@ from gearlib.parameters import (
     SUPPORT,
     TEETH,
     TIME,
-    TRUTH,
     Instance,
     Integer,
     Many,
@@ -239,7 +239,7 @@ def split_power_reducer(
         "Numbers of teeth of input, both gears of a satellite, and output; by default "
         "(24, 36, 24, 36), with a ring gear (24, 36, 24, 84)",
     ] = None,
-    internal: Annotated[bool, TRUTH, "Whether the output is a ring gear"] = False,
+    internal: Annotated[bool, BOOLEAN, "Whether the output is a ring gear"] = False,
     modules: Modules = (0.004, 0.004),
     pressure_angle: PressureAngle = PRESSURE_ANGLE,
     reduced_inertias: FourReduced = None,

@@ -50,7 +50,7 @@ from gearlib.models.trains.system import (
     largest_norm,
     train_system,
 )
-from gearlib.parameters import FINITE, TRUTH, Kind, Number, check, documented
+from gearlib.parameters import BOOLEAN, FINITE, Kind, Number, check, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.linear import propagator  # noqa: F401
@@ -90,7 +90,7 @@ class GearTrain(Model):
     ] = 0.0
     gyroscopic: Annotated[
         bool,
-        TRUTH,
+        BOOLEAN,
         "Whether Coriolis and centrifugal forces of the turning frame act on axes that can move; "
         "bodies without a carrier then lie on its axis",
     ] = False
