@@ -14,7 +14,7 @@ import numpy as np
 
 from gearlib import checks, notebook
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_values
-from gearlib.analysis.orbits.followed_parameters import parameter_cases, set_parameter_name
+from gearlib.analysis.orbits.followed_parameters import parameter_cases, set_backlash_long_name
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
@@ -291,4 +291,4 @@ def lyapunov_exponents(
         settle=settle,
         periods=periods,
     )
-    return set_parameter_name(dataset, parameter)
+    return set_backlash_long_name(dataset, parameter)

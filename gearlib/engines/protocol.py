@@ -94,7 +94,7 @@ class Base:
         """
         raise NotImplementedError
 
-    def many(self, states, periods: int, max_events: int) -> tuple:
+    def propagate_many(self, states, periods: int, max_events: int) -> tuple:
         """Return (final states, statuses) of runs from k states, shape (k, size).
 
         Each run lasts `periods` mesh periods with at most `max_events` events in each of them.

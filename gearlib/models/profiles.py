@@ -20,7 +20,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from gearlib import parameters
-from gearlib.engines.pair.stiffness import levels, segment_lengths
+from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from gearlib.models.harmonics import Harmonics
 
 _PHASES = parameters.Many(parameters.ANGLE)
@@ -59,7 +59,7 @@ class Rectangular(Profile):
 
     def pieces(self, pair: Any) -> Pieces:
         """Return the rectangular mesh stiffness of a `GearPair`, divided by its mean."""
-        high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
+        high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
         # The period starts in the middle of the upper level, so that this level is cut in half.
         half_high_length, low_length = segment_lengths(pair.contact_ratio)
         lengths = np.array([half_high_length, low_length, half_high_length])
@@ -88,7 +88,7 @@ class Fourier(Profile):
 
     def pieces(self, pair: Any) -> Pieces:
         """Return the truncated Fourier series of the stiffness of a `GearPair` over its mean."""
-        high, low = levels(pair.contact_ratio, pair.stiffness_ratio)
+        high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
         orders = np.arange(1, self.harmonics + 1)
         amplitudes = (high - low) / 2.0 * 4.0 / (math.pi * orders) * (-1.0) ** orders
         cosines = amplitudes * np.sin(orders * math.pi * (pair.contact_ratio - 2.0))

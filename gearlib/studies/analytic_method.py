@@ -14,11 +14,11 @@ import xarray as xr
 from gearlib.analysis.harmonics.equation import MeshEquation
 from gearlib.analysis.harmonics.harmonic_balance import first_coefficients, harmonic_balance
 from gearlib.analysis.harmonics.schmidt import (
-    contraction,
+    contraction_factor,
     degenerate_harmonics,
     iterate,
+    iterate_until_converged,
     schmidt,
-    search,
 )
 from gearlib.analysis.harmonics.solution import errors, exact_motion
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
@@ -120,9 +120,13 @@ def _convergence(pair: GearPair, tunings: Sequence[float], settings: dict) -> di
         limits = _TOLERANCE, _MAX_APPLICATIONS  # of the iteration
         for i in counts:
             degenerate = degenerate_harmonics(equation, i)
-            factors[i] = contraction(equation, exact, degenerate)
-            _, _, converged[i], _ = search(equation, start, degenerate, False, *limits)
-        _, automatic, _, _ = search(equation, start, np.empty(0, int), True, *limits)
+            factors[i] = contraction_factor(equation, exact, degenerate)
+            _, _, converged[i], _ = iterate_until_converged(
+                equation, start, degenerate, *limits, adapt_degenerate=False
+            )
+        _, automatic, _, _ = iterate_until_converged(
+            equation, start, np.empty(0, int), *limits, adapt_degenerate=True
+        )
         count = np.int32(automatic.size)
         return {"contraction": factors, "converged": converged, "automatic": count}
 

@@ -54,7 +54,7 @@ def chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
         tongues = []
         # In the plane "damping", the rows already differ in damping.
         for damping in dampings[:1] if plane == "damping" else dampings:
-            damped = search.with_parameter(model, "damping", damping)
+            damped = search.replace_parameter(model, "damping", damping)
             edges = search.tongues(damped, parameter=plane, values=values, **tuning_range)
             edges = edges[["tuning_from", "tuning_to"]].swap_dims({plane: "row"}).drop_vars(plane)
             tongues.append(edges.assign_coords(damping=damping))

@@ -77,7 +77,7 @@ class DesignQuantities:
                 values[i] = _resonance_value(name, model, resonance)
             if np.isfinite(values[i]):
                 codes[i] = FOUND
-            elif name in _DUTY_QUANTITIES or RESONANCE_NAMES.get(name, name) in resonance.lost:
+            elif name in _DUTY_QUANTITIES or RESONANCE_NAMES.get(name, name) in resonance.failed:
                 codes[i] = LOST
         return values, codes
 

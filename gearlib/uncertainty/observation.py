@@ -189,7 +189,7 @@ def resonance_speeds(model: Any, measured: dict) -> dict:
     resonance_speed = float(model.speed(1.0))
     if model.size == 2 and model.repeats == 1:
         resonance = main_resonance(model, [RESONANCE_NAMES[name] for name in measured])
-        if resonance.lost:
+        if resonance.failed:
             raise ContinuationFailed
         tunings = {name: getattr(resonance, RESONANCE_NAMES[name]) for name in measured}
         speeds = {name: resonance_speed * tuning for name, tuning in tunings.items()}

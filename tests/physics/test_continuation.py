@@ -19,7 +19,7 @@ from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
 from gearlib.analysis.tongues import meissner
-from gearlib.engines.pair.stiffness import levels, segment_lengths
+from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from tests.paper import PAPER
 
 #: The places asked for are 1e-8; what is found agrees to the rounding of an orbit, 1e-12, over the
@@ -77,7 +77,7 @@ def test_the_period_of_an_orbit_is_the_least_one_that_repeats():
 
 @pytest.mark.parametrize("model", [PAPER, OneDegreePair(pair=PAPER, cubic_damping=4e5)])
 def test_a_motion_from_rest_that_cannot_go_on_leads_to_no_orbit(model):
-    with pytest.raises(NoOrbit, match="the motion from rest could not go on"):
+    with pytest.raises(NoOrbit, match="the simulation from rest failed"):
         periodic_orbit(model, 0.9, max_events=1)
 
 
@@ -85,7 +85,7 @@ def smallest_displacement(nu):
     """Return that of the undamped orbit that never loses contact."""
     top = meissner.orbit_state(PAPER, nu)
     # By symmetry it turns in the middle of both stretches: at phase 0 and at pi.
-    (high, low), (half_high, whole_low) = levels(1.569, 0.5879), segment_lengths(1.569)
+    (high, low), (half_high, whole_low) = stiffness_levels(1.569, 0.5879), segment_lengths(1.569)
     edge = meissner.state_after(top, high, 0.0, nu, half_high)
     return min(top[0], meissner.state_after(edge, low, 0.0, nu, 0.5 * whole_low)[0])
 

@@ -15,7 +15,7 @@ from gearlib import (
     sweep,
 )
 from gearlib.analysis.harmonics.equation import MeshEquation
-from gearlib.analysis.harmonics.schmidt import contraction
+from gearlib.analysis.harmonics.schmidt import contraction_factor
 from gearlib.analysis.harmonics.solution import errors, exact_motion
 from tests.paper import PAPER as FREE
 
@@ -122,7 +122,7 @@ def test_more_degenerate_terms_contract_more():
     assert [one.terms for one in result] == [0, 2, 5]
     for one in result[1:]:
         equation = MeshEquation(MATERIAL, 0.95, 32)
-        factor = contraction(equation, one.coefficients, np.array(one.degenerate))
+        factor = contraction_factor(equation, one.coefficients, np.array(one.degenerate))
         # The bound is one: with a percent for the power iteration.
         assert factor <= 1.01 * one.norm_bound
 

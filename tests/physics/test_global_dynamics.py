@@ -18,7 +18,11 @@ from gearlib import (
     sweep,
 )
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
-from gearlib.analysis.orbits.followed_parameters import RATIOS, value_of, with_parameter
+from gearlib.analysis.orbits.followed_parameters import (
+    DIMENSIONLESS_PARAMETERS,
+    value_of,
+    with_parameter,
+)
 from gearlib.engines.pair.motion import mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
 from tests.paper import PAPER
@@ -140,10 +144,10 @@ def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
 
 def test_other_parameters_hold_the_other_ratios():
     pair = PAPER.replace(material_damping=3953.7)
-    for name in RATIOS:
+    for name in DIMENSIONLESS_PARAMETERS:
         value = 1.25 if name == "contact_ratio" else 0.4
         changed, nu = with_parameter(pair, 0.9, name, value)
-        for key in RATIOS:
+        for key in DIMENSIONLESS_PARAMETERS:
             if key != name:
                 expected = pytest.approx(value_of(pair, 0.9, key), rel=1e-14)
                 assert value_of(changed, nu, key) == expected

@@ -84,7 +84,7 @@ def test_the_fold_of_a_narrow_hysteresis_is_found():
     below = main_resonance(model.replace(material_damping=0.998 * low), JUMPS)
     assert 0.0 < below.jump_up - below.jump_down < 1e-3
     above = main_resonance(model.replace(material_damping=1.002 * high), JUMPS)
-    assert np.isnan([above.jump_up, above.jump_down]).all() and not above.lost
+    assert np.isnan([above.jump_up, above.jump_down]).all() and not above.failed
 
 
 def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():

@@ -9,7 +9,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, OneDegreePair, Tabulated, tongues
 from gearlib.analysis.tongues import hill_tongues, meissner
-from gearlib.analysis.tongues.search import find
+from gearlib.analysis.tongues.search import find_tongues
 from tests.independent.systems import describe, move
 from tests.properties.known_models import EVERYTHING, gears
 from tests.references import map_of_contact
@@ -43,7 +43,7 @@ def miss_in_50_digits(ratios, sign):
 
 @pytest.mark.parametrize("ratios", MESHES)
 def test_edges_in_50_digits(ratios):
-    result = [one for one in find(mesh(*ratios), 0.3, 6.0) if one.growth > 0.0]
+    result = [one for one in find_tongues(mesh(*ratios), 0.3, 6.0) if one.growth > 0.0]
     assert result
     with mpmath.workdps(50):
         for one in result:
@@ -81,7 +81,9 @@ def test_growth_beyond_the_numbers_of_a_machine(nu):
         expected = mpmath.log(abs(half) + mpmath.sqrt(half * half - square))
     assert half * half > square
     # The sign of the trace says of which order the gap is.
-    result = max(meissner._growth(meissner.equation(*ratios), 1.0 / nu, order) for order in (1, 2))
+    result = max(
+        meissner._growth(meissner.meissner_equation(*ratios), 1.0 / nu, order) for order in (1, 2)
+    )
     assert result == pytest.approx(float(expected), rel=1e-10)
 
 
@@ -93,7 +95,7 @@ def test_every_tongue_is_found_and_is_one_interval():
         nu = 1.0 / np.linspace(0.25, 3.0, 3001)
         grows = meissner.growth(*ratios, damping, nu) > 1e-9
         inside, close = np.zeros((2, nu.size), bool)
-        for one in find(mesh(*ratios, damping), 0.3, 4.5):
+        for one in find_tongues(mesh(*ratios, damping), 0.3, 4.5):
             inside |= (nu > one.start) & (nu < one.stop)
             # The growth has the root of rounding at the edges.
             close |= np.minimum(np.abs(nu - one.start), np.abs(nu - one.stop)) < 1e-8
@@ -104,7 +106,7 @@ def test_every_tongue_is_found_and_is_one_interval():
 def test_the_damping_that_closes_a_tongue(order):
     result = meissner.closing_damping(*PAPER, order)
     below, above = (
-        meissner.tongue(meissner.equation(*PAPER, result * (1.0 + side * 1e-9)), order)
+        meissner.tongue(meissner.meissner_equation(*PAPER, result * (1.0 + side * 1e-9)), order)
         for side in (-1, 1)
     )
     assert below.start < below.stop and math.isnan(above.start)
@@ -124,7 +126,7 @@ def test_the_damping_that_closes_a_tongue(order):
 def test_damping_may_open_a_closed_tongue_again():
     # The softer stretch is next to over-damped: damping lowers its frequency before all.
     ratios, order = (1.0653989653616667, 0.00046219012511841736), 5
-    equations = [meissner.equation(*ratios, damping) for damping in (0.036, 0.05, 0.3)]
+    equations = [meissner.meissner_equation(*ratios, damping) for damping in (0.036, 0.05, 0.3)]
     first, closed, again = (meissner.tongue(one, order).growth for one in equations)
     assert first > 0.0 > closed and again > 0.0
     assert meissner.closing_damping(*ratios, order) > 0.3
@@ -150,7 +152,7 @@ def test_tongues_are_pinched_where_half_waves_fit(order):
 
 def test_where_all_is_over_damped_no_tongue_is_left():
     pair = mesh(1.5, 0.5, 1.5)
-    assert find(pair, 0.2, 3.0) == []
+    assert find_tongues(pair, 0.2, 3.0) == []
     assert meissner.gap(meissner.equation_of(pair), 1) is None
 
 
@@ -176,7 +178,7 @@ def test_one_harmonic_is_mathieu(kappa, orders):
     pair = mesh(1.5, kappa)
     model = OneDegreePair(pair=pair, profile=Fourier(1))
     ripple = abs(model.profile.pieces(pair).harmonics[0, 1])
-    result = {one.order: one for one in find(model, 0.5, 3.0)}
+    result = {one.order: one for one in find_tongues(model, 0.5, 3.0)}
     for order in orders:
         one = result[order]
         misses = []

@@ -9,14 +9,14 @@ from gearlib.engines.jit import kernel
 from gearlib.engines.orbit import orbit_period
 from gearlib.engines.pair.events import ARC_COLUMNS, march_period
 from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
-from gearlib.engines.pair.stiffness import levels, segment_lengths
+from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from gearlib.engines.pair.whole_periods import advance_periods, new_work, set_mesh, set_start
 
 LIMIT = 10**6
 
 
 def ratios_of(contact_ratio, stiffness_ratio, damping, drag, gap):
-    stiffness = *levels(contact_ratio, stiffness_ratio), *segment_lengths(contact_ratio)
+    stiffness = *stiffness_levels(contact_ratio, stiffness_ratio), *segment_lengths(contact_ratio)
     return np.array([*stiffness, damping, drag, gap])
 
 

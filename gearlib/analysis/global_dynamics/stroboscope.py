@@ -110,7 +110,7 @@ class Stroboscope:
 
         def propagate(chunk: slice) -> None:
             """Fill the final states and status codes of a chunk of the states."""
-            ends[chunk], codes[chunk] = self.propagator.many(
+            ends[chunk], codes[chunk] = self.propagator.propagate_many(
                 states[chunk], periods, self.max_events
             )
 

@@ -25,7 +25,8 @@ MIN_SAMPLES = 4
 _DEFAULT_SAMPLES = 16
 #: Smallest change of displacement in a grid cell, which avoids a division by zero.
 _MIN_CHANGE = 1e-300
-#: Signs of the six rows of `_contact` for the coast-side flank in the sum over both flanks.
+#: Signs of the six rows of `_contact` for the coast-side flank in the sum over both flanks: its
+#: displacement and velocity are reversed, and its deflection in the sum, too.
 _COAST_SIGNS = np.array([1.0, -1.0, -1.0, -1.0, 1.0, 1.0])[:, None]
 
 
@@ -40,41 +41,36 @@ class Force(NamedTuple):
 
 
 class MeshEquation:
-    """Equation of motion of a gear pair at one tuning on harmonics 0 ... h of 1 / period.
-
-    h is `harmonics`; `samples` is the number of grid points over the period, by default a power of
-    two, at least 16 per harmonic. `added_damping` is the coefficient of a linear damping force.
-    """
+    """Equation of motion of a gear pair at one tuning on harmonics 0 ... h of 1 / period."""
 
     def __init__(
-        self,
-        model: Any,
-        tuning: float,
-        harmonics: int,
-        samples: int | None = None,
-        period: int = 1,
-        added_damping: float = 0.0,
+        self, model: Any, tuning, harmonics: int, samples=None, period: int = 1, added_damping=0.0
     ):
+        """Set up the equation for h = `harmonics` and a period in mesh periods.
+
+        `samples` is the number of grid points over the period, by default a power of two, at least
+        16 per harmonic. `added_damping` is a coefficient of dx/dtau added to that of the model.
+        """
         self.model, self.tuning = model, tuning
         self.harmonics, self.period = harmonics, period
         self.samples = samples or default_samples(harmonics)
-        constants = model.nonlinear_mesh(tuning)
-        linear_damping = np.array([added_damping, 0.0, 0.0])
-        self.constants = constants._replace(
-            drive_damping=constants.drive_damping + linear_damping,
-            backlash_damping=constants.backlash_damping + linear_damping,
+        mesh = model.nonlinear_mesh(tuning)
+        linear_damping = np.array([added_damping, 0.0, 0.0])  # the terms v, |v| v and v^3
+        self.mesh = mesh._replace(
+            drive_damping=mesh.drive_damping + linear_damping,
+            backlash_damping=mesh.backlash_damping + linear_damping,
         )
         #: Orders of the harmonics in the mesh phase: k / period.
         self.orders = np.arange(harmonics + 1) / period
         self.excitation = np.zeros(harmonics + 1, complex)
-        for order, cosine, sine in constants.force_harmonics:
+        for order, cosine, sine in mesh.force_harmonics:
             k = int(order) * period
             if k <= harmonics:
                 self.excitation[k] += cosine if k == 0 else (cosine - 1j * sine) / 2.0
         #: Mean mesh stiffness 1 / nu^2, which equals the dimensionless load.
         self.mean_stiffness = 1.0 / tuning**2
         #: Linear damping coefficient 2 beta / nu in contact.
-        self.damping = float(self.constants.drive_damping[0])
+        self.damping = float(self.mesh.drive_damping[0])
         #: Dynamic stiffness of the mean oscillator, 1 / nu^2 - k^2 + 2 i beta k / nu, (h + 1,).
         inertia, damping = self.orders**2, 1j * self.damping * self.orders
         self.dynamic_stiffness = self.mean_stiffness - inertia + damping
@@ -84,7 +80,7 @@ class MeshEquation:
         """Mesh stiffness c / nu^2 on the grid, truncated to the harmonics that it can represent."""
         spectrum = np.zeros(self.samples // 2 + 1, complex)
         highest = (self.samples - 1) // 2 // self.period
-        coefficients = _stiffness_coefficients(self.constants, highest)
+        coefficients = _stiffness_coefficients(self.mesh, highest)
         spectrum[: highest * self.period + 1 : self.period] = coefficients
         return np.fft.irfft(spectrum * self.samples, self.samples)
 
@@ -102,49 +98,50 @@ class MeshEquation:
 
     def force(self, coefficients: np.ndarray) -> Force:
         """Return damping and mesh force on the grid from the harmonics of a motion, (h + 1,)."""
-        constants, (x, v) = self.constants, self.motion(coefficients)
+        mesh, (x, v) = self.mesh, self.motion(coefficients)
         step = 2.0 * np.pi * self.period / self.samples
-        coast_distance = -(x + constants.backlash)
-        contact = _contact(x, v, step) + _COAST_SIGNS * _contact(coast_distance, -v, step)
+        coast_deflection = -(x + mesh.backlash)  # of the coast-side flank, > 0 in contact
+        contact = _contact(x, v, step) + _COAST_SIGNS * _contact(coast_deflection, -v, step)
         # The suffixes _x and _v denote derivatives with respect to displacement and velocity.
         fraction, fraction_x, fraction_v, deflection, deflection_x, deflection_v = contact
-        material, material_v = _damping(constants.drive_damping, v)
-        oil, oil_v = _damping(constants.backlash_damping, v)
-        p2, p3 = constants.stiffness_powers
+        # Damping forces in contact and without contact, in the backlash.
+        contact_damping, contact_damping_v = _damping(mesh.drive_damping, v)
+        free_damping, free_damping_v = _damping(mesh.backlash_damping, v)
+        jump, jump_v = contact_damping - free_damping, contact_damping_v - free_damping_v
+        p2, p3 = mesh.stiffness_powers
         size = np.abs(deflection)
         mesh_force = self.stiffness * (deflection * (1.0 + p2 * size + p3 * deflection**2))
         tangent = self.stiffness * (1.0 + 2.0 * p2 * size + 3.0 * p3 * deflection**2)
-        damping_v = oil_v + fraction * (material_v - oil_v) + fraction_v * (material - oil)
+        damping_v = free_damping_v + fraction * jump_v + fraction_v * jump
         return Force(
-            value=oil + fraction * (material - oil) + mesh_force,
+            value=free_damping + fraction * jump + mesh_force,
             stiffness=tangent * deflection_x,
-            impulse=fraction_x * (material - oil),
+            impulse=fraction_x * jump,
             damping=damping_v + tangent * deflection_v,
             contact_fraction=fraction,
         )
 
-    def variation(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def variational_coefficients(self, coefficients: np.ndarray) -> tuple:
         """Return (a, h, b) on the grid for perturbations y'' + a y' + (h y)' + b y = 0 of a motion.
 
         The motion is given by its harmonics. Damping that jumps at a flank line would add an
-        impulse to b where y' jumps, a product that no grid can represent. With the jump j(v),
-        p = j / v and contact H,
+        impulse to b where y' jumps, a product that no grid can represent. Let j(v) = p(v) v be the
+        jump of the damping force and H the contact, 1 or 0: the identity
 
             H' j y / v + H j_v y' = (H p y)' - H p' y + H (j_v - p) y'
 
-        has no impulse: with linear damping the last two terms vanish.
+        avoids the impulse H'. Its right side adds H p to h, H (j_v - p) to a and -H p' to b.
         """
-        force, constants = self.force(coefficients), self.constants
-        v, fraction = self.motion(coefficients)[1], force.contact_fraction
-        # The jump of the damping force has the terms v, |v| v and v^3.
-        jump = constants.drive_damping - constants.backlash_damping
+        force, mesh = self.force(coefficients), self.mesh
+        (_, v), contact = self.motion(coefficients), force.contact_fraction
+        # p = p1 + p2 |v| + p3 v^2
+        p1, p2, p3 = mesh.drive_damping - mesh.backlash_damping
         acceleration = self.to_grid(self.excitation) - force.value
-        return (
-            _damping(constants.backlash_damping, v)[1]
-            + fraction * (jump[1] * np.abs(v) + 2.0 * jump[2] * v**2),
-            fraction * (jump[0] + jump[1] * np.abs(v) + jump[2] * v**2),
-            force.stiffness - fraction * (jump[1] * np.sign(v) + 2.0 * jump[2] * v) * acceleration,
-        )
+        _, free_damping_v = _damping(mesh.backlash_damping, v)
+        a = free_damping_v + contact * (p2 * np.abs(v) + 2.0 * p3 * v**2)
+        h = contact * (p1 + p2 * np.abs(v) + p3 * v**2)
+        b = force.stiffness - contact * (p2 * np.sign(v) + 2.0 * p3 * v) * acceleration
+        return a, h, b
 
     def residual(self, coefficients: np.ndarray, force: Force) -> np.ndarray:
         """Return the harmonics of the residual x'' + f - e from those of a motion and its force."""
@@ -158,7 +155,7 @@ class MeshEquation:
     def jacobian(self, force: Force) -> np.ndarray:
         """Return the Jacobian matrix of the residual for the force of a motion, (2 h + 1, 2 h + 1).
 
-        Rows and columns are the real and imaginary parts of harmonics as in `real_parts`.
+        Rows and columns are the real and imaginary parts of harmonics as in `real_vector`.
         """
         k = np.arange(self.harmonics + 1)
         stiffness = np.fft.fft(force.stiffness + force.impulse, norm="forward")
@@ -169,15 +166,15 @@ class MeshEquation:
         conjugate = stiffness[sums] - damping[sums] * derivative
         conjugate[:, 0] = 0.0
         columns = np.hstack([direct + conjugate, 1j * (direct - conjugate)[:, 1:]])
-        return real_parts(columns.T).T
+        return real_vector(columns.T).T
 
     def amplification_bounds(self, force: Force) -> np.ndarray:
-        """Return bounds of the amplification of perturbations by the kernel G, shape (h + 1,).
+        """Return bounds of the amplification of errors in a fixed-point step, shape (h + 1,).
 
-        The bound on harmonic k is |G_k| (sup |n_x| + k sup |n_v|), where n_x and n_v are the
-        derivatives of the excess of the `force` of the motion over that of the mean oscillator.
-        Damping that jumps at a flank line contributes to n_v only: its perturbation is the
-        derivative of (jump of damping) times y.
+        The step is the response of the mean oscillator, with receptance G, to the excess n of the
+        `force` of the motion over its own. On harmonic k the bound is |G_k| (sup |n_x| + k sup
+        |n_v|). Damping that jumps at a flank line contributes to n_v only: its perturbation is the
+        derivative of (jump of damping) times y. The bound is infinite without damping at resonance.
         """
         excess_stiffness = np.abs(force.stiffness - self.mean_stiffness).max()
         excess_damping = np.abs(force.damping - self.damping).max()
@@ -191,16 +188,16 @@ def default_samples(harmonics: int) -> int:
     return 1 << int(np.ceil(np.log2(_DEFAULT_SAMPLES * max(harmonics, 1))))
 
 
-def real_parts(coefficients: np.ndarray) -> np.ndarray:
-    """Return the real parts of harmonics 0 ... h and the imaginary parts of 1 ... h in a row."""
+def real_vector(coefficients: np.ndarray) -> np.ndarray:
+    """Return the real parts of harmonics 0 ... h, then the imaginary parts of 1 ... h."""
     return np.concatenate([coefficients.real, coefficients[..., 1:].imag], axis=-1)
 
 
-def from_real_parts(parts: np.ndarray) -> np.ndarray:
-    """Return complex harmonics 0 ... h from their `real_parts`, shape (..., 2 h + 1)."""
-    half = parts.shape[-1] // 2 + 1
-    coefficients = parts[..., :half].astype(complex)
-    coefficients[..., 1:] += 1j * parts[..., half:]
+def from_real_vector(vector: np.ndarray) -> np.ndarray:
+    """Return complex harmonics from real parts of 0 ... h, then imaginary parts of 1 ... h."""
+    count = vector.shape[-1] // 2 + 1
+    coefficients = vector[..., :count].astype(complex)
+    coefficients[..., 1:] += 1j * vector[..., count:]
     return coefficients
 
 
@@ -232,14 +229,14 @@ def _damping(coefficients: np.ndarray, v: np.ndarray) -> tuple:
     return v * (d1 + d2 * speed + d3 * v**2), d1 + 2.0 * d2 * speed + 3.0 * d3 * v**2
 
 
-def _stiffness_coefficients(constants: Any, highest: int) -> np.ndarray:
+def _stiffness_coefficients(mesh: Any, highest: int) -> np.ndarray:
     """Return the exact complex Fourier coefficients 0 ... `highest` of the stiffness c / nu^2.
 
-    They follow from the jumps of value and slope between the linear segments of the stiffness in
-    `constants`, a `NonlinearMesh`, and from its harmonics.
+    They follow from the jumps of value and slope between the linear segments of the stiffness of a
+    `NonlinearMesh`, and from its harmonics.
     """
-    n, phases = np.arange(1, highest + 1), constants.segment_bounds
-    lengths, (starts, slopes) = np.diff(phases), constants.stiffness_lines.T
+    n, phases = np.arange(1, highest + 1), mesh.segment_bounds
+    lengths, (starts, slopes) = np.diff(phases), mesh.stiffness_lines.T
     ends = starts + slopes * lengths
     coefficients = np.zeros(highest + 1, complex)
     coefficients[0] = np.sum((starts + ends) / 2.0 * lengths) / (2.0 * np.pi)
@@ -247,7 +244,7 @@ def _stiffness_coefficients(constants: Any, highest: int) -> np.ndarray:
     for phase, jump, slope_jump in zip(phases[:-1], jumps, slope_jumps, strict=True):
         wave = np.exp(-1j * n * phase) / (2.0 * np.pi)
         coefficients[1:] += wave * (jump / (1j * n) - slope_jump / n**2)
-    for order, cosine, sine in constants.stiffness_harmonics:
+    for order, cosine, sine in mesh.stiffness_harmonics:
         if order <= highest:
             coefficients[int(order)] += (cosine - 1j * sine) / 2.0
     return coefficients

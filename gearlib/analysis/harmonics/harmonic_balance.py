@@ -16,8 +16,8 @@ from gearlib import checks
 from gearlib.analysis.harmonics.equation import (
     MIN_SAMPLES,
     MeshEquation,
-    from_real_parts,
-    real_parts,
+    from_real_vector,
+    real_vector,
 )
 from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
 from gearlib.analysis.orbits.shooting import NoOrbit
@@ -104,10 +104,10 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
     size, steps, evaluations = equation.max_residual(residual), 0, equation.samples
     while steps < _MAX_NEWTON_STEPS and size > _max_residual(equation, coefficients, tolerance):
         try:
-            step = np.linalg.solve(equation.jacobian(force), -real_parts(residual))
+            step = np.linalg.solve(equation.jacobian(force), -real_vector(residual))
         except np.linalg.LinAlgError:
             break
-        step = from_real_parts(step)
+        step = from_real_vector(step)
         steps += 1
         for _ in range(_MAX_HALVINGS):
             new = coefficients + step
@@ -130,9 +130,7 @@ def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: f
     return tolerance * max(1.0, inertia)
 
 
-def check_problem(
-    model: Any, tuning: float, harmonics: int, samples: int | None, period: int
-) -> MeshEquation:
+def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquation:
     """Return the `MeshEquation` for checked arguments of `harmonic_balance`."""
     if not (is_model(model) and model.one_mesh):
         raise checks.refusal("pair", model, "a GearPair or a OneDegreePair, one degree of freedom")

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib import checks
-from gearlib.analysis.harmonics.equation import Force, MeshEquation, from_real_parts, real_parts
+from gearlib.analysis.harmonics.equation import Force, MeshEquation, from_real_vector, real_vector
 from gearlib.analysis.harmonics.harmonic_balance import (
     check_problem,
     first_coefficients,
@@ -73,7 +73,8 @@ class SchmidtSolution(PeriodicSolution):
         return {
             "converged": np.int8(self.converged),
             "degenerate": ("degenerate_harmonic", np.array(self.degenerate, np.int32)),
-            "terms": np.int32(self.terms),
+            "terms": np.int32(self.terms),  # real unknowns of the degenerate part
+            # Bound and estimate of the factor by which an iteration changes errors.
             "norm_bound": self.norm_bound,
             "contraction": self.contraction,
         }
@@ -129,17 +130,16 @@ def schmidt(
     tolerance = checks.finite_positive("tolerance", tolerance)
     max_iterations = checks.integer("max_iterations", max_iterations, 1)
     selected = degenerate_harmonics(equation, degenerate)
-    automatic = isinstance(degenerate, str)
     coefficients = first_coefficients(equation, guess)
     iterations, evaluations = 0, 0
     for stage, stage_tolerance in stages(equation, guess, tolerance):
-        coefficients, stage_selected, converged, applications = search(
+        coefficients, stage_selected, converged, applications = iterate_until_converged(
             stage,
             resize_harmonics(coefficients, stage),
             selected[selected <= stage.harmonics],
-            automatic,
             stage_tolerance,
             max_iterations - iterations,
+            adapt_degenerate=isinstance(degenerate, str),
         )
         selected = np.union1d(selected, stage_selected)
         iterations += applications
@@ -147,19 +147,16 @@ def schmidt(
     return _solution(equation, coefficients, selected, converged, iterations, evaluations)
 
 
-def search(
-    equation: MeshEquation,
-    coefficients: np.ndarray,
-    degenerate: np.ndarray,
-    automatic: bool,
-    tolerance: float,
-    max_applications: int,
+def iterate_until_converged(
+    equation, coefficients, degenerate, tolerance, max_applications, *, adapt_degenerate: bool
 ) -> tuple:
-    """Iterate from complex harmonics 0 ... h until both parts of the motion converge.
+    """Iterate from complex harmonics 0 ... h until all harmonics of the motion converge.
 
-    `degenerate` are the numbers of the degenerate harmonics; with `automatic`, further ones are
-    added where they are needed for convergence. Return (harmonics of the motion, degenerate
-    harmonics, whether the iteration converged, number of applications of the kernel).
+    Newton's method solves for the harmonics with numbers in `degenerate`, successive approximations
+    for the others; with `adapt_degenerate`, those on which the latter may diverge are added to it.
+    `tolerance` limits the last change of either part, root mean square in static deflections.
+    Return (harmonics of the motion, degenerate harmonics, whether the iteration converged, number
+    of applications of the integral operator, at most about `max_applications`).
     """
     count, iterates = 0, iterate(equation, coefficients, degenerate, tolerance)
     while count < max_applications:
@@ -168,7 +165,7 @@ def search(
         count += latest.applications
         if not _norm(coefficients) < _MAX_SIZE:
             break
-        resonant = _resonant(equation, latest.force) if automatic else degenerate
+        resonant = _resonant(equation, latest.force) if adapt_degenerate else degenerate
         if np.setdiff1d(resonant, degenerate).size:
             degenerate = np.union1d(degenerate, resonant)
             iterates = iterate(equation, coefficients, degenerate, tolerance)
@@ -184,21 +181,21 @@ class Iterate(NamedTuple):
     force: Force  #: force before the step
     correction: float  #: norm of the change of the remainder, static deflections
     newton_step: float  #: norm of the last step of the degenerate part, static deflections
-    applications: int  #: number of applications of the kernel in this step
+    applications: int  #: number of applications of the integral operator in this step
 
 
-def iterate(
-    equation: MeshEquation, coefficients: np.ndarray, degenerate: np.ndarray, tolerance: float
-) -> Iterator[Iterate]:
+def iterate(equation: MeshEquation, coefficients, degenerate, tolerance) -> Iterator[Iterate]:
     """Yield an endless sequence of `Iterate`s from complex harmonics 0 ... h.
 
-    The remainder is corrected until its change is below `tolerance` or small compared with the
-    residual of the `degenerate` harmonics. Then these take a Newton step, which is halved if the
-    residual has increased.
+    The remainder, that is all but the `degenerate` harmonics, is corrected by successive
+    approximations until its change is below `tolerance`, static deflections, or small compared with
+    the residual of the `degenerate` harmonics. Then these take a Newton step. If their residual is
+    larger after the next corrections, the step is repeated with half its length.
     """
     receptance = _remainder_receptance(equation, degenerate)
     step_norm = np.inf if len(degenerate) else 0.0
-    # The last Newton step, and the harmonics and residual before it.
+    # The last Newton step, the harmonics and residual before it, the number of its halvings, and of
+    # applications of the integral operator for it.
     start, step, start_residual = coefficients, np.zeros_like(coefficients), np.inf
     halvings = applications = 0
     while True:
@@ -222,31 +219,30 @@ def iterate(
 
 
 def _remainder_receptance(equation: MeshEquation, degenerate: np.ndarray) -> np.ndarray:
-    """Return the kernel of the remainder R on harmonics 0 ... h, zero on the degenerate ones."""
+    """Return 1 / dynamic stiffness on harmonics 0 ... h, or zero on the `degenerate` ones."""
     receptance = np.zeros(equation.harmonics + 1, complex)
     remainder = np.delete(np.arange(receptance.size), degenerate)
     receptance[remainder] = 1.0 / equation.dynamic_stiffness[remainder]
     return receptance
 
 
-def _newton_step(
-    equation: MeshEquation, coefficients: np.ndarray, degenerate: np.ndarray, receptance: np.ndarray
-) -> tuple[np.ndarray, int]:
-    """Return (Newton step of harmonics 0 ... h, number of applications of the kernel).
+def _newton_step(equation: MeshEquation, coefficients, degenerate, receptance) -> tuple:
+    """Return (Newton step of harmonics 0 ... h, number of applications of the integral operator).
 
-    The unknowns are the `degenerate` harmonics; the other harmonics depend on them through the
-    kernel `receptance` of the remainder.
+    The unknowns are the `degenerate` harmonics. The other harmonics depend on them: they respond to
+    the change of the excess force with the `receptance`.
     """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
-    # Each row changes one real or imaginary part; the mean has no imaginary part.
+    # Indices in the result of `real_vector`: real parts, then imaginary parts but of the mean.
     unknowns = np.concatenate([degenerate, equation.harmonics + degenerate[degenerate > 0]])
+    # Each row changes one unknown by 1.
     real_changes = np.zeros((unknowns.size, 2 * equation.harmonics + 1))
     real_changes[np.arange(unknowns.size), unknowns] = 1.0
-    degenerate_changes = from_real_parts(real_changes)
+    degenerate_changes = from_real_vector(real_changes)
     remainder, terms = np.zeros_like(degenerate_changes), 0
     while terms < _MAX_SERIES_TERMS:
-        # Neumann series of (1 + R n')^-1, summed as successive approximations.
+        # Each approximation adds a term of the Neumann series for the response of the remainder.
         new = -receptance * _excess_force_change(equation, force, degenerate_changes + remainder)
         change = np.abs(new - remainder).max()
         remainder, terms = new, terms + 1
@@ -255,8 +251,9 @@ def _newton_step(
     directions = degenerate_changes + remainder
     residual_changes = equation.dynamic_stiffness * directions
     residual_changes += _excess_force_change(equation, force, directions)
-    jacobian = real_parts(residual_changes)[:, unknowns].T
-    step = np.linalg.lstsq(jacobian, -real_parts(residual)[unknowns], rcond=None)[0]
+    jacobian = real_vector(residual_changes)[:, unknowns].T
+    step = np.linalg.lstsq(jacobian, -real_vector(residual)[unknowns], rcond=None)[0]
+    # One application for the residual, and for each unknown one per term and one for its column.
     return step @ directions, 1 + (terms + 1) * len(directions)
 
 
@@ -279,28 +276,31 @@ def _excess_force_change(equation: MeshEquation, force: Force, changes: np.ndarr
     return _excess_force(equation, changes, stiffness * x + force.damping * v)
 
 
-def contraction(equation: MeshEquation, coefficients: np.ndarray, degenerate: np.ndarray) -> float:
-    """Return the spectral radius of R n' along a motion; Schmidt's method converges if it is < 1.
+def contraction_factor(equation: MeshEquation, coefficients, degenerate) -> float:
+    """Return the factor by which an iteration changes errors of a motion; it converges if < 1.
 
-    `coefficients` are the harmonics of the motion, `degenerate` the numbers of the harmonics
-    excluded from R. A power iteration estimates the radius to about one percent.
+    It is the spectral radius of the map from a change of the motion to the response of the
+    remainder to the change of the excess force. `coefficients` are the harmonics of the motion,
+    `degenerate` the numbers of the harmonics that are not in the remainder. A power iteration
+    estimates the radius to about one percent.
     """
     force, receptance = equation.force(coefficients), _remainder_receptance(equation, degenerate)
-    # The start vector contains all harmonics, with a real mean.
+    # The start vector has all harmonics with two phases, hence no symmetry, and a real mean.
     change = np.where(np.arange(receptance.size) % 2, 1.0, 0.7 + 0.4j) * np.abs(receptance)
     change[0] = abs(change[0])
-    sizes = []
+    factors = []
     for _ in range(_POWER_STEPS):
-        size = _norm(change)
-        sizes.append(size)
-        if size == 0.0:
+        factor = _norm(change)
+        factors.append(factor)
+        if factor == 0.0:
             return 0.0
-        change = receptance * _excess_force_change(equation, force, change / size)
-    return float(np.exp(np.mean(np.log(sizes[-(_POWER_STEPS // 3) :]))))
+        change = receptance * _excess_force_change(equation, force, change / factor)
+    # The geometric mean averages the beats of complex eigenvalues after the transient.
+    return float(np.exp(np.mean(np.log(factors[-(_POWER_STEPS // 3) :]))))
 
 
 def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
-    """Return the sorted harmonics of the degenerate kernel for an argument of `schmidt`.
+    """Return the sorted harmonics that `schmidt` solves by Newton's method for its argument.
 
     `degenerate` is a list of harmonics, a number of harmonics nearest to resonance, or "auto".
     """
@@ -315,7 +315,7 @@ def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
 
 
 def _resonant(equation: MeshEquation, force: Force) -> np.ndarray:
-    """Return the numbers of the harmonics on which the kernel may amplify errors too much."""
+    """Return the numbers of the harmonics on which successive approximations may diverge."""
     return np.flatnonzero(equation.amplification_bounds(force) > _MAX_NORM)
 
 
@@ -326,35 +326,32 @@ def _norm(coefficients: np.ndarray) -> float:
     return float(np.sqrt(2.0 * squares.sum() - squares[:1].sum()))
 
 
-def _solution(
-    equation: MeshEquation,
-    coefficients: np.ndarray,
-    degenerate: np.ndarray,
-    converged: bool,
-    iterations: int,
-    evaluations: int,
-) -> SchmidtSolution:
-    """Return the `SchmidtSolution` for the last harmonics; multipliers are NaN if it diverged."""
+def _solution(equation, coefficients, degenerate, converged, iterations, evaluations) -> Any:
+    """Return the `SchmidtSolution` for the last harmonics; multipliers are NaN if it diverged.
+
+    `iterations` are applications of the integral operator, `evaluations` those of the force or its
+    derivative at a grid point.
+    """
     force = equation.force(coefficients)
-    multipliers, norm_bound, error_reduction = np.full(2, np.nan, complex), np.nan, np.nan
+    multipliers, norm_bound, contraction = np.full(2, np.nan, complex), np.nan, np.nan
     if _norm(coefficients) < _MAX_SIZE:
         multipliers = hill_multipliers(equation, coefficients)
         bounds = np.delete(equation.amplification_bounds(force), degenerate)
         norm_bound = float(bounds.max(initial=0.0))
-        error_reduction = contraction(equation, coefficients, degenerate)
+        contraction = contraction_factor(equation, coefficients, degenerate)
     return SchmidtSolution(
-        equation.model,
-        equation.tuning,
-        equation.period,
-        "schmidt",
-        coefficients,
-        equation.samples,
-        equation.max_residual(equation.residual(coefficients, force)),
-        iterations,
-        evaluations,
-        multipliers,
-        converged,
-        tuple(int(k) for k in degenerate),
-        norm_bound,
-        error_reduction,
+        pair=equation.model,
+        tuning=equation.tuning,
+        period=equation.period,
+        method="schmidt",
+        coefficients=coefficients,
+        samples=equation.samples,
+        residual=equation.max_residual(equation.residual(coefficients, force)),
+        iterations=iterations,
+        evaluations=evaluations,
+        multipliers=multipliers,
+        converged=converged,
+        degenerate=tuple(int(k) for k in degenerate),
+        norm_bound=norm_bound,
+        contraction=contraction,
     )

@@ -1,9 +1,9 @@
 """Periodic motions as Fourier series: time history, flank crossings, errors, multipliers, dataset.
 
 Floquet multipliers are computed by Hill's method. Small perturbations obey
-y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0 with the terms of `MeshEquation.variation`. With
+y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0 (`MeshEquation.variational_coefficients`). With
 y = exp(l tau) sum_k y_k exp(i k tau / n), truncated at |k| <= K, this is a quadratic eigenvalue
-problem in l with 2 (2 K + 1) eigenvalues, of which two are accurate: every exponent l recurs as
+problem in l with 2 (2 K + 1) eigenvalues, of which two are accurate: every exponent l has aliases
 l + i k / n, with an error that grows with |k|. The two with the most symmetric eigenvectors about
 k = 0 are chosen (Lazarus, Thomas, C. R. Mecanique 338 (2010) 510-517) such that the product of
 their multipliers is that of Liouville's formula: for a real negative multiplier an exponent and its
@@ -86,7 +86,10 @@ class PeriodicSolution:
         return tuple((waves @ factors).real for factors in self._one_sided_coefficients())
 
     def time_history(self, samples_per_period: int) -> tuple:
-        """Return (displacement, dx/dtau) at equal steps of phase over the whole period."""
+        """Return (displacement, dx/dtau) at equal steps of phase over the whole period.
+
+        `samples_per_period` is the number of steps in each mesh period.
+        """
         points = samples_per_period * self.period
         # The inverse FFT needs more than two points per harmonic.
         refinement = -(-(2 * self.harmonics + 1) // points)
@@ -124,7 +127,8 @@ class PeriodicSolution:
     def dataset(self, samples_per_period: int = 256, orbit: Any = None) -> xr.Dataset:
         """Return time history, harmonics, multipliers and stability of the motion as a dataset.
 
-        With an exact `orbit` of `gearlib.periodic_orbit` the differences from it are added.
+        The time history has `samples_per_period` points in each mesh period. With an exact `orbit`
+        of `gearlib.periodic_orbit` the differences from it are added.
         """
         x, v = self.time_history(samples_per_period)
         contact = [contact_of(self.pair.backlash_ratio, *state) for state in zip(x, v, strict=True)]
@@ -150,7 +154,7 @@ class PeriodicSolution:
             data |= {f"{name}_error": value for name, value in differences._asdict().items()}
         phase = np.arange(x.size) * (2.0 * np.pi / samples_per_period)
         return result(
-            "Periodic motion of a gear mesh over harmonics",
+            "Periodic motion of a gear mesh and its harmonics",
             self.pair,
             data,
             {"phase": phase, "harmonic": self.orders},
@@ -227,22 +231,24 @@ def hill_multipliers(
     """
     highest = min(equation.harmonics, harmonics)
     k = np.arange(-highest, highest + 1)
-    variation = equation.variation(coefficients)
-    a, h, b = (np.fft.fft(values, norm="forward")[k[:, None] - k] for values in variation)
+    # Matrices that multiply the harmonics -K ... K of a function by those of a, h and b.
+    functions = equation.variational_coefficients(coefficients)
+    a, h, b = (np.fft.fft(values, norm="forward")[k[:, None] - k] for values in functions)
     # With u = (l + i k) y + h y the problem is linear in l for (y, u).
     derivative = np.diag(1j * k / equation.period)
     matrix = np.block([[-derivative - h, np.eye(k.size)], [a @ h - b, -derivative - a]])
-    # By Liouville's formula the mean of the two exponents is minus half the mean damping; their
-    # recurrences are farther away.
-    mean_damping = np.mean(variation[0] + variation[1])
+    # By Liouville's formula the mean of the two exponents is minus half the mean damping. Their
+    # aliases, exponents plus i k / period, are farther away.
+    mean_damping = np.mean(functions[0] + functions[1])
     start = np.exp(-np.abs(np.tile(k, 2))).astype(complex)
     shift = -mean_damping / 2.0 + _SHIFT_OFFSET
-    count = min(_EXPONENT_COUNT, 2 * k.size - 2)
+    count = min(_EXPONENT_COUNT, 2 * k.size - 2)  # the limit of ARPACK
     try:
         exponents, vectors = eigs(matrix, count, sigma=shift, v0=start, maxiter=_MAX_RESTARTS)
     except ArpackNoConvergence:
-        # Strongly damped exponents and their recurrences are almost equally far from the shift.
+        # Strongly damped exponents and their aliases are almost equally far from the shift.
         exponents, vectors = np.linalg.eig(matrix)
+    # An alias has its harmonics shifted by k, so the most symmetric spectra belong to no alias.
     power = np.abs(vectors[: k.size]) ** 2
     asymmetry = np.abs(k @ power) / power.sum(axis=0)
     length = 2.0 * np.pi * equation.period

@@ -2,7 +2,7 @@
 
 Pseudo-arclength continuation (`gearlib.analysis.orbits.tracing`) of the exact shooting equation. If
 the sequence of contact states changes within a step, the grazing is located and added to the
-branch. The continuation restarts just behind it with a short step, because the multipliers change
+branch. The continuation restarts just past it with a short step, because the multipliers change
 there with the square root of the distance.
 """
 
@@ -20,14 +20,18 @@ from gearlib.analysis.orbits.special_points import BranchPoint, branch_dataset, 
 from gearlib.data.status import flags_of
 from gearlib.runs.run_arguments import MAX_EVENTS
 
-#: First step, smallest step and step behind a grazing, relative to the largest step.
-_FIRST_STEP, _MIN_STEP, _STEP_BEHIND_GRAZING = 0.1, 1e-4, 1e-3
+#: First step, smallest step and step just past a grazing, relative to the largest step.
+_FIRST_STEP, _MIN_STEP, _STEP_PAST_GRAZING = 0.1, 1e-4, 1e-3
 #: The step length increases after at most this number of Newton corrections.
 _MAX_EASY_CORRECTIONS = 3
 #: Displacement range, in static deflections, above which the largest step is proportional to it.
-_LARGE_HEIGHT = 4.0
+_LARGE_RANGE = 4.0
 #: A branch is normal to the parameter axis if the component of its tangent is below this.
 _NORMAL_TOLERANCE = 1e-9
+#: Scaled distance from its first point at which such a branch is probed on both sides.
+_PROBE_DISTANCE = 1e-3
+#: Smallest number of points of a closed branch.
+_MIN_CLOSED_POINTS = 10
 #: Scaled distances from a period doubling at which the doubled orbit is searched for.
 _SWITCH_DISTANCES = (0.02, 0.005, 0.1, 1e-3)
 
@@ -77,8 +81,8 @@ def continue_orbit(
         Over ``point``, along the branch: the parameter under its name, state, multiplier_real,
         multiplier_imaginary, stable (no multiplier outside the unit circle), label, contacts (the
         sequence of contact states, N normal, B backlash, I inverse), displacement_max,
-        displacement_min, orbit_height, residual. Labelled points are additional orbits, located
-        to rounding error; a branch that does not reach `to` has the label "end" at its last point.
+        displacement_min, orbit_height (max - min), residual. Labelled points are located to
+        rounding error; a branch that does not reach `to` has the label "end" at its last point.
 
     Raises
     ------
@@ -92,7 +96,7 @@ def continue_orbit(
     """
     check_orbit(orbit)
     name = followed_parameters.check_parameter(orbit.pair, parameter)
-    start, to = followed_parameters.check_goal(
+    start, to = followed_parameters.start_and_goal(
         orbit.pair, orbit.tuning, name, to, "that of the orbit"
     )
     interval = _checked_limits(limits, start, to)
@@ -138,31 +142,24 @@ def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> Branch
     direction = tracing.tangent(solution.jacobian, sign * np.eye(unknowns.size)[-1])
     first = branch_point(solution, direction)
     if abs(direction[-1]) < _NORMAL_TOLERANCE:
-        heights = []
-        for distance in (1e-3, -1e-3):
+        displacement_ranges = []
+        for distance in (_PROBE_DISTANCE, -_PROBE_DISTANCE):
             start = unknowns + distance * direction
             neighbour, _ = tracing.correct(problem, start, direction)
-            heights.append(branch_point(neighbour, direction).height)
-        if heights[0] < heights[1]:
+            displacement_ranges.append(branch_point(neighbour, direction).displacement_range)
+        if displacement_ranges[0] < displacement_ranges[1]:
             return replace(first, tangent=-direction)
     return first
 
 
-def _follow_branch(
-    problem: Shooting,
-    first: BranchPoint,
-    to: float,
-    limits: tuple,
-    max_height: float,
-    max_step: float,
-    max_points: int,
-) -> list:
-    """Return the `BranchPoint`s of a branch from its first point to the parameter value `to`.
+def _follow_branch(problem, first, goal, limits, max_range, max_step, max_points) -> list:
+    """Return the `BranchPoint`s of a branch from its first point to the parameter value `goal`.
 
     It ends earlier if it leaves the `limits` (lowest, highest) of the parameter or the displacement
-    range exceeds `max_height`; the last point then has the label "end".
+    range exceeds `max_range`; the last point then has the label "end". Up to a displacement range
+    of _LARGE_RANGE, a step has at most the arc length `max_step` in scaled unknowns.
     """
-    points, scaled_goal = [first], to / problem.units[-1]
+    points, scaled_goal = [first], goal / problem.units[-1]
 
     def step(length: float) -> tuple[float, str]:
         """Take a step and add its points; return (next length, reason for the end or "")."""
@@ -171,23 +168,24 @@ def _follow_branch(
             problem, last.unknowns, last.tangent, length, scaled_goal
         )
         new = branch_point(solution, tangent)
-        end_value = _end_value(last.value, new.value, first.value, to, limits)
+        end_value = _end_value(last.value, new.value, first.value, goal, limits)
         if end_value is not None:
             scaled_end = end_value / problem.units[-1]
             solution = tracing.solve_at_value(problem, last.unknowns, new.unknowns, scaled_end)
             tangent = tracing.tangent(solution.jacobian, last.tangent)
             # Scaling may change the last digit of the value.
             new = replace(branch_point(solution, tangent), value=end_value)
-        new_points = _points_of_step(problem, last, new)
+        new_points, ends_at_grazing = _points_of_step(problem, last, new)
         points.extend(new_points)
-        grazes = len(new_points) > 1 and new_points[-2].label == special.GRAZING
-        if (end_value == to and not grazes) or _is_closed(points, length):
+        if ends_at_grazing:
+            end_value = None  # The shortened step does not reach it.
+        if end_value == goal or _is_closed(points, length):
             return length, "complete"
-        if (end_value is not None and not grazes) or points[-1].height > max_height:
-            return length, "beyond its limits"
-        if grazes:
-            return _STEP_BEHIND_GRAZING * max_step, ""
-        max_length = max_step * max(1.0, new.height / _LARGE_HEIGHT)
+        if end_value is not None or points[-1].displacement_range > max_range:
+            return length, "a limit is exceeded"
+        if ends_at_grazing:
+            return _STEP_PAST_GRAZING * max_step, ""
+        max_length = max_step * max(1.0, new.displacement_range / _LARGE_RANGE)
         return tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, max_length), ""
 
     end_reason = tracing.follow_curve(
@@ -198,53 +196,53 @@ def _follow_branch(
     return points
 
 
-def _end_value(last: float, new: float, first: float, to: float, limits: tuple) -> float | None:
+def _end_value(last: float, new: float, first: float, goal: float, limits: tuple) -> float | None:
     """Return the parameter value at which the branch ends within a step, or None.
 
     The step changes the parameter from `last` to `new`; the branch started at `first` and ends at
-    `to` or at a limit (lowest, highest).
+    `goal` or at a limit (lowest, highest).
     """
-    if (last - to) * (new - to) <= 0.0 and last != to:
-        return to
+    if (last - goal) * (new - goal) <= 0.0 and last != goal:
+        return goal
     # A rounding error must not end the branch at the limit where it started.
-    tolerance = 1e-9 * abs(to - first)
+    tolerance = 1e-9 * abs(goal - first)
     low, high = limits
-    if new < low - tolerance and low != to:
+    if new < low - tolerance and low != goal:
         return low
-    if new > high + tolerance and high != to:
+    if new > high + tolerance and high != goal:
         return high
     return None
 
 
-def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> list:
-    """Return the new points of a step from `last` to `new`: special points, then `new`.
+def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> tuple[list, bool]:
+    """Return (new points of a step from `last` to `new`, whether it ends at a grazing).
 
-    A step across a grazing ends just behind the grazing instead.
+    They are special points, then `new`, or just past a grazing the point at which the step ends.
     """
-    if new.pattern == last.pattern:
-        return [*special.special_points(problem, last, new), new]
-    before, behind = special.locate_grazing(problem, last, new)
-    return [*special.special_points(problem, last, before), before, behind]
+    if new.contacts == last.contacts:
+        return [*special.special_points(problem, last, new), new], False
+    grazing, past_grazing = special.locate_grazing(problem, last, new)
+    return [*special.special_points(problem, last, grazing), grazing, past_grazing], True
 
 
 def _is_closed(points: list, step_length: float) -> bool:
-    """Return whether a branch has returned to its first point, within the length of a step.
+    """Return whether the first point of a branch lies within a step ahead of its last one.
 
-    `points` are its `BranchPoint`s; both ends must have the same direction.
+    `points` are its `BranchPoint`s; the tangents of both must point to the same side.
     """
-    if len(points) < 10:
+    if len(points) < _MIN_CLOSED_POINTS:
         return False
     first, last = points[0], points[-1]
     difference = first.unknowns - last.unknowns
     is_near = np.linalg.norm(difference) < step_length
-    same_direction = first.tangent @ last.tangent > 0.0 and difference @ last.tangent >= 0.0
-    return bool(is_near and same_direction)
+    is_ahead = difference @ last.tangent >= 0.0
+    return bool(is_near and is_ahead and first.tangent @ last.tangent > 0.0)
 
 
-def _dataset(problem: Shooting, points: list, name: str, to: float) -> xr.Dataset:
+def _dataset(problem: Shooting, points: list, name: str, goal: float) -> xr.Dataset:
     """Return the `BranchPoint`s of a branch as a dataset over ``point``.
 
-    `name` is the name of the parameter, `to` its requested last value.
+    `name` is the name of the parameter, `goal` its requested last value.
     """
     maxima = np.array([point.displacement_max for point in points])
     minima = np.array([point.displacement_min for point in points])
@@ -252,33 +250,31 @@ def _dataset(problem: Shooting, points: list, name: str, to: float) -> xr.Datase
     data = {
         "stable": ("point", np.array(stable, np.int8)),
         "label": ("point", np.array([point.label for point in points], np.int8)),
-        "contacts": ("point", np.array([point.pattern for point in points], object)),
+        "contacts": ("point", np.array([point.contacts for point in points], object)),
         "displacement_max": ("point", maxima),
         "displacement_min": ("point", minima),
         "orbit_height": ("point", maxima - minima),
-        "static_deflection": problem.pair.static_deflection,
+        "static_deflection": problem.model.static_deflection,
         name: np.array([point.value for point in points]),
     }
-    if problem.pair.mesh:
-        data["backlash_ratio"] = problem.pair.backlash_ratio
+    if problem.model.mesh:  # the `GearPair` of a model with one pair of gears
+        data["backlash_ratio"] = problem.model.backlash_ratio
     solutions = [point.solution for point in points]
     title = "Branch of periodic orbits of a gear mesh"
-    dataset = branch_dataset(title, solutions, data, parameter=name, to=to)
+    dataset = branch_dataset(title, solutions, data, parameter=name, to=goal)
     dataset["label"].attrs |= flags_of(special.LABELS)
-    dataset["label"].attrs["long_name"] = "what kind of point of the branch"
+    dataset["label"].attrs["long_name"] = "type of special point"
     return dataset.assign_attrs(parameter=name)
 
 
-def point_of_dataset(
-    model: Any, branch: xr.Dataset, point: int, max_events: int, labels: tuple = ()
-) -> BranchPoint:
+def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> BranchPoint:
     """Return the point with index `point` in a dataset of `continue_orbit` as a `BranchPoint`.
 
     Raise ValueError if it does not exist, or if its label is not among `labels` (indices in
     `special_points.LABELS`; empty: any).
     """
     if "parameter" not in getattr(branch, "attrs", ()):
-        raise ValueError(f"branch = {branch!r} is not allowed: it must be one of continue_orbit")
+        raise ValueError(f"branch = {branch!r} is not allowed: it must be from continue_orbit")
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
     if labels and int(branch.label[point]) not in labels:
         allowed = " or ".join(special.LABELS[label] for label in labels)
@@ -294,11 +290,12 @@ def point_of_dataset(
     period = int(branch.period[point] if branch.period.ndim else branch.period)
     problem = Shooting(model, tuning, period, (name,), (scale,), max_events)
     unknowns = problem.unknowns(branch["state"].values[point], [value])
-    return branch_point(problem.evaluate(unknowns), np.zeros(unknowns.size))
+    unknown_tangent = np.zeros(unknowns.size)
+    return branch_point(problem.evaluate(unknowns), unknown_tangent)
 
 
 def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
-    """Return an orbit of twice the period, on the branch that starts at a period doubling.
+    """Return the first orbit of the branch of twice the period from a period doubling.
 
     Parameters
     ----------
@@ -330,8 +327,8 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
     eigenvector = eigenvectors[:, np.argmin(abs(eigenvalues + 1.0))].real / problem.units[:n]
     direction = np.append(eigenvector, 0.0)
     direction /= np.linalg.norm(direction)
-    period, scales = 2 * problem.period, problem.units[n:]
-    doubled = Shooting(pair, problem.tuning, period, problem.names, scales, max_events)
+    period, units = 2 * problem.period, problem.units[n:]
+    doubled = Shooting(pair, problem.tuning, period, problem.names, units, max_events)
     for distance in _SWITCH_DISTANCES:
         start = doubling.unknowns + distance * direction
         try:
@@ -339,4 +336,4 @@ def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):
         except tracing.ContinuationFailed:
             continue
         return as_orbit(solution)
-    raise NoOrbit(f"no orbit of twice the period was found at point {point}: try a neighbour's")
+    raise NoOrbit(f"no orbit of twice the period was found at point {point}: try another point")

@@ -17,7 +17,7 @@ from gearlib.models.pair_parameters import ratio_fields
 from gearlib.runs.run_arguments import check_tuning
 
 #: Name -> (CF units, long_name) of the parameters of every gear pair.
-RATIOS = {
+DIMENSIONLESS_PARAMETERS = {
     "tuning": ("1", "tuning nu, mesh frequency over mean eigenfrequency"),
     "damping": ("1", "damping ratio beta of the material in contact"),
     "backlash_damping": ("1", "damping ratio beta_m of the oil in the backlash"),
@@ -34,8 +34,11 @@ _ATTRIBUTE_NAMES = {
 
 
 def continuation_parameters(model: Any) -> dict:
-    """Return {name: CF attributes units and long_name} of the parameters that can be varied."""
-    parameters = (RATIOS if model.mesh else {}) | model.parameters
+    """Return {name: CF attributes units and long_name} of the parameters for a continuation.
+
+    A model with one pair of gears, the `GearPair` `model.mesh`, has all dimensionless ones.
+    """
+    parameters = (DIMENSIONLESS_PARAMETERS if model.mesh else {}) | model.parameters
     return {
         name: {"units": units, "long_name": long_name}
         for name, (units, long_name) in parameters.items()
@@ -44,6 +47,7 @@ def continuation_parameters(model: Any) -> dict:
 
 def check_parameter(model: Any, name: str) -> str:
     """Return a parameter name; raise ValueError if orbits cannot be continued in it."""
+    # A model with gears has a `GearPair`, `mesh`, or the names of the meshes of a train.
     if not (is_model(model) and (model.mesh or model.mesh_names)):
         raise ValueError(
             f"pair = {type(model).__name__} is not allowed: it must be a GearPair, a "
@@ -52,14 +56,17 @@ def check_parameter(model: Any, name: str) -> str:
     return checks.one_of("parameter", name, continuation_parameters(model))
 
 
-def check_goal(model: Any, tuning: float, name: str, goal: float, owner: str) -> tuple:
-    """Return (value of a parameter, its value `goal` at the end of a continuation).
+def start_and_goal(model: Any, tuning, name: str, goal, start_description) -> tuple:
+    """Return (value of a parameter, its checked value `goal` at the end of a continuation).
 
-    Raise ValueError if they are equal; `owner` describes in the message whose value it is.
+    Raise ValueError if they are equal or the model does not allow the goal; `start_description` is
+    the text for the first value in the message, such as "that of the orbit".
     """
     start = value_of(model, tuning, name)
-    goal = checks.number("to", goal, f"another {name} than {owner}", lambda v: v != start)
-    with_parameter(model, tuning, name, goal)
+    goal = checks.number(
+        "to", goal, f"another {name} than {start_description}", lambda v: v != start
+    )
+    with_parameter(model, tuning, name, goal)  # raises the ValueError of the model
     return start, goal
 
 
@@ -82,6 +89,7 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
     if name in model.parameters:
         return model.with_parameter(name, value), tuning
     if model.mesh is not model:
+        # The model contains a `GearPair`, which has the parameter.
         inner_pair, _ = with_parameter(model.mesh, tuning, name, value)
         return dataclasses.replace(model, pair=inner_pair), tuning
     if name == "backlash":
@@ -91,32 +99,33 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
     if name in _ATTRIBUTE_NAMES:
         return model.replace(**ratio_fields(model, _ATTRIBUTE_NAMES[name], value)), tuning
     changed = model.replace(**{name: value})
-    ratio = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
-    return changed.replace(max_stiffness=model.mean_stiffness / ratio), tuning
+    # The largest stiffness changes, so that the mean stiffness is constant.
+    mean_ratio = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
+    return changed.replace(max_stiffness=model.mean_stiffness / mean_ratio), tuning
 
 
 def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np.ndarray) -> list:
-    """Return a list of (model, tuning), one for each value of a parameter among `RATIOS`.
+    """Return a list of (model, tuning), one for each value of a dimensionless parameter.
 
     `tuning` must be None if it is the parameter; other parameters require a `GearPair`.
     """
-    checks.one_of("parameter", parameter, RATIOS)
+    checks.one_of("parameter", parameter, DIMENSIONLESS_PARAMETERS)
     if parameter == "tuning":
-        checks.require(tuning is None, "tuning", tuning, "left out where it is varied")
+        checks.require(tuning is None, "tuning", tuning, "omitted if the tuning is varied")
         return [(model, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
     if tuning is None:
         raise ValueError(f"tuning = None is not allowed: {parameter} is varied at one tuning")
-    if model.mesh is not model:
+    if model.mesh is not model:  # Only a `GearPair` is its own mesh.
         raise ValueError(
             f"parameter = {parameter!r} is not allowed for this {type(model).__name__}: it must be "
-            "'tuning', or the pair a GearPair"
+            "'tuning' unless the model is a GearPair"
         )
     tuning = check_tuning("tuning", tuning)
     return [with_parameter(model, tuning, parameter, value) for value in values.tolist()]
 
 
-def set_parameter_name(dataset: xr.Dataset, parameter: str) -> xr.Dataset:
-    """Set the long_name of the parameter of a dataset if it is the backlash; return the dataset.
+def set_backlash_long_name(dataset: xr.Dataset, parameter: str) -> xr.Dataset:
+    """Set the long_name of the backlash if it is the parameter of a dataset; return the dataset.
 
     In other datasets the variable "backlash" is the position of the flank over time.
     """

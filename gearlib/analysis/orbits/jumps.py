@@ -31,6 +31,8 @@ _FAILURES = (ContinuationFailed, NoOrbit, np.linalg.LinAlgError)
 #: Tunings of the scanned orbits, and bounds of the main resonance.
 _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
+#: Scanned orbits on either side of the largest one that are the branch if contact is never lost.
+_NEIGHBOURS = 3
 #: Limit of the depth of contact loss in static deflections; larger depths are reduced to it.
 _MAX_LOSS_DEPTH = 0.1
 #: First, largest and smallest step along a branch, and the longest step in which it may turn.
@@ -46,7 +48,7 @@ _MIN_TUNING_RATIO = 0.25
 _FOLD_REACHED, _RESONANCE_PASSED = "fold", "passed"
 #: Relative step of the tuning beyond a fold, where the motion has jumped, and periods of the
 #: excitation until it has settled.
-_STEP_BEHIND_FOLD, _SETTLING_REPEATS = 0.002, 160
+_STEP_PAST_FOLD, _SETTLING_REPEATS = 0.002, 160
 #: Largest number of jumps to higher branches before the motion jumps down.
 _MAX_JUMPS_TO_HIGHER_BRANCHES = 4
 #: Perturbations grow if the modulus of a multiplier exceeds this.
@@ -69,7 +71,7 @@ class MainResonance:
     #: Name of a special point -> its state at the start of a mesh period, shape (n,).
     states: dict = field(default_factory=dict)
     #: Names of the quantities that could not be computed.
-    lost: frozenset = frozenset()
+    failed: frozenset = frozenset()
     #: Largest displacement at the peak, static deflections.
     peak_displacement: float = math.nan
     #: Largest mesh force at its peak, relative to the load.
@@ -82,22 +84,22 @@ def main_resonance(model, quantities=QUANTITIES):
     Parameters
     ----------
     model : Model
-        A model with one degree of freedom, or with several, but then without peaks.
+        With several degrees of freedom `quantities` must not contain peaks.
     quantities : sequence of str
         Names from `QUANTITIES`; all others are NaN.
 
     Returns
     -------
     MainResonance
-        In a run-down the motion may jump several times to higher branches with coast-side contact:
-        ``jump_down`` is the fold where it jumps down, even after a period doubling; peaks are those
-        of the branch up to its first fold.
+        In a run-down the motion may jump to higher branches, with coast-side contact, before it
+        jumps down at the fold ``jump_down``. The branch may have a period doubling before this
+        fold. The peaks are those of the branch before its first fold.
     """
     points, values, failed = {}, {}, set()
     try:
         search = _ResonanceSearch(model)
     except _FAILURES:
-        return MainResonance(lost=frozenset(quantities))
+        return MainResonance(failed=frozenset(quantities))
     for name in quantities:
         try:
             if name in _EXTREMUM_COLUMNS:
@@ -111,10 +113,10 @@ def main_resonance(model, quantities=QUANTITIES):
             points[name] = point
     return MainResonance(
         **{name: search.tuning(unknowns) for name, unknowns in points.items()},
-        states={name: search.problem.model(unknowns)[2][0] for name, unknowns in points.items()},
+        states={name: search.state(unknowns) for name, unknowns in points.items()},
         peak_displacement=values.get("peak", math.nan),
         peak_force=values.get("peak_dynamic_factor", math.nan),
-        lost=frozenset(failed),
+        failed=frozenset(failed),
     )
 
 
@@ -122,51 +124,60 @@ class _ResonanceSearch:
     """Search for the special points of a model; each is an array of scaled unknowns, or None."""
 
     def __init__(self, model: Any):
-        """Compute orbits near the static equilibrium at tunings around the resonance."""
+        """Compute orbits near the static equilibrium and search for contact loss between them."""
         self.model = model
         self.problem = Shooting(model, 1.0, model.repeats, ("tuning",), (_TUNING_SCALE,))
         #: Unit vector of the tuning in the scaled unknowns.
         self.tuning_axis = np.eye(self.problem.units.size)[-1]
         orbits = [self._orbit_near_equilibrium(tuning) for tuning in _SCAN_TUNINGS]
         self.scanned_orbits = [unknowns for unknowns, _, _ in orbits]
-        heights = np.array([height for _, height, _ in orbits])
+        ranges = np.array([displacement_range for _, displacement_range, _ in orbits])
         in_contact = np.array([clearance >= 0.0 for _, _, clearance in orbits])
         low, high = _RESONANCE_BOUNDS
         near_resonance = (_SCAN_TUNINGS > low) & (_SCAN_TUNINGS < high)
-        #: Index of the largest scanned orbit, and a tuning at which contact is lost.
-        self.largest = int(np.where(near_resonance, heights, -np.inf).argmax())
-        self.tuning_with_loss = float(_SCAN_TUNINGS[self.largest])
-        if in_contact[self.largest]:
+        #: Index of the scanned orbit with the largest displacement range near the resonance.
+        self.largest_index = int(np.where(near_resonance, ranges, -np.inf).argmax())
+        #: A tuning at which contact is lost; NaN, and both orbits below None, if it is never lost.
+        self.tuning_with_loss = float(_SCAN_TUNINGS[self.largest_index])
+        if in_contact[self.largest_index]:
             ratio = _SCAN_TUNINGS[1] / _SCAN_TUNINGS[0]
             bounds = self.tuning_with_loss / ratio, self.tuning_with_loss * ratio
             minimum = minimize_scalar(self._clearance, bounds=bounds, method="bounded")
             self.tuning_with_loss = float(minimum.x) if minimum.fun < 0.0 else math.nan
         below = np.flatnonzero(in_contact & (_SCAN_TUNINGS < self.tuning_with_loss))
         above = np.flatnonzero(in_contact & (_SCAN_TUNINGS > self.tuning_with_loss))
-        #: Scanned orbits without contact loss, next to the contact loss on either side.
-        self.below = self.scanned_orbits[below[-1]] if below.size else None
-        self.above = self.scanned_orbits[above[0]] if above.size else None
+        #: Scaled unknowns of the nearest scanned orbits without contact loss at lower and at higher
+        #: tunings than `tuning_with_loss`; None if there is none.
+        self.orbit_below_loss = self.scanned_orbits[below[-1]] if below.size else None
+        self.orbit_above_loss = self.scanned_orbits[above[0]] if above.size else None
 
     def tuning(self, unknowns: np.ndarray) -> float:
         """Return the tuning, the last of the scaled unknowns of an orbit."""
         return float(unknowns[-1] * self.problem.units[-1])
 
+    def state(self, unknowns: np.ndarray) -> np.ndarray:
+        """Return the full state of an orbit at the start of a mesh period."""
+        _, _, segment_states = self.problem.unpack(unknowns)
+        return segment_states[0]
+
     def _orbit_near_equilibrium(self, tuning: float) -> tuple:
         """Return (scaled unknowns, displacement range, clearance) of the orbit near equilibrium.
 
-        The clearance is the smallest distance from the flank line, negative after contact loss, but
-        at least -_MAX_LOSS_DEPTH. This is also its value if there is no orbit.
+        The clearance is the smallest distance from the drive-side flank line, negative with contact
+        loss, but at least -_MAX_LOSS_DEPTH, which is also its value if no orbit was found.
         """
         model = self.model
+        drive_line, _ = model.flank_lines
+        # The static equilibrium: of a train, or the displacement 1 and velocity 0.
         start = model.propagator(tuning).start("static" if model.mesh_names else (1.0, 0.0))
         try:
             state = periodic_orbit(model, tuning, guess=start, period=model.repeats).state
         except NoOrbit:
             return self.problem.unknowns(start, [tuning]), 0.0, -_MAX_LOSS_DEPTH
         unknowns = self.problem.unknowns(state, [tuning])
-        summary = self.problem.record(unknowns, model.repeats)[1].summary
-        lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
-        clearance = max((lowest - model.flank_lines[0]).min(), -_MAX_LOSS_DEPTH)
+        _, record = self.problem.record(unknowns, model.repeats)
+        lowest, highest = record.summary[..., columns.X_MIN], record.summary[..., columns.X_MAX]
+        clearance = max((lowest - drive_line).min(), -_MAX_LOSS_DEPTH)
         return unknowns, (highest - lowest).max(), clearance
 
     def _clearance(self, tuning: float) -> float:
@@ -178,9 +189,9 @@ class _ResonanceSearch:
 
         Return None if contact is lost at all lower tunings.
         """
-        if self.below is None:
+        if self.orbit_below_loss is None:
             return None
-        low, precision = self.tuning(self.below), np.finfo(float).eps
+        low, precision = self.tuning(self.orbit_below_loss), np.finfo(float).eps
         tuning = brentq(
             self._clearance, low, self.tuning_with_loss, xtol=precision, rtol=4.0 * precision
         )
@@ -188,51 +199,56 @@ class _ResonanceSearch:
 
     def _extremum(self, unknowns: np.ndarray, column: int) -> float:
         """Return the maximum over all meshes of a column in the summary of an orbit."""
-        record = self.problem.record(unknowns, self.model.repeats)[1]
+        _, record = self.problem.record(unknowns, self.model.repeats)
         return float(record.summary[..., column].max())
 
     def jump_up(self) -> np.ndarray | None:
         """Return the scaled unknowns of the first fold in a run-up, or None."""
-        if self.below is None:
+        if self.orbit_below_loss is None:
             return None
-        return self._stable_fold(self._follow_branch(self.below, True)[0])
+        fold, _ = self._follow_branch(self.orbit_below_loss, increasing=True)
+        return self._stable_fold(fold)
 
     @functools.cached_property
-    def _branch_down(self) -> tuple:
+    def _run_down_branch(self) -> tuple:
         """The first fold in a run-down, or None, and the points of the branch before it."""
-        if self.above is not None:
-            return self._follow_branch(self.above, False)
-        neighbours = self.scanned_orbits[max(self.largest - 3, 0) : self.largest + 4]
+        if self.orbit_above_loss is not None:
+            return self._follow_branch(self.orbit_above_loss, increasing=False)
+        first = max(self.largest_index - _NEIGHBOURS, 0)
+        orbits = self.scanned_orbits[first : self.largest_index + _NEIGHBOURS + 1]
+        # A plane normal to the tuning axis fixes the tuning of the corrected orbit.
         axis = self.tuning_axis
-        solutions = [tracing.correct(self.problem, start, axis)[0] for start in neighbours]
+        solutions = [tracing.correct(self.problem, start, axis)[0] for start in orbits]
         return None, [branch_point(solution, axis) for solution in solutions]
 
     def jump_down(self) -> np.ndarray | None:
         """Return the unknowns of the fold where the motion jumps down in a run-down, or None."""
-        fold = self._branch_down[0]
+        fold, _ = self._run_down_branch
         for _ in range(_MAX_JUMPS_TO_HIGHER_BRANCHES):
             if fold is None:
                 break
-            tuning = (1.0 - _STEP_BEHIND_FOLD) * fold.value
+            tuning = (1.0 - _STEP_PAST_FOLD) * fold.value
             periods = _SETTLING_REPEATS * self.model.repeats
             propagator = self.problem.propagator(self.model, tuning)
-            ends, codes = propagator.many(fold.solution.state[None], periods, MAX_EVENTS)
+            ends, codes = propagator.propagate_many(fold.solution.state[None], periods, MAX_EVENTS)
             if codes[0] != status.OK:
                 raise ContinuationFailed(status.MESSAGES[int(codes[0])])
             steady_state = self.problem.unknowns(ends[0], [tuning])
+            # On a higher branch the maximum exceeds that at the fold.
             if not self._extremum(steady_state, columns.X_MAX) > fold.displacement_max:
                 return self._stable_fold(fold)
-            fold, _ = self._follow_branch(steady_state, False)
+            fold, _ = self._follow_branch(steady_state, increasing=False)
         return None
 
     def _follow_branch(self, start: np.ndarray, increasing: bool) -> tuple:
         """Return (first fold after an orbit or None, points of the branch before it).
 
         The orbit has the scaled unknowns `start`; the tuning increases or decreases. The branch
-        ends beyond the resonance, where there is no contact loss.
+        ends beyond the scanned orbit on the other side of the contact loss, if there is one.
         """
-        problem = self.problem
-        sign, end = (1.0, self.above) if increasing else (-1.0, self.below)
+        problem, (drive_line, _) = self.problem, self.model.flank_lines
+        sign = 1.0 if increasing else -1.0
+        end = self.orbit_above_loss if increasing else self.orbit_below_loss
         low, high = _MIN_TUNING_RATIO * self.tuning(start), _SCAN_TUNINGS[-1]
         solution, _ = tracing.correct(problem, start, self.tuning_axis)
         tangent = tracing.tangent(solution.jacobian, sign * self.tuning_axis)
@@ -243,22 +259,24 @@ class _ResonanceSearch:
             if not low < point.value < high:
                 return True
             is_beyond = end is not None and sign * (point.unknowns[-1] - end[-1]) > 0.0
-            in_contact = point.displacement_min >= np.max(self.model.flank_lines[0])
-            return is_beyond and (increasing or in_contact)
+            # In a run-down contact loss may last to lower tunings than its onset in a run-up.
+            has_contact = point.displacement_min >= np.max(drive_line)
+            return is_beyond and (increasing or has_contact)
 
         def step(length: float) -> tuple[float, str]:
             """Take a step and add its point; return (next length, reason for the end or "")."""
             last = points[-1]
-            # A fold just behind a grazing is so sharp that the branch may turn in a short step.
-            corner = length < _MAX_TURNING_STEP
+            # A fold just past a grazing is so sharp that the branch may turn in a short step.
+            allow_corner = length < _MAX_TURNING_STEP
             solution, tangent, corrections = tracing.take_step(
-                problem, last.unknowns, last.tangent, length, allow_corner=corner
+                problem, last.unknowns, last.tangent, length, allow_corner=allow_corner
             )
             new = branch_point(solution, tangent)
             if sign * tangent[-1] < 0.0:
-                _, fold = locate(problem, last, new, FOLD) or (0.0, None)
-                if fold is None:
+                located = locate(problem, last, new, FOLD)
+                if located is None:
                     raise ContinuationFailed("the branch turns without a fold")
+                _, fold = located
                 points.append(fold)
                 return length, _FOLD_REACHED
             # The slope of the interpolating cubic in the middle indicates two folds within a step.
@@ -293,11 +311,12 @@ class _ResonanceSearch:
         return fold.unknowns
 
     def peak(self, column: int) -> tuple:
-        """Return (scaled unknowns, value) of the largest extremum before the first fold.
+        """Return (scaled unknowns, value) of the orbit with the largest extremum in a run-down.
 
-        `column` is that of the extremum in `gearlib.engines.orbit`, such as X_MAX.
+        The extremum is the `column` X_MAX or FORCE_MAX in the summary of an orbit. Orbits beyond
+        the first fold are not considered.
         """
-        fold, branch = self._branch_down
+        fold, branch = self._run_down_branch
         points = [point.unknowns for point in (branch if fold is None else [*branch, fold])]
         values = [self._extremum(unknowns, column) for unknowns in points]
         i, last = int(np.argmax(values)), len(points) - 1
@@ -314,6 +333,7 @@ class _ResonanceSearch:
             """Return minus the extremum at a fractional index in the points."""
             return -self._extremum(point_at(position), column)
 
+        # The extremum may be largest at the end of the branch, the fold itself.
         before_fold = last - _FRACTION_BEFORE_FOLD
         if fold is not None and i == last and -negative_extremum(before_fold) <= values[i]:
             return points[i], values[i]

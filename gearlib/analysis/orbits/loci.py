@@ -14,13 +14,7 @@ from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
 from gearlib.analysis.orbits.continuation import point_of_dataset
 from gearlib.analysis.orbits.shooting import Evaluation, NoOrbit, Shooting
-from gearlib.analysis.orbits.special_points import (
-    DOUBLING,
-    FOLD,
-    GRAZING,
-    LABELS,
-    branch_dataset,
-)
+from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS, branch_dataset
 from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
 from gearlib.runs.run_arguments import MAX_EVENTS
 
@@ -28,16 +22,18 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 _DIFFERENCE_STEP = 1e-6
 #: Largest value of the condition, relative to its gradient, at a special point.
 _MAX_CONDITION = 1e-10
-#: Smallest step, relative to the largest.
-_MIN_STEP = 1e-3
+#: First and smallest step, and the longest step in which the locus may turn sharply, relative to
+#: the largest step.
+_FIRST_STEP, _MIN_STEP, _MAX_TURNING_STEP = 0.2, 1e-3, 2e-3
 #: The largest step is proportional to the state above this, in static deflections.
 _LARGE_STATE = 2.0
 #: The step length increases after at most this number of Newton corrections.
 _MAX_EASY_CORRECTIONS = 4
-#: Samples per mesh period, between which turning points are interpolated.
-_SAMPLES = 512
+#: Samples per mesh period, between which turning points are interpolated, and Newton steps for
+#: the position of a turning point.
+_SAMPLES, _TURNING_POINT_STEPS = 512, 2
 #: Values, first and second derivatives of the powers 0 to 5 at 0 and at 1, shape (6, 6).
-_HERMITE = [[Polynomial.basis(k).deriv(m)(t) for k in range(6)] for t in (0, 1) for m in (0, 1, 2)]
+_POWERS = [[Polynomial.basis(k).deriv(m)(t) for k in range(6)] for t in (0, 1) for m in (0, 1, 2)]
 
 
 class _SpecialPointProblem(Shooting):
@@ -50,28 +46,31 @@ class _SpecialPointProblem(Shooting):
     def turning_point(self, unknowns: np.ndarray) -> tuple[float, float]:
         """Return (mesh phase, displacement) of the turning point of a grazing orbit.
 
-        It is the turning point nearest to `self.phase`, or without a phase the one nearest to a
-        flank line, which is stored in `self.flank_line`.
+        It is the turning point nearest to `self.phase`. If this is None, it is the one nearest to a
+        flank line, and this line is stored in `self.flank_line`.
         """
-        samples = self.record(unknowns, self.period + 1, _SAMPLES)[1].samples
-        samples = samples[:, [SAMPLE_X, SAMPLE_V, SAMPLE_A]]
+        # An additional mesh period shows turning points near the start and end of the orbit.
+        _, record = self.record(unknowns, self.period + 1, _SAMPLES)
+        samples = record.samples[:, [SAMPLE_X, SAMPLE_V, SAMPLE_A]]
         step = math.tau / _SAMPLES
-        # The velocity changes its sign between each of these samples and the next one.
-        turns = np.flatnonzero(np.diff(samples[:, 1] < 0.0))
-        if not turns.size:
+        # Indices of the samples after which the velocity changes its sign.
+        indices = np.flatnonzero(np.diff(samples[:, 1] < 0.0))
+        if not indices.size:
             raise tracing.ContinuationFailed("the orbit has no turning point")
         if self.phase is None:
-            # Turning points at the ends of the record may be missing in neighbouring orbits.
-            inner = turns[np.abs(turns / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2]
-            pairs = itertools.product(inner, (0.0, -self.pair.backlash_ratio))
+            # Turning points at the ends of the record may be missing in neighbouring orbits, so the
+            # first and the last half mesh period are omitted.
+            inner = indices[np.abs(indices / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2]
+            pairs = itertools.product(inner, (0.0, -self.model.backlash_ratio))
             i, self.flank_line = min(pairs, key=lambda pair: abs(samples[pair[0], 0] - pair[1]))
         else:
-            i = turns[np.abs(turns * step - self.phase).argmin()]
-        # The polynomial of degree 5 has the displacements, velocities and accelerations of both.
+            i = indices[np.abs(indices * step - self.phase).argmin()]
+        # A polynomial of degree 5 interpolates displacement, velocity and acceleration of both
+        # samples. The position of its extremum, 0 to 1 between them, follows by Newton's method.
         end_values = samples[i : i + 2] * step ** np.arange(3.0)
-        displacement = Polynomial(np.linalg.solve(_HERMITE, end_values.ravel()))
+        displacement = Polynomial(np.linalg.solve(_POWERS, end_values.ravel()))
         position = end_values[0, 1] / (end_values[0, 1] - end_values[1, 1])
-        for _ in range(2):
+        for _ in range(_TURNING_POINT_STEPS):
             position -= displacement.deriv()(position) / displacement.deriv(2)(position)
         return (i + position) * step, float(displacement(position))
 
@@ -155,11 +154,13 @@ def locus(
     branch_problem, label = special_point.solution.problem, int(branch.label[point])
     tuning, period = branch_problem.tuning, branch_problem.period
     names = branch.attrs["parameter"], followed_parameters.check_parameter(pair, parameter)
-    checks.require(names[0] != names[1], "parameter", parameter, "another than the branch's")
-    start, to = followed_parameters.check_goal(pair, tuning, parameter, to, "the pair's")
+    checks.require(
+        names[0] != names[1], "parameter", parameter, "another parameter than that of the branch"
+    )
+    start, to = followed_parameters.start_and_goal(pair, tuning, parameter, to, "that of the pair")
     step = checks.finite_positive("step", step)
-    scales = branch_problem.units[-1], abs(to - start)
-    problem = _SpecialPointProblem(pair, tuning, period, names, scales, max_events)
+    units = branch_problem.units[-1], abs(to - start)
+    problem = _SpecialPointProblem(pair, tuning, period, names, units, max_events)
     problem.label = label
     unknowns = problem.unknowns(special_point.solution.state, [special_point.value, start])
     try:
@@ -176,21 +177,15 @@ def locus(
     return dataset.assign_attrs(label=LABELS[label], ended=end_reason)
 
 
-def _follow_locus(
-    problem: _SpecialPointProblem,
-    solutions: list,
-    to: float,
-    limits: tuple,
-    max_step: float,
-    max_points: int,
-) -> str:
-    """Continue a locus, append its solutions to the first one, and return the reason for its end.
+def _follow_locus(problem, solutions, goal, limits, max_step, max_points) -> str:
+    """Continue a locus from its first `Evaluation`, `solutions[0]`; return the reason for its end.
 
-    It ends at the value `to` of the second parameter or at the `limits` (lowest, highest) of the
-    first.
+    Up to `max_points` solutions are appended. The last two unknowns are the parameters: the locus
+    ends at the value `goal` of the second or at the `limits` (lowest, highest) of the first.
+    `max_step` is the largest arc length of a step in scaled unknowns, for small states.
     """
-    goal, first_value = to / problem.units[-1], solutions[0].unknowns[-1]
-    sign = np.sign(goal - first_value)
+    scaled_goal, first_value = goal / problem.units[-1], solutions[0].unknowns[-1]
+    sign = np.sign(scaled_goal - first_value)
     axis = np.eye(solutions[0].unknowns.size)[-1]
     direction = tracing.tangent(solutions[0].jacobian, sign * axis)
 
@@ -198,20 +193,22 @@ def _follow_locus(
         """Take a step and add its point; return (next length, reason for the end or "")."""
         nonlocal direction
         # Loci of folds and doublings have a corner if an event coincides with a stiffness switch.
-        allow_corner = length < 2.0 * _MIN_STEP * max_step
+        allow_corner = length < _MAX_TURNING_STEP * max_step
         solution, direction, corrections = tracing.take_step(
-            problem, solutions[-1].unknowns, direction, length, goal, allow_corner
+            problem, solutions[-1].unknowns, direction, length, scaled_goal, allow_corner
         )
         solutions.append(solution)
         unknowns = solution.unknowns
         if problem.label == GRAZING:
+            # The next orbit touches the flank line near this phase.
             problem.phase, _ = problem.turning_point(unknowns)
         max_length = max_step * max(1.0, np.abs(unknowns[:-2]).max() / _LARGE_STATE)
         length = tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, max_length)
-        if unknowns[-1] == goal:
+        if unknowns[-1] == scaled_goal:
             return length, "at its goal"
         if not limits[0] <= unknowns[-2] * problem.units[-2] <= limits[1]:
             return length, "at a limit"
         return length, "back at its beginning" if (unknowns[-1] - first_value) * sign < 0.0 else ""
 
-    return tracing.follow_curve(step, solutions, 0.2 * max_step, _MIN_STEP * max_step, max_points)
+    lengths = _FIRST_STEP * max_step, _MIN_STEP * max_step
+    return tracing.follow_curve(step, solutions, *lengths, max_points)

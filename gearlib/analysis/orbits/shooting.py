@@ -75,6 +75,7 @@ class Orbit:
             "state": ("coordinate", self.state),
             "multiplier_real": ("multiplier", self.multipliers.real),
             "multiplier_imaginary": ("multiplier", self.multipliers.imag),
+            # One contact state for each interval between events; the dimension counts them.
             "pattern": ("contact_phase", np.array(self.pattern, np.int8)),
             "stable": np.int8(self.stable),
             "grazing": np.int8(self.grazing),
@@ -99,12 +100,14 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     Parameters
     ----------
     pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+        The model.
     tuning : float
+        Mesh frequency over mean eigenfrequency.
     guess : array_like of float, shape (2,) or (n,), optional
         Displacement and dx/dtau at tau = 0, or a full state. By default the state of the motion
         from rest after 400 mesh periods.
     period : int, default 1
-        Period of the orbit in mesh periods, or a multiple of it; with run-out a multiple of the
+        Multiple of the period of the orbit in mesh periods, with run-out also a multiple of the
         period of the run-out. The result has its smallest period.
     max_events : int
         Largest number of contact events in one mesh period.
@@ -120,7 +123,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     NoOrbit
         If there is no orbit near the guess; the message says what to try.
     """
-    choose(pair, None, None)
+    choose(pair, None, None)  # raises ValueError unless `pair` is a model
     tuning = check_tuning("tuning", tuning)
     period = checks.integer("period", period, 1, MAX_PERIODS)
     max_events = checks.integer("max_events", max_events, 1)
@@ -132,13 +135,13 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
         )
     problem = Shooting(pair, tuning, period, max_events=max_events)
     try:
-        solution = _newton(problem, problem.guess(_initial_state(problem, guess)))
+        solution = _newton(problem, problem.initial_unknowns(_initial_state(problem, guess)))
     except ContinuationFailed as error:
         raise NoOrbit(str(error)) from None
     if not solution.converged:
         raise NoOrbit(
             f"no orbit of period {period} was found near the guess at tuning = {tuning!r}, the "
-            f"best residual is {solution.residual:.2g}: guess closer, or another period"
+            f"best residual is {solution.residual_norm:.2g}: try a closer guess or another period"
         )
     return _orbit_of_shorter_period(solution) or as_orbit(solution)
 
@@ -146,7 +149,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
 def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
     """Return the same orbit with its smallest period if that is shorter, else None."""
     problem, state = solution.problem, solution.state
-    model, tuning, max_events = problem.pair, problem.tuning, problem.max_events
+    model, tuning, max_events = problem.model, problem.tuning, problem.max_events
     propagator, period = problem.propagator(model, tuning), problem.period
     for divisor in range(model.repeats, period, model.repeats):
         if period % divisor:
@@ -169,62 +172,59 @@ def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
 class Shooting:
     """Shooting equation for periodic orbits; the unknowns are states and parameters of a model.
 
-    Unknowns are scaled: one unit of a parameter is its scale and corresponds to one static
-    deflection. Without parameters, a long period is divided into segments with a state each
-    (multiple shooting), which limits the growth of errors along an unstable orbit.
+    Unknowns are scaled by their `units`. Multiple shooting divides a long period into segments with
+    an initial state each, which limits the growth of errors along an unstable orbit; with unknown
+    parameters there is one segment. The rotation of a train that no force opposes, its free
+    rotation, is not an unknown.
     """
 
     def __init__(
-        self,
-        model: Any,
-        tuning: float,
-        period: int,
-        names: tuple = (),
-        scales: tuple = (),
-        max_events: int = MAX_EVENTS,
+        self, model: Any, tuning, period, names=(), parameter_units=(), max_events=MAX_EVENTS
     ):
-        """Set up the equation; `names` are the unknown parameters, `scales` their units."""
-        self.pair, self.tuning, self.period = model, tuning, period
+        """Set up the equation for a period in mesh periods.
+
+        `names` are those of the unknown parameters, `parameter_units` changes of them that
+        correspond to one static deflection.
+        """
+        self.model, self.tuning, self.period = model, tuning, period
         self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
         self._propagator: Any = None
-        #: Matrices from full states to states without the free rotation, and back.
+        #: Matrices that remove the free rotation from full states, and back.
         self.reduction, self.lift = model.reduction()
         n, segments = len(self.reduction), 1 if names else -(-period // _MAX_SEGMENT_PERIODS)
         #: Mesh periods at which the segments start, and at which the last one ends.
         self.starts = [period * i // segments for i in range(segments + 1)]
-        #: Free rotations of the initial states of the segments, shape (segments, n), or 0.
+        #: Free rotations of the initial states, shape (segments, full size), or 0 if all are zero.
         self.rotations: Any = 0.0
         #: Index of the next segment, and permutation matrix from all states to the next ones.
         self.next_segments = np.arange(1, segments + 1) % segments
         self.permutation = np.eye(segments * n)[(np.arange(segments * n) + n) % (segments * n)]
         state_units = ([1.0] * (n // 2) + [1.0 / tuning] * (n // 2)) * segments
         #: Value of one scaled unit of each unknown.
-        self.units = np.array([*state_units, *scales])
+        self.units = np.array([*state_units, *parameter_units])
 
     def unknowns(self, state: np.ndarray, values: Any) -> np.ndarray:
         """Return the scaled unknowns for a full state and values of the unknown parameters."""
         return np.append(self.reduction @ state, values) / self.units
 
-    def guess(self, state: np.ndarray) -> np.ndarray:
-        """Return the scaled unknowns of the motion from a full state.
-
-        Its free rotations are stored in `self.rotations`.
-        """
-        states, propagator = [state], self.propagator(self.pair, self.tuning)
+    def initial_unknowns(self, state: np.ndarray) -> np.ndarray:
+        """Return the scaled unknowns of the motion from a full state; store `self.rotations`."""
+        states, propagator = [state], self.propagator(self.model, self.tuning)
         for start, stop in zip(self.starts[:-2], self.starts[1:-1], strict=True):
-            states.append(self._segment(propagator, states[-1], start, stop)[0])
+            end, _ = self._propagate(propagator, states[-1], start, stop)
+            states.append(end)
         full_states = np.array(states)
         reduced_states = full_states @ self.reduction.T
         self.rotations = full_states - reduced_states @ self.lift.T
         return reduced_states.ravel() / self.units
 
-    def model(self, unknowns: np.ndarray) -> tuple:
+    def unpack(self, unknowns: np.ndarray) -> tuple:
         """Return (model, tuning, full initial states of the segments) at scaled unknowns.
 
         Raise ValueError if the model does not allow the values of the parameters.
         """
         values = unknowns * self.units
-        model, tuning = self.pair, self.tuning
+        model, tuning = self.model, self.tuning
         n = self.units.size - len(self.names)
         for name, value in zip(self.names, values[n:], strict=True):
             model, tuning = with_parameter(model, tuning, name, float(value))
@@ -240,15 +240,15 @@ class Shooting:
             self._propagator = last.at(tuning)
         return self._propagator
 
-    def _segment(self, propagator: Any, state: np.ndarray, start: int, stop: int) -> tuple:
+    def _propagate(self, propagator: Any, state: np.ndarray, start: int, stop: int) -> tuple:
         """Return (final state, linearised map of each mesh period) of the motion from a full state.
 
         It lasts from the start of mesh period `start` to the start of mesh period `stop`.
         """
-        first = start % self.pair.repeats
-        end, maps, code = propagator.maps(state, stop - start, self.max_events, first)
+        first_period = start % self.model.repeats
+        end, maps, code = propagator.maps(state, stop - start, self.max_events, first_period)
         if code != status.OK:
-            raise ContinuationFailed(f"the motion could not go on: {status.MESSAGES[code]}")
+            raise ContinuationFailed(f"the simulation failed: {status.MESSAGES[code]}")
         return end, maps
 
     def run(self, unknowns: np.ndarray) -> tuple:
@@ -256,12 +256,12 @@ class Shooting:
 
         States have shape (segments, n); a segment has a map for each of its mesh periods.
         """
-        model, tuning, states = self.model(unknowns)
+        model, tuning, states = self.unpack(unknowns)
         propagator = self.propagator(model, tuning)
         maps, ends = [], np.empty_like(states)
         for i, state in enumerate(states):
             start, stop = self.starts[i], self.starts[i + 1]
-            ends[i], segment_maps = self._segment(propagator, state, start, stop)
+            ends[i], segment_maps = self._propagate(propagator, state, start, stop)
             maps.append(segment_maps)
         return tuning, states, ends, maps
 
@@ -270,7 +270,7 @@ class Shooting:
 
         The record has a number of mesh `periods`, with a number of `samples` in each.
         """
-        model, tuning, states = self.model(unknowns)
+        model, tuning, states = self.unpack(unknowns)
         propagator = self.propagator(model, tuning)
         return model, propagator.record(states[0], periods, self.max_events, samples)
 
@@ -290,6 +290,7 @@ class Evaluation:
     """Shooting equation evaluated at scaled unknowns: residuals and their derivatives."""
 
     def __init__(self, problem: Shooting, unknowns: np.ndarray):
+        """Propagate all segments and compute the differences of their ends and the next starts."""
         self.problem, self.unknowns = problem, unknowns
         tuning, states, ends, maps = problem.run(unknowns)
         next_states = states if len(states) == 1 else states[problem.next_segments]
@@ -300,8 +301,8 @@ class Evaluation:
             problem.reduction @ compose(segment_maps) @ problem.lift for segment_maps in maps
         ]
         self.residuals = differences.ravel() / problem.units[: differences.size]  #: shape (n,)
-        self.residual = residual_size(differences, states, tuning)
-        self.converged = self.residual <= MAX_RESIDUAL
+        self.residual_norm = residual_size(differences, states, tuning)
+        self.converged = self.residual_norm <= MAX_RESIDUAL
 
     @cached_property
     def monodromy(self) -> np.ndarray:
@@ -335,10 +336,10 @@ class Evaluation:
 def as_orbit(solution: Evaluation) -> Orbit:
     """Return the `Orbit` of a solution of the shooting equation."""
     problem, period = solution.problem, solution.problem.period
-    model, tuning, states = problem.model(solution.unknowns)
+    model, tuning, states = problem.unpack(solution.unknowns)
     record = problem.propagator(model, tuning).record(states[0], period, problem.max_events)
     pattern, grazing = _contacts(record, model.flank_lines, tuning)
-    residual, multipliers = solution.residual, solution.multipliers
+    residual, multipliers = solution.residual_norm, solution.multipliers
     return Orbit(model, tuning, period, states[0], residual, multipliers, pattern, grazing)
 
 
@@ -360,7 +361,7 @@ def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
             ) from None
         for _ in range(_MAX_HALVINGS):
             candidate = problem.evaluate(solution.unknowns + step)
-            if candidate.residual < solution.residual:
+            if candidate.residual_norm < solution.residual_norm:
                 break
             step *= 0.5
         else:
@@ -372,22 +373,23 @@ def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
 def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
     """Return the full state of a guess: displacement and velocity, or a full state.
 
-    If it is None, return the final state of a long motion from rest.
+    If it is None, return the state after at least _TRANSIENT_PERIODS mesh periods from rest.
     """
-    model, n = problem.pair, problem.pair.size
+    model, n = problem.model, problem.model.size
     propagator = problem.propagator(model, problem.tuning)
     if guess is None:
         periods = -(-_TRANSIENT_PERIODS // problem.period) * problem.period
-        start = propagator.start((0.0, 0.0))[None]
-        ends, codes = propagator.many(start, periods, problem.max_events)
+        rest_state = propagator.start((0.0, 0.0))
+        ends, codes = propagator.propagate_many(rest_state[None], periods, problem.max_events)
         code = int(codes[0])
         if code != status.OK:
-            raise NoOrbit(f"the motion from rest could not go on: {status.MESSAGES[code]}")
+            raise NoOrbit(f"the simulation from rest failed: {status.MESSAGES[code]}")
         return ends[0]
     values = float_array(guess)
     if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
         counts = "2" if n == 2 else f"2 or {n}"
         raise ValueError(f"guess = {guess!r} is not allowed: it must be {counts} finite numbers")
+    # `start` converts a displacement and velocity to a full state.
     return values if values.size == n else propagator.start(values)
 
 
@@ -438,17 +440,18 @@ def _contacts(record: Any, flank_lines: tuple, tuning: float) -> tuple:
         return tuple(codes_without_events(lowest, highest, *flank_lines)), touches_line
     codes = events[:, columns.EVENT_TO].astype(int).tolist()
     pattern = (int(events[0, columns.EVENT_FROM]), *codes)
+    # An orbit that crosses a line by the depth d has a speed of about the square root of d there.
     speeds = np.abs(events[:, columns.EVENT_VELOCITY]) * tuning
     return pattern, bool(touches_line or speeds.min() < np.sqrt(tolerance.min()))
 
 
-def codes_without_events(
-    lowest: np.ndarray, highest: np.ndarray, drive_line: Any, coast_line: Any
-) -> list:
+def codes_without_events(lowest, highest, drive_line: Any, coast_line: Any) -> list:
     """Return the contact code of each mesh of an orbit without contact events.
 
     `lowest` and `highest` are the extreme displacements of the meshes, shape (m,), the lines are
-    the displacements at which drive-side and coast-side contact start.
+    the displacements at which drive-side and coast-side contact start. A contact code is 1 for
+    drive-side contact, 0 for no contact, -1 for coast-side contact.
     """
+    # An orbit may touch a line at an extremum, so the other extremum decides on the contact.
     codes = np.where(highest > drive_line, 1, np.where(lowest > coast_line, 0, -1))
     return np.atleast_1d(codes).tolist()

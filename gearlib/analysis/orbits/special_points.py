@@ -14,9 +14,9 @@ M is the monodromy matrix (Kuznetsov, Elements of Applied Bifurcation Theory, ch
 located by Brent's method on the chord between both points, a grazing by bisection. Every step has a
 Newton correction to the branch, so that the located point is an orbit to rounding error.
 
-The mesh force is zero on a flank line. M is therefore continuous at a grazing, but behind it
+The mesh force is zero on a flank line. M is therefore continuous at a grazing, but past it
 changes with the square root of the distance: the branch has no corner there, but its curvature
-jumps, and folds and doublings are often just behind a grazing, never exactly at it.
+jumps, and folds and doublings are often just past a grazing, never exactly at it.
 """
 
 from dataclasses import dataclass, replace
@@ -33,22 +33,14 @@ from gearlib.data.result import result
 from gearlib.engines import orbit as columns
 
 #: Names of the labels; a label is the index in this tuple.
-LABELS = (
-    "regular",
-    "fold",
-    "period doubling",
-    "Neimark-Sacker",
-    "grazing",
-    "branch point",
-    "end",
-)
+LABELS = ("regular", "fold", "period doubling", "Neimark-Sacker", "grazing", "branch point", "end")
 REGULAR, FOLD, DOUBLING, NEIMARK_SACKER, GRAZING, BRANCH_POINT, END = range(len(LABELS))
 
 #: Tolerance of the position of a special point, relative to the chord.
 _CHORD_TOLERANCE = 1e-14
 #: Distance from a grazing, relative to the chord, at which the continuation restarts, where contact
 #: states do not depend on rounding errors.
-_DISTANCE_BEHIND_GRAZING = 1e-7
+_DISTANCE_PAST_GRAZING = 1e-7
 #: Largest difference of the squared modulus from 1 for a complex pair on the unit circle.
 _CIRCLE_TOLERANCE = 1e-6
 #: Sign changes of smaller test functions of Neimark-Sacker points are rounding errors.
@@ -60,12 +52,12 @@ _CONTACT_LETTERS = {1: "N", 0: "B", -1: "I"}
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """An orbit on a branch, with its tangent, extrema, contact pattern and label."""
+    """An orbit on a branch, with its tangent, contact states, extrema and label."""
 
     solution: Evaluation
     tangent: np.ndarray  #: unit tangent of the branch
     value: float  #: value of the parameter
-    pattern: str  #: cyclic sequence of contact states, as letters
+    contacts: str  #: cyclic sequence of contact states, as letters
     displacement_max: float
     displacement_min: float
     label: int = REGULAR
@@ -76,7 +68,7 @@ class BranchPoint:
         return self.solution.unknowns
 
     @property
-    def height(self) -> float:
+    def displacement_range(self) -> float:
         """Difference of the largest and the smallest displacement."""
         return self.displacement_max - self.displacement_min
 
@@ -88,8 +80,8 @@ def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
     summary = record.summary
     value = float(solution.unknowns[-1] * problem.units[-1])
     maximum, minimum = np.max(summary[..., columns.X_MAX]), np.min(summary[..., columns.X_MIN])
-    pattern = _cyclic_pattern(record.events, summary, model.flank_lines)
-    return BranchPoint(solution, tangent, value, pattern, maximum, minimum)
+    contacts = _contact_sequence(record.events, summary, model.flank_lines)
+    return BranchPoint(solution, tangent, value, contacts, maximum, minimum)
 
 
 def branch_dataset(title: str, solutions: list, variables: dict, **attributes: Any) -> xr.Dataset:
@@ -104,40 +96,42 @@ def branch_dataset(title: str, solutions: list, variables: dict, **attributes: A
         "state": (("point", "coordinate"), np.array([solution.state for solution in solutions])),
         "multiplier_real": (("point", "multiplier"), multipliers.real),
         "multiplier_imaginary": (("point", "multiplier"), multipliers.imag),
-        "residual": ("point", np.array([solution.residual for solution in solutions])),
+        "residual": ("point", np.array([solution.residual_norm for solution in solutions])),
         "period": np.int32(problem.period),
     }
     if "tuning" not in problem.names:
         data["tuning"] = problem.tuning
-    parameters = continuation_parameters(problem.pair)
+    parameters = continuation_parameters(problem.model)
     for name, values in zip(problem.names, unknowns.T[len(problem.reduction) :], strict=True):
         data[name] = "point", variables.pop(name, values), parameters[name]
     attributes |= {"period": problem.period, "tuning": problem.tuning}
     method = "pseudo-arclength on shooting"
-    return result(title, problem.pair, data | variables, method=method, **attributes)
+    return result(title, problem.model, data | variables, method=method, **attributes)
 
 
-def _cyclic_pattern(events: np.ndarray, summary: np.ndarray, flank_lines: tuple) -> str:
-    """Return the cyclic sequence of contact states of an orbit as letters, from any initial phase.
+def _contact_sequence(events: np.ndarray, summary: np.ndarray, flank_lines: tuple) -> str:
+    """Return the cyclic sequence of contact states of an orbit as letters.
 
     `events` and `summary` are tables of a `Record`, `flank_lines` the displacements at which drive-
-    and coast-side contact start. The result is the alphabetically last rotation of the letters.
-    With several meshes each letter has the index of its mesh as a prefix, and simultaneous events
-    are sorted by mesh.
+    and coast-side contact start. Among the cyclic shifts, which only differ in the initial phase,
+    it is the alphabetically last one. With several meshes each letter has the index of its mesh as
+    a prefix, and simultaneous events are sorted by mesh.
     """
     if not len(events):
+        # The contact state of the mean displacement is that of the whole motion.
         middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
         codes = codes_without_events(middle, middle, *flank_lines)
         return "".join(_CONTACT_LETTERS[code] for code in codes)
-    codes = events[:, columns.EVENT_TO]
-    if events.shape[1] == columns.EVENT_COLUMNS and events[0, columns.EVENT_FROM] != codes[-1]:
+    codes, mesh_column = events[:, columns.EVENT_TO], columns.EVENT_COLUMNS
+    has_several_meshes = events.shape[1] > mesh_column
+    if not has_several_meshes and events[0, columns.EVENT_FROM] != codes[-1]:
         # The orbit starts on a flank line to rounding error: the event at tau = 0 is missing.
         codes = np.append(codes, events[0, columns.EVENT_FROM])
     letters = [_CONTACT_LETTERS[int(code)] for code in codes]
-    if events.shape[1] > columns.EVENT_COLUMNS:
+    if has_several_meshes:
         phases = 2.0 * np.pi * events[:, columns.EVENT_PERIOD] + events[:, columns.EVENT_PHASE]
         instants = np.cumsum(np.diff(phases, prepend=phases[0]) > _SIMULTANEOUS_TOLERANCE)
-        meshes = events[:, columns.EVENT_COLUMNS].astype(int)
+        meshes = events[:, mesh_column].astype(int)
         letters = [f"{meshes[i]}{letters[i]} " for i in np.lexsort((meshes, instants))]
     return max("".join(letters[i:] + letters[:i]) for i in range(len(letters))).strip()
 
@@ -158,9 +152,7 @@ _TEST_FUNCTIONS = {
 }
 
 
-def point_on_chord(
-    problem: Shooting, first: BranchPoint, last: BranchPoint, position: float
-) -> BranchPoint:
+def point_on_chord(problem: Shooting, first, last, position: float) -> BranchPoint:
     """Return the point of the branch at a position, 0 to 1, on the chord between two points.
 
     Its tangent is approximated by the chord, because the tangent of the branch may not exist.
@@ -174,19 +166,20 @@ def point_on_chord(
 def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int) -> tuple | None:
     """Return (position on the chord, special point) between two points of a branch, or None.
 
-    `label` is FOLD, DOUBLING or NEIMARK_SACKER. The result is None if its test function does not
-    change its sign between the points.
+    `label` is FOLD, DOUBLING or NEIMARK_SACKER. The result is None if the test function of the
+    label does not change its sign between the points.
     """
     test = _TEST_FUNCTIONS[label]
     end_values = {0.0: test(first.solution.multipliers), 1.0: test(last.solution.multipliers)}
     if not end_values[0.0] * end_values[1.0] < 0.0:
         return None
     if label == NEIMARK_SACKER and min(map(abs, end_values.values())) < _MIN_TEST_VALUE:
+        # The multipliers stay on the unit circle, as without damping.
         return None
 
     def test_value(position: float) -> float:
         """Return the test function at a position on the chord."""
-        if end_values.get(position):
+        if position in end_values:
             return end_values[position]
         return test(point_on_chord(problem, first, last, position).solution.multipliers)
 
@@ -197,12 +190,13 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
         # The complex pair of multipliers becomes real between the points.
         return None
     if label == FOLD and first.tangent[-1] * last.tangent[-1] > 0.0:
+        # A multiplier crosses 1, but the parameter keeps its direction.
         label = BRANCH_POINT
     return position, replace(point, label=label)
 
 
 def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> list:
-    """Return the special points between two points with the same contact pattern, in branch order.
+    """Return the special points between two points with the same contact states, in branch order.
 
     Raise ContinuationFailed if Newton's method does not converge on the chord.
     """
@@ -212,9 +206,9 @@ def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> 
 
 
 def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> tuple:
-    """Return the points just before and just behind the grazing between two points of a branch.
+    """Return the points just before and just past the grazing between two points of a branch.
 
-    The contact pattern changes between them; the point before has the label GRAZING.
+    The contact states change between them; the point before has the label GRAZING.
     """
     low, high, before = 0.0, 1.0, first
     while high - low > _CHORD_TOLERANCE:
@@ -222,16 +216,15 @@ def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> 
         if not low < middle < high:
             break
         point = point_on_chord(problem, first, last, middle)
-        if point.pattern == first.pattern:
+        if point.contacts == first.contacts:
             low, before = middle, point
         else:
             high = middle
     if before is first:
-        # The first point itself touches the flank line; a copy of it has the label.
+        # The first point itself touches the flank line and is added again with the label.
         before = point_on_chord(problem, first, last, low)
-    behind = last
-    if high + _DISTANCE_BEHIND_GRAZING < 1.0:
-        behind = point_on_chord(problem, first, last, high + _DISTANCE_BEHIND_GRAZING)
-        direction = tangent(behind.solution.jacobian, behind.tangent)
-        behind = replace(behind, tangent=direction)
-    return replace(before, label=GRAZING), behind
+    past = last
+    if high + _DISTANCE_PAST_GRAZING < 1.0:
+        past = point_on_chord(problem, first, last, high + _DISTANCE_PAST_GRAZING)
+        past = replace(past, tangent=tangent(past.solution.jacobian, past.tangent))
+    return replace(before, label=GRAZING), past

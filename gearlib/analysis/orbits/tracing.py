@@ -68,14 +68,7 @@ def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return null_vector if null_vector @ direction >= 0.0 else -null_vector
 
 
-def take_step(
-    problem: Any,
-    unknowns: np.ndarray,
-    direction: np.ndarray,
-    length: float,
-    goal: float | None = None,
-    allow_corner: bool = False,
-) -> tuple:
+def take_step(problem, unknowns, direction, length, goal=None, allow_corner=False) -> tuple:
     """Take a step along the curve and return (solution, tangent, number of corrections).
 
     The step starts at `unknowns` in the direction of the unit tangent `direction`. It ends early if
@@ -95,16 +88,12 @@ def take_step(
     return solution, new_direction, corrections
 
 
-def next_step_length(
-    length: float, corrections: int, max_easy_corrections: int, max_length: float
-) -> float:
+def next_step_length(length, corrections, max_easy_corrections, max_length) -> float:
     """Return the length of the next step: 1.5 times as long if few corrections were needed."""
     return min(1.5 * length, max_length) if corrections <= max_easy_corrections else length
 
 
-def follow_curve(
-    step: Callable, points: list, length: float, min_length: float, max_points: int
-) -> str:
+def follow_curve(step: Callable, points: list, length, min_length, max_points: int) -> str:
     """Take steps along a curve until it ends, and return the reason for its end.
 
     `step(length)` appends to `points` and returns (length of the next step, reason for the end of
@@ -133,9 +122,7 @@ def solve_at_value(problem: Any, first: np.ndarray, second: np.ndarray, value: f
     return correct(problem, start, np.eye(first.size)[-1])[0]
 
 
-def difference_quotient(
-    function: Callable, unknowns: np.ndarray, index: int, step: float = _DIFFERENCE_STEP
-) -> Any:
+def difference_quotient(function: Callable, unknowns, index, step=_DIFFERENCE_STEP) -> Any:
     """Return the derivative of a function of the unknowns with respect to one of them, by `index`.
 
     It is a central difference, or one-sided if the function raises ValueError on one side.

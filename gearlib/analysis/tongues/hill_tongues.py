@@ -34,24 +34,33 @@ _MIN_GROWTH = 1e-6
 #: Damping ratios, relative to the estimated closing damping, at which the growth is computed.
 _RELATIVE_DAMPINGS = np.array([0.0, 0.5, 0.9, 1.1, 1.5, 3.0])
 _MAX_ESTIMATED_DAMPING = 0.3
+#: Ratio of successive damping ratios in the search for one that closes a tongue.
+_DAMPING_RATIO_STEP = 1.25
 
 
 def tongues_of_one_degree(pair: Any, start: float, stop: float) -> list:
-    """Return the `Tongue`s of a linear `OneDegreePair` in gaps that overlap `start` to `stop`."""
+    """Return the `Tongue`s of a linear `OneDegreePair` for tunings from `start` to `stop`.
+
+    They are those whose gaps, intervals of k = 1 / tuning with |T| >= 2, overlap this range.
+    """
     tongues = []
     for order, extrema in _trace_extrema(pair, 1.0 / start):
-        tongue, (low, high) = _gap_tongue(pair, order, *extrema)
-        if low > 1.0 / start:
+        tongue, (low_k, high_k) = _gap_tongue(pair, order, *extrema)
+        if low_k > 1.0 / start:
             break
-        if high >= 1.0 / stop:
+        if high_k >= 1.0 / stop:
             tongues.append(tongue)
     return tongues
 
 
 def closing_damping(pair: Any, tongue: Tongue) -> float:
-    """Return the damping ratio that closes a tongue of a `OneDegreePair`, 0 for a point."""
+    """Return the damping ratio above which a tongue of a `OneDegreePair` is closed.
+
+    It is 0 if the tongue has no width without damping.
+    """
     undamped = with_damping(pair, 0.0)
     extrema = dict(_trace_extrema(undamped, 1.0 / tongue.peak))
+    # Extrema of the trace over k = 1 / tuning before, in and after the gap of the tongue.
     before, middle, after = extrema[tongue.order]
     undamped_tongue, _ = _gap_tongue(undamped, tongue.order, before, middle, after)
     if undamped_tongue.growth <= 0.0:
@@ -72,32 +81,33 @@ def closing_damping(pair: Any, tongue: Tongue) -> float:
     return meissner.last_downward_zero(growth, dampings)
 
 
-def closing_damping_of_six_degrees(pair: Any, tongue: Tongue) -> float:
-    """Return the damping ratio of the mesh that closes a tongue of a `SixDegreePair`.
+def closing_damping_of_six_degrees(model: Any, tongue: Tongue) -> float:
+    """Return the damping ratio of the mesh above which a tongue of a `SixDegreePair` is closed.
 
-    The criterion, at any tuning in the tongue, is the determinant that is zero on its edges, or for
-    a complex pair of multipliers a growth of 1e-6 per mesh period. The result is NaN if the tongue
-    is open for all damping ratios below 1.
+    The tongue is open if a tuning in it is unstable: det(M - multiplier I), which is zero on the
+    edges, has the same sign as for the model, or if the multipliers are a complex pair, the growth
+    per mesh period exceeds _MIN_GROWTH. The result is NaN if all damping ratios below 1 leave it
+    open.
     """
-    sign = math.copysign(1.0, _characteristic(pair, tongue.peak, tongue.multiplier))
+    sign_inside = math.copysign(1.0, _characteristic(model, tongue.peak, tongue.multiplier))
 
     def largest_margin(damping: float) -> float:
         """Return the largest margin of instability in the tongue at a damping ratio."""
-        damped = with_damping(pair, damping)
+        damped = with_damping(model, damping)
 
         def margin(tuning: float) -> float:
             """Return a number that is positive where the motion at a tuning is unstable."""
             if tongue.multiplier:
-                return sign * _characteristic(damped, tuning, tongue.multiplier)
+                return sign_inside * _characteristic(damped, tuning, tongue.multiplier)
             return _growth(damped, tuning) - _MIN_GROWTH
 
         return meissner.maximum(margin, tongue.start, tongue.stop)[0]
 
     # The estimate neglects that damping also changes the trace.
-    estimate = pair.pair.damping_ratio + tongue.growth * tongue.peak / (2.0 * math.pi)
+    estimate = model.pair.damping_ratio + tongue.growth * tongue.peak / (2.0 * math.pi)
     dampings = [0.0, estimate]
     while largest_margin(dampings[-1]) > 0.0:
-        dampings.append(1.25 * dampings[-1])
+        dampings.append(_DAMPING_RATIO_STEP * dampings[-1])
         if dampings[-1] > 1.0:
             return math.nan
     return meissner.last_downward_zero(largest_margin, dampings)
@@ -110,7 +120,7 @@ def with_damping(pair: Any, damping: float) -> Any:
 
 
 def _half_trace(pair: Any, k: float, order: int) -> float:
-    """Return (-1)^order T / 2 at the tuning 1 / k, which exceeds 1 in the gap of an order.
+    """Return (-1)^order T / 2 at the tuning 1 / k, which exceeds 1 in the gap of the order.
 
     T is the trace of the map over one mesh period, divided by the decay due to damping.
     """
@@ -126,28 +136,29 @@ def _trace_extremum(pair: Any, order: int, low: float, high: float) -> float:
 
 
 def _trace_extrema(pair: Any, max_k: float) -> Iterator[tuple]:
-    """Yield (order, extrema) of the gaps up to k = `max_k`, and of the next one.
+    """Yield (order, positions) of the gaps up to k = `max_k`, and of the next one.
 
-    The extrema are three values of k = 1 / nu: extrema of the trace T before, in and after the gap.
-    The very first extremum is k = 0 with T = 2.
+    The positions are three values of k = 1 / nu at which the trace T is extremal: before, in and
+    after the gap. The very first one is k = 0 with T = 2.
     """
     if pair.damping_ratio >= 1.0:
         raise ValueError(
             f"damping_ratio = {pair.damping_ratio!r} is not allowed: it must be < 1 for a "
             "stiffness that is not rectangular"
         )
-    extrema, order = [0.0], 1
-    k, before, middle = 2.0 * _SCAN_STEP, 1.0, _half_trace(pair, _SCAN_STEP, 0)
+    positions, order = [0.0], 1
+    # T / 2 at three successive steps of the scan, from k = 0 on; with order 0 it keeps its sign.
+    k, value1, value2 = 2.0 * _SCAN_STEP, 1.0, _half_trace(pair, _SCAN_STEP, order=0)
     while True:
-        after, sign = _half_trace(pair, k, 0), (-1) ** order
-        if sign * (middle - before) > 0.0 >= sign * (after - middle):
-            extrema.append(_trace_extremum(pair, order, k - 2.0 * _SCAN_STEP, k))
+        value3, sign = _half_trace(pair, k, order=0), (-1) ** order
+        if sign * (value2 - value1) > 0.0 >= sign * (value3 - value2):
+            positions.append(_trace_extremum(pair, order, k - 2.0 * _SCAN_STEP, k))
             if order > 1:
-                yield order - 1, tuple(extrema[-3:])
-                if extrema[-2] > max_k:
+                yield order - 1, tuple(positions[-3:])
+                if positions[-2] > max_k:
                     return
             order += 1
-        k, before, middle = k + _SCAN_STEP, middle, after
+        k, value1, value2 = k + _SCAN_STEP, value2, value3
 
 
 def _gap_tongue(pair: Any, order: int, before: float, middle: float, after: float) -> tuple:
@@ -162,7 +173,7 @@ def _gap_tongue(pair: Any, order: int, before: float, middle: float, after: floa
         return _half_trace(pair, k, order) - 1.0
 
     def scaled_excess(k: float) -> tuple:
-        """Return (|T| / 2 - 1, 0) in the gap, where 0 is the exponent of its scale."""
+        """Return (|T| / 2 - 1, s) in the gap with s = 0: it is not scaled by exp(-2 s)."""
         return excess(k), 0.0
 
     ends = middle, middle
@@ -190,10 +201,11 @@ def tongues_of_several_degrees(pair: Any, start: float, stop: float, step: float
             previous = tongues.pop()
             low, low_multiplier = previous.start, previous.multiplier
             growth, peak = max((growth, peak), (previous.growth, previous.peak))
-        # The multiplier at the ends of the range is unknown.
+        # The multiplier at the ends of the range is unknown, 0.
         multiplier = low_multiplier if low > start else high_multiplier
         if high_multiplier not in (multiplier, 0):
-            multiplier = 0
+            multiplier = 0  # Both edges have different multipliers.
+        # The order of the tongue is unknown, 0.
         tongues.append(Tongue(0, multiplier, low, high, growth, peak))
     return tongues
 

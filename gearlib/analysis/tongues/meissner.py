@@ -36,7 +36,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from gearlib.data import status
-from gearlib.engines.pair.stiffness import levels, segment_lengths
+from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Relative tolerance of roots, the smallest that the solver allows.
@@ -45,8 +45,10 @@ MACHINE_PRECISION = 4.0 * np.finfo(float).eps
 _MAX_EXPONENT = 300.0
 #: Angle in the segment of C_min below which the phase angle follows from the solution at its end.
 _MAX_SMALL_ANGLE = 0.5
-#: Number of damping ratios at which the growth of a tongue is computed to bracket its zero.
-_DAMPING_COUNT = 40
+#: Damping ratios, relative to the largest, that bracket the zeros of the growth of a tongue.
+_RELATIVE_DAMPINGS = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, 40)])
+#: Lower end of the search for an edge of a gap, relative to its order over the upper end.
+_SEARCH_START = 1e-3
 
 
 class Meissner(NamedTuple):
@@ -63,23 +65,26 @@ class Tongue(NamedTuple):
     """A range of tunings in which small perturbations grow, with the largest growth."""
 
     order: int  #: half waves per mesh period, near nu = 2 / order; 0: unknown
-    multiplier: int  #: Floquet multiplier on the edges: 1 or -1; 0: a complex pair
+    multiplier: int  #: Floquet multiplier on the edges: 1 or -1; 0: complex or unknown
     start: float  #: lowest tuning; NaN: the tongue is closed
     stop: float  #: highest tuning
     growth: float  #: largest logarithm of the growth per mesh period; < 0: closed
     peak: float  #: tuning of the largest growth
 
 
-def equation(contact_ratio: float, stiffness_ratio: float, damping: float) -> Meissner:
-    """Return the `Meissner` equation for a contact ratio, stiffness ratio and damping ratio."""
+def meissner_equation(contact_ratio: float, stiffness_ratio: float, damping: float) -> Meissner:
+    """Return the `Meissner` equation, q = c - damping^2, for a damping ratio.
+
+    The relative stiffness c has two levels, which follow from the contact and stiffness ratio.
+    """
     half_stiff, soft = segment_lengths(contact_ratio)
-    q_stiff, q_soft = np.array(levels(contact_ratio, stiffness_ratio)) - damping * damping
+    q_stiff, q_soft = np.array(stiffness_levels(contact_ratio, stiffness_ratio)) - damping * damping
     return Meissner(half_stiff, 0.5 * soft, float(q_stiff), float(q_soft), damping)
 
 
 def equation_of(pair: Any) -> Meissner:
     """Return the `Meissner` equation of a `GearPair`."""
-    return equation(pair.contact_ratio, pair.stiffness_ratio, pair.damping_ratio)
+    return meissner_equation(pair.contact_ratio, pair.stiffness_ratio, pair.damping_ratio)
 
 
 def segment_solution(q: float, time: float) -> tuple:
@@ -119,10 +124,11 @@ def _half_period_solutions(equation: Meissner, k: float) -> tuple:
 def _scaled_excess(equation: Meissner, k: float, order: int) -> tuple:
     """Return ((|T| / 2 - 1) exp(-2 s), s) near the gap of an order at the tuning 1 / k.
 
-    T is the trace of the map over one mesh period, without damping.
+    T is the trace of the map over one mesh period, without damping: T - 2 = 4 u1' u2 > 0 in gaps of
+    even order, T + 2 = 4 u1 u2' < 0 in gaps of odd order.
     """
-    even, even_rate, odd, odd_rate, exponent = _half_period_solutions(equation, k)
-    excess = 2.0 * even_rate * odd if order % 2 == 0 else -2.0 * even * odd_rate
+    u1, u1_rate, u2, u2_rate, exponent = _half_period_solutions(equation, k)
+    excess = 2.0 * u1_rate * u2 if order % 2 == 0 else -2.0 * u1 * u2_rate
     return excess, exponent
 
 
@@ -156,20 +162,23 @@ def _instability_margin(scaled_excess: tuple, decay: float) -> float:
 
 
 def phase_angle(equation: Meissner, k: float, odd: bool) -> float:
-    """Return the phase angle of the even or odd solution after half a mesh period, rad.
+    """Return the Prufer angle of the even or odd solution u after half a mesh period, rad.
 
-    It is continuous in k = 1 / nu, and increases through n pi / 2 once, at an edge of the gap of
-    order n.
+    It is atan2(-u' / w, u) of the even solution and atan2(w u, u') of the odd one, without jumps by
+    2 pi; w is the frequency in one of the segments. With k = 1 / nu it increases through n pi / 2
+    once, at an edge of the gap of order n.
     """
     w = math.sqrt(equation.q_stiff)
     stiff_angle = w * k * equation.half_stiff
     cosine, sine = math.cos(stiff_angle), math.sin(stiff_angle)
     soft_angle = math.sqrt(max(equation.q_soft, 0.0)) * k * equation.half_soft
     if soft_angle > _MAX_SMALL_ANGLE:
-        # Scaled by the frequency in the segment of C_min, the angle increases linearly there.
+        # With the frequency of the segment of C_min as w the angle increases linearly there. Where
+        # the segments meet it differs by `change` from the angle with the other frequency.
         ratio = math.sqrt(equation.q_stiff / equation.q_soft) ** (-1.0 if odd else 1.0)
         change = math.atan2((ratio - 1.0) * sine * cosine, cosine * cosine + ratio * sine * sine)
         return stiff_angle + change + soft_angle
+    # In a short segment of C_min the angle of (x, y) changes little: by less than pi.
     u1, u1_rate, u2, u2_rate, _ = _half_period_solutions(equation, k)
     x, y = (u2_rate, w * u2) if odd else (u1, -u1_rate / w)
     return stiff_angle + math.atan2(cosine * y - sine * x, cosine * x + sine * y)
@@ -182,9 +191,10 @@ def _is_over_damped(equation: Meissner) -> bool:
 
 
 def gap(equation: Meissner, order: int) -> tuple | None:
-    """Return the sorted ends of the gap of an order over k = 1 / nu.
+    """Return the two ends of the gap of an order, increasing values of k = 1 / nu.
 
-    They are equal to rounding error if the gap is a point; None if all segments are over-damped.
+    The even and the odd solution have one end each. Both are equal to rounding error if the gap is
+    a point. The result is None if all segments are over-damped.
     """
     if _is_over_damped(equation):
         return None
@@ -199,7 +209,7 @@ def gap(equation: Meissner, order: int) -> tuple | None:
             """Return the phase angle minus its value at the edge of the gap."""
             return phase_angle(equation, k, odd) - angle_at_edge
 
-        ends.append(root(difference, 1e-3 * order / high, high))
+        ends.append(root(difference, _SEARCH_START * order / high, high))
     return min(ends), max(ends)
 
 
@@ -214,10 +224,8 @@ def tongue(equation: Meissner, order: int) -> Any:
     )
 
 
-def tongue_in_gap(
-    order: int, low: float, high: float, damping: float, scaled_excess: Callable
-) -> Tongue:
-    """Return the `Tongue` in a gap from `low` to `high`, values of k = 1 / nu.
+def tongue_in_gap(order, low_k, high_k, damping, scaled_excess: Callable) -> Tongue:
+    """Return the `Tongue` in a gap from `low_k` to `high_k`, values of k = 1 / nu.
 
     `scaled_excess(k)` returns |T| / 2 - 1 with a scale, as in `_scaled_excess`. Without damping the
     tongue is the gap.
@@ -231,17 +239,18 @@ def tongue_in_gap(
         """Return a number that is positive where the tuning 1 / k is unstable."""
         return _instability_margin(scaled_excess(k), math.pi * damping * k)
 
-    sign = -1 if order % 2 else 1
-    closed = Tongue(order, sign, math.nan, math.nan, growth(low), 1.0 / low)
-    if high - low <= 2.0 * MACHINE_PRECISION * high:
+    multiplier = -1 if order % 2 else 1
+    start, stop = 1.0 / high_k, 1.0 / low_k
+    closed = Tongue(order, multiplier, math.nan, math.nan, growth(low_k), peak=stop)
+    if high_k - low_k <= 2.0 * MACHINE_PRECISION * high_k:
         # Without damping the tongue is a point.
-        return closed if damping else closed._replace(start=1.0 / high, stop=1.0 / low, growth=0.0)
-    largest_growth, peak = maximum(growth, low, high)
+        return closed if damping else closed._replace(start=start, stop=stop, growth=0.0)
+    largest_growth, peak_k = maximum(growth, low_k, high_k)
     if largest_growth <= 0.0:
-        return closed._replace(growth=largest_growth, peak=1.0 / peak)
+        return closed._replace(growth=largest_growth, peak=1.0 / peak_k)
     if damping:
-        low, high = edge(margin, peak, low), edge(margin, peak, high)
-    return Tongue(order, sign, 1.0 / high, 1.0 / low, largest_growth, 1.0 / peak)
+        start, stop = 1.0 / edge(margin, peak_k, high_k), 1.0 / edge(margin, peak_k, low_k)
+    return Tongue(order, multiplier, start, stop, largest_growth, peak=1.0 / peak_k)
 
 
 def maximum(function: Callable, low: float, high: float) -> tuple:
@@ -285,16 +294,20 @@ def orders(equation: Meissner, start: float, stop: float) -> range:
 
 
 def closing_damping(contact_ratio: float, stiffness_ratio: float, order: int) -> float:
-    """Return the damping ratio above which the tongue of an order is closed; 0 for a point."""
+    """Return the damping ratio above which the tongue of an order is closed.
+
+    It is 0 if the tongue has no width without damping.
+    """
 
     def growth(damping: float) -> float:
         """Return the largest growth in the tongue at a damping ratio."""
-        damped_tongue = tongue(equation(contact_ratio, stiffness_ratio, damping), order)
+        equation = meissner_equation(contact_ratio, stiffness_ratio, damping)
+        damped_tongue = tongue(equation, order)
         return -math.inf if damped_tongue is None else damped_tongue.growth
 
-    max_damping = math.sqrt(levels(contact_ratio, stiffness_ratio)[0])
-    ratios = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, _DAMPING_COUNT)])
-    return last_downward_zero(growth, max_damping * ratios)
+    # Both segments are over-damped if the damping ratio is at least the root of this stiffness.
+    max_stiffness, _ = stiffness_levels(contact_ratio, stiffness_ratio)
+    return last_downward_zero(growth, math.sqrt(max_stiffness) * _RELATIVE_DAMPINGS)
 
 
 def last_downward_zero(growth: Callable, dampings: Any) -> float:
@@ -320,7 +333,7 @@ def growth(contact_ratio: Any, stiffness_ratio: Any, damping: Any, tuning: Any) 
     """
     half_stiff, soft_length = segment_lengths(np.asarray(contact_ratio, float))
     stiff_length = 2.0 * half_stiff
-    stiffnesses = levels(contact_ratio, stiffness_ratio)
+    stiffnesses = stiffness_levels(contact_ratio, stiffness_ratio)
     stiff, soft = (np.sqrt(c - np.square(damping) + 0j) / tuning for c in stiffnesses)
     stiff_angle, soft_angle = stiff * stiff_length, soft * soft_length
     # numpy's sinc gives sin(angle) / angle also at 0.
@@ -330,9 +343,7 @@ def growth(contact_ratio: Any, stiffness_ratio: Any, damping: Any, tuning: Any) 
     return np.arccosh(np.maximum(np.abs(half_trace), 1.0)) - 2.0 * np.pi * damping / tuning
 
 
-def coexistence(
-    order: int, *, contact_ratio: Any = None, stiffness_ratio: Any = None
-) -> np.ndarray:
+def coexistence(order: int, *, contact_ratio=None, stiffness_ratio=None) -> np.ndarray:
     """Return (value, tuning) where the undamped tongue of an order is a point, shape (j, 2).
 
     The value is the stiffness ratio for a given contact ratio, or vice versa. At such a point the
@@ -343,21 +354,20 @@ def coexistence(
     for m in range(1, order):
         if stiffness_ratio is None:
             if not 1.0 < contact_ratio < 2.0:
-                break
-            epsilon, product = contact_ratio, (contact_ratio - 1.0) * (order - m)
-            kappa = value = (product / ((2.0 - contact_ratio) * m)) ** 2
+                break  # The stiffness is constant.
+            epsilon = contact_ratio
+            root_of_kappa = (epsilon - 1.0) * (order - m) / ((2.0 - epsilon) * m)
+            kappa = value = root_of_kappa**2
         else:
-            kappa, product = stiffness_ratio, m * math.sqrt(stiffness_ratio)
-            epsilon = value = 1.0 + product / (product + order - m)
+            kappa, weight = stiffness_ratio, m * math.sqrt(stiffness_ratio)
+            epsilon = value = 1.0 + weight / (weight + order - m)
         if kappa < 1.0:
-            stiff, _ = levels(epsilon, kappa)
+            stiff, _ = stiffness_levels(epsilon, kappa)
             points.append((value, 2.0 * (epsilon - 1.0) * math.sqrt(stiff) / m))
     return np.array(points).reshape(-1, 2)
 
 
-def state_after(
-    state: tuple, stiffness: float, damping: float, tuning: float, phase: float
-) -> tuple:
+def state_after(state: tuple, stiffness, damping, tuning: float, phase: float) -> tuple:
     """Propagate a state over a phase in rad (< 0: backwards) on a segment of constant stiffness.
 
     States are (x, dx/dtau) in static deflections, the stiffness is relative to its mean; `damping`
@@ -381,7 +391,7 @@ def period_map(model: Any, tuning: float) -> tuple:
     """
     shift, maps, code = linear_pair(model).propagator(tuning).maps(np.zeros(2), 1, MAX_EVENTS)
     if code != status.OK:
-        raise RuntimeError(f"the motion could not go on: {status.MESSAGES[code]}")
+        raise RuntimeError(f"the simulation failed: {status.MESSAGES[code]}")
     return maps[0], shift
 
 

@@ -78,36 +78,38 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     stop = check_tuning("stop", stop)
     if stop <= start:
         raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
-    pair, step = linear_model(pair), check_tuning("step", step)
+    model, step = checked_model(pair), check_tuning("step", step)
     if parameter is None:
         checks.require(values is None, "values", values, "left out where parameter is None")
-        tongue_lists = [find(pair, start, stop, step)]
+        tongue_lists = [find_tongues(model, start, stop, step)]
     else:
-        checks.one_of("parameter", parameter, PARAMETERS if pair.mesh else (*pair.parameters,)[1:])
+        allowed = PARAMETERS if model.mesh else (*model.parameters,)[1:]
+        checks.one_of("parameter", parameter, allowed)
         values = _checked_values(values)
-        models = [with_parameter(pair, parameter, value) for value in values]
-        tongue_lists = [find(model, start, stop, step) for model in models]
-    dimension = "tongue" if pair.size > 2 else "order"
+        models = [replace_parameter(model, parameter, value) for value in values]
+        tongue_lists = [find_tongues(changed, start, stop, step) for changed in models]
+    dimension = "tongue" if model.size > 2 else "order"
     data, coords = _variables(tongue_lists, parameter, values, dimension)
-    if parameter is None and pair.mesh:
-        closings = [closing_damping(pair, tongue) for tongue in tongue_lists[0]]
-        data["closing_damping"] = dimension, np.array(closings, float)
+    if parameter is None and model.mesh:
+        dampings = [closing_damping(model, tongue) for tongue in tongue_lists[0]]
+        data["closing_damping"] = dimension, np.array(dampings, float)
     return result(
         "Tongues of parametric resonance",
-        pair,
+        model,
         data,
         coords,
-        method="closed form" if pair.mesh is pair else "monodromy",
+        method="closed form" if model.mesh is model else "monodromy",
         start=start,
         stop=stop,
     )
 
 
-def linear_model(pair: Any) -> Any:
-    """Return the simplest model with the same stability as a linear model without contact loss.
+def checked_model(pair: Any) -> Any:
+    """Return a model with linear motion in contact; raise ValueError if it is nonlinear.
 
-    Raise ValueError if its damping or stiffness is nonlinear.
+    A model with rectangular stiffness is replaced by its `GearPair`, which has the same stability.
     """
+    # Gear pairs have a `mesh`, trains `mesh_names`; one degree of freedom needs an `equation`.
     has_gears = is_model(pair) and (pair.mesh or pair.mesh_names)
     if not has_gears or (pair.size == 2 and pair.equation is None):
         raise checks.refusal("pair", pair, "a GearPair, OneDegreePair, SixDegreePair or GearTrain")
@@ -120,46 +122,49 @@ def linear_model(pair: Any) -> Any:
     return pair.mesh if isinstance(pair.profile, Rectangular) else pair
 
 
-def find(pair: Any, start: float, stop: float, step: float = 0.002) -> list:
+def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> list:
     """Return the `Tongue`s of a linear model that overlap the tunings from `start` to `stop`.
 
-    With several degrees of freedom, the tunings are scanned with a `step`.
+    With several degrees of freedom, the tunings are scanned in steps of `step`.
     """
-    if pair.mesh is pair:
-        equation = meissner.equation_of(pair)
+    if model.mesh is model:  # a `GearPair`
+        equation = meissner.equation_of(model)
         return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
-    if pair.size > 2:
-        return hill_tongues.tongues_of_several_degrees(pair, start, stop, step)
-    return hill_tongues.tongues_of_one_degree(pair, start, stop)
+    if model.size > 2:
+        return hill_tongues.tongues_of_several_degrees(model, start, stop, step)
+    return hill_tongues.tongues_of_one_degree(model, start, stop)
 
 
-def closing_damping(pair: Any, tongue: meissner.Tongue) -> float:
-    """Return the damping ratio of the contact above which a tongue of a model is closed."""
-    if pair.mesh is pair:
-        return meissner.closing_damping(pair.contact_ratio, pair.stiffness_ratio, tongue.order)
-    if pair.size > 2:
-        return hill_tongues.closing_damping_of_six_degrees(pair, tongue)
-    return hill_tongues.closing_damping(pair, tongue)
+def closing_damping(model: Any, tongue: meissner.Tongue) -> float:
+    """Return the damping ratio of the contact above which a tongue of a model is closed.
+
+    It is 0 for a tongue that has no width without damping, NaN if no damping ratio closes it.
+    """
+    if model.mesh is model:  # a `GearPair`
+        return meissner.closing_damping(model.contact_ratio, model.stiffness_ratio, tongue.order)
+    if model.size > 2:
+        return hill_tongues.closing_damping_of_six_degrees(model, tongue)
+    return hill_tongues.closing_damping(model, tongue)
 
 
-def with_parameter(pair: Any, parameter: str, value: float) -> Any:
+def replace_parameter(model: Any, parameter: str, value: float) -> Any:
     """Return a copy of a model with another value of a parameter.
 
     The parameter is "damping", the damping ratio, or "stiffness_ratio" or "contact_ratio", which
     leave the damping ratio unchanged, or any parameter of a `GearTrain`.
     """
-    if pair.mesh_names:
-        return pair.with_parameter(parameter, value)
-    damping = pair.damping_ratio
+    if model.mesh_names:
+        return model.with_parameter(parameter, value)
+    damping = model.damping_ratio
     if parameter == "damping":
         damping = checks.finite_nonnegative("damping", value)
-    elif pair.size > 2 or isinstance(pair.profile, Tabulated):
+    elif model.size > 2 or isinstance(model.profile, Tabulated):
         raise checks.refusal(
-            "parameter", parameter, "'damping' for a table of the stiffness and for six degrees"
+            "parameter", parameter, "'damping' for tabulated stiffness or six degrees of freedom"
         )
     else:
-        pair = pair.replace(**{parameter: value})
-    return hill_tongues.with_damping(pair, damping)
+        model = model.replace(**{parameter: value})
+    return hill_tongues.with_damping(model, damping)
 
 
 def _checked_values(values: Any) -> list:

@@ -6,7 +6,7 @@ from gearlib.engines.orbit import Record
 from gearlib.engines.pair import many_runs, pair_run
 from gearlib.engines.pair.maps import fill_period_maps
 from gearlib.engines.pair.motion import mesh_at_tuning
-from gearlib.engines.pair.stiffness import levels, segment_lengths
+from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from gearlib.engines.protocol import Base
 
 
@@ -17,7 +17,7 @@ def ratios(pair):
     """
     return np.array(
         [
-            *levels(pair.contact_ratio, pair.stiffness_ratio),
+            *stiffness_levels(pair.contact_ratio, pair.stiffness_ratio),
             *segment_lengths(pair.contact_ratio),
             pair.damping_ratio,
             pair.backlash_damping_ratio,
@@ -69,7 +69,7 @@ class Propagator(Base):
         *z[:], status = fill_period_maps(self.mesh, *z, periods, max_events, maps)
         return status
 
-    def many(self, states, periods, max_events):
+    def propagate_many(self, states, periods, max_events):
         """Return final states, shape (k, 2), and statuses of runs from `states`, shape (k, 2).
 
         A mesh period has at most `max_events` arcs.

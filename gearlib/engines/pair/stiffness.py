@@ -28,7 +28,7 @@ def force_note(stiffness_ratio):
     )
 
 
-def levels(contact_ratio, stiffness_ratio):
+def stiffness_levels(contact_ratio, stiffness_ratio):
     """Return both stiffness levels over the mean, (C_max / C_s, C_min / C_s).
 
     `stiffness_ratio` is C_min / C_max.

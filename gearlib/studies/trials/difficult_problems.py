@@ -22,7 +22,7 @@ import math
 from typing import Any, NamedTuple
 
 from gearlib.analysis.tongues import meissner
-from gearlib.engines.pair.stiffness import levels
+from gearlib.engines.pair.stiffness import stiffness_levels
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
@@ -76,7 +76,7 @@ def _grazing(side: str, exponent: int) -> Problem:
     """
     tuning, reversal_phase, depth = 0.9, 0.9, 10.0**exponent * (1 if side == "past" else -1)
     # The start is computed backwards from the point of reversal, with the equation of contact.
-    high_stiffness = levels(_UNDAMPED.contact_ratio, _UNDAMPED.stiffness_ratio)[0]
+    high_stiffness = stiffness_levels(_UNDAMPED.contact_ratio, _UNDAMPED.stiffness_ratio)[0]
     start = meissner.state_after((-depth, 0.0), high_stiffness, 0.0, tuning, -reversal_phase)
     description = f"grazing, 1e{exponent} {side} the flank line"
     return Problem(description, _UNDAMPED, tuning, start, **_COMPARED_CONTACTS)

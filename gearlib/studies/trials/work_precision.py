@@ -240,7 +240,7 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
         if method == "exact":
             propagator = problem.model.propagator(problem.tuning, method)
             starts = np.tile(propagator.start((0.0, 0.0)), (calls, 1))
-            return propagator.many(starts, periods, MAX_EVENTS)[1].any()
+            return propagator.propagate_many(starts, periods, MAX_EVENTS)[1].any()
         arguments = problem.model, problem.tuning, (0.0, 0.0), Span(periods, 1, MAX_EVENTS)
         return any(integrator.run(*arguments, **options).status for _ in range(calls))
 
