@@ -360,7 +360,7 @@ def gears(format, save, plot, force, **values):
     drawing, pair = drawn.settings.gears, drawn.settings.pair_parameters(drawn.damping)
     load = drawing.load() | {"damping": {name: pair[name] for name in DAMPINGS}}
     mesh, method, method_options = drawing.mesh(), drawing.stiffness, drawing.stiffness_options
-    rows = gear_table.compute(mesh, options={method or "iso": method_options}, **load)
+    rows = gear_table.gear_quantities(mesh, options={method or "iso": method_options}, **load)
     if drawing.speed and drawn.damping != NO_DAMPING:
         rows += gear_table.duty_rows(mesh, stiffness=method, options=method_options, **load)
     if format == "text":

@@ -73,7 +73,7 @@ def _phase_plane(run):
 def gather_failures(columns):
     """Return the failures over (problem, trial) as one dataset, from one dataset per trial.
 
-    Each column is a result of `gearlib.studies.trials.failures.compute`, in the order of the
+    Each column is a result of `gearlib.studies.trials.failures.judge_method`, in the order of the
     figure. ValueError if the trials have different problems.
     """
     shared_names = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}

@@ -83,7 +83,7 @@ def _draw_contraction(figure, data: xr.Dataset):
 def draw_harmonics(data: xr.Dataset):
     """Return a figure of errors over the number of harmonics, and the harmonic-balance curve.
 
-    `data` is that of `gearlib.studies.analytic_method.compute`.
+    `data` is that of `gearlib.studies.analytic_method.analytic_method_study`.
     """
     figure = style.page_figure(5.4)
     above, below = figure.subfigures(2, 1, height_ratios=[2.4, 3.0])

@@ -24,9 +24,9 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 def draw(jumps: xr.Dataset, marked=()):
     """Return a figure of the peak-to-peak displacement over the tuning, and of shifts of its jump.
 
-    `jumps` is a result of `gearlib.studies.jump.compute`; `marked` are up to two tunings for
-    comparison: an orange band spans the shifts between them. Pale bars are ranges of shifts over
-    many initial states. Values without a jump in the scan are listed above their panel.
+    `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`; `marked` are up to two tunings
+    for comparison: an orange band spans the shifts between them. Pale bars are ranges of shifts
+    over many initial states. Values without a jump in the scan are listed above their panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * -(-len(kinds) // 2)

@@ -16,8 +16,8 @@ _MEASURED_ENTRY = style.legend_entry("measured", _POINT_COLOUR, "none", ".")
 def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
     """Draw measured points of the observables `names` over the tuning; return legend handles.
 
-    `curves` are results of `gearlib.studies.measured.curve`. Dotted lines mark the speeds of jumps.
-    The limits of the axes remain.
+    `curves` are results of `gearlib.studies.measured.measured_response_curve`. Dotted lines mark
+    the speeds of jumps. The limits of the axes remain.
     """
     handles, limits = [], {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
     for curve, colour in zip(curves, _SET_COLOURS * len(curves), strict=False):
@@ -46,8 +46,8 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
 def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed time histories, a panel for each.
 
-    `courses` are results of `gearlib.studies.measured.courses`; `colours` maps damping names to
-    colours.
+    `courses` are results of `gearlib.studies.measured.time_history_harmonics`; `colours` maps
+    damping names to colours.
     """
     histories = [
         data.isel(course=i, observable=j)
@@ -75,8 +75,8 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
 def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed mesh orders, observables in rows, orders in columns.
 
-    `orders` are results of `gearlib.studies.measured.orders`; `colours` maps damping names to
-    colours. Levels are in dB relative to the largest one, so that an unknown gain has no effect.
+    `orders` are results of `gearlib.studies.measured.run_up_orders`; `colours` maps damping names
+    to colours. Levels are in dB relative to the largest one, so that an unknown gain has no effect.
     """
     row_data = [
         data.isel(track=i, observable=j)

@@ -11,8 +11,8 @@ _EXTREMA = ["displacement_max", "displacement_min"]
 def draw(studies: list[xr.Dataset]):
     """Return a figure of nonlinear damping: resonance sweeps above, phase planes below.
 
-    `studies` are results of `gearlib.studies.nonlinear_damping.compute`; there is a column for each
-    place of the damping ("material" or "oil").
+    `studies` are results of `gearlib.studies.nonlinear_damping.damping_study`; there is a column
+    for each place of the damping ("material" or "oil").
     """
     places = list(dict.fromkeys(study.place.item() for study in studies))
     tunings = studies[0].shown.values

@@ -18,8 +18,8 @@ _FOLD_CODE = 1
 def draw(run_ups: xr.Dataset, *, resonance=None, branches=None):
     """Return a figure of the displacement extrema of run-ups, above an order map of the slowest.
 
-    `run_ups` is a result of `gearlib.studies.run_ups.compute`. The sweeps up and down of
-    `resonance` are drawn behind them, and the folds of `branches` are marked.
+    `run_ups` is a result of `gearlib.studies.run_ups.run_ups_at_several_rates`. The sweeps up and
+    down of `resonance` are drawn behind them, and the folds of `branches` are marked.
     """
     figure = style.page_figure(_HEIGHT + _MAP_HEIGHT)
     above, below = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])

@@ -1,8 +1,7 @@
 """Compare the paper's analytic method and harmonic balance with exact orbits.
 
 Iterations, range of convergence, errors and the resonance curve of one gear pair; see
-`gearlib.schmidt` and `gearlib.harmonic_balance`. `settings` are those of the section
-``analytic_method`` of the configuration.
+`gearlib.schmidt` and `gearlib.harmonic_balance`.
 """
 
 from collections.abc import Sequence
@@ -31,23 +30,28 @@ from gearlib.runs.sweeping import WARM_STARTED, sweep
 _SAMPLES, _GUESS_SAMPLES = 128, 1024
 #: Correction at which an iteration has converged, and limit on applications of the integral kernel.
 _TOLERANCE, _MAX_APPLICATIONS = 1e-8, 200
-#: Number of harmonics of the exact orbit that start a search near it.
+#: Number of harmonics of the exact orbit that start an iteration near it.
 _START_HARMONICS = 3
 
 
-def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> xr.Dataset:
-    """Return the data of both figures of the analytic method.
+def analytic_method_study(pair: dict, tunings: Sequence[float], settings: dict, run) -> xr.Dataset:
+    """Compare the paper's analytic method and harmonic balance with exact orbits of a gear pair.
 
     `pair` has arguments of `GearPair`; `tunings` are those of the range of convergence and of the
-    resonance curve; `run` has periods and record_periods of the exact sweeps.
+    resonance curve; `run` has periods and record_periods of the exact sweeps. Keys of `settings`:
+    shown (tunings of single solutions), iterations (number of iterates), harmonics and
+    iteration_harmonics (numbers for solutions and iterates), balance_harmonics and
+    schmidt_harmonics (numbers for errors), most_degenerate (most harmonics by Newton steps).
     """
     model = GearPair(**pair)
     data = stacked(
         {"direction": WARM_STARTED},
-        lambda direction: _resonance_curve(model, direction, tunings, settings, run),
+        lambda direction: _resonance_curve(model, direction, tunings, settings["harmonics"], run),
         "tuning",
     )
-    data |= _convergence(model, tunings, settings) | _method_errors(model, settings)
+    data |= _convergence(model, tunings, settings["harmonics"], settings["most_degenerate"])
+    harmonic_counts = {name: settings[f"{name}_harmonics"] for name in ("balance", "schmidt")}
+    data |= _method_errors(model, settings["shown"], harmonic_counts)
     coords = {
         "shown": settings["shown"],
         "phase": np.arange(_SAMPLES) * (2.0 * np.pi / _SAMPLES),
@@ -55,34 +59,35 @@ def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> 
         "contact_loss": ["never lost", "lost"],
         "degenerate_count": np.arange(settings["most_degenerate"] + 1, dtype=np.int32),
         "tuning": np.asarray(tunings, float),
-        "balance_harmonics": np.array(settings["balance_harmonics"], np.int32),
-        "schmidt_harmonics": np.array(settings["schmidt_harmonics"], np.int32),
+        **{f"{key}_harmonics": np.array(harmonic_counts[key], np.int32) for key in harmonic_counts},
         "direction": list(WARM_STARTED),
     }
     histories = [_iteration_history(model, tuning, settings) for tuning in settings["shown"]]
     dataset = xr.Dataset(data, coords).merge(xr.concat(histories, "shown"))
     dataset["backlash_ratio"] = model.backlash_ratio
     title = "The analytic method and harmonic balance against exact orbits"
-    methods, harmonics = "schmidt, harmonic balance", settings["harmonics"]
-    return result(title, model, dataset, method=methods, harmonics=harmonics)
+    methods = "schmidt, harmonic balance"
+    return result(title, model, dataset, method=methods, harmonics=settings["harmonics"])
 
 
 def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
     """Return the iterates of E. Schmidt's method from the static deflection, and their errors.
 
-    algebraic_step marks the iterates after a Newton step of the degenerate harmonics. The exact
-    displacement over one mesh period is included.
+    `settings` have iterations (number of iterates), iteration_harmonics (harmonics of the iterates)
+    and harmonics (those of the solution). degenerate_chosen is the number of harmonics that are
+    solved by Newton steps, algebraic_step marks the iterates after such a step.
     """
     count = settings["iterations"] + 1
     iterates, algebraic_steps = np.full((count, _SAMPLES), np.nan), np.zeros(count, np.int8)
     exact = exact_motion(periodic_orbit(pair, tuning), _SAMPLES)[0]
     equation = MeshEquation(pair, tuning, settings["iteration_harmonics"])
+    # Only its degenerate harmonics are used, so the solution may start at the exact orbit.
     solution = schmidt(pair, tuning, harmonics=settings["harmonics"], guess=exact)
     degenerate = np.array(solution.degenerate, int)
-    coefficients = first_coefficients(equation, None)
+    coefficients = first_coefficients(equation, guess=None)
     steps = iterate(equation, coefficients, degenerate, _TOLERANCE)
     last_newton_step = np.inf if degenerate.size else 0.0
-    for j in range(count):
+    for j in range(count):  # iterates after the convergence stay NaN
         iterates[j] = equation.to_grid(coefficients)[:: equation.samples // _SAMPLES]
         step = next(steps)
         algebraic_steps[j] = step.newton_step != last_newton_step
@@ -100,34 +105,39 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
     )
 
 
-def _convergence(pair: GearPair, tunings: Sequence[float], settings: dict) -> dict:
-    """Return the contraction factors at exact orbits, and whether iterations near them converge.
+def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) -> dict:
+    """Return contraction factors at exact orbits, and whether E. Schmidt's iterations converge.
 
-    Both are arrays over contact loss (without, with), number of degenerate harmonics, and tuning.
+    Both are over contact loss (without, with), number of degenerate harmonics (those solved by
+    Newton steps), from 0 to `most_degenerate`, and tuning; `harmonics` is the number of all.
     """
-    counts = range(settings["most_degenerate"] + 1)
+    counts = range(most_degenerate + 1)
 
     def convergence_at(model: GearPair, tuning: float) -> dict:
-        """Return contraction, convergence and the number of automatic degenerate harmonics."""
+        """Return contraction and convergence over the number of degenerate harmonics.
+
+        "automatic" is the number of degenerate harmonics that the iteration selects by itself.
+        Iterations start at the lowest harmonics of the exact orbit: near it, but not on it.
+        """
         factors, converged = np.full(len(counts), np.nan), np.zeros(len(counts), np.int8)
         try:
             orbit = periodic_orbit(model, tuning)
         except NoOrbit:
             return {"contraction": factors, "converged": converged, "automatic": np.int32(0)}
-        equation = MeshEquation(model, tuning, settings["harmonics"])
+        equation = MeshEquation(model, tuning, harmonics)
         exact = first_coefficients(equation, exact_motion(orbit, _GUESS_SAMPLES)[0])
         start = np.where(np.arange(exact.size) <= _START_HARMONICS, exact, 0.0)
-        limits = _TOLERANCE, _MAX_APPLICATIONS  # of the iteration
+        limits = {"tolerance": _TOLERANCE, "max_applications": _MAX_APPLICATIONS}
         for i in counts:
             degenerate = degenerate_harmonics(equation, i)
             factors[i] = contraction_factor(equation, exact, degenerate)
             _, _, converged[i], _ = iterate_until_converged(
-                equation, start, degenerate, *limits, adapt_degenerate=False
+                equation, start, degenerate, adapt_degenerate=False, **limits
             )
-        _, automatic, _, _ = iterate_until_converged(
-            equation, start, np.empty(0, int), *limits, adapt_degenerate=True
+        _, selected, _, _ = iterate_until_converged(
+            equation, start, np.empty(0, int), adapt_degenerate=True, **limits
         )
-        count = np.int32(automatic.size)
+        count = np.int32(selected.size)
         return {"contraction": factors, "converged": converged, "automatic": count}
 
     axes = {"contact_loss": [linear_pair(pair), pair], "tuning": tunings}
@@ -135,9 +145,12 @@ def _convergence(pair: GearPair, tunings: Sequence[float], settings: dict) -> di
     return dict(data.transpose("contact_loss", "degenerate_count", "tuning").data_vars)
 
 
-def _method_errors(pair: GearPair, settings: dict) -> dict:
-    """Return the errors of both methods against exact orbits, over their numbers of harmonics."""
-    orbits = {tuning: periodic_orbit(pair, tuning) for tuning in settings["shown"]}
+def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: dict) -> dict:
+    """Return the errors of both methods against exact orbits, over their numbers of harmonics.
+
+    `harmonic_counts` maps "balance" (harmonic balance) and "schmidt" to these numbers.
+    """
+    orbits = {tuning: periodic_orbit(pair, tuning) for tuning in tunings}
     guesses = {tuning: exact_motion(orbits[tuning], _GUESS_SAMPLES)[0] for tuning in orbits}
     data = {}
     for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
@@ -146,28 +159,26 @@ def _method_errors(pair: GearPair, settings: dict) -> dict:
             """Return the errors of a solution with a number of harmonics at a tuning."""
             solution = solve(pair, tuning, harmonics=harmonics, guess=guesses[tuning])
             error = errors(solution, orbits[tuning])
-            return {
-                f"{name}_displacement_error": error.displacement,
-                f"{name}_velocity_error": error.velocity,
-            }
+            values = {"displacement": error.displacement, "velocity": error.velocity}
+            return {f"{name}_{quantity}_error": value for quantity, value in values.items()}
 
-        dimension = f"{name}_harmonics"
-        axes = {"shown": settings["shown"], dimension: settings[dimension]}
+        axes = {"shown": tunings, f"{name}_harmonics": harmonic_counts[name]}
         data |= stacked(axes, errors_at)
     return data
 
 
-def _resonance_curve(pair, direction, tunings, settings, run) -> dict[str, np.ndarray]:
+def _resonance_curve(pair, direction, tunings, harmonics, run) -> dict[str, np.ndarray]:
     """Return extrema of harmonic balance, whether it is stable, and extrema of an exact sweep.
 
-    Both are computed in the `direction` "up" or "down"; `run` has arguments of `gearlib.sweep`.
+    Both are computed in the `direction` "up" or "down" with this number of `harmonics`; `run` has
+    arguments of `gearlib.sweep`.
     """
     curve = sweep(pair, tunings, direction=direction, **run)
     exact = {name: curve[name].values for name in ("displacement_max", "displacement_min")}
     largest, smallest = np.full(len(tunings), np.nan), np.full(len(tunings), np.nan)
     stable, solution = np.zeros(len(tunings), np.int8), None
     for j in range(len(tunings)) if direction == "up" else reversed(range(len(tunings))):
-        solution = _next_solution(pair, tunings[j], settings["harmonics"], solution)
+        solution = _next_solution(pair, tunings[j], harmonics, solution)
         if solution is not None:
             displacement, _ = solution.time_history(_SAMPLES)
             largest[j], smallest[j] = displacement.max(), displacement.min()

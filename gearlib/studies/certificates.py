@@ -22,14 +22,15 @@ from gearlib.analysis.orbits.shooting import NoOrbit, as_orbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.proofs.orbits import certify, certify_range
 from gearlib.data.files import replacing
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Tunings of the paper's Fig. 6.
 FIG6_TUNINGS = (0.815, 0.8151)
-#: Tuning above the paper's range of bounces, which ends at 1.12, by more than its plot resolves.
-TUNING_ABOVE_BOUNCES = 1.14
+#: A tuning above the paper's range of contact loss, which ends at 1.12: its plot resolves 0.01.
+TUNING_ABOVE_CONTACT_LOSS = 1.14
 #: Teeth of the reducer, and tunings at which its symmetric motion is stable and unstable.
 REDUCER_TEETH, REDUCER_TUNINGS = (24, 36, 24, 36), (0.5, 0.6)
 #: Ranges of tunings begin and end at multiples of this step.
@@ -39,31 +40,26 @@ _DIGITS = 11
 #: States that differ by less belong to the same orbit.
 _SAME_ORBIT_DISTANCE = 1e-6
 #: Contact code -> letter in the table.
-_CONTACT_LETTERS = {1: "N", 0: "B", -1: "I"}
+_CONTACT_LETTERS = {NORMAL: "N", BACKLASH: "B", INVERSE: "I"}
 
 
-def compute(
-    pairs: dict[str, dict],
-    branches: dict[str, xr.Dataset],
-    tunings: Sequence[float],
-    all_points: bool = False,
-) -> list[dict]:
-    """Return the certificates and refusals of all dampings as dicts, see `Certificate.as_dict`.
+def certify_branches(pairs: dict, branches: dict, tunings, all_points: bool = False) -> list[dict]:
+    """Certify the periodic orbits of several gear pairs, and return a dict for each certificate.
 
-    `pairs` maps dampings to arguments of `GearPair`, `branches` maps them to their branches from
-    `gearlib.studies.resonance`. Orbits are certified at `tunings` and at those of the paper's
-    statements. A count of outcomes tells how many points of the branches were certified; their
-    certificates are included if `all_points` is true.
+    `pairs` maps names of dampings to arguments of `GearPair`, `branches` maps them to results of
+    `gearlib.studies.resonance.branches`. Orbits are certified at `tunings` and at those of the
+    paper's statements. A dict is a `Certificate.as_dict`, or has the claim "refusal" and the reason
+    why a proof failed, or the claim "count" and the number of points of the branches by outcome.
+    Certificates of these points are included if `all_points` is true.
     """
-    tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_BOUNCES})
+    tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_CONTACT_LOSS})
     models = {damping: GearPair(**parameters) for damping, parameters in pairs.items()}
-    certificates = []
+    certificates, names = [], ("state", "tuning")
     for damping, pair in models.items():
         branch = branches[damping]
         # Certificates of rounded states have the same bytes on all processors.
-        branch = branch.assign(
-            {name: branch[name].copy(data=_rounded(branch[name])) for name in ("state", "tuning")}
-        )
+        rounded = {name: branch[name].copy(data=_rounded(branch[name])) for name in names}
+        branch = branch.assign(rounded)
         points = _point_certificates(pair, branch)
         outcomes = [point.get("stability") or f"refused: {point['status']}" for point in points]
         count = {"claim": "count", "orbits": dict(sorted(Counter(outcomes).items()))}
@@ -87,7 +83,7 @@ def _rounded(values: Any) -> np.ndarray:
 
 
 def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) -> dict:
-    """Return the certificate of an orbit at a tuning, or the reason why there is none, as a dict.
+    """Return the certificate of an orbit as a dict; its claim is "refusal" if the proof fails.
 
     With `last_tuning`, the certificate is valid for all tunings from `tuning` to it.
     """
@@ -95,8 +91,8 @@ def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) ->
     outcome = certify(orbit) if last_tuning is None else certify_range(orbit, to=last_tuning)
     if outcome:
         return outcome.as_dict()
-    refusal = {"claim": "refusal", "status": outcome.status, "message": outcome.message}
-    return refusal | {"tuning": float(tuning).hex()}
+    failure = {"claim": "refusal", "status": outcome.status, "message": outcome.message}
+    return failure | {"tuning": float(tuning).hex()}
 
 
 def _reducer_certificates(pair: GearPair) -> list[dict]:
@@ -116,11 +112,12 @@ def _reducer_certificates(pair: GearPair) -> list[dict]:
 def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     """Return the certificates of ranges of tunings with an orbit that never loses contact.
 
-    `branch` has the branches of the pair; a range lies between two successive special points.
+    `branch` has the points of all branches of the pair; a range lies between two successive
+    special points, and its ends are multiples of `_TUNING_STEP`.
     """
     tuning, label = branch.tuning.values, branch.label.values
     branch_number = branch.branch.values
-    in_contact = branch.contacts.values == "N"
+    in_contact = branch.contacts.values == "N"  # drive-side contact during the whole period
     is_usable = in_contact & (branch.period.values == 1) & (label == REGULAR)
     ends = np.flatnonzero((label != REGULAR) | (np.diff(branch_number, append=-1) != 0))
     certificates = []
@@ -129,7 +126,8 @@ def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
         first += branch_number[first] != branch_number[last]
         inside = np.flatnonzero(is_usable[first : last + 1]) + first
         lower, upper = sorted((first, last), key=lambda point: tuning[point])
-        # Ranges stay at least one step away from special points.
+        # Ranges stay at least one step away from special points. Multiples of the step, 1e-4, are
+        # not exact as floats, so quotients are rounded to 6 decimals and tunings to 4.
         lower_steps = math.ceil(round(tuning[lower] / _TUNING_STEP, 6))
         upper_steps = math.floor(round(tuning[upper] / _TUNING_STEP, 6))
         lower_tuning = round((lower_steps + (label[lower] != REGULAR)) * _TUNING_STEP, 4)
@@ -141,7 +139,7 @@ def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
             orbit = periodic_orbit(pair, lower_tuning, guess=branch.state.values[nearest])
         except NoOrbit:
             continue
-        if orbit.pattern == (1,):
+        if orbit.pattern == (NORMAL,):
             certificates.append(_certificate(orbit, lower_tuning, upper_tuning))
     return certificates
 
@@ -188,11 +186,12 @@ def write_json(certificates: Sequence[dict], path: Path) -> None:
         temporary.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
-def rows(certificates: Sequence[dict]) -> Iterator[list]:
+def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
     """Yield the rows of the table of certificates: the names of the columns, then their values.
 
-    Refusals and counts are left out. The columns tuning and until are the ends of a range, lowest
-    is the smallest displacement of the orbit in static deflections.
+    `certificates` come from `certify_branches`; failed proofs ("refusal") and counts are left out.
+    The columns tuning and until are the ends of a range of tunings (start and stop), lowest is the
+    smallest displacement of the orbit in static deflections, contacts are letters by contact state.
     """
     yield ["damping", "claim", "tuning", "until", "contacts", "lowest", "stability", "reason"]
     for certificate in certificates:
@@ -203,9 +202,9 @@ def rows(certificates: Sequence[dict]) -> Iterator[list]:
         decimals = ["" if number is None else _decimal(number) for number in numbers]
         contacts = "".join(_CONTACT_LETTERS[code] for code in certificate.get("pattern", ()))
         labels = [certificate[name] for name in ("damping", "model") if name in certificate]
-        tuning, until, lowest = decimals
-        cells = [", ".join(labels), certificate["claim"], tuning, until, contacts, lowest]
-        yield [*cells, certificate["stability"], certificate["reason"]]
+        tuning, last_tuning, min_displacement = decimals
+        cells = [", ".join(labels), certificate["claim"], tuning, last_tuning, contacts]
+        yield [*cells, min_displacement, certificate["stability"], certificate["reason"]]
 
 
 def _decimal(value: str | Sequence[str]) -> str:

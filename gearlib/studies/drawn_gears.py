@@ -32,37 +32,37 @@ RELIEFS = ("none", "short", "long")
 def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     """Return the mesh stiffness of drawn gear pairs by every method, over phase and as a mean.
 
-    `pairs` maps names to drawings, which also have the entries torque and published, a mapping of
-    sources to published mean stiffnesses. `samples` is the number of mesh phases.
+    `pairs` maps names to drawings, which also have the entries torque (N m) and published, a
+    mapping of sources to published mean stiffnesses (N/m). `samples` is the number of mesh phases.
     """
     meshes = {name: drawings.mesh(drawing) for name, drawing in pairs.items()}
     phases = {name: _sampled_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
 
     def stiffness_data(pair: str, method: str) -> dict:
-        """Return the stiffness of one gear pair by one method, as values of the variables."""
+        """Return the stiffness of one gear pair by one method, as variable -> value."""
         name, options = METHODS[method]
+        # Only the energy method samples the mesh phase.
         options = options | ({"samples": samples} if name == "energy" else {})
         stiffness = meshes[pair].stiffness(name, torque=pairs[pair]["torque"], **options)
         return {
             "mesh_stiffness": _stiffness_at(stiffness, phases[pair]),
             "mean_mesh_stiffness": stiffness.mean_stiffness,
-            "own_stiffness_ratio": stiffness.stiffness_ratio,
+            "own_stiffness_ratio": stiffness.stiffness_ratio,  # smallest over largest value
             "method_uncertainty": stiffness.uncertainty,
         }
 
-    published = [
-        (name, source, value)
-        for name, drawing in pairs.items()
-        for source, value in drawing["published"].items()
-    ]
+    published = []  # (name of the pair, source, value)
+    for name, drawing in pairs.items():
+        published += [(name, source, value) for source, value in drawing["published"].items()]
     axes = {"pair": list(pairs), "stiffness_method": list(METHODS)}
     data = stacked(axes, stiffness_data, "point") | {
         "stiffness_phase": (("pair", "point"), [*phases.values()]),
         "published_pair": ("published", np.array([name for name, _, _ in published], str)),
         "published_stiffness": ("published", np.array([value for *_, value in published], float)),
     }
-    # The uncertainty of a method is the same for all pairs.
-    data["method_uncertainty"] = "stiffness_method", data["method_uncertainty"][1][-1]
+    # The uncertainty of a method is the same for all pairs, so that of the last pair is kept.
+    _, uncertainties = data["method_uncertainty"]
+    data["method_uncertainty"] = "stiffness_method", uncertainties[-1]
     coords = axes | {"published": np.array([source for _, source, _ in published], str)}
     title = "Mesh stiffness of drawn gears by several methods"
     return result_of_many(title, data, coords, parameters={"pairs": pairs, "samples": samples})
@@ -95,13 +95,9 @@ def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
     for pair in stiffness.pair.values:
         means = stiffness.sel(pair=pair).mean_mesh_stiffness
         reference = float(means.sel(stiffness_method=REFERENCE_METHOD))
-        ratios = stiffness.sel(pair=pair).own_stiffness_ratio
-        rows = [
-            (name, float(mean), f"{float(ratio):.4g}")
-            for name, mean, ratio in zip(
-                stiffness.stiffness_method.values, means, ratios, strict=True
-            )
-        ]
+        ratios = stiffness.sel(pair=pair).own_stiffness_ratio  # C_min / C_max
+        methods = zip(stiffness.stiffness_method.values, means, ratios, strict=True)
+        rows = [(name, float(mean), f"{float(ratio):.4g}") for name, mean, ratio in methods]
         published = stiffness.published_stiffness[stiffness.published_pair.values == pair]
         rows += [(f"published: {mean.published.item()}", float(mean), "") for mean in published]
         for name, mean, ratio in rows:
@@ -124,9 +120,8 @@ def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int)
         errors.append(mesh.transmission_error(torque * np.asarray(loads), **options))
         reliefs = (mesh.pinion.tip_relief, mesh.wheel.tip_relief)
         amounts.append([relief.amount if relief else 0.0 for relief in reliefs])
-    dataset = xr.concat(errors, "relief").assign(
-        relief_amount=(("relief", "gear"), amounts), design_torque=float(torque)
-    )
+    variables = {"relief_amount": (("relief", "gear"), amounts), "design_torque": float(torque)}
+    dataset = xr.concat(errors, "relief").assign(variables)
     dataset = dataset.assign_coords(relief=list(RELIEFS), gear=["pinion", "wheel"])
     model = LoadSharingPair.from_geometry(long_relief, torque=torque, stiffness=stiffness)
     title = "Harris map: static transmission error at several loads"

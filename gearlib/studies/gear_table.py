@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
-GEARS = ("pinion", "wheel")
 METHODS = ("iso", "energy")
 #: Multiples of the mesh order in the table of the duty point.
 _MESH_ORDERS = (1, 2, 3)
@@ -65,14 +64,14 @@ class Quantity(NamedTuple):
     meaning: str
 
 
-def compute(
+def gear_quantities(
     mesh: Any, *, damping: dict | None = None, options: dict | None = None, **load: Any
 ) -> list[Quantity]:
-    """Return the rows of the table of a `Mesh`.
+    """Return geometry, stiffness and load of a `Mesh` as rows of a table.
 
     `damping` has material_damping and backlash_damping (N s/m); `options` maps each stiffness
-    method to its options; `load` has torque, or power and speed. A method that is not valid for
-    these gears is omitted.
+    method to its options; `load` has torque (N m), or power (W) and speed (rpm). A method that is
+    not valid for these gears is omitted.
     """
     pairs = {}  # method -> `GearPair`
     for method in METHODS:
@@ -85,10 +84,9 @@ def compute(
                 raise
             continue
         pairs[method] = pair.replace(**(damping or {"material_damping": 0.0}))
-    gears = {
-        name: (getattr(mesh, name), clearance)
-        for name, clearance in zip(GEARS, mesh.clearances, strict=True)
-    }
+    # Tip clearances (m), between the tip of a gear and the root of the other one.
+    pinion_clearance, wheel_clearance = mesh.clearances
+    gears = {"pinion": (mesh.pinion, pinion_clearance), "wheel": (mesh.wheel, wheel_clearance)}
     rows = [
         *_quantities(_GEAR_QUANTITIES, gears),
         *_quantities(_MESH_QUANTITIES, {"mesh": (mesh, pairs["iso"])}),

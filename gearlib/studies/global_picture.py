@@ -11,6 +11,7 @@ from gearlib.analysis import lyapunov
 from gearlib.analysis.global_dynamics.attractors import UNDECIDED
 from gearlib.analysis.global_dynamics.basins import KIND_FLAGS, basin_stability, basins
 from gearlib.analysis.global_dynamics.poincare import bifurcation_diagram, poincare_section
+from gearlib.analysis.lyapunov import largest_exponent, rounding_grows
 from gearlib.data import status
 from gearlib.data.variables import describe
 from gearlib.models.pair import GearPair
@@ -26,9 +27,7 @@ _FILL_VALUES = {
 }
 
 
-def _joined_cases(
-    datasets: Sequence[xr.Dataset], cases: Sequence[dict], **options: Any
-) -> xr.Dataset:
+def _joined_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> xr.Dataset:
     """Return the datasets of all cases joined along ``case``, with the attributes of the first.
 
     Each case has a title; `options` are those of `xarray.concat`.
@@ -54,20 +53,17 @@ def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = Non
 
 
 def bifurcation(
-    pair: dict,
-    tunings: Sequence[float],
-    coarse: Sequence[float],
-    settings: dict,
-    threads: int | None = None,
+    pair: dict, tunings: Sequence[float], coarse: Sequence[float], settings: dict, threads=None
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """Return a bifurcation diagram with Lyapunov exponents, and the basin stability.
 
-    The diagram is over `tunings`, the basin stability over the `coarse` tunings. `pair`
-    has arguments of `GearPair`; `settings` have settle, strobes, exponent_periods, starts (the
-    number of random initial states), the ranges displacement and velocity, and samples and periods
-    of the basin stability.
-    Directions are up, down, and "cold 1", "cold 2", ... from random states. ``settled`` is true for
-    periodic motions whose orbit does not depend on rounding.
+    The diagram is over `tunings`, the basin stability over the `coarse` tunings. `pair` has
+    arguments of `GearPair`. Keys of `settings`: settle (mesh periods before the record), strobes
+    (recorded states, one per mesh period), exponent_periods (run of the Lyapunov exponent), starts
+    (number of random initial states), displacement and velocity (their ranges), samples and periods
+    (initial states and runs of the basin stability). In the directions up and down each run starts
+    at the end of the previous one, in "cold 1", "cold 2", ... every run at the same random state.
+    ``settled`` is true for periodic motions whose orbit does not depend on rounding.
     """
     model, region = GearPair(**pair), (settings["displacement"], settings["velocity"])
     names = [*WARM_STARTED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
@@ -77,9 +73,8 @@ def bifurcation(
     exponent = {"settle": 0, "periods": settings["exponent_periods"], "threads": threads}
     diagrams, datasets = [], []
     for direction, start in zip(directions, starts, strict=True):
-        diagram = bifurcation_diagram(
-            model, tunings, direction=direction, initial_state=start, **record
-        )
+        options = record | {"direction": direction, "initial_state": start}
+        diagram = bifurcation_diagram(model, tunings, **options)
         states = diagram.final_state.values
         exponents = lyapunov.lyapunov_exponents(model, tunings, states=states, **exponent)
         # If a run of the diagram stopped early, its status explains the missing exponent.
@@ -116,13 +111,10 @@ def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
         model, tuning, settle = GearPair(**case["pair"]), case["tuning"], case["settle"]
         run, phase = {"periods": periods, "settle": settle}, math.radians(case["phase"])
         section = poincare_section(model, tuning, states, phase=phase, **run)
-        exponents = [
-            lyapunov.largest_exponent(model, tuning, state=tuple(state), **run) for state in states
-        ]
-        total_periods = settle + periods
-        unpredictable = np.array(
-            [lyapunov.rounding_grows(model, [tuning], state, total_periods)[0] for state in states]
-        )
+        starts, total_periods = [*map(tuple, states)], settle + periods
+        exponents = [largest_exponent(model, tuning, state=start, **run) for start in starts]
+        growths = [rounding_grows(model, [tuning], start, total_periods) for start in starts]
+        unpredictable = np.concatenate(growths)
         grows = np.array([exponent.exceeds_linear for exponent in exponents])
         undecided = 2 * (unpredictable | grows)
         chaotic = np.where(unpredictable & grows, 1, undecided).astype(np.int8)

@@ -35,21 +35,24 @@ class Jump(NamedTuple):
     """A jump of the orbit from rest between two tunings."""
 
     tuning: float  #: middle of the last interval; NaN: there is no jump
-    below: float  #: height of the orbit below the jump in the scan, static deflections
-    above: float  #: height of the orbit above the jump
-    switches: int  #: number of height changes in the scan that exceed half of the largest
+    below: float  #: peak-to-peak displacement below the jump in the scan, static deflections
+    above: float  #: peak-to-peak displacement above the jump
+    large_steps: int  #: number of height steps in the scan of at least half of the largest one
     interval: float  #: width of the last interval; wide if rounding errors stopped the bisection
 
 
-def find(
+def find_jump(
     model: Any, tunings: Sequence[float], resolution: float, direction: str = "cold", **run: Any
 ) -> Jump:
-    """Return the largest jump of orbit height within a scan of increasing tunings.
+    """Return the largest jump of the peak-to-peak displacement in a scan of increasing tunings.
 
     `resolution` is the width to which the interval of the jump is bisected, `run` has arguments of
-    `gearlib.sweep`. Motions swept "up" or "down" approach the jump from one side.
+    `gearlib.sweep`. In the direction "cold" all runs have the same start, and tunings at which
+    rounding errors decide the motion are excluded. In the directions "up" and "down" bisection
+    starts from the last state on the side from which the sweep comes.
     """
     tunings = np.asarray(tunings, float)
+    # Only exact runs are checked for rounding errors: those of step methods are much larger.
     start, is_exact = run.get("initial_state", (0.0, 0.0)), "method" not in run
     scan = sweep(model, tunings, direction=direction, **run)
     heights = orbit_heights(scan)
@@ -83,10 +86,10 @@ def find(
         if direction == ("up" if is_below else "down"):
             start = tuple(point.final_state.values[0])
     if not abs(above - below) > SAME_HEIGHT:
-        return Jump(np.nan, np.nan, np.nan, 0, upper - lower)
+        return Jump(np.nan, np.nan, np.nan, large_steps=0, interval=upper - lower)
     # Close to the jump runs settle slowly, so the heights of the scan are returned.
-    below, above, switches = float(heights[i]), float(heights[i + 1]), int(is_large.sum())
-    return Jump(0.5 * (lower + upper), below, above, switches, upper - lower)
+    below, above = float(heights[i]), float(heights[i + 1])
+    return Jump(0.5 * (lower + upper), below, above, int(is_large.sum()), upper - lower)
 
 
 def orbit_heights(curve: xr.Dataset) -> np.ndarray:
@@ -97,7 +100,7 @@ def orbit_heights(curve: xr.Dataset) -> np.ndarray:
 def height_steps(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the steps between neighbouring orbit heights, and a mask of the large ones.
 
-    A large step is at least half of the largest one. Steps from or to NaN, no orbit, are 0.
+    A large step is at least half of the largest one. Steps from or to NaN are 0.
     """
     steps = np.nan_to_num(np.abs(np.diff(heights)), nan=0.0)
     return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
@@ -123,27 +126,32 @@ def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any
         yield "velocity", velocity, pair, {"initial_state": (0.0, velocity)}
 
 
-def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> xr.Dataset:
+def jump_and_shifts(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> xr.Dataset:
     """Return the orbit height of the motion from rest, its jump, and the shift by each variation.
 
     `pair` has arguments of `GearPair`, `run` those of `sweep`. `settings` have the values of
     `variations`, tolerances of Runge-Kutta steps 4(5), the resolution of the jump, and starts, seed
-    and spread of the initial states for each tolerance. Without a jump in the scan values are NaN.
+    and spread of the initial states for each tolerance. switches is the number of large steps of
+    the height in the scan. Without a jump in the scan values are NaN.
     """
     model, tunings = GearPair(**pair), np.asarray(tunings, float)
     resolution = settings["resolution"]
-    reference = find(model, tunings, resolution, **run)
-    shifts_by_variation = [("base", 0.0, [0.0 * reference.tuning], reference.switches)]
+    reference = find_jump(model, tunings, resolution, **run)
+    base_shift = reference.tuning - reference.tuning  # NaN without a jump
+    shifts_by_variation = [("base", 0.0, [base_shift], reference.large_steps)]
     for kind, value, varied, arguments in variations(model, settings):
-        jump = find(varied, tunings, resolution, **run | arguments)
-        shift = jump.tuning - reference.tuning
-        shifts_by_variation.append((kind, value, [shift], jump.switches))
+        jump = find_jump(varied, tunings, resolution, **run | arguments)
+        shifts = [jump.tuning - reference.tuning]
+        shifts_by_variation.append((kind, value, shifts, jump.large_steps))
     if settings["tolerances"]:
         shifts_by_variation += _tolerance_shifts(model, tunings, settings, run)
 
     def summary(variation: tuple) -> dict:
-        """Return the values of the dataset for (kind, value, shifts of the jump, switches)."""
-        kind, value, shifts, switches = variation
+        """Return the values of the dataset for (kind, value, shifts of the jump, large steps).
+
+        Only the kind "tolerance" has shifts for several starts, so only it is not settled.
+        """
+        kind, value, shifts, large_steps = variation
         finite = [shift for shift in shifts if np.isfinite(shift)] or [np.nan]
         return {
             "kind": kind,
@@ -152,7 +160,7 @@ def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> 
             "shift": np.median(finite),
             "shift_low": min(finite),
             "shift_high": max(finite),
-            "switches": np.int32(switches),
+            "switches": np.int32(large_steps),
             "settled": np.int8(kind != "tolerance"),
         }
 
@@ -167,25 +175,30 @@ def compute(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> 
 
 
 def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: dict) -> list:
-    """Return (kind, tolerance, shifts of the jump from all starts, switches) for each tolerance."""
+    """Return (kind, tolerance, shifts of the jump, large steps) by tolerance of a step method.
+
+    There is a shift in tuning, relative to the exact jump, for each of several random states. The
+    median number of large height steps is returned. `settings` have tolerances, resolution of the
+    jump, and starts, seed and spread of the states; `run` has arguments of `sweep`.
+    """
     resolution = settings["resolution"]
     rest = run.get("initial_state", (0.0, 0.0))
     states = [*map(tuple, many_starts.seeded_states(pair, rest, settings))]
-    exact_tunings = [
-        find(pair, tunings, resolution, **run | {"initial_state": state}).tuning for state in states
-    ]
-    distance = (_SEARCH_STEPS + 0.5) * float(tunings[1] - tunings[0])
+    runs = [run | {"initial_state": state} for state in states]
+    exact_tunings = [find_jump(pair, tunings, resolution, **exact).tuning for exact in runs]
+    # The half step is a margin for rounding errors.
+    max_distance = (_SEARCH_STEPS + 0.5) * float(tunings[1] - tunings[0])
     variations = []
     for rtol in settings["tolerances"]:
         # The ratio of the tolerances is that of the defaults of ode45.
         method = {"method": "rk45", "options": {"rtol": rtol, "atol": 1e-3 * rtol}}
         jumps = []
-        for state, tuning in zip(states, exact_tunings, strict=True):
+        for exact, tuning in zip(runs, exact_tunings, strict=True):
             # The whole scan is used if there is no exact jump, a tuning of NaN.
-            nearby = tunings[~(np.abs(tunings - tuning) > distance)]
-            jumps.append(find(pair, nearby, resolution, **run | method | {"initial_state": state}))
+            nearby = tunings[~(np.abs(tunings - tuning) > max_distance)]
+            jumps.append(find_jump(pair, nearby, resolution, **exact | method))
         pairs = zip(jumps, exact_tunings, strict=True)
         shifts = [jump.tuning - exact_tuning for jump, exact_tuning in pairs]
-        switches = np.median([jump.switches for jump in jumps])
-        variations.append(("tolerance", rtol, shifts, switches))
+        large_steps = np.median([jump.large_steps for jump in jumps])
+        variations.append(("tolerance", rtol, shifts, large_steps))
     return variations

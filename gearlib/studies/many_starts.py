@@ -26,8 +26,9 @@ from gearlib.runs.sweeping import DIRECTIONS
 
 #: Flags of `settled`.
 SETTLED_FLAGS = status.flags_of(("unsettled", "all_starts_on_one_stable_orbit"))
-#: Variables on the distribution of the motions from all starts over the orbits.
-SHARES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
+#: Whether all starts end on one orbit, fraction that end on stable orbits, number of these orbits,
+#: fraction that end on the most frequent one, and mesh periods of the common orbit (0: none).
+DISTRIBUTION_VARIABLES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
 SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")
 #: Change of a state, static deflections: above rounding errors and below measurement errors.
 _TINY_DISPLACEMENT = 1e-9
@@ -75,14 +76,14 @@ class FinalMotion(NamedTuple):
     """The motion on which a run from one start ends, or arrays of several of them."""
 
     summary: np.ndarray  #: extrema and times as in `Model.empty_record`
-    orbit: int | np.ndarray  #: number of the stable orbit in the order of discovery, -1: none
+    orbit: int | np.ndarray  #: index of the stable orbit in the order of discovery, -1: none
     period: int | np.ndarray  #: mesh periods of the orbit, 0: none
     state: np.ndarray  #: state at the end of a multiple of the common period
     status: int | np.ndarray  #: code of `gearlib.data.status`
 
     @property
     def settled(self) -> bool:
-        """Return whether all motions end on the same orbit."""
+        """Return whether all motions end on the same orbit, which then has the index 0."""
         return bool(np.all(self.orbit == 0))
 
 
@@ -187,8 +188,9 @@ class _OrbitSearch:
 def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict) -> FinalMotion:
     """Return the motions on which runs from several states, shape (starts, size), end.
 
-    If the runs from the first_starts of `settings` end on one orbit, the other starts count as
-    ending there too.
+    `settings` have periods and record_periods of the runs, spread (largest random displacement) of
+    the states, and first_starts: if the runs from this number of states end on one orbit, the
+    others count as ending there too. Orbits have indices in the order of discovery, -1 if none.
     """
     search, first_starts = _OrbitSearch(model, tuning, settings), settings["first_starts"]
     motions = [search.final_motion(state) for state in states[:first_starts]]
@@ -204,22 +206,21 @@ def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict)
     return FinalMotion(*(np.array(column) for column in zip(*motions, strict=True)))
 
 
-def motions_from_equilibrium(
-    model: Any, tunings: Sequence[float], settings: dict
-) -> list[FinalMotion]:
-    """Return the final motions from random starts around static equilibrium, for each tuning."""
+def motions_from_equilibrium(model, tunings: Sequence[float], settings: dict) -> list[FinalMotion]:
+    """Return the final motions from random starts around static equilibrium, for each tuning.
+
+    `settings` have the keys of `SETTINGS`: number, seed and spread of the starts, and mesh periods.
+    """
     states = seeded_states(model, "static", settings)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda nu: final_motions(model, float(nu), states, settings), tunings))
 
 
-def warm_started_motions(
-    model: Any, tunings: Sequence[float], settings: dict, direction: str
-) -> list[FinalMotion]:
+def warm_started_motions(model, tunings, settings: dict, direction: str) -> list[FinalMotion]:
     """Return the final motion of a single start in a sweep "up" or "down", for each tuning.
 
     Each run starts close to the end of the previous run, or close to static equilibrium if that run
-    has not settled.
+    has not settled. `settings` have the keys of `SETTINGS`.
     """
     start = seeded_states(model, "static", settings | {"starts": 1})
     displacement = start - model.start_state("static")
@@ -234,9 +235,11 @@ def warm_started_motions(
 def summarise(
     model: Any, motions: Sequence[FinalMotion], settings: dict, names: Sequence[str]
 ) -> xr.Dataset:
-    """Return variables of motions over start, tuning and mesh, and those of `SHARES` over tuning.
+    """Return variables of motions over start, tuning and mesh, and their distribution over orbits.
 
-    `motions` are the final motions at each tuning, `names` are variables of `gearlib.sweep`.
+    `motions` are the `FinalMotion`s of all starts at each tuning, `names` are variables of
+    `gearlib.sweep`, `settings` have record_periods (mesh periods). settled_share is the fraction of
+    the starts that end on stable orbits, largest_share that on the most frequent orbit.
     """
     columns = (np.stack(column, axis=1) for column in zip(*motions, strict=True))
     summaries, orbits, periods, states, codes = columns
@@ -244,6 +247,7 @@ def summarise(
     variables = summary.variables(
         model, ("start", "tuning"), summaries, states, periods_and_codes, settings["record_periods"]
     )
+    # Number of starts on each orbit, for each tuning; -1 is no orbit.
     counts = [np.unique(row[row >= 0], return_counts=True)[1] for row in orbits.T]
     settled = np.array([motion.settled for motion in motions])
     distribution = {
@@ -251,12 +255,11 @@ def summarise(
         "settled_share": (orbits >= 0).mean(axis=0),
         "motion_count": np.array([len(count) for count in counts], np.int32),
         "largest_share": np.array([max(count, default=0) for count in counts]) / len(orbits),
+        # All starts have the same period where the motion settles.
         "period": np.where(settled, periods[0], 0).astype(np.int32),
     }
-    dataset = xr.Dataset(
-        {name: variables[name] for name in names}
-        | {name: ("tuning", values) for name, values in distribution.items()}
-    )
+    by_tuning = {name: ("tuning", values) for name, values in distribution.items()}
+    dataset = xr.Dataset({name: variables[name] for name in names} | by_tuning)
     dataset["settled"].attrs |= SETTLED_FLAGS
     return dataset
 
@@ -264,23 +267,25 @@ def summarise(
 def sweep_with_seeded_starts(
     model: Any, tunings: Sequence[float], settings: dict, names: Sequence[str]
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
-    """Return a sweep with medians, ranges and fractions over the starts, and its single motions.
+    """Return a sweep with medians, ranges and fractions over the starts, and data of every start.
 
-    The sweep has the dimensions direction, tuning and mesh; the single motions are a dataset from
-    `summarise` for each direction. The direction "cold" has all starts; "up" and "down" have a
-    single warm-started motion, NaN where it does not settle.
+    The sweep has the dimensions direction, tuning and mesh; the data are results of `summarise`,
+    one for each direction. "Cold" starts are random states around static equilibrium, "up" and
+    "down" have one start, the end of the previous motion, and NaN where it does not settle. `names`
+    are variables of `gearlib.sweep`, `settings` have the keys of `SETTINGS`.
     """
-    single_motions, directions = [], []
+    motions_by_direction, directions = [], []
     for direction in DIRECTIONS:
         if direction == "cold":
             motions = motions_from_equilibrium(model, tunings, settings)
         else:
             motions = warm_started_motions(model, tunings, settings, direction)
-        single = summarise(model, motions, settings, (*names, "fraction_inverse"))
-        ranges = ranges_over_starts(single, names)
+        final_data = summarise(model, motions, settings, (*names, "fraction_inverse"))
+        ranges = ranges_over_starts(final_data, names)
         if direction != "cold":
-            ranges = {name: values.where(single.settled == 1) for name, values in ranges.items()}
-        single_motions.append(single)
-        directions.append(single[SHARES].assign(ranges))
+            is_settled = final_data.settled == 1
+            ranges = {name: values.where(is_settled) for name, values in ranges.items()}
+        motions_by_direction.append(final_data)
+        directions.append(final_data[DISTRIBUTION_VARIABLES].assign(ranges))
     axis = xr.DataArray(list(DIRECTIONS), dims="direction", name="direction")
-    return xr.concat(directions, axis, combine_attrs="override"), single_motions
+    return xr.concat(directions, axis, combine_attrs="override"), motions_by_direction

@@ -2,7 +2,8 @@
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -49,21 +50,29 @@ _UNKNOWN = (math.nan, math.nan)
 
 #: A value and its standard deviation.
 Estimate = tuple[float, float]
-#: Quantity, its unit, the required calibration, the measured and the computed estimate.
-Comparison = tuple
 
 
-def curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
-    """Return a measured set as a curve over speed and tuning, in the units of the model.
+class Comparison(NamedTuple):
+    """A measured and a computed estimate of one quantity."""
 
-    `path` is the YAML file of the set, `resonance` has the characteristics of the model. A run-up
-    is replaced by its envelope. Attributes ``fitted_gain`` and ``fitted_offset`` of an observable
-    are those of the damping that fits best: computed values are (value - offset) / gain.
+    quantity: str
+    measured: Estimate
+    computed: Estimate
+    unit: str = ""
+    calibration: str = "none"  #: what must be calibrated: none, sensor or speed
+
+
+def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
+    """Return a measured data set as a curve over speed and tuning, in the units of the model.
+
+    `path` is the YAML file of the data set; `resonance` has the computed sweeps of all dampings. A
+    run-up is replaced by its envelope. The attribute tuning_rate is the tuning per speed (rpm).
+    Attributes ``fitted_gain`` and ``fitted_offset`` of an observable are those of the damping that
+    fits best: values without errors of the sensor are (value - offset) / gain.
     """
     measurement, resonance = read_measured(path), _with_orbit_height(resonance)
-    sweep = (
-        measurement if set(SWEEP_SCALES) & set(measurement.data_vars) else _envelope(measurement)
-    )
+    is_sweep = not set(SWEEP_SCALES).isdisjoint(measurement.data_vars)
+    sweep = measurement if is_sweep else _envelope(measurement)
     tuning_rate = float(resonance.tuning[-1] / resonance.speed[-1])
     scalars = [name for name in measurement.data_vars if not measurement[name].dims]
     dataset = measurement[scalars].reset_coords(drop=True)
@@ -72,9 +81,8 @@ def curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
         speed = sweep.speed
         direction = sweep.coords.get("direction", xr.zeros_like(speed, np.int8))
         coords = {"speed": speed, "tuning": tuning_rate * speed, "direction": direction}
-        dataset = dataset.assign_coords(
-            {name: ("sample", values.values) for name, values in coords.items()}
-        )
+        coords = {name: ("sample", values.values) for name, values in coords.items()}
+        dataset = dataset.assign_coords(coords)
         for name in observables:
             attrs, scale = sweep[name].attrs, SWEEP_SCALES[name]
             has_dimension = scale and attrs.get("units") not in ("1", "count")
@@ -102,9 +110,8 @@ def _envelope(measurement: xr.Dataset) -> xr.Dataset:
     if "direction" in measurement.coords:
         direction = measurement.direction.values[starts]
     mean_speed = np.add.reduceat(speed, starts) / (ends - starts + 1)
-    envelope = xr.Dataset(
-        coords={"speed": ("sample", mean_speed), "direction": ("sample", direction)}
-    )
+    coords = {"speed": ("sample", mean_speed), "direction": ("sample", direction)}
+    envelope = xr.Dataset(coords=coords)
     for name in ("displacement", "dynamic_force"):
         if name in measurement:
             values, attrs = measurement[name].values, measurement[name].attrs
@@ -166,14 +173,14 @@ def _with_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
     return resonance.assign(orbit_height=resonance.displacement_max - resonance.displacement_min)
 
 
-def courses(path: str, pairs: Mapping[str, dict], run: dict) -> xr.Dataset:
+def time_history_harmonics(path: str, pairs: Mapping[str, dict], run: dict) -> xr.Dataset:
     """Return the harmonics of measured time histories and of the settled motions of a model.
 
-    `path` is the YAML file of the measured set, `pairs` maps the name of a damping to arguments of
-    `GearPair`, `run` has arguments of `gearlib.simulate`. The dimensions are course (a condition
-    with constant speed), observable, harmonic of the mesh period and damping. The shape_phase
-    (degrees) of harmonic k is its phase minus k times the phase of the first harmonic: an unknown
-    phase of the shaft does not change it.
+    `path` is the YAML file of the measured data set, `pairs` maps the name of a damping to
+    arguments of `GearPair`, `run` has arguments of `gearlib.simulate`. The dimensions are course (a
+    time history at constant speed), observable, harmonic of the mesh period and damping. The
+    shape_phase (degrees) of harmonic k is its phase minus k times the phase of the first harmonic:
+    an unknown phase of the shaft does not change it.
     """
     measurement = read_measured(path)
     models = [GearPair(**parameters) for parameters in pairs.values()]
@@ -193,11 +200,14 @@ def courses(path: str, pairs: Mapping[str, dict], run: dict) -> xr.Dataset:
             conditions.append(xr.concat(observables, "observable").assign_coords(speed=speed))
     dataset = xr.concat(conditions, "course").assign_coords(damping=[*pairs])
     dataset = dataset.assign_coords(harmonic=np.arange(1, _HARMONIC_COUNT + 1))
-    return _with_units(dataset, measurement, names)
+    return _with_measurement_attrs(dataset, measurement, names)
 
 
-def _with_units(dataset: xr.Dataset, measurement: xr.Dataset, observables: list[str]) -> xr.Dataset:
-    """Return a dataset with the attributes of the measurement and the units of its observables."""
+def _with_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr.Dataset:
+    """Return a dataset with the attributes of a measured dataset, and the units of the speed.
+
+    The attribute course_units lists the units of the observables (names), whatever their kind.
+    """
     dataset["speed"].attrs["units"] = "min-1"
     units = ", ".join(f"{name} in {measurement[name].attrs['units']}" for name in observables)
     return dataset.assign_attrs(measurement.attrs | {"course_units": units})
@@ -278,11 +288,11 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
     )
 
 
-def orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
-    """Return the first three mesh orders of measured run-ups and of run-ups of a model.
+def run_up_orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
+    """Return the mesh orders 1 to 3 (`_MESH_ORDERS`) of measured and of computed run-ups.
 
-    `path` is the YAML file of the measured set, `pairs` maps the name of a damping to arguments of
-    `GearPair`. The dimensions are track (a condition with changing speed), observable, order (a
+    `path` is the YAML file of the measured data set, `pairs` maps the name of a damping to
+    arguments of `GearPair`. The dimensions are track (a run-up or run-down), observable, order (a
     multiple of the mesh order) and block of whole revolutions. Amplitudes are rms values in SI
     units; computed_amplitude also depends on damping and is that of a run-up from rest with the
     measured speed profile.
@@ -290,7 +300,7 @@ def orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
     measurement = read_measured(path)
     models = [GearPair(**parameters) for parameters in pairs.values()]
     names = [name for name in SI_SCALES if name in measurement]
-    teeth, dims, tracks = models[0].teeth, ("observable", "order", "block"), []
+    teeth, dims, run_ups = models[0].teeth, ("observable", "order", "block"), []
     for condition in _conditions(measurement, constant_speed=False):
         speed = condition.speed.values
         revolutions = cumulative_trapezoid(speed / 60.0, condition.time.values, initial=0.0)
@@ -298,7 +308,7 @@ def orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
         edges = np.arange(int(revolutions[-1] / block_size) + 1) * block_size
         measured = [_mesh_orders(condition[name], revolutions, edges, teeth) for name in names]
         block_speed = np.interp(0.5 * (edges[1:] + edges[:-1]), revolutions, speed)
-        track = xr.Dataset(
+        measured_run_up = xr.Dataset(
             {"speed": ("block", block_speed), "amplitude": (dims, np.array(measured))},
             {"block": np.arange(edges.size - 1)},
         )
@@ -311,10 +321,12 @@ def orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
             blocks = np.arange(maps[0].shape[-1])
             computed.append(xr.DataArray(np.array(maps), {"block": blocks}, dims))
         amplitudes = xr.concat(computed, "damping", join="outer")
-        tracks.append(track.assign(computed_amplitude=amplitudes.reindex_like(track)))
-    dataset = xr.concat(tracks, "track", join="outer")
+        amplitudes = amplitudes.reindex_like(measured_run_up)
+        run_ups.append(measured_run_up.assign(computed_amplitude=amplitudes))
+    dataset = xr.concat(run_ups, "track", join="outer")
     dataset = dataset.assign_coords(observable=names, damping=[*pairs], order=_MESH_ORDERS)
-    return _with_units(dataset.transpose(..., "order", "block"), measurement, names)
+    dataset = dataset.transpose(..., "order", "block")
+    return _with_measurement_attrs(dataset, measurement, names)
 
 
 def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
@@ -327,11 +339,8 @@ def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
     revolutions, values = revolutions[finite], history.values[finite]
     complete = complete_blocks(revolutions, edges, teeth)
     if missing := int((~complete).sum()):
-        warnings.warn(
-            f"{missing} of {complete.size} blocks of revolutions are left out of {history.name}: "
-            "they have gaps",
-            stacklevel=2,
-        )
+        blocks = f"{missing} of {complete.size} blocks of revolutions"
+        warnings.warn(f"{blocks} are left out of {history.name}: they have gaps", stacklevel=2)
     waves = values * np.exp(-2j * np.pi * teeth * _MESH_ORDERS[:, None] * revolutions)
     integrals = cumulative_trapezoid(waves, revolutions, initial=0.0)
     edge_values = np.array([np.interp(edges, revolutions, integral) for integral in integrals])
@@ -351,17 +360,14 @@ def _speed_profile(condition: xr.Dataset) -> list[tuple[float, float]]:
     return [(0.0, points[0][1]), *points, (float(time[-1]), points[-1][1])]
 
 
-def rows(
-    curves: Sequence[xr.Dataset],
-    resonance: xr.Dataset,
-    courses: Sequence[xr.Dataset] = (),
-    orders: Sequence[xr.Dataset] = (),
-) -> Iterator[list]:
+def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Iterator[list]:
     """Yield the rows of a table that compares measured and computed quantities.
 
-    `curves`, `courses` and `orders` are results of `curve`, `courses` and `orders`, one for each
-    measured set; `resonance` has the resonance characteristics. The first row has the names of the
-    columns; the others have a quantity for one measured set and one damping.
+    `curves`, `courses` and `orders` are results of `measured_response_curve`,
+    `time_history_harmonics` and `run_up_orders`, one for each measured data set; `resonance` has
+    the computed sweeps. The first row has the names of the columns; the others have a quantity for
+    one data set and one damping. The column calibration names the calibration that a comparison
+    requires, deviations is the difference over its standard deviation.
     """
     header = ["set", "quantity", "calibration", "damping", "measured", "standard_deviation"]
     yield [*header, "computed", "difference", "deviations"]
@@ -371,7 +377,7 @@ def rows(
             if "track" in dataset.dims:
                 comparisons = _compare_orders(dataset.sel(damping=damping))
             elif "course" in dataset.dims:
-                comparisons = _compare_courses(dataset.sel(damping=damping))
+                comparisons = _compare_time_histories(dataset.sel(damping=damping))
             else:
                 comparisons = _compare_curve(dataset, resonance.sel(damping=damping))
             for comparison in comparisons:
@@ -380,22 +386,24 @@ def rows(
 
 def _row(title: str, damping: str, comparison: Comparison) -> list:
     """Return the row of the table for one comparison of a measured set with one damping."""
-    quantity, unit, calibration, measured, computed = comparison  # the last two have deviations
-    difference = computed[0] - measured[0]
-    total_deviation = math.hypot(measured[1], computed[1] if math.isfinite(computed[1]) else 0.0)
-    ratio = difference / total_deviation if measured[1] > 0 else math.nan
-    numbers = [*measured, computed[0], difference, ratio]
+    measured, measured_deviation = comparison.measured
+    computed, deviation = comparison.computed
+    difference = computed - measured
+    total_deviation = math.hypot(measured_deviation, deviation if math.isfinite(deviation) else 0.0)
+    ratio = difference / total_deviation if measured_deviation > 0 else math.nan
+    numbers = (measured, measured_deviation, computed, difference, ratio)
     cells = [float(f"{number:.6g}") if math.isfinite(number) else "" for number in numbers]
-    return [title, quantity + unit, calibration, damping, *cells]
+    quantity = f"{comparison.quantity} {comparison.unit}".rstrip()
+    return [title, quantity, comparison.calibration, damping, *cells]
 
 
 def _compare_curve(measured: xr.Dataset, characteristics: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of a measured curve with the characteristics of one damping."""
+    """Yield the comparisons of a measured curve with the computed sweeps of one damping."""
     observable = next((name for name in _JUMP_OBSERVABLES if name in measured), None)
     jumps = _compare_jumps(measured, characteristics, observable)
     if len(jumps) == 2:
-        ratios = map(_ratio, jumps["down"], jumps["up"])
-        yield "jump down over jump up", "", "none", *ratios
+        measured_ratio, computed_ratio = map(_ratio, jumps["down"], jumps["up"])
+        yield Comparison("jump down over jump up", measured_ratio, computed_ratio)
     if observable and "direction" in measured.coords:
         computed = _values_at_samples(measured, characteristics, observable)
         sign = -1.0 if observable == "displacement_min" else 1.0
@@ -404,15 +412,21 @@ def _compare_curve(measured: xr.Dataset, characteristics: xr.Dataset) -> Iterato
         measured_ratio = _peak_ratio(sign * measured[observable].values, directions, noise)
         if math.isfinite(measured_ratio[0]):
             computed_ratio = _peak_ratio(sign * computed, directions, 0.0)
-            yield f"highest {observable} down over up", "", "none", measured_ratio, computed_ratio
+            # The peak of the sweep down divided by that of the sweep up.
+            quantity = f"highest {observable} down over up"
+            yield Comparison(quantity, measured_ratio, computed_ratio)
     for name in SWEEP_SCALES:
         if name in measured:
             yield from _misfits(measured, characteristics, name)
-    for direction, estimates in jumps.items():
-        yield f"jump {direction}", " min-1", "speed", *estimates
+    for direction, (measured_speed, computed_speed) in jumps.items():
+        quantity = f"jump {direction}"
+        yield Comparison(
+            quantity, measured_speed, computed_speed, unit="min-1", calibration="speed"
+        )
     onset = _measured_speed(measured, "onset_of_contact_loss")
     if math.isfinite(onset[0]):
-        yield "onset of contact loss", " min-1", "speed", onset, _computed_onset(characteristics)
+        quantity, computed_onset = "onset of contact loss", _computed_onset(characteristics)
+        yield Comparison(quantity, onset, computed_onset, unit="min-1", calibration="speed")
 
 
 def _compare_jumps(measured, characteristics, observable: str | None) -> dict[str, tuple]:
@@ -452,11 +466,8 @@ def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
     steps = np.abs(np.diff(values))
     i = int(steps.argmax())
     other_steps = np.concatenate([steps[: max(i - 1, 0)], steps[i + 2 :]])
-    limit = max(
-        _MIN_JUMP_RANGE_RATIO * np.ptp(values),
-        _MIN_JUMP_STEP_RATIO * other_steps.max(initial=0.0),
-    )
-    if steps[i] <= limit:
+    step_limit = _MIN_JUMP_STEP_RATIO * other_steps.max(initial=0.0)
+    if steps[i] <= max(_MIN_JUMP_RANGE_RATIO * np.ptp(values), step_limit):
         return _UNKNOWN
     # The jump is uniformly distributed between two samples.
     return speeds[i : i + 2].mean(), max(speeds[i + 1] - speeds[i], 1e-300) / math.sqrt(12.0)
@@ -483,14 +494,11 @@ def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) ->
     return _ratio(*peaks)
 
 
-def _misfits(
-    measured: xr.Dataset, characteristics: xr.Dataset, observable: str
-) -> Iterator[Comparison]:
+def _misfits(measured, characteristics, observable: str) -> Iterator[Comparison]:
     """Yield the rms difference between a measured curve and the model, relative to its range.
 
-    Gain and offset of the sensor are fitted, and in a second comparison those of its calibration. A
-    comparison is (quantity, unit, required calibration, measured estimate, computed estimate); an
-    estimate is a value with its standard deviation.
+    Gain and offset of the sensor are fitted, and in a second comparison those of its calibration.
+    The measured estimate has the noise of the sensor as its standard deviation.
     """
     values = measured[observable].values
     computed = _values_at_samples(measured, characteristics, observable)
@@ -505,7 +513,7 @@ def _misfits(
         rms = float(np.sqrt(np.nanmean((values - fitted) ** 2))) / value_range
         noise = math.nan, attrs["noise_std"] / value_range or math.nan
         quantity = f"misfit of {observable} over its range, {description}"
-        yield quantity, "", calibration, noise, (rms, math.nan)
+        yield Comparison(quantity, noise, (rms, math.nan), calibration=calibration)
 
 
 def _computed_onset(characteristics: xr.Dataset) -> Estimate:
@@ -521,37 +529,39 @@ def _computed_onset(characteristics: xr.Dataset) -> Estimate:
     return 0.5 * (lower + upper), (upper - lower) / math.sqrt(12.0)
 
 
-def _compare_orders(tracks: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of the mesh orders of run-ups, results of `orders` for one damping."""
-    for i, j in np.ndindex(tracks.sizes["track"], tracks.sizes["observable"]):
-        track = tracks.isel(track=i, observable=j)
-        amplitudes = (track.amplitude.values, track.computed_amplitude.values)
-        name = str(track.observable.values)
-        for k in range(1, track.sizes["order"]):
-            ratios = [
-                (float(np.nanmax(values[k]) / np.nanmax(values[0])), math.nan)
-                for values in amplitudes
-            ]
-            yield f"largest order {k + 1}z of {name} over order z", "", "none", *ratios
-        speeds = [float(track.speed[int(np.nanargmax(values[0]))]) for values in amplitudes]
-        estimates = [(speed, math.nan) for speed in speeds]
-        yield f"largest order z of {name}", " min-1", "speed", *estimates
+def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
+    """Yield the comparisons of the mesh orders of run-ups, a result of `run_up_orders`.
+
+    In the names of quantities z is the mesh order, the number of teeth, and 2z is twice this order.
+    """
+    for i, j in np.ndindex(run_ups.sizes["track"], run_ups.sizes["observable"]):
+        run_up = run_ups.isel(track=i, observable=j)
+        amplitudes = (run_up.amplitude.values, run_up.computed_amplitude.values)
+        name = str(run_up.observable.values)
+        for k in range(1, run_up.sizes["order"]):
+            quotients = [np.nanmax(values[k]) / np.nanmax(values[0]) for values in amplitudes]
+            ratios = [(float(quotient), math.nan) for quotient in quotients]
+            yield Comparison(f"largest order {k + 1}z of {name} over order z", *ratios)
+        peaks = [int(np.nanargmax(values[0])) for values in amplitudes]
+        measured, computed = ((float(run_up.speed[peak]), math.nan) for peak in peaks)
+        quantity = f"largest order z of {name}"
+        yield Comparison(quantity, measured, computed, unit="min-1", calibration="speed")
 
 
-def _compare_courses(courses: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of the harmonics of time histories, results of `courses`."""
-    for i, j in np.ndindex(courses.sizes["course"], courses.sizes["observable"]):
-        course = courses.isel(course=i, observable=j)
-        if not math.isfinite(float(course.amplitude[0])):
+def _compare_time_histories(histories: xr.Dataset) -> Iterator[Comparison]:
+    """Yield the comparisons of the harmonics of a result of `time_history_harmonics`."""
+    for i, j in np.ndindex(histories.sizes["course"], histories.sizes["observable"]):
+        history = histories.isel(course=i, observable=j)
+        if not math.isfinite(float(history.amplitude[0])):
             continue
-        where = f"of {course.observable.values} at {float(course.speed):.4g} min-1"
-        measured = [*zip(course.amplitude.values, course.amplitude_std.values, strict=True)]
-        computed = [(amplitude, 0.0) for amplitude in course.computed_amplitude.values]
-        for k in range(1, course.sizes["harmonic"]):
+        where = f"of {history.observable.values} at {float(history.speed):.4g} min-1"
+        measured = [*zip(history.amplitude.values, history.amplitude_std.values, strict=True)]
+        computed = [(amplitude, 0.0) for amplitude in history.computed_amplitude.values]
+        for k in range(1, history.sizes["harmonic"]):
             ratios = _ratio(measured[k], measured[0]), _ratio(computed[k], computed[0])
-            yield f"harmonic {k + 1} over the first {where}", "", "none", *ratios
-            phase = float(course.shape_phase[k]), float(course.shape_phase_std[k])
-            computed_phase = float(course.computed_shape_phase[k])
+            yield Comparison(f"harmonic {k + 1} over the first {where}", *ratios)
+            phase = float(history.shape_phase[k]), float(history.shape_phase_std[k])
+            computed_phase = float(history.computed_shape_phase[k])
             computed_phase += 360.0 * round((phase[0] - computed_phase) / 360.0)
             quantity = f"phase of harmonic {k + 1} minus {k + 1} times that of the first {where}"
-            yield quantity, " deg", "none", phase, (computed_phase, math.nan)
+            yield Comparison(quantity, phase, (computed_phase, math.nan), unit="deg")

@@ -48,42 +48,47 @@ def dissipation(coefficient: float, power: int, amplitude: float, frequency: flo
     return coefficient * (amplitude * frequency) ** (power + 1) / frequency * integral
 
 
-def equivalent(coefficient: float, power: int, amplitude: float, frequency: float) -> float:
-    """Return the damping coefficient of a power that dissipates as much as a linear coefficient.
+def equivalent_coefficient(
+    linear_coefficient: float, exponent: int, amplitude: float, frequency: float
+) -> float:
+    """Return the coefficient D of D |v|^(n-1) v that dissipates as much work as linear damping.
 
-    The linear `coefficient` is in N s/m, `amplitude` in m, `frequency` in rad/s.
+    The motion is harmonic with `amplitude` (m) and `frequency` (rad/s); `linear_coefficient` is in
+    N s/m, `exponent` is n >= 1, and D is in N s^n/m^n.
     """
-    linear = dissipation(coefficient, 1, amplitude, frequency)
-    return linear / dissipation(1.0, power, amplitude, frequency)
+    linear_work = dissipation(linear_coefficient, 1, amplitude, frequency)
+    return linear_work / dissipation(1.0, exponent, amplitude, frequency)
 
 
-def model(pair: dict, place: str, power: str, settings: dict) -> tuple[Any, float]:
-    """Return a model with damping of one power at one place, and its coefficient.
+def damped_model(pair: dict, place: str, power: str, settings: dict) -> tuple[Any, float]:
+    """Return a model with linear, quadratic or cubic damping, and the damping coefficient.
 
-    `pair` has arguments of `GearPair` without damping, `place` is a key of `PLACES`, `power` one of
-    `POWERS`. `settings` have the linear damping (N s/m), and amplitude (static deflections) and
-    tuning of the motion in which all dampings dissipate the same work.
+    `pair` has arguments of `GearPair` without damping. `place` says where the damping acts:
+    "material" (in contact) or "oil" (in the backlash); `power` is "linear", "quadratic" or "cubic".
+    `settings` have the linear damping (N s/m), and amplitude (static deflections) and tuning of the
+    harmonic motion in which all dampings dissipate the same work.
     """
     undamped, exponent = GearPair(**pair), [*POWERS].index(power) + 1
     amplitude = settings["amplitude"] * undamped.static_deflection
     frequency = undamped.mesh_frequency(settings["tuning"])
-    coefficient = equivalent(settings["damping"], exponent, amplitude, frequency)
+    coefficient = equivalent_coefficient(settings["damping"], exponent, amplitude, frequency)
     damping = {PLACES[place][exponent - 1]: coefficient}
     if exponent == 1:
         return undamped.replace(**damping), coefficient
     return OneDegreePair(pair=undamped, **damping), coefficient
 
 
-def compute(
+def damping_study(
     pair: dict, place: str, power: str, tunings, settings: dict, run: dict, samples_per_period: int
 ) -> xr.Dataset:
-    """Return the sweeps of one damping in all directions, its jumps and its phase planes.
+    """Return the sweeps with one damping in all directions, their jumps, and phase portraits.
 
-    `pair`, `place`, `power` and `settings` are arguments of `model`; `settings` also have shown,
-    the tunings of the phase planes. `run` has arguments of `gearlib.sweep`. Values without a jump
-    or without contact loss are NaN.
+    `pair`, `place` (where the damping acts: "material" or "oil"), `power` ("linear", "quadratic" or
+    "cubic") and `settings` are arguments of `damped_model`; `settings` also have shown, the tunings
+    of the phase portraits, which have `samples_per_period`. `run` has arguments of `gearlib.sweep`.
+    Values without a jump or without contact loss are NaN.
     """
-    damped, coefficient = model(pair, place, power, settings)
+    damped, coefficient = damped_model(pair, place, power, settings)
     curves = {name: sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS}
 
     def characteristic(direction: str) -> dict:
@@ -117,7 +122,7 @@ def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -
     `curve` is the sweep of the model `damped` in this direction with the arguments `run`.
     """
     tuning = curve.tuning.values
-    largest_jump = jump.find(damped, tuning, _JUMP_RESOLUTION, direction, **run)
+    largest_jump = jump.find_jump(damped, tuning, _JUMP_RESOLUTION, direction, **run)
     heights = curve.displacement_max.fillna(-np.inf)
     losses = true_intervals(curve.displacement_min.values < -_DISPLACEMENT_TOLERANCE)
     widest_loss = max(losses, key=lambda ends: ends[1] - ends[0], default=None)

@@ -17,8 +17,8 @@ from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 
 
-def phase_plane(pair: dict, tuning: float, run: dict, damping: str) -> xr.Dataset:
-    """Return the recorded run of a gear pair at one tuning, labelled with the name of its damping.
+def phase_plane_run(pair: dict, tuning: float, run: dict, damping: str) -> xr.Dataset:
+    """Simulate the time history behind a phase portrait, labelled with the name of its damping.
 
     `pair` has arguments of `GearPair`, `run` those of `gearlib.simulate`.
     """

@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 
 from gearlib.analysis.orbits.continuation import continue_orbit, switch_branch
-from gearlib.analysis.orbits.followed_parameters import value_of
 from gearlib.analysis.orbits.loci import locus
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
@@ -24,15 +23,18 @@ from gearlib.tunings import grid
 _MIN_TUNING_CHANGE = 1e-9
 
 
-def window(
+def sweep_window(
     pair: dict, window: tuple, step: float, run: dict, damping, direction, threads, lowest=None
 ) -> xr.Dataset:
-    """Return a sweep over a window of tunings (first, last), labelled with its damping.
+    """Return a sweep over a window of tunings (first, last), labelled with damping and direction.
 
-    `pair` has arguments of `GearPair`, `run` those of `gearlib.sweep`. A downward sweep that has
-    not jumped continues below the window, down to the tuning `lowest`.
+    `pair` has arguments of `GearPair`, `run` those of `gearlib.sweep`; `step` is that of the
+    tuning, `damping` the name of the damping of the pair, `direction` "cold" (every run from the
+    same initial state), "up" or "down", and `threads` the number of threads. A downward sweep that
+    has not jumped continues below the window, down to the tuning `lowest`.
     """
-    tunings, model = np.array(grid(window[0], window[1], step)), GearPair(**pair)
+    first, last = window
+    tunings, model = np.array(grid(first, last, step)), GearPair(**pair)
     if direction == "down" and lowest is not None:
         curve, _ = sweep_down(model, tunings, lowest, threads=threads, **run)
     else:
@@ -125,10 +127,11 @@ def loci(
 
     `branches` are those of the gear pair with the arguments `pair`. The loci lie between the
     tunings `start` and `stop` and between the damping ratios `lowest` and `highest`. ``locus`` is
-    the number of the special point of the branches from which a locus starts.
+    the number of the special point of the branches from which a locus starts, ``own_damping`` the
+    damping ratio of the gear pair.
     """
-    model = GearPair(**pair)
-    damping, labels = value_of(model, 1.0, "damping"), branches.label.values
+    model, labels, tunings = GearPair(**pair), branches.label.values, (start, stop)
+    damping_ratio = model.damping_ratio
     names = ["state", "multiplier_real", "multiplier_imaginary", "residual", "tuning", "label"]
     # An empty dataset ensures that the result has its variables even without any locus.
     empty = branches.isel(point=slice(0))[names].reset_coords(drop=True).drop_encoding()
@@ -136,20 +139,15 @@ def loci(
     is_special = np.isin(labels, (FOLD, DOUBLING, GRAZING)) & (branches.period.values == 1)
     for point in np.flatnonzero(is_special):
         for limit in (lowest, highest):
-            if limit == damping:
+            if limit == damping_ratio:
                 continue
             try:
-                curve = locus(
-                    model, branches, int(point), "damping", to=limit, limits=(start, stop)
-                )
+                curve = locus(model, branches, int(point), "damping", to=limit, limits=tunings)
             except NoOrbit:
                 continue
-            size = curve.sizes["point"]
-            datasets.append(
-                curve.rename(damping="damping_ratio").assign(
-                    label=("point", np.full(size, labels[point], np.int8)),
-                    locus=("point", np.full(size, point, np.int32)),
-                )
-            )
+            size, curve = curve.sizes["point"], curve.rename(damping="damping_ratio")
+            label = "point", np.full(size, labels[point], np.int8)
+            number = "point", np.full(size, point, np.int32)
+            datasets.append(curve.assign(label=label, locus=number))
     dataset = _joined(datasets, branches.attrs, "Loci of special points over tuning and damping")
-    return describe(dataset.assign(own_damping=damping))
+    return describe(dataset.assign(own_damping=damping_ratio))

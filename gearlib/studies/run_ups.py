@@ -19,14 +19,15 @@ DIRECTIONS = ("up", "down")
 _ORDER_MAP_BLOCKS, SAMPLES_PER_PERIOD = 480, 128
 
 
-def compute(
+def run_ups_at_several_rates(
     pair: dict, start: float, stop: float, revolutions: Sequence[int], *, mesh_orders: int, damping
 ) -> xr.Dataset:
     """Return tuning and extrema of the displacement in each revolution of several run-ups.
 
-    `pair` has arguments of `GearPair`. In each run the tuning rises from `start` to `stop` and
-    falls again, each in a number of revolutions from `revolutions`. The dataset also has the order
-    map of the slowest run-up, up to `mesh_orders` times the mesh order. `damping` is a name.
+    `pair` has arguments of `GearPair`. In each run the tuning rises linearly from `start` to `stop`
+    in a number of revolutions from `revolutions`, and falls again in the same number. The dataset
+    also has the order map of the slowest run, up to `mesh_orders` times the mesh order. `damping`
+    is the name of the damping of the pair.
     """
     model = GearPair(**pair)
     start_speed, stop_speed = (float(model.speed(nu)) for nu in (start, stop))
@@ -34,7 +35,8 @@ def compute(
     shape = len(revolutions), len(DIRECTIONS), max(revolutions)
     data = {name: np.full(shape, np.nan) for name in names}
     for i, count in enumerate(revolutions):
-        seconds = 120.0 * count / (start_speed + stop_speed)
+        mean_speed = 0.5 * (start_speed + stop_speed)  # rpm
+        seconds = 60.0 * count / mean_speed
         profile = [(0.0, start_speed), (seconds, stop_speed), (2.0 * seconds, start_speed)]
         is_slowest = count == max(revolutions)
         samples = SAMPLES_PER_PERIOD if is_slowest else 0
@@ -59,7 +61,7 @@ def compute(
         | {"damping": damping},
         coords | {"direction": list(DIRECTIONS)},
     )
-    # In the CF conventions, time is a time of day; blocks have seconds since the start of the run.
+    # xarray and the CF conventions take "time" for dates; blocks have seconds from the start.
     map_names = ["amplitude", "rpm", "overall", "teeth", "order_resolution"]
     dataset = dataset.merge(blocks[map_names].rename(time="block"))
     dataset = result("Run-ups of a gear mesh", model, dataset, method="closed forms")

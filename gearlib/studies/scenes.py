@@ -31,7 +31,7 @@ from gearlib.studies import many_starts
 MODELS = ("one_degree", "six_degrees_plain", "six_degrees")
 TRUNCATED_MODEL = "one_degree_harmonics"
 
-#: Table entry in place of a number that depends on the start.
+#: Table entry in place of a number that depends on the initial state by more than rounding errors.
 DIFFERS = "differs"
 #: Smaller changes are rounding errors.
 _MIN_CHANGE = 1e-9
@@ -39,6 +39,8 @@ _MIN_CHANGE = 1e-9
 _MAX_ROUNDING_CHANGE = 1e-3
 _DISPLACEMENTS = ("displacement_max", "displacement_min")
 _FORCES = ("dynamic_force_max", "dynamic_force_min")
+#: Segments of constant stiffness in a mesh period that starts at the middle of double contact.
+_STIFFNESS_SEGMENTS = 3
 _FLAGS = flags_of(("unsettled", "free_of_rounding"))
 
 
@@ -82,12 +84,11 @@ def representative_runs(
     return first, [run_from(state, samples_per_period=1) for state in states]
 
 
-def of_comparison(
-    comparison: xr.Dataset, cases: Sequence[dict], six_degrees: dict, run: dict, starts: dict
-) -> xr.Dataset:
-    """Return the scene with the model that `comparison`, a result of `compare`, has chosen.
+def chosen_model_scene(comparison, cases, six_degrees: dict, run: dict, starts: dict) -> xr.Dataset:
+    """Simulate all cases of a scene with the model that a comparison of models has chosen.
 
-    The other arguments are those of `scene`.
+    `comparison` is a result of `compare`; the other arguments, and the dataset of time histories
+    over case and mesh phase, are those of `scene`.
     """
     return scene(cases, comparison.chosen.item(), six_degrees, run, starts)
 
@@ -95,11 +96,13 @@ def of_comparison(
 def scene(
     cases: Sequence[dict], model: str, six_degrees: dict, run: dict, starts: dict
 ) -> xr.Dataset:
-    """Return time histories and summaries of all cases of a scene, over case and mesh phase.
+    """Simulate all cases of a scene; return time histories and summaries over case and mesh phase.
 
-    A case has title, tuning and pair (arguments of `GearPair`); `model` is a name of `MODELS`.
-    `run` and `starts` are the last arguments of `representative_runs`. losing_share is the fraction
-    of the starts from which contact is lost.
+    A case has title, tuning and pair (arguments of `GearPair`); `model` is a name of `MODELS`,
+    `six_degrees` has further arguments of `SixDegreePair`, `run` those of `gearlib.simulate`. If
+    rounding errors decide a run (free_of_rounding is 0), runs from random initial states are added;
+    `starts` has their number (starts), seed and spread. losing_share is the fraction of the initial
+    states from which contact is lost.
     """
     histories = []
     for case in cases:
@@ -110,42 +113,33 @@ def scene(
         history["losing_share"] = (), np.mean([float(record.bounces) > 0.0 for record in runs])
         phase = (history.phase - history.phase[0]).assign_attrs(history.phase.attrs)
         histories.append(describe(history.assign_coords(phase=phase), case_model))
-    dataset = xr.concat(
-        histories,
-        xr.IndexVariable("case", [case["title"] for case in cases]),
-        data_vars="all",
-        coords="minimal",
-        compat="equals",
-        join="exact",
-        combine_attrs="drop_conflicts",
-    )
+    titles = xr.IndexVariable("case", [case["title"] for case in cases])
+    options = {"data_vars": "all", "coords": "minimal", "compat": "equals", "join": "exact"}
+    dataset = xr.concat(histories, titles, combine_attrs="drop_conflicts", **options)
     return describe(dataset.assign(model=model))
 
 
 def compare(
-    cases: Sequence[dict],
-    question: dict,
-    six_degrees: dict,
-    harmonics: int,
-    run: dict,
-    starts: dict,
+    cases: Sequence[dict], criteria: dict, six_degrees: dict, harmonics: int, run: dict, starts
 ) -> xr.Dataset:
-    """Return observables, changes and costs of all models in a scene, and the chosen model.
+    """Run the cases of a scene with every model, and choose the smallest accurate model.
 
-    `question` has observables, tolerance, and candidates, the models that may be chosen, from the
-    smallest to the largest; `harmonics` is the number of harmonics of the truncated stiffness. The
-    other arguments are those of `scene`. The change of the largest model is NaN. If rounding errors
-    decide a run, values, changes and costs are medians over the starts, with ranges.
+    `criteria` has observables (names), tolerance of their relative changes, and candidates, the
+    models that may be chosen, from the smallest to the largest; `harmonics` is the number of
+    harmonics of the truncated stiffness. The other arguments are those of `scene`. Return values of
+    the observables, changes (NaN for the largest model) and costs of each model, and the name of
+    the chosen one. If rounding errors decide a run, they are medians over initial states, with
+    ranges.
     """
-    names, observables = [*MODELS, TRUNCATED_MODEL], question["observables"]
+    names, observables = [*MODELS, TRUNCATED_MODEL], criteria["observables"]
     values = np.empty((starts["starts"], len(names), len(cases), len(observables)))
     scales, costs = np.ones_like(values), np.empty(values.shape[:-1])
     is_reliable = np.empty(costs.shape[1:], bool)
     for i, j in np.ndindex(is_reliable.shape):
         tuning = cases[j]["tuning"]
         model = build_model(names[i], cases[j]["pair"], six_degrees, harmonics)
-        first, runs = representative_runs(model, tuning, run, starts)
-        is_reliable[i, j] = runs[0] is first
+        first_run, runs = representative_runs(model, tuning, run, starts)
+        is_reliable[i, j] = runs[0] is first_run
         # A single representative run is broadcast over all starts.
         values[:, i, j] = [[float(record[name]) for name in observables] for record in runs]
         scales[:, i, j] = [[_change_scale(record, name) for name in observables] for record in runs]
@@ -155,7 +149,7 @@ def compare(
     # The upper end is raised by the range of the starts, as a margin for all other starts.
     with np.errstate(invalid="ignore"):
         highest = np.where(is_change_reliable, highest, 2.0 * highest - lowest)
-    candidates, tolerance = question["candidates"], question["tolerance"]
+    candidates, tolerance = criteria["candidates"], criteria["tolerance"]
     accurate = [name for name in candidates[:-1] if highest[names.index(name)] <= tolerance]
     by_start = xr.Dataset(
         {
@@ -173,9 +167,9 @@ def compare(
     }
     titles = [case["title"] for case in cases]
     coords = {"model": names, "case": titles, "observable": list(observables)}
-    attrs = {
-        name: text for name, text in first.attrs.items() if name not in ("gear_pair", "parameters")
-    }
+    # All runs have the same attributes except for those that describe the model.
+    model_attrs = ("gear_pair", "parameters")
+    attrs = {name: text for name, text in first_run.attrs.items() if name not in model_attrs}
     attrs["title"] = "Comparison of models for one scene"
     return describe(xr.Dataset(data, coords, attrs))
 
@@ -183,10 +177,12 @@ def compare(
 def _relative_changes(
     values: np.ndarray, scales: np.ndarray, is_reliable: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the changes of the models, shape (starts, models), and whether they are is_reliable.
+    """Return the changes of the models, shape (starts, models), and a mask of reliable changes.
 
-    `values` of observables and `scales` of their changes have the shape (starts, models, cases,
-    observables); `is_reliable`, (models, cases), is true for runs that do not depend on rounding.
+    A change is the largest difference from larger models, relative to scales. The mask, (models,),
+    is true where no run depends on rounding. `values` of observables and `scales` of their
+    changes have the shape (starts, models, cases, observables); `is_reliable`, (models, cases), is
+    true for runs that do not depend on rounding.
     """
     change = np.full(values.shape[:2], np.nan)
     is_change_reliable = np.asarray(is_reliable.all(axis=1))
@@ -215,13 +211,15 @@ def _change_scale(run: xr.Dataset, observable: str) -> float:
 def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
     """Return the number of state components that a run computes per mesh period.
 
-    `record` is a result of `simulate` with the arguments `run`. The number of evaluations of Taylor
-    steps depends on rounding errors; it is rounded to 1, 2 or 5 times a power of ten.
+    `record` is a result of `simulate` with the arguments `run`. Closed forms compute the state once
+    for each piece of a mesh period and for each arc between contact events or changes of stiffness.
+    The cost of Taylor steps depends on rounding errors, so it is rounded to 1, 2 or 5 times a power
+    of ten.
     """
     propagator, evaluations = model.propagator(tuning), int(record.evaluations)
     if not evaluations:
-        # Closed forms advance over three stiffness segments, which contact events subdivide.
-        arcs = record.event.size / run["record_periods"] + 3
+        # Contact events subdivide the segments of constant stiffness.
+        arcs = record.event.size / run["record_periods"] + _STIFFNESS_SEGMENTS
         return propagator.components * (propagator.pieces + arcs)
     cost = propagator.components * evaluations / run["periods"]
     power = 10.0 ** math.floor(math.log10(cost))
@@ -232,7 +230,8 @@ def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
 def rows(comparisons: Sequence[xr.Dataset], scenes: Sequence[str]) -> Iterator[list]:
     """Yield the rows of the table of comparisons: the names of the columns, then their values.
 
-    `comparisons` are datasets from `compare`, `scenes` their names; each model has a row.
+    `comparisons` are datasets from `compare`, `scenes` the names of their scenes (sets of runs);
+    each model has a row. Numbers that depend on rounding errors are printed as `DIFFERS`.
     """
     yield ["scene", "model", "change", "tolerance", "cost", "chosen"]
     for scene_name, comparison in zip(scenes, comparisons, strict=True):

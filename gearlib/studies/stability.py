@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -18,10 +19,14 @@ from gearlib.runs.sweeping import sweep
 PLANES = ("stiffness_ratio", "contact_ratio", "damping")
 #: Largest damping of the chart relative to the damping that closes the last tongue.
 _DAMPING_MARGIN = 1.15
+#: Largest damping ratio of the chart if there is no tongue.
+_DEFAULT_MAX_DAMPING = 0.1
 #: Limits, relative to a tuning, between which its nearest tongue is searched.
 _TONGUE_RANGE = 0.7, 1.5
 #: Number of tunings of the scan for contact loss from rest, and its extent in tongue widths.
 _REST_SCAN_TUNINGS, _REST_SCAN_WIDTHS = 301, 1.5
+#: Tuning that is added to this extent, because tongues may have zero width.
+_MIN_REST_SCAN_MARGIN = 1e-3
 #: Number of tunings, and range of tuning, of the scan for forced contact loss.
 _FORCED_SCAN_TUNINGS, _FORCED_SCAN_RANGE = 51, 0.5
 #: Displacements down to this value below zero, static deflections, may be rounding errors.
@@ -31,12 +36,13 @@ NONE, PARAMETRIC, FORCED = 0, 1, 2
 CAUSES = ("none", "parametric instability", "forced response")
 
 
-def chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
+def stability_chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return growth rates and tongues of a gear pair over tuning and each parameter of `PLANES`.
 
-    `pair` has arguments of `GearPair`. `settings` have damping_ratios of the tongues,
-    least_stiffness_ratio, the lower limit of the chart, and values, the number of values of each
-    parameter.
+    `pair` has arguments of `GearPair`. `settings` have damping_ratios (each has its tongues),
+    least_stiffness_ratio (lower limit of the stiffness ratio), and values (number of values of each
+    parameter). own_value is the value of each parameter of the undamped pair; closing_damping is
+    the damping ratio above which a tongue does not exist.
     """
     model = GearPair(**pair).replace(material_damping=0.0)
     dampings, count = settings["damping_ratios"], settings["values"]
@@ -46,7 +52,7 @@ def chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     plane_values = {
         "stiffness_ratio": np.linspace(settings["least_stiffness_ratio"], 1.0, count),
         "contact_ratio": np.linspace(1.0, 2.0, count),
-        "damping": np.linspace(0.0, max_damping or 0.1, count),
+        "damping": np.linspace(0.0, max_damping or _DEFAULT_MAX_DAMPING, count),
     }
     parameters = {name: getattr(model, name) for name in PLANES[:2]} | {"damping": dampings[0]}
     planes = []
@@ -60,11 +66,8 @@ def chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
             tongues.append(edges.assign_coords(damping=damping))
         plane_parameters = parameters | {plane: values[:, None]}
         growth = meissner.growth(**plane_parameters, tuning=np.array(tunings))
-        planes.append(
-            xr.concat(tongues, "damping", join="outer").assign(
-                value=("row", values), growth=(("row", "tuning"), growth)
-            )
-        )
+        chart = xr.concat(tongues, "damping", join="outer")
+        planes.append(chart.assign(value=("row", values), growth=(("row", "tuning"), growth)))
     data = xr.concat(planes, xr.IndexVariable("plane", [*PLANES]), join="outer")
     points = _zero_width_points(model, data.order.values, settings["least_stiffness_ratio"])
     data = data.assign(
@@ -79,11 +82,17 @@ def chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
 def _zero_width_points(
     pair: GearPair, orders: Sequence[int], min_stiffness_ratio: float
 ) -> dict[str, tuple[str, np.ndarray]]:
-    """Return plane, value and tuning of the points where undamped tongues have zero width."""
+    """Return the points of the chart where undamped tongues have zero width, as variables.
+
+    A point has a plane (the parameter that is varied), the value of this parameter, and a tuning.
+    The stiffness ratio is varied at the contact ratio of the pair, and the reverse.
+    """
     points = []
+    fixed_parameters = {"stiffness_ratio": "contact_ratio", "contact_ratio": "stiffness_ratio"}
     for order in orders:
-        for plane, fixed in (PLANES[:2], PLANES[1::-1]):
-            for value, tuning in meissner.coexistence(order, **{fixed: getattr(pair, fixed)}):
+        for plane, fixed_parameter in fixed_parameters.items():
+            fixed_value = {fixed_parameter: getattr(pair, fixed_parameter)}
+            for value, tuning in meissner.coexistence(order, **fixed_value):
                 if plane != "stiffness_ratio" or value >= min_stiffness_ratio:
                     points.append((plane, value, tuning))
     return {
@@ -98,11 +107,11 @@ def contact_loss(
 ) -> xr.Dataset:
     """Return the tongues of gear pairs with different dampings, and why they lose contact.
 
-    `pairs` maps the name of a damping to arguments of `GearPair`. Contact is lost at `tuning`
-    either because the orbit of one mesh period leaves the flank, or because perturbations of this
-    orbit grow in a tongue. Tongues lie between the tunings `start` and `stop`; `run` has periods
-    and initial_state of the motion from rest. Edges of closed tongues, and limits of contact loss
-    outside the scan, are NaN.
+    `pairs` maps the name of a damping to arguments of `GearPair`. Contact is lost at `tuning`, the
+    variable asked, either because the forced orbit of one mesh period has displacements below zero,
+    or because perturbations of this orbit grow in an instability tongue. Tongues are searched
+    between the tunings `start` and `stop`; `run` has periods and initial_state of the motion from
+    rest. Edges of closed tongues, and limits of contact loss outside the scan, are NaN.
     """
     lower, upper = _TONGUE_RANGE
     start = max(search.MIN_TUNING, min(start, lower * tuning))
@@ -163,14 +172,14 @@ def orbit_min(pair: GearPair, tuning: float) -> float:
 def _loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
     """Return whether motion from rest loses contact at a tuning, and the range of such tunings.
 
-    `order` is that of the nearest tongue (0: none), which is scanned with `run`, arguments of
-    `gearlib.sweep`. An end of the range outside the scan is NaN.
+    `order` is that of the nearest instability tongue (0: none), whose range of tunings is scanned
+    with `run`, arguments of `gearlib.sweep`. An end of the range outside the scan is NaN.
     """
     lower = upper = tuning
     if order:
-        gap = meissner.gap(meissner.equation_of(pair), order)
-        lower, upper = (1.0 / k for k in reversed(gap))
-    margin = _REST_SCAN_WIDTHS * (upper - lower) + 1e-3
+        limits: Any = meissner.gap(meissner.equation_of(pair), order)  # of 1 / tuning
+        upper, lower = (1.0 / limit for limit in limits)
+    margin = _REST_SCAN_WIDTHS * (upper - lower) + _MIN_REST_SCAN_MARGIN
     first_tuning, last_tuning = min(lower, tuning) - margin, max(upper, tuning) + margin
     scan = np.linspace(first_tuning, last_tuning, _REST_SCAN_TUNINGS)
     curve = sweep(pair, scan, record_periods=run["periods"], **run)

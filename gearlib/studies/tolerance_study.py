@@ -36,27 +36,21 @@ def nominal_design(pair: dict, drawing: dict | None = None) -> GearPair | DrawnP
     )
 
 
-def compute(
-    *,
-    pair: dict,
-    tolerances: dict,
-    samples: int,
-    shard: str,
-    threads: int,
-    drawing=None,
-    **settings,
+def scatter_of_shard(
+    *, pair: dict, tolerances: dict, samples: int, shard: str, threads, drawing=None, **settings
 ) -> xr.Dataset:
-    """Return the results of `gearlib.scatter` for a shard of all samples, a text "first-last".
+    """Return the results of `gearlib.scatter` for a part of all random samples.
 
-    `pair` and `drawing` are arguments of `nominal_design`, `tolerances` maps parameters to their
-    distributions, `settings` are further arguments of `gearlib.scatter`.
+    `shard` is a string such as "0-100": the indices of its first sample and of the first sample
+    after it. `pair` and `drawing` are arguments of `nominal_design`, `tolerances` maps
+    parameters to their distributions, `settings` are further arguments of `gearlib.scatter`.
     """
     first, last = map(int, shard.split("-"))
     design = nominal_design(pair, drawing)
     return scatter_shard(design, tolerances, samples, first, last, threads=threads, **settings)
 
 
-def indices(
+def sobol_indices_of_design(
     *, pair: dict, tolerances: dict, samples: int, drawing: dict | None = None, **settings: Any
 ) -> xr.Dataset:
     """Return the Sobol' indices of a design from a number of samples.

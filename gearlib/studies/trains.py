@@ -16,7 +16,7 @@ from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.studies import many_starts
 
-#: Number of double satellites of the reducer.
+#: Number of equal branches of the reducer: satellites with two gears each, which share the power.
 BRANCHES = 3
 #: Variables with median and range over the initial states.
 _VARIABLES = ("dynamic_factor", "load_sharing", "fraction_normal")
@@ -46,18 +46,18 @@ def pin_errors_of_first_branch(settings: dict) -> list[tuple[float, float]]:
 def reducer(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return force and contact of all meshes of the reducer over tuning, without and with errors.
 
-    `pair` has arguments of `GearPair`. `settings` are those of `reducer_train` and of
-    `gearlib.studies.many_starts`, and the errors pin_error (m, radial and tangential) and
-    backlashes (m, of each branch).
+    `pair` has arguments of `GearPair`. `settings` have teeth, modules, shaft_stiffness,
+    support_stiffness and damping_ratio of the reducer, the keys of `many_starts.SETTINGS` for the
+    random initial states, and the errors pin_error (m, radial and tangential) and backlashes (m, of
+    each branch). The cases are "alike" (equal branches), "pin_error" (of the first branch) and
+    "unequal_backlash".
     """
     pair_model, tunings = GearPair(**pair), np.asarray(tunings, float)
     backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
-    equal = reducer_train(pair_model, settings)
+    equal, pin_errors = reducer_train(pair_model, settings), pin_errors_of_first_branch(settings)
     trains = {
         "alike": equal,
-        "pin_error": reducer_train(
-            pair_model, settings, pin_errors=pin_errors_of_first_branch(settings)
-        ),
+        "pin_error": reducer_train(pair_model, settings, pin_errors=pin_errors),
         "unequal_backlash": reducer_train(pair_model, settings, backlashes=backlashes),
     }
     # Meshes have names such as "first 2": their stage and their branch.
@@ -83,8 +83,10 @@ def _reducer_case(
 ) -> xr.Dataset:
     """Return the sweep of a reducer, its largest dynamic factors, and fractions of the starts.
 
-    These are the starts from which exactly one branch loses contact, or has contact on the coast
-    side. `mesh_branches` has the branch number of each mesh.
+    lost_alone_share is the fraction of initial states from which a branch is the only one that
+    loses contact, struck_alone_share that from which it is the only one with coast-side contact.
+    `mesh_branches` has the branch number of each mesh, `settings` those of
+    `gearlib.studies.many_starts`.
     """
     sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, _VARIABLES)
     losses = [contact_loss_fraction(motion.fraction_normal.values) > 0.0 for motion in motions]
@@ -109,22 +111,23 @@ def single_branch_fraction(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.
     The mask `occurs` has the shape (starts, tunings, meshes), `mesh_branches` has the branch number
     of each mesh. The fractions have the shape (tunings, branches).
     """
-    in_branch = np.stack(
-        [occurs[..., mesh_branches == number].any(axis=-1) for number in np.unique(mesh_branches)],
-        axis=-1,
-    )
+    numbers = np.unique(mesh_branches)
+    masks = [occurs[..., mesh_branches == number].any(axis=-1) for number in numbers]
+    in_branch = np.stack(masks, axis=-1)
     return (in_branch & (in_branch.sum(axis=-1, keepdims=True) == 1)).mean(axis=0)
 
 
 def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of the reducer: the names of the columns, then their values.
 
-    `characteristics` is a dataset from `reducer`; each case, direction and mesh has a row.
+    `characteristics` is a dataset from `reducer`; each case, direction and mesh has a row. The last
+    columns list tunings: those at which, from all initial states, the branch of the mesh is the
+    only one that loses contact, or that has coast-side contact (far_flank_struck), and those at
+    which the motion does not settle.
     """
     factor_names = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
-    branch_names = [
-        f"{event}_in_its_branch_only_at" for event in ("contact_lost", "far_flank_struck")
-    ]
+    events = ("contact_lost", "far_flank_struck")
+    branch_names = [f"{event}_in_its_branch_only_at" for event in events]
     yield ["case", "direction", "mesh", *factor_names, *branch_names, "not_settled_at"]
     tunings = characteristics.tuning.values
     speed_per_tuning = float(characteristics.speed[0] / characteristics.tuning[0])
@@ -134,8 +137,8 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
         is_settled, tuning = cell.settled.values == 1, float(cell.factor_tuning)
         branch = cell.sel(branch=int(cell.mesh_branch))
         loses_contact = is_settled & (branch.lost_alone_share.values == 1.0)
-        strikes_coast_side = is_settled & (branch.struck_alone_share.values == 1.0)
-        masks = loses_contact, strikes_coast_side, ~is_settled
+        has_coast_contact = is_settled & (branch.struck_alone_share.values == 1.0)
+        masks = loses_contact, has_coast_contact, ~is_settled
         tuning_lists = [" ".join(f"{nu:g}" for nu in tunings[mask]) for mask in masks]
         factor = f"{float(cell.largest_factor):.4g}"
         names = [cell[name].item() for name in ("case", "direction", "mesh")]
@@ -158,13 +161,7 @@ def over_speed(train: dict, tunings: Sequence[float], settings: dict) -> xr.Data
     return result(title, model, dataset.merge(model.layout()), **parameters)
 
 
-def campbell(
-    characteristics: xr.Dataset,
-    orders: int,
-    pair: dict | None = None,
-    settings: dict | None = None,
-    train: dict | None = None,
-) -> xr.Dataset:
+def campbell(characteristics, orders: int, pair=None, settings=None, train=None) -> xr.Dataset:
     """Return the Campbell diagram of a train, and the speeds at which its meshes lose contact.
 
     `characteristics` come from `over_speed` with `train`, or from `reducer` with `pair` and
@@ -174,9 +171,8 @@ def campbell(
     model = train_from_description(**train) if train else reducer_train(GearPair(**pair), settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
     data = model.campbell(orders).drop_vars("modal_force").merge(model.layout())
-    data = data.assign(
-        {name: sweeps[name] for name in ("fraction_normal_high", "settled", "speed")}
-    )
+    names = ["fraction_normal_high", "settled", "speed"]
+    data = data.assign({name: sweeps[name] for name in names})
     data["mesh_rate"] = "mesh", [float(rate) for rate in model.rates]
     name = "gear train" if train else "reducer with three double satellites"
     return result(f"Campbell diagram of a {name}", model, data, method="exact", orders=orders)

@@ -39,7 +39,7 @@ def test_both_exact_methods_have_the_state_and_the_events_of_50_digits(name):
 
 @pytest.mark.parametrize("method", ["exact", "taylor"])
 def test_own_solvers_are_right_wherever_they_take_the_model(method):
-    column = failures.compute(method, method, {})
+    column = failures.judge_method(method, method, {})
     for i, (name, problem) in enumerate(PROBLEMS.items()):
         cell = column.isel(problem=i, trial=0)
         verdict = failures.VERDICTS[int(cell.verdict)]

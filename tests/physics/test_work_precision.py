@@ -56,7 +56,7 @@ def slope(x, y):
 
 def test_rk4_is_of_first_order_where_steps_go_over_switches():
     # Of one step over a switch the force is wrong for a share of the step.
-    problem, steps = build("smooth"), work_precision.METHOD_LINES[2].values
+    problem, steps = build("smooth"), work_precision.METHOD_VARIANTS[2].values
     runs = [problems.run(problem, "rk4", {"steps_per_period": n}) for n in steps]
     evaluations = np.array([run.evaluations for run in runs], float)
     assert (evaluations == 4.0 * 6 * np.array(steps)).all()
@@ -100,6 +100,6 @@ def test_without_damping_a_problem_settles_on_no_orbit():
 def test_a_run_falls_low_just_below_the_jump_and_high_just_above():
     model = build("near_fold").model
     run = {"periods": 120, "record_periods": 24, "initial_state": (0.0, 0.0)}
-    place = jump.find(model, [0.815, 0.816], 1e-8, **run).tuning
+    place = jump.find_jump(model, [0.815, 0.816], 1e-8, **run).tuning
     below, above = (simulate(model, place + side * 2e-8, **run) for side in (-1.0, 1.0))
     assert float(above.displacement_max) > 1.2 * float(below.displacement_max)

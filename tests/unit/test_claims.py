@@ -30,7 +30,7 @@ def resonance_and_planes(tunings, planes, dampings):
         curve = sweep(pair, tunings, **RUN)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
         run = RUN | {"samples_per_period": 32}
-        runs += [paper.phase_plane(pair.as_dict(), nu, run, name) for nu in planes]
+        runs += [paper.phase_plane_run(pair.as_dict(), nu, run, name) for nu in planes]
     return gather_resonance(curves), gather_phase_planes(runs)
 
 
@@ -61,7 +61,7 @@ def jumps():
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
     pair = PAPER.replace(**DAMPINGS["k1"]).as_dict()
-    return jump.compute(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
+    return jump.jump_and_shifts(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
 
 
 @pytest.fixture(scope="module")
@@ -144,8 +144,8 @@ def test_what_is_proven_stands_in_a_table(tmp_path):
     step = {"step": 0.2, "max_height": 20.0, "max_points": 2000}
     branches = {name: resonance.branches_of(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
     pairs = {name: pair.as_dict() for name, pair in pairs.items()}
-    proofs = certificates.compute(pairs, branches, PLANES)
-    rows = read_back(certificates.rows(proofs), tmp_path)
+    proofs = certificates.certify_branches(pairs, branches, PLANES)
+    rows = read_back(certificates.certificate_rows(proofs), tmp_path)
     shown = [row["claim"] for row in proofs if row["claim"] not in ("count", "refusal")]
     assert [row["claim"] for row in rows] == shown
 

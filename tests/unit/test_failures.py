@@ -9,7 +9,7 @@ from gearlib import GearPair, integrators
 from gearlib.data import status
 from gearlib.studies.trials import difficult_problems, failures
 from gearlib.studies.trials.difficult_problems import Problem
-from gearlib.studies.trials.failures import Outcome, decide
+from gearlib.studies.trials.failures import Outcome, classify_run
 
 PAIR = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6, backlash=4.0)
 CONTACTS = ((1, 0), (0, 1))
@@ -25,7 +25,7 @@ BESIDE = REFERENCE._replace(state=(1.001, 0.0))
 def verdict(quantity, reference=REFERENCE, tolerance=1e-2, **changes):
     """Return the verdict on a reference with some of its values changed; the orbit is (1, 0)."""
     problem = Problem("", PAIR, 2.0, quantity=quantity, tolerance=tolerance, orbit=(1.0, 0.0))
-    return decide(problem, reference._replace(**changes), reference)
+    return classify_run(problem, reference._replace(**changes), reference)
 
 
 def fractions(normal):
@@ -88,7 +88,7 @@ def test_runs_without_an_end_diverged_or_stalled():
     ends = dict.fromkeys((status.EVENT_LIMIT, status.NOT_CONVERGED, status.STALLED), "stalled")
     for code, expected in (ends | {status.OVERFLOW: "diverged"}).items():
         problem = Problem("", PAIR, 2.0, quantity="state", tolerance=1e-2)
-        name, error = decide(problem, Outcome(code), REFERENCE)
+        name, error = classify_run(problem, Outcome(code), REFERENCE)
         assert name == expected and math.isnan(error)
 
 

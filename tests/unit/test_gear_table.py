@@ -45,7 +45,7 @@ def values(rows):
 def test_published_numbers_stand_in_the_table():
     drawn = fzg_c()
     mesh = Mesh(drawn.pinion, drawn.wheel, drawn.centre_distance, backlash=160.5e-6)
-    table = values([row._asdict() for row in gear_table.compute(mesh, torque=302.0)])
+    table = values([row._asdict() for row in gear_table.gear_quantities(mesh, torque=302.0)])
     # docs/worked_example.md has the sources.
     assert table["working_pressure_angle"]["mesh"] == pytest.approx(22.44, abs=5e-3)
     assert table["transverse_contact_ratio"]["mesh"] == pytest.approx(1.44, abs=5e-3)
@@ -64,7 +64,7 @@ def test_published_numbers_stand_in_the_table():
 
 def test_a_body_that_the_energy_method_does_not_take_has_no_values_of_it():
     gear = SpurGear(teeth=20, module=0.01, width=0.03, bore=0.15)
-    assert list(gear_table.compute(Mesh(gear, gear), torque=100.0)[-1].values) == ["iso"]
+    assert list(gear_table.gear_quantities(Mesh(gear, gear), torque=100.0)[-1].values) == ["iso"]
 
 
 def test_the_command_prints_the_table_of_a_configuration_and_options_come_first(gears):

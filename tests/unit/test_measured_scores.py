@@ -68,13 +68,13 @@ def curve(rig, resonance):
                 column += values
         top = {"observableId": "displacement_max", "unit": "um", "noise": noise} | channel
         channels = {"n": SPEED, "to": {"observableId": "direction", "unit": 1}, "top": top}
-        return study.curve(rig(channels, *columns), over)
+        return study.measured_response_curve(rig(channels, *columns), over)
 
     return measure
 
 
 def scores(curves, resonance, **more):
-    names, *rows = study.rows(curves, resonance, **more)
+    names, *rows = study.comparison_rows(curves, resonance, **more)
     return {row[1]: dict(zip(names, row, strict=True)) for row in rows}
 
 
@@ -128,7 +128,7 @@ def test_a_jump_is_a_step_that_stands_alone():
 def test_the_onset_of_contact_loss_is_that_of_the_sweep_up(rig, resonance):
     channels = {"n": SPEED, "x": {"observableId": "bounces", "unit": 1}}
     path = rig(channels, [1], [1], speeds={"onset_of_contact_loss": {"value": 3000.0}})
-    table = scores([study.curve(path, resonance)], resonance)
+    table = scores([study.measured_response_curve(path, resonance)], resonance)
     # Between these tunings the orbit leaves the flank.
     up = resonance.isel(damping=0).sel(direction="up")
     below, above = (up.sel(tuning=nu, method="nearest") for nu in (0.80, 0.81))
@@ -149,7 +149,7 @@ def test_harmonics_of_a_course_are_those_it_was_made_of(rig):
         conditions={"one": {"speed": "3333 rpm"}},
     )
     run = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
-    course = study.courses(path, {"k": PAIR.as_dict()}, run).squeeze()
+    course = study.time_history_harmonics(path, {"k": PAIR.as_dict()}, run).squeeze()
     assert course.amplitude.values == pytest.approx(1e-6 * amplitudes, rel=1e-9)
     shape = np.radians(course.shape_phase.values) - (phases - orders * phases[0])
     assert np.cos(shape) == pytest.approx(1.0, abs=1e-12)
@@ -164,7 +164,7 @@ def test_orders_of_a_run_up_are_those_of_the_model_that_made_it(rig, resonance):
     table = run.time.values, run.speed.values, 1e6 * run.displacement.values * 1.3 + 5.0
     channels = {"t": TIME, "n": SPEED, "x": DISPLACEMENT | {"gain": "unknown"}}
     models = {"k": PAIR.as_dict(), "light": PAIR.replace(material_damping=1500.0).as_dict()}
-    spectra = study.orders(rig(channels, *table), models)
+    spectra = study.run_up_orders(rig(channels, *table), models)
     first = spectra.sel(damping="k").squeeze()
     # All whole revolutions: 3,100 rpm in the mean of 2 s.
     gain = (first.amplitude / first.computed_amplitude).sel(order=1).values
@@ -185,6 +185,6 @@ def test_orders_of_a_run_up_are_those_of_the_model_that_made_it(rig, resonance):
     half = len(table[0]) // 2
     gap = [np.delete(column, slice(half, half + 1000)) for column in table]
     with pytest.warns(UserWarning, match="2 of 103 blocks of revolutions are left out"):
-        part = study.orders(rig(channels, *gap), models)
+        part = study.run_up_orders(rig(channels, *gap), models)
     kept = np.isfinite(part.amplitude.values)
     assert part.amplitude.values[kept] == pytest.approx(spectra.amplitude.values[kept], rel=1e-9)

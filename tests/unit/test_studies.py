@@ -21,7 +21,7 @@ def test_coefficients_are_of_equal_work(power):
     expected = 2.0 * quad(work, -math.pi / (2 * w), math.pi / (2 * w), epsabs=0)[0]
     loss = nonlinear_damping.dissipation(d, power, amplitude, w)
     assert loss == pytest.approx(expected, rel=1e-12)
-    coefficient = nonlinear_damping.equivalent(1.0, power, amplitude, w)
+    coefficient = nonlinear_damping.equivalent_coefficient(1.0, power, amplitude, w)
     assert nonlinear_damping.dissipation(coefficient, power, amplitude, w) == pytest.approx(
         nonlinear_damping.dissipation(1.0, 1, amplitude, w)
     )

@@ -227,7 +227,7 @@ def cases_of_scene(wildcards):
     )
 
 
-def question_of_scene(wildcards):
+def criteria_of_scene(wildcards):
     """Return observables, tolerance and candidate models for the comparison of a scene."""
     scene = config["scenes"][wildcards.scene]
     candidates = CONFIG.candidate_models(CONFIG.scenes[wildcards.scene])

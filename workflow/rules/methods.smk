@@ -10,7 +10,7 @@ use rule _compute as compute_analytic_method with:
     output:
         "results/analytic_method.nc",
     params:
-        function="gearlib.studies.analytic_method:compute",
+        function="gearlib.studies.analytic_method:analytic_method_study",
         pair=PAIRS[config["analytic_method"]["damping"]],
         settings=config["analytic_method"],
         run=RUN,
@@ -93,7 +93,7 @@ use rule _compute as trial with:
         "results/failures/{trial}.nc",
     priority: LONG
     params:
-        function="gearlib.studies.trials.failures:compute",
+        function="gearlib.studies.trials.failures:judge_method",
         name="{trial}",
         method=lambda wildcards: TRIALS[wildcards.trial]["method"],
         options=lambda wildcards: TRIALS[wildcards.trial]["options"],
@@ -167,7 +167,7 @@ use rule _compute as work_precision_errors with:
     pathvars:
         job="work_precision/errors_{method}",
     input:
-        known="results/work_precision/references.nc",
+        reference_data="results/work_precision/references.nc",
         kernels=KERNELS,
         sources=lambda wildcards: WORK_PRECISION_SOURCES[wildcards.method],
     output:

@@ -13,7 +13,7 @@ use rule _compute as compute_run_ups with:
         "results/run_ups.nc",
     params:
         **pick(config["run_ups"], "start", "stop", "damping", "revolutions"),
-        function="gearlib.studies.run_ups:compute",
+        function="gearlib.studies.run_ups:run_ups_at_several_rates",
         pair=PAIRS[config["run_ups"]["damping"]],
         mesh_orders=config["run_ups"]["orders"],
 
@@ -49,7 +49,7 @@ use rule _compute as compute_jump with:
     output:
         "results/jump.nc",
     params:
-        function="gearlib.studies.jump:compute",
+        function="gearlib.studies.jump:jump_and_shifts",
         pair=PAIRS[config["jump"]["damping"]],
         settings=without(config["jump"], "marked"),
         run=RUN,
@@ -201,7 +201,7 @@ use rule _compute as compute_nonlinear_damping with:
     output:
         "results/nonlinear_damping/{place}_{power}.nc",
     params:
-        function="gearlib.studies.nonlinear_damping:compute",
+        function="gearlib.studies.nonlinear_damping:damping_study",
         pair=config["gear_pair"],
         settings=config["nonlinear_damping"],
         run=RUN,
@@ -267,7 +267,7 @@ use rule _compute as compare_models with:
     params:
         function="gearlib.studies.scenes:compare",
         cases=cases_of_scene,
-        question=question_of_scene,
+        criteria=criteria_of_scene,
         six_degrees=SIX_DEGREES,
         harmonics=config["models"]["harmonics"],
         run=RUN,
@@ -322,7 +322,7 @@ use rule _compute as compute_parametric_resonance with:
     output:
         "results/parametric_resonance.nc",
     params:
-        function="gearlib.studies.stability:chart",
+        function="gearlib.studies.stability:stability_chart",
         pair=config["gear_pair"],
         settings=without(config["parametric_resonance"], "asked", *GRID),
         tunings=grid(config["parametric_resonance"]),

@@ -50,7 +50,7 @@ use rule _compute as sweep_window with:
         "results/resonance/{damping}/{direction}/{window}.nc",
     params:
         **pick(config["resonance"], "step", "lowest"),
-        function="gearlib.studies.resonance:window",
+        function="gearlib.studies.resonance:sweep_window",
         pair=lambda wildcards: PAIRS[wildcards.damping],
         window=lambda wildcards: tunings.values_of(wildcards.window),
         run=RUN,
@@ -110,7 +110,7 @@ use rule _compute as phase_plane with:
     output:
         "results/phase_planes/{damping}/{tuning}.nc",
     params:
-        function="gearlib.studies.paper:phase_plane",
+        function="gearlib.studies.paper:phase_plane_run",
         pair=lambda wildcards: PAIRS[wildcards.damping],
         tuning=lambda wildcards: tunings.values_of(wildcards.tuning)[0],
         run=SAMPLED_RUN,
@@ -164,7 +164,7 @@ use rule _compute as scene with:
     output:
         "results/scenes/{scene}.nc",
     params:
-        function="gearlib.studies.scenes:of_comparison",
+        function="gearlib.studies.scenes:chosen_model_scene",
         cases=cases_of_scene,
         six_degrees=SIX_DEGREES,
         run=SAMPLED_RUN,

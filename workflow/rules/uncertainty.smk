@@ -11,7 +11,7 @@ use rule _compute as measured_curve with:
     output:
         "results/measured/{measured}.nc",
     params:
-        function="gearlib.studies.measured:curve",
+        function="gearlib.studies.measured:measured_response_curve",
         path=path_of_set,
 
 
@@ -25,7 +25,7 @@ use rule _compute as measured_course with:
     output:
         "results/measured/courses/{measured}.nc",
     params:
-        function="gearlib.studies.measured:courses",
+        function="gearlib.studies.measured:time_history_harmonics",
         path=path_of_set,
         pairs=PAIRS,
         run=SAMPLED_RUN,
@@ -41,7 +41,7 @@ use rule _compute as measured_orders with:
     output:
         "results/measured/orders/{measured}.nc",
     params:
-        function="gearlib.studies.measured:orders",
+        function="gearlib.studies.measured:run_up_orders",
         path=path_of_set,
         pairs=PAIRS,
 
@@ -63,7 +63,7 @@ use rule _table as measured_table with:
         csv="results/measured.csv",
         page=table_page("measured", "Measured and computed, in numbers", MEASURED),
     params:
-        function="gearlib.studies.measured:rows",
+        function="gearlib.studies.measured:comparison_rows",
 
 
 use rule _draw as draw_measured_courses with:
@@ -116,7 +116,7 @@ use rule _compute as tolerance_shard with:
     params:
         **DESIGNS,
         **pick(config["tolerances"], "samples", "directions", "periods", "record_periods"),
-        function="gearlib.studies.tolerance_study:compute",
+        function="gearlib.studies.tolerance_study:scatter_of_shard",
         tunings=grid(config["tolerances"]),
         box=[[-end, end] for end in config["tolerances"]["box"]],
         shard="{samples}",
@@ -144,7 +144,7 @@ use rule _compute as tolerance_indices with:
         "results/tolerance_indices.nc",
     params:
         **DESIGNS,
-        function="gearlib.studies.tolerance_study:indices",
+        function="gearlib.studies.tolerance_study:sobol_indices_of_design",
         samples=config["tolerances"]["index_samples"],
 
 

@@ -13,9 +13,11 @@ if __name__ == "__main__":
     proofs = []
     if params.flint:
         branches = {Path(path).stem: storage.read(path) for path in snakemake.input.branches}
-        proofs = certificates.compute(params.pairs, branches, params.tunings, params.all_points)
+        proofs = certificates.certify_branches(
+            params.pairs, branches, params.tunings, params.all_points
+        )
     else:
         print("python-flint is not installed: nothing is proven")
     certificates.write_json(proofs, snakemake.output.json)
-    write_table(certificates.rows(proofs), snakemake.output.csv)
+    write_table(certificates.certificate_rows(proofs), snakemake.output.csv)
     write_table_page(snakemake.output.csv, snakemake.output.page, params.gears)

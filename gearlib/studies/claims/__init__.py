@@ -17,9 +17,6 @@ module               responsibility
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
-from typing import Any
-
-import xarray as xr
 
 from gearlib.data.files import replacing
 from gearlib.studies.claims.data import Data, NoData
@@ -40,37 +37,35 @@ class Claim:
     figure: str  #: figure of the workflow
 
 
-def evaluate(
-    pair: Any,
-    dampings: dict[str, dict],
-    resonance: xr.Dataset,
-    phase_planes: xr.Dataset,
-    phase_lag: xr.Dataset,
-    jump: xr.Dataset,
-    scenes: dict[str, xr.Dataset],
-) -> list[Claim]:
-    """Return the claims P1 to P13, judged on the data of a configuration.
+def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> list[Claim]:
+    """Check the 13 statements P1 to P13 of the paper against the data of a configuration.
 
     `pair` is the `GearPair`, whose damping is not used; `dampings` maps names to material_damping
-    and backlash_damping (N s/m). The datasets are those of the targets of these names, scenes by
-    name; P8 and P11 to P13 use scenes whose names begin with fig4, fig6, fig7 and fig8.
+    and backlash_damping (N s/m). The others are datasets: `resonance` has sweeps and `phase_planes`
+    time histories for each damping, `phase_lag` the lag of displacement behind stiffness, `jump`
+    the jump of the motion from rest. `scenes` maps names (fig4..., fig6..., fig7..., fig8...) to
+    runs side by side.
     """
     resonance = resonance.sortby("tuning")
     data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
-    return [judge(check, data) for check in CHECKS]
+    return [evaluate_check(check, data) for check in CHECKS]
 
 
-def judge(check: tuple, data: Data) -> Claim:
-    """Return the claim of one statement; `check` is an entry of `CHECKS` with its rule."""
-    identifier, statement, where, figure, rule = check
+def evaluate_check(check: tuple, data: Data) -> Claim:
+    """Return a statement of the paper with the verdict of its rule.
+
+    `check` is an entry of `CHECKS`. Its rule returns whether the statement holds, the computed
+    result as text, and optionally how a strict criterion differs from the resolution of the plots.
+    """
+    identifier, statement, place, figure, rule = check
     try:
-        holds, computed, *strict_differences = rule(data)
+        holds, computed, *strict_difference = rule(data)
         verdict = HOLDS if holds else DIFFERS
-        if strict_differences:
-            verdict += f" at plot resolution; strictly {strict_differences[0]}"
+        if any(strict_difference):
+            verdict += f" at plot resolution; strictly {strict_difference[0]}"
     except NoData as reason:
         verdict, computed = NOT_EVALUATED, str(reason)
-    return Claim(identifier, statement, where, computed, verdict, figure)
+    return Claim(identifier, statement, place, computed, verdict, figure)
 
 
 def rows(claims: Sequence[Claim]) -> Iterator[tuple | list]:
@@ -81,15 +76,10 @@ def rows(claims: Sequence[Claim]) -> Iterator[tuple | list]:
 
 def write_markdown(claims: Sequence[Claim], path: Path) -> None:
     """Write the claims as a Markdown table, replacing the file in one step."""
-    lines = [
-        "# Statements of the paper against computed data",
-        "",
-        "| id | the paper | computed | verdict | figure |",
-        "|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {c.id} | {c.statement} ({c.where}) | {c.computed} | **{c.verdict}** | {c.figure} |"
-        for c in claims
-    ]
+    lines = ["# Statements of the paper against computed data", ""]
+    lines += ["| id | the paper | computed | verdict | figure |", "|---|---|---|---|---|"]
+    for claim in claims:
+        cells = [claim.id, f"{claim.statement} ({claim.where})", claim.computed]
+        lines.append(f"| {' | '.join(cells)} | **{claim.verdict}** | {claim.figure} |")
     with replacing(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")

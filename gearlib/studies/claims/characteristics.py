@@ -14,8 +14,8 @@ import xarray as xr
 from gearlib.data.motions import LINE_WIDTH, describe_settling, period_spread, true_intervals
 from gearlib.studies.claims.data import CONTACT_TOLERANCE, PLOT_RESOLUTION, Data
 
-#: Half width, in tuning, of the "small region" near 0.66: the paper does not state it.
-SMALL_REGION = 0.02
+#: Centre and half width of the paper's "small region" of tunings; it states only "near 0.66".
+_SMALL_REGION_CENTRE, _SMALL_REGION_HALF_WIDTH = 0.66, 0.02
 
 
 def interval_text(tuning: np.ndarray, condition: np.ndarray) -> str:
@@ -53,19 +53,16 @@ def printed_damping_ratios(data: Data) -> tuple[bool, str]:
 
 
 def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
-    """Judge statement P4: undamped contact is lost below a tuning of 0.8 only in a small region."""
-    curve = data.curve(
-        data.damping_names(material=False, backlash=False)[0], 0.6, 0.8 - PLOT_RESOLUTION
-    )
+    """Judge statement P4: undamped contact is lost below a tuning of 0.8 only near 0.66."""
+    undamped = data.damping_names(material=False, backlash=False)[0]
+    curve = data.curve(undamped, lowest=0.6, highest=0.8 - PLOT_RESOLUTION)
     is_lost = loses_contact(curve)
     tuning = curve.tuning.values
-    in_region = abs(tuning - 0.66) <= SMALL_REGION
+    in_region = abs(tuning - _SMALL_REGION_CENTRE) <= _SMALL_REGION_HALF_WIDTH
     holds = bool(is_lost[in_region].any() and not is_lost[~in_region].any())
     # The range ends before 0.8, because the next statement judges where bounces begin.
-    return (
-        holds,
-        f"below {0.8 - PLOT_RESOLUTION:g}: contact lost at {interval_text(tuning, is_lost)}",
-    )
+    intervals = interval_text(tuning, is_lost)
+    return holds, f"below {0.8 - PLOT_RESOLUTION:g}: contact lost at {intervals}"
 
 
 def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
@@ -106,38 +103,39 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
         tuning = curve.tuning.values
         is_lost = loses_contact(curve)
         inverse = bool((curve.fraction_inverse.values > 0).any())
-        first, last = (
-            (tuning[is_lost][0], tuning[is_lost][-1]) if is_lost.any() else (np.nan, np.nan)
-        )
-        holds &= abs(first - 0.8) <= 2 * PLOT_RESOLUTION and abs(last - 1.12) <= 2 * PLOT_RESOLUTION
+        limits = tuning[is_lost][[0, -1]] if is_lost.any() else np.full(2, np.nan)
+        holds &= (np.abs(limits - (0.8, 1.12)) <= 2 * PLOT_RESOLUTION).all()
         holds &= not inverse
-        texts.append(
-            f"{name}: {interval_text(tuning, is_lost)}, inverse mesh {'yes' if inverse else 'no'}"
-        )
+        text = f"{name}: {interval_text(tuning, is_lost)}, inverse mesh "
+        texts.append(text + ("yes" if inverse else "no"))
     return bool(holds), "contact lost at " + "; ".join(texts)
 
 
 def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
-    """Judge statement P7: of damped motions, only those with oil damping bounce above 1.12."""
+    """Judge statement P7: only motions with backlash damping (oil) lose contact above 1.12."""
+    # The lower limit exceeds the paper's 1.12 by more than the resolution of its plot.
+    lowest = 1.12 + 2 * PLOT_RESOLUTION
     highest = data.resonance.tuning.values[-1]
     damped = [name for name, flags in data.dampings.items() if any(flags)]
-    oil = data.damping_names(material=False, backlash=True)
+    with_oil = data.damping_names(material=False, backlash=True)
     lost_fractions = {}
     for name in damped:
-        # The lower limit exceeds the paper's 1.12 by more than the resolution of its plot.
-        curve = data.curve(name, 1.12 + 2 * PLOT_RESOLUTION, highest)
+        curve = data.curve(name, lowest, highest)
         lost_fractions[name] = float(loses_contact(curve).mean())
-    holds = all((fraction > 0) == (name in oil) for name, fraction in lost_fractions.items())
+    holds = all((fraction > 0) == (name in with_oil) for name, fraction in lost_fractions.items())
     text = ", ".join(f"{name} {100 * value:.0f} %" for name, value in lost_fractions.items())
-    return holds, f"tunings above 1.14 with contact lost: {text}"
+    return holds, f"tunings above {lowest:g} with contact lost: {text}"
 
 
-#: Tunings of the phase planes in the paper's Fig. 5.
+#: Tunings of the phase portraits in the paper's Fig. 5.
 _PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
 
 
 def undamped_phase_planes(data: Data) -> tuple:
-    """Judge statement P9: which undamped phase planes are unsteady or lose drive-side contact."""
+    """Judge statement P9: which undamped phase portraits are unsteady or lose drive-side contact.
+
+    Return whether it holds, the result as text, and how a strict criterion differs ("": it agrees).
+    """
     name = data.damping_names(material=False, backlash=False)[0]
     planes = data.planes(name, _PLANE_TUNINGS)
     unsteady = _spreads(planes) > LINE_WIDTH
@@ -148,15 +146,16 @@ def undamped_phase_planes(data: Data) -> tuple:
     holds &= tunings[is_lost].tolist() == [0.66, 0.80, 0.81, 0.82]
     holds &= tunings[inverse].tolist() == [0.81, 0.82]
     conditions = {"unsteady": unsteady, "bounces": is_lost, "inverse mesh": inverse}
-    text = "; ".join(
-        f"{condition} at {tunings_text(tunings[selected])}"
-        for condition, selected in conditions.items()
-    )
-    return holds, text, *_strict_differences({name: (planes, unsteady)})
+    texts = [f"{motion} at {tunings_text(tunings[mask])}" for motion, mask in conditions.items()]
+    return holds, "; ".join(texts), _strict_difference({name: (planes, unsteady)})
 
 
 def damped_phase_planes(data: Data) -> tuple:
-    """Judge statement P10: which phase planes with damping are unsteady."""
+    """Judge statement P10: which phase portraits with damping are unsteady.
+
+    According to the paper, only those with backlash damping alone, at three tunings. Return whether
+    it holds, the result as text, and how a strict criterion differs ("": it agrees).
+    """
     expected = {name: [] for name, flags in data.dampings.items() if any(flags)}
     for name in data.damping_names(material=False, backlash=True):
         expected[name] = [0.60, 0.66, 0.78]
@@ -174,19 +173,19 @@ def damped_phase_planes(data: Data) -> tuple:
         )
         texts.append(f"{name} unsteady at {cases or 'none'}")
     text = "; ".join(texts) + " (in brackets: how far mesh periods lie apart, over the height)"
-    return holds, text, *_strict_differences(planes_by_damping)
+    return holds, text, _strict_difference(planes_by_damping)
 
 
 def _spreads(planes: xr.Dataset) -> np.ndarray:
-    """Return the distance of mesh periods relative to the orbit height, for each phase plane."""
+    """Return the largest difference between mesh periods over the orbit height, by tuning."""
     return np.array([period_spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
 
 
-def _strict_differences(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> list[str]:
-    """Describe orbits that look steady but do not repeat, or the reverse, in a list of one text.
+def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> str:
+    """Describe orbits that look steady in a plot but do not repeat, or the reverse.
 
-    `planes_by_damping` maps dampings to their phase planes and a mask of those that look unsteady.
-    The list is empty if there are no such orbits.
+    `planes_by_damping` maps dampings to their phase portraits and a mask of those that look
+    unsteady. The text is empty if there are no such orbits.
     """
     differences = []
     for name, (planes, unsteady) in planes_by_damping.items():
@@ -195,15 +194,15 @@ def _strict_differences(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarra
             period = repetition_period(plane)
             if unsteady[i] == (period == 0):
                 continue
-            text = f"changes by {drift(plane):.1g} of its height per orbit"
+            text = f"changes by {min_period_change(plane):.1g} of its height per orbit"
             if period:
                 text = f"repeats after {period} periods"
             differences.append(f"{name} at {float(plane.tuning):.2f} {text}")
-    return [", ".join(differences)] if differences else []
+    return ", ".join(differences)
 
 
-def drift(run: xr.Dataset) -> float:
-    """Return the smallest change of an orbit after whole mesh periods, relative to its height.
+def min_period_change(run: xr.Dataset) -> float:
+    """Return the smallest change of displacement after whole mesh periods, over the orbit height.
 
     It is small for a motion that still settles, and large for a chaotic motion.
     """

@@ -29,9 +29,7 @@ class Data:
             for name, values in dampings.items()
         }
 
-    def damping_names(
-        self, material: bool | None = None, backlash: bool | None = None
-    ) -> list[str]:
+    def damping_names(self, material=None, backlash=None) -> list[str]:
         """Return the names of dampings with or without (None: either) both kinds of damping."""
         damping_names = [
             name
@@ -43,7 +41,7 @@ class Data:
         return damping_names
 
     def curve(self, damping: str, lowest: float, highest: float) -> xr.Dataset:
-        """Return the characteristic of motions from rest for one damping in a range of tunings."""
+        """Return the response curve from zero initial states, from tuning `lowest` to `highest`."""
         if "cold" not in self.resonance.direction.values:
             raise NoData("no cold resonance characteristic is configured")
         tuning = self.resonance.tuning.values
@@ -60,9 +58,10 @@ class Data:
         return curve
 
     def scene(self, figure: str, cases: int | None = None) -> xr.Dataset:
-        """Return the first scene whose name begins with a figure, such as "fig4".
+        """Return the runs of the first scene whose name begins with a figure, such as "fig4".
 
-        Raise NoData if there is none, or if it does not have this number of cases (None: any).
+        It has time histories over case. Raise NoData if there is none, or if it does not have this
+        number of cases (None: any).
         """
         scenes = [scene for name, scene in sorted(self.scenes.items()) if name.startswith(figure)]
         if not scenes or cases not in (None, scenes[0].sizes["case"]):

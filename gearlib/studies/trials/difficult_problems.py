@@ -41,7 +41,7 @@ class Problem(NamedTuple):
     state: tuple = (0.0, 0.0)  #: initial state; all components of a train
     periods: int = 10
     record_periods: int | None = None  #: number of last periods that are recorded; None: all
-    brief_periods: int | None = None  #: periods for solvers with slow interpreted steps
+    short_periods: int | None = None  #: periods for solvers with slow interpreted steps
     quantity: str = "state"
     tolerance: float = 1e-4
     orbit: tuple = ()  #: state at phase 0 of the orbit without loss, for "deviation"
@@ -60,6 +60,8 @@ PAPER = GearPair(
 _UNDAMPED = PAPER.replace(material_damping=0.0)
 #: For tongues: the perturbed motion keeps contact, so the backlash does not matter.
 _UNDAMPED_WITHOUT_COAST_SIDE = _UNDAMPED.replace(backlash=math.inf)
+#: Distance in tuning from the edge of a tongue, and initial displacement from the orbit.
+_DISTANCE_FROM_TONGUE, _PERTURBATION = 1e-4, 1e-6
 _RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.0617, "backlash": 4.0}
 _COMPARED_CONTACTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
 
@@ -70,14 +72,16 @@ def _gear_pair(**changes: float) -> GearPair:
 
 
 def _grazing(side: str, exponent: int) -> Problem:
-    """Return a problem whose motion reverses at a distance of 10^exponent from the flank line.
+    """Return a problem whose motion reverses close to the displacement 0, where contact is lost.
 
-    `side` is "past" or "short of" the drive-side flank line.
+    With the `side` "past" it reverses at -10^exponent, with "short of" at +10^exponent.
     """
-    tuning, reversal_phase, depth = 0.9, 0.9, 10.0**exponent * (1 if side == "past" else -1)
+    tuning, reversal_phase = 0.9, 0.9  # phase in rad, within the segment of high stiffness
+    displacement = {"past": -1.0, "short of": 1.0}[side] * 10.0**exponent
     # The start is computed backwards from the point of reversal, with the equation of contact.
     high_stiffness = stiffness_levels(_UNDAMPED.contact_ratio, _UNDAMPED.stiffness_ratio)[0]
-    start = meissner.state_after((-depth, 0.0), high_stiffness, 0.0, tuning, -reversal_phase)
+    reversal, phase = (displacement, 0.0), -reversal_phase
+    start = meissner.state_after(reversal, high_stiffness, damping=0.0, tuning=tuning, phase=phase)
     description = f"grazing, 1e{exponent} {side} the flank line"
     return Problem(description, _UNDAMPED, tuning, start, **_COMPARED_CONTACTS)
 
@@ -91,15 +95,15 @@ def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
     model, problems = _UNDAMPED_WITHOUT_COAST_SIDE, {}
     equation = meissner.equation_of(model)
     (order,) = meissner.orders(equation, centre, centre)
-    beyond = meissner.tongue(equation, order).stop + 1e-4
+    beyond = meissner.tongue(equation, order).stop + _DISTANCE_FROM_TONGUE
     for key, tuning, description in (
         (f"tongue_{name}", centre, f"inside the tongue at $\\nu$ = {centre:g}"),
         (f"edge_{name}", beyond, f"beyond its edge, $\\nu$ = {beyond:.4f}"),
     ):
         x, v = meissner.orbit_state(model, tuning)
+        start, record = (x + _PERTURBATION, v), {"periods": periods, "record_periods": 1}
         comparison = {"quantity": "deviation", "tolerance": 1e-2, "orbit": (x, v)}
-        start = x + 1e-6, v
-        problems[key] = Problem(description, model, tuning, start, periods, 1, **comparison)
+        problems[key] = Problem(description, model, tuning, start, **record, **comparison)
     return problems
 
 
@@ -142,6 +146,8 @@ def _state_problems() -> dict[str, Problem]:
     rest, coast_line = (0.0, 0.0), (-PAPER.backlash_ratio, 0.0)
     down, fast_down = (0.0, -1.0), (0.0, -3.0)
     slow_pair = _gear_pair(damping=0.002)
+    ratio_above_1, ratio_below_2 = (_gear_pair(contact_ratio=r) for r in (1.0 + 1e-9, 2.0 - 1e-9))
+    critically_damped = _gear_pair(contact_ratio=1.0, damping=1.0)
     overdamped, no_backlash = _gear_pair(damping=20.0), _gear_pair(backlash=0.0)
     rows = {
         "double_crossing": ("in and out within a long step", wide_backlash, 1.0, fall, 40),
@@ -150,31 +156,13 @@ def _state_problems() -> dict[str, Problem]:
         "no_backlash": ("no backlash", no_backlash, 0.9, fast_down),
         "nano_backlash": ("backlash 1e-9", _gear_pair(backlash=1e-9), 0.9, fast_down),
         "endless_backlash": ("infinite backlash", _gear_pair(backlash=math.inf), 0.9, fast_down),
-        "critical": (
-            "critically damped contact",
-            _gear_pair(contact_ratio=1.0, damping=1.0),
-            0.9,
-            fast_down,
-            1,
-        ),
+        "critical": ("critically damped contact", critically_damped, 0.9, fast_down, 1),
         "overdamped": ("overdamped contact, $\\beta$ = 20", overdamped, 0.9, fast_down, 5),
         "soft": ("stiffness ratio 1e-6", _gear_pair(stiffness_ratio=1e-6), 0.9, rest, 5),
         "ratio_1": ("contact ratio 1", _gear_pair(contact_ratio=1.0), 0.9, down, 5),
         "ratio_2": ("contact ratio 2", _gear_pair(contact_ratio=2.0), 0.9, down, 5),
-        "ratio_above_1": (
-            "contact ratio 1 + 1e-9",
-            _gear_pair(contact_ratio=1.0 + 1e-9),
-            0.9,
-            down,
-            5,
-        ),
-        "ratio_below_2": (
-            "contact ratio 2 $-$ 1e-9",
-            _gear_pair(contact_ratio=2.0 - 1e-9),
-            0.9,
-            down,
-            5,
-        ),
+        "ratio_above_1": ("contact ratio 1 + 1e-9", ratio_above_1, 0.9, down, 5),
+        "ratio_below_2": ("contact ratio 2 $-$ 1e-9", ratio_below_2, 0.9, down, 5),
         "slow": ("200 natural periods per mesh period", slow_pair, 0.005, rest, 1),
         "fast": ("20 mesh periods per natural period", PAPER, 20.0, (2.0, 0.0), 60),
         "cubic_damping": ("strong cubic damping", cubic, 0.9, (1.0, -3.0), 5),
@@ -186,17 +174,21 @@ def _state_problems() -> dict[str, Problem]:
 
 
 def problems() -> dict[str, Problem]:
-    """Return all problems, as name -> `Problem`."""
+    """Return all problems, as name -> `Problem`.
+
+    Orbits jump at a tuning of 0.8157; 2 and 0.6614 lie in tongues; the motion at 0.52 is chaotic.
+    """
     start = (0.0, -1e-8)
     bounce = Problem("a bounce of 2e-8 rad", _UNDAMPED, 1.0, start, **_COMPARED_CONTACTS)
+    # The extrema of the last 24 mesh periods are compared.
     fold = {"periods": 96, "record_periods": 24, "quantity": "orbit", "tolerance": 1e-2}
     chaos = Problem(
         "chaos",
         _gear_pair(contact_ratio=1.5, stiffness_ratio=0.3, damping=0.05),
-        0.52,
+        tuning=0.52,
         periods=4000,
         record_periods=3900,
-        brief_periods=60,
+        short_periods=60,
         quantity="fractions",
         # Fractions of time over so few periods scatter by this amount.
         tolerance=0.05,
@@ -204,28 +196,29 @@ def problems() -> dict[str, Problem]:
     conservative = Problem(
         "$10^5$ periods without loss",
         _gear_pair(stiffness_ratio=1.0, damping=0.0),
-        1.3,
-        (1.5, 0.0),
+        tuning=1.3,
+        state=(1.5, 0.0),
         periods=100_000,
         record_periods=1,
-        brief_periods=100,
+        short_periods=100,
         quantity="energy",
         tolerance=1e-3,
     )
     return {
-        "graze_short_6": _grazing("short of", -6),
-        "graze_past_6": _grazing("past", -6),
-        "graze_short_10": _grazing("short of", -10),
-        "graze_past_10": _grazing("past", -10),
+        "graze_short_6": _grazing("short of", exponent=-6),
+        "graze_past_6": _grazing("past", exponent=-6),
+        "graze_short_10": _grazing("short of", exponent=-10),
+        "graze_past_10": _grazing("past", exponent=-10),
         "tiny_bounce": bounce,
         **_state_problems(),
         "fold_below": Problem("just below the jump, $\\nu$ = 0.81568", PAPER, 0.81568, **fold),
         "fold_above": Problem("just above the jump, $\\nu$ = 0.81571", PAPER, 0.81571, **fold),
         "chaos": chaos,
         "conservative": conservative,
-        **_tongue("2", 2.0, 36),
-        **_tongue("066", 0.6614, 64),
-        # The references of trains are exact runs, which two other programs confirm.
+        **_tongue("2", centre=2.0, periods=36),
+        **_tongue("066", centre=0.6614, periods=64),
+        # Meshes of three planets lose contact simultaneously or 1e-12 rad apart. Their references
+        # are exact runs, which two other programs confirm.
         "planets_at_once": _planets("three meshes part at once"),
         "planets_apart": _planets("three meshes part 1e-12 apart", planet_displacement=5e-12),
         "planets_alike": _planets(

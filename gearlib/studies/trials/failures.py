@@ -161,8 +161,8 @@ def _is_other_attractor(problem: Problem, outcome: Outcome, reference: Outcome) 
     return outcome.period != reference.period or max(changes) > MIN_ATTRACTOR_CHANGE
 
 
-def _is_invented(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
-    """Return whether the motion of a run is larger than any motion of the problem."""
+def _is_spurious(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
+    """Return whether a motion is larger than possible, which only errors of a method can cause."""
     if problem.quantity in ("energy", "deviation"):
         largest = energy_or_deviation(problem, reference)
         return energy_or_deviation(problem, outcome) > largest
@@ -171,24 +171,28 @@ def _is_invented(problem: Problem, outcome: Outcome, reference: Outcome) -> bool
     return is_steady and outcome.height > MAX_GROWTH * max(reference.height, problem.tolerance)
 
 
-def decide(problem: Problem, outcome: Outcome, reference: Outcome) -> tuple[str, float]:
-    """Return the verdict on a run by the first rule that applies, and the error of the run."""
+def classify_run(problem: Problem, outcome: Outcome, reference: Outcome) -> tuple[str, float]:
+    """Return the verdict on a run by the first rule that applies, and the error of the run.
+
+    The verdict is "right" if the error is within the tolerance of the problem, else a failure, such
+    as "invented_motion" (larger than possible). The error is NaN if the run stopped early.
+    """
     if outcome.status != status.OK:
         return "diverged" if outcome.status == status.OVERFLOW else "stalled", math.nan
-    deviation = error(problem, outcome, reference)
+    run_error = error(problem, outcome, reference)
     settles = problem.quantity in ("orbit", "fractions")
     both_or_none_repeat = (outcome.period == 0) == (reference.period == 0)
     if not outcome.height <= DIVERGENCE_RATIO * max(1.0, reference.height):
-        return "diverged", deviation
-    if deviation <= problem.tolerance and (both_or_none_repeat or problem.quantity != "fractions"):
-        return "right", deviation
+        return "diverged", run_error
+    if run_error <= problem.tolerance and (both_or_none_repeat or problem.quantity != "fractions"):
+        return "right", run_error
     if settles and _is_other_attractor(problem, outcome, reference):
-        return "wrong_attractor", deviation
-    if _is_invented(problem, outcome, reference):
-        return "invented_motion", deviation
+        return "wrong_attractor", run_error
+    if _is_spurious(problem, outcome, reference):
+        return "invented_motion", run_error
     if not settles and outcome.contacts != reference.contacts:
-        return "missed_event", deviation
-    return "inaccurate", deviation
+        return "missed_event", run_error
+    return "inaccurate", run_error
 
 
 def run(
@@ -223,25 +227,28 @@ def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
 
 
 def try_method(problem: Problem, method: str, options: dict) -> dict:
-    """Run a method with these options on a problem; return its verdict, error and data of the run.
+    """Run a method with these options on a problem; return the verdict, the error and further data.
 
-    The dict maps names of variables of the dataset to values.
+    The dict maps names of variables of the dataset to values: error is in the quantity that the
+    problem compares, evaluations are those of the right-hand side, judge is the name of the
+    reference method, and message says why a run stopped early or, for the verdict "refused", why
+    the method does not support the model.
     """
-    verdict, deviation, periods, evaluations, reference_name = "refused", math.nan, 0, 0, ""
+    verdict, run_error, periods, evaluations, reference_name = "refused", math.nan, 0, 0, ""
     message = integrators.reason_unsupported(problem.model, method)
     if not message:
         # Interpreted steps of scipy are thousands of times slower than compiled steps.
-        short_periods = problem.brief_periods if method == "scipy" else None
+        short_periods = problem.short_periods if method == "scipy" else None
         periods = short_periods or problem.periods
         reference_name, reference_options = reference_method(problem, method)
         outcome = run(problem, method, options, periods)
         # The reference is practically not limited in its number of arcs.
         reference = run(problem, reference_name, reference_options, periods, max_events=1_000_000)
-        verdict, deviation = decide(problem, outcome, reference)
+        verdict, run_error = classify_run(problem, outcome, reference)
         evaluations, message = outcome.evaluations, status.MESSAGES[outcome.status]
     return {
         "verdict": np.int8(VERDICTS.index(verdict)),
-        "error": deviation,
+        "error": run_error,
         "periods": np.int32(periods),
         "evaluations": np.int64(evaluations),
         "judge": reference_name,
@@ -249,15 +256,16 @@ def try_method(problem: Problem, method: str, options: dict) -> dict:
     }
 
 
-def compute(name: str, method: str, options: dict) -> xr.Dataset:
-    """Return the verdicts on a method with these options on all problems, a column of the matrix.
+def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
+    """Run a method with these options on all difficult problems, and judge every run.
 
-    `name` labels the column.
+    The dataset has the dimension problem, and the dimension trial with a single entry, `name`, the
+    label of this method with these options in figures and tables that compare several.
     """
     problems_by_name = problems()
 
     def description(problem_name: str) -> dict:
-        """Return the variables that describe a problem."""
+        """Return the variables that describe a problem; words is its label in the figure."""
         problem = problems_by_name[problem_name]
         # States of gear trains have more than two components and are not stored.
         x, v = problem.state if len(problem.state) == 2 else (math.nan, math.nan)
@@ -275,10 +283,8 @@ def compute(name: str, method: str, options: dict) -> xr.Dataset:
     axes = problem_axis | {"trial": [name]}
     data = stacked(axes, lambda key, _: try_method(problems_by_name[key], method, options))
     data |= stacked(problem_axis, description)
-    data |= {
-        "method": ("trial", np.array([method], dtype=object)),
-        "options": ("trial", np.array([canonical_json(options)], dtype=object)),
-    }
+    texts = {"method": method, "options": canonical_json(options)}
+    data |= {key: ("trial", np.array([text], dtype=object)) for key, text in texts.items()}
     title = "Verdicts on methods by difficult problems"
     dataset = result_of_many(title, data, axes, references=GearPair.references)
     dataset["verdict"].attrs |= status.flags_of(VERDICTS)

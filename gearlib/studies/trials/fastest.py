@@ -10,15 +10,10 @@ from gearlib.studies.trials.work_precision import LIBRARY_METHODS
 
 #: Negative exponents of the required errors; the last one is close to the rounding of floats.
 DECADES = range(1, 16)
-#: Prefix of columns -> text in place of a method if none is accurate enough.
-UNREACHED = {"own": "no method of this library", "other": "no solver of another package"}
-_COLUMNS = (
-    "method",
-    "knob",
-    "time_us_per_mesh_period",
-    "evaluations_per_mesh_period",
-    "error_in_static_deflections",
-)
+#: Prefix of columns -> kind of method.
+OWNERS = {"own": "method of this library", "other": "solver of another package"}
+_NUMBERS = ("time_us_per_mesh_period", "evaluations_per_mesh_period", "error_in_static_deflections")
+_COLUMNS = ("method", "knob", *_NUMBERS)
 
 
 def fastest(errors: np.ndarray, seconds: np.ndarray, decade: int) -> int | None:
@@ -35,13 +30,15 @@ def fastest(errors: np.ndarray, seconds: np.ndarray, decade: int) -> int | None:
 def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[list]:
     """Yield the rows of the table of the fastest methods: the names of the columns, then values.
 
-    `errors` and `times` are datasets of `gearlib.studies.trials.work_precision`, one per method.
-    Each problem and decade of accuracy has a row with the fastest method of this library ("own")
-    and the fastest solver of other packages ("other").
+    `errors` and `times` are results of `errors` and `times` of
+    `gearlib.studies.trials.work_precision`, one per method; their dimension rung has the settings
+    of a method, line its label, and knob the text of its accuracy parameter. Each problem and
+    decade of accuracy has a row with the fastest method of this library ("own") and the fastest
+    solver of other packages ("other").
     """
     yield [
         *("problem", "accuracy_in_static_deflections", "own_is_times_faster"),
-        *(f"{owner}_{column}" for owner in UNREACHED for column in _COLUMNS),
+        *(f"{owner}_{column}" for owner in OWNERS for column in _COLUMNS),
     ]
 
     def concatenated(datasets: Sequence[xr.Dataset], name: str) -> np.ndarray:
@@ -50,20 +47,20 @@ def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[
     is_own = [[data.attrs["method"] in LIBRARY_METHODS] * data.sizes["rung"] for data in errors]
     candidates = {"own": np.concatenate(is_own), "other": ~np.concatenate(is_own)}
     names = "line", "knob", "state_error", "period_evaluations"
-    lines, parameters, state_errors, evaluations = (concatenated(errors, name) for name in names)
+    labels, parameters, state_errors, evaluations = (concatenated(errors, name) for name in names)
     seconds = concatenated(times, "period_time")
     for i, problem in enumerate(errors[0].problem.values):
         for decade in DECADES:
             cells, fastest_times = [], []
             for owner, is_candidate in candidates.items():
                 candidate_seconds = np.where(is_candidate, seconds[i], math.nan)
-                k = fastest(state_errors[i], candidate_seconds, decade)
+                k = fastest(state_errors[i], candidate_seconds, decade)  # index of a setting
                 if k is None:
-                    cells += [f"{UNREACHED[owner]} reaches it", *[""] * (len(_COLUMNS) - 1)]
+                    cells += [f"no {OWNERS[owner]} reaches it", *[""] * (len(_COLUMNS) - 1)]
                     continue
                 fastest_times.append(seconds[i, k])
                 numbers = 1e6 * seconds[i, k], evaluations[i, k], state_errors[i, k]
-                cells += [lines[k], parameters[k], *(f"{value:.3g}" for value in numbers)]
+                cells += [labels[k], parameters[k], *(f"{value:.3g}" for value in numbers)]
             ratio = ""
             if len(fastest_times) == len(candidates):
                 ratio = f"{fastest_times[1] / fastest_times[0]:.3g}"

@@ -23,6 +23,8 @@ from gearlib.models.one_mesh_system import state_matrix_by_phase
 
 #: Additional digits for the rounding errors of about a thousand sums in a step.
 GUARD_DIGITS = 10
+#: Steps per radian of the natural oscillation, at least.
+_STEPS_PER_RADIAN = 4
 _CODES = (INVERSE, BACKLASH, NORMAL)
 #: Function that converts arrays and lists of numbers to arrays of `Decimal`.
 decimals = np.vectorize(Decimal, otypes=[object])
@@ -34,8 +36,8 @@ class Equations(NamedTuple):
     matrices: dict  #: (contact code, segment) -> A, shape (n, n)
     cubic: dict  #: contact code -> cubic damping d
     bounds: list  #: phases that bound the segments, 0 to 2 pi
-    lines: np.ndarray  #: distances from the normal and the inverse flank line, shape (2, n)
-    start: np.ndarray  #: z at rest on the normal flank line
+    lines: np.ndarray  #: lines @ z: distances from drive-side and coast-side contact
+    start: np.ndarray  #: z at rest at the beginning of drive-side contact
 
 
 def run(
@@ -50,17 +52,21 @@ def run(
     with localcontext(prec=digits + GUARD_DIGITS):
         equations = (_six_degrees if model.equation is None else _one_degree)(model, tuning)
         z, contact, phases, codes = equations.start, NORMAL, [], []
+        # The rows of A for the derivatives of displacements are equal for all contact codes.
+        derivative_matrix = equations.matrices[BACKLASH, 0]
         if state is not None:
             z = decimals([*state, 1])
-            # The start may lie on a flank line, so the contact code shortly after it is used.
-            next_state = z + equations.matrices[BACKLASH, 0] @ z * Decimal(10) ** -digits
+            # Contact may begin or end at the start, so the contact code shortly after it is used.
+            next_state = z + derivative_matrix @ z * Decimal(10) ** -digits
             contact = _contact_code(equations.lines @ next_state)
         for period in range(periods):
             for segment, (phase, end) in enumerate(pairwise(equations.bounds)):
                 while phase < end:
                     matrix, cubic = equations.matrices[contact, segment], equations.cubic[contact]
                     series = _series(matrix, cubic, z)
-                    length = min(_step_length(series), Decimal(tuning) / 4, end - phase)
+                    # A radian of the natural oscillation is nu radians of the mesh phase.
+                    limits = Decimal(tuning) / _STEPS_PER_RADIAN, end - phase
+                    length = min(_step_length(series), *limits)
                     distances = (equations.lines @ series.T).tolist()
                     length, next_contact = _end_of_step(contact, distances, length)
                     z, phase = _series_value(series, length), phase + length
@@ -68,7 +74,7 @@ def run(
                         phases.append(2 * period * _pi() + phase)
                         codes.append((contact, next_contact))
                         contact = next_contact
-        derivatives = equations.matrices[BACKLASH, 0] @ z
+        derivatives = derivative_matrix @ z
         end_state = np.array([equations.lines[0] @ z, equations.lines[0] @ derivatives])
         return end_state, np.array(phases, object), np.array(codes, np.int8).reshape(-1, 2)
 
@@ -80,12 +86,14 @@ def _one_degree(model: Any, tuning: float) -> Equations:
     epsilon, kappa, backlash = map(Decimal, ratios)
     mean, matrices = kappa + (1 - kappa) * (epsilon - 1), {}
     for code in _CODES:
-        ratio = Decimal(pair.damping_ratio if code else pair.backlash_damping_ratio)
+        in_contact = code != BACKLASH
+        ratio = Decimal(pair.damping_ratio if in_contact else pair.backlash_damping_ratio)
         for segment, level in enumerate((Decimal(1), kappa, Decimal(1))):
-            stiffness = level / mean / nu**2 if code else 0
+            stiffness = level / mean / nu**2 if in_contact else 0
             load = 1 / nu**2 - (stiffness * backlash if code == INVERSE else 0)
             rows = [[0, 1, 0], [-stiffness, -2 * ratio / nu, load], [0, 0, 0]]
             matrices[code, segment] = decimals(rows)
+    # Rows of the damping are the contact codes -1, 0 and 1; the last column is cubic damping.
     cubic = {code: Decimal(model.equation.damping[code + 1, 2]) * nu for code in _CODES}
     coast_line = [0, 0, 1] if backlash.is_infinite() else [1, 0, backlash]
     lines = decimals([[1, 0, 0], coast_line])
@@ -93,7 +101,10 @@ def _one_degree(model: Any, tuning: float) -> Equations:
 
 
 def _six_degrees(model: Any, tuning: float) -> Equations:
-    """Return the equations of a `SixDegreePair`, with the state z of its `TrainSystem`."""
+    """Return the equations of a `SixDegreePair`, with the state z of its `TrainSystem`.
+
+    z has two rotations, displacements of elastic bearings, and the derivatives of all of these.
+    """
     system, pitch_phase = model.system(tuning), Decimal(model.pitch_phase)
     segments = range(system.starts.size - 1)
     matrices = {
@@ -102,16 +113,15 @@ def _six_degrees(model: Any, tuning: float) -> Equations:
         for segment in segments
     }
     # Each start of a segment, a float, is replaced by the nearest decimal.
-    exact_phases = _segment_bounds(Decimal(model.pair.contact_ratio))
-    exact_phases += [(pitch_phase + k * _pi()) % (2 * _pi()) for k in range(2)]
-    bounds = [
-        min(exact_phases, key=lambda phase: abs(float(phase) - start)) for start in system.starts
-    ]
+    phases = _segment_bounds(Decimal(model.pair.contact_ratio))
+    phases += [(pitch_phase + k * _pi()) % (2 * _pi()) for k in range(2)]
+    bounds = [min(phases, key=lambda phase: abs(float(phase) - start)) for start in system.starts]
     lines = decimals([system.drive_lines[0], system.coast_lines[0]])
     z = decimals(model.full_state(system, (0.0, 0.0)))
-    # Correct the first rotation and its velocity: the start is at rest on the flank line.
+    # Correct the first rotation and its velocity: the start is at rest where contact begins.
+    coordinate_count = 2 + len(model.elastic_bearings())
     z[0] -= lines[0] @ z
-    z[len(model.elastic_bearings()) + 2] -= lines[0] @ (matrices[BACKLASH, 0] @ z)
+    z[coordinate_count] -= lines[0] @ (matrices[BACKLASH, 0] @ z)
     return Equations(matrices, dict.fromkeys(_CODES, 0), bounds, lines, z)
 
 

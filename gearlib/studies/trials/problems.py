@@ -20,19 +20,20 @@ class Case(NamedTuple):
     """Tuning and damping of a test problem."""
 
     tuning: float
-    damped: tuple[bool, bool]  #: whether linear damping acts in contact, and in the backlash
-    steady: bool  #: whether the motion settles on an orbit of one mesh period
+    damped_in_contact: bool  #: whether linear damping acts in contact
+    damped_in_backlash: bool  #: whether linear damping acts in the backlash
+    settles: bool  #: whether the motion settles on an orbit of one mesh period
 
 
 #: Name -> `Case`. With run-out, six degrees of freedom repeat only after a revolution.
 CASES = {
-    "smooth": Case(0.7, (True, True), True),
-    "bouncing": Case(0.9, (True, True), True),
-    "near_fold": Case(0.815, (True, False), True),
-    "conservative": Case(0.9, (False, False), False),
-    "six_degrees": Case(0.82, (True, True), False),
-    "cubic": Case(0.9, (False, False), True),
-    "reducer": Case(0.9, (True, True), False),
+    "smooth": Case(0.7, True, True, settles=True),
+    "bouncing": Case(0.9, True, True, settles=True),
+    "near_fold": Case(0.815, True, False, settles=True),
+    "conservative": Case(0.9, False, False, settles=False),
+    "six_degrees": Case(0.82, True, True, settles=False),
+    "cubic": Case(0.9, False, False, settles=True),
+    "reducer": Case(0.9, True, True, settles=False),
 }
 
 
@@ -43,7 +44,7 @@ class Problem(NamedTuple):
     tuning: float
     periods: int
     record_periods: int
-    steady: bool  #: whether the motion settles on an orbit of one mesh period
+    settles: bool  #: whether the motion settles on an orbit of one mesh period
 
 
 class Motion(NamedTuple):
@@ -60,11 +61,13 @@ def build(name: str, pair: dict, six_degrees: dict, settings: dict) -> Problem:
 
     `pair` has arguments of `GearPair` without damping, `six_degrees` further arguments of
     `SixDegreePair`; `settings` have damping (N s/m), cubic_damping (N s^3/m^3), periods,
-    conservative_periods and record_periods.
+    conservative_periods (for problems whose runs must be short) and record_periods.
     """
-    case = CASES[name]
-    material, oil = (settings["damping"] if damped else 0.0 for damped in case.damped)
-    model = GearPair(**pair).replace(material_damping=material, backlash_damping=oil)
+    case, damping = CASES[name], settings["damping"]
+    material_damping = damping if case.damped_in_contact else 0.0
+    backlash_damping = damping if case.damped_in_backlash else 0.0
+    pair = pair | {"material_damping": material_damping, "backlash_damping": backlash_damping}
+    model: Any = GearPair(**pair)
     if name == "six_degrees":
         model = SixDegreePair(pair=model, **six_degrees)
     elif name == "cubic":
@@ -77,20 +80,16 @@ def build(name: str, pair: dict, six_degrees: dict, settings: dict) -> Problem:
     is_short = name in ("conservative", "reducer")
     periods = settings["conservative_periods" if is_short else "periods"]
     record_periods = min(settings["record_periods"], periods)
-    return Problem(model, case.tuning, periods, record_periods, case.steady)
+    return Problem(model, case.tuning, periods, record_periods, case.settles)
 
 
 def run(
-    problem: Problem,
-    method: str | None = None,
-    options: dict | None = None,
-    state: Sequence[float] = (0.0, 0.0),
-    periods: int | None = None,
+    problem: Problem, method=None, options=None, state: Sequence[float] = (0.0, 0.0), periods=None
 ) -> Motion:
     """Return the motion that a method computes for a test problem.
 
-    It starts from `state` (displacement, velocity) and lasts the mesh periods of the problem by
-    default.
+    The default is the automatic method. The motion starts from `state` (displacement, velocity) and
+    lasts a number of mesh `periods`, by default that of the problem.
     """
     periods = periods or problem.periods
     data = simulate(
@@ -112,12 +111,13 @@ def run(
     return Motion(end, data.event_phase.values[order], codes[order], int(data.evaluations))
 
 
-def difference_map(period_map: Callable, state: np.ndarray, step: Any) -> np.ndarray:
-    """Return the Jacobian (2, 2) of a period map by central differences of half width `step`."""
-    columns = [
-        (period_map(state + shift) - period_map(state - shift)) / (2 * step)
-        for shift in step * np.eye(2, dtype=int)
-    ]
+def period_map_jacobian(period_map: Callable, state: np.ndarray, step: Any) -> np.ndarray:
+    """Return the Jacobian, shape (2, 2), of a map of a state over one mesh period.
+
+    It is approximated by central differences at `state`, shape (2,), with half width `step`.
+    """
+    shifts = step * np.eye(2, dtype=int)
+    columns = [(period_map(state + s) - period_map(state - s)) / (2 * step) for s in shifts]
     return np.column_stack(columns).astype(float)
 
 

@@ -66,12 +66,12 @@ def settled_orbit(problem: problems.Problem) -> tuple[np.ndarray, float]:
         return high_precision.run(problem.model, problem.tuning, 1, DIGITS[1], start)[0]
 
     state = problems.run(problem, periods=SETTLING_PERIODS).state
-    if problem.steady and np.isfinite(state).all():
+    if problem.settles and np.isfinite(state).all():
         with localcontext(prec=DIGITS[1]):
             start = high_precision.decimals(state)
             residual = (period_map(start) - start).astype(float)
             if np.abs(residual).max() < MAX_RESIDUAL:
-                matrix = problems.difference_map(period_map, start, DIFFERENCE)
+                matrix = problems.period_map_jacobian(period_map, start, DIFFERENCE)
                 orbit = state + np.linalg.solve(np.eye(2) - matrix, residual)
                 return orbit, problems.largest_multiplier(matrix)
     return np.full(2, math.nan), math.nan

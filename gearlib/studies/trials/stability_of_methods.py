@@ -43,11 +43,7 @@ def spectral_radii(pair: Any, tunings: Sequence[float], method: str, options: di
 
 
 def compute(
-    pair: dict,
-    tunings: Sequence[float],
-    fine_tunings: Sequence[float],
-    steps: Sequence[int],
-    methods: dict[str, dict],
+    pair: dict, tunings: Sequence[float], fine_tunings, steps: Sequence[int], methods: dict
 ) -> xr.Dataset:
     """Return the spectral radii of fixed-step methods, and of the exact period map.
 
@@ -67,9 +63,7 @@ def compute(
         "true_radius": ("fine_tuning", spectral_radii(linear, fine_tunings, "exact", {})),
         "stiffness_max": model.max_stiffness / model.mean_stiffness,
     }
-    coords = axes | {
-        "tuning": np.asarray(tunings, float),
-        "fine_tuning": np.asarray(fine_tunings, float),
-    }
+    grids = {"tuning": tunings, "fine_tuning": fine_tunings}
+    coords = axes | {name: np.asarray(grid, float) for name, grid in grids.items()}
     title = "Numerical stability of fixed-step methods"
     return result(title, model, data, coords, method=", ".join(methods))

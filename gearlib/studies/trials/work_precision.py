@@ -45,44 +45,48 @@ _RTOL = tuple(10.0**-k for k in range(2, 13))
 _SCIPY = (1e-3, 1e-6, 1e-9, 1e-12, 2.3e-14)
 
 
-class MethodLine(NamedTuple):
-    """A line of the figures: a method, and values of its accuracy parameter from coarse to fine."""
+class MethodVariant(NamedTuple):
+    """A line of the figures: a method with options, and values of its accuracy parameter."""
 
     method: str
-    name: str  #: label of the line
+    label: str
     family: str  #: located (events), controlled (steps only), fixed, smoothed, other
     parameter: str  #: option that sets the accuracy; empty: there is none
-    values: tuple = (None,)
+    values: tuple = (None,)  #: from coarse to fine
     options: dict = {}  #: all other options
 
 
 #: Compiled methods of this library; the others are solvers of other packages.
 LIBRARY_METHODS = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
 
-#: All lines, each down to its smallest error, or to what its package accepts: below 1e-12 LSODA
+#: All variants, each down to its smallest error, or to what its package accepts: below 1e-12 LSODA
 #: stalls, below 100 times the last place of 1 scipy's pairs take that instead. scipy's right-hand
 #: side is Python: few values, and of Radau none that takes minutes. heyoka's steps are the same
 #: from 2.2e-16 on.
-METHOD_LINES = (
-    MethodLine("exact", "exact", "located", ""),
-    MethodLine("taylor", "taylor", "located", "tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-12, 1e-16)),
-    MethodLine("rk4", "rk4", "fixed", "steps_per_period", _STEPS),
-    MethodLine("newmark", "newmark", "fixed", "steps_per_period", _STEPS),
-    MethodLine("generalised_alpha", "generalised alpha", "fixed", "steps_per_period", _STEPS),
-    MethodLine("rk45", "rk45", "controlled", "rtol", _RTOL),
-    MethodLine(
+METHOD_VARIANTS = (
+    MethodVariant("exact", "exact", "located", ""),
+    MethodVariant(
+        "taylor", "taylor", "located", "tolerance", (1e-2, 1e-4, 1e-6, 1e-8, 1e-12, 1e-16)
+    ),
+    MethodVariant("rk4", "rk4", "fixed", "steps_per_period", _STEPS),
+    MethodVariant("newmark", "newmark", "fixed", "steps_per_period", _STEPS),
+    MethodVariant("generalised_alpha", "generalised alpha", "fixed", "steps_per_period", _STEPS),
+    MethodVariant("rk45", "rk45", "controlled", "rtol", _RTOL),
+    MethodVariant(
         *("smoothed", "smoothed", "smoothed", "sharpness"),
         (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4),
         {"rtol": 1e-11},
     ),
-    MethodLine("scipy", "scipy RK45", "controlled", "rtol", _SCIPY[:4], {"solver": "RK45"}),
-    MethodLine("scipy", "scipy LSODA", "controlled", "rtol", _SCIPY[:4], {"solver": "LSODA"}),
-    MethodLine("scipy", "scipy Radau", "controlled", "rtol", _SCIPY[:2], {"solver": "Radau"}),
-    MethodLine(
+    MethodVariant("scipy", "scipy RK45", "controlled", "rtol", _SCIPY[:4], {"solver": "RK45"}),
+    MethodVariant("scipy", "scipy LSODA", "controlled", "rtol", _SCIPY[:4], {"solver": "LSODA"}),
+    MethodVariant("scipy", "scipy Radau", "controlled", "rtol", _SCIPY[:2], {"solver": "Radau"}),
+    MethodVariant(
         *("scipy", "scipy DOP853, split", "located", "rtol", _SCIPY),
         {"solver": "DOP853", "events": True},
     ),
-    MethodLine("heyoka", "heyoka", "other", "tol", (*(10.0**-k for k in range(3, 16, 2)), 1e-16)),
+    MethodVariant(
+        "heyoka", "heyoka", "other", "tol", (*(10.0**-k for k in range(3, 16, 2)), 1e-16)
+    ),
 )
 
 #: Shortest timed interval in seconds, longest run in mesh periods, limit on calls of a run.
@@ -91,18 +95,20 @@ MIN_SPAN, MAX_PERIODS, MAX_CALLS = 2e-3, 2**18, 2**14
 MAX_REPEATED = 0.05
 
 
-def method_settings(method: str) -> list[tuple[MethodLine, str, dict]]:
-    """Return (line, text of the accuracy parameter, options) for every setting of a method."""
+def method_settings(method: str) -> list[tuple[MethodVariant, str, dict]]:
+    """Return every setting of a method, a value of the accuracy parameter of one of its variants.
+
+    A setting is (variant, accuracy parameter and value as text, all options).
+    """
     settings = []
-    for line in (line for line in METHOD_LINES if line.method == method):
-        for value in line.values:
-            options = line.options | ({line.parameter: value} if line.parameter else {})
-            if line.parameter == "rtol":
+    for variant in (variant for variant in METHOD_VARIANTS if variant.method == method):
+        parameter = variant.parameter
+        for value in variant.values:
+            options = variant.options | ({parameter: value} if parameter else {})
+            if parameter == "rtol":
                 # The ratio of the tolerances is that of the defaults of ode45.
                 options["atol"] = 1e-3 * value
-            settings.append(
-                (line, f"{line.parameter} = {value:g}" if line.parameter else "", options)
-            )
+            settings.append((variant, f"{parameter} = {value:g}" if parameter else "", options))
     return settings
 
 
@@ -122,21 +128,22 @@ def event_error(motion: problems.Motion, reference: problems.Motion) -> float:
 
 
 def errors(
-    method: str, known: xr.Dataset, pair: dict, six_degrees: dict, settings: dict
+    method: str, reference_data: xr.Dataset, pair: dict, six_degrees: dict, settings: dict
 ) -> xr.Dataset:
     """Return the errors and evaluations of a method on the test problems, for all its settings.
 
-    `known` are the references from `gearlib.studies.trials.references.compute`; `pair`,
-    `six_degrees` and `settings` are arguments of `gearlib.studies.trials.problems.build`. Values
+    `reference_data` is a result of `gearlib.studies.trials.references.compute`; `pair`,
+    `six_degrees` and `settings` are arguments of `gearlib.studies.trials.problems.build`. A setting
+    is a value of the accuracy parameter of the method; the dimension rung has all of them. Values
     are NaN if the method cannot run the model or stops early.
     """
-    names = known.problem.values.tolist()
+    names = reference_data.problem.values.tolist()
     built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
-    motions = {name: references.motion_of(known, name) for name in names}
+    motions = {name: references.motion_of(reference_data, name) for name in names}
 
     def setting_errors(name: str, setting: tuple) -> dict:
         *_, options = setting
-        reference = known.sel(problem=name)
+        reference = reference_data.sel(problem=name)
         return _setting_errors(method, options, built[name], motions[name], reference)
 
     data = stacked({"problem": names, "rung": method_settings(method)}, setting_errors)
@@ -160,8 +167,8 @@ def _setting_errors(method, options, problem, expected, reference) -> dict[str, 
         event = np.maximum(event_error(motion, expected), accuracy)
         if np.isfinite(motion.state).all():
             evaluations = motion.evaluations / problem.periods
-        if problem.steady:
-            matrix = problems.difference_map(
+        if problem.settles:
+            matrix = problems.period_map_jacobian(
                 lambda start: problems.run(problem, method, options, start, periods=1).state,
                 reference.orbit_state.values,
                 DIFFERENCE,
@@ -181,26 +188,29 @@ def _error_floors(problem: problems.Problem, reference: problems.Motion) -> dict
     if not problem.model.mesh_names:
         state = np.spacing(np.abs(reference.state).max()) / 2.0
         phase = np.spacing(reference.phases.max()) / 2.0 if reference.phases.size else math.nan
-        multiplier = state / DIFFERENCE if problem.steady else math.nan
+        multiplier = state / DIFFERENCE if problem.settles else math.nan
     return {"state_floor": state, "event_floor": phase, "multiplier_floor": multiplier}
 
 
 def _dataset(title, method, names, data, pair, parameters) -> xr.Dataset:
-    """Return variables over problem and setting as a dataset that describes the settings.
+    """Return `data`, variables of a method over problem and setting, as a dataset.
 
-    `names` are those of the problems; `pair` and `parameters` are written to the attributes.
+    The dataset describes each setting, the dimension rung: label of the variant of the method
+    (line), its family, the text of the accuracy parameter (knob) and all options. `names` are those
+    of the problems; `pair` and `parameters` are written to the attributes.
     """
-    lines, parameter_texts, options = zip(*method_settings(method), strict=True)
+    variants, parameter_texts, options = zip(*method_settings(method), strict=True)
     columns = {
-        "line": [line.name for line in lines],
-        "family": [line.family for line in lines],
+        "line": [variant.label for variant in variants],
+        "family": [variant.family for variant in variants],
         "knob": parameter_texts,
         "options": [canonical_json(values) for values in options],
     }
     data |= {name: ("rung", np.array(values, object)) for name, values in columns.items()}
-    coords = {"problem": names, "rung": np.arange(len(lines), dtype=np.int32)}
-    origin = {"references": GearPair.references, "gear_pair": pair, "parameters": parameters}
-    return result_of_many(title, data, coords, method, method=method, **origin)
+    coords = {"problem": names, "rung": np.arange(len(variants), dtype=np.int32)}
+    attrs = {"method": method, "references": GearPair.references}
+    attrs |= {"gear_pair": pair, "parameters": parameters}
+    return result_of_many(title, data, coords, method, **attrs)
 
 
 def times(
@@ -208,11 +218,12 @@ def times(
 ) -> xr.Dataset:
     """Return the wall times of a method per mesh period, for all its settings and problems.
 
-    No other program may run at the same time. `names`, `pair`, `six_degrees` and `settings` are
-    arguments of `gearlib.studies.trials.problems.build`. The minimum of `repeats` runs is taken;
-    long runs are timed once. period_time excludes the start of a run and is NaN if the method
-    cannot run the model; closed_form_time is that of one evaluation of the exact solution of the
-    equation of motion in contact.
+    The dimension rung has the values of the accuracy parameter. No other
+    program may run at the same time. `names`, `pair`, `six_degrees` and `settings` are arguments of
+    `gearlib.studies.trials.problems.build`. The minimum of `repeats` runs is taken; long runs are
+    timed once. period_time excludes the start of a run and is NaN if the method cannot run the
+    model; closed_form_time is that of one evaluation of the exact solution of the equation of
+    motion in contact.
     """
 
     def setting_time(name: str, setting: tuple) -> dict:
@@ -240,8 +251,10 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
         if method == "exact":
             propagator = problem.model.propagator(problem.tuning, method)
             starts = np.tile(propagator.start((0.0, 0.0)), (calls, 1))
-            return propagator.propagate_many(starts, periods, MAX_EVENTS)[1].any()
-        arguments = problem.model, problem.tuning, (0.0, 0.0), Span(periods, 1, MAX_EVENTS)
+            _, statuses = propagator.propagate_many(starts, periods, MAX_EVENTS)
+            return statuses.any()
+        span = Span(periods, recorded=1, max_events=MAX_EVENTS)
+        arguments = problem.model, problem.tuning, (0.0, 0.0), span
         return any(integrator.run(*arguments, **options).status for _ in range(calls))
 
     # The short run lets heyoka compile its steps for all contact states. The exact method stops
@@ -249,7 +262,7 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
     short_periods, max_periods = 64 if method == "heyoka" else 1, MAX_PERIODS
     if method == "exact":
         short_periods = max(1, problem.periods // 2)
-        max_periods = problem.periods if problem.steady else MAX_PERIODS
+        max_periods = problem.periods if problem.settles else MAX_PERIODS
     if run(short_periods, calls=1):
         return math.nan
     return seconds_per_period(run, short_periods, max_periods, repeats)
@@ -293,7 +306,9 @@ def closed_form_time(repeats: int, count: int = 100_000) -> float:
 
     `count` evaluations are timed together; the minimum of `repeats` measurements is taken.
     """
-    level = level_at_tuning(1.0, 0.06, 0.9)
-    _evolve_repeatedly(level, 1.0, 0.0, 1.0, 1)
+    # Underdamped contact at mean stiffness; the time does not depend on the values.
+    stiffness, damping_ratio, tuning = 1.0, 0.06, 0.9
+    level = level_at_tuning(stiffness, damping_ratio, tuning)
+    _evolve_repeatedly(level, 1.0, 0.0, 1.0, 1)  # compiles the kernel
     evaluate = partial(_evolve_repeatedly, level, 1.0, 0.0, 1.0, count)
     return min(timeit(evaluate, number=1, repeat=repeats)) / count
