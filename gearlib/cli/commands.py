@@ -370,7 +370,7 @@ def gears(format, save, plot, force, **values):
         click.echo("There is no duty point without a damping: give --damping-ratio.", err=True)
     if plot:
         from gearlib.figures import mesh_stiffness_figure
-        from gearlib.studies.drawn import mesh_stiffness
+        from gearlib.studies.drawn_gears import mesh_stiffness
 
         # This is a `PublishedPair` without published values.
         pair_dict = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}
