@@ -115,7 +115,7 @@ def options(value):
     return dict(value or {})
 
 
-def drawn_mesh(value, name="mesh", alternative=""):
+def gear_mesh(value, name="mesh", alternative=""):
     """Return a `gearlib.geometry.Mesh`, else raise ValueError; `alternative` is " or a dict"."""
     allowed = f"a gearlib.geometry.Mesh{alternative}"
     # The class itself would load the numerical stack.

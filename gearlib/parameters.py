@@ -235,6 +235,15 @@ def checked(function):
     return documented(call)
 
 
+#: End of a docstring that has no such section of its own.
+_RAISES = """
+
+Raises
+------
+ValueError
+    If a value is impossible; the message names parameter, value and range."""
+
+
 def documented(constructor):
     """Decorate a class or function: put declared parameters into docstring, types in signature."""
     lines = ["", "Parameters", "----------"]
@@ -244,7 +253,7 @@ def documented(constructor):
         lines.append(f"{name} : {parameter.kind.allowed}{default}")
         lines.append(textwrap.indent(textwrap.fill(parameter.description, 92), "    "))
     head, raises, errors = (inspect.getdoc(constructor) or "").partition("\n\nRaises\n---")
-    constructor.__doc__ = "\n".join([head, *lines]) + raises + errors
+    constructor.__doc__ = "\n".join([head, *lines]) + (raises + errors or _RAISES)
     signature = inspect.signature(constructor)
     plain_parameters = [
         x.replace(annotation=getattr(x.annotation, "__origin__", x.annotation))

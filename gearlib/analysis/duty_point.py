@@ -75,7 +75,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
             )
         model = gears
     else:
-        checks.drawn_mesh(gears, "gears", " or a model")
+        checks.gear_mesh(gears, "gears", " or a model")
         torque = torque_of(torque, options.pop("power", None), speed)
         model, is_truncated = _load_sharing_model(gears, torque, options)
         data = _iso_dynamic_factor(gears, torque, speed) | {"torque": float(torque)}

@@ -289,7 +289,7 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
         name = toleranced.parameter
         kind = known_parameters[name].kind if name in known_parameters else None
         tolerances[name] = toleranced.distribution_dict(f"tolerances.{name}", kind)
-    drawing_only = tolerated.drawing_parameters().keys() - tolerated.pair_parameters().keys()
+    drawing_only = tolerated.geometry_parameters().keys() - tolerated.pair_parameters().keys()
     needs_drawing = has_classes or bool(tolerances.keys() & drawing_only)
     if has_section and section.correlations:
         tolerances["correlations"] = [[*x.parameters, x.rho] for x in section.correlations]

@@ -12,7 +12,7 @@ from gearlib.config import types as t
 from gearlib.config.types import Section, create_section, field, from_context, list_of
 from gearlib.models.geometry.drawings import parameters_renamed
 from gearlib.models.geometry.mesh import checked_damping, damping_coefficient
-from gearlib.models.pair_parameters import SMALLEST, PairParameters, PairScales, check_scales
+from gearlib.models.pair_parameters import MIN_MAGNITUDE, PairParameters, PairScales, check_scales
 from gearlib.parameters import RUN_OUT
 
 DAMPINGS = tuple(RATIO_KEYS)
@@ -37,8 +37,8 @@ class GearPairSection(_Pair, PairScales):
         """Raise ValueError if stiffness, mass or load of the pair are numerically out of range."""
         check_scales(self, prefix=".")  # "." stands for the key of the section.
         mean, ratio = self.mean_stiffness, self.stiffness_ratio
-        allowed = f"large enough for a mean stiffness, {mean!r} N/m, >= {SMALLEST}"
-        checks.require(mean >= SMALLEST, ".stiffness_ratio", ratio, allowed)
+        allowed = f"large enough for a mean stiffness, {mean!r} N/m, >= {MIN_MAGNITUDE}"
+        checks.require(mean >= MIN_MAGNITUDE, ".stiffness_ratio", ratio, allowed)
         return self
 
 

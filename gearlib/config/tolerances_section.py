@@ -135,11 +135,11 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         """Return whether the parameters are those of a drawing, and not all of a gear pair, too."""
         names = {tolerance.parameter for tolerance in self.parameters}
         are_of_pair = names <= tolerated.pair_parameters().keys()
-        return names <= tolerated.drawing_parameters().keys() and not are_of_pair
+        return names <= tolerated.geometry_parameters().keys() and not are_of_pair
 
     def _parameters(self):
         return (
-            tolerated.drawing_parameters()
+            tolerated.geometry_parameters()
             if self.concern_drawing()
             else tolerated.pair_parameters()
         )
@@ -185,4 +185,4 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
 
 def known_parameters():
     """Return name -> `Parameter` of all parameters that can have a tolerance."""
-    return tolerated.drawing_parameters() | tolerated.pair_parameters()
+    return tolerated.geometry_parameters() | tolerated.pair_parameters()

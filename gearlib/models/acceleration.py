@@ -19,12 +19,14 @@ from gearlib import checks
 _ROUNDING = 1e-9
 
 
-def mesh_acceleration(pair: Any, driven_mass: float, base_radius: float) -> np.ndarray:
+def pair_acceleration(pair: Any, driven_mass: float, base_radius: float) -> np.ndarray:
     """Return the acceleration that a run-up adds to the displacement of a `GearPair`, shape (1,).
 
-    It is dimensionless, per unit of d2tau/dtheta2. `driven_mass` is J_2 / r_b2^2 of the driven gear
-    in kg, `base_radius` the base radius of the reference gear in m.
+    It is dimensionless, per unit of d2tau/dtheta2, the second derivative of the mesh phase tau by
+    the dimensionless time theta. `driven_mass` is J_2 / r_b2^2 of the driven gear in kg,
+    `base_radius` the base radius of the reference gear in m.
     """
+    # The inertia force in N at d2tau/dtheta2 = 1.
     force = driven_mass * base_radius * pair.mean_eigenfrequency**2 / pair.teeth
     return np.array([force / pair.load])
 
@@ -34,9 +36,10 @@ def train_accelerations(
 ) -> np.ndarray:
     """Return the accelerations that a run-up adds to the n coordinates of a `GearTrain`, (n,).
 
-    They are dimensionless, per unit of d2tau/dtheta2. `driver` names the body that accelerates the
-    train, by default the body with the largest input power; `mass` is the mass matrix in kg, by
-    default that of the train. Raises ValueError if the driver cannot accelerate all bodies.
+    They are dimensionless, per unit of d2tau/dtheta2, the second derivative of the mesh phase tau
+    by the dimensionless time theta. `driver` names the body that accelerates the train, by default
+    the body with the largest input power; `mass` is the mass matrix in kg, shape (n, n), by default
+    that of the train. Raises ValueError if the driver cannot accelerate all bodies.
     """
     names, structure, free = list(train.by_name), train.structure, train.free_motions
     mass = structure.mass if mass is None else mass
@@ -48,6 +51,7 @@ def train_accelerations(
         powers = [body.torque * speed for body, speed in zip(train.bodies, speeds, strict=True)]
         strongest = names[int(np.argmax(powers))]
         default_driver = strongest if max(powers) > 0.0 else train.reference_pinion.name
+        # The row vector (n,) of the rotation, the third motion of a body after x and y.
         rotation = structure.motions[names.index(driver or default_driver), 2]
         driver_motion = rotation @ rigid_motion
         rotates = abs(driver_motion) > _ROUNDING * np.abs(rigid_motion).max()
@@ -64,8 +68,9 @@ def train_accelerations(
 def _rigid_motion(train: Any, names: list[str]) -> tuple[np.ndarray, list[float]]:
     """Return the rigid rotation of a `GearTrain`, n coordinates in m, and the speeds of its bodies.
 
-    Both are per radian of reference mesh phase. `names` are those of all bodies in order.
+    Both are per radian of reference mesh phase. `names` are those of all b bodies in order.
     """
+    # Row vectors of x, y and rotation of each body, (b, 3, n), and k free motions, (n, k).
     motions, free = train.structure.motions, train.free_motions
     pinion = train.reference_pinion.name
     frame_speed = train.carrier_ratio * train.speeds[pinion]
@@ -80,9 +85,10 @@ def _rigid_motion(train: Any, names: list[str]) -> tuple[np.ndarray, list[float]
     if free.shape[1] == 1:
         pinion_rotation = motions[pinion_index, 2] @ free[:, 0]
         if abs(pinion_rotation) > _ROUNDING * np.abs(free).max():
-            # Bodies on torsional supports do not rotate, whatever their tooth numbers say.
+            # The only free motion, scaled to the speed of the pinion. In it, bodies on torsional
+            # supports stand still, although `body_motions` has a speed from their tooth numbers.
             return free[:, 0] * (body_motions[pinion_index, 2] / pinion_rotation), speeds
     basis = free if free.size else np.eye(motions.shape[2])
-    motions_of_basis = motions.reshape(-1, len(basis)) @ basis
+    motions_of_basis = motions.reshape(-1, len(basis)) @ basis  # (3 b, number of basis vectors)
     amplitudes = np.linalg.lstsq(motions_of_basis, body_motions.ravel(), rcond=None)[0]
     return basis @ amplitudes, speeds

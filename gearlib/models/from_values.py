@@ -94,27 +94,27 @@ def train_from_description(kind: str, arguments: dict, pair: dict | None) -> Gea
     return GearTrain(**(arguments | elements))
 
 
-def _body(drawn_gears: dict, *, name: str, gear: dict | None = None, **fields: Any) -> Body:
-    """Return the `Body` with this name and these fields, and those of its drawing if it has one.
+def _body(gears: dict, *, name: str, gear: dict | None = None, **fields: Any) -> Body:
+    """Return the `Body` with this name and these fields; a gear geometry provides missing fields.
 
-    `drawn_gears` maps names of bodies to `SpurGear`; `gear` is None if the body is not drawn.
+    `gears` maps names of bodies to `SpurGear`; `gear` is None if the body has no gear geometry.
     """
     if gear:
-        return Body.from_gear(drawn_gears[name], name, **fields)
+        return Body.from_gear(gears[name], name, **fields)
     return Body(name=name, **fields)
 
 
-def _mesh(drawn_gears, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):
-    """Return the `Mesh` with the fields in `values`.
+def _mesh(gears, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):
+    """Return the `Mesh` with the fields in the dict `values`, which names its pinion and wheel.
 
-    `drawn_gears` maps names of bodies to `SpurGear`. If both gears are drawn and `values` have no
-    stiffness, it is computed by the method `stiffness` with its options, as are the other missing
-    fields. `centre_distance` is in m.
+    `gears` maps names of bodies with a gear geometry to `SpurGear`. If both gears of the mesh have
+    one and `values` have no stiffness, the stiffness follows by a method, "iso" or "energy", with a
+    dict of its options, and the other missing fields from the geometry. `centre_distance` is in m.
     """
-    values = {"material_damping": None} | values
+    values = {"material_damping": None} | values  # None: the damping is unknown.
     for name in {"deviation", "inverse_deviation"} & values.keys():
         values[name] = Harmonics(**values[name])
-    pinion, wheel = (drawn_gears.get(values[name]) for name in ("pinion", "wheel"))
+    pinion, wheel = (gears.get(values[name]) for name in ("pinion", "wheel"))
     if pinion is None or wheel is None or "max_stiffness" in values:
         return Mesh(**values)
     mesh = geometry.Mesh(pinion, wheel, centre_distance)

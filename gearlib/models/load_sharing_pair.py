@@ -45,11 +45,14 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 
 #: Longest step times the highest frequency: a Taylor series of order 20 has an error of 1e-17.
 _MAX_STEP_ANGLE = 1.18
-#: Options of the stiffness methods of a drawing; only the coupling concerns pairs of teeth.
+#: Options of the stiffness methods; only the coupling concerns single pairs of teeth.
 _STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "coupling", "hertz")
 #: Tuning at which inertia adds less than 1 % to the load if corners touch over this many base
-#: pitches; with a shorter corner contact it is lower, down to a quarter.
+#: pitches; with a shorter corner contact it is lower by a factor, and with pitch errors higher.
 _QUASI_STATIC_TUNING, _TYPICAL_CORNER_LENGTH = 2e-4, 0.05
+_MIN_CORNER_FACTOR, _PITCH_ERROR_FACTOR = 0.25, 10.0
+#: Phases of boundaries of segments closer than this, in rad, count as equal.
+_PHASE_TOLERANCE = 1e-9
 #: Intervals between the phases at which a pair begins to touch and reaches its path of contact.
 _CORNER_INTERVALS = 32
 
@@ -62,11 +65,6 @@ class LoadSharingPair(WithPair):
     Stiffness, coupling, deviation and pitch_errors are those of
     `gearlib.geometry.Mesh.transmission_error`. Helical gears are divided into slices, whose forces
     are linearized at the displacement under the load.
-
-    Raises
-    ------
-    ValueError
-        If a value is not allowed; the message names parameter, value and range.
     """
 
     pair: Annotated[
@@ -75,7 +73,7 @@ class LoadSharingPair(WithPair):
         "Gear pair with mass, load, damping, backlash and scales; its stiffness is not used",
     ]
     drawing: Annotated[
-        Mesh, Instance((Mesh,), "a gearlib.geometry.Mesh"), "Drawn gears with their tip reliefs"
+        Mesh, Instance((Mesh,), "a gearlib.geometry.Mesh"), "Gears with their tip reliefs"
     ]
     phases: Annotated[
         int,
@@ -104,26 +102,26 @@ class LoadSharingPair(WithPair):
     )
 
     def __post_init__(self) -> None:
-        """Check the parameters, and that the pairs of teeth can be computed."""
+        """Check the parameters, set the pitch errors, and check the options of tooth pairs."""
         super().__post_init__()
         errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
-        self._pairs(np.zeros(1))
+        self._pairs(np.zeros(1))  # raises ValueError if stiffness or coupling is not allowed
 
     @classmethod
     def from_geometry(
         cls, mesh: Mesh, *, stiffness: str = "energy", coupling: float = 1.0, **options: Any
     ) -> "LoadSharingPair":
-        """Return the pair of two drawn gears, with scales from the same mesh stiffness.
+        """Return the pair of two gears; its scales follow from the mean of this mesh stiffness.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
-            The drawn gears.
+            Geometry of both gears.
         stiffness : {"energy", "iso"}, default "energy"
             Method of the mesh stiffness. For a table create the class with its fields instead.
         coupling : float, default 1
-            Share of the gear body's compliance that is common to all pairs of teeth, from 0 to 1.
+            Fraction of the gear bodies' compliance that all pairs have in common, from 0 to 1.
         **options
             Fields of the class: phases, deviation, pitch_errors, corner_contact; and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
@@ -137,8 +135,9 @@ class LoadSharingPair(WithPair):
     def at_load(self, *, phases: int = 128, harmonics: int = 24) -> OneDegreePair:
         """Return the `OneDegreePair` with the same static transmission error at the load.
 
-        Its deviation is -e(tau), the error without load, and its stiffness is F / (x - e). At other
-        loads its transmission error differs.
+        With the transmission errors e(tau) without load and x(tau) under the load F, over the mesh
+        phase tau, its deviation is -e and its mesh stiffness F / (x - e). At other loads its
+        transmission error differs.
 
         Parameters
         ----------
@@ -159,7 +158,7 @@ class LoadSharingPair(WithPair):
             )
         pairs = tooth_pairs(self.drawing, phases, **self._options)
         # Transmission errors x of both loads, in m, one for each phase.
-        unloaded, loaded = pairs.forces_under_loads([0.0, self.load]).error
+        unloaded, loaded = pairs.forces_under_loads([0.0, self.load]).displacement
         phase = math.tau * np.arange(phases) / phases
         profile = Tabulated(tuple(phase), tuple(self.load / (loaded - unloaded)))
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio")
@@ -244,10 +243,11 @@ class LoadSharingPair(WithPair):
         return np.floor(pitches + self._corner_lengths[0] + half_overlap)
 
     @cached_property
-    def tables(self) -> tuple[ToothPairSystem, float]:
-        """The `ToothPairSystem` without tuning and damping, and its largest stiffness.
+    def system_and_max_stiffness(self) -> tuple[ToothPairSystem, float]:
+        """The `ToothPairSystem` before `system` sets its tuning, damping and largest step.
 
-        Segments lie between neighbouring breakpoints of the whole period, which starts at phase 0.
+        The second entry is its largest stiffness over the mean stiffness. Segments lie between
+        neighbouring breakpoints of the whole period, which starts at phase 0.
         """
         repeats, offset = self.repeats, self._phase_offset
         pitches = np.sort((np.arange(repeats)[:, None] + self._breakpoints()).ravel())
@@ -270,11 +270,11 @@ class LoadSharingPair(WithPair):
         period_starts = math.tau * np.arange(repeats + 1)
         system = ToothPairSystem(
             starts=starts,
-            first_segment=np.searchsorted(starts, period_starts - 1e-9),
+            first_segment=np.searchsorted(starts, period_starts - _PHASE_TOLERANCE),
             pairs_change=masks_change | (pair_numbers != np.roll(pair_numbers, 1)),
             active_pairs=pair_masks,
-            force_lines=_with_rates(left_forces, right_forces, lengths),
-            overlap_lines=_with_rates(left_overlaps, right_overlaps, lengths),
+            force_lines=_coefficients_and_slopes(left_forces, right_forces, lengths),
+            overlap_lines=_coefficients_and_slopes(left_overlaps, right_overlaps, lengths),
             gap_rate=(smallest_gaps[1] - smallest_gaps[0]) / lengths / self.static_deflection,
             damping=np.zeros(2),
             coast_line=-self.backlash_ratio,
@@ -350,35 +350,41 @@ class LoadSharingPair(WithPair):
 
     @property
     def slowest_tuning(self) -> float:
-        """Smallest tuning of a simulated duty point; below it, the motion is quasi-static."""
-        length = sum(self._corner_lengths)
-        factor = min(max(length / _TYPICAL_CORNER_LENGTH, 0.25), 1.0) if length else 1.0
-        return _QUASI_STATIC_TUNING * factor * (1.0 if self.repeats == 1 else 10.0)
+        """Tuning, mesh over natural frequency, below which a duty point counts as quasi-static."""
+        relative_length = sum(self._corner_lengths) / _TYPICAL_CORNER_LENGTH
+        factor = min(max(relative_length, _MIN_CORNER_FACTOR), 1.0) if relative_length else 1.0
+        return _QUASI_STATIC_TUNING * factor * (1.0 if self.repeats == 1 else _PITCH_ERROR_FACTOR)
 
     def system(self, tuning: float) -> ToothPairSystem:
-        """Return the forces and overlaps of the pairs of teeth for the engine at a tuning."""
-        system, max_stiffness = self.tables
+        """Return the constants of the equation of motion from which `engines` compute motions.
+
+        `tuning` is the mesh frequency over the mean natural frequency.
+        """
+        system, max_stiffness = self.system_and_max_stiffness
+        # In the backlash and in contact, by mesh phase.
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
         max_step = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
         return system._replace(damping=damping, max_step=max_step, tuning=tuning)
 
 
-def _with_rates(left: np.ndarray, right: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Return coefficients (a, b) of p segments with their rates by phase, shape (p, ..., 4).
+def _coefficients_and_slopes(
+    left: np.ndarray, right: np.ndarray, lengths: np.ndarray
+) -> np.ndarray:
+    """Return the coefficients (a, b) of a x - b, linear on p segments, with slopes, (p, ..., 4).
 
     `left` and `right`, shape (p, ..., 2), are the coefficients at both ends of segments with these
-    lengths, (p,). The last axis is (a, da/dtau, b, db/dtau).
+    lengths in mesh phase tau, (p,). The last axis is (a, da/dtau, b, db/dtau) at the left ends.
     """
-    rates = (right - left) / lengths.reshape(-1, *[1] * (left.ndim - 1))
-    return np.concatenate([left, rates], axis=-1)[..., [0, 2, 1, 3]]
+    slopes = (right - left) / lengths.reshape(-1, *[1] * (left.ndim - 1))
+    return np.concatenate([left, slopes], axis=-1)[..., [0, 2, 1, 3]]
 
 
 def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments):
-    """Return the `LoadSharingPair` of drawn gears with a default stiffness method.
+    """Return the `LoadSharingPair` of a `gearlib.geometry.Mesh`, with a default stiffness method.
 
-    The default is the energy method or, if a bore is too large for it, ISO 6336. Of the options of
-    the method only the coupling is used; `arguments` are those of `LoadSharingPair.from_geometry`,
-    such as torque and damping_ratio.
+    The default is the energy method or, if a bore is too large for it, ISO 6336. `options` are
+    those of `gearlib.geometry.mesh_stiffness`, of which all but the coupling are ignored;
+    `arguments` are those of `LoadSharingPair.from_geometry`, such as torque and damping_ratio.
     """
     if stiffness is None:
         try:

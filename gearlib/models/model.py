@@ -83,21 +83,19 @@ class Model:
         exact = {"exact": "linear.one_mesh"} if self.piecewise_linear else {}
         return exact | {"taylor": "taylor.propagator"}
 
-    def propagator_class(self, method: str | None = None) -> type:
-        """Return the engine class of a method in `propagators`, by default of the first one."""
-        module_name = self.propagators[method or next(iter(self.propagators))]
-        return import_module(f"gearlib.engines.{module_name}").Propagator
-
     def steps_per_period(self, tuning: float) -> float:
         """Return the minimum number of integration steps per mesh period; 1 for closed forms."""
         return 1.0
 
     def propagator(self, tuning: float, method: str | None = None, **options: Any) -> Any:
-        """Return the engine that integrates the model at a tuning by a method in `propagators`.
+        """Return the integrator of the model at an excitation over natural frequency, `tuning`.
 
-        `options` are keyword arguments of the engine class.
+        `method` is a key of `propagators`, by default the first one, which names the module of the
+        integrator class; `options` are keyword arguments of this class.
         """
-        return self.propagator_class(method)(self, float(tuning), **options)
+        module_name = self.propagators[method or next(iter(self.propagators))]
+        module = import_module(f"gearlib.engines.{module_name}")
+        return module.Propagator(self, float(tuning), **options)
 
     def nonlinear_mesh(self, tuning: float, tolerance: float = 0.0) -> Any:
         """Return the `NonlinearMesh` of one degree of freedom for Taylor steps with a tolerance."""
@@ -123,10 +121,12 @@ class Model:
 
         There are e variables, 3 contact states, p stiffness segments and n components of a state.
         """
-        return np.zeros((0, *system.effect.shape[:2], len(system.base_matrix)))
+        state_count, segment_count, _ = system.effect.shape  # the index of the force of each mesh
+        return np.zeros((0, state_count, segment_count, len(system.base_matrix)))
 
     def full_state(self, system: Any, state: tuple[float, float]) -> np.ndarray:
         """Return the full state of a `TrainSystem` at tau = 0 from (displacement, dx/dtau)."""
+        # Like the line of a mesh, it has all components of the system; the others start at 0.
         full_state = np.zeros_like(system.drive_lines[0])
         full_state[:2] = state
         return full_state
@@ -260,7 +260,8 @@ class Model:
         """Return the displacement above which a motion counts as unbounded.
 
         It is `UNBOUNDED_FACTOR` times the largest length of the model and of the initial `state`,
-        which holds n displacements and n velocities or is a name such as "static".
+        which holds n displacements and n velocities by mesh phase or is a name such as "static".
+        `tuning`, the excitation over the natural frequency, converts them to velocities by time.
         """
         lengths = [self.extent]
         if not isinstance(state, str):
@@ -288,11 +289,12 @@ class Model:
         return float(self.mesh_frequency(1.0)) * 60.0 / (math.tau * float(self.speed(1.0)))
 
     def speed_scales(self, tuning: Any) -> dict:
-        """Return the dataset variables that follow from the tuning (float or array).
+        """Return the dataset variables that follow from the tuning, mesh over natural frequency.
 
-        They are name -> value in SI units, speed in rpm; the dict is empty if nothing rotates.
+        They are name -> value in SI units, speed in rpm; `tuning` and values are floats or arrays.
+        The dict is empty if nothing rotates.
         """
-        if self.speed is None:
+        if self.speed is None:  # a model without the method that converts a tuning to rpm
             return {}
         frequency = self.mesh_frequency(tuning)
         return {
@@ -346,16 +348,18 @@ def fields_of(instance: Any) -> dict[str, Any]:
 def natural_scale(model: Any, units: str) -> float:
     """Return a typical size of a quantity with CF units such as "N s m-1", in these units.
 
-    It follows from the load, the static deflection and the mesh frequency of the model.
+    It is a product of powers of the load, the static deflection and the natural frequency of the
+    model; units without such a scale, such as rad, count as 1.
     """
-    force, length, frequency = float(model.load), model.static_deflection, model.mesh_frequency(1.0)
+    force, length = float(model.load), model.static_deflection
+    frequency = model.mesh_frequency(1.0)  # the natural frequency, rad/s: its tuning is 1
     mass = force / length / frequency**2
     scales = {"N": force, "m": length, "s": 1.0 / frequency, "kg": mass}
     factors = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
     return math.prod(scales.get(unit, 1.0) ** int(exponent or 1) for unit, exponent in factors)
 
 
-def unchecked(dataclass: type, **values: Any) -> Any:
+def instance_without_checks(dataclass: type, **values: Any) -> Any:
     """Return an instance of a frozen dataclass with field values, without its checks.
 
     Missing fields get their defaults. The checks only accept floats, not enclosures.

@@ -71,7 +71,7 @@ class Equation:
         return not nonlinear
 
     def nonlinear_mesh(self, tuning: float, tolerance: float) -> NonlinearMesh:
-        """Return the constants of the equation at an excitation frequency, the tuning.
+        """Return the constants of the equation at an excitation frequency nu, the tuning.
 
         `tolerance` is the allowed error of a Taylor step. Velocities are by mesh phase, so that x'
         becomes nu x' and the equation is divided by nu^2.
@@ -80,24 +80,28 @@ class Equation:
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
         # Harmonics are rows (order, cosine, sine), of which only the amplitudes are scaled.
         harmonic_scale = np.array([1.0, force_scale, force_scale])
+        inertia = self.deviation.copy()
+        # The second derivative of a harmonic of order n is -n^2 times the harmonic.
+        inertia[:, 1:] *= -(inertia[:, :1] ** 2)
+        mean_force = [0.0, self.load * force_scale, 0.0]
         return NonlinearMesh(
-            tuning,
-            self.upper - self.lower,
-            damping[NORMAL + 1],
-            damping[BACKLASH + 1],
-            self.stiffness_powers,
-            drive_side.breaks,
-            drive_side.lines * force_scale,
-            drive_side.low,
-            drive_side.harmonics * harmonic_scale,
-            np.vstack([[0.0, self.load * force_scale, 0.0], self._excitation(force_scale)]),
-            tolerance,
-            self.upper,
-            self.lower,
-            self.ground_stiffness * force_scale,
-            damping[INVERSE + 1],
-            coast_side.lines * force_scale,
-            coast_side.harmonics * harmonic_scale,
+            tuning=tuning,
+            backlash=self.upper - self.lower,
+            drive_damping=damping[NORMAL + 1],
+            backlash_damping=damping[BACKLASH + 1],
+            stiffness_powers=self.stiffness_powers,
+            segment_bounds=drive_side.breaks,
+            stiffness_lines=drive_side.lines * force_scale,
+            below_mean=drive_side.low,
+            stiffness_harmonics=drive_side.harmonics * harmonic_scale,
+            force_harmonics=np.vstack([mean_force, self.force * harmonic_scale, inertia]),
+            tolerance=tolerance,
+            drive_line=self.upper,
+            coast_line=self.lower,
+            ground_stiffness=self.ground_stiffness * force_scale,
+            coast_damping=damping[INVERSE + 1],
+            coast_stiffness_lines=coast_side.lines * force_scale,
+            coast_stiffness_harmonics=coast_side.harmonics * harmonic_scale,
         )
 
     def system(self, tuning: float) -> TrainSystem:
@@ -125,21 +129,14 @@ class Equation:
         lower[:] = upper
         upper[2] = -self.upper
         damping = self.damping[NORMAL + 1, 0] - gap_damping
-        flanks = {NORMAL: (upper, drive_side.lines[:, 0], damping)}
+        flanks = {NORMAL: one_mesh_system.Flank(upper, drive_side.lines[:, 0], damping)}
         if np.isfinite(self.lower):
             lower[2] = -self.lower
             damping = self.damping[INVERSE + 1, 0] - gap_damping
-            flanks[INVERSE] = lower, coast_side.lines[:, 0], damping
+            flanks[INVERSE] = one_mesh_system.Flank(lower, coast_side.lines[:, 0], damping)
         return one_mesh_system.single_mesh_system(
             free, force_input, flanks, drive_side.low, drive_side.breaks, orders, tuning
         )
-
-    def _excitation(self, force_scale: float) -> np.ndarray:
-        """Return the scaled force and the inertia of the deviation, rows (order, cosine, sine)."""
-        inertia = self.deviation.copy()
-        # The second derivative of a harmonic of order n is -n^2 times the harmonic.
-        inertia[:, 1:] *= -(inertia[:, :1] ** 2)
-        return np.vstack([self.force * np.array([1.0, force_scale, force_scale]), inertia])
 
     def stiffness_pieces(self) -> tuple[Pieces, Pieces]:
         """Return the stiffness of drive-side and coast-side contact, cut at the same phases."""
@@ -150,16 +147,18 @@ class Equation:
 
 
 def pair_equation(pair, stiffness, nonlinear_damping=0.0, **other_terms) -> Equation:
-    """Return the dimensionless equation of motion of a gear pair with a mesh stiffness.
+    """Return the dimensionless equation of motion of a `GearPair` with a mesh stiffness (`Pieces`).
 
     `nonlinear_damping`, shape (3, 3), has rows for coast side, backlash and drive side and columns
-    (0, d2, d3); `other_terms` are further fields of `Equation`, such as the force.
+    for the linear damping, 0 here, the quadratic (d2) and the cubic one (d3); `other_terms` are
+    further fields of `Equation`, such as the force.
     """
     damping = np.zeros((3, 3)) + nonlinear_damping
     damping[:, 0] += 2.0 * np.array(
         [pair.damping_ratio, pair.backlash_damping_ratio, pair.damping_ratio]
     )
-    return Equation(0.0, -pair.backlash_ratio, stiffness, stiffness, damping, **other_terms)
+    upper, lower = 0.0, -pair.backlash_ratio  # where drive-side and coast-side contact begin
+    return Equation(upper, lower, stiffness, stiffness, damping, **other_terms)
 
 
 @documented
@@ -169,11 +168,6 @@ class OneDegreePair(WithPair):
 
     Only `pair` is required; with the default values the model equals the pair. A softening
     stiffness is not possible, because the flanks could pass through each other.
-
-    Raises
-    ------
-    ValueError
-        If a value is impossible; the message names parameter, value and range.
     """
 
     pair: Annotated[
@@ -216,7 +210,10 @@ class OneDegreePair(WithPair):
 
     @cached_property
     def equation(self) -> Equation:
-        """The equation of motion with lengths in static deflections and times in 1 / Omega_s."""
+        """The equation of motion, with lengths in static deflections and times in 1 / Omega_s.
+
+        Omega_s is the mean natural frequency of the pair in rad/s.
+        """
         pair = self.pair
         deflection, mass = pair.static_deflection, pair.reduced_mass
         damping_scales = np.array(

@@ -1,7 +1,7 @@
 """State-space matrices of piecewise-linear models with one mesh, and maps over a mesh period."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,30 +10,37 @@ from gearlib.engines.exponential import MAX_NORM, exponential
 from gearlib.engines.linear.train_system import TrainSystem, fill_system_matrix
 
 
-def single_mesh_system(free, force_input, flanks, low, starts, orders, tuning) -> TrainSystem:
+class Flank(NamedTuple):
+    """One side of the teeth of a mesh, for a state z of n components and p stiffness segments."""
+
+    distance_row: np.ndarray  #: row vector that maps z to the distance of the flanks, shape (n,)
+    stiffness: np.ndarray  #: stiffness in contact in each segment, shape (p,)
+    added_damping: float  #: damping in contact minus damping in the backlash
+
+
+def single_mesh_system(free, force_input, flanks, below_mean, starts, orders, tuning):
     """Return the `TrainSystem` of one mesh for a state z of n components and p stiffness segments.
 
     `free`, shape (n, n), is the matrix of dz/dt in the backlash, and a unit contact force adds
-    `force_input`, shape (n,), to dz/dt. `flanks` maps the contact code NORMAL and, if there is a
-    coast flank, INVERSE to (row vector (n,) that maps z to the distance of the flanks, stiffness of
-    each segment (p,), damping minus damping in the backlash). `low`, shape (p,), marks segments
-    below the mean stiffness, and `starts`, shape (p + 1,), are their boundaries in phase. `orders`
-    are those of the excitation; z ends with a cosine and a sine of each order.
+    `force_input`, shape (n,), to dz/dt. `flanks` maps the contact code NORMAL (drive side) and, if
+    there is a coast side, INVERSE to a `Flank`. `below_mean`, shape (p,), marks segments below the
+    mean stiffness, and `starts`, shape (p + 1,), are their boundaries in phase. `orders` are those
+    of the excitation, of which z ends with a cosine and a sine each; `tuning` is its frequency.
     """
-    n, p = len(free), len(low)
+    n, p = len(free), len(below_mean)
     constant = n - 1 - 2 * len(orders)  # index of the component of z that is always 1
-    drive_line = flanks[NORMAL][0]
-    coast_line = flanks[INVERSE][0] if INVERSE in flanks else absent_flank(n, constant)
+    drive_line = flanks[NORMAL].distance_row
+    coast_line = flanks[INVERSE].distance_row if INVERSE in flanks else absent_flank(n, constant)
     force_index, forces = np.zeros((3, p, 1), np.int64), {}
     stiffness = np.zeros((3, p, 1), free.dtype)
-    stiffness[:] = flanks[NORMAL][1][:, None]
+    stiffness[:] = flanks[NORMAL].stiffness[:, None]
     for code, (distance_row, levels, damping) in flanks.items():
         stiffness[code + 1, :, 0] = levels
         for segment, level in enumerate(levels):
             # distance_row @ free gives the rate of the distance, without accelerations.
             force_row = level * distance_row + damping * (distance_row @ free)
             # Segments with the same contact, stiffness and side of the mean share one force.
-            key = (code, level, low[segment])
+            key = (code, level, below_mean[segment])
             index, _ = forces.setdefault(key, (len(forces) + 1, force_row))
             force_index[code + 1, segment, 0] = index
     force_inputs, force_outputs = np.zeros((2, 1, len(forces) + 1, 2, n), free.dtype)
@@ -49,7 +56,7 @@ def single_mesh_system(free, force_input, flanks, low, starts, orders, tuning) -
     return TrainSystem(
         *(free, drive_line[None], coast_line[None]),
         *(force_inputs, force_outputs, force_index, stiffness),
-        low=np.repeat(np.asarray(low)[None, :, None], 3, axis=0),
+        low=np.repeat(np.asarray(below_mean)[None, :, None], 3, axis=0),
         starts=starts.copy(),
         first_segment=np.array([0, p]),
         max_step=MAX_NORM / max(norm, np.abs(orders * tuning).max(initial=1e-300)),
@@ -68,8 +75,10 @@ def state_matrix_by_phase(system, contact_codes, segment) -> np.ndarray:
     """Return the state matrix A of dz/dtau = A z with the mesh phase tau, shape (n, n).
 
     `contact_codes` holds the contact state of each mesh, -1, 0 or 1; `segment` is the number of
-    the stiffness segment.
+    the stiffness segment. The velocities in z are by phase, unlike those of the `TrainSystem`,
+    which are by the time tau / tuning.
     """
+    # Indices of the contact force of each mesh.
     effects = [system.effect[code + 1, segment, j] for j, code in enumerate(contact_codes)]
     matrix = np.empty_like(system.base_matrix)
     fill_system_matrix(system, np.array(effects, np.int64), matrix)
@@ -99,10 +108,11 @@ def absent_flank(n: int, constant: int) -> np.ndarray:
     return np.eye(n)[constant]
 
 
-def contact_map(model: Any, tuning: float) -> np.ndarray:
+def contact_monodromy(model: Any, tuning: float) -> np.ndarray:
     """Return the monodromy matrix of permanent drive-side contact over the excitation's period.
 
-    The free rotation of the model is removed from the states.
+    `tuning` is the excitation over the natural frequency. The free rotation of the model is removed
+    from the states.
     """
     system, n, period_map = model.system(tuning), model.size, np.eye(model.size)
     contact_codes = [NORMAL] * len(system.drive_lines)

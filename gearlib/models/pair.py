@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import force_note, mean_over_max
 from gearlib.models.model import Model
-from gearlib.models.pair_parameters import LARGEST, PairParameters, check_scales
+from gearlib.models.pair_parameters import MAX_MAGNITUDE, PairParameters, check_scales
 
 #: Smallest stiffness ratio of the scalar closed forms. They are written about the equilibrium of
 #: each segment; for a smaller ratio that of the softer segment lies so far away that they lose
@@ -26,13 +26,7 @@ _MIN_SCALAR_STIFFNESS_RATIO = 1e-4
 @parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class GearPair(PairParameters, Model):
-    """One pair of spur gears, in SI units; immutable.
-
-    Raises
-    ------
-    ValueError
-        If a value is impossible; the message names parameter, value and range.
-    """
+    """One pair of spur gears, in SI units; immutable."""
 
     one_mesh = True
 
@@ -45,8 +39,10 @@ class GearPair(PairParameters, Model):
         """Check the parameters, their scales and the damping ratios."""
         super().__post_init__()
         check_scales(self)
-        max_damping = LARGEST * 2.0 * self.reduced_mass * self.mean_eigenfrequency
-        allowed = f"a finite number >= 0 and <= {max_damping:.3g}, a damping ratio of {LARGEST}"
+        max_damping = MAX_MAGNITUDE * 2.0 * self.reduced_mass * self.mean_eigenfrequency
+        allowed = (
+            f"a finite number >= 0 and <= {max_damping:.3g}, a damping ratio of {MAX_MAGNITUDE}"
+        )
         for name in ("material_damping", "backlash_damping"):
             damping = getattr(self, name)
             checks.require(damping is None or damping <= max_damping, name, damping, allowed)
@@ -105,12 +101,12 @@ class GearPair(PairParameters, Model):
 
     @classmethod
     def from_geometry(cls, mesh: Any, **options: Any) -> "GearPair":
-        """Return the gear pair of two drawn gears; its reference gear is the pinion.
+        """Return the gear pair of a mesh of two gears; its reference gear is the pinion.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
-            The two drawn gears in mesh.
+            Geometry of the two gears in mesh.
         torque : float
             Torque on the pinion in N m; finite, > 0. Alternatively give power and speed.
         power, speed : float
@@ -131,7 +127,7 @@ class GearPair(PairParameters, Model):
         ValueError
             If a value is impossible; the message names parameter, value and range.
         """
-        return cls(**checks.drawn_mesh(mesh).pair_parameters(**options))
+        return cls(**checks.gear_mesh(mesh).pair_parameters(**options))
 
     @property
     def mesh(self) -> "GearPair":
@@ -140,7 +136,10 @@ class GearPair(PairParameters, Model):
 
     @cached_property
     def equation(self) -> Any:
-        """The `Equation` of motion with lengths in static deflections and times in 1 / Omega_s."""
+        """The `Equation` of motion, with lengths in static deflections and times in 1 / Omega_s.
+
+        Omega_s is the mean natural frequency in rad/s.
+        """
         # Imported here, since reading the configuration needs the fields but no equation.
         from gearlib.models.one_degree import pair_equation
         from gearlib.models.profiles import Rectangular
@@ -195,7 +194,11 @@ class GearPair(PairParameters, Model):
         return 0.0, -self.backlash_ratio
 
     def scales(self) -> dict[str, float]:
-        """Return the dataset variables that depend on the pair alone, name -> value, SI units."""
+        """Return the dataset variables that are equal at all speeds, name -> value in SI units.
+
+        Multiplied by a tuning factor, a tuning relative to the mean natural frequency becomes one
+        relative to the natural frequency at the maximum or minimum stiffness.
+        """
         return {
             "static_deflection": self.static_deflection,
             "force_scale": self.load,

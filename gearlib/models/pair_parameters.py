@@ -8,7 +8,7 @@ from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 
 #: Limits of scales and damping ratios: squares of numbers beyond them overflow or underflow.
-SMALLEST, LARGEST = 1e-30, 1e30
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-30, 1e30
 
 
 def check_scales(pair: Any, prefix: str = "") -> None:
@@ -16,10 +16,10 @@ def check_scales(pair: Any, prefix: str = "") -> None:
 
     The message has the name of the parameter after a prefix such as "gear_pair.".
     """
-    allowed = f"a finite number > 0, from {SMALLEST} to {LARGEST}"
+    allowed = f"a finite number > 0, from {MIN_MAGNITUDE} to {MAX_MAGNITUDE}"
     for name in ("max_stiffness", "reduced_mass", "load"):
         value = getattr(pair, name)
-        checks.require(SMALLEST <= value <= LARGEST, prefix + name, value, allowed)
+        checks.require(MIN_MAGNITUDE <= value <= MAX_MAGNITUDE, prefix + name, value, allowed)
 
 
 class PairScales:

@@ -232,7 +232,7 @@ class Tabulated(Profile):
         The rectangle has the same extrema and the same mean as the table.
         """
         high, low, mean = max(self.stiffness), min(self.stiffness), self.mean()
-        if high == low:
+        if high == low:  # The stiffness is constant with any contact ratio.
             return high, 1.0, 1.5
         return high, low / high, 1.0 + (mean - low) / (high - low)
 

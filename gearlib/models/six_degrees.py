@@ -41,8 +41,8 @@ from gearlib import checks
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.models.geometry.mesh import six_degree_parameters
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.model import Model, unchecked
-from gearlib.models.one_mesh_system import contact_map
+from gearlib.models.model import Model, instance_without_checks
+from gearlib.models.one_mesh_system import contact_monodromy
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.trains import waves
 from gearlib.models.trains.elements import Body, Mesh
@@ -76,13 +76,8 @@ _MESH_FIELDS_OF_PAIR = (
     *("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash"),
     *("material_damping", "backlash_damping"),
 )
-_MESH_FIELDS_OF_GEARS = (
-    "deviation",
-    "inverse_deviation",
-    "friction",
-    "pitch_phase",
-    "moving_backlash",
-)
+_MESH_FIELDS_OF_GEARS = ("deviation", "inverse_deviation", "friction", "pitch_phase")
+_MESH_FIELDS_OF_GEARS += ("moving_backlash",)
 
 #: Names of the extra recorded variables, after the columns of `gearlib.engines.orbit`.
 EXTRA_VARIABLES = (
@@ -99,11 +94,6 @@ class SixDegreePair(WithPair):
     Two values belong to gears 3 and 2, four values to the bearings y3, z3, y2 and z2. The reduced
     mass of `pair` only defines the tuning; the inertias determine the motion. The paper can be read
     in two ways, which `reduced_mass_torsional` and `reduced_mass_free` give.
-
-    Raises
-    ------
-    ValueError
-        If a value is impossible; the message names parameter, value and range.
     """
 
     force_note = property(lambda model: model.pair.force_note, doc="`GearPair.force_note`.")
@@ -165,32 +155,32 @@ class SixDegreePair(WithPair):
 
     @classmethod
     def from_geometry(cls, mesh: Any, *, bearing_stiffness: Any, **options: Any) -> "SixDegreePair":
-        """Return the pair of two drawn gears on bearings, with the pinion as gear 3.
+        """Return the pair of two gears on bearings.
 
-        Radii, masses, inertias, teeth and pitch phase follow from the drawing. Friction and
-        run-out are 0 by default.
+        As in the paper, gear 3 is the pinion and gear 2 the wheel. Radii, masses, inertias, teeth
+        and pitch phase follow from the geometry. Friction and run-out are 0 by default.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
-            The drawn gears.
+            Geometry of both gears.
         bearing_stiffness : sequence of float
             Bearing stiffness C3y, C3z, C2y, C2z of gears 3 and 2, y along and z across the line of
             action, N/m; > 0 or infinite.
         **options
-            Other parameters of the class, which replace those of the drawing, and arguments of
+            Other parameters of the class, which replace those of the geometry, and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
         fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
         pair = GearPair.from_geometry(mesh, **options)
-        drawn_fields = six_degree_parameters(mesh)
-        return cls(pair=pair, bearing_stiffness=bearing_stiffness, **(drawn_fields | fields))
+        fields = six_degree_parameters(mesh) | fields
+        return cls(pair=pair, bearing_stiffness=bearing_stiffness, **fields)
 
     parameters = property(
         lambda model: units_and_names(type(model)),
         doc="Continuation parameters: the two phases, in rad.",
     )
-    contact_map = contact_map
+    contact_monodromy = contact_monodromy
     as_dict = Model.as_dict
 
     @property
@@ -254,16 +244,18 @@ class SixDegreePair(WithPair):
         """
         pair, elastic_bearings = self.pair, self.elastic_bearings()
         m = 2 + len(elastic_bearings)  # number of coordinates: two rotations, then bearings
+        constant = 2 * m  # index of the component of a state that is always 1
         shape = (*system.effect.shape[:2], len(system.base_matrix))
         rows = np.zeros((len(EXTRA_VARIABLES), *shape), system.base_matrix.dtype)
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0
         # The backlash line s is the difference of the distances y and y - s.
         rows[EXTRA_VARIABLES.index("backlash")] = system.drive_lines[0] - system.coast_lines[0]
         if math.isinf(pair.backlash):
-            rows[EXTRA_VARIABLES.index("backlash"), ..., 2 * m] = -pair.backlash_ratio
-        rows[EXTRA_VARIABLES.index("friction_force")] = system.force_output[
-            0, system.effect[:, :, 0], 1
-        ]
+            rows[EXTRA_VARIABLES.index("backlash"), ..., constant] = -pair.backlash_ratio
+        # The indices of the contact force of the mesh; its outputs are normal and friction force.
+        force_indices = system.effect[:, :, 0]
+        friction_outputs = system.force_output[0, force_indices, 1]
+        rows[EXTRA_VARIABLES.index("friction_force")] = friction_outputs
         damping_scale = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
         for column, i in enumerate(elastic_bearings, 2):
             motion_row = EXTRA_VARIABLES.index(f"bearing_{_BEARINGS[i]}")
@@ -326,13 +318,19 @@ class TwoGears(GearTrain):
     meshes: tuple = ()
 
     def __post_init__(self) -> None:
-        """Create the bodies and the mesh of the train from the fields of the pair."""
+        """Create the bodies and the mesh of the train from the fields of the pair.
+
+        Gear "3" is the pinion and gear "2" the wheel, as in the paper. In ball arithmetic, that is
+        with enclosures instead of floats, the run-out phases are enclosures.
+        """
         gears = self.gears
         quarter = self.arithmetic.pi / 2.0
-        # e3 sin phi3 and -e2 sin(Delta - phi2), where the gears rotate in opposite directions.
+        # The run-outs add e3 sin phi3 and -e2 sin(Delta - phi2) to the displacement along the line
+        # of action, with the rotations phi of the gears in opposite directions and the run-out
+        # phase Delta; a body adds the cosine of its rotation plus its eccentricity phase.
         run_out_phases = -quarter, self.arithmetic.convert(gears.run_out_phase) - quarter
         bodies = tuple(
-            unchecked(
+            instance_without_checks(
                 Body,
                 name=name,
                 teeth=gears.teeth[i],
@@ -350,7 +348,7 @@ class TwoGears(GearTrain):
         checks.require_damping(gears.pair.material_damping)
         values = {name: getattr(gears.pair, name) for name in _MESH_FIELDS_OF_PAIR}
         values |= {name: getattr(gears, name) for name in _MESH_FIELDS_OF_GEARS}
-        mesh = unchecked(
+        mesh = instance_without_checks(
             _PairMesh, name="mesh", pinion="3", wheel="2", line_of_action=0.0, phase=0.0, **values
         )
         for name, value in (("bodies", bodies), ("meshes", (mesh,)), ("reference", "mesh")):

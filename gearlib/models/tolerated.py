@@ -1,4 +1,4 @@
-"""Parameters of gear pairs and drawn gears that can scatter, and plain descriptions of scatter."""
+"""Parameters of gear pairs and gear geometries that can scatter, and descriptions of scatter."""
 
 import math
 import re
@@ -21,7 +21,7 @@ _OPTIONAL_KEYS = ("mean", "nominal")
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 
-#: Parameters of the load and the damping of drawn gears.
+#: Parameters of the load and the damping of gears with a geometry.
 LOAD_PARAMETERS = {
     "torque": Parameter(parameters.DRIVING_TORQUE, "Torque of the pinion", "T"),
     "damping_ratio": Parameter(parameters.NONNEGATIVE, "Damping ratio in contact", "beta"),
@@ -30,7 +30,7 @@ LOAD_PARAMETERS = {
         parameters.NONNEGATIVE, "Damping ratio in the backlash", "beta_m"
     ),
 }
-#: Parameters of the first mesh harmonic of the flank deviation of drawn gears.
+#: Parameters of the first mesh harmonic of the flank deviation of gears with a geometry.
 FLANK_PARAMETERS = {
     f"deviation_{name}": Parameter(
         parameters.ERROR, f"First mesh harmonic of the deviation of the flanks, its {name}", "f"
@@ -45,27 +45,28 @@ def pair_parameters() -> dict[str, Parameter]:
     return numeric_parameters(PairParameters) | ratios
 
 
-def drawing_parameters() -> dict[str, Any]:
-    """Return the parameters of drawn gears that can scatter, name -> `Parameter`.
+def geometry_parameters() -> dict[str, Any]:
+    """Return the parameters of a gear geometry that can be random, name -> `Parameter`.
 
     Names of a single gear have a prefix, as in ``pinion.shift``.
     """
-    drawing_parameters = numeric_parameters(Mesh) | LOAD_PARAMETERS | FLANK_PARAMETERS
+    all_parameters = numeric_parameters(Mesh) | LOAD_PARAMETERS | FLANK_PARAMETERS
     for gear in ("pinion", "wheel"):
         for name, parameter in numeric_parameters(SpurGear).items():
-            drawing_parameters[f"{gear}.{name}"] = parameter
-    return drawing_parameters
+            all_parameters[f"{gear}.{name}"] = parameter
+    return all_parameters
 
 
 def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, float]:
-    """Return a plain description of the scatter of a parameter with all its numbers.
+    """Return the distribution or tolerance of a parameter as a dict of numbers, with all its keys.
 
-    `scatter` has the keys of one of `SCATTER_KEYS`; deviations may be texts such as ``"5 %"`` of
-    the mean or nominal value. `model_value` is the default of ``mean`` and ``nominal``. Raises
-    ValueError with the parameter name if the description is not allowed.
+    `scatter` is a dict with the keys of one of `SCATTER_KEYS`; deviations may be strings such as
+    ``"5 %"``, of the mean or nominal value. `model_value` is the default of ``mean`` and
+    ``nominal``. Raises ValueError with the parameter name if the dict is not allowed.
     """
     checks.require(hasattr(scatter, "items"), parameter_name, scatter, ALLOWED_SCATTER)
     scatter = dict(scatter)
+    # The first kind of description that has all keys of `scatter`.
     keys: tuple = next((keys for keys in SCATTER_KEYS if scatter and {*scatter} <= {*keys}), ())
     missing = [key for key in keys if key not in scatter]
     complete = keys and {*missing} <= {*_OPTIONAL_KEYS}

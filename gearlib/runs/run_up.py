@@ -257,7 +257,7 @@ def _inertia_forces(model, driver, driven_mass, base_radius) -> np.ndarray:
         raise ValueError(f"driver = {driver!r} is not allowed: the model has no bodies")
     if not driven_mass:
         return np.zeros(1)
-    return inertia.mesh_acceleration(
+    return inertia.pair_acceleration(
         model.mesh, driven_mass, checks.finite_positive("base_radius", base_radius)
     )
 

@@ -173,7 +173,7 @@ def campbell(characteristics, orders: int, pair=None, settings=None, train=None)
     data = model.campbell(orders).drop_vars("modal_force").merge(model.layout())
     names = ["fraction_normal_high", "settled", "speed"]
     data = data.assign({name: sweeps[name] for name in names})
-    data["mesh_rate"] = "mesh", [float(rate) for rate in model.rates]
+    data["mesh_rate"] = "mesh", [float(rate) for rate in model.frequency_ratios]
     name = "gear train" if train else "reducer with three double satellites"
     return result(f"Campbell diagram of a {name}", model, data, method="exact", orders=orders)
 

@@ -29,7 +29,7 @@ from gearlib.models.tolerated import (
     FLANK_PARAMETERS,
     LOAD_PARAMETERS,
     RATIOS,
-    drawing_parameters,
+    geometry_parameters,
     numeric_parameters,
 )
 from gearlib.uncertainty import distributions
@@ -76,10 +76,10 @@ class DrawnPair:
 
     def __init__(self, mesh: Any, *, backlash: str | None = "drawing", **options: Any):
         """Check the mesh, and collect the parameters of drawings with their descriptions."""
-        self.mesh = checks.drawn_mesh(mesh)
+        self.mesh = checks.gear_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
         self.options = options
-        self.parameters = drawing_parameters()
+        self.parameters = geometry_parameters()
         self.descriptions = {
             name: (parameters.cf_units(parameter.kind.unit), _parameter_text(name, parameter))
             for name, parameter in self.parameters.items()

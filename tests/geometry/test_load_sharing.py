@@ -146,7 +146,7 @@ def test_against_root_finding_by_scipy(count, coupled):
 
             x = brentq(missing, gap.min(), gap.max() + 50.0, xtol=1e-13)
             # Brent's tolerance and some conditioning.
-            assert found.error[i, m] == pytest.approx(x, abs=1e-11)
+            assert found.displacement[i, m] == pytest.approx(x, abs=1e-11)
             np.testing.assert_allclose(found.force[i, m, there], forces(x), atol=1e-10)
             assert not found.force[i, m, ~there].any()
 

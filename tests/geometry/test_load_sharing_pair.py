@@ -92,7 +92,7 @@ def test_pairs_that_share_a_body_against_scipy(corners):
     mesh = optimum_relief(with_backlash(fzg_c(), FAR), torque, length="long", stiffness="iso")
     more = {"stiffness": "iso", "phases": 8, "corner_contact": corners}
     model = LoadSharingPair.from_geometry(mesh, **more, **OPTIONS)
-    tuning, starts = 0.8, model.tables[0].starts
+    tuning, starts = 0.8, model.system_and_max_stiffness[0].starts
     shift = (mesh.contact_ratio - 1.0) / 2.0
 
     def pairs(tau, middle):

@@ -152,7 +152,7 @@ def test_an_offset_of_an_axis_is_an_error_of_its_meshes(axis):
     errors = {}
     # Planet 1 lies at the angle 0: its arms are directions along the lines of action.
     for mesh, gear in (("sun 1", 1), ("ring 1", 0)):
-        arm = train.structure.arms[train.mesh_names.index(mesh)][gear][k]
+        arm = train.structure.line_vectors[train.mesh_names.index(mesh)][gear][k]
         errors[f"error of mesh {mesh}"] = train.value(f"error of mesh {mesh}") + size * arm
     moved, erring, unchanged = (
         gearlib.periodic_orbit(train.with_values(values), tuning).state

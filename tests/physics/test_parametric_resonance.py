@@ -161,13 +161,13 @@ class Parabola:
 
     size = 2
 
-    def contact_map(self, nu):
+    def contact_monodromy(self, nu):
         return np.diag([1.0 + (nu - 0.7) * ((nu - 1.0) ** 2 - 1e-6), 2.0])
 
 
 @pytest.mark.parametrize("grid", [[0.8, 0.99, 1.4], [0.6, 0.75, 0.99, 1.4], [0.6, 0.8, 1.01, 1.4]])
 def test_a_narrow_tongue_between_two_tunings_of_a_scan_is_found(grid):
-    maps = np.array([Parabola().contact_map(nu) for nu in grid])
+    maps = np.array([Parabola().contact_monodromy(nu) for nu in grid])
     places = [nu for nu in (0.7, 0.999, 1.001) if nu > grid[0]]
     result = sorted(hill_tongues._zeros(Parabola(), 1.0, np.array(grid), maps))
     np.testing.assert_allclose(result, places, rtol=1e-12)
@@ -227,6 +227,6 @@ def test_bearings_bring_combination_resonance():
     result = tongues(pair, start=1.3, stop=1.45, step=0.005)
     (i,) = np.nonzero(result.edge_multiplier.values == 0)[0]
     nu = float(result.growth_tuning[i])
-    largest = max(np.linalg.eigvals(pair.contact_map(nu)), key=abs)
+    largest = max(np.linalg.eigvals(pair.contact_monodromy(nu)), key=abs)
     assert abs(largest.imag) > 1e-3
     assert math.log(abs(largest)) == pytest.approx(float(result.growth[i]), rel=1e-9)

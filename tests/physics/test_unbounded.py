@@ -36,7 +36,7 @@ CONSERVATIVE = GearPair.from_ratios(contact_ratio=1.569, stiffness_ratio=0.5879,
 
 def growth(pair, tuning):
     """Return the logarithm of the largest multiplier with both flanks always in contact."""
-    return math.log(np.abs(np.linalg.eigvals(pairs_as_train(pair).contact_map(tuning))).max())
+    return math.log(np.abs(np.linalg.eigvals(pairs_as_train(pair).contact_monodromy(tuning))).max())
 
 
 def test_motions_inside_the_tongue_are_labelled_unbounded():

@@ -127,7 +127,7 @@ def test_speeds_are_those_of_willis():
         # What goes in comes out.
         power = sum(float(train.speeds[b.name]) * b.torque for b in train.bodies)
         assert power == pytest.approx(0.0, abs=1e-12 * abs(train.by_name["input"].torque))
-    assert two_stage(PAPER).rates == (1, Fraction(2, 3))
+    assert two_stage(PAPER).frequency_ratios == (1, Fraction(2, 3))
     assert idler(PAPER).speeds["wheel"] == idler(PAPER).speeds["pinion"]
 
 

@@ -21,7 +21,7 @@ from tests.properties.known_models import pairs_as_train
 def test_the_excitation_repeats_after_the_least_common_period():
     stages = two_stage(PAPER)
     # Thirds of a mesh period, of stages of 24:36 and 20:25.
-    assert stages.repeats == 3 and stages.rates == (1, Fraction(2, 3))
+    assert stages.repeats == 3 and stages.frequency_ratios == (1, Fraction(2, 3))
     names = {"first": stages.bodies[0].name, "last": stages.bodies[-1].name}
     for eccentric in ({names["first"]}, {names["last"]}, {*names.values()}):
         train = stages.replace(
@@ -29,7 +29,7 @@ def test_the_excitation_repeats_after_the_least_common_period():
         )
         turns = [train.speeds[name] for name in eccentric]
         # A body turns once in as many mesh periods as it has teeth.
-        rates = [*train.rates, *turns]
+        rates = [*train.frequency_ratios, *turns]
         assert all((train.repeats * rate).denominator == 1 for rate in rates)
         fewer = range(1, train.repeats)
         assert not any(all((n * rate).denominator == 1 for rate in rates) for n in fewer)
@@ -81,7 +81,7 @@ def test_a_line_of_action_tells_where_the_gears_lie(internal, direction):
         mesh = gearlib.Mesh(pinion="a", wheel="b", position=position, **stiffness, **flanks)
         again = replace(mesh, position=None, line_of_action=mesh.line)
         assert again.line == mesh.line
-        assert again.centres == pytest.approx(position, abs=1e-14)
+        assert again.centre_line_angle == pytest.approx(position, abs=1e-14)
         # Of a pair outside of each other the pressure parts the axes; a ring gear is pulled along.
         # Across the line of centres it turns the gear with the drive side.
         rotation = mesh.line - position

@@ -31,7 +31,7 @@ def axes_of(train, mesh):
     """Return the axes of pinion and wheel in m, seen from the pitch point."""
     ends = (mesh.wheel, mesh.pinion) if mesh.internal else (mesh.pinion, mesh.wheel)
     radius = [train.by_name[name].base_radius for name in ends]
-    ahead = np.array([math.cos(mesh.centres), math.sin(mesh.centres)])
+    ahead = np.array([math.cos(mesh.centre_line_angle), math.sin(mesh.centre_line_angle)])
     ahead /= math.cos(mesh.pressure_angle)
     # Past the pitch point, seen from a ring gear, no pinion has its axis.
     first, second = -radius[0] * ahead, (-1.0 if mesh.internal else 1.0) * radius[1] * ahead

@@ -237,7 +237,7 @@ def _of_train(train, tuning: float) -> BallModel:
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
     coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)
-    waves, constants = excitation_harmonics(train, structure.arms, arithmetic)
+    waves, constants = excitation_harmonics(train, structure.line_vectors, arithmetic)
     meshes = []
     for j, mesh in enumerate(train.meshes):
         upper, (coast, drive) = arb(mesh.max_stiffness), constants[:, j]
@@ -247,7 +247,7 @@ def _of_train(train, tuning: float) -> BallModel:
             Fraction(mesh.contact_ratio) - 1,
             mesh.stiffness_ratio != 1.0,
             any(mesh.friction),
-            train.rates[j],
+            train.frequency_ratios[j],
             (Fraction(train.inverse_phases[mesh.name]), Fraction(train.phases[mesh.name])),
             (pitch + turning.thickness_difference(mesh, train.speeds) / 2, pitch),
         )

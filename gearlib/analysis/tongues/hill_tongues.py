@@ -215,7 +215,7 @@ def _edges(pair: Any, grid: np.ndarray) -> list:
 
     `grid` are the scanned tunings. The multiplier is 1 or -1, or 0 for a complex pair.
     """
-    maps = np.array([pair.contact_map(nu) for nu in grid])
+    maps = np.array([pair.contact_monodromy(nu) for nu in grid])
     edges = [(nu, value) for value in (1, -1) for nu in _zeros(pair, value, grid, maps)]
     is_unstable = [_log_spectral_radius(matrix) > _MIN_GROWTH for matrix in maps]
     for i, (low, high) in enumerate(pairwise(grid)):
@@ -244,13 +244,13 @@ def _characteristic(pair: Any, tuning: float, multiplier: int) -> float:
 
     It is zero if this is a Floquet multiplier.
     """
-    monodromy = pair.contact_map(tuning)
+    monodromy = pair.contact_monodromy(tuning)
     return float(np.linalg.det(monodromy - multiplier * np.eye(len(monodromy))))
 
 
 def _growth(pair: Any, tuning: float) -> float:
     """Return the logarithm of the largest Floquet multiplier of the motion without contact loss."""
-    return _log_spectral_radius(pair.contact_map(tuning))
+    return _log_spectral_radius(pair.contact_monodromy(tuning))
 
 
 def _log_spectral_radius(matrix: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Drawn gears, meshes and planetary sets from plain values."""
+"""Geometry of gears, meshes and planetary sets from plain values."""
 
 import dataclasses
 import math
@@ -69,6 +69,7 @@ def parameters_renamed(rename: Callable[[str, str | None], str]) -> Iterator[Non
         yield
     except ValueError as error:
         message = str(error)
+        # Messages begin with "parameter of the part", "sum of the shifts" or only "parameter".
         match = _PARAMETER_OF_PART.match(message) or re.match(
             r"(sum) of the (shifts)|(\w+)", message
         )
@@ -96,8 +97,8 @@ def planetary_meshes(
     """Check a planetary set of three `SpurGear`, and return its meshes and angles of planets.
 
     `planets` is the number of planets, `positions` their angles in rad, by default equally spaced.
-    `backlashes` are the normal backlashes of the sun mesh and the ring mesh in m; by default they
-    follow from the drawings, as the centre distance in m does.
+    `centre_distance` of sun and planet is in m; `backlashes` are the normal backlashes of the sun
+    mesh and the ring mesh in m. By default both follow from the geometry of the gears.
     """
     backlash = (None, None) if backlashes is None else checks.sequence("backlashes", backlashes, 2)
     internal = getattr(ring, "internal", False)

@@ -1,4 +1,4 @@
-"""A drawn gear and its parts: material, basic rack, web and tip relief (ISO 21771, ISO 53).
+"""Geometry of a gear and its parts: material, basic rack, web and tip relief (ISO 21771, ISO 53).
 
 The formulas are those of ISO 21771, which gives a ring gear a negative number of teeth; here it has
 ``sign = -1``, and all diameters are positive. A positive profile shift moves the teeth towards
@@ -12,25 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
-from gearlib import checks
-from gearlib.parameters import (
-    BOOLEAN,
-    BORE,
-    DIAMETER,
-    ERROR,
-    MODULE,
-    NONNEGATIVE,
-    RELIEF,
-    RELIEF_LENGTH,
-    WIDTH,
-    Instance,
-    Integer,
-    Many,
-    Number,
-    OneOf,
-    check,
-    documented,
-)
+from gearlib import checks, parameters
 
 if TYPE_CHECKING:
     import numpy as np
@@ -61,36 +43,38 @@ def inverse_involute(involute: float) -> float:
     return math.atan(tangent)
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class Material:
     """An elastic material; steel of ISO 6336-1 by default."""
 
-    young: Annotated[float, Number("Pa", "206 GPa", gt=0), "Modulus of elasticity"] = 206e9
-    poisson: Annotated[float, Number("1", ge=0, lt=0.5), "Poisson's ratio"] = 0.3
-    density: Annotated[float, Number("kg/m^3", "7.85 g/cm^3", gt=0), "Density"] = 7850.0
+    young: Annotated[float, parameters.Number("Pa", "206 GPa", gt=0), "Modulus of elasticity"] = (
+        206e9
+    )
+    poisson: Annotated[float, parameters.Number("1", ge=0, lt=0.5), "Poisson's ratio"] = 0.3
+    density: Annotated[float, parameters.Number("kg/m^3", "7.85 g/cm^3", gt=0), "Density"] = 7850.0
 
     def __post_init__(self) -> None:
-        check(self, " of a material")
+        parameters.check(self, " of a material")
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class Rack:
     """The basic rack that generates the teeth, in modules."""
 
-    addendum: Annotated[float, Number("1", gt=0, le=3), "Of the rack,", "h_aP"] = 1.0
-    dedendum: Annotated[float, Number("1", gt=0, le=3), "Of the rack,", "h_fP"] = 1.25
+    addendum: Annotated[float, parameters.Number("1", gt=0, le=3), "Of the rack,", "h_aP"] = 1.0
+    dedendum: Annotated[float, parameters.Number("1", gt=0, le=3), "Of the rack,", "h_fP"] = 1.25
     tip_radius: Annotated[
         float,
-        NONNEGATIVE,
+        parameters.NONNEGATIVE,
         "Of its tip, which cuts the fillet, rho_fP, below the dedendum; where it would not fit "
         "between the flanks, the largest that does",
     ] = 0.38
 
     def __post_init__(self) -> None:
         """Raise ValueError if a dimension is impossible or the tip radius exceeds the dedendum."""
-        check(self, " of a rack")
+        parameters.check(self, " of a rack")
         allowed = f">= 0 and below the dedendum, {self.dedendum}"
         valid = self.tip_radius < self.dedendum
         checks.require(valid, "tip_radius of a rack", self.tip_radius, allowed)
@@ -105,18 +89,20 @@ RACKS = {
 }
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class Web:
     """A web between rim and hub, thinner than the face width."""
 
-    thickness: Annotated[float, WIDTH, "Of the web,", "b_s"]
-    rim_diameter: Annotated[float, DIAMETER, "Inside of the rim"]
-    hub_diameter: Annotated[float, DIAMETER, "Outside of the hub, smaller than that of the rim"]
+    thickness: Annotated[float, parameters.WIDTH, "Of the web,", "b_s"]
+    rim_diameter: Annotated[float, parameters.DIAMETER, "Inside of the rim"]
+    hub_diameter: Annotated[
+        float, parameters.DIAMETER, "Outside of the hub, smaller than that of the rim"
+    ]
 
     def __post_init__(self) -> None:
         """Raise ValueError if a dimension of the web is impossible or its rim is inside its hub."""
-        check(self, " of a web")
+        parameters.check(self, " of a web")
         valid = self.rim_diameter > self.hub_diameter
         allowed = f"above hub_diameter, {self.hub_diameter!r}"
         checks.require(valid, "rim_diameter of a web", self.rim_diameter, allowed)
@@ -126,29 +112,28 @@ class Web:
 SHAPES = {"linear": 1, "parabolic": 2}
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class TipRelief:
-    """Tip relief of a gear, as on its drawing; immutable.
+    """Tip relief of a gear; immutable.
 
     Its length is the difference of the radii of curvature between the tip and its start.
-
-    Raises
-    ------
-    ValueError
-        If a value is impossible; the message names parameter, value and range.
     """
 
-    amount: Annotated[float, RELIEF, "C_a, by how much the tip lies back, normal to the flank"]
-    length: Annotated[float, RELIEF_LENGTH, "L_Ca, of the relieved part along the path of contact"]
-    shape: Annotated[str, OneOf(tuple(SHAPES)), "Over that length"] = "linear"
+    amount: Annotated[
+        float, parameters.RELIEF, "C_a, by how much the tip lies back, normal to the flank"
+    ]
+    length: Annotated[
+        float, parameters.RELIEF_LENGTH, "L_Ca, of the relieved part along the path of contact"
+    ]
+    shape: Annotated[str, parameters.OneOf(tuple(SHAPES)), "Over that length"] = "linear"
 
     def __post_init__(self) -> None:
-        check(self, " of a tip relief")
+        parameters.check(self, " of a tip relief")
 
     def gap(self, tip_distance: "ArrayLike") -> "np.ndarray":
         """Return the gap in m at distances from the tip in m, measured along the contact path."""
-        import numpy as np  # Checking a drawing needs no numpy, which takes time to import.
+        import numpy as np  # Imported here, because the checks of the geometry need no numpy.
 
         fraction = np.maximum(1.0 - np.asarray(tip_distance) / self.length, 0.0)
         exponent = SHAPES[self.shape]  # 1 if the relief is linear, 2 if it is parabolic
@@ -194,14 +179,14 @@ class PathTable:
         return np.interp(position, self.position, self.value)
 
 
-class _RackKind(OneOf):
+class _RackKind(parameters.OneOf):
     """Type of a field that is a basic rack or its letter in ISO 53."""
 
     def check(self, name: str, value: Any) -> Rack:
         return value if isinstance(value, Rack) else RACKS[super().check(name, value)]
 
 
-@documented
+@parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class SpurGear:
     """A cylindrical gear, external or internal, spur or helical; immutable, in SI units.
@@ -213,24 +198,26 @@ class SpurGear:
         message names parameter, value and range.
     """
 
-    teeth: Annotated[int, Integer(3, limit=10_000), "Number of teeth", "z"]
-    module: Annotated[float, MODULE, "Normal module", "m_n"]
-    width: Annotated[float, WIDTH, "Face width", "b"]
-    shift: Annotated[float, Number("1", ge=-3, le=3), "Profile shift coefficient", "x"] = 0.0
+    teeth: Annotated[int, parameters.Integer(3, limit=10_000), "Number of teeth", "z"]
+    module: Annotated[float, parameters.MODULE, "Normal module", "m_n"]
+    width: Annotated[float, parameters.WIDTH, "Face width", "b"]
+    shift: Annotated[
+        float, parameters.Number("1", ge=-3, le=3), "Profile shift coefficient", "x"
+    ] = 0.0
     pressure_angle: Annotated[
         float,
-        Number("rad", "20 deg", gt=0, lt=math.pi / 4),
+        parameters.Number("rad", "20 deg", gt=0, lt=math.pi / 4),
         "Pressure angle of the basic rack alpha_n; 20 degrees by default",
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
-        Number("rad", "15.8 deg", ge=0, lt=math.pi / 3),
+        parameters.Number("rad", "15.8 deg", ge=0, lt=math.pi / 3),
         "Helix angle at the reference circle beta; 0 by default",
     ] = 0.0
-    internal: Annotated[bool, BOOLEAN, "Whether it is a ring gear"] = False
+    internal: Annotated[bool, parameters.BOOLEAN, "Whether it is a ring gear"] = False
     tip_diameter: Annotated[
         float | None,
-        DIAMETER,
+        parameters.DIAMETER,
         "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -",
     ] = None
     rack: Annotated[
@@ -238,31 +225,33 @@ class SpurGear:
     ] = "A"
     thickness_allowance: Annotated[
         float,
-        Number("m", "-50 um", le=0),
+        parameters.Number("m", "-50 um", le=0),
         "Upper allowance of the normal tooth thickness E_sns; DIN 3967",
     ] = 0.0
-    bore: Annotated[float, BORE, "Diameter; below that of the root"] = 0.0
+    bore: Annotated[float, parameters.BORE, "Diameter; below that of the root"] = 0.0
     outer_diameter: Annotated[
-        float | None, DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
+        float | None, parameters.DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
     ] = None
-    web: Annotated[Web | None, Instance((Web,)), "Between rim and hub"] = None
-    material: Annotated[Material, Instance((Material,)), "Steel by default"] = Material()
+    web: Annotated[Web | None, parameters.Instance((Web,)), "Between rim and hub"] = None
+    material: Annotated[Material, parameters.Instance((Material,)), "Steel by default"] = Material()
     quality: Annotated[
         int | None,
-        Integer(1, 11),
+        parameters.Integer(1, 11),
         "Flank tolerance class of ISO 1328-1:2013; `pitch_deviation` and `form_deviation` need it",
     ] = None
-    tip_relief: Annotated[TipRelief | None, Instance((TipRelief,)), "None by default"] = None
+    tip_relief: Annotated[
+        TipRelief | None, parameters.Instance((TipRelief,)), "None by default"
+    ] = None
     pitch_errors: Annotated[
         tuple,
-        Many(ERROR),
+        parameters.Many(parameters.ERROR),
         "By how much each flank lies back from its place along the line of action, tooth after "
         "tooth as they come into mesh; as many as teeth, or none",
     ] = ()
 
     def __post_init__(self) -> None:
-        check(self)
-        self._check_teeth()
+        parameters.check(self)
+        self._set_tip_and_check_teeth()
         self._check_blank()
 
     def _check_field(self, name: str, allowed: str, accept: Callable[[float], bool]) -> None:
@@ -273,8 +262,12 @@ class SpurGear:
         value = checks.number(name, getattr(self, name), allowed, accept)
         object.__setattr__(self, name, value)
 
-    def _check_teeth(self) -> None:
-        """Raise ValueError for undercut teeth, pointed tips or too much tip relief."""
+    def _set_tip_and_check_teeth(self) -> None:
+        """Set the default tip diameter; raise ValueError if the teeth or their data are impossible.
+
+        Impossible are undercut teeth, pointed tips, a wrong number of pitch errors and a tip relief
+        of more than half the tip thickness.
+        """
         rack, root, base = self.rack, self.root_diameter, self.base_diameter
         max_dedendum = math.pi / 4.0 / math.tan(self.pressure_angle)
         allowed = f"<= {max_dedendum:.4g} at this pressure angle, where its own tips are pointed"
@@ -442,18 +435,19 @@ class SpurGear:
     @property
     def mass(self) -> float:
         """Mass of the gear as a disc with bore and web, or of the rim of a ring gear, kg."""
-        return self._ring_moment(2, math.pi / 4.0)
+        return self._mass_or_inertia(power=2, factor=math.pi / 4.0)
 
     @property
     def inertia(self) -> float:
         """Moment of inertia about the axis, of the same body as the mass, kg m^2; ISO 6336-1."""
-        return self._ring_moment(4, math.pi / 32.0)
+        return self._mass_or_inertia(power=4, factor=math.pi / 32.0)
 
-    def _ring_moment(self, power: int, factor: float) -> float:
-        """Return factor * density * width * (outer^power - inner^power) from both diameters.
+    def _mass_or_inertia(self, power: int, factor: float) -> float:
+        """Return factor * density * width * (outer^power - inner^power) from two diameters in m.
 
-        Power 2 and pi / 4 give the mass, power 4 and pi / 32 the moment of inertia. The recess
-        beside the web, if there is one, is subtracted.
+        Power 2 with factor pi / 4 gives the mass in kg, power 4 with pi / 32 the moment of inertia
+        in kg m^2. The diameter on the side of the teeth is the mean diameter of ISO 6336-1, as if
+        they were a full ring. The recess beside the web, if there is one, is subtracted.
         """
         outer, inner = self.mean_diameter, self.bore
         if self.internal:

@@ -52,7 +52,7 @@ def iso_stiffness(
     Parameters
     ----------
     mesh : Mesh
-        The drawn gears.
+        Geometry of both gears.
     torque : float, optional
         Torque of the pinion, N m; finite, > 0. Below F_t K_A / b = 100 N/mm, c' falls with the
         fourth root of the force. Without a torque it does not.
@@ -71,7 +71,7 @@ def iso_stiffness(
     this range it is an approximation. Materials other than steel enter by a factor of
     2 E_1 E_2 / (E_1 + E_2) over 206 GPa, helical gears by cos(beta).
     """
-    gears = (checks.drawn_mesh(mesh).pinion, mesh.wheel)
+    gears = (checks.gear_mesh(mesh).pinion, mesh.wheel)
     if not mesh.wheel.internal:
         gears = sorted(gears, key=lambda gear: (gear.teeth, -gear.shift))
     teeth = tuple(math.inf if gear.internal else gear.virtual_teeth for gear in gears)
@@ -129,7 +129,8 @@ def iso_rectangle(mesh: "Mesh", **options: float | None) -> tuple[float, float, 
     max_fraction = (periods * segment + max_part) / mesh.overlap_ratio
     min_fraction = (periods * segment + min_part) / mesh.overlap_ratio
     high, low = low + step * max_fraction, low + step * min_fraction
-    if 1.0 - low / high < 1e-12:  # The stiffness is constant at an integer overlap ratio.
+    if 1.0 - low / high < 1e-12:
+        # At an integer overlap ratio the stiffness is constant, kappa = 1, with any epsilon.
         return high, 1.0, 1.5
     return high, low / high, 1.0 + (segment - min_fraction) / (max_fraction - min_fraction)
 
@@ -176,7 +177,7 @@ def dynamic_factor(
     Parameters
     ----------
     mesh : Mesh
-        The drawn gears.
+        Geometry of both gears.
     torque : float
         Torque of the pinion, N m; finite, > 0.
     rpm : float or array_like of float
@@ -203,10 +204,10 @@ def dynamic_factor(
     -----
     For (v z_1 / 100) sqrt(u^2 / (1 + u^2)) below 3 m/s the standard advises its method C.
     """
-    import numpy as np  # Checking a drawing needs no numpy, which takes time to import.
+    import numpy as np  # Imported here, because the checks of the geometry need no numpy.
 
     torque = checks.finite_positive("torque", torque)
-    stiffness = iso_stiffness(checks.drawn_mesh(mesh), torque, application_factor)
+    stiffness = iso_stiffness(checks.gear_mesh(mesh), torque, application_factor)
     try:
         speed = np.asarray(rpm, float)
     except (TypeError, ValueError):

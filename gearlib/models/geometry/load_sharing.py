@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 SAME_POSITION_TOLERANCE = 1e-12
 #: Smallest number of slices of a helical face, and limits of the number of phases per base pitch.
 _MIN_SLICES, MIN_INTERVALS_PER_PITCH, _MAX_INTERVALS_PER_PITCH = 48, 48, 128
+#: Smallest number of phases per base pitch if there are many mesh periods.
+_MIN_COARSE_INTERVALS = 8
 #: Largest number of slices at all phases, which take 0.4 s; slices become wider beyond it.
 _MAX_SLICES_AT_PHASES = 120_000
 #: Largest number of pairs of teeth in mesh at once.
@@ -49,6 +51,8 @@ _MAX_PAIRS = 10
 MAX_CORNER_GAP = 6.0
 #: Largest distance from the path of contact at which a corner can touch, in base pitches.
 _MAX_CORNER_DISTANCE = 0.45
+#: Number of distances at which the gap of a corner is computed for the length of its contact.
+_CORNER_SAMPLES = 201
 #: Largest number of Newton steps for the displacement of a helical mesh, and their tolerance.
 _MAX_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-12
 
@@ -57,7 +61,7 @@ _MAX_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-12
 class LoadSharing:
     """Equilibrium of k pairs of teeth under n loads at m phases."""
 
-    error: np.ndarray  #: displacement x, the transmission error, m, shape (n, m)
+    displacement: np.ndarray  #: displacement x, the transmission error, m, shape (n, m)
     force: np.ndarray  #: force of each pair, N, shape (n, m, k)
     touching: np.ndarray  #: whether each pair touches, bool, shape (n, m, k)
     stiffness: np.ndarray  #: dF_i/dx of each pair, N/m, shape (n, m, k)
@@ -109,10 +113,11 @@ class ToothPairs:
 
         Each set of at least `min_touching_pairs` pairs is tried, and the one that violates the
         conditions least is taken. `displacements` is a function of the indices of j phases and of
-        the coefficients of the forces there, and returns displacements, shape (load_count, j).
+        the coefficients (stiffness, offset) of the forces there, and returns the displacements in
+        m, shape (load_count, j).
         """
         m, k = self.gap.shape
-        error, min_violation = np.zeros((load_count, m)), np.full((load_count, m), math.inf)
+        displacement, min_violation = np.zeros((load_count, m)), np.full((load_count, m), math.inf)
         force, stiffness = np.zeros((load_count, m, k)), np.zeros((load_count, m, k))
         touching = np.zeros((load_count, m, k), bool)
         diagonal = np.einsum("mii->mi", self.compliance)
@@ -134,12 +139,12 @@ class ToothPairs:
             better = max_violation < min_violation[:, indices]
             load_indices, columns = np.nonzero(better)
             improved = load_indices, indices[columns]
-            min_violation[improved], error[improved] = max_violation[better], x[better]
+            min_violation[improved], displacement[improved] = max_violation[better], x[better]
             force[improved], touching[improved] = forces[better], np.isin(np.arange(k), pairs)
             stiffnesses = np.zeros((indices.size, k))
             stiffnesses[:, pairs] = pair_stiffness
             stiffness[improved] = stiffnesses[columns]
-        return LoadSharing(error, np.maximum(force, 0.0), touching, stiffness)
+        return LoadSharing(displacement, np.maximum(force, 0.0), touching, stiffness)
 
     def overlap(self, equilibrium: LoadSharing) -> np.ndarray:
         """Return the overlap that the flanks of each pair would have without its force, (n, m, k).
@@ -150,7 +155,7 @@ class ToothPairs:
         force, touching = equilibrium.force, equilibrium.touching
         diagonal = np.einsum("mii->mi", self.compliance)
         deflection_by_others = _deflections(self.compliance, force) - diagonal * force
-        overlap = equilibrium.error[..., None] - self.gap - deflection_by_others
+        overlap = equilibrium.displacement[..., None] - self.gap - deflection_by_others
         # The sign must agree with `touching` even if pairs touch without a load.
         tiny = np.finfo(float).tiny
         return np.where(touching, np.maximum(overlap, tiny), np.minimum(overlap, -tiny))
@@ -263,23 +268,24 @@ class FaceSlices(NamedTuple):
 def face_slices(mesh: "Mesh", periods: int) -> FaceSlices:
     """Divide the face of a mesh into slices, and return them; a spur gear has one slice.
 
-    With many mesh periods, of which there are `periods`, the slices are wider, so that the number
-    of slices at all phases stays near `_MAX_SLICES_AT_PHASES`.
+    `periods` is the number of mesh periods that are computed. If there are many, slices are wider,
+    so that the number of slices at all phases stays near `_MAX_SLICES_AT_PHASES`.
     """
     overlap = mesh.overlap_ratio
     if overlap == 0.0:
-        return FaceSlices(np.ones(1), np.zeros(1), 0, 0.0)
+        return FaceSlices(np.ones(1), np.zeros(1), intervals_per_pitch=0, half_overlap=0.0)
     intervals = max(math.ceil(_MIN_SLICES / overlap), MIN_INTERVALS_PER_PITCH)
     intervals = min(intervals, _MAX_INTERVALS_PER_PITCH)
     slices_at_phases = periods * intervals * max(_MIN_SLICES, overlap * intervals)
     coarsening = max(1.0, math.sqrt(slices_at_phases / _MAX_SLICES_AT_PHASES))
-    intervals = max(8, round(intervals / coarsening))
+    intervals = max(_MIN_COARSE_INTERVALS, round(intervals / coarsening))
     slices_per_pitch = intervals * max(1, round(_MIN_SLICES / coarsening / overlap / intervals))
     count = math.ceil(overlap * slices_per_pitch)
     width_fractions = np.full(count, 1.0 / (overlap * slices_per_pitch))
     width_fractions[[0, -1]] = (1.0 - width_fractions[1:-1].sum()) / 2.0
     delays = (np.arange(count) - (count - 1) / 2.0) / slices_per_pitch
-    return FaceSlices(width_fractions, delays, intervals, (overlap + 1.0 / intervals) / 2.0)
+    half_overlap = (overlap + 1.0 / intervals) / 2.0
+    return FaceSlices(width_fractions, delays, intervals, half_overlap)
 
 
 def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
@@ -312,16 +318,17 @@ def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
     raise RuntimeError(f"the forces of a helical mesh do not converge in {_MAX_NEWTON_STEPS} steps")
 
 
-def corner_contact_lengths(mesh, corners, load, pitch_errors) -> tuple[float, ...]:
+def corner_contact_lengths(mesh, corner_contact, load, pitch_errors) -> tuple[float, ...]:
     """Return the lengths of corner contact before and after the path of contact in base pitches.
 
-    Tip corners can touch where their gap is below 6 deflections of one pair under the load in N,
-    plus the range of the pitch errors in m. The lengths are 0 if `corners` is False.
+    Tip corners can touch where their gap is below `MAX_CORNER_GAP` deflections of one pair under
+    the load in N, plus the range of the pitch errors in m. The lengths are 0 if `corner_contact`,
+    a bool, is False.
     """
-    if not corners:
+    if not corner_contact:
         return 0.0, 0.0
     max_gap = MAX_CORNER_GAP * load / pair_stiffness(mesh) + np.ptp(pitch_errors)
-    pitches = np.linspace(0.0, _MAX_CORNER_DISTANCE, 201)
+    pitches = np.linspace(0.0, _MAX_CORNER_DISTANCE, _CORNER_SAMPLES)
     (start, end), distances = mesh.path, pitches * mesh.base_pitch
     gaps = corner_gap(mesh, start - distances), corner_gap(mesh, end + distances)
     # The gap grows with the square of the distance, so its square root is interpolated.
@@ -347,6 +354,8 @@ def _gap_to_corner(mesh: "Mesh", flank_name: str, position: np.ndarray) -> np.nd
     `flank_name` is "pinion" or "wheel", the gear with the flank. Positions, in m, are those on the
     line of action at which involutes would touch if they were longer.
     """
+    # The axis x points from the axis of the gear with the flank to the pitch point. The sign of the
+    # wheel is 1 or, if it is a ring gear, which turns in the same direction as the pinion, -1.
     sign, angle = mesh.wheel.sign, mesh.working_pressure_angle
     flank_gear, corner_gear, direction = mesh.pinion, mesh.wheel, 1
     if flank_name == "wheel":

@@ -1,4 +1,4 @@
-"""Mesh of two drawn gears: working angle, path of contact, contact ratio, backlash, interference.
+"""Mesh of two gears: working angle, path of contact, contact ratio, backlash, interference.
 
 A position on the path of contact is the radius of curvature of the flank of the pinion in m; it is
 0 where the line of action touches the base circle of the pinion. The pinion drives. Contact begins
@@ -22,7 +22,7 @@ from gearlib.parameters import DIAMETER, RUN_OUT, Instance, documented
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh_stiffness import MeshStiffness
 
-#: Largest negative backlash, in modules, that counts as 0: drawings round shifts and distances.
+#: Largest negative backlash, in modules, that counts as 0, from rounded shifts and distances.
 _MAX_ROUNDED_BACKLASH = 1e-3
 #: Largest depth of contact below the start of the involute, in modules. The fillet deviates there
 #: from the involute by only 0.002 modules, and rings of published planetary sets reach a depth of
@@ -184,9 +184,9 @@ class Mesh:
     def _set_backlash(self) -> None:
         """Check the backlash, or set it to the value that the geometry of the gears leaves."""
         if self.backlash is not None:
-            example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
             allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
-            # The message suggests a unit if the value is right in another one.
+            # If the value were right in um (values >= 1) or mm, the message suggests this unit.
+            example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
             allowed += parameters.unit_hint(self.backlash, example, self.base_pitch)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
@@ -321,7 +321,7 @@ class Mesh:
 
         Options are those of `gearlib.geometry.mesh_stiffness`, such as the torque in N m.
         """
-        # Checking a drawing needs no numpy, which takes time to import.
+        # Imported here, because the checks of the geometry need no numpy.
         from gearlib.models.geometry.mesh_stiffness import mesh_stiffness
 
         return mesh_stiffness(self, method, **options)
@@ -340,7 +340,7 @@ class Mesh:
         """Return the static transmission error and the load sharing of spur gears under load.
 
         The model is that of the module ``load_sharing`` in `gearlib.models.geometry`, with the tip
-        reliefs of the drawings.
+        reliefs of the gears.
 
         Parameters
         ----------
@@ -352,7 +352,8 @@ class Mesh:
             Stiffness of a pair of teeth: the energy method with constant Hertz contact; c' of ISO
             6336-1, which is constant along the path; or a table in N/m.
         coupling : float, default 1
-            Share of the gear bodies that is common to all pairs, from 0 to 1; 0 for a table.
+            Fraction of the compliance of the gear bodies that all pairs have in common, from 0 to
+            1. It has no effect if the stiffness is constant or a table.
         deviation : PathTable, optional
             Additional gap over the path of contact, m.
         pitch_errors : sequence of float, optional
@@ -495,9 +496,9 @@ class Mesh:
 
 
 def six_degree_parameters(mesh: Mesh) -> dict[str, Any]:
-    """Return base radii, inertias, masses, teeth and pitch phase of drawn gears, in SI units.
+    """Return base radii, inertias, masses, teeth and pitch phase of a mesh, in SI units.
 
-    The keys are the names of parameters of a `SixDegreePair`.
+    The keys are the names of parameters of a `SixDegreePair`; lists are of (pinion, wheel).
     """
     gears = mesh.pinion, mesh.wheel
     return {

@@ -1,4 +1,4 @@
-"""Mesh stiffness of drawn gears by ISO 6336 or by the energy method.
+"""Mesh stiffness of gears by ISO 6336 or by the energy method.
 
 In a mesh period, floor(eps_alpha) + 1 pairs of teeth touch in a segment of the length eps_alpha -
 floor(eps_alpha), and one pair less in the other segment. A position u in base pitches after the
@@ -47,7 +47,7 @@ SOURCES = {
     "table": "a table of one's own",
 }
 #: Relative uncertainty of the methods. "iso": quoted bounds of c' are +5 % and -8 %. "energy": the
-#: models of contact and body differ; for four drawn pairs a logarithmic contact changes the mean by
+#: models of contact and body differ; for four gear pairs a logarithmic contact changes the mean by
 #: -12 to -20 %, a separate body for each pair by +23 to +30 %.
 UNCERTAINTY = {"iso": 0.08, "energy": 0.25, "table": math.nan}
 #: Iterations of the loads of pairs with logarithmic contact; each adds two digits.
@@ -226,7 +226,7 @@ class PairCompliance:
     """
 
     def __init__(self, mesh: "Mesh", hertz: str = "constant") -> None:
-        """Prepare both teeth of a drawn mesh and check the bores of its gears.
+        """Prepare a tooth of both gears of a mesh, and check the bores of the gears.
 
         `hertz` is "constant" or "logarithmic", the dependence of the Hertz contact on the load.
         """
@@ -280,8 +280,9 @@ class PairCompliance:
             x, _, b = tooth.flank(phi)
             poisson = tooth.gear.material.poisson
             # The force meets the centre line of the tooth x / cos(b) below the flank.
-            depth = np.log(2.0 * x / np.cos(b) / half_width) - poisson / (2.0 * (1.0 - poisson))
-            contact_compliance = contact_compliance + 2.0 * compliance / (math.pi * width) * depth
+            depth_ratio = 2.0 * x / np.cos(b) / half_width
+            factor = np.log(depth_ratio) - poisson / (2.0 * (1.0 - poisson))
+            contact_compliance = contact_compliance + 2.0 * compliance / (math.pi * width) * factor
         return contact_compliance
 
 
@@ -290,7 +291,8 @@ def compliance_matrix(pair, positions, forces, coupling) -> np.ndarray:
 
     `pair` gives the compliances of one pair by the energy method. Positions on the path in m and
     forces in N have the shape (n, k). `coupling`, 0 to 1, is the fraction of the compliance of the
-    gear bodies that all pairs have in common.
+    gear bodies that all pairs have in common: Q_kl of two pairs is `coupling` times the sum of
+    sqrt(q_k q_l) over both gears, where q is the compliance of a body under the force of one pair.
     """
     pair_compliance = pair.tooth_compliance(positions) + pair.contact_compliance(positions, forces)
     body_compliances = pair.body_compliances(positions)
@@ -357,12 +359,12 @@ class MeshStiffness:
 def mesh_stiffness(
     mesh: "Mesh", method: str | Tabulated = "iso", *, samples: int = 64, **options: Any
 ) -> MeshStiffness:
-    """Return the mesh stiffness of two drawn gears by a method.
+    """Return the mesh stiffness by a method, with its equivalent rectangle of two levels.
 
     Parameters
     ----------
     mesh : Mesh
-        The drawn gears.
+        Geometry of both gears.
     method : {"iso", "energy"} or Tabulated, default "iso"
         "iso": the first pair of teeth has the stiffness c' of ISO 6336-1, each further pair
         0.75 c', so that the mean is c_gamma_alpha. "energy": energy method; the rectangle has the
@@ -374,7 +376,8 @@ def mesh_stiffness(
     application_factor : float, default 1
         Application factor K_A for "iso".
     coupling : float, default 1
-        Common share of the gear bodies for "energy", from 0 to 1.
+        Fraction of the compliance of the gear bodies that all pairs of teeth have in common for
+        "energy", from 0 to 1.
     hertz : {"constant", "logarithmic"}, default "constant"
         Dependence of the Hertz contact on the load for "energy".
 
@@ -388,7 +391,7 @@ def mesh_stiffness(
     ValueError
         If the method or an option is not allowed.
     """
-    checks.drawn_mesh(mesh)
+    checks.gear_mesh(mesh)
     if isinstance(method, Tabulated):
         checks.check_known_parameters("table", options, ("torque",))
         return _stiffness_of_table("table", method)
@@ -438,7 +441,8 @@ def _stiffness_of_table(method: str, table: Tabulated) -> MeshStiffness:
     `method` names the source of the table, "energy" or "table".
     """
     max_stiffness, kappa, epsilon = table.ratios()
-    if 1.0 - kappa < 1e-12:  # The stiffness is constant at an integer overlap ratio.
+    if 1.0 - kappa < 1e-12:
+        # At an integer overlap ratio the stiffness is constant, kappa = 1, with any epsilon.
         kappa, epsilon = 1.0, 1.5
     return MeshStiffness(method, max_stiffness, kappa, epsilon, table)
 

@@ -50,13 +50,13 @@ def transmission_error(
     np.divide(equilibrium.force, total_forces, out=load_share, where=total_forces > 0.0)
     dims, pair_dims = ("torque", "phase"), ("phase", "tooth_pair")
     data = {
-        "transmission_error": (dims, equilibrium.error),
+        "transmission_error": (dims, equilibrium.displacement),
         "load_share": ((*dims, "tooth_pair"), load_share),
         "pairs_in_contact": (dims, equilibrium.touching.sum(-1)),
         "mesh_stiffness": (dims, equilibrium.stiffness.sum(-1)),
         "path_position": (pair_dims, np.where(pairs.can_touch, pairs.position, math.nan)),
         "gap": (pair_dims, np.where(pairs.can_touch, pairs.gap, math.nan)),
-        "peak_to_peak_error": ("torque", np.ptp(equilibrium.error, axis=1)),
+        "peak_to_peak_error": ("torque", np.ptp(equilibrium.displacement, axis=1)),
         "effective_contact_ratio": ("torque", _contact_ratios(mesh, pairs, equilibrium, phases)),
         "mesh_force": ("torque", loads),
     }
@@ -141,7 +141,7 @@ def optimum_relief(
         If a value is not allowed; the message names parameter, value and range.
     """
     checks.one_of("shape", shape, tuple(SHAPES))
-    load = checks.drawn_mesh(mesh).load(checks.finite_positive("torque", torque))
+    load = checks.gear_mesh(mesh).load(checks.finite_positive("torque", torque))
     pair_count = math.floor(mesh.contact_ratio)
     long_length = (mesh.contact_ratio - pair_count) * mesh.base_pitch
     limit = mesh.longest_relief
@@ -158,7 +158,10 @@ def optimum_relief(
     deflections = [compliance[end] * load / pair_count for end in ends]
 
     def reliefs(variables):
-        """Return both reliefs from their amounts over deflections and length over long length."""
+        """Return both tip reliefs from their amounts divided by `deflections`.
+
+        Without a `fixed_length`, their length divided by `long_length` is the third variable.
+        """
         relief_length = fixed_length if fixed_length is not None else long_length * variables[2]
         return [
             TipRelief(amount=amount * deflection, length=relief_length, shape=shape)
@@ -169,7 +172,8 @@ def optimum_relief(
         """Return the transmission error at all phases, over the sum of both deflections."""
         relieved = mesh.with_reliefs(*reliefs(variables))
         gap = pairs.gap + relief_gap(relieved, pairs.position)
-        return replace(pairs, gap=gap).forces_under_loads([load]).error[0] / sum(deflections)
+        equilibrium = replace(pairs, gap=gap).forces_under_loads([load])
+        return equilibrium.displacement[0] / sum(deflections)
 
     bounds = [(0.0, 4.0)] * 2 + [(0.2, 1.0)] * (fixed_length is None)
     optimum = np.ones(len(bounds))

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgejsv
 
-#: Smaller pivots of directions of size 1 are rounding errors of the angles and radii of a drawing.
+#: Smaller pivots of directions of size 1 are rounding errors of rounded angles and radii.
 _MIN_PIVOT = 1e-6
 #: Smaller entries, over the largest of a direction, are a sine or cosine that should be 0.
 _ROUNDED_ENTRY = 1e-13
@@ -160,7 +160,10 @@ def _jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     if not matrix.size:
         return np.empty(0), np.empty((len(matrix), 0)), np.empty((0, 0))
-    values, left, right, scale, _, info = dgejsv(matrix, 0, 0, 0, 1, 1, 1)
+    # Compute both kinds of vectors, without restricted range, transposition or perturbation.
+    values, left, right, scale, _, info = dgejsv(
+        matrix, joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
+    )
     if info != 0:
         raise np.linalg.LinAlgError("the singular values do not converge")
     ascending = slice(None, None, -1)

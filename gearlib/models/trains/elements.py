@@ -13,15 +13,10 @@ from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.harmonics import Harmonics
 
-#: Arguments of `Mesh.from_geometry` that determine the stiffness and damping of a drawn mesh.
-_DRAWING_ARGUMENTS = (
-    "torque",
-    "damping_ratio",
-    "logarithmic_decrement",
-    "material_damping",
-    "backlash_damping_ratio",
-    "stiffness",
-    "options",
+#: Arguments of `Mesh.from_geometry` that determine the stiffness and damping of the mesh.
+_STIFFNESS_AND_DAMPING = (
+    *("torque", "damping_ratio", "logarithmic_decrement", "material_damping"),
+    *("backlash_damping_ratio", "stiffness", "options"),
 )
 #: Largest relative difference of base pitches, from rounded base radii.
 _PITCH_TOLERANCE = 1e-4
@@ -35,11 +30,6 @@ class Body:
     """A gear or a carrier of a `GearTrain`; immutable.
 
     The support of its axis acts along x and y, for a body on a carrier radially and tangentially.
-
-    Raises
-    ------
-    ValueError
-        If a value is impossible; the message names parameter, value and range.
     """
 
     name: Annotated[str, parameters.TEXT, "Name of the body"]
@@ -90,24 +80,24 @@ class Body:
 
     @classmethod
     def from_gear(cls, gear: Any, name: str, **fields: Any) -> "Body":
-        """Return a body with the teeth, base radius, mass and inertia of a drawn gear.
+        """Return a body with the teeth, base radius, mass and inertia of a gear geometry.
 
         Parameters
         ----------
         gear : gearlib.geometry.SpurGear
-            The drawn gear.
+            Geometry of the gear.
         name : str
             Name of the body.
         **fields
-            Other parameters of the class; they replace those of the drawing.
+            Other parameters of the class; they replace those of the geometry.
         """
         checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
-        drawn_fields = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
+        gear_fields = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
         for field in ("mass", "inertia"):
-            # The mass of a drawn ring gear fails without its outer diameter, unless it is given.
+            # A ring gear without an outer diameter has no mass and inertia; they must be given.
             if field not in fields:
-                drawn_fields[field] = getattr(gear, field)
-        return cls(name=name, **(drawn_fields | fields))
+                gear_fields[field] = getattr(gear, field)
+        return cls(name=name, **(gear_fields | fields))
 
 
 @parameters.documented
@@ -153,11 +143,6 @@ class Mesh:
     mesh from the axis of the wheel to that of the pinion. Friction acts on the axes across the line
     of action and opposes the sliding, which reverses at the pitch point and half a mesh period
     later.
-
-    Raises
-    ------
-    ValueError
-        If a value is impossible; the message names parameter, value and range.
     """
 
     pinion: Annotated[str, parameters.TEXT, "Name of the body that is the pinion"]
@@ -259,30 +244,31 @@ class Mesh:
 
     @classmethod
     def from_geometry(cls, mesh: Any, pinion: str, wheel: str, **fields: Any) -> "Mesh":
-        """Return a mesh with stiffness, contact ratio, backlash, angle and phases of a drawing.
+        """Return a mesh with stiffness, contact ratio, backlash, angle and phases of a geometry.
 
         Parameters
         ----------
         mesh : gearlib.geometry.Mesh
-            The drawn mesh.
+            Geometry of both gears.
         pinion, wheel : str
             Names of the bodies.
         torque : float, optional
             Torque on the pinion in N m; "iso" needs it at low load, and so does the logarithmic
             contact.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
-            Damping in contact, given by at most one of them, with ratios of the two gears alone.
-            Without any, the damping is unknown, and only modes and statics can be computed.
+            Damping in contact, given by at most one of them; ratio and decrement are those of the
+            two gears without the rest of the train. Without any, the damping is unknown, and only
+            modes and statics can be computed.
         backlash_damping_ratio : float, default 0
             Damping ratio in the backlash.
         stiffness, options
             Method of the mesh stiffness and its options, see `GearPair.from_geometry`.
         **fields
-            Other parameters of the class; they replace those of the drawing.
+            Other parameters of the class; they replace those of the geometry.
         """
-        options = {name: fields.pop(name) for name in _DRAWING_ARGUMENTS if name in fields}
-        drawn_fields = checks.drawn_mesh(mesh).train_parameters(**options)
-        return cls(pinion=pinion, wheel=wheel, **(drawn_fields | fields))
+        options = {name: fields.pop(name) for name in _STIFFNESS_AND_DAMPING if name in fields}
+        fields = checks.gear_mesh(mesh).train_parameters(**options) | fields
+        return cls(pinion=pinion, wheel=wheel, **fields)
 
     @property
     def line(self) -> float:
@@ -290,13 +276,16 @@ class Mesh:
         return self.line_angle(math.pi)
 
     def line_angle(self, pi: Any) -> Any:
-        """Return the angle of the line of action, rad; `pi` is the number pi, a float or a ball."""
+        """Return the angle of the line of action in rad.
+
+        `pi` is the number pi, a float or, for an angle with an error bound, an enclosing interval.
+        """
         if self.line_of_action is not None:
             return self.line_of_action
         return (self.position or 0.0) + self.direction * (pi / 2.0 + self._signed_pressure_angle)
 
     @property
-    def centres(self) -> float:
+    def centre_line_angle(self) -> float:
         """Angle of the line of centres, rad, in the direction of `position`."""
         if self.line_of_action is None:
             return self.position or 0.0

@@ -24,20 +24,23 @@ def layout(train: "GearTrain") -> xr.Dataset:
     radii = {mesh.name: _pitch_radii(train, mesh) for mesh in train.meshes}
     joints = _joints(train, radii)
     axes = _axes(train, joints)
-    misfits = [
+    # Loops of meshes and shafts give an axis several positions, which should be equal.
+    closure_errors = [
         math.dist(axes[end], axes[start] + vector)
         for start in joints
         for end, vector in joints[start]
     ]
     pitch_points = [
-        axes[mesh.pinion] + _vector(radii[mesh.name][0], mesh.centres) for mesh in train.meshes
+        axes[mesh.pinion] + _vector(radii[mesh.name][0], mesh.centre_line_angle)
+        for mesh in train.meshes
     ]
     body_radii = {body.name: body.base_radius for body in train.bodies}
     for mesh in train.meshes:
         for name, radius in zip((mesh.pinion, mesh.wheel), radii[mesh.name], strict=True):
             body_radii[name] = max(body_radii[name], abs(radius))
     sizes = list(body_radii.values())
-    # The frame of the positions rotates in the housing, and all bodies with it.
+    # Speeds are per radian of reference mesh phase. The frame of the positions, that of the first
+    # carrier, rotates in the housing, and all bodies with it.
     frame_speed = train.carrier_ratio * float(train.speeds[train.reference_mesh.pinion])
     speeds = [frame_speed + float(train.speeds[name]) for name in train.body_names]
     x, y = _round_to_zero([axes[name] for name in train.body_names], sizes).T
@@ -54,14 +57,14 @@ def layout(train: "GearTrain") -> xr.Dataset:
         "mesh_x": ("mesh", mesh_x),
         "mesh_y": ("mesh", mesh_y),
         "frame_turns": frame_speed,
-        "misfit": float(_round_to_zero(max(misfits, default=0.0), sizes)),
+        "misfit": float(_round_to_zero(max(closure_errors, default=0.0), sizes)),
     }
     names = {name: train.names[name] for name in ("body", "mesh")}
     return describe(xr.Dataset(data, names | {"gear": ["pinion", "wheel"]}))
 
 
 def _round_to_zero(values: ArrayLike, sizes: Iterable[float]) -> np.ndarray:
-    """Return an array of the values, with 0 for values at the rounding error of the sizes."""
+    """Return an array of the values, with 0 for rounding errors relative to the largest size."""
     values = np.array(values, float)
     return np.where(np.abs(values) < _ROUNDING * max(map(abs, sizes)), 0.0, values)
 
@@ -87,7 +90,7 @@ def _joints(train: "GearTrain", radii: dict[str, tuple]) -> dict[str, list]:
     pinion and wheel in m.
     """
     connections = [
-        (mesh.pinion, mesh.wheel, _vector(sum(radii[mesh.name]), mesh.centres))
+        (mesh.pinion, mesh.wheel, _vector(sum(radii[mesh.name]), mesh.centre_line_angle))
         for mesh in train.meshes
     ]
     connections += [(*shaft.bodies, np.zeros(2)) for shaft in train.shafts]

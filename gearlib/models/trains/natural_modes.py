@@ -58,8 +58,9 @@ def _largest_motions(motions: np.ndarray) -> np.ndarray:
 def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
     """Return the kind of each elastic mode by the motions of the central bodies of a train.
 
-    Central bodies are carriers and gears with several meshes. `motions` are the mass-normalised
-    motions of b bodies along x, y and in rotation in p modes, shape (p, b, 3).
+    Central bodies are carriers and gears with several meshes. In a planet mode, called "satellite"
+    here, they do not move. `motions` are the mass-normalised motions of b bodies along x, y and in
+    rotation in p modes, shape (p, b, 3).
     """
     central_names = {body.carrier for body in train.bodies}
     central_names |= {name for _, name in mesh_groups(train)}
@@ -79,14 +80,19 @@ def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
 
 
 def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
-    """Return the critical speeds of a train as the dataset of `GearTrain.campbell`."""
-    orders = sorted({n * rate for rate in train.rates for n in range(1, count + 1)})
+    """Return the critical speeds of a train as the dataset of `GearTrain.campbell`.
+
+    `count` is the number of harmonics of each mesh frequency.
+    """
+    # Frequencies of the harmonics over the frequency of the reference mesh.
+    orders = sorted({n * ratio for ratio in train.frequency_ratios for n in range(1, count + 1)})
     # Orders that the stiffness does not excite may be excited by deviations.
     data = phasing(train, math.ceil(orders[-1])).reindex(
         stiffness_order=[float(order) for order in orders],
         fill_value={"modal_force": 0.0, "phase_sum": 0.0, "excites": False},
     )
     reference_frequency = train.reference_angular_frequency / (2.0 * math.pi)
+    # Reference mesh frequencies, over the reference frequency, at which an order meets a mode.
     tuning = data.natural_frequency / reference_frequency / data.stiffness_order
     data["critical_speed"] = train.speed(tuning).transpose("stiffness_order", "mode")
     data.attrs["title"] = "Campbell diagram of a gear train"
@@ -101,14 +107,15 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
     squares, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     mesh_forces: dict = {}  # order -> complex modal forces of the meshes, each of shape (p,)
-    for mesh, rate, stretches, deflection in zip(
-        train.meshes, train.rates, train.linear_stretches, train.loaded_stretches, strict=True
+    displacements = train.modal_mesh_displacements, train.static_mesh_displacements
+    for mesh, ratio, modal, static in zip(
+        train.meshes, train.frequency_ratios, *displacements, strict=True
     ):
         for order in range(1, count + 1):
-            if mesh.varies and order * rate <= count:
+            if mesh.varies and order * ratio <= count:
                 harmonic = stiffness_harmonic(mesh, order, train.phases[mesh.name])
-                forces = mesh_forces.setdefault(order * rate, [])
-                forces.append(harmonic * deflection * stretches)
+                forces = mesh_forces.setdefault(order * ratio, [])
+                forces.append(harmonic * static * modal)
     orders = sorted(mesh_forces)
     shape = len(orders), squares.size
     force = np.reshape([np.abs(np.sum(mesh_forces[order], axis=0)) for order in orders], shape)

@@ -1,4 +1,4 @@
-"""Planetary trains, from numbers or from drawn gears."""
+"""Planetary trains, from numbers or from gear geometries."""
 
 import dataclasses
 import math
@@ -280,10 +280,10 @@ def planetary_set(
     gyroscopic: Gyroscopic = False,
     **train_options,
 ):
-    """Return the planetary train of a drawn sun, planet and ring.
+    """Return the planetary train of the geometries of a sun, planet and ring.
 
     Each gear is a `gearlib.geometry.SpurGear`; the ring needs its `outer_diameter`. Stiffness,
-    contact ratios, backlash, inertias, pressure angles and phases follow from the drawing. Bodies
+    contact ratios, backlash, inertias, pressure angles and phases follow from the geometry. Bodies
     and meshes have the same names as in `gearlib.planetary`. `stiffness`, `options` and the damping
     are those of `gearlib.Mesh.from_geometry`, other options those of `GearTrain`.
 
@@ -293,7 +293,7 @@ def planetary_set(
         If gears do not mesh, planets cannot be assembled or strike each other, or a value is
         impossible.
     """
-    drawn_meshes = planetary_meshes(
+    set_meshes = planetary_meshes(
         sun,
         planet,
         ring,
@@ -302,8 +302,8 @@ def planetary_set(
         centre_distance=centre_distance,
         backlashes=backlashes,
     )
-    n = len(drawn_meshes.positions)
-    pin_radius = float(drawn_meshes.sun_mesh.centre_distance)
+    n = len(set_meshes.positions)
+    pin_radius = float(set_meshes.sun_mesh.centre_distance)
     disc_mass = math.pi * pin_radius**2 * planet.width * planet.material.density
     mass = disc_mass if carrier_mass is None else carrier_mass
     inertia = disc_mass * pin_radius**2 / 2.0 if carrier_inertia is None else carrier_inertia
@@ -323,17 +323,17 @@ def planetary_set(
         "material_damping": material_damping,
         "backlash_damping_ratio": backlash_damping_ratio,
     }
-    sun_mesh_fields = drawn_meshes.sun_mesh.train_parameters(torque=sun_torque, **mesh_options)
-    ring_mesh_fields = drawn_meshes.ring_mesh.train_parameters(torque=planet_torque, **mesh_options)
+    sun_mesh_fields = set_meshes.sun_mesh.train_parameters(torque=sun_torque, **mesh_options)
+    ring_mesh_fields = set_meshes.ring_mesh.train_parameters(torque=planet_torque, **mesh_options)
     train = planetary(
         planets=n,
         teeth=(sun.teeth, ring.teeth),
         planet_teeth=planet.teeth,
-        positions=list(drawn_meshes.positions),
+        positions=list(set_meshes.positions),
         masses=(sun.mass, ring.mass, mass, planet.mass),
         reduced_inertias=reduced_inertias,
         sun_base_radius=sun.base_diameter / 2.0,
-        pressure_angle=drawn_meshes.sun_mesh.working_pressure_angle,
+        pressure_angle=set_meshes.sun_mesh.working_pressure_angle,
         support_stiffness=support_stiffness,
         torsional_stiffness=torsional_stiffness,
         structural_damping=structural_damping,

@@ -19,25 +19,8 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.models.trains.elements import Body, Mesh, Shaft
-from gearlib.parameters import (
-    ANGLE,
-    BACKLASH,
-    BOOLEAN,
-    ERROR,
-    MASS,
-    MODULE,
-    SHAFT_STIFFNESS,
-    SUPPORT,
-    TEETH,
-    TIME,
-    Instance,
-    Integer,
-    Many,
-    PressureAngle,
-    checked,
-)
 
 #: Default damping of supports and shafts over their stiffness, s.
 STRUCTURAL_DAMPING = 1e-6
@@ -49,17 +32,23 @@ _INERTIA_DESCRIPTION = (
 )
 _MASS_DESCRIPTION = "Mass of each gear; by default that of a disc with its inertia"
 
-StructuralDamping = Annotated[float, TIME, "Ratio of damping to stiffness for supports and shafts"]
-AxisStiffness = Annotated[float, SUPPORT, "Stiffness of the support of each gear along x and y"]
-ShaftStiffness = Annotated[float, SHAFT_STIFFNESS, "Torsional stiffness of each shaft"]
-Modules = Annotated[tuple, Many(MODULE, 2), "Modules of the first and the second stage"]
+StructuralDamping = Annotated[
+    float, parameters.TIME, "Ratio of damping to stiffness for supports and shafts"
+]
+AxisStiffness = Annotated[
+    float, parameters.SUPPORT, "Stiffness of the support of each gear along x and y"
+]
+ShaftStiffness = Annotated[float, parameters.SHAFT_STIFFNESS, "Torsional stiffness of each shaft"]
+Modules = Annotated[
+    tuple, parameters.Many(parameters.MODULE, 2), "Modules of the first and the second stage"
+]
 PinErrors = Annotated[
     tuple | None,
-    Many(Many(ERROR, 2)),
+    parameters.Many(parameters.Many(parameters.ERROR, 2)),
     "Radial and tangential offsets of the axes of the planets or satellites by assembly",
 ]
-FourReduced = Annotated[tuple | None, Many(MASS, 4), _INERTIA_DESCRIPTION]
-FourMasses = Annotated[tuple | None, Many(MASS, 4), _MASS_DESCRIPTION]
+FourReduced = Annotated[tuple | None, parameters.Many(parameters.MASS, 4), _INERTIA_DESCRIPTION]
+FourMasses = Annotated[tuple | None, parameters.Many(parameters.MASS, 4), _MASS_DESCRIPTION]
 
 
 def create_train(**fields: Any) -> Any:
@@ -81,16 +70,17 @@ def proportional_damping(stiffness: float, structural_damping: float) -> float:
 class _GearSet:
     """Gears of a train on equal supports; all meshes have the values of the same `GearPair`."""
 
-    def __init__(self, pair, stages, modules, pressure_angle, inertias, masses, *support):
-        """Compute inertias I / r^2 and masses in kg and base radii of the gears.
+    def __init__(self, pair, stages, modules, pressure_angle, inertias, masses, support):
+        """Compute the reduced inertias I / r^2 and masses in kg and the base radii of the gears.
 
         `stages` holds the tooth numbers of the gears of each stage; modules in m, reduced inertias
-        and masses in kg are lists over all gears in the same order, by default those of discs.
-        `support` is the stiffness of the supports in N/m and their damping over stiffness in s.
+        and masses in kg are lists over all gears in the same order, by default those of discs. The
+        pressure angle is in rad, and `support` is (stiffness of the supports in N/m, their
+        damping over stiffness in s).
         """
         from gearlib.models.pair import GearPair
 
-        self.pair = Instance((GearPair,)).check("pair", pair)
+        self.pair = parameters.Instance((GearPair,)).check("pair", pair)
         self.support_stiffness, self.structural_damping = support
         self.pressure_angle, self.teeth = pressure_angle, [z for stage in stages for z in stage]
         self.reduced_inertias = inertias or [
@@ -107,8 +97,10 @@ class _GearSet:
 
         The first two gears have the reduced mass of the pair.
         """
-        inertia_per_tooth = self.pair.reduced_mass * (1.0 / teeth[0] ** 2 + 1.0 / teeth[1] ** 2)
-        return [inertia_per_tooth * z**2 for z in teeth]
+        inertia_per_tooth_squared = self.pair.reduced_mass * (
+            1.0 / teeth[0] ** 2 + 1.0 / teeth[1] ** 2
+        )
+        return [inertia_per_tooth_squared * z**2 for z in teeth]
 
     def body(self, i: int, name: str, force: float = 0.0, **fields: Any) -> Body:
         """Return gear i as a `Body` with a tangential force in N at its base circle.
@@ -144,24 +136,26 @@ class _GearSet:
         return Shaft(bodies=(first_body, second_body), stiffness=stiffness, damping=damping)
 
 
-@checked
+@parameters.checked
 def idler(
     pair,
     *,
-    teeth: Annotated[tuple, Many(TEETH, 3), "Numbers of teeth of pinion, idler and wheel"] = (
-        24,
-        24,
-        24,
-    ),
+    teeth: Annotated[
+        tuple, parameters.Many(parameters.TEETH, 3), "Numbers of teeth of pinion, idler and wheel"
+    ] = (24, 24, 24),
     angle: Annotated[
-        float, ANGLE, "Angle between the lines of centres at the idler; pi for gears in a row"
+        float,
+        parameters.ANGLE,
+        "Angle between the lines of centres at the idler; pi for gears in a row",
     ] = math.pi,
-    module: Annotated[float, MODULE, "Module of all gears"] = 0.004,
-    reduced_inertias: Annotated[tuple | None, Many(MASS, 3), _INERTIA_DESCRIPTION] = None,
-    masses: Annotated[tuple | None, Many(MASS, 3), _MASS_DESCRIPTION] = None,
+    module: Annotated[float, parameters.MODULE, "Module of all gears"] = 0.004,
+    reduced_inertias: Annotated[
+        tuple | None, parameters.Many(parameters.MASS, 3), _INERTIA_DESCRIPTION
+    ] = None,
+    masses: Annotated[tuple | None, parameters.Many(parameters.MASS, 3), _MASS_DESCRIPTION] = None,
     support_stiffness: AxisStiffness = math.inf,
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    pressure_angle: PressureAngle = PRESSURE_ANGLE,
+    pressure_angle: parameters.PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
     """Return a train of three gears, ``pinion``, ``idler`` and ``wheel``, with two meshes.
@@ -170,9 +164,7 @@ def idler(
     mesh has its reduced mass. Other options are those of `GearTrain`.
     """
     support = support_stiffness, structural_damping
-    gears = _GearSet(
-        pair, [teeth], [module] * 3, pressure_angle, reduced_inertias, masses, *support
-    )
+    gears = _GearSet(pair, [teeth], [module] * 3, pressure_angle, reduced_inertias, masses, support)
     bodies = [
         gears.body(0, "pinion", pair.load),
         gears.body(1, "idler"),
@@ -186,12 +178,14 @@ def idler(
     return create_train(bodies=bodies, meshes=meshes, **options)
 
 
-@checked
+@parameters.checked
 def two_stage(
     pair,
     *,
     teeth: Annotated[
-        tuple, Many(TEETH, 4), "Numbers of teeth of pinion and wheel of each stage"
+        tuple,
+        parameters.Many(parameters.TEETH, 4),
+        "Numbers of teeth of pinion and wheel of each stage",
     ] = (24, 36, 24, 36),
     modules: Modules = (0.004, 0.004),
     shaft_stiffness: ShaftStiffness = 1e6,
@@ -199,7 +193,7 @@ def two_stage(
     masses: FourMasses = None,
     support_stiffness: AxisStiffness = math.inf,
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    pressure_angle: PressureAngle = PRESSURE_ANGLE,
+    pressure_angle: parameters.PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
     """Return a train of two stages that a shaft joins: pinion 1, wheel 1, pinion 2 and wheel 2.
@@ -209,7 +203,7 @@ def two_stage(
     """
     stages, gear_modules = (teeth[:2], teeth[2:]), [modules[i // 2] for i in range(4)]
     support = support_stiffness, structural_damping
-    gears = _GearSet(pair, stages, gear_modules, pressure_angle, reduced_inertias, masses, *support)
+    gears = _GearSet(pair, stages, gear_modules, pressure_angle, reduced_inertias, masses, support)
     # The shaft rotates clockwise, and the second wheel counterclockwise against its load.
     output_force = -pair.load * gears.base_radii[1] / gears.base_radii[2]
     bodies = [
@@ -226,22 +220,22 @@ def two_stage(
     return create_train(bodies=bodies, meshes=meshes, shafts=shafts, **options)
 
 
-@checked
+@parameters.checked
 def split_power_reducer(
     pair,
     *,
     branches: Annotated[
-        int, Integer(1, limit=100), "Number of double satellites, equally spaced"
+        int, parameters.Integer(1, limit=100), "Number of double satellites, equally spaced"
     ] = 3,
     teeth: Annotated[
         tuple | None,
-        Many(TEETH, 4),
+        parameters.Many(parameters.TEETH, 4),
         "Numbers of teeth of input, both gears of a satellite, and output; by default "
         "(24, 36, 24, 36), with a ring gear (24, 36, 24, 84)",
     ] = None,
-    internal: Annotated[bool, BOOLEAN, "Whether the output is a ring gear"] = False,
+    internal: Annotated[bool, parameters.BOOLEAN, "Whether the output is a ring gear"] = False,
     modules: Modules = (0.004, 0.004),
-    pressure_angle: PressureAngle = PRESSURE_ANGLE,
+    pressure_angle: parameters.PressureAngle = PRESSURE_ANGLE,
     reduced_inertias: FourReduced = None,
     masses: FourMasses = None,
     shaft_stiffness: ShaftStiffness = 1e6,
@@ -250,7 +244,7 @@ def split_power_reducer(
     pin_errors: PinErrors = None,
     backlashes: Annotated[
         tuple | None,
-        Many(Many(BACKLASH, 2)),
+        parameters.Many(parameters.Many(parameters.BACKLASH, 2)),
         "Backlashes of the first and second mesh of each branch; by default that of the pair",
     ] = None,
     **options,
@@ -271,7 +265,7 @@ def split_power_reducer(
     z = teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36))
     gear_modules = [modules[i // 2] for i in range(4)]
     support = support_stiffness, structural_damping
-    gears = _GearSet(pair, [z], gear_modules, pressure_angle, reduced_inertias, masses, *support)
+    gears = _GearSet(pair, [z], gear_modules, pressure_angle, reduced_inertias, masses, support)
     output_teeth = z[3] - z[2] if internal else z[3] + z[2]
     diameters = gear_modules[0] * (z[0] + z[1]), gear_modules[2] * output_teeth
     if abs(diameters[0] - diameters[1]) > 1e-9 * diameters[0]:

@@ -50,7 +50,7 @@ def equilibrium(train: "GearTrain", phase: float = 0.0) -> Equilibrium:
     # Amplitudes of modes in which the linear train has unit stiffness exclude free motions.
     squares, shapes = train.linear_modes
     basis = shapes / np.sqrt(squares)
-    drive_lines = train.linear_stretches / np.sqrt(squares)
+    drive_lines = train.modal_mesh_displacements / np.sqrt(squares)
     moves = np.array([[mesh.moving_backlash] for mesh in train.meshes])
     coast_lines = np.where(moves, train.coast_lines @ basis, drive_lines)
     lines = np.stack([coast_lines, drive_lines])
@@ -137,13 +137,15 @@ def load_shares(train: "GearTrain", forces: np.ndarray) -> np.ndarray:
 
 
 def _stiffness_levels(train: "GearTrain", phase: float) -> np.ndarray:
-    """Return the stiffness of (coast, drive) sides just after a phase in rad, N/m, shape (2, m)."""
+    """Return the stiffness of (coast, drive) sides just after a reference phase, N/m, (2, m)."""
+    # All stiffnesses repeat after `train.repeats` periods of the reference mesh.
     period, phase_in_period = divmod(phase % (math.tau * train.repeats), math.tau)
     levels = np.empty((2, len(train.meshes)))
-    for j, (mesh, rate) in enumerate(zip(train.meshes, train.rates, strict=True)):
+    for j, (mesh, ratio) in enumerate(zip(train.meshes, train.frequency_ratios, strict=True)):
         stiffness_phases = train.inverse_phases[mesh.name], train.phases[mesh.name]
         fraction = (phase_in_period + SAME_PHASE_TOLERANCE) / math.tau
-        mesh_phase = float(int(period) * rate % 1) + fraction * float(rate)
+        # Phase of this mesh in its periods, exact for the whole periods of the reference mesh.
+        mesh_phase = float(int(period) * ratio % 1) + fraction * float(ratio)
         low = at_lower_level(mesh, stiffness_phases, np.array([mesh_phase]))[:, 0]
         levels[:, j] = mesh.max_stiffness * np.where(low, mesh.stiffness_ratio, 1.0)
     return levels

@@ -26,7 +26,10 @@ import numpy as np
 
 
 class Arithmetic(NamedTuple):
-    """Arithmetic with which the matrices of a train are assembled: floats or balls."""
+    """Arithmetic with which the matrices of a train are assembled: floats or balls.
+
+    A ball is an interval, a midpoint with an error bound, which encloses a number.
+    """
 
     dtype: type
     convert: Any  #: function from a float to a number of this arithmetic
@@ -71,7 +74,7 @@ class Structure(NamedTuple):
     damping: np.ndarray  #: N s/m, shape (n, n)
     lines: np.ndarray  #: rows b_j of the distances along the lines of action, shape (m, n)
     sliding: np.ndarray  #: rows of the sliding of the axes across the lines of action, (m, n)
-    arms: np.ndarray  #: directions along which pinion and wheel axes enter d_j, (m, 2, 2)
+    line_vectors: np.ndarray  #: e or -e, with which pinion and wheel axes enter d_j, (m, 2, 2)
     load: np.ndarray  #: N, shape (n,)
     coriolis: np.ndarray  #: damping per frame speed by Coriolis forces, kg, shape (n, n)
     centrifugal: np.ndarray  #: stiffness per square of the frame speed, kg, shape (n, n)
@@ -84,8 +87,8 @@ class Structure(NamedTuple):
 def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Structure:
     """Return the matrices of a train of bodies (name -> `Body`), meshes and shafts in SI units.
 
-    They are computed in an arithmetic, floats or balls. If `rotations_first` is set, coordinates of
-    rotations precede the others.
+    They are computed in an `Arithmetic`, floats or balls (intervals that enclose the numbers). If
+    `rotations_first` is set, coordinates of rotations precede the others.
     """
     coordinates = _coordinates(bodies, rotations_first)
     n, convert = len(coordinates), arithmetic.convert
@@ -94,7 +97,8 @@ def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Stru
     coriolis, centrifugal, circulatory = arithmetic.zeros(3, n, n)
     load, centrifugal_load = arithmetic.zeros(2, n)
     for name, body in bodies.items():
-        # Row vectors of the motion along x and y and of the rotation; base radius; mass.
+        # Row vectors of the motion along x and y and of the rotation u, as arc length on the base
+        # circle with the radius r; mass m; of springs, stiffness k and damping d.
         (x, y, u), r, m = rows[name], convert(body.base_radius), convert(body.mass or 0.0)
         masses += [(x, m), (y, m), (u, convert(body.inertia) / r**2)]
         elements = zip(supports[name], body.support_stiffness, body.support_damping, strict=True)
@@ -118,25 +122,33 @@ def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Stru
         bending = shaft.bending_stiffness, shaft.bending_damping
         springs.append((ua / ra - ub / rb, shaft.stiffness, shaft.damping))
         springs += [(xa - xb, *bending), (ya - yb, *bending)]
+    lines, sliding, line_vectors = _lines(meshes, motions, n, arithmetic)
+    stiffnesses = [(row, k) for row, k, _ in springs]
     return Structure(
-        tuple(coordinates),
-        np.array(list(motions.values())),
-        _sum_of_squares(arithmetic, n, masses),
-        _sum_of_squares(arithmetic, n, [(row, k) for row, k, _ in springs]),
-        _sum_of_squares(arithmetic, n, [(row, d) for row, _, d in springs]),
-        *_lines(meshes, motions, n, arithmetic),
-        load,
-        coriolis,
-        centrifugal,
-        circulatory,
-        centrifugal_load,
-        _as_arrays([(row, k) for row, k, _ in springs], n),
-        _as_arrays(masses, n),
+        coordinates=tuple(coordinates),
+        motions=np.array(list(motions.values())),
+        mass=_sum_of_squares(arithmetic, n, masses),
+        stiffness=_sum_of_squares(arithmetic, n, stiffnesses),
+        damping=_sum_of_squares(arithmetic, n, [(row, d) for row, _, d in springs]),
+        lines=lines,
+        sliding=sliding,
+        line_vectors=line_vectors,
+        load=load,
+        coriolis=coriolis,
+        centrifugal=centrifugal,
+        circulatory=circulatory,
+        centrifugal_load=centrifugal_load,
+        springs=_as_arrays(stiffnesses, n),
+        masses=_as_arrays(masses, n),
     )
 
 
 def _coordinates(bodies: dict, rotations_first: bool) -> list:
-    """Return the coordinates of a train, (body, "x", "y" or "u"): motions that are not rigid."""
+    """Return the coordinates of a train, a list of (body, "x", "y" or "u").
+
+    They are the motions of axes along x and y and the rotations u, as arc length on the base
+    circle, whose supports have a finite stiffness, 0 included.
+    """
     coordinates = []
     for body in bodies.values():
         stiffness = *body.support_stiffness, body.torsional_stiffness
@@ -179,43 +191,47 @@ def _sum_of_squares(arithmetic: Arithmetic, n: int, terms: list) -> np.ndarray:
 
 
 def _lines(meshes, motions, n, arithmetic) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the fields (lines, sliding, arms) of the `Structure` of m meshes.
+    """Return the fields (lines, sliding, line_vectors) of the `Structure` of m meshes.
 
-    `motions` maps a body to its row vectors of (x, y, u), shape (3, n).
+    They are the row vectors of the approach of the flanks along the line of action and of the
+    sliding of the axes across it, (m, n) each, and the unit vectors of the line of action with the
+    signs of pinion and wheel, (m, 2, 2). `motions` maps a body to its row vectors of the axis along
+    x and y and of the rotation as arc length on the base circle, shape (3, n).
     """
     lines, sliding = arithmetic.zeros(2, len(meshes), n)
-    arms = arithmetic.zeros(len(meshes), 2, 2)
+    line_vectors = arithmetic.zeros(len(meshes), 2, 2)
     for j, mesh in enumerate(meshes):
         pinion, wheel = motions[mesh.pinion], motions[mesh.wheel]
         first, second = (wheel, pinion) if mesh.internal else (pinion, wheel)
         # The unit vector e of the line of action.
         e = np.array(arithmetic.cos_sin(mesh.line_angle(arithmetic.pi)))
-        arms[j] = (-e, e) if mesh.internal else (e, -e)
+        line_vectors[j] = (-e, e) if mesh.internal else (e, -e)
         sign = -1.0 if mesh.internal else 1.0
         lines[j] = e @ (first[:2] - second[:2]) + mesh.direction * (first[2] + sign * second[2])
         # At direction 1 a pinion slides past the pitch point a quarter turn counterclockwise of e.
         # Its mirror image and a ring gear, slower than its pinion, slide clockwise.
         across = np.array([-e[1], e[0]])
         sliding[j] = mesh.direction * sign * (across @ (first[:2] - second[:2]))
-    return lines, sliding, arms
+    return lines, sliding, line_vectors
 
 
 def coast_lines(structure, bodies, meshes, arithmetic=FLOAT_ARITHMETIC) -> np.ndarray:
     """Return the row vectors that map n coordinates to the coast-side distances of meshes, (m, n).
 
-    In a mesh with moving backlash, they exclude the deflections of the supports. `bodies` maps
-    names to `Body`.
+    In a mesh with moving backlash, the coast-side flanks follow the axes, so that deflections of
+    the supports do not change the distance. `bodies` maps names to `Body`.
     """
     lines, motions = structure.lines.copy(), dict(zip(bodies, structure.motions, strict=True))
     for j, mesh in enumerate(meshes):
-        for name, arm in zip((mesh.pinion, mesh.wheel), structure.arms[j], strict=True):
+        gears = zip((mesh.pinion, mesh.wheel), structure.line_vectors[j], strict=True)
+        for name, line_vector in gears:
             if mesh.moving_backlash:
                 body, deflection = bodies[name], motions[name][:2].copy()
                 if body.carrier:
                     cosine, sine = arithmetic.cos_sin(body.angle)
                     x, y, rotation = motions[body.carrier]
                     deflection -= np.stack([x - sine * rotation, y + cosine * rotation])
-                lines[j] -= arm @ deflection
+                lines[j] -= line_vector @ deflection
     return lines
 
 

@@ -11,7 +11,7 @@ M~ = M Omega^2 / C_s, D~ = D Omega / C_s, with the forces of `gearlib.models.six
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,14 @@ if TYPE_CHECKING:
 _MAX_REPEATS = 2**50
 
 
+class _Flanks(NamedTuple):
+    """One side, drive or coast, of m meshes: rows for states or for n coordinates."""
+
+    distances: np.ndarray  #: row vectors that map a state to the distances of the flanks
+    rates: np.ndarray  #: row vectors that map a state to the rates of these distances
+    lines: np.ndarray  #: row vectors (m, n) along which the mesh forces act on the coordinates
+
+
 class DimensionlessMatrices(NamedTuple):
     """Dimensionless matrices of a train without its meshes at one tuning, n coordinates."""
 
@@ -38,7 +46,11 @@ class DimensionlessMatrices(NamedTuple):
 
 
 def dimensionless_matrices(train: "GearTrain", tuning: float) -> DimensionlessMatrices:
-    """Return the dimensionless matrices of a train without its meshes at a tuning."""
+    """Return the dimensionless matrices of a train without its meshes.
+
+    `tuning` is the reference mesh frequency over the reference natural frequency; with it grow the
+    forces of the frame that rotates with the carrier.
+    """
     structure, stiffness_scale = train.structure, train.stiffness_scale
     omega = train.reference_angular_frequency
     pinion_speed = float(train.speeds[train.reference_pinion.name])
@@ -47,12 +59,13 @@ def dimensionless_matrices(train: "GearTrain", tuning: float) -> DimensionlessMa
     centrifugal = structure.centrifugal * (omega**2 / stiffness_scale * frame_speed**2)
     circulatory = structure.circulatory * (omega / stiffness_scale * frame_speed)
     centrifugal_load = structure.centrifugal_load * (omega**2 * frame_speed**2 / train.load)
+    frame_stiffness = centrifugal + circulatory
     return DimensionlessMatrices(
-        structure.mass * (omega**2 / stiffness_scale),
-        structure.stiffness / stiffness_scale + (centrifugal + circulatory),
-        structure.damping * (omega / stiffness_scale) + coriolis,
-        structure.load / train.load + centrifugal_load,
-        centrifugal + circulatory,
+        mass=structure.mass * (omega**2 / stiffness_scale),
+        stiffness=structure.stiffness / stiffness_scale + frame_stiffness,
+        damping=structure.damping * (omega / stiffness_scale) + coriolis,
+        load=structure.load / train.load + centrifugal_load,
+        frame_stiffness=frame_stiffness,
     )
 
 
@@ -79,7 +92,10 @@ def _distance_rows(train: "GearTrain") -> tuple[np.ndarray, np.ndarray]:
 
 
 def train_system(train: "GearTrain", tuning: float, segments: Segments) -> TrainSystem:
-    """Return the state-space matrices of a train at a tuning over segments of stiffness."""
+    """Return the state-space matrices of a train over segments of constant stiffness.
+
+    `tuning` is the reference mesh frequency over the reference natural frequency.
+    """
     frequencies, lines = train.excitation[0], train.structure.lines
     matrices = dimensionless_matrices(train, tuning)
     inverse_mass, n = np.linalg.inv(matrices.mass), lines.shape[1]
@@ -94,49 +110,45 @@ def train_system(train: "GearTrain", tuning: float, segments: Segments) -> Train
     # The rates of distances do not contain accelerations.
     drive_rates, coast_rates = drive @ free, coast @ free
     for j, mesh in enumerate(train.meshes):
-        oil_force = mesh.backlash_damping * damping_scale * drive_rates[j]
-        free[n : 2 * n] -= np.outer(inverse_mass @ lines[j], oil_force)
-    flanks = (drive, drive_rates, lines), (coast, coast_rates, train.coast_lines)
-    force_inputs, force_outputs, force_indices, stiffness, low = _contact_forces(
-        train, segments, flanks, inverse_mass, state_size=len(free)
-    )
+        damping_force = mesh.backlash_damping * damping_scale * drive_rates[j]
+        free[n : 2 * n] -= np.outer(inverse_mass @ lines[j], damping_force)
+    drive_flanks = _Flanks(drive, drive_rates, lines)
+    coast_flanks = _Flanks(coast, coast_rates, train.coast_lines)
+    contact_forces = _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass)
     norm = largest_norm(train, matrices) if train.gyroscopic else train.norm_at_rest
     highest_rate = max(norm, np.abs(frequencies * tuning).max(initial=0.0))
     return TrainSystem(
-        free,
-        drive,
-        coast,
-        force_inputs,
-        force_outputs,
-        force_indices,
-        stiffness,
-        low,
-        segments.starts,
-        segments.first_segment,
-        float(MAX_NORM / highest_rate),
-        frequencies,
-        tuning,
-        min(train.repeats, _MAX_REPEATS),
+        base_matrix=free,
+        drive_lines=drive,
+        coast_lines=coast,
+        **contact_forces,
+        starts=segments.starts,
+        first_segment=segments.first_segment,
+        max_step=float(MAX_NORM / highest_rate),
+        harmonics=frequencies,
+        tuning=tuning,
+        repeats=min(train.repeats, _MAX_REPEATS),
     )
 
 
-def _contact_forces(train, segments, flanks, inverse_mass, state_size) -> tuple:
-    """Return the contact forces of m meshes in p segments, as fields of a `TrainSystem`.
+def _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass) -> dict[str, Any]:
+    """Return the fields of a `TrainSystem` on the contact forces of m meshes in p segments.
 
-    They are (force inputs, force outputs, indices of the forces of each contact state and segment,
-    stiffness, whether it is at the lower level). `flanks` holds for the drive and the coast side
-    the row vectors (distances, their rates, lines of action) of all meshes. `inverse_mass`, (n, n),
-    is dimensionless; a state has `state_size` components.
+    They are the inputs and outputs of the forces, the index of the force in each contact state and
+    segment, the stiffness, and whether it is at the lower level. Both sides of the meshes are
+    `_Flanks`; `inverse_mass`, shape (n, n), is dimensionless.
     """
-    (m, n), p = flanks[0][2].shape, segments.starts.size - 1
+    (m, n), p = drive_flanks.lines.shape, segments.starts.size - 1
     low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
-    # Segments of one kind have the same stiffness level and direction of sliding.
-    segment_kinds = 2 * segments.low + (segments.sense < 0.0)
+    # Segments of one kind, a number of two bits, have the same stiffness level (0: upper, 1: lower)
+    # in the higher bit and the same direction of sliding (0: positive, 1: negative) in the lower.
+    segment_kinds = 2 * segments.low + (segments.sliding_signs < 0.0)
     kinds = [
         ([] if math.isinf(mesh.backlash) else mesh_kinds, mesh_kinds)
         for mesh, mesh_kinds in zip(train.meshes, segments.kinds, strict=True)
     ]
     force_count = 1 + max(len(coast) + len(drive) for coast, drive in kinds)
+    state_size = drive_flanks.distances.shape[1]
     force_inputs, force_outputs = np.zeros((2, m, force_count, 2, state_size))
     force_indices = np.zeros((3, p, m), dtype=np.int64)
     stiffness = np.zeros((3, p, m))
@@ -146,17 +158,25 @@ def _contact_forces(train, segments, flanks, inverse_mass, state_size) -> tuple:
         stiffness[:, :, j] = levels[low[:, :, j].astype(int)]
         added_damping = (mesh.known_damping - mesh.backlash_damping) * damping_scale
         index = 0  # Index 0 means that no force acts.
-        for side, (distances, rates, lines) in zip((1, 0), flanks, strict=True):
+        # Sides are 0, coast, and 1, drive; the friction coefficients are those of (drive, coast).
+        for side, flanks in ((1, drive_flanks), (0, coast_flanks)):
             for kind in kinds[j][side]:
+                level, slides_negatively = divmod(kind, 2)
                 index += 1
-                elastic_force = levels[kind // 2] * distances[j]
-                friction = mesh.friction[1 - side] * (1 - 2 * (kind % 2))
-                force_inputs[j, index, 0, n : 2 * n] = -inverse_mass @ lines[j]
-                force_outputs[j, index, 0] = elastic_force + added_damping * rates[j]
+                elastic_force = levels[level] * flanks.distances[j]
+                friction = mesh.friction[1 - side] * (1 - 2 * slides_negatively)
+                force_inputs[j, index, 0, n : 2 * n] = -inverse_mass @ flanks.lines[j]
+                force_outputs[j, index, 0] = elastic_force + added_damping * flanks.rates[j]
                 force_inputs[j, index, 1, n : 2 * n] = -inverse_mass @ train.structure.sliding[j]
                 force_outputs[j, index, 1] = friction * elastic_force
                 force_indices[2 * side, segment_kinds[side, :, j] == kind, j] = index
-    return force_inputs, force_outputs, force_indices, stiffness, low
+    return {
+        "force_input": force_inputs,
+        "force_output": force_outputs,
+        "effect": force_indices,
+        "stiffness": stiffness,
+        "low": low,
+    }
 
 
 def largest_norm(train: "GearTrain", matrices: DimensionlessMatrices) -> float:

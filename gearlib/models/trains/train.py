@@ -17,15 +17,8 @@ from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.model import Model
-from gearlib.models.one_mesh_system import contact_map
-from gearlib.models.trains import (
-    layout,
-    natural_modes,
-    statics,
-    train_values,
-    turning,
-    waves,
-)
+from gearlib.models.one_mesh_system import contact_monodromy
+from gearlib.models.trains import layout, natural_modes, statics, train_values, turning, waves
 from gearlib.models.trains.elastic import LinearModes, free_motions_and_modes
 from gearlib.models.trains.elements import (
     Body,
@@ -152,7 +145,7 @@ class GearTrain(Model):
         return turning.speeds(self.by_name, self.meshes, self.shafts, self.reference)
 
     @cached_property
-    def rates(self) -> tuple[Fraction, ...]:
+    def frequency_ratios(self) -> tuple[Fraction, ...]:
         """Mesh frequencies over that of the reference mesh."""
         return tuple(
             abs(self.speeds[mesh.pinion]) * self.by_name[mesh.pinion].teeth for mesh in self.meshes
@@ -165,9 +158,9 @@ class GearTrain(Model):
 
     @cached_property
     def inverse_phases(self) -> dict:
-        """Phases of the stiffness of the coast sides, mesh name -> its mesh periods."""
+        """Stiffness phases of the coast sides (inverse mesh), mesh name -> its mesh periods."""
         return {
-            mesh.name: turning.inverse_phase(mesh, self.speeds, self.phases[mesh.name])
+            mesh.name: turning.coast_side_phase(mesh, self.speeds, self.phases[mesh.name])
             for mesh in self.meshes
         }
 
@@ -239,18 +232,18 @@ class GearTrain(Model):
         return np.sqrt(squares) / omega, modes[:, : squares.size], modes[:, squares.size :], mass
 
     @cached_property
-    def linear_stretches(self) -> np.ndarray:
+    def modal_mesh_displacements(self) -> np.ndarray:
         """Relative displacements of m meshes in the p elastic modes, shape (m, p)."""
         stiffness = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        # Strains are stretches times the root of the stiffness over the frequency.
+        # Strains are displacements times the root of the stiffness over the frequency.
         strains = self.strains[-stiffness.size :] / np.sqrt(stiffness)[:, None]
         return strains * np.sqrt(self._natural_modes.squares)
 
     @cached_property
-    def loaded_stretches(self) -> np.ndarray:
+    def static_mesh_displacements(self) -> np.ndarray:
         """Relative displacements of meshes of the linear train under its load, m, shape (m,)."""
         squares, shapes = self.linear_modes
-        return self.linear_stretches @ ((shapes.T @ self.structure.load) / squares)
+        return self.modal_mesh_displacements @ ((shapes.T @ self.structure.load) / squares)
 
     @property
     def reference_mesh(self):
@@ -274,10 +267,12 @@ class GearTrain(Model):
         The force is that of the linear train: mean stiffness, all flanks in contact, no errors.
         """
         (squares, shapes), load = self.linear_modes, self.structure.load
-        stretches = self.linear_stretches[self.mesh_names.index(self.reference)] / squares
-        value = abs(stretches @ (shapes.T @ load))
+        displacements = (
+            self.modal_mesh_displacements[self.mesh_names.index(self.reference)] / squares
+        )
+        value = abs(displacements @ (shapes.T @ load))
         # A smaller value is a rounding error of terms that cancel without a load.
-        largest = np.abs(stretches) @ (np.abs(shapes).T @ np.abs(load))
+        largest = np.abs(displacements) @ (np.abs(shapes).T @ np.abs(load))
         return float(value) if value > 1e-9 * largest else train_values.UNLOADED_DEFLECTION
 
     @property
@@ -287,7 +282,10 @@ class GearTrain(Model):
 
     @cached_property
     def reference_angular_frequency(self) -> float:
-        """Angular mesh frequency at which the tuning is 1, rad/s."""
+        """Reference natural frequency, rad/s; the tuning is the mesh frequency divided by it.
+
+        It is the given one or that of the mode with most strain energy in the reference mesh.
+        """
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
         squares = self._natural_modes.squares
@@ -327,7 +325,8 @@ class GearTrain(Model):
     def system(self, tuning: float, first: int = 0, count: int | None = None) -> TrainSystem:
         """Return the state-space matrices at a tuning, over all segments of constant stiffness.
 
-        With a count, they cover only `count` mesh periods from period `first` on.
+        `tuning` is the reference mesh frequency over the reference natural frequency. With a
+        `count` > 0, the segments are only those of `count` mesh periods from period `first` on.
         """
         if count:
             return train_system(self, tuning, self.segments_of(first, count))
@@ -461,7 +460,7 @@ class GearTrain(Model):
     with_parameter = train_values.with_shared_value
     settable = property(train_values.settable, doc="See `Model.settable`.")
     value, with_values = train_values.value, train_values.with_values
-    contact_map = contact_map
+    contact_monodromy = contact_monodromy
 
     def disturbed_state(self, state: Any, disturbance: float) -> tuple[float, ...]:
         """Return an initial state with a disturbance added to the first elastic mode.
@@ -527,7 +526,9 @@ class GearTrain(Model):
         xarray.Dataset
             Over `body`: body_x, body_y, body_radius (m), body_turns, carried_by, shaft_line; over
             `mesh`: mesh_x, mesh_y (m) and, over `gear` too, mesh_gear, pitch_radius (m); and
-            frame_turns, misfit (m). Turns are in the housing, over the phase of the reference mesh.
+            frame_turns, misfit (m). body_turns and frame_turns are rotations of the bodies and of
+            the frame of the positions in the housing, per radian of reference mesh phase; misfit is
+            the largest distance between positions of one axis from different loops of meshes.
         """
         return layout.layout(self)
 
@@ -535,7 +536,7 @@ class GearTrain(Model):
     def mean_forces(self):
         """Static mesh forces of the linear train without errors, over the load, shape (m,)."""
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        return means * self.loaded_stretches / self.load
+        return means * self.static_mesh_displacements / self.load
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
         """Return matrices (reduce, lift) from states to amplitudes of the elastic modes, and back.

@@ -101,21 +101,23 @@ def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
     """Return where the finite numbers of a train are stored, name -> [(element, field, axes)].
 
     An element is (kind, name), such as ("body", "sun"); axes is "x", "y" or "xy" for fields with a
-    value for x and y, else "". Values of rigid supports are left out.
+    value for x and y, else "". Stiffness and damping of rigid supports are left out.
     """
     locations: dict = {}
     for element_key, element in _elements(train).items():
         for field in FIELDS[element_key[0]]:
             value, name = getattr(element, field), f"{field} of {' '.join(element_key)}"
+            # Of a spring such as "support", "torsional" or "bending", its stiffness; else None.
             spring = field.removesuffix("_stiffness").removesuffix("_damping")
             stiffness = getattr(element, f"{spring}_stiffness", None) if spring != field else None
             if not isinstance(value, tuple):
                 if value is not None and not (spring == "torsional" and math.isinf(stiffness)):
                     locations[name] = [(element_key, field, "")]
                 continue
-            stiffness_xy = stiffness or (0.0, 0.0)
+            stiffness_xy = stiffness or (0.0, 0.0)  # The offset, a pair too, has no stiffness.
             axes = [axis for axis, k in zip("xy", stiffness_xy, strict=True) if math.isfinite(k)]
             values = {value["xy".index(axis)] for axis in axes}
+            # An equal stiffness along x and y also has a common name; an offset is a vector.
             if field != "offset" and len(values) == 1:
                 locations[name] = [(element_key, field, "".join(axes))]
             for axis in axes:

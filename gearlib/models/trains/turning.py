@@ -122,14 +122,19 @@ def thickness_difference(mesh: Mesh, speed: dict[str, Fraction]) -> Fraction:
     return pinion - wheel if driving_gear(mesh, speed) == mesh.pinion else wheel - pinion
 
 
-def inverse_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> float:
-    """Return the coast-side phase of a mesh from its drive-side phase, in mesh periods."""
+def coast_side_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> float:
+    """Return the stiffness phase of the coast side of a mesh from that of its drive side.
+
+    Phases are in mesh periods; `speed` maps a body to its signed speed.
+    """
     if mesh.inverse_phase is not None:
         return mesh.inverse_phase % 1.0
     if mesh.tooth_thickness is None:
         return phase
-    # The other gear drives on the coast side, so that the pitch phase changes its sign.
-    return _rounded_phase(phase + sum(sliding_phases(mesh, speed)) + 0.5)
+    coast, drive = sliding_phases(mesh, speed)
+    # Coast-side flanks touch at the pitch point half a period after their sliding phase. There the
+    # other gear drives, so that their stiffness phase is not `drive` before but `drive` after it.
+    return _rounded_phase(phase + (coast + drive) + 0.5)
 
 
 def phases(bodies, meshes, shafts, reference, speed) -> dict:
@@ -182,10 +187,10 @@ class _ToothPositions:
         for name in (mesh.pinion, mesh.wheel):
             if self._place(mesh, name, periods) > _POSITION_TOLERANCE:
                 raise ValueError(
-                    f"position of mesh {mesh.name} = {mesh.centres!r} is not allowed: the teeth of "
-                    f"{mesh.pinion} and {mesh.wheel} do not fit together there; around every loop "
-                    "the positions must be whole tooth pitches apart, for equal satellites "
-                    "(z_s + z_r) / N an integer"
+                    f"position of mesh {mesh.name} = {mesh.centre_line_angle!r} is not allowed: "
+                    f"the teeth of {mesh.pinion} and {mesh.wheel} do not fit together there; "
+                    "around every loop the positions must be whole tooth pitches apart, for equal "
+                    "satellites (z_s + z_r) / N an integer"
                 )
         self.phases[mesh.name] = periods - sliding_phases(mesh, self.speed)[1]
         return True
@@ -260,7 +265,7 @@ def _contact_position(mesh: Mesh, name: str, bodies: dict) -> float:
     The tooth is one of the gear with this name; the angle is in its tooth pitches.
     """
     along_centres = mesh.internal or name == mesh.pinion
-    angle = mesh.centres + (0.0 if along_centres else math.pi)
+    angle = mesh.centre_line_angle + (0.0 if along_centres else math.pi)
     pitches = bodies[name].teeth * angle / math.tau
     return pitches - _drive_side_sign(mesh, name) * _thickness(mesh, name) / 2.0
 

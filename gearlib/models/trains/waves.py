@@ -27,7 +27,7 @@ class Segments(NamedTuple):
     starts: np.ndarray  #: phases of the reference mesh, shape (p + 1,)
     first_segment: np.ndarray  #: first segment of each reference mesh period, shape (repeats + 1,)
     low: np.ndarray  #: whether coast and drive side are at the lower level, shape (2, p, m)
-    sense: np.ndarray  #: direction of sliding, 1 or -1, 1 without friction, shape (2, p, m)
+    sliding_signs: np.ndarray  #: of coast and drive side, 1 without friction, shape (2, p, m)
     #: Kinds of segments of each mesh: 2 for the lower level plus 1 for negative sliding.
     kinds: list
 
@@ -38,33 +38,33 @@ def segments(train: "GearTrain", first: int, count: int) -> Segments:
     Periods are stored cyclically: period n lies at position n modulo `count`.
     """
     period_starts = [math.tau * k for k in range(count + 1)]
-    offset = first % count
+    offset = first % count  # position of period `first`
     mesh_phases = [_phases_of_changes(train, mesh) for mesh in train.meshes]
     boundaries = [np.array(period_starts)]
-    for mesh, rate, phases in zip(train.meshes, train.rates, mesh_phases, strict=True):
-        times = _change_times(mesh, rate, phases, first, count) + offset
+    meshes = list(zip(train.meshes, train.frequency_ratios, mesh_phases, strict=True))
+    for mesh, ratio, phases in meshes:
+        times = _change_times(mesh, ratio, phases, first, count) + offset
         boundaries.append(math.tau * np.where(times > count, times - count, times))
     starts = _without_duplicates(np.sort(np.concatenate(boundaries)), set(period_starts))
     midpoints = (starts[:-1] + starts[1:]) / (2.0 * math.tau)
     low = np.zeros((2, midpoints.size, len(train.meshes)), dtype=bool)
-    sense = np.ones(low.shape)
+    sliding_signs = np.ones(low.shape)
     kinds = []
-    for j, (mesh, rate, (stiffness_phases, sliding_phases)) in enumerate(
-        zip(train.meshes, train.rates, mesh_phases, strict=True)
-    ):
-        # Mesh phases at position 0 of the periods stored after and before the first one.
-        starts_of_phase = [float((first + k) * rate % 1) for k in (-offset, count - offset)]
-        phases = midpoints * float(rate) + np.where(midpoints > offset, *starts_of_phase)
+    for j, (mesh, ratio, (stiffness_phases, sliding_phases)) in enumerate(meshes):
+        # Phases of this mesh at position 0, counted back from the periods stored from position
+        # `offset` on, and from those before it, which follow after the last position.
+        initial_phases = [float((first + k) * ratio % 1) for k in (-offset, count - offset)]
+        phases = midpoints * float(ratio) + np.where(midpoints > offset, *initial_phases)
         low[:, :, j] = at_lower_level(mesh, stiffness_phases, phases)
-        directions: tuple = (0,)
+        slides_negatively: tuple = (0,)
         if any(mesh.friction):
             positive = np.mod(phases - np.array(sliding_phases)[:, None], 1.0) < 0.5
-            sense[:, :, j] = np.where(positive, 1.0, -1.0)
-            directions = 0, 1
-        levels = (0, 1) if mesh.varies else (int(low[0, 0, j]),)
-        kinds.append([2 * level + direction for level in levels for direction in directions])
+            sliding_signs[:, :, j] = np.where(positive, 1.0, -1.0)
+            slides_negatively = 0, 1
+        levels = (0, 1) if mesh.varies else (int(low[0, 0, j]),)  # 1: the lower level
+        kinds.append([2 * level + negative for level in levels for negative in slides_negatively])
     first_segment = np.searchsorted(starts, np.array(period_starts) - SAME_PHASE_TOLERANCE)
-    return Segments(starts, first_segment, low, sense, kinds)
+    return Segments(starts, first_segment, low, sliding_signs, kinds)
 
 
 def _change_times(mesh, rate, mesh_phases, first, count) -> np.ndarray:
@@ -107,6 +107,8 @@ def at_lower_level(mesh, stiffness_phases, phases) -> np.ndarray:
     in mesh periods.
     """
     if not mesh.varies:
+        # If the levels differ, one pair of teeth (contact ratio 1) has the lower one, two (ratio 2)
+        # have the upper one.
         return np.full((2, len(phases)), mesh.contact_ratio < 2.0 and mesh.two_levels)
     distance = np.abs(np.mod(phases - np.array(stiffness_phases)[:, None] + 0.5, 1.0) - 0.5)
     return distance > (mesh.contact_ratio - 1.0) / 2.0
@@ -141,18 +143,20 @@ def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     (2, m, 2 h), hold cosines and sines in turn, and constants are in m, shape (2, m); the first
     axis is coast and drive side.
     """
-    harmonics, constants = excitation_harmonics(train, train.structure.arms)
+    harmonics, constants = excitation_harmonics(train, train.structure.line_vectors)
     frequencies, m = sorted(harmonics), len(train.meshes)
     amplitudes = np.array([harmonics[frequency] for frequency in frequencies])
     amplitudes = amplitudes.reshape(-1, 2, m, 2).transpose(1, 2, 0, 3).reshape(2, m, -1)
     return np.array([float(frequency) for frequency in frequencies]), amplitudes, constants
 
 
-def excitation_harmonics(train, arms, arithmetic=FLOAT_ARITHMETIC):
-    """Return the excitation of m meshes as (harmonics, constants) in m, in floats or balls.
+def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
+    """Return the excitation of m meshes as (harmonics, constants) in m.
 
     Harmonics are a dict, frequency -> cosines and sines, shape (2, m, 2); constants have the shape
-    (2, m); the first axis is coast and drive side. `arms` are those of a `Structure`.
+    (2, m); the first axis is coast and drive side. `line_vectors`, shape (m, 2, 2), are the unit
+    vectors of the lines of action with the signs of pinion and wheel. The `arithmetic` computes
+    with floats or with balls, which are intervals that enclose the numbers.
     """
     harmonics: dict = {}
     convert, constants = arithmetic.convert, arithmetic.zeros(2, len(train.meshes))
@@ -166,31 +170,31 @@ def excitation_harmonics(train, arms, arithmetic=FLOAT_ARITHMETIC):
         # A coast-side flank that moves with the axes is not excited by their errors and run-out.
         sides = [1] if mesh.moving_backlash else [0, 1]
         constants[:, j] += convert(mesh.error)
-        for name, arm in zip((mesh.pinion, mesh.wheel), arms[j], strict=True):
+        for name, line_vector in zip((mesh.pinion, mesh.wheel), line_vectors[j], strict=True):
             body = train.by_name[name]
             c, s = arithmetic.cos_sin(body.angle) if body.carrier else (1.0, 0.0)
             x, y = map(convert, body.offset)
-            constants[sides, j] += arm @ (c * x - s * y, s * x + c * y)
+            constants[sides, j] += line_vector @ (c * x - s * y, s * x + c * y)
             if body.eccentricity:
-                # The run-out e (cos(theta + phase), sin(theta + phase)) along the arm.
-                length, angle = arithmetic.polar(*arm)
+                # The run-out e (cos(theta + phase), sin(theta + phase)) along the line of action.
+                length, angle = arithmetic.polar(*line_vector)
                 run_out = convert(body.eccentricity) * length
                 phase = convert(body.eccentricity_phase) - angle
                 phase += body.angle if body.carrier else 0.0
                 c, s = arithmetic.cos_sin(phase)
                 add_harmonic(train.speeds[name], j, sides, run_out * c, -run_out * s)
-        rate, mesh_phase = train.rates[j], train.phases[mesh.name]
+        ratio, mesh_phase = train.frequency_ratios[j], train.phases[mesh.name]
         for side, deviation in enumerate((mesh.inverse_deviation, mesh.deviation)):
             for order, cosine, sine in deviation.table().tolist():
                 c, s = arithmetic.cos_sin(2.0 * arithmetic.pi * order * mesh_phase)
                 rotated = cosine * c - sine * s, cosine * s + sine * c
-                add_harmonic(int(order) * rate, j, [side], *rotated)
+                add_harmonic(int(order) * ratio, j, [side], *rotated)
     return harmonics, constants
 
 
 def common_period(train: "GearTrain") -> int:
     """Return the number of reference mesh periods after which the whole excitation repeats."""
-    frequencies = list(train.rates)
+    frequencies = list(train.frequency_ratios)
     for mesh in train.meshes:
         for name in (mesh.pinion, mesh.wheel):
             if train.by_name[name].eccentricity:
