@@ -84,7 +84,7 @@ def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
 
     `count` is the number of harmonics of each mesh frequency.
     """
-    # Frequencies of the harmonics over the frequency of the reference mesh.
+    # Frequencies of the harmonics over that of the reference mesh.
     orders = sorted({n * ratio for ratio in train.frequency_ratios for n in range(1, count + 1)})
     # Orders that the stiffness does not excite may be excited by deviations.
     data = phasing(train, math.ceil(orders[-1])).reindex(
