@@ -318,7 +318,7 @@ class TwoGears(GearTrain):
     meshes: tuple = ()
 
     def __post_init__(self) -> None:
-        """Create the mesh and the bodies, "3" (pinion) and "2" (wheel), from the fields of the pair."""
+        """Create the mesh and the bodies, "3" (pinion) and "2" (wheel), from those of the pair."""
         gears = self.gears
         quarter = self.arithmetic.pi / 2.0
         # The run-outs add e3 sin phi3 and -e2 sin(Delta - phi2) to the displacement along the line
