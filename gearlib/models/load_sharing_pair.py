@@ -246,8 +246,9 @@ class LoadSharingPair(WithPair):
     def system_and_max_stiffness(self) -> tuple[ToothPairSystem, float]:
         """The `ToothPairSystem` before `system` sets its tuning, damping and largest step.
 
-        The second entry is its largest stiffness over the mean stiffness. Segments lie between
-        neighbouring breakpoints of the whole period, which starts at phase 0.
+        Its class describes the fields. The second entry is its largest stiffness over the mean
+        stiffness. Segments lie between neighbouring breakpoints of the whole period, which starts
+        at phase 0.
         """
         repeats, offset = self.repeats, self._phase_offset
         pitches = np.sort((np.arange(repeats)[:, None] + self._breakpoints()).ravel())

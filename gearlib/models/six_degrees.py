@@ -320,7 +320,7 @@ class TwoGears(GearTrain):
     def __post_init__(self) -> None:
         """Create the mesh and the bodies, "3" (pinion) and "2" (wheel), from those of the pair."""
         gears = self.gears
-        quarter = self.arithmetic.pi / 2.0
+        quarter = self.arithmetic.pi / 2.0  # a float, or an interval that encloses the number
         # The run-outs add e3 sin phi3 and -e2 sin(Delta - phi2) to the displacement along the line
         # of action, with the rotations phi of the gears in opposite directions and the run-out
         # phase Delta; a body adds the cosine of its rotation plus its eccentricity phase.
