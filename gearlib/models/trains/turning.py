@@ -132,7 +132,7 @@ def coast_side_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> fl
     if mesh.tooth_thickness is None:
         return phase
     coast, drive = sliding_phases(mesh, speed)
-    # Coast-side flanks touch at the pitch point half a period after their sliding phase `coast`. The
+    # Coast-side flanks touch at the pitch point half a period after the sliding phase `coast`. The
     # other gear drives there, so that the middle of their upper level comes `drive` later.
     return _rounded_phase(phase + (coast + drive) + 0.5)
 
