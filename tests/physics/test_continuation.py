@@ -8,7 +8,6 @@ from scipy.optimize import brentq
 
 from gearlib import (
     GearPair,
-    OneDegreePair,
     continue_orbit,
     locus,
     periodic_orbit,
@@ -17,7 +16,7 @@ from gearlib import (
 )
 from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
-from gearlib.analysis.orbits.special_points import DOUBLING, END, FOLD, GRAZING
+from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.analysis.tongues import meissner
 from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from tests.paper import PAPER
@@ -46,11 +45,6 @@ def up():
     return continue_orbit(periodic_orbit(MATERIAL, 0.52), to=1.2)
 
 
-def test_patterns_name_the_flanks_that_an_orbit_touches():
-    assert periodic_orbit(DAMPED, 0.7).pattern == (1,)
-    assert periodic_orbit(DAMPED, 0.9).pattern == (1, 0, 1)
-
-
 def test_the_unstable_orbit_between_two_folds_is_left_by_what_starts_beside_it(up):
     first, second = np.flatnonzero(up.label == FOLD)[:2]
     point = int(first + second) // 2
@@ -73,12 +67,6 @@ def test_the_period_of_an_orbit_is_the_least_one_that_repeats():
     # Beside it lies one of one period, which it is not.
     single = periodic_orbit(pair, 1.7, guess=orbit.state)
     assert single.period == 1 and np.abs(single.state - orbit.state).max() > 1e-3
-
-
-@pytest.mark.parametrize("model", [PAPER, OneDegreePair(pair=PAPER, cubic_damping=4e5)])
-def test_a_motion_from_rest_that_cannot_go_on_leads_to_no_orbit(model):
-    with pytest.raises(NoOrbit, match="the simulation from rest failed"):
-        periodic_orbit(model, 0.9, max_events=1)
 
 
 def smallest_displacement(nu):
@@ -169,36 +157,3 @@ def test_points_of_a_locus_are_the_labelled_points_of_branches(up, label):
     assert abs(places(branch, label) - float(curve.tuning[-1])).min() < 1e-8
     with pytest.raises(ValueError, match="labelled fold"):
         locus(MATERIAL, up, 0, "damping", to=0.03)
-
-
-def test_a_locus_ends_at_its_first_point_beyond_a_limit(up):
-    point = int(np.flatnonzero(up.label == FOLD)[0])
-    free = locus(MATERIAL, up, point, "damping", to=0.1)
-    rising = bool(free.tuning[1] > free.tuning[0])
-    limits = (-np.inf, float(free.tuning[2])) if rising else (float(free.tuning[2]), np.inf)
-    curve = locus(MATERIAL, up, point, "damping", to=0.1, limits=limits)
-    # A point that lies on the limit is not beyond it.
-    assert curve.attrs["ended"] == "at a limit" and curve.point.size == 4 < free.point.size
-    np.testing.assert_array_equal(curve.tuning, free.tuning[:4])
-
-
-def test_a_branch_ends_where_no_single_curve_goes_on():
-    # Undamped, with all stiffness switches in flight, the mesh does not feel its phase.
-    branch = undamped_branch(1.2, 0.9)
-    assert branch.label[-1] == END and float(branch.tuning[-1]) == pytest.approx(0.927, abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    "stop", [{"limits": (0.81, 0.85)}, {"limits": (0.8, 0.85), "max_height": 3.0}]
-)
-def test_a_branch_that_turns_round_ends_at_its_limits(stop):
-    run = simulate(MATERIAL, 0.812, periods=300, record_periods=1)
-    # Of small bounces: it folds back at 0.816, and again at 0.808.
-    orbit = periodic_orbit(MATERIAL, 0.812, guess=run.final_state.values)
-    branch = continue_orbit(orbit, to=0.85, **stop)
-    assert FOLD in branch.label and branch.label[-1] == END
-    assert not (branch.label[:-1] == END).any()
-    if "max_height" in stop:
-        assert branch.orbit_height[-1] > 3.0 >= branch.orbit_height[:-1].max()
-    else:
-        assert float(branch.tuning[-1]) == pytest.approx(0.81, abs=1e-12)

@@ -5,11 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import DeadZoneOscillator, Harmonics, Series, periodic_orbit, simulate
+from gearlib import DeadZoneOscillator, periodic_orbit, simulate
 from gearlib.analysis.lyapunov import largest_exponent
-from gearlib.data import storage
 from tests.physics import published
-from tests.properties.known_models import UNEQUAL
 
 
 def test_the_soft_stop_has_chaos_beside_the_motion_without_impact():
@@ -26,16 +24,6 @@ def test_the_soft_stop_has_chaos_beside_the_motion_without_impact():
     # It ends where it grazes the stop: just beyond its amplitude the stop is out of reach.
     grazing = periodic_orbit(published.soft_impact(abs(steady))[0], frequency, guess=(0.6, 0.0))
     assert grazing.grazing
-
-
-def test_a_dataset_names_no_mesh_and_is_stored_with_its_model(tmp_path):
-    run = simulate(UNEQUAL, 1.3, periods=2)
-    assert run.attrs["title"] == "Time course of a dead-zone oscillator"
-    names = {variable.attrs["long_name"] for variable in run.variables.values()}
-    assert not [name for name in names if "mesh" in name or "static deflection" in name]
-    for stiffness in (Series(2.0, Harmonics((0.5,))), 3.0):
-        model = DeadZoneOscillator(upper_stiffness=stiffness, upper_edge=0.1)
-        storage.write(simulate(model, 1.3, periods=2), tmp_path / "run.nc")
 
 
 def test_a_start_at_rest_without_backlash_or_damping_is_a_cosine():

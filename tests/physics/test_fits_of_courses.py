@@ -9,7 +9,6 @@ from scipy.interpolate import CubicSpline
 
 import gearlib
 from gearlib.analysis.order_maps import ShaftRotation
-from gearlib.models.profiles import Tabulated
 from gearlib.uncertainty.course_observations import regress_mesh_orders
 from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
@@ -96,24 +95,6 @@ def test_orders_of_a_wave_that_grows_are_fourier_integrals():
     np.testing.assert_allclose(result[:, 0], expected, rtol=0, atol=3e-5)
 
 
-def test_orders_have_the_noise_that_is_said():
-    # In a run-up, three blocks with a number of samples that is not whole.
-    times = (np.arange(3 * 130 + 8) + 0.4) / 130.3
-    turns, teeth = times + 0.003 * times**2, 6
-    blocks = np.arange(4)
-    share = regress_mesh_orders(turns, np.zeros(turns.size), blocks, teeth)[1]
-    # What every order has of every sample: of white noise their sums of products are covariances.
-    parts = [regress_mesh_orders(turns, one, blocks, teeth)[0] for one in np.eye(turns.size)]
-    parts = np.stack([np.real(parts), np.imag(parts)], 3).reshape(turns.size, 3, -1)
-    result = np.einsum("iaj,ibk->abjk", parts, parts)
-    for a in range(3):
-        # Both parts of an order and all orders are independent, but for 130 samples that do not
-        # quite tell them apart, and a sample between two blocks, which counts in both.
-        for b in range(3):
-            target = 0.5 * share[a] * np.eye(8) * (a == b)
-            assert np.abs(result[a, b] - target).max() < 0.01 * share[a]
-
-
 def test_a_run_up_may_begin_at_any_phase():
     for phase, gain in ((4.0, 2.0),):
         data = run_up(phase, 2, gain, phase=phase)
@@ -128,22 +109,6 @@ def test_a_run_up_may_begin_at_any_phase():
         assert shifted @ shifted > 100.0 * (right @ right) and right @ right < 1.4 * right.size
 
 
-@pytest.mark.parametrize(("tuning", "way", "gain"), [(0.78, 1, 3.0), (0.8, -1, 1.0)])
-def test_what_is_drawn_of_a_time_course_are_the_waves_that_were_compared(tuning, way, gain):
-    (course,) = observations_of(TRUTH, steady(tuning, 1, gain, way))
-    rest, (channel,) = course.residuals(TRUTH), course.channels
-    assert rest @ rest < 4.0 * (rest.size - channel.eliminated)
-    sensed = course.sensed(TRUTH)
-    (shown,) = course.draw(sensed)
-    assert shown.at[0] == 0.0 and shown.at[-1] == 1.0
-    for height, values in zip(shown.heights, (channel.values, *sensed), strict=True):
-        waves = np.fft.rfft(height[:-1], norm="forward")
-        orders = values.view(complex)
-        np.testing.assert_allclose(
-            waves[1 : orders.size + 1], orders, rtol=0, atol=1e-9 * height.max()
-        )
-
-
 def conditions(tunings, truth=TRUTH):
     """Return time courses at several speeds as one set."""
     # The phase that is known is that of all: their seeds are the same.
@@ -151,37 +116,6 @@ def conditions(tunings, truth=TRUTH):
     names = np.repeat([*map(str, tunings)], [course.sizes["sample"] for course in courses])
     data = xr.concat(courses, "sample", combine_attrs="override")
     return data.assign_coords(condition=("sample", names))
-
-
-def test_conditions_are_courses_of_their_own():
-    data = conditions([0.62, 0.9])
-    result = observations_of(TRUTH, data)
-    assert len(result) == 2
-    fitted = gearlib.fit(GUESS, data, FREE)
-    for name, one in fitted.params.items():
-        assert abs(one.value - getattr(TRUTH, name)) < 4.0 * one.stderr, name
-    rest = np.concatenate([one.residuals(fitted.model) for one in result])
-    assert fitted.redchi == pytest.approx(rest @ rest / (16 - 2), rel=1e-6)
-    moving = data.assign_coords(speed=("sample", np.linspace(1e3, 2e3, data.sizes["sample"])))
-    with pytest.raises(ValueError, match="2 conditions with time courses: each must have one"):
-        observations_of(TRUTH, moving)
-
-
-def test_no_interval_holds_where_a_wrong_model_leaves_what_is_no_noise():
-    high, low = TRUTH.max_stiffness, TRUTH.stiffness_ratio * TRUTH.max_stiffness
-    edge, ramp = np.pi * (TRUTH.contact_ratio - 1.0), 0.1 * np.pi
-    phases = [edge - ramp, edge + ramp, 2.0 * np.pi - edge - ramp, 2.0 * np.pi - edge + ramp]
-    profile = Tabulated(tuple(phases), (high, low, low, high))
-    rig = gearlib.OneDegreePair(pair=TRUTH, profile=profile)
-    tunings = [0.55, 0.62, 0.67, 0.9, 1.0, 1.1]
-    for truth, mistaken in ((TRUTH, False), (rig, True)):
-        data = conditions(tunings, truth)
-        data.displacement.attrs["noise_std"] = 0.0
-        unknown = gearlib.fit(GUESS, data, FREE).unknown
-        said = "the residual of the time course is not independent noise"
-        assert [one.startswith(said) and "no interval holds" in one for one in unknown] == (
-            [True] * mistaken
-        )
 
 
 def test_revolutions_with_gaps_are_left_out_of_a_run_up():

@@ -6,7 +6,6 @@ import xarray as xr
 
 import gearlib
 from gearlib.uncertainty import observation
-from gearlib.uncertainty.fits import correlation_sentences
 from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
@@ -70,22 +69,6 @@ def test_a_speed_that_is_measured_twice_has_the_same_motion_twice():
     np.testing.assert_allclose(both @ both, 2.0 * residuals @ residuals, rtol=1e-9)
 
 
-def test_data_of_unknown_noise_that_no_model_comes_near_are_said_to_be():
-    data = resonance(TRUTH, 3, HEIGHT)
-    data["displacement_max"] = "sample", 1e3 * data.displacement_max.values
-    fit = gearlib.fit(TRUTH, data, {"material_damping": FREE["material_damping"]})
-    assert any("whose noise is not known" in sentence for sentence in fit.unknown)
-
-
-def test_a_false_alarm_on_independent_residuals_is_rarer_than_one_in_a_hundred():
-    channels = observations_of(TRUTH, resonance(TRUTH, None))[0].channels
-    rng, size = np.random.default_rng(0), 4 * COUNT
-    alarms = [correlation_sentences(channels, rng.normal(size=size)) for _ in range(500)]
-    assert sum(map(bool, alarms)) < 5
-    alarm, *_ = correlation_sentences(channels, np.sin(0.3 * np.arange(size)))
-    assert alarm.endswith("no interval holds")
-
-
 def test_each_side_of_a_jump_has_its_own_branch():
     data = resonance(TRUTH, 2)
     points, jumps = observations_of(TRUTH, data)
@@ -105,22 +88,6 @@ def test_each_side_of_a_jump_has_its_own_branch():
         ]
         largest = np.abs(pointwise).max() / data[name].noise_std
         assert np.abs(differences).max() < 0.5 * largest
-
-
-def test_a_sweep_that_jumps_up_and_then_down_is_followed():
-    truth = TRUTH.replace(
-        material_damping=2746.7, backlash_damping=2746.7, reduced_mass=3.358, load=2988.4
-    )
-    data = resonance(truth, 5)
-    heights = data.displacement_max.values[COUNT:]
-    # Going down: up onto a higher branch, which strikes the far flank, then off it.
-    steps = np.diff(heights)[::-1] / heights.max()
-    assert steps.max() > 0.5 and steps.min() < -0.15
-    points, jumps = observations_of(truth, data)
-    residuals = points.residuals(truth)
-    assert residuals @ residuals < 1.5 * residuals.size
-    # Between the two points that lie about each jump.
-    assert (np.abs(jumps.residuals(truth)) < np.sqrt(3.0)).all()
 
 
 def test_the_speed_of_contact_loss_is_a_grazing():

@@ -3,14 +3,11 @@
 import math
 
 import mpmath
-import numpy as np
 import pytest
 
 from gearlib import GearPair, OneDegreePair
-from gearlib.config import load
-from gearlib.studies.trials import high_precision, problems, references
+from gearlib.studies.trials import high_precision
 from tests.independent.systems import describe, move
-from tests.paper import CONFIG
 from tests.references import of_pair
 
 RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.06}
@@ -66,16 +63,3 @@ def test_nonlinear_damping_against_the_independent_program():
         pairs = zip(end, expected.mesh_state(), strict=True)
         # Of 36 digits some go to the growth of rounding.
         assert max(abs(digits_of(a) - b) for a, b in pairs) < mpmath.mpf(10) ** -28
-
-
-def test_digits_are_added_until_they_are_enough(monkeypatch):
-    # Twenty periods without damping lose some twenty digits.
-    settings = load(CONFIG).model_dump()["work_precision"] | {"conservative_periods": 20}
-    problem = problems.build("conservative", CONFIG["gear_pair"], {}, settings)
-    expected = references.reference(problem)
-    monkeypatch.setattr(references, "DIGITS", (12, 24, 48, 96))
-    more = references.reference(problem)
-    np.testing.assert_array_equal(more.state, expected.state)
-    monkeypatch.setattr(references, "DIGITS", (12, 24))
-    with pytest.raises(ValueError, match="periods = 20 are not allowed for this GearPair"):
-        references.reference(problem)

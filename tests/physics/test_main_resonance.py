@@ -60,19 +60,6 @@ def test_jumps_and_onset_are_those_of_a_whole_branch(search):
     assert top <= values["peak"] * (1.0 + 1e-12) and values["peak"] < 1.01 * top
 
 
-@pytest.mark.parametrize("name", FIELDS)
-def test_quantities_are_smooth_functions_of_the_design(search, name):
-    size = getattr(DAMPED, name)
-    low, high, near, far = (
-        search(DAMPED.replace(**{name: (1.0 + share) * size}))[0]
-        for share in (-2e-5, 2e-5, -1e-5, 1e-5)
-    )
-    # Differences over two steps agree, as they do where nothing but rounding is lost.
-    slopes = (high - low) / 4e-5, (far - near) / 2e-5
-    bound = 1e-6 * np.abs(slopes[1]) + 1e-6 * np.abs(search.nominal)
-    assert (np.abs(slopes[0] - slopes[1]) < bound).all()
-
-
 def test_the_fold_of_a_narrow_hysteresis_is_found():
     # Just below the damping at which both jumps meet: 0.3 rpm apart.
     model = PAPER.replace(backlash_damping=500.0, backlash=60e-6, stiffness_ratio=0.6)
@@ -105,18 +92,6 @@ def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
     assert branch.tuning.values[fold] == pytest.approx(fall, rel=1e-9)
 
 
-def test_quantities_scale_with_load_and_the_onset_knows_nothing_of_backlash(search):
-    twin = DAMPED.replace(load=3.0 * DAMPED.load, backlash=3.0 * DAMPED.backlash)
-    ratios = dict(zip(NAMES, search(twin)[0] / search.nominal, strict=True))
-    for name in (*JUMPS, "onset_of_contact_loss", "dynamic_factor"):
-        assert ratios[name] == pytest.approx(1.0, abs=1e-9), name
-    for name in ("peak", "force", "transmission_error", "contact_margin"):
-        assert ratios[name] == pytest.approx(3.0, rel=1e-9), name
-    onset = NAMES.index("onset_of_contact_loss")
-    wider = search(DAMPED.replace(backlash=1.1 * DAMPED.backlash))[0]
-    assert wider[onset] == search.nominal[onset]
-
-
 def test_a_design_without_jumps_has_none_and_the_peak_of_its_linear_resonance(search):
     model = DAMPED.replace(material_damping=1.1e4)
     results = dict(zip(NAMES, zip(*search(model), strict=True), strict=True))
@@ -135,26 +110,6 @@ def test_the_duty_point_is_that_of_a_settled_run(search):
     assert values["force"] == pytest.approx(float(point.mesh_force_max), rel=1e-9)
     assert values["transmission_error"] == pytest.approx(float(point.error_peak_to_peak), rel=1e-9)
     assert values["contact_margin"] < 0.0 < float(point.lost_share)
-
-
-def test_a_duty_point_of_a_train_is_of_the_mesh_that_counts():
-    train = dataclasses.replace(planetary_set(5e-6), reference="ring 2")
-    names = ("force", "dynamic_factor", "transmission_error", "contact_margin")
-    names += ("load_sharing", "least_load_sharing")
-    values = DesignQuantities(train, names, speed=float(train.speed(0.6))).nominal
-    settings = {"periods": 800, "record_periods": 1, "initial_state": "static"}
-    run = gearlib.simulate(train, 0.6, samples_per_period=8, **settings)
-    spans = run.displacement_max - run.displacement_min
-    expected = [
-        float(run.dynamic_force_max.max()) * train.load,
-        float(run.dynamic_factor.max()),
-        float(spans.sel(mesh="ring 2")) * train.static_deflection,
-        float(run.displacement_min.min()) * train.static_deflection,
-        float(run.load_sharing.max()),
-        float(run.load_sharing.min()),
-    ]
-    # A run of 800 periods still settles.
-    assert values == pytest.approx(expected, rel=1e-5)
 
 
 def test_six_degrees_of_freedom_have_the_special_points_of_their_branch():
@@ -186,15 +141,6 @@ def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
     assert height[4] > 1.3 * height[3] and height[3] < 1.1 * height[2]
 
 
-def test_taylor_steps_find_the_same_quantities(search):
-    # Nonlinear damping asks for them, so little of it that it changes nothing.
-    twin = gearlib.OneDegreePair(pair=DAMPED, cubic_damping=1e-9)
-    names = (*JUMPS, "onset_of_contact_loss", "peak", "dynamic_factor")
-    values = DesignQuantities(twin, names, speed=float(DAMPED.speed(0.9))).nominal
-    places = [NAMES.index(name) for name in names]
-    assert values == pytest.approx(search.nominal[places], rel=1e-8)
-
-
 def test_sobol_indices_are_those_of_a_product():
     # Without damping the onset is a number times (C / m)^(1/2): indices of a product, by moments.
     tolerances = {
@@ -219,29 +165,3 @@ def test_sobol_indices_are_those_of_a_product():
     low, high = indices.first_index_interval.values[0].T
     assert ((low < index) & (index < high)).all()
     assert int(indices.missing_designs[0]) == 0
-
-
-def test_designs_without_a_jump_are_counted():
-    model = DAMPED.replace(material_damping=8.4e3)
-    tolerances = {name: {"std": "1 %"} for name in ("material_damping", "contact_ratio")}
-    indices = sobol_indices(model, tolerances, ("jump_up",), 16)
-    assert 0 < int(indices.missing_designs[0]) < 4 * 16
-    assert np.isfinite(indices.total_index.values).all()
-
-
-def test_a_motion_that_jumps_up_to_the_far_flank_falls_later():
-    pair = damped(PAPER.replace(stiffness_ratio=0.429, contact_ratio=1.228), 0.069)
-    pair = pair.replace(backlash=1.11 * pair.static_deflection)
-    data = gearlib.scatter(pair, {"load": {"std": "0.1 %"}}, JUMPS, n=4)
-    assert all((data[f"{name}_status"] == 0).all() for name in JUMPS)
-    # A sweep down over both jumps: the amplitude rises at the first and falls at the second.
-    tunings = np.arange(0.6, 1.2, 0.002)
-    curve = gearlib.sweep(pair, tunings, direction="down", periods=200, record_periods=1)
-    height = curve.displacement_max.values
-    i = int(np.argmax(np.diff(height) / height[1:]))
-    low, high = curve.tuning.values[i : i + 2] * float(pair.speed(1.0))
-    assert low - 2.0 < float(data.jump_down_nominal) < high + 2.0 < pair.speed(0.86)
-    # A speed depends on the load by the backlash over the deflection only.
-    search = DesignQuantities(pair, ("jump_down",))
-    ends = [search(pair.replace(load=share * pair.load))[0][0] for share in (0.999, 1.001)]
-    assert float(data.jump_down_deviation) == pytest.approx(abs(ends[1] - ends[0]) / 2.0, rel=0.5)

@@ -90,35 +90,6 @@ def test_a_run_up_at_constant_speed_has_the_spectrum_of_a_run():
         assert float(result.rpm) == pytest.approx(rpm, rel=1e-12)
 
 
-def test_powers_of_all_orders_make_the_overall_level():
-    rpm = FEW.speed(0.8)
-    run = gearlib.run_up(FEW, rpm, 1.1 * rpm, duration=0.4, samples_per_period=1024)
-    whole = {"resolution": 0.3, "highest": 400.0}
-    power = gearlib.order_map(run, amplitude="power", **whole)
-    assert float(power.order_resolution) == 0.25 and float(power.order[1]) == 0.25
-    total = np.sqrt(power.amplitude[:, 1:].sum("order"))
-    # A block does not end as it begins: orders fall as its wave with a step does.
-    np.testing.assert_allclose(total, power.overall, rtol=1e-4)
-    rms = gearlib.order_map(run, **whole)
-    np.testing.assert_allclose(rms.amplitude[:, 1:] ** 2, power.amplitude[:, 1:], rtol=1e-12)
-    single = gearlib.order_map(run, orders=[3.0, 1.5], resolution=0.25)
-    assert single.order.values.tolist() == [3.0, 1.5]
-    np.testing.assert_allclose(single.overall, rms.overall, rtol=1e-12)
-    track = rms.amplitude.sel(order=single.order)
-    np.testing.assert_allclose(single.amplitude, track, rtol=1e-9, atol=1e-18)
-
-
-def test_errors_fall_with_the_samples_and_are_estimated():
-    rpm = FEW.speed(0.85)
-    course = {"start": rpm, "stop": 1.2 * rpm, "duration": 0.2}
-    runs = [gearlib.run_up(FEW, samples_per_period=n, **course) for n in (64, 256, 2048)]
-    maps = [gearlib.order_map(run, highest=9, variable="dynamic_force") for run in runs]
-    errors = [float(np.abs(one.amplitude - maps[-1].amplitude).max()) for one in maps[:2]]
-    assert errors[1] < 0.1 * errors[0] < 1e-3 * float(maps[-1].overall.max())
-    for error, coarse in zip(errors, maps[:2], strict=True):
-        assert error < float(coarse.amplitude_error.max())
-
-
 def test_a_block_at_constant_speed_has_the_spectrum_of_its_revolutions():
     pair = PAPER.replace(material_damping=1000.0)
     # Three mesh periods with all phases of contact, from the first period of the record on.

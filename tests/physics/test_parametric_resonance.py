@@ -8,7 +8,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 from gearlib import Fourier, GearPair, OneDegreePair, Tabulated, tongues
-from gearlib.analysis.tongues import hill_tongues, meissner
+from gearlib.analysis.tongues import meissner
 from gearlib.analysis.tongues.search import find_tongues
 from tests.independent.systems import describe, move
 from tests.properties.known_models import EVERYTHING, gears
@@ -71,22 +71,6 @@ def test_the_map_of_one_period_in_50_digits(ratios):
     assert meissner.growth(*ratios, nu) == pytest.approx(math.log(radius), abs=1e-7)
 
 
-@pytest.mark.parametrize("nu", [0.0015])
-def test_growth_beyond_the_numbers_of_a_machine(nu):
-    """Over-damped stretches so long that exp of the growth has no float."""
-    ratios = MESHES[-1]
-    with mpmath.workdps(2000):
-        flow = map_of_contact(*ratios, nu)
-        half, square = (flow[0, 0] + flow[1, 1]) / 2, mpmath.det(flow)
-        expected = mpmath.log(abs(half) + mpmath.sqrt(half * half - square))
-    assert half * half > square
-    # The sign of the trace says of which order the gap is.
-    result = max(
-        meissner._growth(meissner.meissner_equation(*ratios), 1.0 / nu, order) for order in (1, 2)
-    )
-    assert result == pytest.approx(float(expected), rel=1e-10)
-
-
 def test_every_tongue_is_found_and_is_one_interval():
     random = np.random.default_rng(7)
     for _ in range(20):
@@ -130,47 +114,6 @@ def test_damping_may_open_a_closed_tongue_again():
     first, closed, again = (meissner.tongue(one, order).growth for one in equations)
     assert first > 0.0 > closed and again > 0.0
     assert meissner.closing_damping(*ratios, order) > 0.3
-
-
-@pytest.mark.parametrize("order", [2, 5])
-def test_tongues_are_pinched_where_half_waves_fit(order):
-    points = meissner.coexistence(order, contact_ratio=PAPER[0])
-    # sqrt(kappa) = 0.569 (n - m) / (0.431 m) is below 1 from m = 0.569 n on.
-    assert len(points) == order - 1 - math.floor(0.569 * order)
-    for kappa, nu in points:
-        pair = mesh(PAPER[0], kappa)
-        matrix, _ = meissner.period_map(pair, nu)
-        # All solutions are periodic: Meissner's equation has no instability there.
-        np.testing.assert_allclose(matrix, (-1.0) ** order * np.eye(2), atol=1e-13)
-        one = meissner.tongue(meissner.equation_of(pair), order)
-        assert one.stop - one.start < 1e-14 and one.start == pytest.approx(nu, rel=1e-14)
-        assert meissner.closing_damping(PAPER[0], kappa, order) < 1e-13
-        back = meissner.coexistence(order, stiffness_ratio=kappa)
-        assert np.abs(back - (PAPER[0], nu)).sum(axis=1).min() < 1e-14
-    assert len(meissner.coexistence(order, stiffness_ratio=0.5879)) == order - 1
-
-
-def test_where_all_is_over_damped_no_tongue_is_left():
-    pair = mesh(1.5, 0.5, 1.5)
-    assert find_tongues(pair, 0.2, 3.0) == []
-    assert meissner.gap(meissner.equation_of(pair), 1) is None
-
-
-class Parabola:
-    """A map with the multiplier 1 at nu = 0.7 and on both sides of nu = 1, a thousandth off it."""
-
-    size = 2
-
-    def contact_monodromy(self, nu):
-        return np.diag([1.0 + (nu - 0.7) * ((nu - 1.0) ** 2 - 1e-6), 2.0])
-
-
-@pytest.mark.parametrize("grid", [[0.8, 0.99, 1.4], [0.6, 0.75, 0.99, 1.4], [0.6, 0.8, 1.01, 1.4]])
-def test_a_narrow_tongue_between_two_tunings_of_a_scan_is_found(grid):
-    maps = np.array([Parabola().contact_monodromy(nu) for nu in grid])
-    places = [nu for nu in (0.7, 0.999, 1.001) if nu > grid[0]]
-    result = sorted(hill_tongues._zeros(Parabola(), 1.0, np.array(grid), maps))
-    np.testing.assert_allclose(result, places, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("kappa", "orders"), [(0.9, (1, 2, 3))])

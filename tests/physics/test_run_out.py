@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 from gearlib import (
-    bifurcation_diagram,
-    continue_orbit,
-    harmonic_balance,
     periodic_orbit,
     simulate,
     sweep,
@@ -16,7 +13,6 @@ from gearlib import (
 )
 from gearlib.engines import orbit
 from gearlib.models.one_mesh_system import state_matrix_by_phase
-from tests.paper import PAPER
 from tests.properties.known_models import EVERYTHING, gears
 
 EQUAL, UNEQUAL = (24, 24), (24, 31)
@@ -87,25 +83,3 @@ def test_a_sweep_lets_the_gears_turn_on():
         # Rounding of the tuning over fifty periods with bounces.
         np.testing.assert_allclose(swept.final_state[i], run.final_state, atol=1e-9)
         assert float(swept.displacement_max[i]) == pytest.approx(float(run.displacement_max))
-
-
-def test_after_a_failed_run_a_sweep_begins_anew():
-    pair = damped(EQUAL)
-    settings = {"periods": 10, "record_periods": 1, "max_events": 1}
-    tunings = [0.7, 0.8]
-    down = sweep(pair, tunings, direction="down", **settings)
-    cold = sweep(pair, tunings, **settings)
-    assert down.status.values.tolist() == [0, 1]
-    np.testing.assert_array_equal(down.final_state, cold.final_state)
-
-
-def test_periods_above_127_fit_into_datasets():
-    pair = damped(UNEQUAL)
-    result = periodic_orbit(pair, 0.7, period=744)
-    assert int(result.dataset().period) == 744
-    branch = continue_orbit(result, to=0.701, max_points=2)
-    assert int(branch.period) == 744
-    diagram = bifurcation_diagram(damped(EQUAL), [0.7], settle=200, strobes=48)
-    assert int(diagram.period[0]) == 24
-    solution = harmonic_balance(PAPER.replace(material_damping=4e4), 0.7, harmonics=130, period=130)
-    assert int(solution.dataset().period) == 130

@@ -182,13 +182,6 @@ def test_random_courses_of_many_coordinates_agree(model, tuning):
     assert np.abs(error).max() < 1e-10 / fastest
 
 
-@pytest.mark.parametrize("model", [TRAIN, SIX.train, gearlib.idler(PAPER)])
-def test_forces_of_inertia_leave_nothing_for_the_free_rotation(model):
-    push = acceleration.train_accelerations(model) * model.static_deflection
-    forces = model.structure.mass @ push
-    assert np.abs(model.free_motions.T @ forces).max() < 1e-9 * np.abs(forces).max()
-
-
 def test_the_jump_lags_behind_the_fold_by_two_thirds_of_a_power():
     pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7, teeth=1)
     branch = gearlib.continue_orbit(gearlib.periodic_orbit(pair, 0.9, period=1), to=0.6)
@@ -256,19 +249,3 @@ def test_statistics_of_a_revolution_are_those_of_its_time_course(model):
         for name, code in (("normal", 1), ("backlash", 0), ("inverse", -1)):
             share = (part.contact == code).mean("time")
             assert np.abs(share - own[f"fraction_{name}"]).max() < 5e-3
-
-
-def test_statistics_of_arcs_and_of_matrices_are_the_same():
-    # Through the resonance, with flights and strokes on both flanks.
-    pair = DAMPED.replace(backlash_damping=0.0, backlash=6e-6)
-    speed = [(0.0, 2000.0), (0.4, 4000.0), (0.8, 2000.0)]
-    course = {"speed": speed, "load": [(0.0, 1.0), (0.1, 1.0), (0.1, 0.7)]}
-    course |= {"driven_mass": 1.5, "base_radius": 0.05, "samples_per_period": 4}
-    arcs, matrices = (
-        gearlib.run_up(model, **course) for model in (pair, gearlib.OneDegreePair(pair=pair))
-    )
-    assert (arcs.fraction_inverse > 0.0).any() and arcs.bounces.max() > 0.5
-    for name in arcs.data_vars:
-        if arcs[name].dtype.kind == "f":
-            difference = np.abs(arcs[name].values - matrices[name].values)
-            assert difference.max() < 1e-11 * np.abs(arcs[name]).max(), name

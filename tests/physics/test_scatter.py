@@ -1,7 +1,5 @@
 """`gearlib.scatter`: bands against plain loops of `sweep`, shards, probabilities of branches."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -113,35 +111,6 @@ def test_samples_that_cannot_be_built_are_counted_and_told():
     assert (result.run_count == 128 - count).all() and not result.failed_runs.any()
     (text,) = refused(result)
     assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
-
-
-def test_other_models_go_one_by_one():
-    oscillator = gearlib.DeadZoneOscillator(
-        lower_edge=-4.0,
-        upper_stiffness=1.0,
-        damping=0.1,
-        load=1.0,
-        forcing=gearlib.Harmonics((0.5,)),
-    )
-    options = {"damping": {"min": 0.08, "max": 0.12}}
-    ways, box = ("up", "seeded"), ((1.0, 2.0), (2.0, 3.0))
-    settings = {"quantities": (), "directions": ways, "box": box, "periods": 6, "record_periods": 5}
-    result = scatter(oscillator, options, n=4, tunings=[0.8, 0.9], **settings)
-    run = {"periods": 6, "record_periods": 5}
-    points = Designs(oscillator, options).points(0, 4)
-    for direction in ways:
-        heights = []
-        for value, point in zip(result.damping.values, points, strict=True):
-            model = oscillator.replace(damping=float(value))
-            how = {"direction": direction}
-            if direction == "seeded":
-                how = {"initial_state": tuple(point[-2:] + [1.0, 2.0])}
-            one = gearlib.sweep(model, [0.8, 0.9], **run, **how)
-            heights.append(one.displacement_max - one.displacement_min)
-        expected = np.quantile(heights, QUANTILES, axis=0)
-        assert np.allclose(result.height_band.sel(direction=direction), expected, rtol=1e-6)
-    assert result.height_band.attrs["units"] == "1" and "tuning" in result.dims
-    assert math.isfinite(float(result.factor_band.max()))
 
 
 def test_quantities_go_with_the_samples():

@@ -43,14 +43,6 @@ def test_motions_get_their_labels(pair, nu, label):
         assert result.exponent > 3 * result.uncertainty > 0
 
 
-def test_two_attractors_are_named():
-    # Below the jump from rest two orbits attract; a large disturbance finds the other.
-    result = trust(DAMPED, 0.75, periods=500, disturbance=12.0)
-    small = trust(DAMPED, 0.75, periods=500)
-    assert small.label == "periodic"
-    assert result.label == "undecided" and "more than one orbit" in result.message
-
-
 def table(high, low, period, status=0):
     n = len(high)
     columns = {
@@ -82,15 +74,6 @@ def table(high, low, period, status=0):
 def test_a_label_follows_from_the_runs_and_the_exponent(runs, exponent, label, words):
     result = decide(runs, Exponent(*exponent, 1000))
     assert result.label == label and words in result.message
-
-
-def test_digits_are_those_of_the_height():
-    # The largest of all differences is 1e-6 of the height, whatever the height.
-    for height in (1e-3, 1.0, 50.0):
-        high = height * np.array([1.0, 1.0 + 1e-6, 1.0])
-        runs = table(high, height * np.array([0.0, 0.0, 1e-7]), [1, 1, 1])
-        result = decide(runs, Exponent(-0.1, 0.01, -100.0, 1000))
-        assert result.label == "periodic" and result.digits == pytest.approx(6.0, abs=1e-6)
 
 
 def test_what_shears_is_no_chaos():

@@ -1,13 +1,10 @@
 """Work and precision: what errors must do, down to their floors."""
 
-import math
-
 import numpy as np
 import pytest
 
-from gearlib import integrators, simulate
+from gearlib import integrators
 from gearlib.config import load
-from gearlib.studies import jump
 from gearlib.studies.trials import problems, references, work_precision
 from tests.paper import CONFIG
 
@@ -74,32 +71,3 @@ def test_the_error_of_rk45_follows_its_tolerance(known):
         rungs = data.sel(problem=name)
         assert slope(rtol, rungs.state_error.values) == pytest.approx(1.0, abs=0.2)
         assert (np.diff(rungs.period_evaluations.values) > 0.0).all()
-
-
-@pytest.mark.parametrize("name", ["bouncing", "cubic"])
-def test_the_settled_orbit_repeats_with_its_multiplier(known, name):
-    problem = build(name)
-    start = known.orbit_state.sel(problem=name).values
-    multiplier = float(known.largest_multiplier.sel(problem=name))
-    end, maps, _ = problem.model.propagator(problem.tuning).maps(start, 1, 100)
-    # Rounding of a period.
-    np.testing.assert_allclose(end, start, rtol=0, atol=1e-14)
-    assert multiplier == pytest.approx(problems.largest_multiplier(maps[0]), rel=1e-12)
-    assert 0.0 < multiplier < 1.0
-    if name == "bouncing":
-        # Linear damping all along: Liouville's formula gives the product of the pair.
-        rate = 2.0 * problem.model.damping_ratio / problem.tuning
-        assert multiplier == pytest.approx(math.exp(-rate * math.pi), rel=1e-14)
-
-
-def test_without_damping_a_problem_settles_on_no_orbit():
-    orbit, multiplier = references.settled_orbit(build("conservative"))
-    assert np.isnan(orbit).all() and math.isnan(multiplier)
-
-
-def test_a_run_falls_low_just_below_the_jump_and_high_just_above():
-    model = build("near_fold").model
-    run = {"periods": 120, "record_periods": 24, "initial_state": (0.0, 0.0)}
-    place = jump.find_jump(model, [0.815, 0.816], 1e-8, **run).tuning
-    below, above = (simulate(model, place + side * 2e-8, **run) for side in (-1.0, 1.0))
-    assert float(above.displacement_max) > 1.2 * float(below.displacement_max)

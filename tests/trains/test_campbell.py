@@ -1,7 +1,5 @@
 """Campbell diagrams of trains: speeds, orders, modes, and the reducer's lost contact."""
 
-import math
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -67,15 +65,6 @@ def diagram():
         },
     )
     return trains.campbell(characteristics, 2, PAPER.as_dict(), SETTINGS)
-
-
-def test_the_diagram_of_the_reducer(diagram):
-    np.testing.assert_allclose(diagram.mesh_rate, [1, 1, 1, *[2.0 / 3.0] * 3], rtol=1e-15)
-    # Tunings are those of the pair alone: 24 teeth pass a mesh in a revolution.
-    own = PAPER.mesh_frequency(1.0) / (2.0 * math.pi)
-    assert float(diagram.speed[1]) == pytest.approx(60.0 * own / 24, rel=1e-12)
-    # Equal branches in phase excite only modes in which no central gear leaves its axis.
-    assert set(diagram.mode_kind.values[diagram.excites.values.any(axis=0)]) == {"rotational"}
 
 
 def test_the_table_has_every_intersection_once(diagram, tmp_path):

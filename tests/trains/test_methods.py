@@ -71,16 +71,6 @@ def test_runs_that_cannot_go_on_say_so():
         assert int(end.status) != 0 and np.isnan(end.final_state).all()
 
 
-def test_the_limit_of_split_runs_counts_segments_and_events():
-    train, state = bouncing(), START
-    more = {"initial_state": state, "periods": 1, "record_periods": 1}
-    events = run(train, "scipy", SPLIT, **more).event.size
-    most = len(train.segments.starts) - 1 + events
-    assert train.repeats == 1 and events > 3
-    for limit, code in ((most, 0), (most - 1, 1)):
-        assert int(run(train, "scipy", SPLIT, max_events=limit, **more).status) == code
-
-
 @pytest.mark.parametrize(("state", "code"), [("static", status.STALLED), (1e160, status.OVERFLOW)])
 def test_a_solver_that_gives_up_ends_the_run(state, code, monkeypatch):
     solve = scipy.integrate.solve_ivp

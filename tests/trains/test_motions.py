@@ -1,7 +1,6 @@
 """Motions from many starts: what all of them share, and what they do not."""
 
 import numpy as np
-import xarray as xr
 
 from gearlib import GearPair, periodic_orbit, simulate
 from gearlib.config import load
@@ -13,17 +12,6 @@ SETTINGS |= {"spread": 0.02}
 CONFIG = load(PROJECT)
 PAIR = GearPair(**CONFIG.pair_parameters(CONFIG.reducer.damping))
 TRAIN = trains.reducer_train(PAIR, CONFIG.reducer.model_dump())
-
-
-def test_starts_are_seeded_of_the_size_asked_for_and_no_two_alike():
-    one, again = (many_starts.seeded_states(TRAIN, "static", SETTINGS) for _ in range(2))
-    assert (one == again).all() and one.shape == (5, TRAIN.size)
-    away = one - TRAIN.start_state("static")
-    half = TRAIN.size // 2
-    assert not away[:, half:].any() and 0.01 < np.abs(away[:, :half]).max() <= 0.02
-    assert (many_starts.seeded_states(TRAIN, "static", SETTINGS | {"seed": 4}) != one)[
-        :, :half
-    ].all()
 
 
 def test_settled_motions_are_the_periodic_orbit_and_not_a_late_transient():
@@ -74,18 +62,3 @@ def test_shares_are_those_of_the_motions_that_starts_lead_to():
         PAIR, 0.81, [*states[:2], low], SETTINGS | {"first_starts": 3}
     )
     assert at_it.orbit.tolist() == [0, 1, -1] and at_it.period[2] == 0
-
-
-def test_a_carried_motion_begins_anew_behind_one_that_did_not_settle():
-    tunings, direction = [1.2, 1.6, 1.84], "up"
-    result = many_starts.warm_started_motions(TRAIN, tunings, SETTINGS, direction)
-    alone = many_starts.warm_started_motions(TRAIN, tunings[-1:], SETTINGS, direction)
-    assert not result[1].settled and result[-1].settled
-    np.testing.assert_allclose(result[-1].summary, alone[0].summary, rtol=1e-9)
-
-
-def test_a_start_that_could_not_go_on_does_not_hide_the_others():
-    values = [[1.0, np.nan], [np.nan, np.nan], [3.0, np.nan], [4.0, np.nan]]
-    result = many_starts.ranges_over_starts(xr.Dataset({"x": (("start", "model"), values)}), ["x"])
-    assert [float(result[f"x{end}"][0]) for end in ("", "_low", "_high")] == [3.0, 1.0, 4.0]
-    assert all(np.isnan(result[f"x{end}"][1]) for end in ("", "_low", "_high"))

@@ -1,8 +1,5 @@
 """The reducer over speed: symmetry, closed forms, other routes."""
 
-import math
-
-import numpy as np
 import pytest
 
 from gearlib import GearPair
@@ -35,31 +32,6 @@ def test_alike_branches_carry_a_third_each(scene):
     assert (by_stage.max() - by_stage.min()).max() < 1e-9
     for name in ("dynamic_factor", "load_sharing", "fraction_normal"):
         assert (alike[f"{name}_low"] == alike[f"{name}_high"]).all()
-
-
-def test_a_displaced_axis_takes_load_off_its_branch(scene):
-    errors = trains.pin_errors_of_first_branch(SETTINGS)
-    at_rest = trains.reducer_train(PAIR, SETTINGS, pin_errors=errors).static().load_sharing
-    # Where contact lasts, motion shares the load as rest does, but for the changing stiffness.
-    moving = scene.load_sharing.sel(case="pin_error", direction="cold", tuning=1.2)
-    assert at_rest[0] < 0.95 < 1.02 < at_rest[1]
-    np.testing.assert_allclose(moving.values, at_rest.values, atol=0.02)
-    one = scene.lost_alone_share.sel(case="pin_error", direction="cold", tuning=0.84)
-    assert one.values.tolist() == [1.0, 0.0, 0.0]
-
-
-def test_alone_is_one_branch_in_any_of_its_meshes():
-    starts = [[0, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 1], [1, 0, 0, 0, 1, 0]]
-    happens = np.array(starts, bool)[:, None]
-    shares = trains.single_branch_fraction(happens, np.array([1, 2, 3, 1, 2, 3]))
-    assert shares.tolist() == [[0.0, 0.25, 0.25]]
-
-
-def test_speed_is_that_of_the_input(scene):
-    # One mesh period per tooth of the input, at the eigenfrequency of the pair.
-    frequency = math.sqrt(PAIR.mean_stiffness / PAIR.reduced_mass) / (2.0 * math.pi)
-    expected = 60.0 * frequency * scene.tuning / SETTINGS["teeth"][0]
-    np.testing.assert_allclose(scene.speed, expected, rtol=1e-12)
 
 
 def test_the_table_holds_a_row_for_each_mesh(scene, tmp_path):

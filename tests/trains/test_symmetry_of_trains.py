@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import GearTrain, periodic_orbit, planetary, simulate, sweep
+from gearlib import GearTrain, periodic_orbit, planetary, simulate
 
 SAMPLES = 120
 
@@ -140,33 +140,3 @@ def test_equal_planets_in_phase_move_as_the_reduced_train(planets, teeth, tuning
     assert np.abs(difference).max() < rounding
     late = simulate(shifted(full), tuning, **run)
     assert np.abs(reduce @ (late.final_state.values - lift @ one.final_state.values)).max() > 1e-4
-
-
-def test_multipliers_of_a_symmetric_orbit_are_those_of_the_reduced_train_and_others():
-    trains = {3: train((27, 99), 3), 4: train((28, 100), 4)}
-    for planets, tuning, outside in (
-        (3, 11.0, False),
-        (3, 10.0, True),
-        (4, 10.0, False),
-    ):
-        full = trains[planets]
-        small = reduced(full)
-        lift = lifting(full, small)
-        orbit = periodic_orbit(small, tuning)
-        whole = periodic_orbit(full, tuning, guess=lift @ orbit.state, period=full.repeats)
-        reduce, _ = full.reduction()
-        assert np.abs(reduce @ (whole.state - lift @ orbit.state)).max() < 1e-11
-        # Double multipliers part by the root of rounding.
-        sizes = np.abs(whole.multipliers)
-        assert all(np.abs(sizes - size).min() < 1e-7 for size in np.abs(orbit.multipliers))
-        assert sizes.size == len(reduce)
-        assert orbit.stable and (sizes.max() > 1.0) == outside
-
-
-def test_what_the_symmetry_breaks_into():
-    """From rest at 19.5 kHz two planets bounce by turns, where the reduced train keeps contact."""
-    full = train((27, 99), 3, pin_errors=[(0.0, 1e-12), (0.0, 0.0), (0.0, 0.0)])
-    run = dict(periods=800, record_periods=8, initial_state="static", threads=1)
-    bounces = sweep(full, [19.5], **run).bounces.values[0]
-    assert sorted(bounces[:3]) == [0.0, 0.5, 0.5]
-    assert sweep(reduced(train((27, 99), 3)), [19.5], **run).bounces.values.max() == 0.0

@@ -6,14 +6,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import gearlib
 from gearlib import (
     simulate,
     two_stage,
 )
-from gearlib.engines.linear import propagator as linear_propagator
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
 
@@ -37,40 +35,6 @@ def test_the_excitation_repeats_after_the_least_common_period():
         assert system.starts[-1] == pytest.approx(2.0 * math.pi * train.repeats, rel=1e-15)
 
 
-def with_run_out(**options):
-    """Two stages whose stiffness repeats after 5 mesh periods, with their run-out after 35."""
-    train = two_stage(PAPER, teeth=(21, 25, 24, 36), **options)
-    bodies = [
-        replace(body, eccentricity=4e-6, eccentricity_phase=0.3)
-        if body.name in ("pinion 1", "wheel 1")
-        else body
-        for body in train.bodies
-    ]
-    return train.replace(bodies=tuple(bodies))
-
-
-def test_a_run_does_not_depend_on_the_stretches_of_its_segments(monkeypatch):
-    train, result = with_run_out(), []
-    for stretch in (10**6, 4):
-        monkeypatch.setattr(linear_propagator, "_PERIODS_AT_A_TIME", stretch)
-        run = simulate(train, 0.9, periods=13, record_periods=5)
-        orbit = train.propagator(0.9).maps(train.start_state("static"), 11, 100, first_period=30)
-        result.append((run, orbit))
-    (whole, maps), (parts, other) = result
-    xr.testing.assert_allclose(whole, parts, rtol=1e-9, atol=1e-9)
-    for one, same in zip(maps, other, strict=True):
-        np.testing.assert_allclose(one, same, rtol=1e-9, atol=1e-9)
-
-
-def test_a_period_of_a_run_out_that_hardly_ever_repeats_costs_a_period():
-    train = two_stage(PAPER, teeth=(10007, 10009, 23, 71))
-    bodies = [replace(body, eccentricity=1e-6) for body in train.bodies]
-    train = train.replace(bodies=tuple(bodies))
-    assert train.repeats > 10**9
-    run = simulate(train, 0.9, periods=3, record_periods=2)
-    assert run.status == 0 and run.period == 0
-
-
 @pytest.mark.parametrize("internal", [False, True])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_line_of_action_tells_where_the_gears_lie(internal, direction):
@@ -88,34 +52,6 @@ def test_a_line_of_action_tells_where_the_gears_lie(internal, direction):
         apart = -math.sin(alpha) if internal else math.sin(alpha)
         assert math.cos(rotation) == pytest.approx(apart, abs=1e-14)
         assert math.sin(rotation) == pytest.approx(direction * math.cos(alpha), abs=1e-14)
-
-
-def test_what_a_train_keeps_from_one_call_to_the_next_changes_no_bit():
-    def build():
-        return gearlib.planetary(stiffness_ratio=(0.7, 0.7), turning=True, gyroscopic=True)
-
-    def run(train, tuning):
-        settings = {"periods": 4, "record_periods": 1, "initial_state": "static"}
-        return simulate(train, tuning, **settings)
-
-    train = build()
-    for tuning in (0.8, 0.55, 1.9, 0.55):
-        xr.testing.assert_identical(run(train, tuning), run(build(), tuning))
-    # A copy with other numbers has its own.
-    meshes = tuple(replace(mesh, max_stiffness=4e8) for mesh in train.meshes)
-    softer, other = train.replace(meshes=meshes), build().replace(meshes=meshes)
-    xr.testing.assert_identical(run(softer, 0.9), run(other, 0.9))
-
-
-@pytest.mark.parametrize("share", [0.999999, 1.0, 1.0 + 1e-9])
-def test_a_critically_damped_mesh_moves_as_the_pair(share):
-    # c = 2 sqrt(k m) makes both eigenvalues one.
-    critical = 2.0 * math.sqrt(PAPER.max_stiffness * PAPER.reduced_mass)
-    pair = PAPER.replace(material_damping=share * critical, backlash_damping=800.0)
-    train, settings = pairs_as_train(pair), {"periods": 20, "record_periods": 2}
-    expected = simulate(pair, 0.9, **settings)
-    run = simulate(train, 0.9, initial_state=train.start_state((0.0, 0.0)), **settings)
-    np.testing.assert_allclose(run.displacement[:, 0], expected.displacement, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-10, 1e-4])

@@ -2,7 +2,6 @@
 
 import csv
 import shlex
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +15,6 @@ from gearlib import config
 from gearlib.cli import main
 from gearlib.data import storage
 from gearlib.parameters import WRITTEN_UNITS
-from gearlib.uncertainty.designs import DrawnPair
-from gearlib.uncertainty.quality_classes import by_class
 from tests.geometry import drawings
 from tests.paper import CONFIG, PAPER
 
@@ -128,40 +125,6 @@ def test_the_ending_decides_what_is_written(run, command, options):
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_tolerances_are_read_with_their_units(run):
-    words = "-t 'backlash upper=10um lower=-4um' -t 'load distribution=lognorm s=0.1 scale=3300'"
-    rest = "--samples 8 --quantity jump_down --points 2 -o scatter.nc"
-    assert "jump_down  rpm" in run(f"scatter PAIR {words} {rest}")
-    tolerances = {
-        "backlash": {"upper": 1e-5, "lower": -4e-6},
-        "load": {"distribution": "lognorm", "s": 0.1, "scale": 3300.0},
-    }
-    ways = {"directions": ("up", "down", "seeded"), "tunings": [0.5, 1.4]}
-    expected = gearlib.scatter(K1, tolerances, ("jump_down",), n=8, **ways)
-    xr.testing.assert_equal(xr.load_dataset("scatter.nc"), expected)
-
-
-def test_drawings_scatter_by_their_classes(run):
-    rest = "--samples 2 --points 0 --quantity jump_up --force -o a.nc"
-    drawn = drawings.own()
-    pair = gearlib.GearPair.from_geometry(drawn, torque=85.0, damping_ratio=0.05)
-    gears = [replace(gear, quality=7, tip_diameter=None) for gear in (drawn.pinion, drawn.wheel)]
-    mesh = replace(drawn, pinion=gears[0], wheel=gears[1], backlash=None)
-    source = DrawnPair(mesh, torque=85.0, material_damping=pair.material_damping, backlash=None)
-    tolerances = by_class(mesh, thickness="26cd", centre_distance="js7", form=True)
-    run(f"scatter DRAWN --thickness-class 26cd --distance-class js7 --quality 7 {rest}")
-    expected = gearlib.scatter(source, tolerances, ("jump_up",), n=2)
-    # Coefficients of the damping go through a file of 12 digits.
-    dataset = xr.load_dataset("a.nc")
-    np.testing.assert_allclose(dataset.jump_up, expected.jump_up, rtol=1e-6)
-    assert {*dataset.data_vars} == {*expected.data_vars}
-    # Without options what the section of the configuration says.
-    section = {"parameters": [{"parameter": "load", "std": "5 %"}]}
-    write("own.yaml", CONFIG | {"tolerances": section})
-    run(f"scatter --config own.yaml {rest}")
-    assert "load" in xr.load_dataset("a.nc")
-
-
 def test_gears_are_drawn_by_options_or_a_saved_file(run):
     run("gears DRAWN --save mine.yaml --plot stiffness.svg")
     assert Path("stiffness.svg").exists()
@@ -182,18 +145,6 @@ def test_gears_are_drawn_by_options_or_a_saved_file(run):
     # The table of undamped gears is one; a duty point that does not settle is no success.
     run(f"gears {UNDAMPED}")
     assert "has not settled" in run(f"gears {UNDAMPED} --damping-ratio 0 --speed 4000", code=1)
-
-
-def test_the_default_sweep_of_drawn_gears_holds_their_speed_and_goes_on_until_it_jumps(run):
-    run(f"gears {UNDAMPED} --damping-ratio 0.004 --speed 9000 --save light.yaml")
-    sweep = "sweep --config light.yaml --points 201 -o a.nc --force"
-    assert "has jumped down above" in run(f"{sweep} --direction down")
-    down = xr.load_dataset("a.nc")
-    assert down.speed[0] < 9000.0 and down.tuning.size > 201
-    # In one step throughout.
-    np.testing.assert_allclose(np.diff(down.tuning), float(down.tuning[2] - down.tuning[1]))
-    run(sweep)
-    assert float(xr.load_dataset("a.nc").speed[0]) == pytest.approx(9000.0)
 
 
 def test_a_new_project_can_be_used_as_it_is(run):
@@ -275,32 +226,6 @@ def test_a_file_that_cannot_be_written_ends_with_code_1(run, monkeypatch):
     monkeypatch.setattr(storage, "write", refuse)
     output = run("simulate PAIR --tuning 0.7 -o run.nc", code=1)
     assert "Error: run.nc cannot be written: the disk" in output
-
-
-def test_options_come_before_the_configuration_and_what_is_not_needed_is_not_asked_for(run):
-    oil = {"material_damping": 0.0, "backlash_damping": 3953.7}
-    write("config.yaml", with_train({}) | {"dampings": {"oil": oil}})
-    run("simulate --tuning 0.7 --reduced-mass 3.2 -o run.nc")
-    expected = gearlib.simulate(PAPER.replace(reduced_mass=3.2, **oil), 0.7, periods=200)
-    assert xr.load_dataset("run.nc").displacement.equals(expected.displacement)
-    for model in ("one_degree", "six_degrees"):
-        run(f"simulate --config {CONFIG_FILE} --damping k1m --model {model} --tuning 0.7")
-    # Scenes of the configuration need more teeth.
-    run(f"simulate --config {CONFIG_FILE} --teeth 1 --tuning 0.8")
-    assert "scenes" in run(f"explore --config {CONFIG_FILE} --teeth 1", code=2)
-
-
-def test_one_of_several_cases_is_taken(run):
-    settings = with_train({}) | {"cases": {"light": {"gear_pair": {"load": 1000.0}}, "heavy": {}}}
-    write("mine.yaml", settings)
-    line = "simulate --config mine.yaml --tuning 0.8"
-    assert "--case is missing: it must be one of ['light', 'heavy']" in run(line, code=2)
-    assert "--case dark: it must be one of" in run(f"{line} --case dark", code=2)
-    run(f"{line} --case light -o run.nc")
-    assert xr.load_dataset("run.nc").force_scale == 1000.0
-    settings["cases"]["heavy"] = {"gear_pair": {"load": -1.0}}
-    write("mine.yaml", settings)
-    assert "cases.heavy: gear_pair.load = -1.0" in run(f"{line} --case light", code=2)
 
 
 def cells(text, first):

@@ -10,9 +10,7 @@ from click.testing import CliRunner
 import gearlib
 from gearlib import GearPair, tunings
 from gearlib.cli import main
-from gearlib.config import ConfigError, cases, load, overlay, schema
-from gearlib.config.experiments import METHOD_PACKAGES
-from gearlib.integrators import METHODS
+from gearlib.config import ConfigError, cases, load, overlay
 from gearlib.removed import REMOVED
 from tests.paper import CONFIG
 
@@ -107,15 +105,6 @@ def test_a_wrong_case_is_refused(section, words):
         cases(CONFIG | {"cases": section})
     (sentence,) = str(refusal.value).splitlines()
     assert sentence.startswith(words)
-
-
-def test_methods_and_packages_are_those_of_the_library():
-    methods = schema()["$defs"]["Trial"]["properties"]["method"]["enum"]
-    assert methods == [method.name for method in gearlib.methods()]
-    packages = {name: method.PACKAGE for name, method in METHODS.items()}
-    assert {
-        name: package.module for name, package in packages.items() if package is not None
-    } == METHOD_PACKAGES
 
 
 @pytest.mark.parametrize("name", sorted(REMOVED))

@@ -4,7 +4,6 @@ import pytest
 
 from gearlib import GearPair, SixDegreePair
 from gearlib.config import load
-from gearlib.config.gears_section import TWENTY
 from tests.paper import CONFIG
 
 GEARS = {
@@ -75,15 +74,3 @@ def test_the_gears_alone_are_a_configuration(backlash, dampings):
     pair = GearPair(**settings.pair_parameters(next(iter(dampings))))
     six = SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     assert six.reduced_mass_free == pytest.approx(GEARS["reduced_mass"], rel=1e-12)
-
-
-def test_the_default_resonance_of_drawn_gears_holds_their_speed():
-    damping = {"a": {"damping_ratio": 0.05, "backlash_damping_ratio": 0.0}}
-    for speed in (1000.0, 1e5):
-        settings = load({"gears": TWENTY | {"speed": speed}, "dampings": damping})
-        section = settings.resonance
-        tuning = GearPair(**settings.pair_parameters("a")).tuning_at(speed)
-        assert section.start <= tuning <= section.stop and section.lowest < section.start
-    gears = {"gears": TWENTY | {"speed": 1000.0}, "dampings": damping}
-    section = load(gears | {"resonance": {"start": 0.6}}).resonance
-    assert section.start == 0.6 and section.lowest is None

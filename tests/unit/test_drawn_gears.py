@@ -112,34 +112,6 @@ def test_every_key_reaches_the_gear():
     assert mesh.wheel == SpurGear(teeth=50, **common)
 
 
-@pytest.mark.parametrize("base", [FZG, CONFIG], ids=["drawn", "by numbers"])
-def test_dampings_by_ratio_decrement_and_coefficient(base):
-    decrement = 2.0 * math.pi * 0.06 / math.sqrt(1.0 - 0.06**2)
-    dampings = {
-        "ratio": {"damping_ratio": 0.06, "backlash_damping_ratio": 0.02},
-        "decrement": {"logarithmic_decrement": decrement, "backlash_damping": "30 N s/m"},
-        "k": {"material_damping": 500.0, "backlash_damping": 0.0},
-    }
-    settings = load(base | {"dampings": base["dampings"] | dampings})
-    pairs = {name: GearPair(**settings.pair_parameters(name)) for name in dampings}
-    assert pairs["ratio"].damping_ratio == pytest.approx(0.06, rel=1e-11)
-    assert pairs["ratio"].backlash_damping_ratio == pytest.approx(0.02, rel=1e-11)
-    assert pairs["decrement"].damping_ratio == pytest.approx(0.06, rel=1e-11)
-    assert pairs["decrement"].backlash_damping == 30.0 and pairs["k"].material_damping == 500.0
-
-
-def test_cases_have_dampings_of_their_own():
-    damping = {"damping_ratio": 0.02, "backlash_damping": 0.0}
-    case = {"title": "a", "tuning": 0.7, "damping": damping}
-    sections = {"bifurcation": {"damping": damping}, "basins": {"cases": [case]}}
-    sections["poincare"] = {"cases": [case | {"phase": 0.0, "settle": 10}]}
-    settings = load(FZG | sections)
-    expected = load(FZG | {"dampings": {"k": damping}}).pair_parameters("k")
-    assert settings.pair_parameters(settings.bifurcation.damping) == expected
-    for section in (settings.basins, settings.poincare):
-        assert settings.case_parameters(section.cases[0]) == expected
-
-
 def test_a_configuration_laid_over_another_one():
     lower = {"gears": {"torque": 100.0}}
     assert load(overlay(FZG, lower)).gear_pair.load < load(FZG).gear_pair.load

@@ -1,7 +1,5 @@
 """The duty point of drawn gears, models and trains, and the commands that tell it."""
 
-import json
-
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -94,27 +92,3 @@ def test_bearings_of_six_degrees_and_trains_carry_the_load():
     for gears, options, words in ((pair, {"torque": 1.0}, "torque = 1"), (MESH, {}, "torque is m")):
         with pytest.raises(ValueError, match=words):
             duty_point(gears, 3e3, **options)
-
-
-def test_the_table_of_gears_has_it_with_a_speed(command):
-    without = json.loads(command("gears", "--format", "json"))
-    table = json.loads(command("gears", "--format", "json", "--speed", "6000 rpm"))
-    rows = {row["name"]: row for row in table if row not in without}
-    duty = duty_point(MESH, 6000.0, torque=85.0, damping_ratio=0.05)
-    assert "dynamic_factor" not in {row["name"] for row in without}
-    assert rows["error_rms"]["unit"] == "um"
-    for name, scale in (("dynamic_factor", 1.0), ("mesh_force_max", 1.0), ("error_rms", 1e6)):
-        value = rows[name]["values"]["duty point"]
-        assert value == pytest.approx(scale * duty[name].item(), rel=1e-9)
-
-
-def test_relief_of_a_drawing_enters_a_run_of_the_command(command):
-    relief = ", tip_relief: {amount: 8 um, length: 2 mm}"
-    output = command("simulate", "--speed", "6000", relief=relief)
-    mesh = MESH.with_reliefs(RELIEF, RELIEF)
-    model = LoadSharingPair.from_geometry(mesh, torque=85.0, stiffness="iso", damping_ratio=0.05)
-    run = simulate(model, speed=6000.0, periods=200)
-    (line,) = [line for line in output.splitlines() if line.startswith("displacement_max")]
-    assert np.isclose(float(line.split()[1]), float(run.displacement_max), rtol=1e-6)
-    curve = command("sweep", "--points", "3", relief=relief)
-    assert "1/kappa = " in curve and "is not a K_v" in " ".join(curve.split())

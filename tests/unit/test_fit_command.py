@@ -80,26 +80,6 @@ def test_what_the_file_says_is_fitted_drawn_and_not_replaced(run):
         assert result.exit_code == 2 and f"{name} exists" in result.output
 
 
-def test_options_come_before_the_file(run):
-    free = ["--free", "reduced_mass", "--free", "load=2 kN,5 kN"]
-    result = run(*free, "--material-damping", "3.9537 N s/mm", "--load", "3 kN", "-o", "fit.csv")
-    assert result.exit_code == 0, result.output
-    with open("fit.csv", encoding="utf-8") as file:
-        head, *rows = [line.split(",") for line in file.read().splitlines()]
-    parameters = {row[0]: dict(zip(head, row, strict=True)) for row in rows}
-    assert set(parameters) == {"reduced_mass", "load"}
-    assert float(parameters["load"]["initial_value"]) == 3000.0
-    assert float(parameters["load"]["range_high"]) == 5000.0
-    assert float(parameters["load"]["fitted_value"]) == pytest.approx(3289.5, rel=0.01)
-
-
-def test_what_is_left_out_or_never_seen_is_said(run):
-    table = TABLE[(TABLE[:, 0] < 0.25) | (TABLE[:, 0] > 0.27)]
-    result = run("--free", "backlash=10um,90um", "--free", "reduced_mass", *FIXED, table=table)
-    assert result.exit_code == 0, result.output
-    assert "Warning: 2 of 11 revolutions are left out of the run-up" in result.stderr
-
-
 REFUSED = [
     ([], {"fit": {"free": {"load": ["2 kN", "5 kg"]}}}, "free.load = ['2 kN', '5 kg'] is n"),
     ([], {"fit": {"free": {"load": [2000.0]}}}, "fit.free.load"),

@@ -41,26 +41,6 @@ def test_bytes_do_not_depend_on_how_a_sweep_is_cut(tmp_path):
     assert files[0] == files[1] == files[2]
 
 
-def test_every_window_finds_its_place(windows):
-    whole = gather_resonance(windows)
-    assert whole.displacement_max.dims == ("damping", "direction", "tuning")
-    assert whole.damping.values.tolist() == list(PAIRS)
-    assert whole.direction.values.tolist() == ["cold", "up"]
-    assert whole.tuning.values.tolist() == TUNINGS
-    assert whole.static_deflection.dims == () and whole.mesh_frequency.dims == ("tuning",)
-    cold = sweep(PAIRS["b"], TUNINGS, periods=20, record_periods=4)
-    part = whole.sel(damping="b", direction="cold")
-    for name in ("displacement_max", "final_state", "period", "mesh_frequency"):
-        np.testing.assert_array_equal(part[name], cold[name])
-
-
-def test_a_downward_sweep_may_go_on_below_the_others(windows):
-    whole = gather_resonance([*windows[:3], window("a", "down", [0.3, *TUNINGS])])
-    assert whole.tuning.size == len(TUNINGS) + 1 and whole.speed.notnull().all()
-    assert np.isnan(whole.displacement_max.sel(direction="up")[0, 0])
-    assert whole.status.sel(direction="up").values[0].tolist() == [7, *[0] * len(TUNINGS)]
-
-
 def test_shards_that_do_not_match_are_refused(windows):
     run = {"periods": 6, "record_periods": 2, "samples_per_period": 8}
     planes = [

@@ -1,7 +1,5 @@
 """The table of drawn gears: its numbers, and the command that prints it."""
 
-import csv
-import io
 import json
 import shlex
 
@@ -13,14 +11,8 @@ from gearlib import GearPair
 from gearlib.cli import main
 from gearlib.geometry import Mesh, SpurGear, iso_stiffness
 from gearlib.studies import gear_table
-from tests.geometry.drawings import fzg_c, iso_example, ring
+from tests.geometry.drawings import fzg_c
 from tests.unit.test_drawn_gears import FZG
-
-ISO_EXAMPLE = (
-    "--teeth 17 103 --module '8 mm' --helix-angle '15.8 deg' --rack D --width '100 mm' "
-    "--shift 0.145 0 --tip-diameter '159.66 mm' '872.35 mm' --centre-distance '500 mm' "
-    "--torque '9 kN m'"
-)
 
 
 @pytest.fixture
@@ -76,23 +68,3 @@ def test_the_command_prints_the_table_of_a_configuration_and_options_come_first(
         assert table["backlash"]["mesh"] == pytest.approx(160.5, rel=1e-12)
         assert table["damping_ratio"]["iso"] == pytest.approx(damping, rel=1e-10)
         assert table["torque"]["mesh"] == pytest.approx(torque, rel=1e-12)
-
-
-def test_options_alone_draw_helical_gears_and_a_ring_gear(gears):
-    rows = csv.DictReader(io.StringIO(gears(f"{ISO_EXAMPLE} --format csv")))
-    table = {(row["name"], row["of"]): float(row["value"]) for row in rows}
-    pair = GearPair.from_geometry(iso_example(), torque=9000.0)
-    assert table["mean_stiffness", "iso"] == pytest.approx(pair.mean_stiffness, rel=1e-12)
-    assert table["overlap_ratio", "mesh"] == iso_example().overlap_ratio
-    line = "--teeth 36 99 --module '4 mm' --width '30 mm' --torque 100 --outer-diameter '440 mm'"
-    table = values(gears(f"{line} --internal --format json"))
-    pair = GearPair.from_geometry(ring(), torque=100.0)
-    assert table["mean_stiffness"]["iso"] == pytest.approx(pair.mean_stiffness, rel=1e-12)
-
-
-def test_the_dampings_of_another_pair_count_by_name_only(gears, tmp_path):
-    dampings = {"k1": {"material_damping": 4e3, "backlash_damping": 0.0}}
-    (tmp_path / "config.yaml").write_text(yaml.safe_dump({"dampings": dampings}), encoding="utf-8")
-    for option, damping in (("", 0.0), ("--damping k1", 4e3)):
-        table = values(gears(f"{ISO_EXAMPLE} --format json {option}"))
-        assert table["material_damping"]["iso"] == damping

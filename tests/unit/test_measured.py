@@ -12,7 +12,6 @@ import pytest
 import yaml
 
 from gearlib import read_measured
-from gearlib.config.measured_description import Channel, Description
 from gearlib.data.storage import read, write
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -87,20 +86,6 @@ def test_units_are_those_of_the_library(rig, unit, observable, factor, units):
     assert column.attrs["units"] == units
 
 
-def test_counts_are_what_one_of_them_is(rig):
-    counts = {
-        "a": {"observableId": "angle", "unit": "counts", "counts_per_turn": 4096},
-        "b": {"observableId": "displacement", "unit": "counts", "count": "0.1 um", "noise": 2},
-        "c": {"observableId": "velocity", "unit": "counts", "gain": "unknown"},
-    }
-    data = rig("a,b,c\n1024,7,9\n0,0,0\n4095,1,1\n", channels=counts)
-    assert data.angle.values[:2] == pytest.approx([np.pi / 2, 0.0], rel=1e-15)
-    assert data.displacement.values[0] == pytest.approx(7e-7, rel=1e-15)
-    assert data.displacement.noise_std == pytest.approx(2e-7, rel=1e-15)
-    velocity = data.velocity
-    assert (velocity.values[0], velocity.units, velocity.unknown_gain) == (9.0, "count", 1)
-
-
 def test_a_long_table_is_the_same_dataset(rig):
     speeds = {"jump_down": {"value": "2500 rpm", "noise": "50 Hz"}}
     of = {"up": {"direction": "up", "speed": "20 Hz"}, "down": {"direction": "down", "speed": 900}}
@@ -116,14 +101,6 @@ def test_a_long_table_is_the_same_dataset(rig):
     # Where a row says no noise, it is that of the channel.
     assert np.allclose(data.dynamic_force_noise_std.values[[1, 3, 4]], [10.0, 200.0, 10.0])
     assert (float(data.jump_down), data.jump_down.noise_std) == (2500.0, 3000.0)
-
-
-def test_a_jump_may_be_a_row_of_a_long_table(rig):
-    table = "observableId,measurement,noiseParameters,speed\njump_up,47,1,0\nx,1,,50\nx,2,,60\n"
-    of = {"jump_up": {"unit": "Hz"}, "x": CHANNELS["x"], "speed": {"unit": "Hz"}}
-    data = rig(table, channels=of)
-    assert (float(data.jump_up), data.jump_up.noise_std) == (2820.0, 60.0)
-    assert data.speed.values.tolist() == [3000.0, 3600.0]
 
 
 def test_samples_are_sorted_by_time_within_conditions_and_that_is_said(rig):
@@ -236,11 +213,3 @@ def test_a_universal_file_is_read(rig, tmp_path, binary):
         rig(None, data="rig.uff", channels={"y": CHANNELS["x"]})
     with pytest.raises(ValueError, match="universal file"):
         rig(b"no\nuff\n", data="rig.uff", channels=OTHERS)
-
-
-def test_sets_on_the_page_are_sets():
-    page = (ROOT / "docs/how_to/measured_curves.md").read_text(encoding="utf-8")
-    sets = re.findall(r"^``` yaml\n(.*?)^```", page, re.S | re.M)
-    files = [Description.model_validate(yaml.safe_load(text)).data for text in sets]
-    assert files == ["run.csv", "orders.csv"]
-    assert set(re.findall(r"`(\w+)`", page)) >= set(Channel.model_fields)

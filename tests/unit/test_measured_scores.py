@@ -7,12 +7,11 @@ import math
 
 import numpy as np
 import pytest
-import xarray as xr
 import yaml
 
-from gearlib import run_up, sweep
+from gearlib import sweep
 from gearlib.data.gathering import gather_resonance
-from gearlib.figures import measured_figure, resonance_figure
+from gearlib.figures import resonance_figure
 from gearlib.studies import measured as study
 from tests.paper import PAPER
 
@@ -102,18 +101,6 @@ def test_what_needs_no_calibration_does_not_change_with_it(curve, resonance):
     assert np.allclose(points[0].get_ydata(), points[2].get_ydata(), rtol=1e-9)
 
 
-@pytest.mark.parametrize("best", [0, 1])
-def test_gain_and_offset_are_those_of_the_damping_that_suits_best(curve, resonance, best):
-    # Of another shape: no line leads from one to the other.
-    bent = resonance.assign(displacement_max=resonance.displacement_max**2)
-    both = [resonance, bent.assign_coords(damping=["bent"])]
-    both = xr.concat(both if best == 0 else both[::-1], "damping", data_vars="minimal")
-    attrs = curve(1.7, -30.0, over=both, **UNKNOWN).displacement_max.attrs
-    scale = 1e6 * float(resonance.static_deflection)
-    assert attrs["fitted_gain"] == pytest.approx(1.7, rel=1e-5)
-    assert attrs["fitted_offset"] == pytest.approx(-30.0 / scale, rel=1e-5)
-
-
 def test_a_jump_is_a_step_that_stands_alone():
     speed = np.linspace(1000.0, 2000.0, 101)
     step = np.where(speed < 1503.0, 1.0, 3.0) + 0.3 * np.sin(speed / 100.0)
@@ -123,18 +110,6 @@ def test_a_jump_is_a_step_that_stands_alone():
     for smooth in (np.tanh((speed - 1500.0) / 25.0), np.ones(speed.size), speed):
         assert math.isnan(study.jump(speed, smooth)[0])
     assert math.isnan(study.jump(speed[:3], step[:3])[0])
-
-
-def test_the_onset_of_contact_loss_is_that_of_the_sweep_up(rig, resonance):
-    channels = {"n": SPEED, "x": {"observableId": "bounces", "unit": 1}}
-    path = rig(channels, [1], [1], speeds={"onset_of_contact_loss": {"value": 3000.0}})
-    table = scores([study.measured_response_curve(path, resonance)], resonance)
-    # Between these tunings the orbit leaves the flank.
-    up = resonance.isel(damping=0).sel(direction="up")
-    below, above = (up.sel(tuning=nu, method="nearest") for nu in (0.80, 0.81))
-    assert float(below.fraction_normal) == 1.0 > float(above.fraction_normal)
-    onset = table["onset of contact loss min-1"]["computed"]
-    assert float(below.speed) < onset < float(above.speed)
 
 
 def test_harmonics_of_a_course_are_those_it_was_made_of(rig):
@@ -157,34 +132,3 @@ def test_harmonics_of_a_course_are_those_it_was_made_of(rig):
     wave = np.fft.rfft(course.computed.values[:-1])[1:3] * 2.0 / (course.computed.size - 1)
     assert np.angle(wave[0]) == pytest.approx(0.0, abs=0.05)
     assert np.abs(wave) == pytest.approx(course.computed_amplitude.values[:2], rel=0.03)
-
-
-def test_orders_of_a_run_up_are_those_of_the_model_that_made_it(rig, resonance):
-    run = run_up(PAIR, 2600.0, 3600.0, duration=2.0, samples_per_period=40)
-    table = run.time.values, run.speed.values, 1e6 * run.displacement.values * 1.3 + 5.0
-    channels = {"t": TIME, "n": SPEED, "x": DISPLACEMENT | {"gain": "unknown"}}
-    models = {"k": PAIR.as_dict(), "light": PAIR.replace(material_damping=1500.0).as_dict()}
-    spectra = study.run_up_orders(rig(channels, *table), models)
-    first = spectra.sel(damping="k").squeeze()
-    # All whole revolutions: 3,100 rpm in the mean of 2 s.
-    gain = (first.amplitude / first.computed_amplitude).sel(order=1).values
-    assert gain == pytest.approx(1.3, rel=0.02) and first.sizes["block"] == 103
-    light = spectra.sel(damping="light").squeeze().computed_amplitude
-    assert np.abs(light / first.computed_amplitude - 1.0).sel(order=1).values.max() > 0.05
-    # Each observable by itself.
-    tilted = spectra.assign(amplitude=spectra.amplitude * (spectra.order + 1.0))
-    tilted = tilted.assign_coords(observable=["velocity"])
-    both = xr.concat([spectra, tilted], "observable", data_vars="minimal")
-    rows = scores([], resonance, orders=[both])
-    ratio, bent = (
-        rows[f"largest order 2z of {name} over order z"] for name in ("displacement", "velocity")
-    )
-    assert ratio["computed"] == pytest.approx(ratio["measured"], rel=0.02)
-    assert bent["measured"] == pytest.approx(1.5 * ratio["measured"], rel=1e-5)
-    assert len(measured_figure.draw_orders([spectra]).axes) == 3
-    half = len(table[0]) // 2
-    gap = [np.delete(column, slice(half, half + 1000)) for column in table]
-    with pytest.warns(UserWarning, match="2 of 103 blocks of revolutions are left out"):
-        part = study.run_up_orders(rig(channels, *gap), models)
-    kept = np.isfinite(part.amplitude.values)
-    assert part.amplitude.values[kept] == pytest.approx(spectra.amplitude.values[kept], rel=1e-9)

@@ -1,13 +1,8 @@
 """What a notebook shows, in a kernel of Jupyter: bars of long calls, which go."""
 
 import os
-from contextlib import contextmanager
-from dataclasses import replace
 
 import pytest
-
-from gearlib import basin_stability, bifurcation_diagram, lyapunov_exponents, notebook, sweep
-from tests.paper import PAPER
 
 CELLS = (
     """\
@@ -48,25 +43,3 @@ def test_a_bar_counts_and_goes_and_short_calls_show_none():
     assert [text.rpartition(",")[0] for text in texts[:3]] == [f"{i} of 9 things" for i in range(3)]
     assert texts[-1] == "" and not any("inner" in text for text in texts)
     assert not any(index == 1 for index, _ in displayed)
-
-
-def test_long_calls_say_how_many_are_finished(monkeypatch):
-    counts = []
-
-    @contextmanager
-    def bar(words, total, finished):
-        counts.append((words, total, finished()))
-        yield
-        counts.append(finished())
-
-    monkeypatch.setattr(notebook, "bar", bar)
-    tunings, run = [0.6, 0.7, 0.9], {"periods": 9, "record_periods": 2}
-    for direction in ("cold", "up", "down"):
-        sweep(PAPER, tunings, direction=direction, **run)
-    damped = replace(PAPER, material_damping=4e3, backlash_damping=4e3)
-    basin_stability(damped, tunings, ((-1.0, 1.0), (-1.0, 1.0)), samples=4, periods=50)
-    assert counts == [("tunings", 3, 0), 3] * 4
-    del counts[:]
-    lyapunov_exponents(PAPER, tunings, settle=1, periods=20)
-    bifurcation_diagram(PAPER, tunings, settle=1, strobes=2)
-    assert counts == [("values", 3, 0), 3] * 2

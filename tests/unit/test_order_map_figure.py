@@ -40,22 +40,3 @@ def test_a_map_holds_levels_lines_and_the_overall_level(levels):
     figure = plot.order_map(levels, vertical="frequency")
     line = next(line for line in figure.axes[0].lines if line.get_label() == "z")
     np.testing.assert_allclose(line.get_ydata(), 24.0 * line.get_xdata() / 60.0)
-
-
-def test_a_measured_map_lies_over_the_computed_one(levels):
-    louder = levels.assign(amplitude=2.0 * levels.amplitude, overall=levels.overall + 1.0)
-    plain, both = plot.order_map(levels), plot.order_map(levels, measured=louder)
-    for axes, before in zip(both.axes[:2], plain.axes[:2], strict=True):
-        assert axes.axis() == before.axis()
-        _, *circles = axes.collections
-        assert len(circles) == 2 and 10 < circles[0].get_offsets().shape[0] <= 30
-        for number, marks in zip((24.0, 48.0), circles, strict=True):
-            speed, order = marks.get_offsets().T
-            assert (order == number).all()
-            at = [int(np.abs(levels.rpm.values - x).argmin()) for x in speed]
-            level = 20.0 * np.log10(louder.amplitude.sel(order=number).values[at])
-            clipped = np.clip(level, *marks.get_clim())
-            np.testing.assert_allclose(marks.get_array(), clipped, atol=1e-9)
-    (_, dots) = both.axes[2].lines
-    overall = halves(louder)[0].overall
-    np.testing.assert_allclose(10.0 ** (dots.get_ydata() / 20.0), overall, rtol=1e-12)

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 import gearlib
-from gearlib import plot
 from gearlib.figures import schematic
 from tests.trains import random_trains
 
@@ -78,26 +77,3 @@ def test_pitch_circles_touch_at_the_pitch_points(name, phase):
     # A hub for each shaft, where both of its bodies have their axis.
     assert len(hubs) == len(train.shafts) and float(train.layout().misfit) == 0.0
     assert all(any(math.dist(hub.center, c.center) < 1e-9 for c in circles) for hub in hubs)
-
-
-def test_meshes_show_their_contact():
-    train = TRAINS["planetary"]
-    axes = draw(train, contact=[1, 0, 1, 1, -1, 1])
-    apart = [line.get_markerfacecolor() == "white" for line in dots(axes)]
-    assert apart == [False, True, False, False, False, False]
-    assert [line.get_marker() for line in dots(axes)] == ["o"] * 4 + ["D", "o"]
-    assert {text.get_text() for text in axes.texts} == set(train.mesh_names)
-    run = gearlib.simulate(gearlib.planetary(stiffness_ratio=(0.4, 0.4)), 0.9, periods=60)
-    axes = plot.schematic(train, run=run, phase=float(run.phase[100]))
-    apart = [line.get_markerfacecolor() == "white" for line in dots(axes)]
-    assert apart == (run.contact.values[100] == 0).tolist()
-    broken = run.assign(status=((), 1, {"message": "it jammed"}))
-    for drawn, options, words in (
-        (train, {"run": run, "phase": -1.0}, "phase = -1.0"),
-        (train, {"run": run[["phase"]]}, "contact is"),
-        (train, {"run": broken}, "no contacts to show: it jammed"),
-        (PAIR, {}, "gearlib.GearTrain"),
-        (TRAINS["idler"], {"run": run}, "its meshes must be those"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            plot.schematic(drawn, **options)

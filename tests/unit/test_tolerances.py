@@ -11,7 +11,7 @@ from scipy import stats
 import gearlib
 from gearlib.parameters import declared_parameters
 from gearlib.uncertainty import distributions
-from gearlib.uncertainty.designs import Designs, DrawnPair, count_refusals
+from gearlib.uncertainty.designs import Designs, DrawnPair
 from gearlib.uncertainty.quality_classes import by_class, distance_limits, thickness_limits
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
@@ -50,13 +50,6 @@ def test_a_marginal_is_that_of_scipy(tolerance, law):
     assert stats.kstest(values[:, 0], law.cdf).statistic < 1e-3
     # The nominal value is that of the drawing, not the middle of its limits.
     assert read.centres == [tolerance.get("nominal", marginal.centre)]
-
-
-def test_what_is_left_out_is_the_value_of_the_model_and_deviations_may_be_shares_of_it():
-    tolerances = {"load": {"std": "5 %"}, "backlash": {"upper": "25 %", "lower": -4e-6}}
-    load, gap = Designs(PAIR, tolerances).tolerances.marginals.values()
-    assert load.centre == PAIR.load and math.isclose(load.distribution.std(), 0.05 * PAIR.load)
-    assert gap.centre == 40e-6 and np.allclose(gap.limits, (36e-6, 50e-6))
 
 
 @pytest.mark.parametrize(
@@ -124,27 +117,6 @@ def test_what_gives_no_designs_is_refused_in_a_sentence(model, tolerances, words
         Designs(model, tolerances)
 
 
-def test_any_range_of_points_is_that_of_the_sequence():
-    designs = Designs(PAIR, MANY, seed=3)
-    whole = designs.points(0, 3000)
-    cuts = (0, 1, 700, 1024, 1025, 2500, 3000)
-    parts = [designs.points(*ends) for ends in itertools.pairwise(cuts)]
-    assert np.array_equal(np.concatenate(parts), whole)
-    # In the open cube, balanced: one point in each of 1024 strata of every dimension.
-    assert 0.0 < whole.min() and whole.max() < 1.0
-    for column in whole[:1024].T:
-        assert np.array_equal(np.sort((column * 1024).astype(int)), np.arange(1024))
-    assert not np.array_equal(Designs(PAIR, MANY, seed=4).points(0, 8), whole[:8])
-
-
-def test_ratios_are_set_with_what_they_rest_on():
-    designs = Designs(PAIR, MANY | {"max_stiffness": {"min": 3e8, "max": 5e8}})
-    for row in designs.values(designs.points(0, 5)):
-        model, values = designs.model(row), dict(zip(designs.names, row, strict=True))
-        assert math.isclose(model.damping_ratio, values["damping_ratio"], rel_tol=1e-14)
-        assert model.load == values["load"] and model.max_stiffness == values["max_stiffness"]
-
-
 def test_a_drawing_scatters_by_its_own_names():
     gears = DrawnPair(fzg_c(), torque=302.0, damping_ratio=0.06, backlash=None)
     tolerances = {
@@ -161,33 +133,6 @@ def test_a_drawing_scatters_by_its_own_names():
     expected = 40e-6 * math.cos(math.radians(20.0)) + 2.0 * math.sin(angle) * 20e-6
     assert math.isclose(high.backlash - low.backlash, expected, rel_tol=0.01)
     assert designs.units("pinion.thickness_allowance")[0] == "m"
-
-
-def test_trains_and_functions_take_the_names_of_derivatives_and_arguments():
-    train = gearlib.two_stage(PAIR)
-    names = "load", f"backlash of mesh {train.mesh_names[1]}"
-    tolerances = {names[0]: {"mean": train.load, "std": 1.0}, names[1]: {"min": 1e-5, "max": 2e-5}}
-    model = Designs(train, tolerances).model([2.0 * train.load, 1.5e-5])
-    assert math.isclose(model.load, 2.0 * train.load)
-    assert [mesh.backlash for mesh in model.meshes] == [PAIR.backlash, 1.5e-5]
-
-    def reducer(error):
-        return gearlib.split_power_reducer(PAIR, pin_errors=((error, 0.0), (0.0, 0.0), (0.0, 0.0)))
-
-    assert Designs(reducer, {"error": {"min": 0.0, "max": 2e-5}}).nominal == reducer(1e-5)
-
-
-def test_refusals_are_counted_by_what_they_have_in_common():
-    designs = Designs(PAIR, {"contact_ratio": {"mean": 1.9, "std": 0.1}})
-    values, refusals = designs.values(designs.points(0, 512)), []
-    for row in values:
-        try:
-            designs.model(row)
-        except ValueError as error:
-            refusals.append(str(error))
-    ((count, example),) = count_refusals(refusals)
-    assert count == (values > 2.0).sum() and 60 < count < 100
-    assert example.startswith("contact_ratio = 2.") and "must be" in example
 
 
 def test_samples_without_a_model_are_refused_one_by_one():

@@ -1,6 +1,5 @@
 """The section `train` of a configuration: it says all that the library takes, and builds that."""
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import gearlib
 from gearlib.config import load, train_section
 from gearlib.models.from_values import train_from_description
 from tests.paper import CONFIG
-from tests.trains.random_trains import random_train
 
 EVERY = yaml.safe_load(Path("tests/every_train.yaml").read_text(encoding="utf-8"))
 READY_MADE = ("split_power_reducer", "planetary", "idler", "two_stage")
@@ -69,16 +67,3 @@ def plain(value):
     if isinstance(value, (list, tuple)):
         return [plain(part) for part in value]
     return value.item() if isinstance(value, np.generic) else value
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_every_train_can_be_written_body_by_body(seed):
-    train = random_train(np.random.default_rng(seed))
-    train = dataclasses.replace(train, reference=train.mesh_names[-1], reference_frequency=1234.5)
-    fields = dataclasses.asdict(train)
-    keys = ("bodies", "shafts", "meshes", "carrier_ratio", "gyroscopic")
-    section = {key: fields.pop(key) for key in keys}
-    text = yaml.safe_dump(plain({"kind": "own", "own": section, **fields}))
-    settings = read(yaml.safe_load(text))
-    assert train_from_description(**settings.train_parameters("k1")) == train
-    assert load(settings.model_dump()) == settings

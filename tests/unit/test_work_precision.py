@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib.studies import jump
 from gearlib.studies.trials import fastest, problems
 from gearlib.studies.trials import work_precision as wp
 from tests.tables import read_back
@@ -65,10 +64,3 @@ def test_the_table_names_the_fastest_of_ours_and_of_the_others(tmp_path):
         assert [rows[accuracy][column] for column in columns] == expected
     assert rows["1e-12"]["other_error_in_static_deflections"] == "3e-15"
     assert rows["1e-12"]["other_evaluations_per_mesh_period"] == "10"
-
-
-def test_a_step_of_the_height_is_large_beside_the_others():
-    steps, large = jump.height_steps(np.array([1.0, 1.1, 3.0, 1.2, np.nan, 4.0]))
-    np.testing.assert_allclose(steps, [0.1, 1.9, 1.8, 0.0, 0.0])
-    assert large.tolist() == [False, True, True, False, False]
-    assert not jump.height_steps(np.array([1.0, 1.05, 1.08]))[1].any()
