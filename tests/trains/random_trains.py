@@ -32,11 +32,6 @@ def random_problem(rng):
     return train, tuning, state
 
 
-def random_train(rng):
-    """Return a random train, see `random_problem`."""
-    return random_problem(rng)[0]
-
-
 def _flank(rng):
     """Return random parameters of a mesh, with a backlash and deviations of its own."""
     damping = rng.choice([0.0, 500.0, 3000.0], size=2)
