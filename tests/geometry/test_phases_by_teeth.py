@@ -16,8 +16,8 @@ from tests.independent.systems import describe, system_of
 WIDTH = 0.02
 
 
-def drawn(gear):
-    """Return the drawing of one of the gears of the second code."""
+def drawing_of(gear):
+    """Return the `SpurGear` of a `Gear` of the second code."""
     rim = {"outer_diameter": 2.2 * gear.tip} if gear.internal else {}
     return SpurGear(
         teeth=gear.teeth,
@@ -36,35 +36,34 @@ def random_machine(rng):
         return Gear(int(rng.integers(19, 46)), float(rng.choice([0.0, rng.uniform(0.0, 0.5)])))
 
     gears, meshes, shafts = {"g0": external()}, [], []
-    count = int(rng.integers(2, 6))
-    while len(meshes) < count:
-        one = str(rng.choice(list(gears)))
-        other, new = f"g{len(gears)}", external()
+    mesh_count = int(rng.integers(2, 6))
+    while len(meshes) < mesh_count:
+        name = str(rng.choice(list(gears)))
+        new_name, new_gear = f"g{len(gears)}", external()
         if meshes and rng.random() < 0.35:
-            gears[other] = new
-            angle = float(rng.choice([0.0, rng.uniform(-3.0, 3.0)]))
-            shafts.append((*rng.permutation([one, other]).tolist(), angle))
+            gears[new_name] = new_gear
+            keying = float(rng.choice([0.0, rng.uniform(-3.0, 3.0)]))
+            shafts.append((*rng.permutation([name, new_name]).tolist(), keying))
             continue
-        if gears[one].internal:
-            new = Gear(int(rng.integers(19, gears[one].teeth - 35)), 0.0)
+        if gears[name].internal:
+            new_gear = Gear(int(rng.integers(19, gears[name].teeth - 35)), 0.0)
         elif rng.random() < 0.3:
-            teeth = max(gears[one].teeth + int(rng.integers(36, 60)), 70)
-            new = Gear(teeth, -gears[one].shift, internal=True)
-        ends = one, other
+            teeth = max(gears[name].teeth + int(rng.integers(36, 60)), 70)
+            new_gear = Gear(teeth, -gears[name].shift, internal=True)
         try:
-            gap = distance(gears[one], new, rng.uniform(0.0, 0.03))
-            _mesh(gears | {other: new}, (one, other, gap, 0.0))
+            centre_distance = distance(gears[name], new_gear, rng.uniform(0.0, 0.03))
+            _mesh(gears | {new_name: new_gear}, (name, new_name, centre_distance, 0.0))
         except ValueError:
             continue  # such teeth interfere
-        gears[other] = new
-        ends = ends if rng.random() < 0.5 else ends[::-1]
-        meshes.append((*ends, gap, float(rng.uniform(-3.0, 7.0))))
+        gears[new_name] = new_gear
+        ends = (name, new_name) if rng.random() < 0.5 else (new_name, name)
+        meshes.append((*ends, centre_distance, float(rng.uniform(-3.0, 7.0))))
     return gears, meshes, shafts, int(rng.choice([1, -1]))
 
 
 def _mesh(gears, mesh):
-    ends = sorted(mesh[:2], key=lambda name: gears[name].internal)
-    return Mesh(*(drawn(gears[name]) for name in ends), mesh[2])
+    names = sorted(mesh[:2], key=lambda name: gears[name].internal)
+    return Mesh(*(drawing_of(gears[name]) for name in names), mesh[2])
 
 
 def train_of(machine, rng):
@@ -81,7 +80,7 @@ def train_of(machine, rng):
             # A ring gear is pressed backwards by what drives it.
             way = way if inner == driver else -way
         wheel = driven if pinion == driver else driver
-        drawing = Mesh(drawn(gears[pinion]), drawn(gears[wheel]), apart)
+        drawing = Mesh(drawing_of(gears[pinion]), drawing_of(gears[wheel]), apart)
         said = rng.random() < 0.5 or (i == 0 and pinion != driver)
         meshes.append(
             gearlib.Mesh.from_geometry(
@@ -94,7 +93,7 @@ def train_of(machine, rng):
                 driving=driver if said else None,
             )
         )
-    bodies = [Body.from_gear(drawn(gear), name) for name, gear in gears.items()]
+    bodies = [Body.from_gear(drawing_of(gear), name) for name, gear in gears.items()]
     shafts = [
         Shaft(bodies=(one, other), stiffness=1e6, keying=angle or None)
         for one, other, angle in machine.shafts
@@ -102,24 +101,25 @@ def train_of(machine, rng):
     return GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
 
 
-def apart(one, other, whole=1.0):
-    """Return the largest difference of phases, in their periods."""
-    away = np.asarray(one, float) / whole - np.asarray(other, float) / whole
-    return np.abs(away - np.round(away)).max()
+def phase_difference(phases, others, period=1.0):
+    """Return the largest difference of phases, as a fraction of their period."""
+    differences = (np.asarray(phases, float) - np.asarray(others, float)) / period
+    return np.abs(differences - np.round(differences)).max()
 
 
-def check(train, machine):
+def assert_same_phases(train, machine):
+    """Assert that phases and speeds of a train are those of the `Machine`."""
     names = [f"mesh {i}" for i in range(len(machine.meshes))]
     drive, coast = ([machine.phase(mesh, back) for mesh in machine.meshes] for back in (0, 1))
-    assert apart([train.phases[name] for name in names], drive) < 1e-9
-    assert apart([train.inverse_phases[name] for name in names], coast) < 1e-9
+    assert phase_difference([train.phases[name] for name in names], drive) < 1e-9
+    assert phase_difference([train.inverse_phases[name] for name in names], coast) < 1e-9
     pitch = [machine.pitch_phase(mesh) for mesh in machine.meshes]
-    assert apart([train.pitch_phases[name] for name in names], pitch, math.tau) < 1e-9
+    assert phase_difference([train.pitch_phases[name] for name in names], pitch, math.tau) < 1e-9
     for name, speed in machine.speed.items():
         assert float(train.speeds[name]) * math.tau == pytest.approx(speed, rel=1e-12)
 
 
-def takes_power_out(train, machine, contacts, rng):
+def assert_friction_opposes_sliding(train, machine, contacts, rng):
     """Assert that friction, as `tests.independent` has it, opposes the sliding of the teeth.
 
     On the coast side the model keeps the line of action of the drive side.
@@ -152,8 +152,8 @@ def test_phases_are_those_of_teeth_placed_one_by_one(seed):
     gears, meshes, shafts, sense = random_machine(rng)
     machine = Machine(gears, meshes, shafts, sense)
     train = train_of(machine, rng)
-    check(train, machine)
-    takes_power_out(train, machine, machine.meshes, rng)
+    assert_same_phases(train, machine)
+    assert_friction_opposes_sliding(train, machine, machine.meshes, rng)
     lines = [dataclasses.replace(m, position=None, line_of_action=m.line) for m in train.meshes]
     assert train.replace(meshes=lines).phases == pytest.approx(train.phases, abs=1e-12)
     # One machine, one result: by other names, in a mirror, and driven backwards by the same flanks.
@@ -172,7 +172,7 @@ def test_phases_are_those_of_teeth_placed_one_by_one(seed):
         (train.phases, reverse.phases),
         (train.inverse_phases, reverse.inverse_phases),
     ):
-        assert apart(list(found.values()), [-g for g in backwards.values()]) < 1e-9
+        assert phase_difference(list(found.values()), [-g for g in backwards.values()]) < 1e-9
 
 
 SETS = {
@@ -186,7 +186,7 @@ SETS = {
 
 @pytest.mark.parametrize("driving", ["sun", "ring"])
 @pytest.mark.parametrize("name", SETS)
-def test_a_planetary_set_driven_by_sun_or_ring(name, driving):
+def test_planetary_set_driven_by_sun_or_ring(name, driving):
     teeth, shifts, planets, positions = SETS[name]
     if positions:
         step = math.tau / (teeth[0] + teeth[2])
@@ -195,7 +195,7 @@ def test_a_planetary_set_driven_by_sun_or_ring(name, driving):
     kinds = {who: Gear(z, x, internal=inner) for who, z, x, inner in pairs}
     gap = distance(kinds["sun"], kinds["planet"])
     train = planetary_set(
-        *(drawn(gear) for gear in kinds.values()),
+        *(drawing_of(gear) for gear in kinds.values()),
         planets=planets,
         positions=positions,
         centre_distance=gap,
@@ -216,16 +216,21 @@ def test_a_planetary_set_driven_by_sun_or_ring(name, driving):
     numbered = dict(zip(train.mesh_names, meshes, strict=True))
     for mesh, contact in numbered.items():
         for coast, found in ((False, train.phases), (True, train.inverse_phases)):
-            assert apart(found[mesh], machine.phase(contact, coast)) < 1e-9, mesh
-        assert apart(train.pitch_phases[mesh], machine.pitch_phase(contact), math.tau) < 1e-9
-    takes_power_out(train, machine, list(numbered.values()), np.random.default_rng(1))
+            assert phase_difference(found[mesh], machine.phase(contact, coast)) < 1e-9, mesh
+        assert (
+            phase_difference(train.pitch_phases[mesh], machine.pitch_phase(contact), math.tau)
+            < 1e-9
+        )
+    assert_friction_opposes_sliding(
+        train, machine, list(numbered.values()), np.random.default_rng(1)
+    )
     # Parker: z_s psi / 2 pi and -z_r psi / 2 pi, the other way round in time.
     way = 1 if driving == "sun" else -1
     for i, psi in enumerate(positions):
         turned = (psi - positions[0]) / math.tau
-        assert apart(train.phases[f"sun {i + 1}"], way * teeth[0] * turned) < 1e-9
+        assert phase_difference(train.phases[f"sun {i + 1}"], way * teeth[0] * turned) < 1e-9
         ring = train.phases[f"ring {i + 1}"] - train.phases["ring 1"]
-        assert apart(ring, -way * teeth[2] * turned) < 1e-9
+        assert phase_difference(ring, -way * teeth[2] * turned) < 1e-9
 
 
 def keyed(teeth, places=(0.0, 0.0), sense=1, keying=None, **more):
@@ -256,10 +261,13 @@ def test_keyed_teeth_are_in_line():
         assert keyed((24, 36, 24, 36), sense=sense).phases["c-d"] == pytest.approx(right, abs=1e-12)
     # Keyed by an angle the second gear is so much ahead; it turns clockwise and drives.
     ahead = keyed((24, 36, 24, 36), keying=0.1).phases["c-d"]
-    assert apart(ahead, right + 24 * 0.1 / math.tau) < 1e-12
+    assert phase_difference(ahead, right + 24 * 0.1 / math.tau) < 1e-12
     # By a pitch of either gear the teeth are in line again.
     for pitch, whole in ((math.tau / 24, 1.0), (math.tau / 36, 1.0 / 3.0)):
-        assert apart(keyed((24, 36, 24, 36), keying=pitch).phases["c-d"], right, whole) < 1e-12
+        assert (
+            phase_difference(keyed((24, 36, 24, 36), keying=pitch).phases["c-d"], right, whole)
+            < 1e-12
+        )
     assert loop().phases["second 1"] == pytest.approx(right, abs=1e-12)
     # Through a body without teeth angles add up, from whichever end they are given.
     train = keyed((24, 36, 24, 36))
@@ -272,7 +280,7 @@ def test_keyed_teeth_are_in_line():
     assert joined.phases["c-d"] == pytest.approx(ahead, abs=1e-12)
 
 
-def test_half_way_between_two_teeth_a_mirror_image_takes_the_same():
+def test_of_two_teeth_equally_near_a_mirror_image_takes_the_same():
     """Two teeth of the second gear are as near to the line of centres at the start."""
     gears, places, pitch = (24, 36, 20, 40), (0.3, 1.1), 1.5 * math.pi
     one = keyed(gears, places, pitch_phase=pitch)
@@ -281,7 +289,7 @@ def test_half_way_between_two_teeth_a_mirror_image_takes_the_same():
     # It is the one half a pitch to the counterclockwise side, where the drive-side flanks are.
     turned = 36 * (0.3 + math.pi) / math.tau + 0.5
     away = 20 * 1.1 / math.tau - turned * 20 / 36 + 0.25
-    assert apart(one.phases["c-d"], -away - pitch / math.tau) < 1e-12
+    assert phase_difference(one.phases["c-d"], -away - pitch / math.tau) < 1e-12
 
 
 def loop(keyings=(None, None), second=math.tau / 3, teeth=(24, 36, 24, 36)):
@@ -312,7 +320,7 @@ def loop(keyings=(None, None), second=math.tau / 3, teeth=(24, 36, 24, 36)):
     return train.replace(meshes=meshes, shafts=shafts)
 
 
-def test_a_loop_and_an_angle_of_keying_have_to_agree():
+def test_keying_in_a_loop_has_to_agree_with_the_positions():
     assert loop().phases == loop((0.0, 0.0)).phases
     # Branches at other angles need another angle in one of them.
     second = math.tau / 3 + 0.05
@@ -351,7 +359,7 @@ def test_a_phase_that_is_given_parts_the_train():
     assert coast.inverse_phases == train.phases | {"a-b": 0.25}
 
 
-def test_who_drives_is_said_once():
+def test_driving_gear_of_one_mesh_decides_for_all():
     train = keyed((24, 36, 20, 40), pitch_phase=0.7)
     assert {name: train.pitch_phases[name] for name in train.mesh_names} == {"a-b": 0.7, "c-d": 0.7}
     back = [dataclasses.replace(mesh, driving=mesh.wheel) for mesh in train.meshes]
@@ -373,7 +381,7 @@ def test_who_drives_is_said_once():
         dataclasses.replace(train.meshes[1], driving="a")
 
 
-def test_a_train_turned_as_a_whole_moves_alike():
+def test_train_turned_as_a_whole_moves_alike():
     """Run-out of a planet goes by its pin, as its teeth and its misplaced axis do."""
 
     def planets(turn):
