@@ -17,7 +17,7 @@ _TUNING, _REPEATS = 0.9, repeats(5)
 
 def _runner(model, method):
     """Return periods -> (x, dx/dtau) of a method on a model, from rest."""
-    _, module, options = integrators.choose(model, method, {})
+    _, module, options = integrators.choose_method(model, method, {})
 
     def run(periods):
         arguments = _TUNING, (0.0, 0.0), Span(periods, 1, 10**6)

@@ -8,6 +8,7 @@ figures. Second scales are in SI units, which gear pairs that are defined by rat
 import math
 
 import numpy as np
+import xarray as xr
 
 from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.figures import (
@@ -50,8 +51,8 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     Parameters
     ----------
     *sweeps : xarray.Dataset
-        Datasets returned by `gearlib.sweep`, or datasets of the workflow, which have a curve for
-        each damping and direction.
+        Datasets returned by `gearlib.sweep`, or results of the project's workflow, which have a
+        curve for each damping and direction.
     axes : matplotlib.axes.Axes, optional
         Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
@@ -63,7 +64,6 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the plot.
 
     Raises
     ------
@@ -73,7 +73,8 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     is_train = any("mesh" in sweep.dims for sweep in sweeps)
     default = ("dynamic_factor",) if is_train else resonance_figure.EXTREMA
     names = default if variable is None else (variable,)
-    curves = plot_curves.curves("resonance", sweeps, labels, (*names, "period"), "sweep", "tuning")
+    sources = {"dim": "tuning", "caller": "resonance", "source": "sweep"}
+    curves = plot_curves.curves(sweeps, labels, (*names, "period"), **sources)
     axes = plot_curves.axes_or_new(axes)
     sorted_sweeps = [curve.data.sortby("tuning") for curve in curves]
     ranges = [resonance_figure.shown_range(sweep, names) for sweep in sorted_sweeps]
@@ -85,7 +86,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
             axes, sweep, curve.style, marker_shift, names, label=curve.label
         )
     axes.set_xlabel(style.OWN_TUNING_LABEL)
-    axes.set_ylabel(panels.axis_label(sorted_sweeps[0][names[0]], 45))
+    axes.set_ylabel(panels.axis_label(sorted_sweeps[0][names[0]], width=45))
     speeds = {float(s.speed[-1] / s.tuning[-1]) for s in sorted_sweeps if "speed" in s}
     if len(speeds) == 1 and plot_curves.have_si_units(curves):
         style.second_scale(axes, speeds.pop(), panels.axis_label(sorted_sweeps[0].speed))
@@ -112,7 +113,6 @@ def phase_plane(*runs, axes=None, labels=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the plot.
 
     Raises
     ------
@@ -120,7 +120,8 @@ def phase_plane(*runs, axes=None, labels=None):
         If a dataset has no time history.
     """
     names = ("displacement", "velocity")
-    curves = plot_curves.curves("phase_plane", runs, labels, names, "simulate", "phase")
+    sources = {"dim": "phase", "caller": "phase_plane", "source": "simulate"}
+    curves = plot_curves.curves(runs, labels, names, **sources)
     axes = plot_curves.axes_or_new(axes)
     for curve in curves:
         displacements, velocities = phase_planes_figure.closed_orbit(curve.data)
@@ -133,7 +134,7 @@ def phase_plane(*runs, axes=None, labels=None):
     if not any("backlash" in run for run in runs):
         plot_curves.shade_backlash(axes, curves, "x")
     for name, direction, side in zip(names, "xy", ("top", "right"), strict=True):
-        axes.set(**{f"{direction}label": panels.axis_label(curves[0].data[name], 50)})
+        axes.set(**{f"{direction}label": panels.axis_label(curves[0].data[name], width=50)})
         plot_curves.add_si_scale(axes, curves, name, side)
     return plot_curves.add_legend(axes)
 
@@ -159,14 +160,14 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the plot.
 
     Raises
     ------
     ValueError
         If a dataset has no such variable over the phase.
     """
-    curves = plot_curves.curves("time_course", runs, labels, (variable,), "simulate", "phase")
+    sources = {"dim": "phase", "caller": "time_course", "source": "simulate"}
+    curves = plot_curves.curves(runs, labels, (variable,), **sources)
     axes = plot_curves.axes_or_new(axes)
     limits = []
     for curve in curves:
@@ -179,11 +180,12 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
             events = run.event_phase.values / math.tau
             event_values = np.interp(events, periods, values)
             style.draw_markers(axes, events, event_values, "|", curve.style.colour, 7.0, zorder=3)
+    # With only one curve, `run` and `periods` are its data.
     if len(curves) == 1 and "contact" in run:
         time_courses_figure.shade_contact(axes, periods, run.contact.values)
     axes.set_xlim(min(limits), max(limits))
     axes.set_xlabel(panels.axis_label(run.phase))
-    axes.set_ylabel(panels.axis_label(run[variable], 45))
+    axes.set_ylabel(panels.axis_label(run[variable], width=45))
     frequency = plot_curves.common_scalar(curves, "mesh_frequency")
     if frequency is not None and plot_curves.have_si_units(curves):
         style.second_scale(axes, 1e3 * math.tau / frequency, "time (ms)")
@@ -210,15 +212,14 @@ def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the plot.
 
     Raises
     ------
     ValueError
         If a dataset is not a run-up, or has no such variable.
     """
-    names = (variable, "revolution_speed")
-    curves = plot_curves.curves("run_up", runs, labels, names, "run_up", "revolution")
+    sources = {"dim": "revolution", "caller": "run_up", "source": "run_up"}
+    curves = plot_curves.curves(runs, labels, (variable, "revolution_speed"), **sources)
     axes = plot_curves.axes_or_new(axes)
     variables = [curve.data[variable] for curve in curves]
     unit_size, unit = style.readable_unit(variables[0].units, *variables)
@@ -229,7 +230,7 @@ def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
         options = {"color": curve.style.colour, "label": curve.label}
         style.draw_solid_and_dotted(axes, speed, values.values / unit_size, falling, **options)
     axes.set_xlabel("speed (rpm)")
-    axes.set_ylabel(panels.axis_label(panels.in_unit(variables[0], unit_size, unit), 45))
+    axes.set_ylabel(panels.axis_label(panels.in_unit(variables[0], unit_size, unit), width=45))
     return plot_curves.add_legend(axes)
 
 
@@ -251,7 +252,6 @@ def campbell(diagram, *, axes=None, to=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the plot.
 
     Raises
     ------
@@ -262,10 +262,10 @@ def campbell(diagram, *, axes=None, to=None):
     if not diagram.critical_speed.size:
         raise ValueError("the diagram has no order of a mesh frequency: it must have one or more")
     axes = plot_curves.axes_or_new(axes)
-    end = 1.02 * float(diagram.critical_speed.max()) if to is None else float(to)
-    if not 0.0 < end < math.inf:
+    max_speed = 1.02 * float(diagram.critical_speed.max()) if to is None else float(to)
+    if not 0.0 < max_speed < math.inf:
         raise ValueError(f"to = {to!r} is not allowed: it must be a finite number > 0, in rpm")
-    handles = campbell_figure.draw_orders(axes, diagram, end)
+    handles = campbell_figure.draw_orders(axes, diagram, max_speed)
     axes.legend(handles=handles, fontsize=6.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return axes
 
@@ -292,7 +292,6 @@ def schematic(train, *, run=None, phase=None, axes=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the plot.
 
     Raises
     ------
@@ -327,7 +326,6 @@ def harris_map(errors, *, axes=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the plot.
 
     Raises
     ------
@@ -366,13 +364,13 @@ def values(data, *names, axes=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the plot.
 
     Raises
     ------
     ValueError
         If no name is given, or the dataset has no such variable over a dimension.
     """
+    # Without names the error message asks for them.
     plot_curves.require("values", data, names or ("names",), "GearTrain.modes and others")
     for name in names:
         if not data[name].ndim:
@@ -393,7 +391,7 @@ def values(data, *names, axes=None):
     options = {"rotation": 30, "ha": "right"} if max(map(len, tick_labels)) > 5 else {}
     axes.set_xticks(range(len(tick_labels))[label_slice], tick_labels[label_slice], **options)
     axes.set_xlabel(last_dim.replace("_", " "))
-    label = panels.axis_label(data[names[0]], 45)
+    label = panels.axis_label(data[names[0]], width=45)
     axes.set_ylabel(label if len(names) == 1 else ", ".join(names).replace("_", " "))
     axes.set_ylim(style.limits(*curves.values()))
     if len(curves) > 1:
@@ -419,7 +417,6 @@ def orbit(*orbits, axes=None, labels=None):
     Returns
     -------
     matplotlib.axes.Axes
-        Axes with the plot.
 
     Raises
     ------
@@ -433,13 +430,15 @@ def orbit(*orbits, axes=None, labels=None):
         ]
         return phase_plane(*map(_time_course_of, orbits), axes=axes, labels=labels or periods)
     names = ("displacement_max", "stable", "label")
-    curves = plot_curves.curves("orbit", orbits, labels, names, "continue_orbit", "point")
+    sources = {"dim": "point", "caller": "orbit", "source": "continue_orbit"}
+    curves = plot_curves.curves(orbits, labels, names, **sources)
     axes = plot_curves.axes_or_new(axes)
     parameter = orbits[0].attrs.get("parameter", "tuning")
     for curve in curves:
+        # `draw_curve` draws over "tuning", by branches; here a dataset may be a single branch.
         points = curve.data.rename({parameter: "tuning"} if parameter != "tuning" else {})
         if "branch" not in points:
-            points = points.assign(branch=0 * points.label)
+            points = points.assign(branch=xr.zeros_like(points.label))
         for name in resonance_figure.EXTREMA:
             branches_figure.draw_curve(axes, points, name, curve.style.colour)
             branches_figure.draw_special_points(axes, points.tuning, points[name], points.label)

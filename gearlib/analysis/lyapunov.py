@@ -19,7 +19,7 @@ from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
 from gearlib.engines.growth import propagate_perturbation
-from gearlib.integrators import choose
+from gearlib.integrators import choose_method
 from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import WARM_STARTED
@@ -244,7 +244,7 @@ def lyapunov_exponents(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    choose(pair, None, None)
+    choose_method(pair, None, None)
     values = distinct_values("values", values)
     settle = checks.integer("settle", settle, 0)
     periods = checks.integer("periods", periods, BATCHES)

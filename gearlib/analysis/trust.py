@@ -98,7 +98,7 @@ def trust(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    integrators.choose(pair, None, None)
+    integrators.choose_method(pair, None, None)
     tuning = check_tuning("tuning", tuning)
     disturbance = finite_positive("disturbance", disturbance)
     exponent_periods = integer("exponent_periods", exponent_periods, lyapunov.BATCHES)
@@ -119,7 +119,7 @@ def trust(
         *_other_methods(pair),
     ):
         names.append(name)
-        methods.append(integrators.choose(model, changed_arguments.get("method"), None)[0])
+        methods.append(integrators.choose_method(model, changed_arguments.get("method"), None)[0])
         runs.append(run(model, tuning, **arguments | changed_arguments))
     exponent = lyapunov.largest_exponent(
         pair, tuning, state=initial_state, settle=periods, periods=exponent_periods

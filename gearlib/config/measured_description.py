@@ -96,7 +96,8 @@ class Channel(Section):
         """Raise ValueError if the keys of the channel named `key` are not compatible."""
         name, channel_key = self.observableId or key, f"channels.{key}"
         known = measured_names.units_and_description(name)
-        allowed = f"one of {', '.join(measured_names.KNOWN)}, which may be followed by _ and a name"
+        names = ", ".join(measured_names.KNOWN_QUANTITIES)
+        allowed = f"one of {names}, which may be followed by _ and a name"
         require(known, f"{channel_key}.observableId", name, allowed)
         cf_unit, _ = known
         if self.unit is None:

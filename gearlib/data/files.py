@@ -104,7 +104,7 @@ def declare_sources(paths):
 
 
 def source_hash():
-    """Return 16 hex digits of the SHA-256 hash of the declared sources or the whole library."""
+    """Return 16 hex digits of the SHA-256 of the files set by `declare_sources`, or the library."""
     digest = hashlib.sha256()
     for path in _sources:
         digest.update(path.name.encode() + path.read_bytes())

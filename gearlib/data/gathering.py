@@ -41,7 +41,7 @@ def gather_resonance(shards):
 
 
 def _extend_downwards(sweep, longest_sweep):
-    """Return a sweep with NaN at additional lower tunings of the longest sweep, if that is down."""
+    """Return a sweep with NaN at tunings below it to which a longest sweep downwards continues."""
     tunings, all_tunings = sweep.tuning.values, longest_sweep.tuning.values
     has_same_end = np.array_equal(tunings, all_tunings[-tunings.size :])
     if longest_sweep.direction != "down" or not has_same_end:
@@ -107,13 +107,7 @@ def _concatenate(datasets, dim, shared_names):
     shared = [dataset[names].drop_vars(dim, errors="ignore") for dataset in datasets]
     if not all(other.equals(shared[0]) for other in shared[1:]):
         raise ValueError(f"shards along {dim} differ in their scales or in their tunings")
-    concatenated = xr.concat(
-        [dataset.drop_vars(names) for dataset in datasets],
-        dim=dim,
-        data_vars="all",
-        coords="minimal",
-        compat="equals",
-        join="exact",
-        combine_attrs="drop_conflicts",
-    )
+    different = [dataset.drop_vars(names) for dataset in datasets]
+    options = {"data_vars": "all", "coords": "minimal", "compat": "equals", "join": "exact"}
+    concatenated = xr.concat(different, dim, combine_attrs="drop_conflicts", **options)
     return concatenated.assign({name: shared[0][name].variable for name in names})

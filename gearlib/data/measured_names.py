@@ -47,7 +47,7 @@ OBSERVABLES = {
     "order_phase": ("rad", "phase of an order"),
     "temperature": ("K", "temperature"),
 }
-KNOWN = COORDINATES | SPEEDS | OBSERVABLES
+KNOWN_QUANTITIES = COORDINATES | SPEEDS | OBSERVABLES
 #: Units that an amplitude may have.
 _AMPLITUDE_UNITS = ("m", "N", "m s-2", "m s-1", "N m", "rad", "1")
 #: CF units -> the usual notation.
@@ -55,15 +55,15 @@ _WRITTEN_UNITS = {"min-1": "rpm", "m s-1": "m/s", "m s-2": "m/s^2"}
 
 
 def units_and_description(name):
-    """Return (CF units, description) of an observableId, or None if it is unknown.
+    """Return (CF units, description) of a measured quantity by its name, or None if it is unknown.
 
-    An observable may have a suffix, as in ``acceleration_bearing_2``.
+    Only observables, not coordinates and speeds, may have a suffix: ``acceleration_bearing_2``.
     """
-    matches = [base for base in KNOWN if name == base or name.startswith(f"{base}_")]
+    matches = [base for base in KNOWN_QUANTITIES if name == base or name.startswith(f"{base}_")]
     base_name = max(matches, key=len, default=None)
     if base_name is None or (base_name != name and base_name not in OBSERVABLES):
         return None
-    units, description = KNOWN[base_name]
+    units, description = KNOWN_QUANTITIES[base_name]
     return units, description + name[len(base_name) :].replace("_", " ")
 
 

@@ -34,7 +34,7 @@ def contact_loss_fraction(fraction_normal):
     return loss * (loss > FRACTION_TOLERANCE)
 
 
-def without_growth(sweep, extent):
+def mask_unbounded(sweep, extent):
     """Return a result of `gearlib.sweep` with NaN at tunings where the motion is unbounded.
 
     `extent` is the largest length of the model in static deflections, as returned by
@@ -43,13 +43,9 @@ def without_growth(sweep, extent):
     displacement = np.maximum(abs(sweep.displacement_max), abs(sweep.displacement_min))
     other_dims = [dim for dim in displacement.dims if dim != "tuning"]
     is_bounded = displacement.max(other_dims) <= MAX_RELATIVE_DISPLACEMENT * extent
-    return sweep.assign(
-        {
-            name: values.where(is_bounded)
-            for name, values in sweep.data_vars.items()
-            if "tuning" in values.dims and values.dtype.kind == "f"
-        }
-    )
+    over_tuning = [name for name, values in sweep.data_vars.items() if "tuning" in values.dims]
+    floats = [name for name in over_tuning if sweep[name].dtype.kind == "f"]
+    return sweep.assign({name: sweep[name].where(is_bounded) for name in floats})
 
 
 def period_spread(run):
@@ -74,7 +70,7 @@ def describe_unsettled(run):
 
 
 def describe_settling(run):
-    """Return a phrase on the period of the orbit on which a run settles, if it does."""
+    """Return a phrase on the period of the orbit on which a run settles after its record."""
     period = int(run.period)
     if not period:
         return describe_unsettled(run)
@@ -86,6 +82,7 @@ def describe_steadiness(run):
     settling = describe_settling(run)
     if period_spread(run) > LINE_WIDTH:
         return f"unsteady, {settling}"
+    # Mesh periods may coincide within the width of a line before the run settles.
     return "steady, 1 mesh period" if int(run.period) == 1 else f"a single line, {settling}"
 
 

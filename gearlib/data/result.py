@@ -20,7 +20,10 @@ _contact_counts: ContextVar[list | None] = ContextVar("_contact_counts", default
 
 @contextmanager
 def counting_contacts() -> Iterator[list]:
-    """Yield a list to which `result` appends the number of contact events of each dataset."""
+    """Yield a list to which `result` appends the number of events and the bounces of each dataset.
+
+    The former is None without events; the latter, if there are any, are a number or nested lists.
+    """
     counts: list = []
     token = _contact_counts.set(counts)
     try:
@@ -33,16 +36,18 @@ def stacked(axes, function, *array_dims):
     """Call a function on a grid of values; return a dict of variable name -> (dims, values).
 
     `axes` maps dimension names to values. The function takes a value of each dimension and returns
-    a dict of variable name -> number, text or array; `array_dims` are the dimensions of its arrays,
-    of which an array of fewer dimensions has the last.
+    a dict of variable name -> number, text or array; `array_dims` are the dimensions of its arrays;
+    an array with fewer dimensions has the last ones of these.
     """
     results = [function(*values) for values in product(*axes.values())]
     grid_shape = tuple(map(len, axes.values()))
 
     def stack(name):
+        """Return (dims, values) of a variable from all results; array_dims come after the grid."""
         dtype = object if isinstance(results[0][name], str) else None
         values = np.array([variables[name] for variables in results], dtype)
-        dims = array_dims[len(array_dims) - values.ndim + 1 :]
+        # The first axis of the values is that of the results.
+        dims = array_dims[len(array_dims) - (values.ndim - 1) :]
         return (*axes, *dims), values.reshape(grid_shape + values.shape[1:])
 
     return {name: stack(name) for name in results[0]}
@@ -51,8 +56,9 @@ def stacked(axes, function, *array_dims):
 def result(title, model, data, coords=None, *, method, **parameters):
     """Return a dataset with units and descriptions, and with model and parameters as JSON.
 
-    `data` is a dataset, or a dict of its variables beside `coords`; `method` names the method of
-    computation; `parameters` are the arguments of the public function.
+    In the title the model's name replaces "a gear mesh". `data` is a dataset, or a dict of its
+    variables beside `coords`; `method` names the method of computation; `parameters` are the
+    arguments of the public function.
     """
     dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, coords)
     dataset = describe(dataset, model)

@@ -7,13 +7,13 @@ import numpy as np
 from gearlib.engines import orbit
 
 
-def variables(model, dims, table, final_states, codes, record_periods):
+def summary_variables(model, dims, table, final_states, periods_and_statuses, record_periods):
     """Return the summary variables of one or more runs as a dict of name -> (dims, values).
 
-    `dims` are the dimensions over the runs, () for one run. `table`, shape (..., 9), for trains
-    (..., meshes, 10), has the extrema and times in contact over `record_periods` mesh periods, in
-    the columns of `gearlib.engines.orbit`; `codes`, shape (..., 2), are the period of each orbit
-    and the status of each run.
+    `dims` are the dimensions over the runs, () for one run. `table`, shape (..., columns), for
+    trains (..., meshes, columns), has the extrema and times in contact over `record_periods` mesh
+    periods, in the columns of `gearlib.engines.orbit`; `periods_and_statuses`, shape (..., 2), are
+    the period of each orbit and the status of each run.
     """
     span = 2.0 * math.pi * record_periods
     columns = {
@@ -31,8 +31,8 @@ def variables(model, dims, table, final_states, codes, record_periods):
     return {
         **{name: (mesh_dims, values) for name, values in columns.items()},
         **model.extra_summary_variables(mesh_dims, table, span),
-        "period": (dims, codes[..., 0].astype(np.int32)),
-        "status": (dims, codes[..., 1].astype(np.int8)),
+        "period": (dims, periods_and_statuses[..., 0].astype(np.int32)),
+        "status": (dims, periods_and_statuses[..., 1].astype(np.int8)),
         "final_state": ((*dims, "component"), final_states),
     }
 

@@ -10,7 +10,7 @@ from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.order_maps import orders
 from gearlib.data import motions
-from gearlib.data.motions import without_growth
+from gearlib.data.motions import mask_unbounded
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
@@ -93,7 +93,7 @@ def _compute_motions(pair, model, tunings: np.ndarray, tuning: float, repeat_per
         else:
             curve, jumped = sweep(pair, tunings, direction=direction, **settings), True
         # Motions far beyond the `extent` of the pair, its largest length, are unbounded.
-        return without_growth(curve, pair.extent), jumped
+        return mask_unbounded(curve, pair.extent), jumped
 
     # The kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:

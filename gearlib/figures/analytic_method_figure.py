@@ -16,7 +16,7 @@ _METHODS = {
     "schmidt": ("E. Schmidt", "#D55E00", "s", "white"),
 }
 _DASHES = {"displacement": "-", "velocity": style.LONG_DASHES}
-_MESHES = ("mesh that never loses contact", "gear pair with backlash")
+_CONTACT_LOSS_TITLES = ("mesh that never loses contact", "gear pair with backlash")
 _DIRECTIONS = {"up": ("#0072B2", "^"), "down": ("#D55E00", "v")}
 
 
@@ -27,8 +27,12 @@ def draw(data: xr.Dataset) -> dict[str, Figure]:
 
 @style.styled()
 def draw_convergence(data: xr.Dataset):
-    """Return a figure of iterates, their errors, and contraction factors of the analytic method."""
-    figure = style.page_figure(7.6)
+    """Return a figure of iterates, their errors, and contraction factors of the analytic method.
+
+    `data` of `gearlib.studies.analytic_method` has the dimension "shown" over tunings with panels.
+    Newton steps, which `algebraic_step` marks, solve for the degenerate (near-resonant) harmonics.
+    """
+    figure = style.page_figure(height=7.6)
     above, middle, below = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
     _draw_iterates(above, data)
     grid = panels.draw_panels(data, "iteration", "iterate_error", panel="shown", figure=middle)
@@ -37,13 +41,13 @@ def draw_convergence(data: xr.Dataset):
         label = "a step of the degenerate part follows"
         style.draw_markers(axes, data.iteration, error, "o", "#D55E00", 3.5, label=label)
         axes.set(yscale="log", title="")
-    style.legend(middle, grid[0, 0], 1)
+    style.legend(middle, grid[0, 0], columns=1)
     _draw_contraction(below, data)
     return figure
 
 
 def _draw_iterates(figure, data: xr.Dataset):
-    """Draw the iterates and the exact orbit over the phase, a panel for each tuning shown."""
+    """Draw iterates and exact orbits; titles count the degenerate (near-resonant) harmonics."""
     iterations = [number for number in _ITERATION_COLOURS if number in data.iteration]
     styles = {n: {"color": _ITERATION_COLOURS[n], "label": f"iteration {n}"} for n in iterations}
     options = {"panel": "shown", "colour": "iteration", "styles": styles, "figure": figure}
@@ -54,14 +58,17 @@ def _draw_iterates(figure, data: xr.Dataset):
         axes.plot(data.phase, data.exact_displacement[i], **line_options)
         count = int(data.degenerate_chosen[i])
         axes.set_title(f"{axes.get_title()}, degenerate harmonics: {count}")
-        axes.set_ylabel(panels.axis_label(data.exact_displacement, 24) if i == 0 else "")
+        axes.set_ylabel(panels.axis_label(data.exact_displacement, width=24) if i == 0 else "")
 
 
 def _draw_contraction(figure, data: xr.Dataset):
-    """Draw contraction factors over the tuning and the number of degenerate harmonics."""
+    """Draw contraction factors over tuning and number of degenerate (near-resonant) harmonics.
+
+    The stepped line is the number that `gearlib` chooses.
+    """
     grid = figure.subplots(2, 1, sharex=True)
     counts = data.degenerate_count.values
-    for k, (axes, title) in enumerate(zip(grid, _MESHES, strict=True)):
+    for k, (axes, title) in enumerate(zip(grid, _CONTACT_LOSS_TITLES, strict=True)):
         mesh = data.isel(contact_loss=k)
         options = {"cmap": "RdBu_r", "norm": LogNorm(0.01, 100.0), "rasterized": True}
         image = axes.pcolormesh(data.tuning, counts, mesh.contraction, **options)
@@ -76,7 +83,7 @@ def _draw_contraction(figure, data: xr.Dataset):
         axes.label_outer()
     label = "contraction factor of an iteration"
     figure.colorbar(image, ax=list(grid), extend="both", label=label)
-    style.legend(figure, grid[0], 2)
+    style.legend(figure, grid[0], columns=2)
 
 
 @style.styled()
@@ -85,7 +92,7 @@ def draw_harmonics(data: xr.Dataset):
 
     `data` is that of `gearlib.studies.analytic_method.analytic_method_study`.
     """
-    figure = style.page_figure(5.4)
+    figure = style.page_figure(height=5.4)
     above, below = figure.subfigures(2, 1, height_ratios=[2.4, 3.0])
     row = above.subplots(1, data.sizes["shown"], squeeze=False, sharey=True)[0]
     for i, axes in enumerate(row):
@@ -96,7 +103,7 @@ def draw_harmonics(data: xr.Dataset):
         for name, colour, marker, face in _METHODS.values()
     ]
     handles += [style.legend_entry(kind, _GREY, dashes) for kind, dashes in _DASHES.items()]
-    style.legend(above, handles, 4)
+    style.legend(above, handles, columns=4)
     _draw_resonance(below, data)
     return figure
 
@@ -128,7 +135,7 @@ def _draw_resonance(figure, data: xr.Dataset):
                 extrema = sweep[f"balance_{end}"].where(sweep.stable == stable)
                 options = {"markerfacecolor": face, "markeredgewidth": 0.6}
                 style.draw_markers(axes, data.tuning, extrema, marker, colour, 3, **options)
-    style.shade_areas(axes, float(data.backlash_ratio), "y")
+    style.shade_lost_contact(axes, float(data.backlash_ratio), "y")
     axes.set_xlabel(panels.axis_label(data.tuning))
     axes.set_ylabel("extrema of the displacement\n(static deflections)")
     handles = [
@@ -140,4 +147,4 @@ def _draw_resonance(figure, data: xr.Dataset):
         style.legend_entry("mark: harmonic balance", _GREY, "", "^"),
         style.legend_entry("unstable", _GREY, "", "^", markerfacecolor="white"),
     ]
-    style.legend(figure, handles, 5)
+    style.legend(figure, handles, columns=5)

@@ -10,7 +10,7 @@ _HEIGHT = 6.6
 #: Number of points on both sides of a fold that show on which side the branch lies.
 POINTS_BESIDE_FOLD = 6
 #: Special points within these fractions of the ranges of tuning and height have one common text.
-SAME_TEXT_WIDTH, SAME_TEXT_HEIGHT = 0.05, 0.06
+TEXT_WIDTH, TEXT_HEIGHT = 0.05, 0.06
 #: Code of `gearlib.analysis.orbits.special_points` -> (name, colour, marker).
 SPECIAL_POINTS = {
     1: ("fold", style.PALETTE[4], "o"),
@@ -33,16 +33,16 @@ def draw(branches: xr.Dataset, loci: xr.Dataset):
     draw_curve(top, branches, "orbit_height", "black")
     draw_special_points(top, branches.tuning, branches.orbit_height, branches.label)
     _write_tunings(top, branches)
-    damping = float(loci.own_damping)
+    branch_damping = float(loci.own_damping)
     for number in np.unique(loci.locus):
         _draw_locus(bottom, loci.isel(point=np.flatnonzero(loci.locus == number)))
-    bottom.axhline(damping, color="black", linewidth=0.6, linestyle=":")
-    at_damping = np.full(branches.sizes["point"], damping)
+    bottom.axhline(branch_damping, color="black", linewidth=0.6, linestyle=":")
+    at_damping = np.full(branches.sizes["point"], branch_damping)
     draw_special_points(bottom, branches.tuning, at_damping, branches.label, size=3.5)
-    handles = legend_entries(branches.label, "-")
-    style.legend(figure, handles, len(handles), "upper")
-    top.set_ylabel(panels.axis_label(branches.orbit_height, 40))
-    bottom.set_ylabel(panels.axis_label(loci.damping_ratio, 40))
+    handles = legend_entries(branches.label, point_line="-")
+    style.legend(figure, handles, columns=len(handles), side="upper")
+    top.set_ylabel(panels.axis_label(branches.orbit_height, width=40))
+    bottom.set_ylabel(panels.axis_label(loci.damping_ratio, width=40))
     bottom.set_xlabel(style.TUNING_LABEL)
     return figure
 
@@ -71,23 +71,23 @@ def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, siz
             style.draw_markers(axes, x[points], y[points], marker, colour, size, zorder=3)
 
 
-def legend_entries(labels: ArrayLike, line="none") -> list:
-    """Return legend handles of branches and of the special points with codes in `labels`."""
+def legend_entries(labels: ArrayLike, point_line="none") -> list:
+    """Return legend handles of branches, and of special points with the codes in `labels`."""
     handles = [
         style.legend_entry("stable orbit"),
         style.legend_entry("unstable orbit", line=style.DASHED),
     ]
     for code, (name, colour, marker) in SPECIAL_POINTS.items():
         if code in np.asarray(labels):
-            handles.append(style.legend_entry(name, colour, line, marker, markersize=4))
+            handles.append(style.legend_entry(name, colour, point_line, marker, markersize=4))
     return handles
 
 
 def _draw_locus(axes, locus: xr.Dataset):
-    """Draw the damping over the tuning of a locus, in halves from the branches' damping on."""
+    """Draw the damping over the tuning of a locus, as two lines that start on the branches."""
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
-    damping = locus.damping_ratio.values
-    starts = np.flatnonzero(np.isclose(damping, float(locus.own_damping), rtol=1e-12, atol=0.0))
+    damping, branch_damping = locus.damping_ratio.values, float(locus.own_damping)
+    starts = np.flatnonzero(np.isclose(damping, branch_damping, rtol=1e-12, atol=0.0))
     for half in np.split(np.arange(damping.size), starts[1:]):
         axes.plot(locus.tuning.values[half], damping[half], color=colour, linewidth=1.0)
 
@@ -96,8 +96,8 @@ def _write_tunings(axes, branches: xr.Dataset):
     """Write the tuning beside each special point of branches; close points have a common text."""
     tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
     # Positions are in multiples of the text size.
-    x = tuning / (np.ptp(tuning) or 1.0) / SAME_TEXT_WIDTH
-    positions = np.stack([x, height / np.ptp(axes.get_ylim()) / SAME_TEXT_HEIGHT])
+    x = tuning / (np.ptp(tuning) or 1.0) / TEXT_WIDTH
+    positions = np.stack([x, height / np.ptp(axes.get_ylim()) / TEXT_HEIGHT])
     points = np.flatnonzero(np.isin(labels, [*SPECIAL_POINTS]))
     while points.size:
         # The text of close points stands beside the point with the lowest code.
@@ -110,7 +110,9 @@ def _write_tunings(axes, branches: xr.Dataset):
         after = tuning[min(first + POINTS_BESIDE_FOLD, tuning.size - 1)]
         side = int(np.sign(tuning[first] - before) + np.sign(tuning[first] - after))
         offset, anchor = (0, 6), "center bottom"
+        # At a fold both neighbours lie at lower tunings, or both at higher ones.
         if abs(side) == 2:
             offset, anchor = (3 * side, 0), "left center" if side > 0 else "right center"
         point = tuning[first], height[first]
-        style.annotate(axes, text, point, offset, anchor, box=(0.15, 0.85), zorder=2.5)
+        box = style.white_box(padding=0.15, opacity=0.85)
+        style.annotate(axes, text, point, offset, anchor, bbox=box, zorder=2.5)

@@ -19,23 +19,24 @@ def draw(diagram: xr.Dataset):
     `diagram` is that of `gearlib.studies.trains.campbell`. Speeds at which a mesh loses contact in
     a sweep are marked behind the line of its mesh frequency.
     """
-    figure = style.page_figure(4.2)
-    axes = schematic.draw_train(figure, diagram, {}).add_subplot()
+    figure = style.page_figure(height=4.2)
+    axes = schematic.draw_train(figure, diagram, colours={}).add_subplot()
     speed = diagram.speed.values
     handles = draw_orders(axes, diagram, speed[-1])
+    # The variable is the largest fraction of time in contact over several initial states.
     loses_contact = contact_loss_fraction(diagram.fraction_normal_high).max("direction") > 0.0
     half_step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
     for name in diagram.mesh.values:
-        order = float(diagram.mesh_rate.sel(mesh=name))
+        relative_frequency = float(diagram.mesh_rate.sel(mesh=name))
         for middle in speed[loses_contact.sel(mesh=name)]:
             ends = middle + half_step
-            frequency = mesh_frequency_per_speed(diagram) * order * ends
+            frequency = mesh_frequency_per_speed(diagram) * relative_frequency * ends
             axes.plot(ends, frequency, color=_LOST_CONTACT_COLOUR, linewidth=5, zorder=0.5)
     axes.axvline(speed[0], color="0.6", linestyle=":", linewidth=0.8, zorder=0.4)
     style.second_scale(axes, float(diagram.tuning[-1]) / speed[-1], style.OWN_TUNING_LABEL)
     handles.append(style.legend_entry("sweeps begin", "0.6", ":", linewidth=0.8))
     handles.append(style.legend_entry("contact lost in a sweep", _LOST_CONTACT_COLOUR, linewidth=5))
-    style.legend(figure, handles, 4, fontsize=6.5)
+    style.legend(figure, handles, columns=4, fontsize=6.5)
     return figure
 
 
@@ -49,7 +50,7 @@ def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
     """Draw natural frequencies, mesh orders and intersections up to the speed `stop` (rpm).
 
     Return the legend handles. `diagram` is a result of `gearlib.studies.trains.campbell`; multiples
-    of mesh frequencies are dashed.
+    of mesh frequencies are dashed. An order is a frequency over that of the reference mesh.
     """
     per_speed = mesh_frequency_per_speed(diagram)
     natural_frequencies = 1e-3 * diagram.natural_frequency.values
@@ -57,12 +58,15 @@ def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
     top = 1.05 * natural_frequencies.max()
     for frequency, kind in zip(natural_frequencies, diagram.mode_kind.values, strict=True):
         axes.axhline(frequency, color=colours[str(kind)], linewidth=0.7, zorder=1)
+    # Without the orders of the meshes, no order of the stiffness is known to be a multiple.
     mesh_orders = diagram.get("mesh_rate", diagram.stiffness_order).values
     for order in diagram.stiffness_order.values:
+        # The line ends at the right or at the upper limit of the axes: (speed, frequency).
         end = min(stop, top / (per_speed * order)) * np.array([1.0, per_speed * order])
         dashes = "-" if order in mesh_orders else "--"
         axes.plot([0.0, end[0]], [0.0, end[1]], dashes, color="0.3", linewidth=0.8)
-        style.annotate(axes, f"{order:.3g}", 0.97 * end, anchor="center center", box=(0.15,))
+        box, text = style.white_box(padding=0.15), f"{order:.3g}"
+        style.annotate(axes, text, 0.97 * end, anchor="center center", bbox=box)
     for is_excited, (_, face, size) in _INTERSECTIONS.items():
         mask = diagram.excites.values == is_excited
         x = diagram.critical_speed.values[mask]

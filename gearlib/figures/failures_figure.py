@@ -26,8 +26,9 @@ _VERDICTS = {
 def draw(matrix: xr.Dataset):
     """Return a figure of verdicts, a row for each problem and a column for each method.
 
-    `matrix` is a result of `gearlib.data.gathering.gather_failures`. A star marks a run over fewer
-    mesh periods than the others of its row.
+    `matrix` is a result of `gearlib.data.gathering.gather_failures`: its dimension "trial" is over
+    methods, and its variable `words` describes the problems. A star marks a run over fewer mesh
+    periods than the others of its row.
     """
     verdicts = [_VERDICTS[name] for name in matrix.verdict.attrs["flag_meanings"].split()]
     periods = matrix.periods.values
@@ -57,7 +58,7 @@ def draw(matrix: xr.Dataset):
     ]
     if shortened.any():
         patches.append(Patch(alpha=0.0, label="*: fewer periods"))
-    style.legend(figure, patches, 5)
+    style.legend(figure, patches, columns=5)
     return figure
 
 

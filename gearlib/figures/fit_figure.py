@@ -34,11 +34,12 @@ def fit(found, *, figure: Figure | None = None):
     ValueError
         If `found` is not a result of `gearlib.fit`.
     """
+    # Only fits have a reduced chi-square.
     if not hasattr(found, "redchi"):
         raise ValueError("found is not allowed: gearlib.plot.fit draws a fit of gearlib.fit")
-    # Only curves over speed or phase have the attribute `at`; speeds of jumps are single numbers.
-    curves = [curve for curve in found.curves() if hasattr(curve, "at")]
-    speeds = [speed for speed in found.curves() if not hasattr(speed, "at")]
+    # Only curves over speed or phase have abscissae x; speeds of jumps are single numbers.
+    curves = [curve for curve in found.curves() if hasattr(curve, "x")]
+    speeds = [speed for speed in found.curves() if not hasattr(speed, "x")]
     rows = -(-(len(curves) + bool(speeds)) // 2)
     if figure is None:
         from matplotlib import pyplot
@@ -55,15 +56,16 @@ def fit(found, *, figure: Figure | None = None):
 
 def _draw_curve(axes, curve):
     """Draw measured values of a curve as dots, fitted ones as a line, dotted where speed falls."""
-    measured, fitted = curve.heights
+    measured, fitted = curve.values
     unit_size, unit = style.readable_unit(curve.units, measured)
     markers = measured / unit_size, ".", _MEASURED_COLOUR, 2.5
-    style.draw_markers(axes, curve.at, *markers, label="measured")
-    for mask, dashes, label in ((~curve.falls, "-", "fitted"), (curve.falls, ":", "speed falls")):
+    style.draw_markers(axes, curve.x, *markers, label="measured")
+    is_falling = curve.speed_falls
+    for mask, dashes, label in ((~is_falling, "-", "fitted"), (is_falling, ":", "speed falls")):
         if mask.any():
             line = {"color": _FITTED_COLOUR, "linestyle": dashes, "linewidth": 0.9, "label": label}
-            axes.plot(curve.at, np.where(mask, fitted / unit_size, np.nan), **line)
-    axes.set_xlabel("speed (rpm)" if curve.over == "speed" else "mesh periods")
+            axes.plot(curve.x, np.where(mask, fitted / unit_size, np.nan), **line)
+    axes.set_xlabel("speed (rpm)" if curve.x_name == "speed" else "mesh periods")
     axes.set_ylabel(curve.name + (f" ({unit})" if unit not in ("", "1") else ""))
 
 

@@ -8,11 +8,13 @@ from gearlib.figures import panels, style
 #: Colours of periodic attractors; the attractors of every other kind have the same colour.
 _PERIODIC_COLOURS = (*style.PALETTE, "#F0E442", "#8C510A", "#762A83", "#A6DBA0", "#FDB863")
 _KINDS = ("period", "chaotic", "unbounded", "undecided")
+#: Code of periodic attractors, and codes of chaotic and undecided orbits in sections.
+_PERIODIC, _CHAOTIC, _UNDECIDED = 0, 1, 2
 _KIND_COLOURS = (None, "#000000", "#D9D9D9", "#FFFFFF")
 _MARKERS = "o^sDvP*X<>hp"
 #: Colours of regular orbits in sections, and of chaotic and undecided ones.
-_REGULAR = ("#0072B2", "#009E73", "#4D4D4D", "#56B4E9", "#CC79A7")
-_CHAOTIC, _UNDECIDED = "#D55E00", "#A0A0A0"
+_REGULAR_COLOURS = ("#0072B2", "#009E73", "#4D4D4D", "#56B4E9", "#CC79A7")
+_CHAOTIC_COLOUR, _UNDECIDED_COLOUR = "#D55E00", "#A0A0A0"
 #: Direction -> label, colour and size of its markers in bifurcation diagrams.
 _DIRECTIONS = {
     "cold": ("random initial states", "#8A8A8A", 1.4),
@@ -40,14 +42,14 @@ def draw_basins(data: xr.Dataset):
     `data` is a result of `gearlib.studies.global_picture.basin_cases`. Every initial state has the
     colour of its attractor; legends have the periods of the attractors and the shares of basins.
     """
-    figure, grid = style.panel_figure(data.sizes["case"], 3.9)
+    figure, grid = style.panel_figure(data.sizes["case"], height=3.9)
     for i, axes in enumerate(grid):
         case = data.isel(case=i, attractor=slice(int(data.basin[i].max()) + 1))
         colours = attractor_colours(case.attractor_kind.values)
         states = case.displacement.values, case.velocity.values
         style.draw_code_map(axes, *states, case.basin.values.T, colours)
         axes.set(xlim=axes.get_xlim(), ylim=axes.get_ylim(), title=case.case.item())
-        for j, (colour, marker) in enumerate(zip(colours, _MARKERS * 9, strict=False)):
+        for j, (colour, marker) in enumerate(zip(colours, _MARKERS * len(colours), strict=False)):
             _mark_attractor(axes, case.isel(attractor=j), colour, marker)
         _label_plane(axes, "initial ")
         options = {"fontsize": 6.5, "handletextpad": 0.2, "bbox_to_anchor": (0.5, -0.16)}
@@ -58,10 +60,11 @@ def draw_basins(data: xr.Dataset):
 def _mark_attractor(axes, attractor: xr.Dataset, colour: str, marker: str):
     """Mark the stroboscopic states of a periodic attractor; label any attractor in the legend."""
     kind, share = int(attractor.attractor_kind), 100.0 * float(attractor.share)
-    name = f"period {int(attractor.period)}" if kind == 0 else _KINDS[kind]
+    is_periodic = kind == _PERIODIC
+    name = f"period {int(attractor.period)}" if is_periodic else _KINDS[kind]
     label = f"{name}: {share:.1f} ± {100.0 * float(attractor.share_error):.2f} %"
-    x, v = attractor.state.values.T if kind == 0 else ([], [])
-    edge = "white" if kind == 0 else "grey"
+    x, v = attractor.state.values.T if is_periodic else ([], [])
+    edge = "white" if is_periodic else "grey"
     style.draw_markers(axes, x, v, marker, colour, 5.5, markeredgecolor=edge, label=label)
 
 
@@ -78,12 +81,12 @@ def draw_sections(data: xr.Dataset):
     `data` is a result of `gearlib.studies.global_picture.sections`. Chaotic orbits are orange,
     undecided ones grey, regular orbits have other colours.
     """
-    figure, grid = style.panel_figure(data.sizes["case"], 3.3)
+    figure, grid = style.panel_figure(data.sizes["case"], height=3.3)
     for i, axes in enumerate(grid):
         case = data.isel(case=i)
-        chaotic, undecided = case.chaotic.values == 1, case.chaotic.values == 2
-        regular = np.resize(_REGULAR, chaotic.size)
-        colours = np.where(chaotic, _CHAOTIC, np.where(undecided, _UNDECIDED, regular))
+        chaotic, undecided = (case.chaotic.values == code for code in (_CHAOTIC, _UNDECIDED))
+        colours = np.resize(_REGULAR_COLOURS, chaotic.size)
+        colours[chaotic], colours[undecided] = _CHAOTIC_COLOUR, _UNDECIDED_COLOUR
         # Chaotic orbits are drawn first, so that islands in them are visible.
         for j in np.argsort(~chaotic, kind="stable"):
             states = case.displacement[j], case.velocity[j]
@@ -103,9 +106,10 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
     """Return a figure of a bifurcation diagram, Lyapunov exponents and shares of attractors.
 
     `diagram` and `shares` are results of `gearlib.studies.global_picture.bifurcation`. `branches`,
-    a result of `gearlib.studies.resonance.branches` or None, are drawn over the diagram.
+    a result of `gearlib.studies.resonance.branches` or None, are drawn over the diagram. The first
+    word of a direction is "up", "down" or "cold" (random initial states).
     """
-    figure = style.page_figure(6.6)
+    figure = style.page_figure(height=6.6)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.4, 1.0, 1.4))
     for kind, (label, colour, size) in _DIRECTIONS.items():
         for name in [name for name in diagram.direction.values if name.split()[0] == kind]:
@@ -113,7 +117,7 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
             strobes = motion.displacement.transpose("tuning", "strobe")
             style.draw_markers(top, motion.tuning, strobes, ".", colour, size, **_MARKER_OPTIONS)
             top.lines[-1].set_label(label)
-            _draw_exponents(middle, motion, colour, kind != "cold")
+            _draw_exponents(middle, motion, colour, warm_started=kind != "cold")
     if branches is not None:
         _draw_branches(top, branches)
     # Several lines have the same label, which the legend shows once.
@@ -122,7 +126,7 @@ def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
     top.legend(handle_of.values(), handle_of, loc="lower left", markerscale=4.0)
     top.set_ylabel("displacement at $\\tau = 0$\n(static defl.)")
     middle.axhline(0.0, color="black", linewidth=0.5)
-    middle.set_ylabel(panels.axis_label(diagram.exponent, 24))
+    middle.set_ylabel(panels.axis_label(diagram.exponent, width=24))
     _draw_family_shares(bottom, shares)
     bottom.set(xlabel=panels.axis_label(diagram.tuning), xlim=diagram.tuning.values[[0, -1]])
     style.second_scale(top, float(diagram.speed[-1] / diagram.tuning[-1]), "speed (rpm)")
@@ -158,14 +162,16 @@ def _draw_branches(axes, branches: xr.Dataset):
 
 
 def _draw_family_shares(axes, shares: xr.Dataset):
-    """Draw each attractor family's share of the initial states over the tuning, stacked."""
+    """Draw each attractor family's share of the initial states over the tuning, stacked.
+
+    Labels have the peak-to-peak displacement ("height") of orbits where their share is largest.
+    """
     share = shares.share.transpose("attractor_family", ...).fillna(0.0)
-    largest_share = share.argmax("tuning")
-    heights = shares.displacement_max - shares.displacement_min
-    heights = heights.isel(tuning=largest_share).values
+    peak_to_peak = shares.displacement_max - shares.displacement_min
+    heights = peak_to_peak.isel(tuning=share.argmax("tuning")).values
     kinds, periods = shares.attractor_kind.values, shares.period.values
     names = [
-        f"period {period}, height {height:.1f}" if kind == 0 else _KINDS[kind]
+        f"period {period}, height {height:.1f}" if kind == _PERIODIC else _KINDS[kind]
         for kind, period, height in zip(kinds, periods, heights, strict=True)
     ]
     is_labelled = (share.max("tuning") >= MIN_SHARE_IN_LEGEND).values

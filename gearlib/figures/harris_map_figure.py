@@ -18,7 +18,7 @@ def draw(data: xr.Dataset):
     Below are its peak-to-peak value and the contact ratio. `data` is a result of
     `gearlib.studies.drawn_gears.harris_map`; the line of the design load is thick.
     """
-    figure = style.page_figure(5.2)
+    figure = style.page_figure(height=5.2)
     above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
     maps = above.subplots(1, data.sizes["relief"], sharey=True, squeeze=False)[0]
     load = (data.torque / data.design_torque).drop_attrs()
@@ -39,7 +39,7 @@ def draw(data: xr.Dataset):
         options = {"colour": "relief", "marker": "o", "markersize": 3.0}
         entries = panels.draw_curves(axes, ranges, "torque", name, **options)
         axes.axvline(1.0, color="black", linewidth=0.5, linestyle=(0, (1, 2)))
-    style.legend(figure, entries, 3)
+    style.legend(figure, entries, columns=3)
     return figure
 
 

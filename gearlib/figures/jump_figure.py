@@ -24,9 +24,9 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 def draw(jumps: xr.Dataset, marked=()):
     """Return a figure of the peak-to-peak displacement over the tuning, and of shifts of its jump.
 
-    `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`; `marked` are up to two tunings
-    for comparison: an orange band spans the shifts between them. Pale bars are ranges of shifts
-    over many initial states. Values without a jump in the scan are listed above their panel.
+    `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`, first from rest; `marked` are up
+    to two tunings for comparison: an orange band spans the shifts between them. Pale bars are
+    ranges of shifts over many initial states. Values without a jump are listed above their panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * -(-len(kinds) // 2)
@@ -38,15 +38,17 @@ def draw(jumps: xr.Dataset, marked=()):
         axes = figure.add_subplot(grid[1 + i // 2, i % 2], sharey=first_panel)
         variations = jumps.isel(variation=np.flatnonzero(jumps.kind.values == kind))
         marked_shifts = np.array(marked) - float(jumps.jump[0])
-        _draw_shifts(axes, variations.sortby("value"), marked_shifts, *_KINDS[kind])
+        label, scale = _KINDS[kind]
+        _draw_shifts(axes, variations.sortby("value"), marked_shifts, label, scale)
         axes.set_ylabel("shift of the jump\n(tuning)" if i % 2 == 0 else "")
-    if kinds and (jumps.switches.values > 1).any():
+    if kinds and (jumps.switches > 1).any():
         figure.supxlabel("cross: several jumps in the scan", fontsize=6, x=0.99, ha="right")
     return figure
 
 
 def _draw_scan(axes, jumps: xr.Dataset, marked):
     """Draw the peak-to-peak displacement over the tuning; `marked` tunings are dashed lines."""
+    # The first variation is the run from rest.
     tuning, jump = jumps.tuning.values, float(jumps.jump[0])
     options = {"marker": ".", "markersize": 2.5, "linewidth": 0.6}
     panels.draw_curves(axes, jumps, "tuning", "height", **options)
@@ -75,7 +77,8 @@ def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str,
     # Stems instead of a line, because the shift between the values is not known.
     axes.vlines(value, 0.0, shift, color=_BLUE, linewidth=0.6)
     axes.vlines(value, jumps.shift_low, jumps.shift_high, color=_BLUE, linewidth=4.0, alpha=0.3)
-    several_jumps = jumps.switches.values > 1
+    jump_count = jumps.switches.values
+    several_jumps = jump_count > 1
     for mask, marker, size in ((~several_jumps, "o", 3), (several_jumps, "x", 4)):
         style.draw_markers(axes, value[mask], shift[mask], marker, _BLUE, size)
     axes.set(xscale=scale, xlabel=label)

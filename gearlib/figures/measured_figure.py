@@ -10,14 +10,16 @@ _SET_COLOURS = ("#D55E00", "#CC79A7", "#56B4E9", "#882255")
 _DIRECTION_MARKERS = {1: "^", -1: "v", 0: "o"}
 _SPEEDS_OF_JUMPS = ("jump_up", "jump_down", "onset_of_contact_loss")
 _POINT_COLOUR = "#8C8C8C"
+#: Heights of a row of panels and of the legend, inches.
+_HISTORY_HEIGHT, _ORDER_HEIGHT, _LEGEND_HEIGHT = 2.6, 2.4, 0.5
 _MEASURED_ENTRY = style.legend_entry("measured", _POINT_COLOUR, "none", ".")
 
 
 def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
     """Draw measured points of the observables `names` over the tuning; return legend handles.
 
-    `curves` are results of `gearlib.studies.measured.measured_response_curve`. Dotted lines mark
-    the speeds of jumps. The limits of the axes remain.
+    `curves` are results of `gearlib.studies.measured.measured_response_curve`. Markers are open if
+    a gain or offset is unknown; dotted lines mark the speeds of jumps. The limits of the axes stay.
     """
     handles, limits = [], {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
     for curve, colour in zip(curves, _SET_COLOURS * len(curves), strict=False):
@@ -33,7 +35,8 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
                 style.draw_markers(axes, *points, marker, colour, 3.0, **options)
         jumps = [name for name in _SPEEDS_OF_JUMPS if name in curve]
         for name in jumps:
-            tuning = curve.attrs["tuning_rate"] * float(curve[name])
+            tuning_per_speed = curve.attrs["tuning_rate"]
+            tuning = tuning_per_speed * float(curve[name])
             axes.axvline(tuning, color=colour, linestyle=":", linewidth=0.9, zorder=1.6)
         if jumps or set(names) & set(curve):
             label = f"measured: {curve.title}"
@@ -46,8 +49,8 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
 def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed time histories, a panel for each.
 
-    `courses` are results of `gearlib.studies.measured.time_history_harmonics`; `colours` maps
-    damping names to colours.
+    `courses` are results of `gearlib.studies.measured.time_history_harmonics`, with measured samples
+    `point` at the mesh phases `point_phase`; `colours` maps damping names to colours.
     """
     histories = [
         data.isel(course=i, observable=j)
@@ -55,7 +58,7 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
         for i, j in np.ndindex(data.sizes["course"], data.sizes["observable"])
     ]
     rows = max(1, -(-len(histories) // 2))
-    figure = style.page_figure(2.6 * rows + 0.5)
+    figure = style.page_figure(_HISTORY_HEIGHT * rows + _LEGEND_HEIGHT)
     styles = panels.plot_options(courses[0].damping, colours)
     for k, history in enumerate(histories):
         data = panels.in_mesh_periods(panels.in_mesh_periods(history), "point_phase")
@@ -67,7 +70,7 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
         unit = dict(entry.split(" in ") for entry in data.course_units.split(", "))[name]
         axes.set_title(f"{data.title}, {float(data.speed):.5g} rpm")
         axes.set_ylabel(f"{name.replace('_', ' ')} ({unit})")
-    style.legend(figure, [_MEASURED_ENTRY, *panels.legend_entries(styles)], 5)
+    style.legend(figure, [_MEASURED_ENTRY, *panels.legend_entries(styles)], columns=5)
     return figure
 
 
@@ -75,15 +78,15 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
 def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed mesh orders, observables in rows, orders in columns.
 
-    `orders` are results of `gearlib.studies.measured.run_up_orders`; `colours` maps damping names
-    to colours. Levels are in dB relative to the largest one, so that an unknown gain has no effect.
+    `orders` are results of `gearlib.studies.measured.run_up_orders` over the orders z, 2z, ...;
+    `colours` maps dampings to colours. Levels are in dB re the largest, so a gain has no effect.
     """
     row_data = [
         data.isel(track=i, observable=j)
         for data in orders
         for i, j in np.ndindex(data.sizes["track"], data.sizes["observable"])
     ]
-    figure = style.page_figure(2.4 * max(1, len(row_data)) + 0.5)
+    figure = style.page_figure(_ORDER_HEIGHT * max(1, len(row_data)) + _LEGEND_HEIGHT)
     shared = {"squeeze": False, "sharex": "row", "sharey": "row"}
     grid = figure.subplots(max(1, len(row_data)), orders[0].sizes["order"], **shared)
     styles = panels.plot_options(orders[0].damping, colours)
@@ -99,7 +102,7 @@ def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = No
             axes.set_title(f"order {'' if k == 0 else k + 1}z")
             axes.set_ylabel(f"{data.title}\n{data.observable.item().replace('_', ' ')} (dB)")
             axes.label_outer()
-    style.legend(figure, [_MEASURED_ENTRY, *panels.legend_entries(styles)], 5)
+    style.legend(figure, [_MEASURED_ENTRY, *panels.legend_entries(styles)], columns=5)
     return figure
 
 

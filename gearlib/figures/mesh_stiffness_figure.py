@@ -8,6 +8,8 @@ from gearlib.figures import panels, style
 
 #: Methods that are drawn with their uncertainty; the others differ as much as the energy method.
 _METHODS_WITH_UNCERTAINTY = ("iso", "energy")
+#: Markers of the means by the four methods; room for the names of published values beside them.
+_MEAN_MARKERS, _TEXT_ROOM = "so^D", 3.6
 
 
 @style.styled()
@@ -35,7 +37,7 @@ def draw(stiffness: xr.Dataset):
         # The upper limit leaves room for markers and error bars.
         low, high = left.get_ylim()
         left.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
-    style.legend(figure, handles, 4, fontsize=6.5)
+    style.legend(figure, handles, columns=4, fontsize=6.5)
     return figure
 
 
@@ -55,8 +57,10 @@ def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
 
 
 def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
-    """Draw the mean stiffness of a pair by each method in `styles`, and published means."""
-    for x, ((method, options), marker) in enumerate(zip(styles.items(), "so^D", strict=True)):
+    """Draw the mean stiffness of a pair by the four methods in `styles`, and published means."""
+    for x, ((method, options), marker) in enumerate(
+        zip(styles.items(), _MEAN_MARKERS, strict=True)
+    ):
         of_method = pair.sel(stiffness_method=method)
         mean, error = float(of_method.mean_mesh_stiffness), 0.0
         if method in _METHODS_WITH_UNCERTAINTY:
@@ -69,6 +73,6 @@ def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
         value = float(published.published_stiffness.sel(published=source))
         axes.plot(x, value, "x", color="black", markersize=4)
         style.annotate(axes, source, (x, value), (4, 0), fontsize=5.5)
-    axes.set(xlim=(-0.8, x + (3.6 if published.published.size else 0.0)), xlabel="means")
+    axes.set(xlim=(-0.8, x + (_TEXT_ROOM if published.published.size else 0.0)), xlabel="means")
     axes.set_xticks([])
     axes.tick_params(labelleft=False)

@@ -22,11 +22,11 @@ cost: components of the state advanced per mesh period"""
 
 @style.styled()
 def draw(comparisons: list[xr.Dataset], scenes: list[str]):
-    """Return a figure of the largest change of an observable by model, a panel of bars per scene.
+    """Return a figure of the largest change of an observable from each model to a larger one.
 
-    `comparisons` are results of `gearlib.studies.scenes.compare`, `scenes` their names. The bar of
-    the chosen model is filled. If the motion depends on rounding errors, bars are medians over
-    initial states, with ranges.
+    `comparisons` are results of `gearlib.studies.scenes.compare`, a panel of bars for each scene (a
+    set of runs), named in `scenes`. The bar of the chosen model is filled. If rounding errors
+    decide the motion of a run, bars are medians over initial states, with ranges.
     """
     figure = style.page_figure(_HEADER_HEIGHT + _ROW_HEIGHT * len(comparisons))
     rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
@@ -48,9 +48,10 @@ def draw(comparisons: list[xr.Dataset], scenes: list[str]):
 def _draw_bar(axes, model: xr.Dataset, y: int):
     """Draw the change of one model as a horizontal bar at `y`, with a description on the right."""
     change, is_chosen = float(model.change), model.model.item() == model.chosen.item()
+    # If rounding errors decide the motion, its change has a range over initial states.
     is_reproducible = bool(model.change_free_of_rounding)
     description = f"{change:.2g}" if is_reproducible else "rounding decides"
-    if np.isnan(change):
+    if np.isnan(change):  # There is no larger model.
         description = "the largest model"
     else:
         face = _BLUE if is_chosen else "white"
@@ -59,4 +60,5 @@ def _draw_bar(axes, model: xr.Dataset, y: int):
             axes.plot([model.change_low, model.change_high], [y] * 2, color=_ORANGE, lw=2.0)
     description += ", used for the scene" if is_chosen else ""
     description += f", cost {float(model.cost):.3g}" if is_reproducible else ""
-    style.annotate(axes, description, (_LIMITS[1], y), (-4, 0), "right center", box=(0.1,))
+    point, box = (_LIMITS[1], y), style.white_box(padding=0.1)
+    style.annotate(axes, description, point, (-4, 0), "right center", bbox=box)

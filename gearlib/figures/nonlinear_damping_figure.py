@@ -4,6 +4,7 @@ import xarray as xr
 
 from gearlib.figures import panels, style
 
+_UNIT_HEIGHT = 2.3  #: inches, of a panel with the height ratio 1
 _EXTREMA = ["displacement_max", "displacement_min"]
 
 
@@ -12,17 +13,17 @@ def draw(studies: list[xr.Dataset]):
     """Return a figure of nonlinear damping: resonance sweeps above, phase planes below.
 
     `studies` are results of `gearlib.studies.nonlinear_damping.damping_study`; there is a column
-    for each place of the damping ("material" or "oil").
+    for each location of the damping ("material" or "oil").
     """
-    places = list(dict.fromkeys(study.place.item() for study in studies))
+    damping_locations = list(dict.fromkeys(study.place.item() for study in studies))
     tunings = studies[0].shown.values
     height_ratios = [1.4] + [1.0] * tunings.size
-    figure = style.page_figure(2.3 * sum(height_ratios))
+    figure = style.page_figure(_UNIT_HEIGHT * sum(height_ratios))
     options = {"squeeze": False, "sharey": "row", "height_ratios": height_ratios}
-    grid = figure.subplots(len(height_ratios), len(places), **options)
-    for column, place in zip(grid.T, places, strict=True):
-        of_place = [study for study in studies if study.place.item() == place]
-        data = xr.concat(of_place, "power", coords="minimal", compat="override")
+    grid = figure.subplots(len(height_ratios), len(damping_locations), **options)
+    for column, location in zip(grid.T, damping_locations, strict=True):
+        studies_of_location = [study for study in studies if study.place.item() == location]
+        data = xr.concat(studies_of_location, "power", coords="minimal", compat="override")
         styles = panels.plot_options(data.power)
         _draw_characteristics(column[0], data, styles)
         for axes, tuning in zip(column[1:], tunings, strict=True):
@@ -30,11 +31,12 @@ def draw(studies: list[xr.Dataset]):
     grid[0, 0].set_ylabel("$y_\\mathrm{max}$, $y_\\mathrm{min}$ (static defl.)")
     for axes in grid[1:, 0]:
         axes.set_ylabel(style.VELOCITY_LABEL)
+    # Shades must not change the automatic limits.
     grid[0, 0].set_ylim(grid[0, 0].get_ylim())
     for axes in grid[0]:
-        style.shade_areas(axes, float(studies[0].backlash_ratio), "y")
+        style.shade_lost_contact(axes, float(studies[0].backlash_ratio), "y")
     options = {"title": "damping (pale: sweep down)", "title_fontsize": 7.5}
-    style.legend(figure, panels.legend_entries(styles), len(styles), **options)
+    style.legend(figure, panels.legend_entries(styles), columns=len(styles), **options)
     return figure
 
 
@@ -56,5 +58,5 @@ def _draw_phase_planes(axes, data: xr.Dataset, styles: dict[str, dict]):
     """Draw the phase plane at one tuning, a curve for each damping power in `styles`."""
     curve_options = {"colour": "power", "styles": styles, "linewidth": 0.8}
     panels.draw_curves(axes, data, "displacement", "velocity", **curve_options)
-    style.shade_areas(axes, float(data.backlash_ratio[0]), "x")
+    style.shade_lost_contact(axes, float(data.backlash_ratio[0]), "x")
     axes.set(title=f"{panels.value_label(data.shown)}, from rest", ylabel="")

@@ -40,8 +40,8 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
         If a dataset is not an order spectrum, or lacks the variable.
     """
     checks.one_of("variable", variable, ("force_amplitude", "error_amplitude"))
-    names = (variable, "mesh_order")
-    curves = plot_curves.curves("orders", spectra, labels, names, "orders", "order")
+    sources = {"dim": "order", "caller": "orders", "source": "orders"}
+    curves = plot_curves.curves(spectra, labels, (variable, "mesh_order"), **sources)
     axes = plot_curves.axes_or_new(axes)
     spectra = [curve.data.isel(order=slice(1, None)) for curve in curves]
     size, unit = style.readable_unit(spectra[0][variable].units, *(s[variable] for s in spectra))

@@ -57,7 +57,7 @@ def value_label(coordinate: xr.DataArray) -> str:
     """Return the label of a scalar coordinate: a readable name, or "name = number unit"."""
     value = coordinate.item()
     if isinstance(value, str):
-        return _VALUE_LABELS.get(value, style.damping_label(value))
+        return _VALUE_LABELS.get(value, style.typeset_dampings(value))
     name, unit = name_and_unit(coordinate)
     return f"{name} = {value:g} {unit}".strip()
 
@@ -153,5 +153,5 @@ def draw_panels(
     # Matplotlib labels lines that have no label with a leading underscore.
     entries = [entry for entry in entries if not str(entry.get_label()).startswith("_")]
     if entries:
-        style.legend(figure, entries, min(len(entries), 4))
+        style.legend(figure, entries, columns=min(len(entries), 4))
     return grid

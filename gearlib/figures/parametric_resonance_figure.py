@@ -20,9 +20,10 @@ def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
 
     `chart` and `contact_loss` are results of the functions of `gearlib.studies.stability` of the
     same name. Shades are growth per mesh period at the first damping, lines the edges of
-    instability tongues, circles points of width zero. Dashed lines are values of the gear pair.
+    instability tongues, circles points of width zero. Dashed lines are values of the gear pair; a
+    cross marks the requested tuning with these values, and in the plane of damping without damping.
     """
-    figure = style.page_figure(6.6)
+    figure = style.page_figure(height=6.6)
     mosaic = [["stiffness_ratio", "contact_ratio"], ["damping", "damping"]]
     grid = figure.subplot_mosaic(mosaic, height_ratios=[1.25, 1.0])
     for name, axes in grid.items():
@@ -33,24 +34,26 @@ def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
         style.draw_markers(
             axes, points.point_tuning, points.point_value, "o", "black", 3.5, **options
         )
-        value = 0.0 if name == "damping" else float(plane.own_value)
-        axes.plot([float(contact_loss.asked)], [value], "k+", markersize=7, clip_on=False)
+        pair_value = 0.0 if name == "damping" else float(plane.own_value)
+        requested_tuning = float(contact_loss.asked)
+        axes.plot([requested_tuning], [pair_value], "k+", markersize=7, clip_on=False)
         if name == "damping":
             _label_tongues(axes, plane)
             _draw_damping_ratios(axes, contact_loss.damping_ratio.round(12))
         else:
-            axes.axhline(value, **_PAIR_LINE)
+            axes.axhline(pair_value, **_PAIR_LINE)
         axes.set(xlabel=panels.axis_label(chart.tuning), ylabel=_Y_LABELS[name])
     label = panels.axis_label(chart.growth)
     figure.colorbar(image, ax=list(grid.values()), label=label, aspect=40)
-    style.legend(figure, grid["stiffness_ratio"], 6, "upper")
+    style.legend(figure, grid["stiffness_ratio"], columns=6, side="upper")
     return figure
 
 
 def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
     """Draw growth and the edges of tongues in one plane of parameters; return the image of growth.
 
-    The colour scale ends at `max_growth`; the tuning has a logarithmic scale.
+    The dimension "row" is over the values of the vertical axis. The colour scale ends at
+    `max_growth`; the tuning has a logarithmic scale.
     """
     growth = plane.growth.where(plane.growth > 0.0)
     options = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": max_growth, "shading": "nearest"}
@@ -69,6 +72,7 @@ def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
 def _label_tongues(axes, plane: xr.Dataset):
     """Write order and largest damping ratio of each tongue in the plane of tuning and damping."""
     for order in plane.order.values:
+        # Row 0 is without damping, where tongues are widest. This plane has one damping only.
         tongue = plane.isel(damping=0, row=0).sel(order=order)
         centre = 0.5 * float(tongue.tuning_from + tongue.tuning_to)
         max_damping = float(tongue.closing_damping)
@@ -82,6 +86,6 @@ def _draw_damping_ratios(axes, ratios: xr.DataArray):
     for ratio, dampings in ratios.groupby(ratios):
         if 0.0 < ratio < axes.get_ylim()[1]:
             axes.axhline(ratio, **_PAIR_LINE)
-            names = ", ".join(map(style.damping_label, dampings.damping.values))
+            names = ", ".join(map(style.typeset_dampings, dampings.damping.values))
             options = {"anchor": "left baseline", "coords": ("axes fraction", "data")}
             style.annotate(axes, names, (0.01, ratio), (0, 2), **options)

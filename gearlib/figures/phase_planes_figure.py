@@ -15,15 +15,16 @@ SAME_ORBIT_TOLERANCE = 5e-3
 
 @style.styled()
 def draw(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
-    """Return a figure of phase planes, velocity over displacement, with their steadiness as titles.
+    """Return a figure of phase planes, velocity over displacement, for each damping and tuning.
 
-    `phase_planes` is a dataset over (damping, tuning, phase); `colours` maps dampings to colours.
+    Titles say whether the motion is periodic. `phase_planes` is a dataset over (damping, tuning,
+    phase); `colours` maps dampings to colours.
     """
     tunings = phase_planes.tuning.values
     curve_styles = style.curve_styles([str(name) for name in phase_planes.damping.values], colours)
     figure = style.page_figure(_HEADER_HEIGHT + _CELL_HEIGHT * tunings.size)
     grid = figure.subplots(tunings.size, len(curve_styles), squeeze=False)
-    for row, tuning in zip(grid, tunings, strict=True):
+    for i, (row, tuning) in enumerate(zip(grid, tunings, strict=True)):
         row[0].set_ylabel(f"$\\nu_s$ = {tuning:.2f}\n$dy/d\\tau$")
         for axes, (name, curve_style) in zip(row, curve_styles.items(), strict=True):
             run = phase_planes.sel(tuning=tuning, damping=name)
@@ -31,7 +32,7 @@ def draw(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
                 axes, run, color=curve_style.colour, linewidth=0.8 if int(run.period) else 0.3
             )
             axes.tick_params(labelsize=5.5)
-            header = [style.damping_label(name)] if axes in grid[0] else []
+            header = [style.typeset_dampings(name)] if i == 0 else []
             axes.set_title("\n".join([*header, *textwrap.wrap(_steadiness(run), 30)]), fontsize=6)
     for axes in grid[-1]:
         axes.set_xlabel(style.DISPLACEMENT_LABEL)
@@ -44,7 +45,7 @@ def draw_plane(axes, run: xr.Dataset, **options):
     axes.set(xlim=style.limits(displacement, 0.0), ylim=style.limits(velocity, 0.0))
     # With moving bearings the displacement of coast-side contact varies: shade all of y < 0.
     backlash = np.inf if "backlash" in run else float(run.backlash_ratio)
-    style.shade_areas(axes, backlash, "x")
+    style.shade_lost_contact(axes, backlash, "x")
     axes.plot(displacement, velocity, **options)
 
 

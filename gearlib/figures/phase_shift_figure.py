@@ -11,7 +11,7 @@ def draw(lags: xr.Dataset):
 
     `lags` is a result of `gearlib.studies.paper.phase_lag`.
     """
-    figure = style.page_figure(6.4)
+    figure = style.page_figure(height=6.4)
     mosaic = [["stiffness", "bars"], ["motion", "bars"], ["tuning", "tuning"]]
     axes = figure.subplot_mosaic(mosaic, height_ratios=(1.0, 1.6, 1.8))
     styles = panels.plot_options(lags.damping)
@@ -24,12 +24,12 @@ def draw(lags: xr.Dataset):
     for name in ("stiffness", "motion"):
         axes[name].set_xlim(0.0, 1.0)
     _draw_bars(axes["bars"], lags, [*styles.values()])
-    # The line has a gap where the lag wraps from 270 to -90 degrees.
+    # The line of the first harmonic has a gap where its lag wraps from 270 to -90 degrees.
     wraps = abs(lags.first_lag.diff("tuning")).reindex_like(lags, fill_value=0.0) > 180.0
     lags_with_gaps = lags.assign(first_lag=lags.first_lag.where(~wraps))
     panels.draw_curves(axes["tuning"], lags_with_gaps, "tuning", "first_lag", **curve_options)
     axes["tuning"].axvline(lags.shown_tuning, color="black", linewidth=0.6, linestyle=":")
-    style.legend(figure, entries, 4)
+    style.legend(figure, entries, columns=4)
     return figure
 
 

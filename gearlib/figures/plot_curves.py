@@ -42,7 +42,7 @@ def require(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, 
             )
 
 
-def curves(caller, datasets: Sequence, labels, names, source, dim) -> list[Curve]:
+def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Curve]:
     """Return a `Curve` (data, label, style) for each damping, direction, mesh and case of datasets.
 
     The variables `names` must have the dimension `dim`. `labels`, one per dataset, or None, start
@@ -85,7 +85,7 @@ def _origin(dataset: xr.Dataset) -> dict[str, str]:
 def _label(properties: dict[str, str]) -> str:
     """Return the legend label of a curve from its properties (label, damping, direction, ...)."""
     names = [
-        DIRECTION_LABELS.get(value, value) if name == "direction" else style.damping_label(value)
+        DIRECTION_LABELS.get(value, value) if name == "direction" else style.typeset_dampings(value)
         for name, value in properties.items()
     ]
     return ", ".join(names)
@@ -147,7 +147,7 @@ def shade_backlash(axes: Axes, curves: list[Curve], direction: str):
     backlash = common_scalar(curves, "backlash_ratio")
     if backlash is not None:
         limits = axes.axis()
-        style.shade_areas(axes, backlash, direction)
+        style.shade_lost_contact(axes, backlash, direction)
         axes.axis(limits)
 
 

@@ -18,7 +18,7 @@ EXTREMA_LABEL = "displacement $y_\\mathrm{max}$, $y_\\mathrm{min}$\n(static defl
 SHOWN_FRACTION = 0.95
 #: Number of markers along a line.
 MARKER_COUNT = 14
-COLD_COLOUR, TONGUE_COLOUR = "#8C8C8C", "#F0E44299"
+FROM_REST_COLOUR, TONGUE_COLOUR = "#8C8C8C", "#F0E44299"
 #: Name and colour of each kind of motion, by its code in `gearlib.analysis.trust`.
 MOTION_KINDS = (
     ("periodic", "#009E73"),
@@ -36,7 +36,7 @@ def draw(
 ):
     """Return a figure of resonance characteristics: a dataset over (damping, direction, tuning).
 
-    `colours` maps dampings to colours. `labels`, results of `gearlib.analysis.trust.scan`, are
+    `colours` maps dampings to colours. `labels`, kinds of motion by `gearlib.analysis.trust`, are
     drawn as a strip, `branches`, of `gearlib.studies.resonance`, as thin lines, `tongues` as
     shades, `measured` curves as points. `forces` adds a panel of mesh forces and excludes
     coast-side contact from the limits. Lines are settled motions, markers others; carets mark
@@ -63,14 +63,14 @@ def draw(
             axes = below.add_subplot(rows, columns, 1 + number, ylim=limits)
             if tongues is not None and name in tongues.damping:
                 _shade_tongues(axes, tongues.sel(damping=name))
-            overlays = _of_damping(labels, name), _of_damping(branches, name)
-            _draw_panel(axes, resonance.sel(damping=name), curve_style, *overlays)
+            sweeps, motion_kinds = resonance.sel(damping=name), _of_damping(labels, name)
+            _draw_panel(axes, sweeps, curve_style, motion_kinds, _of_damping(branches, name))
             if number >= len(curve_styles) - columns:
                 axes.set_xlabel(style.TUNING_LABEL)
             if number % columns == 0:
                 axes.set_ylabel(style.DISPLACEMENT_LABEL)
         handles = _legend_entries(main, other_directions, labels, branches, tongues)
-        style.legend(figure, handles, 5, fontsize=6.5, columnspacing=1.2)
+        style.legend(figure, handles, columns=5, fontsize=6.5, columnspacing=1.2)
     return figure
 
 
@@ -114,9 +114,11 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
     """
     axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
     axes.set_ylim(_limits(sweeps, coast_side))
-    for name, (low, high) in style.shade_areas(axes, float(sweeps.backlash_ratio), "y").items():
-        options = {"coords": ("axes fraction", "data"), "anchor": "right center", "box": (0.2, 0.8)}
-        options |= {"style": "italic", "fontsize": None, "zorder": 5}
+    box = style.white_box(padding=0.2, opacity=0.8)
+    options = {"style": "italic", "fontsize": None, "bbox": box, "zorder": 5}
+    options |= {"coords": ("axes fraction", "data"), "anchor": "right center"}
+    areas = style.shade_lost_contact(axes, float(sweeps.backlash_ratio), "y")
+    for name, (low, high) in areas.items():
         style.annotate(axes, name, (0.99, 0.5 * (low + high)), **options)
     _draw_dampings(axes, sweeps, curve_styles, EXTREMA, width=1.6)
     handles = axes.get_legend_handles_labels()[0] + measured_figure.draw_curves(
@@ -126,20 +128,25 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
         handles.append(style.legend_entry("not settled", "0.3", "none", ".", markersize=3))
     axes.legend(handles=handles, loc="upper right", ncols=2)
     axes.set(xlabel=style.TUNING_LABEL, ylabel=EXTREMA_LABEL)
+    # Three scales above the panel, at positions relative to its height: tunings by the largest and
+    # the smallest stiffness, and the speed.
     for index, position in (("max", 1.0), ("min", 1.115)):
         factor, label = sweeps[f"tuning_factor_{index}"], f"tuning $\\nu_\\mathrm{{{index}}}$"
         style.second_scale(axes, float(factor), label, position=position)
-    speed_per_tuning = float(sweeps.speed[-1] / sweeps.tuning[-1])
-    style.second_scale(axes, speed_per_tuning, panels.axis_label(sweeps.speed), position=1.23)
+    factor, label = float(sweeps.speed[-1] / sweeps.tuning[-1]), panels.axis_label(sweeps.speed)
+    style.second_scale(axes, factor, label, position=1.23)
     style.length_scale(axes, float(sweeps.static_deflection), "displacement")
 
 
 def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
-    """Draw the largest mesh forces, computed for the keys of `curve_styles`, and measured ones."""
+    """Draw the largest mesh forces, computed for the keys of `curve_styles`, and measured ones.
+
+    The title warns that no dynamic factor K_v follows: κ is the ratio of the two stiffnesses.
+    """
     axes.set_ylim(0.0, 1.05 * shown_range(sweeps, FORCE)[1])
     _draw_dampings(axes, sweeps, curve_styles, FORCE)
     axes.axhline(1.0, color="#8C8C8C", linewidth=0.6, zorder=1)
-    axes.set(xlabel=style.TUNING_LABEL, ylabel=panels.axis_label(sweeps[FORCE[0]], 24))
+    axes.set(xlabel=style.TUNING_LABEL, ylabel=panels.axis_label(sweeps[FORCE[0]], width=24))
     title = "rectangular stiffness: the force jumps by 1/κ at every speed, it is not a $K_v$"
     axes.set_title(title, fontsize="small")
     style.second_scale(axes, float(sweeps.force_scale) / 1e3, "mesh force (kN)", "right")
@@ -149,7 +156,7 @@ def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
 def _draw_dampings(axes, sweeps: xr.Dataset, curve_styles: dict, names: tuple, width=1.0):
     """Draw the variables `names` of sweeps for all dampings, the keys of `curve_styles`."""
     for number, (damping, curve_style) in enumerate(curve_styles.items()):
-        label, marker_shift = style.damping_label(damping), number / len(curve_styles)
+        label, marker_shift = style.typeset_dampings(damping), number / len(curve_styles)
         sweep = sweeps.sel(damping=damping)
         draw_sweep(axes, sweep, curve_style, marker_shift, names, width, label)
 
@@ -159,26 +166,26 @@ def _of_damping(datasets, damping: str) -> xr.Dataset | None:
     return next((data for data in datasets if data.damping == damping), None)
 
 
-def _draw_panel(axes, sweeps: xr.Dataset, curve_style: style.CurveStyle, labels, branches):
+def _draw_panel(axes, sweeps: xr.Dataset, curve_style: style.CurveStyle, motion_kinds, branches):
     """Draw the sweeps of one damping in all directions, in the colour of `curve_style`.
 
-    `branches` of orbits and `labels` of kinds of motion, drawn as a strip, are datasets or None.
+    `motion_kinds` over the tuning, drawn as a strip, and `branches` of orbits are datasets or None.
     """
-    axes.set_title(style.damping_label(str(sweeps.damping.item())))
+    axes.set_title(style.typeset_dampings(str(sweeps.damping.item())))
     axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
-    style.shade_areas(axes, float(sweeps.backlash_ratio), "y")
+    style.shade_lost_contact(axes, float(sweeps.backlash_ratio), "y")
     for name in EXTREMA if branches is not None else ():
         draw_curve(axes, branches, name, "black", 0.7, zorder=1.5)
     main = sweeps_from_rest(sweeps)
-    draw_sweep(axes, main, style.CurveStyle(COLD_COLOUR, "-", "."), width=3.0)
+    draw_sweep(axes, main, style.CurveStyle(FROM_REST_COLOUR, "-", "."), width=3.0)
     other_directions = [name for name in sweeps.direction.values if name != main.direction]
     for number, name in enumerate(other_directions):
         direction_style = style.CurveStyle(curve_style.colour, *WARM_STARTED_STYLES[name])
-        draw_sweep(axes, sweeps.sel(direction=name), direction_style, number / 2)
-    if labels is not None:
-        tuning, (low, high) = labels.tuning.values, axes.get_ylim()
+        draw_sweep(axes, sweeps.sel(direction=name), direction_style, marker_shift=number / 2)
+    if motion_kinds is not None:
+        tuning, (low, high) = motion_kinds.tuning.values, axes.get_ylim()
         step = np.diff(tuning).min() if tuning.size > 1 else 0.01
-        colours = [MOTION_KINDS[code][1] for code in labels.label.values]
+        colours = [MOTION_KINDS[code][1] for code in motion_kinds.label.values]
         axes.bar(tuning, 0.04 * (high - low), step, low, color=colours, linewidth=0, zorder=4)
 
 
@@ -189,20 +196,21 @@ def _shade_tongues(axes, tongues: xr.Dataset):
             axes.axvspan(low, high, color=TONGUE_COLOUR, linewidth=0, zorder=0.5)
 
 
-def _legend_entries(main: xr.Dataset, other_directions: list[str], labels, branches, tongues):
+def _legend_entries(main, other_directions: list[str], motion_kinds, branches, tongues):
     """Return legend handles for the panels of dampings.
 
-    `main` are the sweeps with broad lines; `labels`, `branches` and `tongues` are those of `draw`.
+    `main` are the sweeps with broad lines; `motion_kinds` (classified motions from rest) and
+    `branches` of orbits are lists of datasets, `tongues` of parametric resonance one or None.
     """
     main_label = DIRECTION_LABELS[main.direction.item()]
-    handles = [style.legend_entry(main_label, COLD_COLOUR, linewidth=3.0)]
+    handles = [style.legend_entry(main_label, FROM_REST_COLOUR, linewidth=3.0)]
     for name in other_directions:
         dashes_and_marker = WARM_STARTED_STYLES[name]
         handles.append(style.legend_entry(DIRECTION_LABELS[name], "black", *dashes_and_marker))
     if branches:
         handles.append(style.legend_entry("stable orbit", linewidth=0.7))
         handles.append(style.legend_entry("unstable orbit", line=style.DASHED, linewidth=0.7))
-    codes = {code for data in labels for code in data.label.values}
+    codes = {code for data in motion_kinds for code in data.label.values}
     handles += [
         Patch(facecolor=colour, label=f"from rest: {name}")
         for code, (name, colour) in enumerate(MOTION_KINDS)
@@ -227,17 +235,11 @@ def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=
         # A line connects neighbouring settled motions.
         settled = np.pad(is_inside & (sweep.period.values > 0), 1)
         has_line = settled[1:-1] & (settled[:-2] | settled[2:])
-        axes.plot(
-            tuning,
-            np.where(has_line, values, np.nan),
-            color=curve_style.colour,
-            linestyle=curve_style.line,
-            linewidth=width,
-            marker=curve_style.marker,
-            markersize=3.5,
-            markevery=(int(marker_shift * marker_step), marker_step),
-            label=label if name == names[0] else None,
-        )
+        line = {"color": curve_style.colour, "linestyle": curve_style.line, "linewidth": width}
+        line["label"] = label if name == names[0] else None
+        markers = {"marker": curve_style.marker, "markersize": 3.5}
+        markers["markevery"] = int(marker_shift * marker_step), marker_step
+        axes.plot(tuning, np.where(has_line, values, np.nan), **line, **markers)
         # Motions that have not settled are drawn behind the settled ones.
         mask, marker_style = is_inside & ~has_line, (curve_style.marker, curve_style.colour, 1.8)
         options = {"markeredgewidth": 0.4, "zorder": 1.8}
@@ -254,7 +256,7 @@ def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     Displacements are in micrometres, mesh forces in static loads. Each gear has its colour and
     label, each damping its dashes.
     """
-    figure = style.page_figure(6.0)
+    figure = style.page_figure(height=6.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
     mains = [_in_micrometres(sweeps_from_rest(data.sortby("tuning"))) for data in curves]
     above.set_ylim(style.limits(*(shown_range(main, EXTREMA) for main in mains)))
@@ -266,13 +268,13 @@ def draw_cases(curves: list[xr.Dataset], labels: list[str]):
             dampings, dict.fromkeys(dampings, colour)
         ).items():
             sweep, marker_shift = main.sel(damping=name), number / len(mains)
-            label = f"{case}, {style.damping_label(name)}" if main.damping.size > 1 else case
+            label = f"{case}, {style.typeset_dampings(name)}" if main.damping.size > 1 else case
             draw_sweep(above, sweep, curve_style, marker_shift, label=label)
             draw_sweep(below, sweep, curve_style, marker_shift, FORCE)
     above.set_ylabel("displacement (µm)")
-    below.set_ylabel(panels.axis_label(mains[0][FORCE[0]], 24))
+    below.set_ylabel(panels.axis_label(mains[0][FORCE[0]], width=24))
     below.set_xlabel(style.TUNING_LABEL)
-    style.legend(figure, above, 3)
+    style.legend(figure, above, columns=3)
     return figure
 
 

@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from gearlib.data.variables import QUANTITIES
+from gearlib.data.variables import QUANTITIES, STATUSES
 from gearlib.figures import panels, style
 
 _HEIGHT, _ROW_HEIGHT = 5.0, 1.7
@@ -35,7 +35,8 @@ def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[st
 def draw_bands(scattered: xr.Dataset):
     """Return a figure of quantile bands of displacement, and of probabilities, over the speed.
 
-    `scattered` is a result of `gearlib.scatter`, over "tuning" or "speed".
+    `scattered` is a result of `gearlib.scatter`, over "tuning" or "speed": its variable height_band
+    has quantiles of the peak-to-peak displacement, its direction "seeded" random initial states.
     """
     figure = style.page_figure(_HEIGHT)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
@@ -61,9 +62,9 @@ def draw_bands(scattered: xr.Dataset):
         below.fill_between(x, probability, color=_GREY, linewidth=0, zorder=0, label="two motions")
         below.legend()
     above.set(ylim=(0.0, None), xlim=style.limits(x, margin=0.0))
-    above.set_ylabel(panels.axis_label(panels.in_unit(band, size, unit), 40))
+    above.set_ylabel(panels.axis_label(panels.in_unit(band, size, unit), width=40))
     below.set_ylim(0.0, 1.02)
-    below.set_ylabel(panels.axis_label(scattered.contact_loss_probability, 30))
+    below.set_ylabel(panels.axis_label(scattered.contact_loss_probability, width=30))
     below.set_xlabel("speed (rpm)" if dim == "speed" else style.OWN_TUNING_LABEL)
     return figure
 
@@ -85,8 +86,8 @@ def draw_quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None)
 
 def _draw_histogram(axes, scattered: xr.Dataset, name: str):
     """Draw a histogram of the quantity `name` of all designs, and its nominal value."""
-    values = scattered[name].values[scattered[f"{name}_status"].values == 0]
-    unit = QUANTITIES[name][0]
+    values = scattered[name].values[scattered[f"{name}_status"].values == STATUSES.index("ok")]
+    unit, _ = QUANTITIES[name]
     size, unit = style.readable_unit({"min-1": "rpm", "1": ""}.get(unit, unit), values)
     axes.set_xlabel(name.replace("_", " ") + (f" ({unit})" if unit else ""))
     axes.set_ylabel("designs")

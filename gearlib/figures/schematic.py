@@ -45,7 +45,7 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     """Return the circles, lines and points of a train at a phase of the reference mesh, rad.
 
     `layout`, a result of `GearTrain.layout`, has positions of bodies and meshes at phase 0, and
-    rotations per phase.
+    angles of rotation over the phase: body_turns, and frame_turns of all axes about the first one.
     """
     angle = float(layout.frame_turns) * phase
     rotation = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
@@ -54,12 +54,13 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     position_of = dict(zip(map(str, layout.body.values), positions, strict=True))
     circles, marks = [], []
     body_circles = circles_of(layout).items()
-    for (name, radii), turns in zip(body_circles, layout.body_turns.values, strict=True):
+    for (name, radii), body_turn in zip(body_circles, layout.body_turns.values, strict=True):
         circles += [(*map(float, position_of[name]), radius, kind) for radius, kind in radii]
         if radii:
+            # A radial line on the largest circle shows the rotation; in a ring gear it is outside.
             radius, kind = max(radii)
             end_radii = radius * np.array([1.0, RING_MARK_RADIUS] if kind == "ring" else [0.0, 1.0])
-            mark_direction = np.array([math.cos(turns * phase), math.sin(turns * phase)])
+            mark_direction = np.array([math.cos(body_turn * phase), math.sin(body_turn * phase)])
             marks.append(position_of[name] + np.outer(end_radii, mark_direction))
     carriers = zip(position_of, map(str, layout.carried_by.values), strict=True)
     arms = [(position_of[carrier], position_of[name]) for name, carrier in carriers if carrier]

@@ -6,7 +6,8 @@ from matplotlib.patches import Patch
 
 from gearlib.figures import panels, style
 
-_HEIGHT = 2.3
+#: Heights of a map, of the panel below the maps, and of this panel with the legend, inches.
+_MAP_HEIGHT, _RADIUS_HEIGHT, _LOWER_HEIGHT = 2.3, 1.4, 2.2
 #: A spectral radius counts as right if it differs from the exact one by at most this.
 RADIUS_TOLERANCE = 0.01
 #: Limit of explicit Runge-Kutta steps on the imaginary axis.
@@ -46,8 +47,8 @@ def draw(chart: xr.Dataset):
     the stability limit of explicit Runge-Kutta steps at the maximum stiffness.
     """
     rows = -(-chart.sizes["method"] // 2)
-    figure = style.page_figure(_HEIGHT * rows + 2.2)
-    grid = figure.add_gridspec(rows + 1, 2, height_ratios=[_HEIGHT] * rows + [1.4])
+    figure = style.page_figure(_MAP_HEIGHT * rows + _LOWER_HEIGHT)
+    grid = figure.add_gridspec(rows + 1, 2, height_ratios=[_MAP_HEIGHT] * rows + [_RADIUS_HEIGHT])
     tuning, steps = chart.tuning.values, chart.steps.values
     true_radius = np.interp(tuning, chart.fine_tuning, chart.true_radius)
     for i, name in enumerate(chart.method.values):
@@ -56,6 +57,7 @@ def draw(chart: xr.Dataset):
         style.draw_code_map(axes, tuning, steps, codes, [colour for _, colour in VERDICTS])
         axes.set(yscale="log", title=name)
         axes.set_ylabel(panels.axis_label(chart.steps) if i % 2 == 0 else "")
+        # Only the classical Runge-Kutta method, with or without additions, has this limit.
         if name.startswith("rk4"):
             limit = 2.0 * np.pi * np.sqrt(float(chart.stiffness_max)) / tuning / _RK4_LIMIT
             limit[(limit < steps[0]) | (limit > steps[-1])] = np.nan
@@ -65,5 +67,5 @@ def draw(chart: xr.Dataset):
     below.set(xlabel=panels.axis_label(chart.tuning), ylabel="true radius")
     below.set_xlim(tuning[0], tuning[-1])
     handles = [Patch(facecolor=colour, edgecolor="grey", label=name) for name, colour in VERDICTS]
-    style.legend(figure, handles, 3)
+    style.legend(figure, handles, columns=3)
     return figure

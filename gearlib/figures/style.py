@@ -112,8 +112,8 @@ def curve_styles(names, colours: dict | None = None) -> dict[Any, CurveStyle]:
     }
 
 
-def damping_label(name: str) -> str:
-    """Return the label of a damping model, such as "k1+k1m", with indices as math symbols."""
+def typeset_dampings(name: str) -> str:
+    """Return a text with the symbols of damping models, k1 and k1m, as math."""
     return re.sub(r"\bk1(m?)\b", lambda match: f"$k_{{1{match[1]}}}$", name).replace("+", " + ")
 
 
@@ -137,11 +137,12 @@ def draw_solid_and_dotted(axes: Axes, x: ArrayLike, y: ArrayLike, is_dotted, **o
             options["label"] = None
 
 
-def shade_areas(axes: Axes, backlash: float, direction: str) -> dict[str, tuple[float, float]]:
-    """Shade backlash and inverse mesh; return the visible (lower, upper) range of each area.
+def shade_lost_contact(axes: Axes, backlash: float, direction: str) -> dict[str, tuple]:
+    """Shade the displacements without drive-side contact; return the visible ranges by area.
 
-    `direction` is the axis of displacement, "x" or "y", whose limits must be set; `backlash` is in
-    static deflections and may be infinite.
+    The ranges, (lower, upper), have the keys "normal mesh" (drive-side contact), "backlash" (none)
+    and "inverse mesh" (coast-side contact). `direction` is the axis of displacement, "x" or "y",
+    whose limits must be set; `backlash` is in static deflections and may be infinite.
     """
     lower, upper = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
     edges = np.clip([upper, 0.0, -backlash, lower], lower, upper)
@@ -191,7 +192,7 @@ def legend_entry(label, colour="black", line="-", marker: str | None = None, **o
 
 
 def legend(figure: FigureBase, handles: list | Axes, columns: int, side="lower", **options):
-    """Add a legend with so many columns below all panels, or above them if `side` is "upper".
+    """Add a legend with `columns` columns below all panels, or above them if `side` is "upper".
 
     `handles` are lines and patches with labels, or the axes to take them from.
     """
@@ -212,18 +213,18 @@ def draw_markers(axes: Axes, x: ArrayLike, y: ArrayLike, marker, colour, size, *
     axes.plot(x, y, linestyle="none", marker=marker, color=colour, markersize=size, **options)
 
 
-def annotate(
-    axes, text, point, offset=None, anchor="left center", coords="data", box=None, **options
-):
+def white_box(padding: float, opacity: float | None = None) -> dict:
+    """Return the `bbox` of a text on white; the padding is relative to the text height."""
+    return {"boxstyle": f"round,pad={padding}", "facecolor": "white", "lw": 0, "alpha": opacity}
+
+
+def annotate(axes, text, point, offset=None, anchor="left center", coords="data", **options):
     """Write a small text at a point, or with an `offset` (x, y) from it in printer's points.
 
     `anchor` is "horizontal vertical", the alignment; `coords` are the coordinates of the point, as
-    `xycoords` of `Axes.annotate`; `box` is (padding,) or (padding, opacity) of a white background.
+    `xycoords` of `Axes.annotate`.
     """
     ha, va = anchor.split()
-    if box:
-        white_box = {"boxstyle": f"round,pad={box[0]}", "facecolor": "white", "lw": 0}
-        options["bbox"] = white_box | ({"alpha": box[1]} if len(box) > 1 else {})
     if offset:
         options |= {"xytext": offset, "textcoords": "offset points"}
     axes.annotate(text, point, xycoords=coords, ha=ha, va=va, **{"fontsize": 6} | options)
@@ -255,7 +256,7 @@ def _widen_limits(axes: Axes):
 
 
 def note_absent(figure: Figure, methods: list[str]):
-    """Write above a figure which methods are missing because their packages are not installed."""
+    """Write above a figure which methods lack their packages, which `make peers` installs."""
     if methods:
         text = f"not installed, left out: {', '.join(methods)} (make peers)"
         # Legends lie below the panels.

@@ -20,8 +20,8 @@ _MIN_STIFFNESS_COLOUR = "#D55E00"
 def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
     """Return a figure of a scene of `gearlib.studies.scenes`: phase planes above time histories.
 
-    `courses` are names of variables to draw over time; the last `periods_shown` mesh periods of
-    the record are drawn. Cases are in columns.
+    `courses` are the names of variables with a row of time histories each, over the last
+    `periods_shown` mesh periods of the record. Cases are in columns.
     """
     samples = periods_shown * round(2.0 * np.pi / float(scene.phase[1] - scene.phase[0]))
     shown = scene.isel(phase=slice(scene.sizes["phase"] - samples, None))
@@ -40,7 +40,8 @@ def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
         for axes, name in zip(column[1:], courses, strict=True):
             _draw_time_history(axes, panels.in_mesh_periods(run), name)
             axes.label_outer()
-    grid[0, 0].set(ylabel=panels.axis_label(scene.velocity, 30), ylim=style.limits(shown.velocity))
+    label, limits = panels.axis_label(scene.velocity, width=30), style.limits(shown.velocity)
+    grid[0, 0].set(ylabel=label, ylim=limits)
     figure.supxlabel(f"model: {_MODELS[scene.model.item()]}", fontsize=6, x=0.99, ha="right")
     return figure
 
@@ -48,11 +49,12 @@ def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
 def _draw_time_history(axes, run: xr.Dataset, name: str):
     """Draw the variable `name` of a run over the mesh periods, with shades for contact loss.
 
-    For the modified stiffness a bar marks the times of contact at the lower stiffness.
+    For the modified stiffness (0 without contact) a bar marks the times of contact at the lower
+    level of the stiffness, which is below its mean 1.
     """
     steps = "steps-post" if name.endswith("stiffness") else "default"
     panels.draw_curves(axes, run, "phase", name, linewidth=0.9, drawstyle=steps)
-    axes.set_ylabel(panels.axis_label(run[name], 20), fontsize=6.5)
+    axes.set_ylabel(panels.axis_label(run[name], width=20), fontsize=6.5)
     periods, contact = run.phase.values, run.contact.values
     axes.set_xlim(periods[0], periods[-1])
     axes.margins(y=0.12)
@@ -61,7 +63,8 @@ def _draw_time_history(axes, run: xr.Dataset, name: str):
         is_soft_contact = (contact != 0) & (run.stiffness.values < 1.0)
         _shade_times(axes, periods, is_soft_contact, _MIN_STIFFNESS_COLOUR, bottom=0.92)
         text = f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %"
-        options = {"anchor": "left baseline", "box": (0.15, 0.8), "color": _MIN_STIFFNESS_COLOUR}
+        options = {"anchor": "left baseline", "color": _MIN_STIFFNESS_COLOUR}
+        options["bbox"] = style.white_box(padding=0.15, opacity=0.8)
         style.annotate(axes, text, (0.02, 0.45), coords="axes fraction", **options)
 
 

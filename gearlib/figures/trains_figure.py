@@ -20,6 +20,8 @@ _SINGLE_BRANCH_MARKERS = {
     "lost_alone_share": (0.03, "s", "contact lost in this branch only"),
     "struck_alone_share": (0.08, "x", "far flank struck in this branch only"),
 }
+#: Height of the lowest row of panels over that of the others.
+_SHARE_HEIGHT_RATIO = 0.35
 _MARKERS_ONLY = {"line": "none", "markersize": 3}
 
 
@@ -29,7 +31,7 @@ def draw_sweep(curves: xr.Dataset):
 
     `curves` is a result of `gearlib.studies.trains.over_speed`.
     """
-    figure = style.page_figure(5.2)
+    figure = style.page_figure(height=5.2)
     styles = _with_decreasing_widths(panels.plot_options(curves.mesh))
     colours = {mesh: options["color"] for mesh, options in styles.items()}
     remaining = schematic.draw_train(figure, curves, colours)
@@ -38,7 +40,7 @@ def draw_sweep(curves: xr.Dataset):
     grid[-1, 0].set_xlabel("speed of the reference pinion (rpm)")
     tuning_per_speed = float(curves.tuning[-1] / curves.speed[-1])
     style.second_scale(grid[0, 0], tuning_per_speed, style.OWN_TUNING_LABEL)
-    style.legend(figure, panels.legend_entries(styles) + _common_entries(), 4)
+    style.legend(figure, panels.legend_entries(styles) + _common_entries(), columns=4)
     return figure
 
 
@@ -48,16 +50,17 @@ def draw_reducer(characteristics: xr.Dataset):
 
     `characteristics` is a result of `gearlib.studies.trains.reducer`.
     """
-    data = characteristics
-    figure = style.page_figure(6.8)
-    branches = dict(zip(data.mesh.values, data.mesh_branch.values, strict=True))
+    figure = style.page_figure(height=6.8)
+    branches = dict(
+        zip(characteristics.mesh.values, characteristics.mesh_branch.values, strict=True)
+    )
     colours = {mesh: style.PALETTE[int(branch) - 1] for mesh, branch in branches.items()}
-    remaining = schematic.draw_train(figure, data, colours, below=True)
+    remaining = schematic.draw_train(figure, characteristics, colours, below=True)
     stages = {
         stage: _with_decreasing_widths(
             {
                 mesh: {"color": colours[mesh], "label": f"branch {branches[mesh]}, from rest"}
-                for mesh in data.mesh.values[data.mesh_stage.values == stage]
+                for mesh in characteristics.mesh.values[characteristics.mesh_stage.values == stage]
             }
         )
         for stage in (1, 2)
@@ -66,7 +69,7 @@ def draw_reducer(characteristics: xr.Dataset):
         (name, stages[i])
         for name, i in (("dynamic_factor", 1), ("dynamic_factor", 2), ("load_sharing", 1))
     ]
-    cases = [data.sel(case=case) for case in data.case.values]
+    cases = [characteristics.sel(case=case) for case in characteristics.case.values]
     grid = _draw_columns(remaining, cases, "tuning", rows)
     for axes, stage in zip(grid[:, 0], (1, 2, 1), strict=False):
         axes.set_ylabel(f"{axes.get_ylabel()}\n(stage {stage})")
@@ -74,12 +77,12 @@ def draw_reducer(characteristics: xr.Dataset):
         _mark_single_branches(column[0], case)
         column[0].set_title(panels.value_label(case.case))
         column[-1].set_xlabel("tuning of the pair alone $\\nu$")
-        speed_per_tuning = float(data.speed[-1] / data.tuning[-1])
+        speed_per_tuning = float(characteristics.speed[-1] / characteristics.tuning[-1])
         style.second_scale(column[0], speed_per_tuning, "speed of the input (rpm)")
     handles = panels.legend_entries(stages[1]) + _common_entries()
     for _, marker, label in _SINGLE_BRANCH_MARKERS.values():
         handles.append(style.legend_entry(label, marker=marker, **_MARKERS_ONLY))
-    style.legend(figure, handles, 4, fontsize=6.5)
+    style.legend(figure, handles, columns=4, fontsize=6.5)
     return figure
 
 
@@ -91,7 +94,7 @@ def _with_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
 
 
 def _common_entries() -> list:
-    """Return the legend handles that the figures of all trains have in common."""
+    """Return legend handles of all trains; markers differ from the range over initial states."""
     options = {"mfc": "none", **_MARKERS_ONLY}
     return [
         *(
@@ -108,20 +111,21 @@ def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -
     """Draw a column of panels for each case over the variable `x`; return the grid of axes.
 
     `rows` has (variable name, plot options by mesh name) for each row. The last row of panels shows
-    the fraction of initial states whose motion settles.
+    the shares of initial states whose motion settles, and that reach the most frequent orbit.
     """
-    height_ratios = [1.0] * len(rows) + [0.35]
+    height_ratios = [1.0] * len(rows) + [_SHARE_HEIGHT_RATIO]
     options = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": height_ratios}
     grid = figure.subplots(len(height_ratios), len(cases), **options)
     for column, case in zip(grid.T, cases, strict=True):
-        cold = case.sel(direction="cold")
+        from_rest = case.sel(direction="cold")
         for axes, (name, styles) in zip(column, rows, strict=False):
             _draw_meshes(axes, case, x, name, styles)
         fill_options = {"step": "mid", "color": "0.8", "linewidth": 0.0}
-        column[-1].fill_between(cold[x], 0.0, cold.settled_share, **fill_options)
-        column[-1].step(cold[x], cold.largest_share, where="mid", color=style.PALETTE[0], lw=0.9)
+        column[-1].fill_between(from_rest[x], 0.0, from_rest.settled_share, **fill_options)
+        line_options = {"where": "mid", "color": style.PALETTE[0], "linewidth": 0.9}
+        column[-1].step(from_rest[x], from_rest.largest_share, **line_options)
         column[-1].set(ylabel="share of\nthe starts", ylim=(-0.05, 1.05), yticks=[0.0, 1.0])
-        column[-1].set_xlim(cold[x][0], cold[x][-1])
+        column[-1].set_xlim(from_rest[x][0], from_rest[x][-1])
         for axes in column:
             axes.label_outer()
     return grid
@@ -132,16 +136,17 @@ def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, di
 
     Markers show sweeps up and down where they differ. `styles` has plot options by mesh name.
     """
-    cold = case.sel(direction="cold")
-    panels.draw_curves(axes, cold, x, name, colour="mesh", styles=styles)
+    from_rest = case.sel(direction="cold")
+    panels.draw_curves(axes, from_rest, x, name, colour="mesh", styles=styles)
     for mesh, curve_options in styles.items():
-        low, high = (cold[f"{name}_{end}"].sel(mesh=mesh) for end in ("low", "high"))
+        low, high = (from_rest[f"{name}_{end}"].sel(mesh=mesh) for end in ("low", "high"))
         options = {"color": curve_options["color"], "alpha": 0.25, "linewidth": 0.0}
-        axes.fill_between(cold[x], low, high, **options)
+        axes.fill_between(from_rest[x], low, high, **options)
     for direction, marker in _SWEPT_MARKERS.items():
         values = case[name].sel(direction=direction)
-        distance = np.maximum(values - cold[f"{name}_high"], cold[f"{name}_low"] - values)
-        differs = distance > SAME_MOTION_TOLERANCE * abs(cold[name])
+        low, high = from_rest[f"{name}_low"], from_rest[f"{name}_high"]
+        distance = np.maximum(values - high, low - values)
+        differs = distance > SAME_MOTION_TOLERANCE * abs(from_rest[name])
         options = {"marker": marker, "linestyle": "none", "mfc": "none", "markersize": 2.2}
         data = case[[x]].assign({name: values.where(differs)})
         panels.draw_curves(axes, data, x, name, colour="mesh", styles=styles, **options)
@@ -149,7 +154,10 @@ def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, di
 
 
 def _mark_single_branches(axes, case: xr.Dataset):
-    """Mark tunings at which only one branch loses contact, or only one has coast-side contact."""
+    """Mark tunings at which only one branch loses contact, or only one has coast-side contact.
+
+    It must be the same branch from all initial states, which are those of runs from rest ("cold").
+    """
     for name, (height, marker, _) in _SINGLE_BRANCH_MARKERS.items():
         shares = case[name].sel(direction="cold")
         for branch in case.branch.values:

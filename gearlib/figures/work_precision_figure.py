@@ -65,7 +65,8 @@ def draw_time(errors: list[xr.Dataset], times: list[xr.Dataset]):
     """Return a figure of the error of the final state over the wall time.
 
     `errors` and `times` are results of the functions of `gearlib.studies.trials.work_precision` of
-    the same name, one for each method.
+    the same name, one for each method. Times below that of one evaluation of the solution in closed
+    form, which holds during contact, are grey.
     """
     data = _concatenate(errors).assign(period_time=_concatenate(times).period_time)
     # The shortest of the measured times is the least disturbed one.
@@ -111,18 +112,18 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
     edge = "\n(left edge: none)" if cost == "period_evaluations" else ""
     for i, (problem, kind) in enumerate(panel_errors):
         axes = figure.add_subplot(rows, 2, i + 1)
-        error, floor = data[f"{kind}_error"], data[f"{kind}_floor"]
+        error, rounding_error = data[f"{kind}_error"], data[f"{kind}_floor"]
         axes.set(xscale="log", yscale="log", title=PROBLEMS.get(problem, problem))
-        axes.set_xlim(*_log_limits(0.25, data[cost].sel(problem=problem)))
-        axes.set_ylim(*_log_limits(0.1, error, floor))
+        axes.set_xlim(*_log_limits(data[cost].sel(problem=problem), factor=0.25))
+        axes.set_ylim(*_log_limits(error, rounding_error, factor=0.1))
         if i % 2 == 0 or panel_errors[i - 1][1] != kind:
-            axes.set_ylabel(panels.axis_label(error, 30))
+            axes.set_ylabel(panels.axis_label(error, width=30))
         if i >= len(panel_errors) - 2:
             axes.set_xlabel(panels.axis_label(data[cost]) + edge)
         _draw_errors(axes, data.sel(problem=problem), cost, kind, styles)
     families = [_FAMILIES[name] for name in _FAMILIES if name in data.family]
     handles = panels.legend_entries(styles) + [style.legend_entry(*family) for family in families]
-    style.legend(figure, [*handles, Patch(label=grey_label, **_GREY_AREA)], 4, fontsize=6.5)
+    style.legend(figure, [*handles, Patch(label=grey_label, **_GREY_AREA)], columns=4, fontsize=6.5)
     return figure
 
 
@@ -137,7 +138,7 @@ def _line_styles(data: xr.Dataset) -> dict[str, dict]:
     return {line: options | _LINE_OPTIONS for line, options in styles.items()}
 
 
-def _log_limits(factor: float, *arrays: xr.DataArray) -> tuple[float, float]:
+def _log_limits(*arrays: xr.DataArray, factor: float) -> tuple[float, float]:
     """Return log-axis limits: `factor` times the smallest positive value, 2.5 times the largest."""
     values = np.concatenate([array.values.ravel() for array in arrays])
     positive = values[values > 0.0]

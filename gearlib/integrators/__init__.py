@@ -83,14 +83,15 @@ def reason_unsupported(model, name: str) -> str:
     return f"method = {name!r} is not allowed for this {model_class}: it takes {method.MODELS}"
 
 
-def choose(model, name: Any, options: dict | None) -> tuple[str, Any, dict]:
-    """Return the name, the `Integrator` and all options of the method that runs a model.
+def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dict]:
+    """Return (name, `Integrator`, all options) of the method that runs a model.
 
-    If `name` is None, "exact" is chosen if it can run the model, else "taylor". Missing options
-    take their defaults. Raises ValueError if the method is unknown or cannot run the model or if an
-    option is invalid, `MissingPackage` if the package of the method is not installed.
+    `name` is that of a method; if it is None, "exact" is chosen if it can run the model, else
+    "taylor". Missing options take their defaults. Raises ValueError if the method is unknown or
+    cannot run the model or if an option is invalid, `MissingPackage` if its package is missing.
     """
     if not is_model(model):
+        # Public functions call their model argument `pair`.
         raise ValueError(
             f"pair = {model!r} is not allowed: it must be a GearPair, OneDegreePair, SixDegreePair "
             "or DeadZoneOscillator"

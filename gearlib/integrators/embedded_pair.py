@@ -4,8 +4,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.engines.codes import OK
-from gearlib.engines.orbit import Span
-from gearlib.integrators.method import ABSOLUTE, RELATIVE, Integrator, Option
+from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, Option
 from gearlib.integrators.recording import MESH_PERIOD, Run
 from gearlib.integrators.right_hand_sides import OneDegree
 from gearlib.integrators.steps.embedded import DENSE_WEIGHTS, StepControl, take_embedded_steps
@@ -27,20 +26,20 @@ class EmbeddedPair(Integrator):
     ORDER = 5
     EVENTS = "step control only; changes between step ends, by a straight line"
     OPTIONS = {
-        "rtol": RELATIVE,
-        "atol": ABSOLUTE,
+        "rtol": RELATIVE_TOLERANCE,
+        "atol": ABSOLUTE_TOLERANCE,
         "max_step": Option(
             None, _check_max_step, "longest step, rad of mesh phase; None: a tenth of the run"
         ),
     }
 
-    def solver(self, model, tuning: float, span: Span, rtol: float, atol: float, max_step) -> Run:
-        """Return the `Run` of a model at one tuning over a span of mesh periods.
+    def create_run(self, model, tuning: float, rtol: float, atol: float, max_step) -> Run:
+        """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
-        A step is at most `max_step` rad of mesh phase long, by default a tenth of the run.
+        `rtol` and `atol` are the relative and absolute (static deflections) tolerances of a step.
+        It is at most `max_step` rad of mesh phase long; None stands for a tenth of the run.
         """
-        control = StepControl(rtol, atol, max_step or 0.1 * MESH_PERIOD * span.periods)
-        return _Run(OneDegree(model, tuning), control=control)
+        return _Run(OneDegree(model, tuning), rtol=rtol, atol=atol, max_step=max_step)
 
 
 class Smoothed(Integrator):
@@ -65,14 +64,13 @@ class Smoothed(Integrator):
         ),
     }
 
-    def solver(self, model, tuning: float, span: Span, sharpness: float, rtol: float) -> Run:
-        """Return the `Run` of a model at one tuning over a span of mesh periods.
+    def create_run(self, model, tuning: float, sharpness: float, rtol: float) -> Run:
+        """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
         The contact force is proportional to (1 + tanh(sharpness x)) / 2. `rtol` is the tolerance
         of a step, relative and in static deflections.
         """
-        control = StepControl(rtol, rtol, 0.1 * MESH_PERIOD * span.periods)
-        return _Run(OneDegree(model, tuning, sharpness), control=control)
+        return _Run(OneDegree(model, tuning, sharpness), rtol=rtol, atol=rtol, max_step=None)
 
 
 class _Run(Run):
@@ -80,15 +78,18 @@ class _Run(Run):
 
     problem: OneDegree
 
-    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+    def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole span from a state at phase 0; return (final state, status)."""
         problem, end = self.problem, MESH_PERIOD * self.periods
+        rtol, atol, max_step = (self.settings[name] for name in ("rtol", "atol", "max_step"))
+        step_control = StepControl(rtol, atol, max_step or 0.1 * MESH_PERIOD * self.periods)
         # Next step length, present mesh period, and steps attempted in it.
         progress = np.zeros(3)
-        equation = problem.law, problem.contact_law, self.settings["control"]
+        equation = problem.mesh, problem.contact_law, step_control
         t, states = np.zeros(_STEPS_PER_RECORD + 1), np.empty((_STEPS_PER_RECORD + 1, 2))
-        stages = np.empty((_STEPS_PER_RECORD, 7, 2))
+        stages = np.empty((_STEPS_PER_RECORD, len(DENSE_WEIGHTS), 2))
         states[0] = state
+        # Strobes, states at the starts of the last mesh periods, show whether the motion repeats.
         record_start = MESH_PERIOD * min(self.first_recorded, self.first_strobe)
         while t[0] < end:
             count, status, evaluations = take_embedded_steps(

@@ -8,14 +8,9 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.engines.codes import OK
-from gearlib.engines.orbit import Span
 from gearlib.integrators.method import Integrator, Option
 from gearlib.integrators.recording import MAX_STATE, MESH_PERIOD, Run
-from gearlib.integrators.right_hand_sides import (
-    OneDegree,
-    PiecewiseLinear,
-    right_hand_side,
-)
+from gearlib.integrators.right_hand_sides import OneDegree, PiecewiseLinear, right_hand_side
 from gearlib.integrators.steps.fixed import (
     Scheme,
     tabulate_excitation,
@@ -39,10 +34,11 @@ class FixedSteps(Integrator):
     #: ``scheme(**options)`` returns the `Scheme` for the options besides `steps_per_period`.
     scheme: Any
 
-    def solver(self, model, tuning: float, span: Span, steps_per_period: int, **options) -> Run:
-        """Return the `Run` of a model at one tuning in equal steps of a mesh period.
+    def create_run(self, model, tuning: float, steps_per_period: int, **options) -> Run:
+        """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
-        The other options of the method define its `Scheme`. The span is given to the run later.
+        Each mesh period has `steps_per_period` equal steps. The other options of the method define
+        its `Scheme`.
         """
         return _Run(right_hand_side(model, tuning), steps_per_period, self.scheme(**options))
 
@@ -100,13 +96,15 @@ class GeneralisedAlpha(FixedSteps):
     def scheme(self, contact: str, spectral_radius: float) -> Scheme:
         """Return the `Scheme` with Chung and Hulbert's optimal parameters.
 
-        `contact` is "frozen" or "iterated"; `spectral_radius` is that of the fastest oscillations.
+        Contact and damping are those of the step start ("frozen" `contact`) or are iterated until
+        the equation of motion holds ("iterated"). `spectral_radius` is that at infinite frequency.
         """
         alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
         alpha_f = spectral_radius / (spectral_radius + 1.0)
         shift = alpha_f - alpha_m
         beta, gamma = 0.25 * (1.0 + shift) ** 2, 0.5 + shift
-        return Scheme(False, contact == "iterated", alpha_m, alpha_f, beta, gamma)
+        iterated = contact == "iterated"
+        return Scheme(False, iterated, alpha_m=alpha_m, alpha_f=alpha_f, beta=beta, gamma=gamma)
 
 
 class _Run(Run):
@@ -118,7 +116,8 @@ class _Run(Run):
         self.steps_per_period, self.scheme = steps_per_period, scheme
         if isinstance(problem, OneDegree):
             middle_fraction = 0.5 if scheme.runge_kutta else 1.0 - scheme.alpha_f
-            self.excitation = tabulate_excitation(problem.law, steps_per_period, middle_fraction)
+            self.excitation = tabulate_excitation(problem.mesh, steps_per_period, middle_fraction)
+            # NaN: the first step takes the acceleration from the equation of motion.
             self.acceleration = math.nan
 
     def _take_steps(self, period: int, states: np.ndarray) -> int:
@@ -149,7 +148,7 @@ class _Run(Run):
         cubic = start_slope + end_slope - 2.0 * change
         return states[i] + fraction * (start_slope + fraction * (quadratic + fraction * cubic))
 
-    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+    def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole span from a state at phase 0; return (final state, status)."""
         steps, period = self.steps_per_period, 0
         periods_per_batch = max(1, _STEPS_PER_RECORD // steps)
@@ -158,8 +157,9 @@ class _Run(Run):
         batch_phases = (period_starts + MESH_PERIOD / steps * np.arange(steps)).ravel()
         record_start = min(self.first_recorded, self.first_strobe)
         while period < self.periods:
-            last_period = record_start if period < record_start else self.periods
-            period_count = min(periods_per_batch, last_period - period)
+            # A batch of mesh periods is recorded as a whole or not at all.
+            next_stop = record_start if period < record_start else self.periods
+            period_count = min(periods_per_batch, next_stop - period)
             states = batch_states[: period_count * steps + 1]
             states[0] = state
             status = self._take_steps(period, states)
@@ -172,8 +172,4 @@ class _Run(Run):
         return state, OK
 
 
-METHODS = {
-    "rk4": RungeKutta(),
-    "newmark": Newmark(),
-    "generalised_alpha": GeneralisedAlpha(),
-}
+METHODS = {"rk4": RungeKutta(), "newmark": Newmark(), "generalised_alpha": GeneralisedAlpha()}

@@ -12,7 +12,6 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.engines.codes import BACKLASH, INVERSE
-from gearlib.engines.orbit import Span
 from gearlib.engines.taylor.series import damping_coefficients
 from gearlib.integrators.method import Integrator, Option, Package
 from gearlib.integrators.recording import Run
@@ -46,10 +45,10 @@ class Heyoka(Integrator):
         """Return True: the method can run all models."""
         return True
 
-    def solver(self, model, tuning: float, span: Span, tol: float) -> Run:
-        """Return the `Run` of a model at one tuning with a relative tolerance of each step.
+    def create_run(self, model, tuning: float, tol: float) -> Run:
+        """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
-        The span is given to the run later.
+        `tol` is the relative tolerance of a step.
         """
         run_class = _TrainRun if model.equation is None else _OneDegreeRun
         return run_class(right_hand_side(model, tuning), tol=tol)
@@ -119,41 +118,41 @@ class _Run(Split):
         self.evaluations += steps * integrator.order
         t, end_state, crossing = branch.end, state_view.copy(), None
         if outcome != taylor_outcome.time_limit:
+            # The terminal event with the index i has the outcome -1 - i.
             t, event = integrator.time, -1 - int(outcome)
             if event < 0:
                 raise Stall
             if event < len(flanks):
-                crossing = self._crossing_of(branch, t, end_state, flanks[event])
+                crossing = self._crossing_index(branch, t, end_state, *flanks[event])
             else:
                 # This event is a change of the sign of the velocity.
                 end_state[1] = 0.0
         if not self.is_recording or interpolate is None:
-            return Arc(
-                np.array([branch.start, t]),
-                np.array([state, end_state]),
-                crossing,
-                lambda phases: np.repeat([end_state], len(phases), 0),
-            )
+            # An arc without steps has one state only.
+            constant_state = lambda phases: np.repeat([end_state], len(phases), 0)  # noqa: E731
+            times, states = np.array([branch.start, t]), np.array([state, end_state])
+            return Arc(times, states, crossing, constant_state)
         times = np.array(interpolate.times)
         states = interpolate(times)
         times[-1], states[-1] = t, end_state
         return Arc(times, states, crossing, interpolate)
 
-    def _crossing_of(self, branch: Branch, t: float, state, flank: tuple[int, int]) -> int | None:
-        """Return the index in `branch.crossings` of the crossing of a (mesh, flank) by a state.
+    def _crossing_index(self, branch: Branch, t: float, state, mesh: int, flank: int) -> int | None:
+        """Return the index in `branch.crossings` of the crossing of a flank by a state.
 
         If the state only touches the flank, it is moved away and None is returned. The phase t is
         counted from the start of the mesh period.
         """
-        phase, (mesh, side) = branch.period_start + t, flank
-        direction = self.problem.flank_distance_rates(phase, state)[side][mesh]
+        phase = branch.period_start + t
+        rate = self.problem.flank_distance_rates(phase, state)[flank][mesh]
         for i, crossing in enumerate(branch.crossings):
-            if (crossing.mesh, crossing.flank) == flank:
-                if crossing.direction * direction > 0.0:
+            if (crossing.mesh, crossing.flank) == (mesh, flank):
+                if crossing.direction * rate > 0.0:
                     return i
-                direction = -crossing.direction
-        distance = self.restart_distance(state) * (1.0 if direction > 0.0 else -1.0)
-        self.problem.set_distance(phase, state, mesh, side, distance)
+                # The state moves back, so it restarts on the side from which it came.
+                rate = -crossing.direction
+        distance = self.restart_distance(state) * (1.0 if rate > 0.0 else -1.0)
+        self.problem.set_distance(phase, state, mesh, flank, distance)
         return None
 
 
@@ -172,7 +171,8 @@ class _OneDegreeRun(_Run):
     def equations(self, branch: Branch, state: np.ndarray) -> _Equations:
         """Return the compiled equations of a branch for an arc from the state (x, x')."""
         contact_code, velocity_sign = int(branch.contact_codes[0]), 0
-        if damping_coefficients(self.problem.law, contact_code)[1] != 0.0:
+        _, quadratic_damping, _ = damping_coefficients(self.problem.mesh, contact_code)
+        if quadratic_damping != 0.0:
             v = state[1]
             if v == 0.0:
                 v = self.problem.branch_derivative(
@@ -190,12 +190,12 @@ class _OneDegreeRun(_Run):
         """Return compiled equations for a stiffness segment, a contact code and a sign of x'.
 
         The sign is 0 without quadratic damping. With it x' = 0 is an event too, because |x'| is not
-        smooth there.
+        smooth there. Contact begins at the displacements `drive_line` and `coast_line`.
         """
         import heyoka as hy
 
-        law, values = self.problem.law, []
-        flank_lines = law.drive_line, law.coast_line
+        law, values = self.problem.mesh, []
+        contact_displacements = law.drive_line, law.coast_line
         x, v = hy.make_vars("x", "v")
 
         def parameter(value):
@@ -217,18 +217,19 @@ class _OneDegreeRun(_Run):
         force = harmonic_sum(law.force_harmonics) - damping * v
         force = force - parameter(law.ground_stiffness) * x
         if contact_code != BACKLASH:
-            lines, harmonics = law.stiffness_lines, law.stiffness_harmonics
+            lines, harmonics, flank = law.stiffness_lines, law.stiffness_harmonics, DRIVE_FLANK
             if contact_code == INVERSE:
                 lines, harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
-            contact_limit = flank_lines[COAST_FLANK if contact_code == INVERSE else DRIVE_FLANK]
+                flank = COAST_FLANK
             start_value, slope = lines[segment]
             phase = hy.time - parameter(law.segment_bounds[segment])
             stiffness = parameter(start_value) + parameter(slope) * phase + harmonic_sum(harmonics)
-            deflection, (p2, p3) = x - parameter(contact_limit), law.stiffness_powers
+            deflection, (p2, p3) = x - parameter(contact_displacements[flank]), law.stiffness_powers
+            # The contact code is the sign of the deflection, so this is p2 |deflection|.
             nonlinearity = parameter(contact_code * p2) + parameter(p3) * deflection
             force -= stiffness * (deflection + nonlinearity * deflection * deflection)
         events = [
-            (x - parameter(flank_lines[crossing.flank]), crossing.direction)
+            (x - parameter(contact_displacements[crossing.flank]), crossing.direction)
             for crossing in crossings
         ]
         if velocity_sign:
@@ -247,17 +248,18 @@ class _TrainRun(_Run):
         import heyoka as hy
 
         super().__init__(problem, tol=tol)
-        has_backlash = np.isfinite(problem.backlashes)
-        self._flanks = [(j, flank) for j in self.meshes for flank in range(1 + has_backlash[j])]
+        # A mesh with infinite backlash has no coast flank.
+        flank_counts = 1 + np.isfinite(problem.backlashes)
+        self._flanks = [(j, flank) for j in self.meshes for flank in range(flank_counts[j])]
         distances = np.array([problem.distances[flank, j] for j, flank in self._flanks])
-        self._nonzero_entries, in_distance = problem.nonzero_entries(), distances != 0.0
-        self._values = np.concatenate([[0.0], distances[in_distance]])
+        self._nonzero_entries, distance_is_nonzero = problem.nonzero_entries(), distances != 0.0
+        self._values = np.concatenate([[0.0], distances[distance_is_nonzero]])
+        # Parameters: start phase of the mesh period, nonzero entries of the distances and matrix.
         variables = hy.make_vars(*(f"z{i}" for i in range(problem.size)))
-        # Parameter 0 is the phase at which the mesh period begins.
         phases = [order * (hy.par[0] + hy.time) for order in problem.system.harmonics.tolist()]
         harmonics = [wave(phase) for phase in phases for wave in (hy.cos, hy.sin)]
         full_state, sums, parameter_count = [*variables, hy.expression(1.0), *harmonics], [], 1
-        for is_nonzero in np.concatenate([in_distance, self._nonzero_entries]):
+        for is_nonzero in np.concatenate([distance_is_nonzero, self._nonzero_entries]):
             columns = np.flatnonzero(is_nonzero)
             terms = [
                 hy.par[parameter_count + i] * full_state[column] for i, column in enumerate(columns)

@@ -4,8 +4,6 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any, ClassVar, NamedTuple
 
-import numpy as np
-
 from gearlib import checks
 from gearlib.engines.orbit import Record, Rows, Span
 from gearlib.engines.protocol import run_all_tunings
@@ -39,14 +37,14 @@ class Package(NamedTuple):
 
 
 #: Options that several methods share.
-RELATIVE = Option(1e-3, checks.finite_positive, "relative tolerance of a step")
-ABSOLUTE = Option(
+RELATIVE_TOLERANCE = Option(1e-3, checks.finite_positive, "relative tolerance of a step")
+ABSOLUTE_TOLERANCE = Option(
     1e-6, checks.finite_positive, "absolute tolerance, static deflections and dx/dtau"
 )
 
 
 class Integrator:
-    """A method of integration; subclasses define `solver` and, for other models, `supports`."""
+    """A method of integration; subclasses define `create_run` and, for other models, `supports`."""
 
     #: Order of its steps; None: closed forms, or solvers of several orders.
     ORDER: ClassVar[int | None] = None
@@ -57,38 +55,31 @@ class Integrator:
     OPTIONS: ClassVar[dict] = {}
     PACKAGE: ClassVar[Package | None] = None
 
-    #: ``solver(model, tuning, span, **options)`` returns a `gearlib.integrators.recording.Run`.
-    solver: Any
+    #: ``create_run(model, tuning, **options)`` returns a `gearlib.integrators.recording.Run`.
+    create_run: Any
 
     def run(
         self, model, tuning: float, state, span: Span, samples=0, keep_events=True, **options
     ) -> Record:
-        """Run a model at one tuning from a state over a span of mesh periods; return its `Record`.
+        """Run a model at one tuning (mesh frequency / natural frequency); return its `Record`.
 
-        The record has `samples` samples per recorded period, and events only if `keep_events`.
+        The run starts from `state` and goes over a span of mesh periods. The record has `samples`
+        samples per recorded period, and events only if `keep_events`.
         """
+        # An event table with a row asks the run to keep its events in a table of their number.
         tables = model.empty_record(span.recorded * samples, int(keep_events))
-        return self.solver(model, tuning, span, **options).run(state, span, *tables)
+        return self.create_run(model, tuning, **options).run(state, span, *tables)
 
     def supports(self, model) -> bool:
         """Return whether the method can run a model: by default only one degree of freedom."""
         return model.one_mesh
 
-    def sweep(
-        self,
-        model,
-        tunings: np.ndarray,
-        order,
-        state,
-        warm_start: bool,
-        span,
-        rows: Rows,
-        **options,
-    ) -> None:
-        """Run a model at many tunings and fill `rows`, the rows of the result table.
+    def sweep(self, model, tunings, order, state, warm_start, span, rows: Rows, **options) -> None:
+        """Run a model at many tunings, shape (n,), over a span of mesh periods; fill `rows`.
 
-        `order` holds the indices of the tunings in the order of the runs. With `warm_start` each
-        run starts from the final state of the previous one, else from `state`.
+        A tuning is mesh frequency / natural frequency. `order` holds the indices of the tunings in
+        the order of the runs. With `warm_start` each run starts from the final state of the
+        previous one, else from `state`.
         """
 
         def run(tuning, previous_record):
@@ -110,21 +101,24 @@ class Exact(Integrator):
         return self.NAME in model.propagators
 
     def run(self, model, tuning, state, span, samples=0, keep_events=True, **options) -> Record:
-        """Run a model at one tuning from a state over a span of mesh periods; return its `Record`.
+        """Run a model at one tuning (mesh frequency / natural frequency); return its `Record`.
 
-        The record has `samples` samples per recorded period, and events only if `keep_events`.
+        The run starts from `state` and goes over a span of mesh periods. The record has `samples`
+        samples per recorded period, and events only if `keep_events`.
         """
-        engine = model.propagator(tuning, self.NAME, **options)
-        return engine.run(engine.start(state), span, samples, keep_events=keep_events)
+        propagator = model.propagator(tuning, self.NAME, **options)
+        converted_state = propagator.start(state)
+        return propagator.run(converted_state, span, samples, keep_events=keep_events)
 
     def sweep(self, model, tunings, order, state, warm_start, span, rows, **options) -> None:
-        """Run a model at many tunings and fill `rows`, the rows of the result table.
+        """Run a model at many tunings, shape (n,), over a span of mesh periods; fill `rows`.
 
         `order` holds the indices of the tunings in the order of the runs. With `warm_start` each
         run starts from the final state of the previous one, else from `state`.
         """
-        engine = model.propagator(tunings[0], self.NAME, **options)
-        engine.sweep(tunings, order, state, warm_start, span, rows)
+        # A propagator belongs to one tuning; its `sweep` creates those of the other tunings.
+        propagator = model.propagator(tunings[0], self.NAME, **options)
+        propagator.sweep(tunings, order, state, warm_start, span, rows)
 
 
 class Taylor(Exact):

@@ -62,11 +62,9 @@ class Run:
         self.meshes = range(len(problem.backlashes))
         # Time below the mean stiffness since phase 0, by contact code + 1, segment bound and mesh.
         times = np.diff(problem.segment_bounds)[:, None] * problem.below_mean
-        self._time_below_mean = np.concatenate(
-            [0.0 * times[:, :1], np.cumsum(times, axis=1)], axis=1
-        )
+        self._time_below_mean = np.pad(np.cumsum(times, axis=1), ((0, 0), (1, 0), (0, 0)))
 
-    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+    def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole span from a state at phase 0; return (final state, status)."""
         raise NotImplementedError
 
@@ -75,7 +73,10 @@ class Run:
     ) -> Record:
         """Run from a state over a span of mesh periods and fill the tables; return the `Record`.
 
-        The tables are those of `Record`. Events are kept if their table has rows.
+        `samples`, shape (n, columns), has equally many rows for each recorded period. Events are
+        kept if `events` has rows; their columns are mesh period, phase in it, contact codes before
+        and after, velocity and, for a train, mesh. `summary`, shape (9,), or (m, 10) for a train
+        of m meshes, has the columns of `gearlib.engines.orbit`.
         """
         problem, periods = self.problem, span.periods
         self.periods, self.max_events = periods, span.max_events
@@ -86,24 +87,26 @@ class Run:
         self.summary = np.empty((len(self.meshes), SUMMARY_COLUMNS))
         for mesh_summary in self.summary:
             orbit.clear_summary(mesh_summary)
-        strobe_periods = min(periods, orbit.strobe_periods(problem.repeats))
+        # Strobes are states at the starts of the last mesh periods, which show the period.
+        strobe_periods = min(periods, orbit.strobe_periods(problem.excitation_period))
         self.first_strobe = periods - strobe_periods
         self.strobes = np.empty((len(self.meshes), strobe_periods + 1, 2))
-        state, contact_codes = problem.initial_state(state)
+        state, self.initial_contact_codes = problem.initial_state(state)
         run_status, period = status.OVERFLOW, 0
         if within_range(state):
             # The status reports a diverging run, so numpy need not warn of an overflow.
             with np.errstate(all="ignore"):
-                state, run_status = self.integrate(state, contact_codes)
+                state, run_status = self.integrate(state)
         if run_status == status.OK:
             self.add_strobes(np.array([periods]), state[None])
             period = self._orbit_period()
         if self.events:
-            # Events within a step are added mesh by mesh, so that they are not in temporal order.
+            # Events within a step are added mesh by mesh: sort them by period, phase and mesh.
             sorted_events = sorted(self.events, key=lambda event: (*event[:2], event[-1]))
+            # The tables of models with one mesh lack the last columns: mesh, and sum of forces.
             events = np.array(sorted_events)[:, : events.shape[1]]
-        columns = summary.shape[-1]
-        summary[...] = self.summary.reshape(*summary.shape[:-1], -1)[..., :columns]
+        column_count = summary.shape[-1]
+        summary[...] = self.summary.reshape(*summary.shape[:-1], -1)[..., :column_count]
         events = events[: len(self.events) if run_status == status.OK else 0]
         final = np.ravel(problem.final_state(MESH_PERIOD * periods, state))
         return Record(state, final, period, samples, events, summary, run_status, self.evaluations)
@@ -111,16 +114,17 @@ class Run:
     def _orbit_period(self) -> int:
         """Return the number of mesh periods after which all meshes repeat, 0 if they do not."""
         displacement_ranges = self.summary[:, orbit.X_MAX] - self.summary[:, orbit.X_MIN]
-        tuning, repeats = self.problem.tuning, self.problem.repeats
+        # The tuning turns velocities dx/dtau into those over the natural frequency.
+        tuning, excitation_period = self.problem.tuning, self.problem.excitation_period
         periods = [
-            orbit.orbit_period(strobes, tuning, displacement_range, repeats)
+            orbit.orbit_period(strobes, tuning, displacement_range, excitation_period)
             for strobes, displacement_range in zip(self.strobes, displacement_ranges, strict=True)
         ]
         return 0 if 0 in periods else math.lcm(*periods)
 
     def _excitation_phase(self, period: Any) -> Any:
         """Return the excitation phase at the start of a mesh period, a number or an array."""
-        return MESH_PERIOD * (period % self.problem.repeats)
+        return MESH_PERIOD * (period % self.problem.excitation_period)
 
     def add_strobes(self, periods: np.ndarray, states: np.ndarray) -> None:
         """Store the mesh motion of states, shape (k, size), at the starts of k mesh periods."""
@@ -196,10 +200,12 @@ class Run:
         are determined from phases and states.
         """
         problem = self.problem
-        skipped = (self.first_recorded - period) * self.samples_per_period
-        next_sample = int(end / MESH_PERIOD * self.samples_per_period) - skipped + 2
-        indices = np.arange(self.sample_count, min(len(self.samples), next_sample))
-        phases = MESH_PERIOD * (indices + skipped) / max(self.samples_per_period, 1)
+        # Index from the start of the mesh period; it is negative if the record began before.
+        first_sample = (self.first_recorded - period) * self.samples_per_period
+        # This may be too high by rounding and by one; phases beyond the end are left out below.
+        stop = int(end / MESH_PERIOD * self.samples_per_period) - first_sample + 2
+        indices = np.arange(self.sample_count, min(len(self.samples), stop))
+        phases = MESH_PERIOD * (indices + first_sample) / max(self.samples_per_period, 1)
         phases = phases[phases < end - SAME_PHASE_TOLERANCE]
         count = len(phases)
         if not count:
@@ -237,7 +243,8 @@ class Run:
         """Add k steps to the extrema and, by Hermite quadrature, to the mean mesh force.
 
         The step ends t have shape (k + 1,), their states (k + 1, size), contact codes (k + 1, m).
-        Segments before the last k step ends and after all step ends differ where stiffness jumps.
+        `segments_before` (k,), just before the ends of the steps, and `segments_after` (k + 1,),
+        just after all step ends, differ where the stiffness jumps.
         """
         h = np.diff(t)[:, None]
         forces, rates = self._add_states(t, states, segments_after, contact_codes)

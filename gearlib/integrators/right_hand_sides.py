@@ -8,8 +8,8 @@ phase. Both classes have the attributes
     phases that bound the segments, and the index of the first segment of each mesh period;
 ``below_mean``
     whether the stiffness is below its mean, by contact code + 1, segment and mesh;
-``repeats``
-    mesh periods after which the excitation repeats;
+``excitation_period``
+    number of mesh periods after which the excitation repeats;
 ``backlashes, may_jam``
     backlash of each mesh in static deflections, and whether both flanks might touch at once.
 """
@@ -31,7 +31,7 @@ DRIVE_FLANK, COAST_FLANK = 0, 1
 
 
 def right_hand_side(model, tuning: float) -> "OneDegree | PiecewiseLinear":
-    """Return the right-hand side of a model at one tuning."""
+    """Return the right-hand side of a model at a tuning, mesh frequency / natural frequency."""
     return PiecewiseLinear(model, tuning) if model.equation is None else OneDegree(model, tuning)
 
 
@@ -82,24 +82,26 @@ class _RightHandSide:
 class OneDegree(_RightHandSide):
     """One degree of freedom, any damping, stiffness and excitation, with the state (x, x').
 
-    With a `sharpness` above 0 the contact law is smoothed.
+    With a `sharpness` above 0, per static deflection, the contact law is smoothed.
     """
 
     def __init__(self, model, tuning: float, sharpness: float = 0.0):
-        """Store the equation of motion of a model, smoothed if the sharpness is positive."""
-        self.law = law = model.nonlinear_mesh(tuning)
-        self.contact_law = equation_of_motion.contact_law_of(law, sharpness)
-        self.segment_bounds = law.segment_bounds
-        self.first_segment = np.array([0, len(law.below_mean)])
-        self.below_mean = np.repeat(law.below_mean[None, :, None], 3, axis=0)
-        self.repeats, self.backlashes = 1, np.array([law.backlash])
-        self.may_jam = np.array([False])
-        self._flank_lines = np.array([law.drive_line, law.coast_line])
+        """Store the equation of motion of a model at a tuning, mesh / natural frequency."""
+        self.mesh = mesh = model.nonlinear_mesh(tuning)
+        self.contact_law = equation_of_motion.create_contact_law(mesh, sharpness)
+        self.segment_bounds = mesh.segment_bounds
+        # The excitation repeats after one mesh period, which has all segments.
+        self.excitation_period, self.first_segment = 1, np.array([0, len(mesh.below_mean)])
+        # Equal for the contact codes -1, 0 and 1; shape (3, segments, 1 mesh).
+        self.below_mean = np.repeat(mesh.below_mean[None, :, None], 3, axis=0)
+        self.backlashes, self.may_jam = np.array([mesh.backlash]), np.array([False])
+        #: Displacements at which drive and coast flank begin to touch, static deflections.
+        self._contact_displacements = np.array([mesh.drive_line, mesh.coast_line])
         self.tuning = tuning
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
         """Return (state, contact codes) at phase 0 for a state (displacement, dx/dtau)."""
-        contact_code = contact_between(*self._flank_lines, *state)
+        contact_code = contact_between(*self._contact_displacements, *state)
         return np.array(state, dtype=float), np.array([contact_code])
 
     def final_state(self, t: float, state: np.ndarray) -> tuple[float, float]:
@@ -108,7 +110,7 @@ class OneDegree(_RightHandSide):
 
     def flank_distances(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
         """Return the distances of the mesh from drive and coast flank, shape (..., 2, 1)."""
-        return (state[..., :1] - self._flank_lines)[..., None]
+        return (state[..., :1] - self._contact_displacements)[..., None]
 
     def flank_distance_rates(self, t: float, state: np.ndarray) -> np.ndarray:
         """Return the derivatives of the flank distances by phase, shape (2, 1)."""
@@ -120,7 +122,7 @@ class OneDegree(_RightHandSide):
 
     def set_distance(self, t: float, state, mesh: int, flank: int, distance: float) -> None:
         """Move a state, in place, to a distance from a flank; there is only one mesh."""
-        state[0] += distance - (state[0] - self._flank_lines[flank])
+        state[0] += distance - (state[0] - self._contact_displacements[flank])
 
     def is_jammed(self, t: float, state: np.ndarray) -> bool:
         """Return False: with one degree of freedom both flanks never touch at once."""
@@ -135,7 +137,7 @@ class OneDegree(_RightHandSide):
     def derivative(self, t: float, state: np.ndarray) -> np.ndarray:
         """Return the derivative of a state by phase, with the contact that the state has."""
         x, v = state
-        acceleration = equation_of_motion.mesh_acceleration(self.contact_law, self.law, t, x, v)
+        acceleration = equation_of_motion.mesh_acceleration(self.contact_law, self.mesh, t, x, v)
         return np.array([v, acceleration])
 
     def _stiffness_and_acceleration(self, t, states, segments, contact_codes) -> np.ndarray:
@@ -147,7 +149,8 @@ class OneDegree(_RightHandSide):
         arguments = [
             np.ascontiguousarray(array) for array in (t, segments, contact_codes[:, 0], states)
         ]
-        return equation_of_motion.forces_and_accelerations(self.contact_law, self.law, *arguments).T
+        evaluate = equation_of_motion.forces_and_accelerations
+        return evaluate(self.contact_law, self.mesh, *arguments).T
 
     def rates_at_step_ends(self, start, states, end, new_states) -> np.ndarray:
         """Return derivatives of the states at the starts and ends of k steps, shape (2, k, 2).
@@ -165,9 +168,10 @@ class OneDegree(_RightHandSide):
         return np.stack([[states[:, 1], new_states[:, 1]], accelerations], axis=-1)
 
     def mesh_forces(self, t, states, segments, contact_codes) -> tuple[np.ndarray, np.ndarray]:
-        """Return (elastic mesh forces, zeros) of k states, shape (k, 1).
+        """Return (dimensionless elastic mesh forces, zeros) of k states, shape (k, 1).
 
         The zeros stand for derivatives of the forces, which only the mean force of trains needs.
+        The factor tuning^2 turns stiffness by mesh phase into stiffness over its mean.
         """
         stiffness, force_over_stiffness, _ = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
@@ -180,8 +184,10 @@ class OneDegree(_RightHandSide):
         stiffness, force_over_stiffness, acceleration = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
         )
+        # The factor turns stiffness by mesh phase into stiffness over its mean.
         stiffness = self.tuning**2 * stiffness
         (x, v), code, force = states.T, contact_codes[:, 0], stiffness * force_over_stiffness
+        # Columns: displacement, velocity, acceleration, contact code, stiffness, elastic force.
         samples[:] = np.stack([x, v, acceleration, code, stiffness, force], axis=1)
 
 
@@ -193,15 +199,17 @@ class PiecewiseLinear(_RightHandSide):
     """
 
     def __init__(self, model, tuning: float):
-        """Store the system of a model at a tuning, its flank distances and their derivatives."""
+        """Store the system of a model at a tuning, mesh / natural frequency, and its distances."""
         self.propagator = model.propagator(tuning)
-        self.system, self._grid = self.propagator.complete_system()
+        self.system, self._constants = self.propagator.complete_system()
         system, size = self.system, model.size
         self.segment_bounds, self.first_segment = system.starts, system.first_segment
         self.below_mean = system.low
-        lines = np.atleast_2d(np.array(model.flank_lines).reshape(2, -1))
-        self.backlashes, self.may_jam = lines[0] - lines[1], self._grid.may_jam
-        self.repeats = system.repeats
+        # Displacements at which the drive flanks (row 0) and the coast flanks (row 1) touch.
+        contact_displacements = np.reshape(model.flank_lines, (2, -1))
+        self.backlashes = contact_displacements[0] - contact_displacements[1]
+        self.may_jam, self.excitation_period = self._constants.may_jam, system.repeats
+        # Only gear trains name their meshes.
         self.tuning, self.size, self._is_train = tuning, size, bool(model.mesh_names)
         #: Factors from full states to those of the system.
         self.scale = np.ones(len(system.base_matrix))
@@ -210,9 +218,8 @@ class PiecewiseLinear(_RightHandSide):
         #: Rows whose products with the full state are the flank distances, (2, m, full size).
         self.distances = self.scale * np.stack([system.drive_lines, system.coast_lines])
         self._distance_columns = np.moveaxis(self.distances, 2, 1).copy()
-        self._distance_rates = (
-            self.scale * np.stack([self._grid.drive_rates, self._grid.coast_rates]) / tuning
-        )
+        rates = np.stack([self._constants.drive_rates, self._constants.coast_rates])
+        self._distance_rates = self.scale * rates / tuning
         self._matrices: dict = {}
         self._meshes = np.arange(len(system.drive_lines))
         # Columns: displacements of the coordinates that change the distance of one mesh only.
@@ -232,12 +239,13 @@ class PiecewiseLinear(_RightHandSide):
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
         """Return (state, contact codes) at phase 0 for an initial state of the model."""
+        # `start` converts the state to coordinates of the propagator, with its scale.
         state_scale = self.scale[: self.size]
         z = self.propagator.start(state) * (self.propagator.scale / state_scale)
         full_size, mesh_count = self.scale.size, self._meshes.size
         work = new_work(full_size, full_size, mesh_count)
         work.state[:] = self.scale * self.full_state(0.0, z)
-        set_initial_contacts(self.system, self._grid.no_coast_side, work, 0)
+        set_initial_contacts(self.system, self._constants.no_coast_side, work, segment=0)
         return z, work.contact.copy()
 
     def final_state(self, t: float, state: np.ndarray) -> tuple:
@@ -279,6 +287,7 @@ class PiecewiseLinear(_RightHandSide):
     def nonzero_entries(self) -> np.ndarray:
         """Return a mask of the entries of `branch_matrix` that are nonzero on any branch."""
         system = self.system
+        # Forces add outer products of input and output vectors, each (meshes, cases, 2 forces, n).
         force_input = system.force_input[..., : self.size, None]
         force_output = system.force_output[..., None, :]
         has_force = (force_input * force_output != 0.0).any(axis=(0, 1, 2))
@@ -292,8 +301,9 @@ class PiecewiseLinear(_RightHandSide):
         branch = segment, contact_codes.tobytes()
         if branch not in self._matrices:
             matrix = np.empty_like(self.system.base_matrix)
-            effects = self.system.effect[contact_codes + 1, segment, self._meshes]
-            fill_system_matrix(self.system, effects, matrix)
+            # The force case of a mesh selects its force: backlash, or contact with a stiffness.
+            force_cases = self.system.effect[contact_codes + 1, segment, self._meshes]
+            fill_system_matrix(self.system, force_cases, matrix)
             scaled_matrix = matrix[: self.size] / self.scale[: self.size, None]
             self._matrices[branch] = scaled_matrix * self.scale / self.tuning
         return self._matrices[branch]
@@ -308,9 +318,10 @@ class PiecewiseLinear(_RightHandSide):
         return equation_of_motion.train_derivative(self.system, t, state * scale) / scale
 
     def rates_at_step_ends(self, start, states, end, new_states) -> np.ndarray:
-        """Return the mean rates of change over k steps, twice, shape (2, k, size).
+        """Return the mean rates of change over k steps, for starts and ends, shape (2, k, size).
 
-        The steps lead from states at the phases `start` to new states at the phases `end`.
+        The steps lead from states at the phases `start` to new states at the phases `end`. Mean
+        rates make the Hermite interpolation linear.
         """
         return np.stack(2 * [(new_states - states) / (end - start)[:, None]])
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.data import status
-from gearlib.engines.orbit import Span
-from gearlib.integrators.method import ABSOLUTE, RELATIVE, Integrator, Option
+from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, Option
 from gearlib.integrators.recording import MESH_PERIOD, Run, within_range
 from gearlib.integrators.right_hand_sides import right_hand_side
 from gearlib.integrators.split import Arc, Branch, FlankCrossing, Split, Stall
@@ -29,8 +28,8 @@ class Scipy(Integrator):
     MODELS = "all: one or six degrees of freedom, gear trains"
     OPTIONS = {
         "solver": Option("RK45", partial(checks.one_of, choices=SOLVERS), f"one of {SOLVERS}"),
-        "rtol": RELATIVE,
-        "atol": ABSOLUTE,
+        "rtol": RELATIVE_TOLERANCE,
+        "atol": ABSOLUTE_TOLERANCE,
         "events": Option(
             False,
             partial(checks.one_of, choices=(False, True)),
@@ -42,11 +41,11 @@ class Scipy(Integrator):
         """Return True: the method can run all models."""
         return True
 
-    def solver(self, model, tuning: float, span: Span, solver, rtol, atol, events) -> Run:
-        """Return the `Run` of a model at one tuning by the scipy solver called `solver`.
+    def create_run(self, model, tuning: float, solver: str, rtol, atol, events: bool) -> Run:
+        """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
-        With `events` the run is split at switches of stiffness and at changes of contact. The span
-        is given to the run later.
+        `solver` names a solver of scipy; `rtol` and `atol` are its relative and absolute tolerances
+        of a step. With `events` the run is split at switches of stiffness and changes of contact.
         """
         run_class = _SplitRun if events else _UnsplitRun
         return run_class(right_hand_side(model, tuning), method=solver, rtol=rtol, atol=atol)
@@ -55,7 +54,7 @@ class Scipy(Integrator):
 class _UnsplitRun(Run):
     """A single integration over the whole span, without event location."""
 
-    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+    def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole span from a state at phase 0; return (final state, status)."""
         solver = self._create_solver(state)
         steps_in_period, period, steps = 0, 0, []
@@ -75,6 +74,7 @@ class _UnsplitRun(Run):
                 return solver.y, status.JAMMED
             if solver.status == "failed":
                 return start_state, status.STALLED
+            # A strobe is the start of a mesh period; the last ones show whether the motion repeats.
             is_recorded = solver.t > MESH_PERIOD * self.first_recorded
             passes_strobe = solver.t // MESH_PERIOD > max(t // MESH_PERIOD, self.first_strobe - 1)
             if is_recorded or passes_strobe:

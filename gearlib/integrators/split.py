@@ -106,9 +106,9 @@ class Split(Run):
                     crossings.append(FlankCrossing(mesh, other_flank, -code, BOTH))
         return crossings
 
-    def integrate(self, state: np.ndarray, contact_codes: np.ndarray) -> tuple[np.ndarray, int]:
+    def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
         """Integrate over the whole span from a state at phase 0; return (final state, status)."""
-        problem = self.problem
+        problem, contact_codes = self.problem, self.initial_contact_codes
         if problem.is_jammed(0.0, state):
             return state, status.JAMMED
         for crossing in self.possible_crossings(contact_codes):

@@ -114,7 +114,7 @@ def check_run(
     model, periods, record_periods, initial_state, method=None, options=None, max_events=MAX_EVENTS
 ):
     """Validate the arguments of `simulate` for a model and return them as `RunArguments`."""
-    method_name, module, options = integrators.choose(model, method, options)
+    method_name, module, options = integrators.choose_method(model, method, options)
     periods = checks.integer("periods", periods, 1)
     recorded = checks.integer("record_periods", record_periods, 1, periods)
     state = model.check_state(initial_state)

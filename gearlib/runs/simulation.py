@@ -99,7 +99,7 @@ def simulate(
     data = {
         **_time_history(pair, record.samples, record.status),
         **_event_variables(record.events),
-        **summary.variables(
+        **summary.summary_variables(
             pair,
             (),
             record.summary,

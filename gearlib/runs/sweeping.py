@@ -122,7 +122,7 @@ def sweep(
     check_rows(pair, f"a sweep of {tunings.size:,} tunings", tunings.size)
     rows = _run_sweep(pair, tunings, checked, direction, threads)
     data = {
-        **summary.variables(pair, ("tuning",), *rows[1:], checked.span.recorded),
+        **summary.summary_variables(pair, ("tuning",), *rows[1:], checked.span.recorded),
         **pair.scales(),
         **{name: ("tuning", scale) for name, scale in pair.speed_scales(tunings).items()},
     }

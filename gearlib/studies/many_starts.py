@@ -244,7 +244,7 @@ def summarise(
     columns = (np.stack(column, axis=1) for column in zip(*motions, strict=True))
     summaries, orbits, periods, states, codes = columns
     periods_and_codes = np.stack([periods, codes], axis=-1)
-    variables = summary.variables(
+    variables = summary.summary_variables(
         model, ("start", "tuning"), summaries, states, periods_and_codes, settings["record_periods"]
     )
     # Number of starts on each orbit, for each tuning; -1 is no orbit.

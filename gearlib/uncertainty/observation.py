@@ -126,10 +126,10 @@ class Curve(NamedTuple):
 
     name: str
     units: str
-    over: str  #: "speed" in rpm or "phase" in mesh periods
-    at: np.ndarray  #: abscissae, (n,)
-    heights: tuple  #: measured and fitted sensor signals, each (n,); NaN: not compared
-    falls: np.ndarray  #: whether the speed falls, (n,)
+    x_name: str  #: "speed" in rpm or "phase" in mesh periods
+    x: np.ndarray  #: abscissae, (n,)
+    values: tuple  #: measured and fitted sensor signals, each (n,); NaN: not compared
+    speed_falls: np.ndarray  #: whether the speed falls, (n,)
 
 
 class MeasuredSpeed(NamedTuple):
@@ -155,7 +155,7 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples: int = 1) -> 
     if recorded.status:
         raise NoOrbit(f"the run at {speed:g} rpm failed")
     counts = np.array([n, OK])
-    table = summary.variables(model, (), recorded.summary, recorded.final, counts, n)
+    table = summary.summary_variables(model, (), recorded.summary, recorded.final, counts, n)
     # Displacements are in static deflections, dynamic forces in loads.
     scales = {"displacement": model.static_deflection, "dynamic": model.load}
     quantities = {

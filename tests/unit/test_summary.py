@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gearlib import simulate, sweep
-from gearlib.data.motions import contact_loss_fraction, describe, without_growth
+from gearlib.data.motions import contact_loss_fraction, describe, mask_unbounded
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
 
@@ -40,7 +40,7 @@ def test_curves_end_where_motions_grow(model):
     reach = np.abs(curve.displacement_max.values.reshape(60, -1)).max(axis=1)
     assert np.nanmax(reach) > 1e4 * model.extent
     grown = ~(reach <= 1e3 * model.extent)
-    shown = without_growth(curve, model.extent)
+    shown = mask_unbounded(curve, model.extent)
     assert grown.any() and not grown.all() and np.nanmax(shown.displacement_max) < 1e4
     for name in ("displacement_min", "dynamic_force_max", "final_state"):
         gone = np.isnan(shown[name].values.reshape(60, -1)).all(axis=1)

@@ -12,7 +12,7 @@ from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
 from gearlib.engines import orbit
-from gearlib.integrators import choose
+from gearlib.integrators import choose_method
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_tuning
 from gearlib.runs.sweeping import DIRECTIONS
 
@@ -67,7 +67,7 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
             f"most {MAX_POINTS:,} states in a section"
         )
     max_events = checks.integer("max_events", max_events, 1)
-    method = choose(pair, None, None)[0]
+    method = choose_method(pair, None, None)[0]
     table, ends, codes = _section(pair, tuning, starts, settle, periods, phase, max_events)
     data = {
         "displacement": (("orbit", "strobe"), table[..., 0]),
@@ -173,7 +173,7 @@ def bifurcation_diagram(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    method = choose(pair, None, None)[0]
+    method = choose_method(pair, None, None)[0]
     values = distinct_values("values", values)
     checks.one_of("direction", direction, DIRECTIONS)
     if direction != "cold" and pair.size > 2:

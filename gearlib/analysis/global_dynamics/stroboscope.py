@@ -15,7 +15,7 @@ from gearlib import checks
 from gearlib.analysis.orbits.shooting import compose
 from gearlib.data import status
 from gearlib.data.motions import float_array
-from gearlib.integrators import choose
+from gearlib.integrators import choose_method
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: Motions larger than this, relative to the extent of the model, may grow without bound.
@@ -38,7 +38,7 @@ class Stroboscope:
     def __init__(
         self, model: Any, tuning: float, *, max_events=MAX_EVENTS, threads: int | None = None
     ):
-        choose(model, None, None)  # raises ValueError unless `model` is a model
+        choose_method(model, None, None)  # raises ValueError unless `model` is a model
         self.model, self.tuning = model, check_tuning("tuning", tuning)
         self.propagator = model.propagator(self.tuning)
         self.max_events = checks.integer("max_events", max_events, 1)

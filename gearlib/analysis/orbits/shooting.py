@@ -27,7 +27,7 @@ from gearlib.data.motions import float_array
 from gearlib.data.result import result
 from gearlib.data.status import CONTACT_FLAGS
 from gearlib.engines import orbit as columns
-from gearlib.integrators import choose
+from gearlib.integrators import choose_method
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: Largest residual of an orbit, in static deflections, or relative to a hundredth of its size.
@@ -123,7 +123,7 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     NoOrbit
         If there is no orbit near the guess; the message says what to try.
     """
-    choose(pair, None, None)  # raises ValueError unless `pair` is a model
+    choose_method(pair, None, None)  # raises ValueError unless `pair` is a model
     tuning = check_tuning("tuning", tuning)
     period = checks.integer("period", period, 1, MAX_PERIODS)
     max_events = checks.integer("max_events", max_events, 1)

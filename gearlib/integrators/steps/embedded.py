@@ -116,14 +116,14 @@ def take_embedded_steps(equation, record_start, end, max_attempts, progress, tim
 
     The first entries of `times`, (k + 1,), and `states`, (k + 1, 2), are initial values. The steps
     fill the others, and the derivatives (x', x'') in `stages`, (k, 7, 2). Steps that end before
-    `record_start` are overwritten. `equation` is (Law, ContactLaw, StepControl). `progress` holds
-    the next step length (0 at the start), the present mesh period, and the number of steps
-    attempted in it, which is at most `max_attempts`.
+    `record_start` are overwritten. `equation` is (NonlinearMesh, ContactLaw, StepControl).
+    `progress` holds the next step length (0 at the start), the present mesh period, and the number
+    of steps attempted in it, which is at most `max_attempts`.
     """
-    law, contact_law, control = equation
+    mesh, contact_law, control = equation
     # Each attribute access counts references, so the loop uses local names.
-    bounds, lines = law.segment_bounds, law.stiffness_lines
-    excitation = bounds, lines, law.stiffness_harmonics, law.force_harmonics
+    bounds, lines = mesh.segment_bounds, mesh.stiffness_lines
+    excitation = bounds, lines, mesh.stiffness_harmonics, mesh.force_harmonics
     rtol, mesh_period = control.rtol, 2.0 * math.pi
     t, x, v, evaluations = times[0], states[0, 0], states[0, 1], 0
     a = acceleration_at(*excitation, contact_law, t, x, v)

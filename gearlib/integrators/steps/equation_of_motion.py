@@ -4,8 +4,8 @@ The equation of one degree of freedom is, in static deflections and mesh phase,
 
     x'' = F(tau) - e x - d1 x' - d2 |x'| x' - d3 x'^3 - c(tau) g(x),
 
-with contact for x >= drive_line and x <= coast_line. In the smoothed law the factors
-H1 = (1 + tanh(sharpness (x - drive_line))) / 2 and H2 = (1 - tanh(sharpness (x - coast_line))) / 2
+with contact for x >= drive_x and x <= coast_x. In the smoothed law the factors
+H1 = (1 + tanh(sharpness (x - drive_x))) / 2 and H2 = (1 - tanh(sharpness (x - coast_x))) / 2
 of drive and coast side multiply spring force and damping.
 """
 
@@ -30,38 +30,31 @@ class ContactLaw(NamedTuple):
     drive_damping: tuple  #: d1, d2, d3 in drive-side contact
     backlash_damping: tuple  #: d1, d2, d3 in the backlash
     coast_damping: tuple  #: d1, d2, d3 in coast-side contact
-    stiffness_powers: tuple  #: p2, p3 of the contact stiffness
-    drive_line: float  #: displacement above which the drive side touches, static deflections
-    coast_line: float  #: displacement below which the coast side touches
+    nonlinear_stiffness: tuple  #: p2, p3: g = u + p2 |u| u + p3 u^3 for the elastic deflection u
+    drive_x: float  #: displacement above which the drive side touches, static deflections
+    coast_x: float  #: displacement below which the coast side touches
     ground_stiffness: float  #: e, stiffness towards x = 0 that acts without contact, too
     sharpness: float = 0.0  #: sharpness of the smoothed law, per static deflection; 0: not smoothed
-    is_simple: bool = False  #: whether the law is sharp and its damping and stiffness linear
+    is_simple: bool = False  #: sharp, linear, equal damping of both flanks, no ground stiffness
 
 
-def contact_law_of(law: NonlinearMesh, sharpness: float = 0.0) -> ContactLaw:
-    """Return the contact law of an equation of motion, smoothed if `sharpness` is positive."""
-    damping = [tuple(d.tolist()) for d in (law.drive_damping, law.backlash_damping)]
-    damping.append(tuple(law.coast_damping.tolist()))
-    powers = tuple(law.stiffness_powers.tolist())
-    is_nonlinear = any(powers) or any(any(coefficients[1:]) for coefficients in damping)
-    is_simple = (
-        sharpness == 0.0
-        and not is_nonlinear
-        and damping[0] == damping[2]
-        and law.ground_stiffness == 0.0
-    )
-    lines = float(law.drive_line), float(law.coast_line)
-    return ContactLaw(
-        *damping, powers, *lines, float(law.ground_stiffness), float(sharpness), is_simple
-    )
+def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLaw:
+    """Return the contact law of a nonlinear mesh, smoothed if `sharpness` is positive."""
+    arrays = mesh.drive_damping, mesh.backlash_damping, mesh.coast_damping, mesh.stiffness_powers
+    drive, backlash, coast, stiffness = (tuple(coefficients.tolist()) for coefficients in arrays)
+    is_linear = not any((*drive[1:], *backlash[1:], *coast[1:], *stiffness))
+    # A simple law has an expression of the acceleration that takes half the time.
+    is_simple = sharpness == 0.0 and is_linear and drive == coast and mesh.ground_stiffness == 0.0
+    constants = mesh.drive_line, mesh.coast_line, mesh.ground_stiffness, sharpness
+    return ContactLaw(drive, backlash, coast, stiffness, *map(float, constants), is_simple)
 
 
 @inlined_kernel
 def contact_code_at(contact_law: ContactLaw, x: float) -> int:
     """Return the contact code (drive side, coast side or backlash) at the displacement x."""
-    if x >= contact_law.drive_line:
+    if x >= contact_law.drive_x:
         return NORMAL
-    return INVERSE if x <= contact_law.coast_line else BACKLASH
+    return INVERSE if x <= contact_law.coast_x else BACKLASH
 
 
 @inlined_kernel
@@ -73,37 +66,42 @@ def damping_force(coefficients: tuple, v: float) -> float:
 @inlined_kernel
 def _force_over_stiffness(contact_law: ContactLaw, deflection: float) -> float:
     """Return g, the elastic contact force over the mesh stiffness, at an elastic deflection."""
-    p2, p3 = contact_law.stiffness_powers
+    p2, p3 = contact_law.nonlinear_stiffness
     return deflection + (p2 * abs(deflection) + p3 * deflection * deflection) * deflection
 
 
 @inlined_kernel
 def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
-    """Return (1 in contact, else 0; displacement at first contact; damping d1, d2, d3)."""
+    """Return (1 in contact, else 0; displacement at first contact; damping coefficients).
+
+    The coefficients d1, d2, d3 are those of v, |v| v and v^3. Without contact the displacement is
+    that of the drive side, which has no effect.
+    """
     if contact_code == NORMAL:
-        return 1.0, contact_law.drive_line, contact_law.drive_damping
+        return 1.0, contact_law.drive_x, contact_law.drive_damping
     if contact_code == INVERSE:
-        return 1.0, contact_law.coast_line, contact_law.coast_damping
-    return 0.0, contact_law.drive_line, contact_law.backlash_damping
+        return 1.0, contact_law.coast_x, contact_law.coast_damping
+    return 0.0, contact_law.drive_x, contact_law.backlash_damping
 
 
 @inlined_kernel
 def contact_forces(contact_law: ContactLaw, contact_code: int, x: float, v: float) -> tuple:
     """Return (elastic force over stiffness g, damping force) for a contact code, not smoothed."""
-    is_touching, flank, damping = contact_terms(contact_law, contact_code)
-    return is_touching * _force_over_stiffness(contact_law, x - flank), damping_force(damping, v)
+    is_touching, contact_x, damping = contact_terms(contact_law, contact_code)
+    g = is_touching * _force_over_stiffness(contact_law, x - contact_x)
+    return g, damping_force(damping, v)
 
 
 @inlined_kernel
 def _smoothed_contact(contact_law: ContactLaw, x: float) -> tuple:
     """Return (elastic force over stiffness g, contact factor H1 + H2) of the smoothed law."""
-    sharpness, drive_line = contact_law.sharpness, contact_law.drive_line
-    coast_line, h2 = contact_law.coast_line, 0.0
-    h1 = 0.5 * (1.0 + math.tanh(sharpness * (x - drive_line)))
-    g = h1 * _force_over_stiffness(contact_law, x - drive_line)
-    if coast_line > -math.inf:
-        h2 = 0.5 * (1.0 - math.tanh(sharpness * (x - coast_line)))
-        g += h2 * _force_over_stiffness(contact_law, x - coast_line)
+    sharpness, drive_x = contact_law.sharpness, contact_law.drive_x
+    coast_x, h2 = contact_law.coast_x, 0.0
+    h1 = 0.5 * (1.0 + math.tanh(sharpness * (x - drive_x)))
+    g = h1 * _force_over_stiffness(contact_law, x - drive_x)
+    if coast_x > -math.inf:
+        h2 = 0.5 * (1.0 - math.tanh(sharpness * (x - coast_x)))
+        g += h2 * _force_over_stiffness(contact_law, x - coast_x)
     return g, h1 + h2
 
 
@@ -112,16 +110,17 @@ def force_and_acceleration(contact_law, contact_code, stiffness, external_force,
     """Return (elastic mesh force over stiffness g, acceleration x'') at displacement x, velocity v.
 
     Mesh stiffness and external force are those of the present phase. A smoothed contact law ignores
-    the contact code.
+    the contact code; only gear pairs have it, with equal damping of both flanks and no stiffness
+    towards the ground.
     """
     if contact_law.sharpness > 0.0:
         g, contact_factor = _smoothed_contact(contact_law, x)
-        drag = contact_factor * damping_force(contact_law.drive_damping, v)
-        free_drag = (1.0 - contact_factor) * damping_force(contact_law.backlash_damping, v)
-        return g, external_force - drag - free_drag - stiffness * g
-    g, drag = contact_forces(contact_law, contact_code, x, v)
+        damping = contact_factor * damping_force(contact_law.drive_damping, v)
+        backlash_damping = (1.0 - contact_factor) * damping_force(contact_law.backlash_damping, v)
+        return g, external_force - damping - backlash_damping - stiffness * g
+    g, damping = contact_forces(contact_law, contact_code, x, v)
     ground_force = contact_law.ground_stiffness * x
-    return g, external_force - ground_force - drag - stiffness * g
+    return g, external_force - ground_force - damping - stiffness * g
 
 
 @inlined_kernel
@@ -133,12 +132,12 @@ def acceleration(
     Mesh stiffness and external force are those of the present phase.
     """
     if contact_law.is_simple:
-        # This branch takes half the time of the general one, which timings of methods would show.
+        # The general branch would double the time, which timings of methods would show.
         damping = contact_law.drive_damping[0]
-        if x >= contact_law.drive_line:
-            return external_force - damping * v - stiffness * (x - contact_law.drive_line)
-        if x <= contact_law.coast_line:
-            return external_force - damping * v - stiffness * (x - contact_law.coast_line)
+        if x >= contact_law.drive_x:
+            return external_force - damping * v - stiffness * (x - contact_law.drive_x)
+        if x <= contact_law.coast_x:
+            return external_force - damping * v - stiffness * (x - contact_law.coast_x)
         return external_force - contact_law.backlash_damping[0] * v
     contact_code = contact_code_at(contact_law, x)
     return force_and_acceleration(contact_law, contact_code, stiffness, external_force, x, v)[1]
@@ -159,13 +158,13 @@ def harmonic_sum(harmonics: np.ndarray, phase: float) -> float:
 
 
 @inlined_kernel
-def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, side) -> float:
+def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, phase_shift) -> float:
     """Return the mesh stiffness at a phase from 0 to 2 pi: a line on each segment plus harmonics.
 
-    Where the stiffness jumps, `side`, +-SAME_PHASE_TOLERANCE, selects the segment after or before.
-    The lines, shape (m, 2), are (start value, slope); the segment bounds have shape (m + 1,).
+    Where it jumps, the small `phase_shift` selects the segment after (> 0) or before (< 0) the
+    phase. Lines, shape (m, 2), are (start value, slope); segment bounds have shape (m + 1,).
     """
-    shifted_phase = phase + side
+    shifted_phase = phase + phase_shift
     if shifted_phase < 0.0:
         shifted_phase += 2.0 * math.pi
     elif shifted_phase >= 2.0 * math.pi:
@@ -174,7 +173,7 @@ def stiffness_at(segment_bounds, stiffness_lines, harmonics, phase, side) -> flo
     while i + 2 < segment_bounds.shape[0] and shifted_phase >= segment_bounds[i + 1]:
         i += 1
     line_value = stiffness_lines[i, 0] + stiffness_lines[i, 1] * (
-        shifted_phase - side - segment_bounds[i]
+        shifted_phase - phase_shift - segment_bounds[i]
     )
     return line_value + harmonic_sum(harmonics, phase)
 
@@ -197,14 +196,14 @@ def acceleration_at(
 
 @kernel
 def mesh_acceleration(
-    contact_law: ContactLaw, law: NonlinearMesh, t: float, x: float, v: float
+    contact_law: ContactLaw, mesh: NonlinearMesh, t: float, x: float, v: float
 ) -> float:
     """Return x'' of one mesh at phase t, displacement x (which decides contact) and velocity v."""
-    if contact_law.sharpness == 0.0 and x <= contact_law.coast_line:
-        lines, harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
+    if contact_law.sharpness == 0.0 and x <= contact_law.coast_x:
+        lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
     else:
-        lines, harmonics = law.stiffness_lines, law.stiffness_harmonics
-    bounds, force_harmonics = law.segment_bounds, law.force_harmonics
+        lines, harmonics = mesh.stiffness_lines, mesh.stiffness_harmonics
+    bounds, force_harmonics = mesh.segment_bounds, mesh.force_harmonics
     return acceleration_at(bounds, lines, harmonics, force_harmonics, contact_law, t, x, v)
 
 
@@ -221,7 +220,7 @@ def _segment_stiffness(segment_bounds, stiffness_lines, harmonics, segment, t) -
 
 @kernel
 def forces_and_accelerations(
-    contact_law, law, phases, segments, contact_codes, states
+    contact_law, mesh, phases, segments, contact_codes, states
 ) -> np.ndarray:
     """Return (mesh stiffness, elastic force over stiffness, x'') of states (k, 2), shape (k, 3).
 
@@ -229,9 +228,9 @@ def forces_and_accelerations(
     ignores the contact codes.
     """
     # Each attribute access counts references, so the loop uses local names.
-    bounds, force_harmonics = law.segment_bounds, law.force_harmonics
-    lines, harmonics = law.stiffness_lines, law.stiffness_harmonics
-    coast_lines, coast_harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
+    bounds, force_harmonics = mesh.segment_bounds, mesh.force_harmonics
+    lines, harmonics = mesh.stiffness_lines, mesh.stiffness_harmonics
+    coast_lines, coast_harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
     table = np.empty((phases.shape[0], 3))
     for i in range(phases.shape[0]):
         t, segment, contact_code = phases[i], segments[i], contact_codes[i]
@@ -270,11 +269,13 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
             contact_code = NORMAL
         elif dot(system.coast_lines[mesh], full_state) <= 0.0:
             contact_code = INVERSE
-        effect = system.effect[contact_code + 1, segment, mesh]
+        # The force case selects the force vectors: backlash, or contact with a stiffness.
+        force_case = system.effect[contact_code + 1, segment, mesh]
+        # A mesh has two forces, elastic with damping, and friction. Each is linear in the state.
         for k in range(2):
-            force = dot(system.force_output[mesh, effect, k], full_state)
+            force = dot(system.force_output[mesh, force_case, k], full_state)
             for i in range(size):
-                derivative[i] += system.force_input[mesh, effect, k, i] * force
+                derivative[i] += system.force_input[mesh, force_case, k, i] * force
     for i in range(size):
         derivative[i] /= system.tuning
     return derivative

@@ -47,7 +47,7 @@ class Scheme(NamedTuple):
 
 
 @kernel
-def tabulate_excitation(law: NonlinearMesh, steps: int, middle_fraction: float) -> tuple:
+def tabulate_excitation(mesh: NonlinearMesh, steps: int, middle_fraction: float) -> tuple:
     """Return (stiffness, external force, jump mask) for the equal steps of one mesh period.
 
     Stiffness and force, shape (steps, 3), are those at the start, at `middle_fraction` of the step
@@ -57,11 +57,11 @@ def tabulate_excitation(law: NonlinearMesh, steps: int, middle_fraction: float) 
     for k in range(steps):
         for column, fraction in enumerate((0.0, middle_fraction, 1.0)):
             phase = 2.0 * math.pi * ((k + fraction) / steps)
-            side = -SAME_PHASE_TOLERANCE if fraction == 1.0 else SAME_PHASE_TOLERANCE
+            shift = -SAME_PHASE_TOLERANCE if fraction == 1.0 else SAME_PHASE_TOLERANCE
             stiffness[k, column] = stiffness_at(
-                law.segment_bounds, law.stiffness_lines, law.stiffness_harmonics, phase, side
+                mesh.segment_bounds, mesh.stiffness_lines, mesh.stiffness_harmonics, phase, shift
             )
-            force[k, column] = harmonic_sum(law.force_harmonics, phase)
+            force[k, column] = harmonic_sum(mesh.force_harmonics, phase)
     # The stiffness is periodic, so the first step follows the last one.
     has_jump = np.abs(stiffness[:, 0] - np.roll(stiffness[:, 2], 1)) > 1e-9 * stiffness[:, 0]
     return stiffness, force, has_jump
@@ -97,15 +97,15 @@ def _frozen_acceleration(contact_law, scheme, h, stiffness, force, start, middle
     alpha_m, alpha_f = scheme.alpha_m, scheme.alpha_f
     # Derivatives of the middle state by the acceleration at the end.
     dx_da, dv_da = (1.0 - alpha_f) * scheme.beta * h * h, (1.0 - alpha_f) * scheme.gamma * h
-    p2, p3 = contact_law.stiffness_powers
-    is_touching, flank, (d1, d2, d3) = contact_terms(
+    p2, p3 = contact_law.nonlinear_stiffness
+    is_touching, contact_x, (d1, d2, d3) = contact_terms(
         contact_law, contact_code_at(contact_law, start_x)
     )
-    deflection, speed = abs(start_x - flank), abs(start_v)
+    deflection, speed = abs(start_x - contact_x), abs(start_v)
     secant_stiffness = stiffness * is_touching * (1.0 + (p2 + p3 * deflection) * deflection)
     secant_damping = d1 + (d2 + d3 * speed) * speed
     net_force = force - alpha_m * start_a - secant_damping * middle_v
-    net_force = net_force - secant_stiffness * (middle_x - flank)
+    net_force = net_force - secant_stiffness * (middle_x - contact_x)
     return net_force / (1.0 - alpha_m + secant_damping * dv_da + secant_stiffness * dx_da)
 
 
@@ -121,29 +121,29 @@ def _iterated_acceleration(contact_law, scheme, h, stiffness, force, start, midd
     alpha_m, alpha_f = scheme.alpha_m, scheme.alpha_f
     # Derivatives of the middle state by the acceleration at the end.
     dx_da, dv_da = (1.0 - alpha_f) * scheme.beta * h * h, (1.0 - alpha_f) * scheme.gamma * h
-    p2, p3 = contact_law.stiffness_powers
+    p2, p3 = contact_law.nonlinear_stiffness
     a, iterations = start_a, 0
     while iterations < MAX_ITERATIONS:
         x, v = middle_x + dx_da * a, middle_v + dv_da * a
         contact_code = contact_code_at(contact_law, x)
-        g, drag = contact_forces(contact_law, contact_code, x, v)
-        residual = (1.0 - alpha_m) * a + alpha_m * start_a + drag + stiffness * g - force
-        is_touching, flank, (d1, d2, d3) = contact_terms(contact_law, contact_code)
-        deflection, speed = is_touching * abs(x - flank), abs(v)
+        g, damping = contact_forces(contact_law, contact_code, x, v)
+        residual = (1.0 - alpha_m) * a + alpha_m * start_a + damping + stiffness * g - force
+        is_touching, contact_x, (d1, d2, d3) = contact_terms(contact_law, contact_code)
+        deflection, speed = is_touching * abs(x - contact_x), abs(v)
         dg_dx = is_touching * (1.0 + (2.0 * p2 + 3.0 * p3 * deflection) * deflection)
         tangent_stiffness = stiffness * dg_dx
         tangent_damping = d1 + (2.0 * d2 + 3.0 * d3 * speed) * speed
         iterations += 1
-        size = abs(a) + abs(alpha_m * start_a) + abs(force) + abs(drag)
+        size = abs(a) + abs(alpha_m * start_a) + abs(force) + abs(damping)
         size += tangent_stiffness * (abs(x) + deflection + abs(start_x) + h * abs(start_v))
         if abs(residual) <= _RESIDUAL_TOLERANCE * size:
             return a, iterations, True
         a -= residual / (1.0 - alpha_m + tangent_damping * dv_da + tangent_stiffness * dx_da)
     # If the damping jumps with contact, the residual may jump over zero. Then the flanks just
     # touch, with a damping between those of contact and backlash.
-    for flank in (contact_law.drive_line, contact_law.coast_line):
-        if abs(flank) < math.inf:
-            a = (flank - middle_x) / dx_da
+    for contact_x in (contact_law.drive_x, contact_law.coast_x):
+        if abs(contact_x) < math.inf:
+            a = (contact_x - middle_x) / dx_da
             v = middle_v + dv_da * a
             residual = (1.0 - alpha_m) * a + alpha_m * start_a - force
             contact_residual = residual + damping_force(contact_law.drive_damping, v)

@@ -244,7 +244,7 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
     """
     if not integrators.METHODS[method].supports(problem.model):
         return math.nan
-    _, integrator, options = integrators.choose(problem.model, method, options)
+    _, integrator, options = integrators.choose_method(problem.model, method, options)
 
     def run(periods: int, calls: int) -> bool:
         """Run the method `calls` times over mesh periods; return whether a run stopped early."""
