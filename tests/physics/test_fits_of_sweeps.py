@@ -75,7 +75,7 @@ def test_each_side_of_a_jump_has_its_own_branch():
     places = jumps.draw(jumps.sensed(TRUTH))
     assert {place.name for place in places} == {"jump up", "jump down"}
     for curve in points.draw(points.sensed(TRUTH)):
-        values, fitted = curve.heights
+        values, fitted = curve.values
         assert np.sqrt(np.mean((fitted - values) ** 2)) < 0.05 * np.ptp(values)
     # A model that jumps some points later is no large difference at any point.
     near = TRUTH.replace(reduced_mass=1.02 * TRUTH.reduced_mass)
