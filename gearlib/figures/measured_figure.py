@@ -49,8 +49,8 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
 def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed time histories, a panel for each.
 
-    `courses` are results of `gearlib.studies.measured.time_history_harmonics`, with measured samples
-    `point` at the mesh phases `point_phase`; `colours` maps damping names to colours.
+    `courses` are results of `gearlib.studies.measured.time_history_harmonics`, with samples `point`
+    at the mesh phases `point_phase`; `colours` maps damping names to colours.
     """
     histories = [
         data.isel(course=i, observable=j)
