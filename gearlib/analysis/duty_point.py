@@ -17,7 +17,7 @@ from gearlib.models.geometry.iso import dynamic_factor
 from gearlib.models.geometry.mesh import torque_of
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.model import is_model
-from gearlib.runs.run_arguments import check_speed
+from gearlib.runs.run_arguments import tuning_at_speed
 from gearlib.runs.simulation import simulate
 
 #: Longest simulated motion, in mesh periods and in integration steps (about 0.2 s of computing).
@@ -26,6 +26,8 @@ _MAX_PERIODS, _MAX_STEPS = 10_000, 150_000
 _MAX_TABLES = 2500
 #: Length of the record of a motion that does not repeat, and its limit in mesh periods.
 _RECORD_REVOLUTIONS, _MAX_RECORD_PERIODS = 10, 2000
+#: Transient before the record if even the shortest run for an orbit exceeds the limits.
+_MIN_TRANSIENT_PERIODS = 2
 
 
 def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options):
@@ -81,7 +83,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         data = _iso_dynamic_factor(gears, torque, speed) | {"torque": float(torque)}
     if model.speed is None:
         raise ValueError(f"gears = {model!r} is not allowed: nothing turns in this model")
-    tuning = check_speed(model, "speed", speed)
+    tuning = tuning_at_speed(model, "speed", speed)
     slowest_tuning = model.slowest_tuning
     run = settled_run(model, max(tuning, slowest_tuning), initial_state)
     variables, coords = variables_of_run(run, model)
@@ -110,10 +112,12 @@ def _load_sharing_model(mesh: Any, torque: float, options: dict) -> tuple:
     truncated if thousands of mesh periods pass until the same teeth meet again.
     """
     model = default_load_sharing_pair(mesh, torque=torque, **options)
-    max_repeats = _MAX_TABLES // 2 ** math.ceil(mesh.total_contact_ratio)
-    if model.repeats <= max_repeats:
+    # In each mesh period there is a stiffness table for each subset of the tooth pairs in mesh.
+    tables_per_period = 2 ** math.ceil(mesh.total_contact_ratio)
+    max_periods = _MAX_TABLES // tables_per_period
+    if model.repeats <= max_periods:
         return model, False
-    return model.replace(pitch_errors=model.pitch_errors[:max_repeats]), True
+    return model.replace(pitch_errors=model.pitch_errors[:max_periods]), True
 
 
 def _iso_dynamic_factor(mesh: Any, torque: float, speed: float) -> dict:
@@ -134,26 +138,26 @@ def settled_run(model: Any, tuning: float, initial_state: tuple = (0.0, 0.0)) ->
     """Return a run of `simulate` that records one period of an orbit, or else whole revolutions.
 
     The motion starts at `initial_state` (displacement, velocity); its length is doubled until it
-    repeats.
+    repeats, at most to the limits `_MAX_PERIODS` and `_MAX_STEPS`.
     """
     max_periods = min(_MAX_PERIODS, int(_MAX_STEPS / model.steps_per_period(tuning)))
-    repeats = model.repeats
+    excitation_periods = model.repeats  # mesh periods after which the excitation repeats
     state, simulated_periods, orbit_periods = initial_state, 0, 0
-    new_periods = 2 * repeats
+    new_periods = 2 * excitation_periods
     while not orbit_periods and simulated_periods + new_periods <= max_periods:
         run = _checked_run(model, tuning, new_periods, state, samples_per_period=8)
         state, orbit_periods = tuple(run.final_state.values), int(run.period)
         simulated_periods += new_periods
         new_periods = simulated_periods
     if orbit_periods:
-        # The motion goes on for the same time, so that the record has settled to rounding error.
+        # A further transient lets the motion settle to rounding error before the record.
         record_periods = orbit_periods
-        transient_periods = simulated_periods if repeats == 1 else repeats
+        transient_periods = simulated_periods if excitation_periods == 1 else excitation_periods
     else:
         teeth = round(model.periods_per_revolution)
         max_record = min(max_periods, _MAX_RECORD_PERIODS)
         record_periods = teeth * max(1, min(_RECORD_REVOLUTIONS, max_record // teeth))
-        transient_periods = 0 if simulated_periods else 2
+        transient_periods = 0 if simulated_periods else _MIN_TRANSIENT_PERIODS
     options = {"record_periods": record_periods, "samples_per_period": 128}
     return _checked_run(model, tuning, transient_periods + record_periods, state, **options)
 
@@ -191,6 +195,8 @@ def si_variables(run: xr.Dataset, model: Any) -> dict:
     """
     force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
     error = transmission_error(run)
+    contact_loss_fraction = run.fraction_backlash + run.fraction_inverse
+    # Without a profile deviation the exact extrema of the run are used, else those of the samples.
     if np.array_equal(error, run.displacement.values):
         peak_to_peak = run.displacement_max.values - run.displacement_min.values
     else:
@@ -208,7 +214,7 @@ def si_variables(run: xr.Dataset, model: Any) -> dict:
         "mesh_force_min": (dims, force_scale * run.dynamic_force_min.values),
         "error_peak_to_peak": (dims, static_deflection * peak_to_peak),
         "error_rms": (dims, static_deflection * error.std(axis=0)),
-        "lost_share": (dims, (run.fraction_backlash + run.fraction_inverse).values),
+        "lost_share": (dims, contact_loss_fraction.values),
     }
 
 

@@ -71,13 +71,12 @@ class Perturbation:
         #: Logarithm of its length; 0 is the length of a rounding error.
         self.log_length = 0.0
 
-    def propagate(
-        self, propagator: Any, state: np.ndarray, periods: int, first_period: int = 0
-    ) -> tuple:
+    def propagate(self, propagator, state: np.ndarray, periods: int, first_period=0) -> tuple:
         """Propagate the perturbation along the motion that starts at a full state.
 
-        Return (final state, logarithm of the growth in each of the mesh periods, status code); the
-        logarithms are -inf where the perturbation has vanished.
+        The run starts with the mesh period `first_period` of an excitation that repeats after
+        several of them. Return (final state, logarithm of the growth in each of the mesh periods,
+        status code); the logarithms are -inf where the perturbation has vanished.
         """
         log_growths = np.full(periods, -math.inf)
         reduction, lift = self.model.reduction()
@@ -99,10 +98,13 @@ class Perturbation:
     def exceeds_limit(self, tuning: float, state: Any, periods: int, first_period: int) -> bool:
         """Return whether a rounding error grows beyond `MAX_LOG_GROWTH` in the next mesh periods.
 
-        The motion starts at `state`; the perturbation is that at the end of the last run.
+        The motion starts at `state`, with the mesh period `first_period` of the excitation. The
+        perturbation continues from the end of the last run, unless it is a new rounding error.
         """
         propagator = self.model.propagator(tuning)
-        self.vector = self.vector if self.log_length else None
+        if self.log_length == 0.0:
+            # The perturbation has decayed to a rounding error, whose direction is arbitrary.
+            self.vector = None
         start = propagator.start(state)
         _, log_growths, code = self.propagate(propagator, start, periods, first_period)
         growth = np.cumsum(log_growths) if code == status.OK else np.full(periods, math.inf)
@@ -112,13 +114,7 @@ class Perturbation:
 
 
 def largest_exponent(
-    model: Any,
-    tuning: float,
-    *,
-    state: Any = (0.0, 0.0),
-    settle: int = 1000,
-    periods: int = 4000,
-    max_events: int = MAX_EVENTS,
+    model, tuning: float, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=MAX_EVENTS
 ) -> Exponent:
     """Return the largest Lyapunov exponent of the motion from a state at tau = 0.
 
@@ -146,9 +142,7 @@ def largest_exponent(
     return Exponent(float(log_growths.mean()), float(error), float(log_growths.sum()), periods)
 
 
-def rounding_grows(
-    model: Any, tunings: Any, start: tuple, periods: int, final_states: Any = None
-) -> np.ndarray:
+def rounding_grows(model, tunings, start: tuple, periods: int, final_states=None) -> np.ndarray:
     """Return a mask, shape (n,), of the tunings at which rounding errors grow to a visible size.
 
     A run over `periods` mesh periods starts at the state `start` at each tuning. If the final
@@ -171,8 +165,9 @@ def reproducible_orbits(model: Any, diagrams: list, directions: list, starts: li
     """Return a mask, shape (diagram, tuning), of periodic motions independent of rounding errors.
 
     `diagrams` are results of `gearlib.bifurcation_diagram` over the same tunings, `directions` and
-    `starts` are the direction and initial state of each. After chaos the orbit of a warm-started
-    sweep depends on rounding errors, until all cold runs settle on the same orbit.
+    `starts` are the direction and initial state of each. A warm-started sweep that has passed
+    through chaos arrives on an orbit that depends on rounding errors, until a tuning at which all
+    cold runs are reproducible and settle on the same orbit.
     """
     periods = np.array([diagram.period.values for diagram in diagrams])
     displacements = np.array([diagram.displacement.values for diagram in diagrams])
@@ -182,6 +177,7 @@ def reproducible_orbits(model: Any, diagrams: list, directions: list, starts: li
     orders = [ascending[::-1] if direction == "down" else ascending for direction in directions]
     for k, (diagram, order) in enumerate(zip(diagrams, orders, strict=True)):
         final_states = diagram.final_state.values[order] if is_warm_started[k] else None
+        # The coordinate `strobe` numbers the mesh periods of a run from 0, with the transient.
         run_periods, tunings = int(diagram.strobe.values[-1]) + 1, diagram.tuning.values[order]
         is_sensitive[k, order] = rounding_grows(
             model, tunings, starts[k], run_periods, final_states

@@ -251,19 +251,20 @@ def _motion_of_run_up(run: xr.Dataset, variable: str) -> Motion:
     jump_times = [row[0] for row in (*profiles["speed"], *profiles["load"])]
     if "event_time" in run:
         jump_times.extend(run.event_time.values)
+    # Shaft angle in rad from speeds in rpm, by the trapezoidal rule.
     angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
     teeth = _periods_per_revolution(phase, angle)
     phases = math.tau * teeth * ShaftRotation(profiles["speed"]).revolutions(np.array(jump_times))
     return Motion(
-        phase,
-        run[variable].values,
-        _jumps(run, variable, phases),
-        np.array(profiles["speed"]),
-        teeth,
-        _DEFAULT_MESH_ORDERS * teeth,
-        run[variable].attrs["units"],
-        {name: run[name].variable for name in run[variable].dims[1:]},
-        _attributes(run, "references", "gear_pair", "model", "parameters"),
+        phase=phase,
+        values=run[variable].values,
+        jumps=_jumps(run, variable, phases),
+        speeds=np.array(profiles["speed"]),
+        teeth=teeth,
+        default_max_order=_DEFAULT_MESH_ORDERS * teeth,
+        units=run[variable].attrs["units"],
+        coords={name: run[name].variable for name in run[variable].dims[1:]},
+        attrs=_attributes(run, "references", "gear_pair", "model", "parameters"),
     )
 
 
@@ -271,20 +272,21 @@ def _motion_of_simulation(run: xr.Dataset, variable: str) -> Motion:
     """Return the samples of a variable in a dataset of `gearlib.simulate`, in SI units."""
     phase, rpm = run.phase.values - run.phase.values[0], float(run.speed)
     omega, phases = float(run.mesh_frequency), _event_phases(run)
+    end_phase = phases[1]  # the phases are those of the start, the end and the contact events
     scale, units = _VARIABLES[variable]
     teeth = _periods_per_revolution(phase, math.pi / 30.0 * rpm * phase[-1] / omega)
-    speeds = np.array([[0.0, rpm], [phases[1] / omega, rpm]])
+    speeds = np.array([[0.0, rpm], [end_phase / omega, rpm]])
     attrs = _attributes(run, "references", "model", "gear_pair")
     return Motion(
-        phase,
-        run[variable].values * float(scale(run)),
-        _jumps(run, variable, phases),
-        speeds,
-        teeth,
-        _DEFAULT_MESH_ORDERS * teeth,
-        units,
-        {name: run[name].variable for name in run[variable].dims[1:]},
-        attrs | {"parameters": _profiles_json(speeds)},
+        phase=phase,
+        values=run[variable].values * float(scale(run)),
+        jumps=_jumps(run, variable, phases),
+        speeds=speeds,
+        teeth=teeth,
+        default_max_order=_DEFAULT_MESH_ORDERS * teeth,
+        units=units,
+        coords={name: run[name].variable for name in run[variable].dims[1:]},
+        attrs=attrs | {"parameters": _profiles_json(speeds)},
     )
 
 
@@ -314,9 +316,7 @@ def _profiles_json(speeds: np.ndarray) -> str:
     return canonical_json({"speed": speeds.tolist(), "load": [[0.0, 1.0]]})
 
 
-def _motion_of_signal(
-    data: xr.Dataset, variable: str, highest: float | None, tacho: Any, teeth: int
-) -> Motion:
+def _motion_of_signal(data: xr.Dataset, variable: str, highest, tacho, teeth: int) -> Motion:
     """Resample a signal over time at equal angles of the shaft.
 
     The angle follows from the speed in the dataset, or from the times of tacho pulses. `highest` is
@@ -325,8 +325,8 @@ def _motion_of_signal(
     time, values = _signal(data, variable)
     angle_at, profile = _angle_by_speed(data, time) if tacho is None else _angle_by_tacho(tacho)
     in_profile = (time >= profile[0, 0]) & (time <= profile[-1, 0])
-    if in_profile.sum() < 4:
-        raise ValueError("tacho is not allowed: it must have four samples or more between pulses")
+    if in_profile.sum() < 4:  # not with a speed profile, which covers all samples
+        raise ValueError("tacho is not allowed: it must have at least four samples between pulses")
     time, values = time[in_profile], values[in_profile]
     angles = angle_at(time)
     steps = np.diff(angles)
@@ -350,13 +350,13 @@ def _motion_of_signal(
     total_angle = float(angle_at(profile[-1, 0]) - angles[0])
     speeds[:, 1] *= total_angle / (np.trapezoid(speeds[:, 1], speeds[:, 0]) / 60.0)
     return Motion(
-        math.tau * teeth * revolutions,
-        CubicSpline(angles, values)(angles[0] + revolutions),
-        None,
-        speeds,
-        float(teeth),
-        max_order,
-        data[variable].attrs.get("units", "1"),
+        phase=math.tau * teeth * revolutions,
+        values=CubicSpline(angles, values)(angles[0] + revolutions),
+        jumps=None,
+        speeds=speeds,
+        teeth=float(teeth),
+        default_max_order=max_order,
+        units=data[variable].attrs.get("units", "1"),
         attrs={"parameters": _profiles_json(speeds)},
         start_time=float(time[0]),
     )
@@ -370,10 +370,10 @@ def _signal(data: xr.Dataset, variable: str) -> tuple:
     values = np.asarray(data[variable].values, float)
     if not (time.ndim == 1 and time.size > 3 and np.isfinite(values).all()):
         raise ValueError(
-            f"{variable} is not allowed: it must have four samples or more, all finite"
+            f"{variable} is not allowed: it must have at least four samples, all finite"
         )
     if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
-        raise ValueError("time is not allowed: it must rise from sample to sample")
+        raise ValueError("time is not allowed: it must increase from sample to sample")
     return time, values
 
 
@@ -398,7 +398,7 @@ def _angle_by_tacho(tacho: Any) -> tuple:
     """
     pulses = np.array(checks.finite("tacho", tacho))
     if pulses.size < 4 or not (np.diff(pulses) > 0.0).all():
-        raise ValueError("tacho is not allowed: it must be four times or more that rise")
+        raise ValueError("tacho is not allowed: it must be at least four increasing times")
     angle_at = CubicSpline(pulses, np.arange(pulses.size))
     return angle_at, np.column_stack([pulses, 60.0 * angle_at(pulses, 1)])
 
@@ -426,15 +426,20 @@ def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarr
 
 
 def _stiffness_switches(model: Any) -> tuple:
-    """Return (mesh phases at which the stiffness of a model may jump, phase of its period)."""
+    """Return (mesh phases at which the stiffness of a model may jump, length of its period in rad).
+
+    The phases lie in the first period.
+    """
     if model.equation is None:
-        segment_bounds = model.system(1.0).starts
+        segment_bounds = model.system(tuning=1.0).starts  # the same at all tunings
         return segment_bounds[:-1], segment_bounds[-1]
     switches = [[0.0]]
-    for side in (model.equation.drive_stiffness, model.equation.coast_stiffness):
-        ends = side.lines[:, 0] + side.lines[:, 1] * np.diff(side.breaks)
-        jumps = np.abs(np.roll(ends, 1) - side.lines[:, 0])
-        switches.append(side.breaks[:-1][jumps > PHASE_TOLERANCE * np.abs(side.lines[:, 0]).max()])
+    for pieces in (model.equation.drive_stiffness, model.equation.coast_stiffness):
+        start_values, slopes = pieces.lines.T
+        end_values = start_values + slopes * np.diff(pieces.breaks)
+        jumps = np.abs(np.roll(end_values, 1) - start_values)
+        is_jump = jumps > PHASE_TOLERANCE * np.abs(start_values).max()
+        switches.append(pieces.breaks[:-1][is_jump])
     return np.unique(np.concatenate(switches)), math.tau
 
 
@@ -558,8 +563,8 @@ def _dataset(motion: Motion, variable, amplitude, sums, indices, revolutions, bo
     """Return the order map of a variable as a dataset.
 
     `amplitude` is a key of `_AMPLITUDES`, `indices` select the orders in the `FourierSums` `sums`.
-    A block has a whole number of `revolutions`; `bounds` are the times (s) between the blocks,
-    shape (blocks + 1,).
+    `revolutions` is the integer number of revolutions per block; `bounds` are the times (s) between
+    the blocks, shape (blocks + 1,).
     """
     mean = np.abs(sums.coefficients[:, 0])
     overall = np.sqrt(np.maximum(sums.mean_squares - mean**2, 0.0))
@@ -578,7 +583,7 @@ def _dataset(motion: Motion, variable, amplitude, sums, indices, revolutions, bo
     variables = {
         "amplitude": (dims, levels, level_unit, f"{amplitude} of the orders of the {label}"),
         "phase": (dims, np.angle(coefficients), "rad", phase_name),
-        "amplitude_error": (dims, errors, unit, "estimated error, of a peak"),
+        "amplitude_error": (dims, errors, unit, "estimated error of the peak amplitude"),
         "rpm": ("time", rpm, "min-1", "mean speed in the block"),
         "overall": (block_dims, overall, unit, overall_name),
         "order_resolution": ((), 1.0 / revolutions, "1", "order spacing"),
@@ -645,7 +650,7 @@ def orders(run, *, count=None):
     coords |= {name: run[name].values for name in dims[1:]}
     dataset = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
     dataset["order"].attrs["long_name"] = (
-        "order, waves per revolution of the gear whose teeth count"
+        "order, waves per revolution of the gear to which the speed refers"
     )
     dataset.attrs |= _attributes(run, "references", "gear_pair", "parameters")
     return dataset
@@ -661,30 +666,30 @@ def _record_periods(run: xr.Dataset) -> int:
     return json.loads(run.attrs["parameters"])["record_periods"]
 
 
-def record_sums(run: xr.Dataset, count: int | None = None, fractions: bool = True) -> tuple:
+def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bool = True) -> tuple:
     """Return (mesh orders, {"force": (samples, sums), "error": (samples, sums)}) of a run.
 
     These are samples and `FourierSums` of the mesh force (N) and the transmission error (m) of a
-    run of `simulate`. Mesh orders go up to `count`, with `fractions` in steps of 1 over the number
-    of recorded mesh periods.
+    run of `simulate`. Mesh orders go up to `count`, with `fractional_orders` in steps of 1 over the
+    number of recorded mesh periods.
     """
     _check_status(run)
     periods, teeth = _record_periods(run), _teeth_of(run)
     orbit_periods = int(run.period)
-    repeats = orbit_periods and periods % orbit_periods == 0
-    if periods % teeth and not repeats:
+    is_periodic = orbit_periods > 0 and periods % orbit_periods == 0
+    if periods % teeth and not is_periodic:
         raise ValueError(
             f"record_periods = {periods} is not allowed: it must be a multiple of {teeth}, whole "
-            "revolutions of the gear whose teeth count"
+            "revolutions of the gear to which the speed refers"
             + (f", or of the {orbit_periods} periods of the orbit" if orbit_periods else "")
         )
     max_count = max(run.phase.size // periods // 4, 1)
     count = checks.integer("count", min(10, max_count) if count is None else count, 1, max_count)
-    steps_per_order, length = periods if fractions else 1, math.tau * periods
+    steps_per_order, length = periods if fractional_orders else 1, math.tau * periods
     order_count = count * steps_per_order + 1
     phase = run.phase.values - run.phase.values[0]
     margin = 2 * STENCIL
-    if repeats:
+    if is_periodic:
         # The record is extended periodically, so that samples surround its first and last phase.
         phase = np.concatenate([phase[-margin:] - length, phase, phase[:margin] + length])
     sums = {}
@@ -693,7 +698,7 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractions: bool = Tru
         ("error", transmission_error(run) * float(run.static_deflection), "displacement"),
     ):
         extended, jumps = values, _jumps(run, variable, _event_phases(run))
-        if repeats:
+        if is_periodic:
             extended = np.concatenate([values[-margin:], values, values[:margin]])
         step = 1.0 / steps_per_order
         sums[name] = values, fourier(phase, extended, jumps, length, 1, step, order_count)
@@ -705,7 +710,7 @@ def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
 
     An amplitude is NaN if it differs too much from that of half of the samples.
     """
-    mesh_orders, sums = record_sums(run, fractions=False)
+    mesh_orders, sums = record_sums(run, fractional_orders=False)
     amplitudes = []
     for name in ("force", "error"):
         _, block_sums = sums[name]

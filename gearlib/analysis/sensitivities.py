@@ -14,8 +14,10 @@ from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
 
-#: Steps of the difference quotients, relative to the scale of the parameter.
-STEPS = 3e-3 / 3.0 ** np.arange(9)
+#: Ratio of successive steps of the difference quotients.
+STEP_RATIO = 3.0
+#: Decreasing steps of the difference quotients, relative to the scale of the parameter.
+STEPS = 3e-3 / STEP_RATIO ** np.arange(9)
 MAX_RICHARDSON_ORDER = 3
 MIN_DIFFERENCES = 4
 #: Factor on the last change of the extrapolated value that gives the error estimate.
@@ -48,14 +50,20 @@ def richardson(function: Callable, value: float, scale: float) -> tuple:
     best_score, derivative, error = math.inf, table[0], math.inf
     max_entry = np.abs(centre).max(initial=0.0)
     for order in range(1, min(MAX_RICHARDSON_ORDER, len(steps) - 2) + 1):
-        table = (9.0**order * table[1:] - table[:-1]) / (9.0**order - 1.0)
+        # The error of a central difference is a series of even powers of the step.
+        factor = (STEP_RATIO**2) ** order
+        table = (factor * table[1:] - table[:-1]) / (factor - 1.0)
         changes = np.abs(np.diff(table, axis=0)).reshape(len(table) - 1, -1).max(1, initial=0.0)
-        # Rounding errors grow by 3 from step to step, so changes of small steps weigh more.
-        scores = np.nan_to_num(changes * 3.0 ** (order + np.arange(len(changes))), nan=np.inf)
+        # Rounding errors grow with the ratio of the steps, so changes of small steps weigh more.
+        weights = STEP_RATIO ** (order + np.arange(len(changes)))
+        scores = np.nan_to_num(changes * weights, nan=np.inf)
         i = int(scores.argmin())
         if scores[i] < best_score:
             best_score, derivative = scores[i], table[i]
-            error = ERROR_FACTOR * (np.append(changes, 0.0)[i : i + 2] / (1.0, 3.0)).max()
+            # The error estimate is the change to the next smaller step, or that of the step after
+            # it without its larger rounding error, plus the rounding error of one quotient.
+            next_change = changes[i + 1] if i + 1 < len(changes) else 0.0
+            error = ERROR_FACTOR * np.maximum(changes[i], next_change / STEP_RATIO)
             error += np.spacing(max_entry) / steps[i + order + 1]
     is_constant = 2.0 * steps[0] * np.abs(quotients[0]) <= ROUNDING_TOLERANCE * max_entry
     error = 0.0 if is_constant.all() else error
@@ -73,12 +81,12 @@ def _difference_quotient(function: Callable, value: float, step: float, centre: 
         step = -step
         forward = function(value + step)
     try:
-        backward, weights = function(value - step), (1.0, -1.0, 0.0)
+        other, weights = function(value - step), (1.0, -1.0, 0.0)
     except ValueError:
-        backward, weights = function(value + 2.0 * step), (4.0, -1.0, -3.0)
-    if forward is None or backward is None:
+        other, weights = function(value + 2.0 * step), (4.0, -1.0, -3.0)
+    if forward is None or other is None:
         return None
-    return (weights[0] * forward + weights[1] * backward + weights[2] * centre) / (2.0 * step)
+    return (weights[0] * forward + weights[1] * other + weights[2] * centre) / (2.0 * step)
 
 
 def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any) -> xr.Dataset:
@@ -159,7 +167,7 @@ def _derivative(run: Callable, variable: Any, title: str, value: float, scale: f
     """Return (derivative, error) of a variable at a parameter value; warn if they are unreliable.
 
     `run` is a result of `_run_function`, `scale` is the order of magnitude of the parameter;
-    `title` names the derivative in warnings.
+    `title` is the text "derivative of ... by ..." for warnings.
     """
     variables_at_value, contacts = run(value)
     shape = variables_at_value[variable].shape
@@ -175,7 +183,8 @@ def _derivative(run: Callable, variable: Any, title: str, value: float, scale: f
     derivative, error = richardson(array_at, value, scale)
     # Differences across a change of contact events are better than none.
     if np.isnan(error).any():
-        warnings.warn(f"contact events appear or vanish at all widths: {title}", stacklevel=3)
+        message = f"contact events appear or vanish for all step sizes: {title}"
+        warnings.warn(message, stacklevel=3)
         derivative, error = richardson(lambda x: array_at(x, False), value, scale)
     if not error.max(initial=0.0) <= MAX_ERROR * np.abs(derivative).max(initial=0.0):
         warnings.warn(f"the error is larger than {MAX_ERROR:g} of the {title}", stacklevel=3)

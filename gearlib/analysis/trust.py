@@ -143,13 +143,14 @@ def trust(
         disturbance=disturbance,
         exponent_periods=exponent_periods,
     )
-    return decide(table, exponent, pair.repeats)
+    return classified_motion(table, exponent, pair.repeats)
 
 
-def scan(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
-    """Return the results of `trust` (label, period, digits, exponent, ...) along ``tuning``.
+def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
+    """Classify the motion at each tuning by `trust`; return its results along ``tuning``.
 
-    Labels are indices in `LABELS` with CF flags; `options` are keyword arguments of `trust`.
+    These are label (index in `LABELS`, with CF flags), period, digits, exponent and uncertainty;
+    `options` are keyword arguments of `trust`.
     """
 
     def variables(tuning: float) -> dict:
@@ -187,8 +188,8 @@ def _other_methods(model: Any) -> Iterator[tuple]:
         yield f"{2 * profile.harmonics} harmonics", finer, {}
 
 
-def decide(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
-    """Return the `Trust` that follows from a dataset of runs and a Lyapunov exponent.
+def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
+    """Return the classification of a motion from a dataset of runs and a Lyapunov exponent.
 
     `runs` has displacement_max, displacement_min, period and status of each run; `repeats` is the
     number of mesh periods after which the excitation repeats.
@@ -197,7 +198,8 @@ def decide(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> T
     period, digits = 0, math.nan
     if label == "periodic":
         period, digits = int(runs.period.max()), _common_digits(runs)
-    return Trust(label, message, period, digits, exponent.value, exponent.uncertainty, runs)
+    value, uncertainty, *_ = exponent
+    return Trust(label, message, period, digits, exponent=value, uncertainty=uncertainty, runs=runs)
 
 
 def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:

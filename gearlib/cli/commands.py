@@ -87,11 +87,13 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
 
 def _tuning_range(model, start, stop):
     """Return (first, last) tuning; an end may be a text such as "1500rpm", None for 0.5 and 1.4."""
-    from gearlib.runs.run_arguments import check_speed
+    from gearlib.runs.run_arguments import tuning_at_speed
 
     ends = {"start": 0.5 if start is None else start, "stop": 1.4 if stop is None else stop}
     for name, end in ends.items():
-        ends[name] = check_speed(model, name, in_rpm(name, end)) if isinstance(end, str) else end
+        ends[name] = (
+            tuning_at_speed(model, name, in_rpm(name, end)) if isinstance(end, str) else end
+        )
     return ends["start"], ends["stop"]
 
 
@@ -129,7 +131,7 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     first, last = _tuning_range(model, start, stop)
     is_default_range, speed = gears.drawn and start is None and stop is None, in_rpm("speed", speed)
     if is_default_range and (speed := speed or gears.drawn.speed):
-        tuning = run_arguments.check_speed(model, "speed", speed)
+        tuning = run_arguments.tuning_at_speed(model, "speed", speed)
         first, last = min(first, tuning), max(last, tuning)
     grid = np.linspace(first, last, points)
     if is_default_range and direction == "down":

@@ -67,7 +67,7 @@ from gearlib.parameters import (
 )
 
 _BEARING = Number("N/m", "1 kN/um", gt=0, infinite="infinity: rigid")
-_BEARINGS = ("y3", "z3", "y2", "z2")
+BEARINGS = ("y3", "z3", "y2", "z2")
 #: Derivatives of the relative displacement y by the bearing coordinates.
 _Y_DERIVATIVES = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
 
@@ -81,8 +81,8 @@ _MESH_FIELDS_OF_GEARS += ("moving_backlash",)
 
 #: Names of the extra recorded variables, after the columns of `gearlib.engines.orbit`.
 EXTRA_VARIABLES = (
-    *("rotation_3", "rotation_2", *(f"bearing_{name}" for name in _BEARINGS)),
-    *("backlash", "friction_force", *(f"bearing_force_{name}" for name in _BEARINGS)),
+    *("rotation_3", "rotation_2", *(f"bearing_{name}" for name in BEARINGS)),
+    *("backlash", "friction_force", *(f"bearing_force_{name}" for name in BEARINGS)),
 )
 
 
@@ -258,8 +258,8 @@ class SixDegreePair(WithPair):
         rows[EXTRA_VARIABLES.index("friction_force")] = friction_outputs
         damping_scale = pair.mean_eigenfrequency * system.tuning / pair.mean_stiffness
         for column, i in enumerate(elastic_bearings, 2):
-            motion_row = EXTRA_VARIABLES.index(f"bearing_{_BEARINGS[i]}")
-            force_row = EXTRA_VARIABLES.index(f"bearing_force_{_BEARINGS[i]}")
+            motion_row = EXTRA_VARIABLES.index(f"bearing_{BEARINGS[i]}")
+            force_row = EXTRA_VARIABLES.index(f"bearing_force_{BEARINGS[i]}")
             rows[motion_row, ..., column] = 1.0
             rows[force_row, ..., column] = self.bearing_stiffness[i] / pair.mean_stiffness
             rows[force_row, ..., m + column] = self.bearing_damping[i] * damping_scale
@@ -277,7 +277,7 @@ class SixDegreePair(WithPair):
         if self.preload:
             for column, i in enumerate(elastic_bearings, 2):
                 deflection = self.pair.mean_stiffness / self.bearing_stiffness[i]
-                z[column] = -_Y_DERIVATIVES[_BEARINGS[i]] * deflection
+                z[column] = -_Y_DERIVATIVES[BEARINGS[i]] * deflection
         # Gears that rotate in these proportions start without a free rotation.
         fractions = [r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)]
         fractions = np.array(fractions) / np.sum(fractions)

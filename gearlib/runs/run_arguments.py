@@ -29,13 +29,13 @@ def tuning_of(model, tuning: float | None, speed: float | None) -> float:
     check_either(model, "tuning", tuning, "speed", speed)
     if speed is None:
         return check_tuning("tuning", tuning)
-    return check_speed(model, "speed", speed)
+    return tuning_at_speed(model, "speed", speed)
 
 
-def check_speed(model, name: str, speed: float) -> float:
-    """Return the tuning of a model at a speed in rpm; raise ValueError for an invalid speed.
+def tuning_at_speed(model, name: str, speed: float) -> float:
+    """Return the tuning of a model at a speed in rpm; raise ValueError if the speed is invalid.
 
-    `name` is the name of the argument in the message.
+    `name` is the name of the argument in the error message.
     """
     speed_at_resonance = float(model.speed(1.0))
     return float(model.tuning_at(checks.checked_speed(name, speed, speed_at_resonance)))
@@ -84,8 +84,9 @@ def check_rows(model, argument: str, tuning_count: int):
 
     `argument` describes the sweep in the error message.
     """
-    summary_size = model.empty_record()[2].size
-    numbers_per_tuning = summary_size + len(model.components) + len(Rows._fields)
+    _, _, summary = model.empty_record()
+    # A row also has the final state, and at most one number for each field of `Rows`.
+    numbers_per_tuning = summary.size + len(model.components) + len(Rows._fields)
     check_memory(argument, tuning_count, numbers_per_tuning, "tunings")
 
 

@@ -12,7 +12,7 @@ from gearlib.engines.linear import speed_profiles
 from gearlib.engines.linear.record import FORCE_SUM
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
-from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_speed
+from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, tuning_at_speed
 
 #: Names of the variables that are in SI units in run-ups only -> (CF units, long_name).
 _SI_VARIABLES = {
@@ -26,7 +26,7 @@ _SI_VARIABLES = {
     "event_time": ("s", "time of the crossing of a flank line"),
     "event_speed": ("min-1", "speed at the event"),
     "event_velocity": ("m s-1", "relative mesh velocity at the event"),
-    "revolution": ("1", "number of the revolution of the gear whose teeth count"),
+    "revolution": ("1", "number of the revolution of the gear to which the speed refers"),
     "revolution_time": ("s", "middle of the revolution"),
     "revolution_speed": ("min-1", "mean speed in the revolution"),
     "displacement_max": ("m", "largest displacement in the revolution"),
@@ -121,12 +121,12 @@ def run_up(
     _check_model(model)
     speeds = speed_profile(start, stop, duration, acceleration, speed)
     fastest_argument = "speed" if speed is not None else "stop" if stop >= start else "start"
-    check_speed(model, fastest_argument, float(speeds[:, 1].max()))
+    tuning_at_speed(model, fastest_argument, float(speeds[:, 1].max()))
     loads = _check_profile("load", load, "finite", math.isfinite, steps=True)
     state = model.check_state(initial_state)
     samples = checks.integer("samples_per_period", samples_per_period, 0)
     max_events = checks.integer("max_events", max_events, 1)
-    inertia_forces = _inertia_forces(model, driver, driven_mass, base_radius)
+    inertia_forces = _inertia_accelerations(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
     runner, pieces, start_state = speed_profiles.start_profile_run(model, speeds, loads, state)
     mesh_count, last = runner.meshes, pieces[-1]
@@ -145,8 +145,13 @@ def run_up(
     if samples:
         data |= _time_variables(model, records, omega, samples)
     if code != status.OK:
-        data = {name: _without_numbers(*variable) for name, variable in data.items()}
-    data = {name: _with_units(name, *variable) for name, variable in data.items()}
+        # The numbers of a failed run are NaN, or 0 for integers.
+        for name, (dims, values) in data.items():
+            is_float = values.dtype.kind == "f"
+            data[name] = dims, np.full(values.shape, np.nan) if is_float else 0 * values
+    for name in data.keys() & _SI_VARIABLES.keys():
+        units, long_name = _SI_VARIABLES[name]
+        data[name] = *data[name], {"units": units, "long_name": long_name}
     coordinates = model.coordinates()
     used_dims = {dim for variable in data.values() for dim in variable[0]}
     coords = {name: coordinates[name] for name in coordinates if name in used_dims}
@@ -164,13 +169,13 @@ def _check_model(model):
     """Raise ValueError unless `run_up` can run the model: it rotates and is piecewise linear."""
     type_name = type(model).__name__
     if not is_model(model):
-        raise ValueError(f"model = {model!r} is not allowed: it must be one such as GearPair")
+        raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
     if model.speed is None:
         raise ValueError(f"model of type {type_name} is not allowed: nothing turns in it")
     if not model.piecewise_linear:
         raise ValueError(
-            f"model of type {type_name} is not allowed in a run-up, where it has Taylor steps "
-            "only: it must be piecewise linear, or run at constant speeds by gearlib.simulate"
+            f"model of type {type_name} is not allowed in a run-up: it must be piecewise linear; "
+            "gearlib.simulate runs it at constant speeds"
         )
     if model.gyroscopic:
         raise ValueError(
@@ -240,11 +245,14 @@ def _check_profile(name, pairs, allowed_values: str, is_allowed, steps=False) ->
     return np.array(profile)
 
 
-def _inertia_forces(model, driver, driven_mass, base_radius) -> np.ndarray:
-    """Return the inertia force of each mesh per unit of acceleration, for `run_profiles`.
+def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarray:
+    """Return the dimensionless accelerations that a run-up adds to the coordinates of a model.
 
-    The arguments are those of `run_up`: a train may have a `driver`, the name of the accelerated
-    body; a model with one mesh may have a `driven_mass` in kg and a `base_radius` in m.
+    They are the effect of inertia in the accelerating frame, per unit of d2tau/dtheta2 (tau is the
+    mesh phase, theta the dimensionless time), shape (n,), or (1,) for a model with one mesh. The
+    arguments are those of `run_up`: a train may have a `driver`, the name of the accelerating body;
+    a model with one mesh may have the `driven_mass` J / r_b^2 in kg of the driven gear and the
+    `base_radius` in m of the other.
     """
     driven_mass = checks.finite_nonnegative("driven_mass", driven_mass)
     if model.train is not None:
@@ -311,19 +319,24 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
 def _event_variables(model, records: list, omega: float) -> dict:
     """Return {name: (dims, values)} of the variables along the contact events of a run-up.
 
-    `records` are its `IntervalRecord`s; their dimensionless time is omega t, `omega` in rad/s.
+    `records` are its `IntervalRecord`s, whose events start with (time, mesh, code before, code
+    after, velocity); the time is dimensionless, omega t with `omega` in rad/s.
     """
     rows = np.concatenate([record.events for record in records])
-    speeds = [record.piece.at_times(record.events[:, 0])[0] for record in records]
+    times, mesh_indices, codes_before, codes_after, velocities, *_ = rows.T
+    tunings = []
+    for record in records:
+        tuning, _phase, _load = record.piece.at_times(record.events[:, 0])
+        tunings.append(tuning)
     columns = {
-        "event_time": rows[:, 0] / omega,
-        "event_speed": np.asarray(model.speed(np.concatenate(speeds))),
-        "event_from": rows[:, 2].astype(np.int8),
-        "event_to": rows[:, 3].astype(np.int8),
-        "event_velocity": rows[:, 4] * (model.static_deflection * omega),
+        "event_time": times / omega,
+        "event_speed": np.asarray(model.speed(np.concatenate(tunings))),
+        "event_from": codes_before.astype(np.int8),
+        "event_to": codes_after.astype(np.int8),
+        "event_velocity": velocities * (model.static_deflection * omega),
     }
     if model.mesh_names:
-        columns["event_mesh"] = rows[:, 1].astype(np.int16)
+        columns["event_mesh"] = mesh_indices.astype(np.int16)
     return {name: (("event",), values) for name, values in columns.items()}
 
 
@@ -363,14 +376,3 @@ def _time_variables(model, records: list, omega: float, samples: int) -> dict:
         body_displacements = np.einsum("bxn,kn->kbx", model.structure.motions, q) * length
         data["body_motion"] = (("time", "body", "axis"), body_displacements)
     return data
-
-
-def _without_numbers(dims, values):
-    """Return (dims, values) of a variable of a failed run: NaN, or 0 if it holds integers."""
-    return dims, np.full(values.shape, np.nan) if values.dtype.kind == "f" else 0 * values
-
-
-def _with_units(name, dims, values):
-    """Return (dims, values, attributes) of a variable of a run-up, with SI units if it has any."""
-    units, long_name = _SI_VARIABLES.get(name, (None, None))
-    return (dims, values, {"units": units, "long_name": long_name} if units else {})

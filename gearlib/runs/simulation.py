@@ -95,28 +95,19 @@ def simulate(
     record, followed_periods = _run(pair, tuning, checked, samples_per_period, True, until_settled)
     recorded = checked.span.recorded
     first_sample = (checked.span.periods - recorded) * samples_per_period
+    codes = np.array([record.period, record.status])
     sample_numbers = first_sample + np.arange(len(record.samples))
     data = {
         **_time_history(pair, record.samples, record.status),
         **_event_variables(record.events),
-        **summary.summary_variables(
-            pair,
-            (),
-            record.summary,
-            record.final,
-            np.array([record.period, record.status]),
-            recorded,
-        ),
+        **summary.summary_variables(pair, (), record.summary, record.final, codes, recorded),
         **pair.scales(),
         **pair.speed_scales(tuning),
         "tuning": tuning,
         "evaluations": record.evaluations,
         "followed": np.int64(followed_periods),
     }
-    coords = {
-        "phase": sample_numbers * (2.0 * math.pi / samples_per_period),
-        **pair.coordinates(),
-    }
+    coords = {"phase": sample_numbers * (2.0 * math.pi / samples_per_period), **pair.coordinates()}
     attributes = checked.attributes() | {"tuning": tuning}
     dataset = result("Time course of a gear mesh", pair, data, coords, **attributes)
     dataset["status"].attrs["message"] = status.MESSAGES[record.status]
@@ -124,23 +115,25 @@ def simulate(
 
 
 def run(pair, tuning: float, samples_per_period: int, **settings):
-    """Run a model at one tuning with keyword arguments of `simulate`; return the `Record`.
+    """Run a model (`pair`) at one tuning with other arguments of `simulate`; return the `Record`.
 
     If its status is not 0, its numbers are NaN and it has no events.
     """
     return _run(pair, tuning, check_run(pair, **settings), samples_per_period)[0]
 
 
-def _run(pair, tuning, arguments, samples_per_period, prove_period=False, until_settled=False):
-    """Return (`Record` of a run of a model, number of its mesh periods with those of the proof).
+def _run(pair, tuning, arguments, samples_per_period, verify_period=False, until_settled=False):
+    """Return (`Record` of a run of a model, number of all simulated mesh periods).
 
-    `arguments` are its `RunArguments`. With `prove_period` the period of the orbit is proven; with
-    `until_settled` the run goes on after the recorded periods until this succeeds.
+    `arguments` are its `RunArguments`. With `verify_period` the period of the motion is verified by
+    the Floquet multipliers of the orbit and its distance from grazing; with `until_settled` the run
+    goes on after the recorded periods until this succeeds.
     """
     samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     recorded = arguments.span.recorded
     argument = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
-    numbers_per_sample = pair.empty_record()[0].shape[1]
+    sample_table, _, _ = pair.empty_record()
+    numbers_per_sample = sample_table.shape[1]
     sample_count = recorded * samples_per_period
     check_memory(argument, sample_count, numbers_per_sample, "samples in all")
     settings = arguments.state, arguments.span, samples_per_period
@@ -154,7 +147,7 @@ def _run(pair, tuning, arguments, samples_per_period, prove_period=False, until_
             table[...] = math.nan
         record = record._replace(events=record.events[:0])
     periods = arguments.span.periods
-    if prove_period and arguments.method in integrators.AUTOMATIC and record.status == status.OK:
+    if verify_period and arguments.method in integrators.AUTOMATIC and record.status == status.OK:
         propagator = pair.propagator(tuning, arguments.method, **arguments.options)
         period, periods = settled_period(propagator, record, arguments.span, until_settled)
         record = record._replace(period=period)
@@ -175,12 +168,14 @@ def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
     if status_code == status.OK:
         contact_codes[:] = table[..., orbit.SAMPLE_CONTACT]
     stiffness = table[..., orbit.SAMPLE_STIFFNESS]
+    # The product is zero, but NaN for the NaN of a failed run.
+    no_stiffness = 0.0 * stiffness
     columns = {
         "displacement": table[..., orbit.SAMPLE_X],
         "velocity": table[..., orbit.SAMPLE_V],
         "acceleration": table[..., orbit.SAMPLE_A],
         "stiffness": stiffness,
-        "modified_stiffness": np.where(contact_codes == BACKLASH, 0.0 * stiffness, stiffness),
+        "modified_stiffness": np.where(contact_codes == BACKLASH, no_stiffness, stiffness),
         "dynamic_force": table[..., orbit.SAMPLE_FORCE],
         "contact": contact_codes,
     }
@@ -203,5 +198,7 @@ def _event_variables(events: np.ndarray) -> dict:
         "event_velocity": events[:, orbit.EVENT_VELOCITY].copy(),
     }
     if events.shape[1] > orbit.EVENT_COLUMNS:
-        columns["event_mesh"] = events[:, orbit.EVENT_COLUMNS].astype(np.int16)
+        # With several meshes, the index of the mesh follows the other columns.
+        mesh_column = orbit.EVENT_COLUMNS
+        columns["event_mesh"] = events[:, mesh_column].astype(np.int16)
     return {name: (("event",), values) for name, values in columns.items()}

@@ -17,9 +17,9 @@ from gearlib.runs.run_arguments import (
     check_either,
     check_rows,
     check_run,
-    check_speed,
     check_tuning,
     is_valid_tuning,
+    tuning_at_speed,
 )
 
 DIRECTIONS = ("cold", "up", "down")
@@ -106,7 +106,7 @@ def sweep(
     if speeds is None:
         tunings = check_tunings("tunings", tunings, check_tuning)
     else:
-        check = functools.partial(check_speed, pair)
+        check = functools.partial(tuning_at_speed, pair)
         tunings = pair.tuning_at(check_tunings("speeds", speeds, check, pair.tuning_at))
     checked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     checks.one_of("direction", direction, DIRECTIONS)
@@ -131,18 +131,17 @@ def sweep(
     return result("Resonance characteristic of a gear mesh", pair, data, coords, **attributes)
 
 
-def _run_sweep(
-    model, tunings: np.ndarray, arguments: RunArguments, direction: str, threads: int
-) -> Rows:
+def _run_sweep(model, tunings, arguments: RunArguments, direction: str, threads: int) -> Rows:
     """Run a sweep of a model in the direction "cold", "up" or "down"; return a row per tuning.
 
     Only a cold sweep uses several threads.
     """
+    _, _, summary_table = model.empty_record()
     rows = Rows(
-        model.displacement_limit(float(tunings.max()), arguments.state),
-        np.empty((tunings.size, *model.empty_record()[2].shape)),
-        np.empty((tunings.size, len(model.components))),
-        np.full((tunings.size, 2), -1),  # -1: not yet computed
+        bound=model.displacement_limit(float(tunings.max()), arguments.state),
+        summaries=np.empty((tunings.size, *summary_table.shape)),
+        ends=np.empty((tunings.size, len(model.components))),
+        codes=np.full((tunings.size, 2), -1),  # -1: not yet computed
     )
     is_warm_started = direction != "cold"
     run_arguments = arguments.state, is_warm_started, arguments.span, rows
@@ -182,9 +181,9 @@ def _check_order(direction: str, tunings: np.ndarray, name: str):
 def sweep_down(pair, tunings: np.ndarray, lowest: float, **settings):
     """Sweep down until the motion agrees with an upward sweep; return (dataset, whether it does).
 
-    `tunings`, shape (n,), increase in equal steps; the sweep continues in these steps below the
-    first of them, at most to the tuning `lowest`. `settings` are other arguments of `sweep`. The
-    dataset starts at the highest tuning <= `tunings[0]` at which both sweeps agree, if any.
+    `pair` is a model. `tunings`, shape (n,), increase in equal steps; the sweep continues in these
+    steps below the first of them, at most to the tuning `lowest`. `settings` are other arguments of
+    `sweep`. The dataset starts at the highest tuning <= `tunings[0]` at which both agree, if any.
     """
     first, step = float(tunings[0]), float(tunings[1] - tunings[0])
     count = max(0, math.floor((first - lowest) / step + 1e-9))

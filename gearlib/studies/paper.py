@@ -31,7 +31,7 @@ def labels(pair: dict, tunings: Sequence[float], settings: dict, damping: str) -
 
     `pair` has arguments of `GearPair`, `settings` those of `trust.scan`; `damping` is a name.
     """
-    scan = trust.scan(GearPair(**pair), tunings, **settings)
+    scan = trust.classify_at_tunings(GearPair(**pair), tunings, **settings)
     return describe(scan.assign_coords(damping=damping))
 
 

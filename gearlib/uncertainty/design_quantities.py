@@ -11,7 +11,7 @@ from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.data.variables import QUANTITIES
 from gearlib.engines import orbit as columns
-from gearlib.runs.run_arguments import MAX_EVENTS, check_speed
+from gearlib.runs.run_arguments import MAX_EVENTS, tuning_at_speed
 
 #: Meanings of the status codes 0, 1, 2 of a quantity; -1 is that of a design that cannot be built.
 STATUS_MEANINGS = ("found", "there_is_none", "not_followed")
@@ -51,7 +51,7 @@ class DesignQuantities:
         if duty_quantities:
             duty_model = build_duty_model() if build_duty_model else model
             _check_duty_quantities(duty_model, duty_quantities, speed)
-            tuning = check_speed(duty_model, "speed", speed)
+            tuning = tuning_at_speed(duty_model, "speed", speed)
             self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
         resonance_quantities = (name for name in self.quantities if name not in duty_quantities)
         self._resonance_names = [RESONANCE_NAMES.get(name, name) for name in resonance_quantities]

@@ -19,7 +19,7 @@ from gearlib import checks, notebook
 from gearlib.data.files import canonical_json
 from gearlib.data.result import result
 from gearlib.data.variables import describe
-from gearlib.runs.run_arguments import check_either, check_memory, check_speed, check_tuning
+from gearlib.runs.run_arguments import check_either, check_memory, check_tuning, tuning_at_speed
 from gearlib.runs.sweeping import check_tunings, sweep
 from gearlib.uncertainty.design_quantities import (
     NO_DESIGN,
@@ -243,7 +243,7 @@ def _sweep_settings(
         grid = check_tunings("tunings", tunings, check_tuning)
         grid = grid if model.speed is None else np.asarray(model.speed(grid))
     else:
-        check = functools.partial(check_speed, model)
+        check = functools.partial(tuning_at_speed, model)
         grid = check_tunings("speeds", speeds, check, model.tuning_at)
     directions = checked_names("directions", directions, DIRECTIONS)
     checks.require(directions, "directions", directions, "at least one")

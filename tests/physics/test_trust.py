@@ -8,7 +8,7 @@ import xarray as xr
 
 from gearlib import Fourier, OneDegreePair, trust
 from gearlib.analysis.lyapunov import Exponent, largest_exponent
-from gearlib.analysis.trust import LABELS, decide, scan
+from gearlib.analysis.trust import LABELS, classified_motion, classify_at_tunings
 from tests.paper import PAPER
 
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
@@ -72,7 +72,7 @@ def table(high, low, period, status=0):
     ],
 )
 def test_a_label_follows_from_the_runs_and_the_exponent(runs, exponent, label, words):
-    result = decide(runs, Exponent(*exponent, 1000))
+    result = classified_motion(runs, Exponent(*exponent, 1000))
     assert result.label == label and words in result.message
 
 
@@ -88,7 +88,7 @@ def test_what_shears_is_no_chaos():
 
 def test_a_scan_holds_the_labels_of_its_points():
     options = {"periods": 100, "exponent_periods": 500}
-    result = scan(PAPER, [0.7, 0.9], **options)
+    result = classify_at_tunings(PAPER, [0.7, 0.9], **options)
     # CF: one word for each value.
     words = result.label.attrs["flag_meanings"].split()
     values = result.label.attrs["flag_values"].tolist()
@@ -101,4 +101,4 @@ def test_a_scan_holds_the_labels_of_its_points():
             np.testing.assert_equal(float(result[name].sel(tuning=tuning)), getattr(one, name))
     # What lies beyond is rounding.
     settled = trust(DAMPED, 0.7, periods=500, exponent_periods=500)
-    assert settled.digits > 10 and scan(DAMPED, [0.7], periods=500).digits == 10.0
+    assert settled.digits > 10 and classify_at_tunings(DAMPED, [0.7], periods=500).digits == 10.0

@@ -18,7 +18,7 @@ from gearlib import (
     sweep,
     trust,
 )
-from gearlib.analysis.trust import LABELS, scan
+from gearlib.analysis.trust import LABELS, classify_at_tunings
 from gearlib.data.status import OVERFLOW
 from tests.properties.known_models import pairs_as_train
 
@@ -38,7 +38,7 @@ def growth(pair, tuning):
 
 def test_motions_inside_the_tongue_are_labelled_unbounded():
     assert [growth(PAIR, nu) > 0.0 for nu in TUNINGS] == GROWS.tolist()
-    result = scan(PAIR, TUNINGS)
+    result = classify_at_tunings(PAIR, TUNINGS)
     names = [LABELS[code] for code in result.label.values]
     assert names == ["unbounded" if grows else "periodic" for grows in GROWS]
     assert (np.isnan(result.exponent.values) == GROWS).all()

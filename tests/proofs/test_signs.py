@@ -33,7 +33,7 @@ def arc(coefficients, x, w, t, *crossed, code=1, line=0.0):
         start = flint().arb_mat([[x], [w], [1]])
         mesh = SimpleNamespace(clearance_varies=False, has_backlash=True)
         dynamics = SimpleNamespace(
-            distances=[[None, flint().arb_mat([[1, 0, -line]])]],
+            distance_rows=[[None, flint().arb_mat([[1, 0, -line]])]],
             model=SimpleNamespace(meshes=[mesh]),
             mesh_names=["mesh"],
         )
@@ -103,7 +103,7 @@ def state_without_contact_loss(pair, tuning):
 
 def test_contact_loss_that_is_not_listed_is_noticed(monkeypatch):
     """The orbit of the linear mesh is a zero of the equations without contacts, but no motion."""
-    monkeypatch.setattr(orbits, "listed_contacts", lambda _: ([1], []))
+    monkeypatch.setattr(orbits, "simulated_contacts", lambda _: ([1], []))
     for tuning, proven in ((0.802, True), (0.803, False)):
         orbit = gearlib.periodic_orbit(MATERIAL, 0.79, guess=(0.5, 0.0))
         state = state_without_contact_loss(MATERIAL, tuning)
@@ -116,7 +116,7 @@ def test_contact_loss_that_is_not_listed_is_noticed(monkeypatch):
 def test_contacts_out_of_order_or_at_a_switch_are_noticed():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.815)
     with precision(160):
-        proof = orbits.Proof(orbit, *orbits.listed_contacts(orbit))
+        proof = orbits.Proof(orbit, *orbits.simulated_contacts(orbit))
         arcs, phases = proof.arcs, proof.path.phases(proof.phases)
         check_contacts(proof.path, arcs, proof.ends, proof.phases)
         lost, gained = (i for i, node in enumerate(proof.path.nodes) if node.before != node.after)

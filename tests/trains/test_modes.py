@@ -124,5 +124,5 @@ def test_which_springs_are_too_soft_to_count_is_no_matter_of_units(unit):
     # Two masses on springs of their own; the third one is held by 1e-20 of the stiffest.
     springs = np.eye(3), unit * np.array([1.0, 4.0, 1e-20])
     result = free_motions_and_modes(springs, (np.eye(3), unit * np.ones(3)))
-    assert np.abs(result.free[:, 0] * np.sqrt(unit)) == pytest.approx([0.0, 0.0, 1.0])
-    assert result.squares == pytest.approx([1.0, 4.0], rel=1e-14)
+    assert np.abs(result.free_motions[:, 0] * np.sqrt(unit)) == pytest.approx([0.0, 0.0, 1.0])
+    assert result.squared_frequencies == pytest.approx([1.0, 4.0], rel=1e-14)

@@ -82,7 +82,11 @@ def test_samples_of_a_run_up_have_its_orders():
     [
         ({}, {"highest": 1e4}, "highest = 10000.0 is not allowed: it must be at most"),
         ({}, {"variable": "x"}, "variable = 'x' is not allowed"),
-        ({}, {"tacho": [0.0, 1.0]}, "tacho is not allowed: it must be four times or more"),
+        (
+            {},
+            {"tacho": [0.0, 1.0]},
+            "tacho is not allowed: it must be at least four increasing times",
+        ),
         ({"speed": -1.0}, {}, "speed is not allowed: it must be > 0 at all samples"),
         ({"acceleration": math.nan}, {}, "acceleration is not allowed"),
         ({"time": 0.0}, {}, "time is not allowed: it must "),

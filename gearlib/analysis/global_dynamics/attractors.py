@@ -111,9 +111,7 @@ def _are_same_orbit(first: Any, second: Any) -> bool:
     return bool((distances < _SAME_POINT_TOLERANCE * size).any())
 
 
-def _attractor_at(
-    stroboscope: Stroboscope, state: np.ndarray, scaled_series: np.ndarray
-) -> Attractor | None:
+def _attractor_at(stroboscope, state: np.ndarray, scaled_series: np.ndarray) -> Attractor | None:
     """Return the periodic attractor at a settled state, or None.
 
     `scaled_series` are the scaled states of successive cycles that end in this state, last first.
@@ -169,7 +167,7 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
     """
     centres = stroboscope.scaled(points)
     size = max(1.0, np.abs(centres).max())
-    forms, return_cycles = _contracted_forms(stroboscope.cycle_maps(points[0], len(points)))
+    forms, return_cycles = _lyapunov_functions(stroboscope.cycle_maps(points[0], len(points)))
     radii = size * _RING_RATIO ** np.arange(_RING_COUNT)
     count, n = centres.shape
     directions = _unit_vectors(n)
@@ -196,11 +194,12 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
     return TrappingEllipses(centres, forms, trapping_radii)
 
 
-def _contracted_forms(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return (quadratic forms, cycles in which the linearised map reduces them to a quarter).
+def _lyapunov_functions(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return (quadratic Lyapunov functions at the points of a stable orbit, number of cycles).
 
-    `cycle_maps`, shape (m, n, n), are the Jacobian matrices of the m cycles of a stable orbit; the
-    forms of its points have the same shape.
+    `cycle_maps`, shape (m, n, n), are the Jacobian matrices of its m cycles. The matrices of the
+    functions have the same shape; after the number of cycles the functions of linearised motions
+    are at most `_CONTRACTION`^2 of their initial values.
     """
     count, n = cycle_maps.shape[:2]
     spectral_radius = np.abs(np.linalg.eigvals(compose(cycle_maps))).max()
@@ -210,7 +209,7 @@ def _contracted_forms(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
     for j in range(count):
         orbit_map = compose(np.roll(cycle_maps, -j, axis=0))
         return_map = np.linalg.matrix_power(orbit_map, orbit_repeats)
-        # Smallest solution S of A^T S A = _CONTRACTION^2 (S - 1) with the return map A.
+        # Solution S of A^T S A = _CONTRACTION^2 (S - I) with the return map A.
         forms[j] = solve_discrete_lyapunov(return_map.T / _CONTRACTION, np.eye(n))
     return forms, orbit_repeats * count
 

@@ -31,15 +31,7 @@ _FAMILY_TOLERANCE = 0.25
 
 
 def basins(
-    pair,
-    tuning,
-    grid,
-    *,
-    periods=500,
-    stop_early=True,
-    seed=0,
-    max_events=MAX_EVENTS,
-    threads=None,
+    pair, tuning, grid, *, periods=500, stop_early=True, seed=0, max_events=MAX_EVENTS, threads=None
 ):
     """Find the attractors of a damped mesh and the basin of each on a grid of initial states.
 
@@ -169,15 +161,7 @@ def _attractor_variables(attractors: list[Attractor]) -> dict:
 
 
 def basin_stability(
-    pair,
-    tunings,
-    region,
-    *,
-    samples=400,
-    periods=500,
-    seed=0,
-    max_events=MAX_EVENTS,
-    threads=None,
+    pair, tunings, region, *, samples=400, periods=500, seed=0, max_events=MAX_EVENTS, threads=None
 ):
     """Compute which share of a region of initial states leads to each attractor, by tuning.
 
@@ -245,9 +229,7 @@ def basin_stability(
     return dataset
 
 
-def _assign_families(
-    attractors_by_tuning: list[list[Attractor]], order: np.ndarray
-) -> tuple[list[Attractor], list[np.ndarray]]:
+def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[list, list]:
     """Group the attractors at several tunings into families that change little with the tuning.
 
     `order` are the indices of the tunings in increasing order. Return (last attractor of each
@@ -273,9 +255,7 @@ def _assign_families(
     return latest, family_numbers
 
 
-def _family_variables(
-    tunings: np.ndarray, attractors_and_shares: list, samples: int
-) -> tuple[dict, dict]:
+def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples: int) -> tuple:
     """Return (variables, coordinates) of the families of attractors over the tuning.
 
     `attractors_and_shares` holds (attractors, their shares of the initial states) for each tuning;

@@ -13,7 +13,7 @@ from gearlib.engines import orbit as columns
 from gearlib.models.model import UNBOUNDED_FACTOR
 
 #: Number of random states near whose final states attractors are searched for first.
-_PILOT_COUNT = 128
+_FIRST_SAMPLE_SIZE = 128
 #: Number of unclassified states in a sample, and largest number of samples.
 _SAMPLE_SIZE, _MAX_SAMPLES = 8, 6
 #: Cycles after which states are compared with the trapping ellipses for the first time.
@@ -38,12 +38,7 @@ def check_model(model: Any) -> None:
 
 
 def classify(
-    stroboscope: Stroboscope,
-    states: np.ndarray,
-    cycles: int,
-    *,
-    stop_early: bool = True,
-    seed: int = 0,
+    stroboscope: Stroboscope, states: np.ndarray, cycles: int, *, stop_early=True, seed=0
 ) -> tuple[list[Attractor], np.ndarray]:
     """Return (attractors, index of the attractor of each initial state, shape (k,)).
 
@@ -54,19 +49,20 @@ def classify(
     """
     rng = np.random.default_rng(seed)
     motions = _Motions(stroboscope, states, rng)
-    pilots = rng.choice(len(states), min(_PILOT_COUNT, len(states)), replace=False)
-    final_states, _ = stroboscope(stroboscope.start(states[np.sort(pilots)]), cycles)
+    # A sample of the states is propagated first; most of the others end near the same attractors.
+    sample = rng.choice(len(states), min(_FIRST_SAMPLE_SIZE, len(states)), replace=False)
+    final_states, _ = stroboscope(stroboscope.start(states[np.sort(sample)]), cycles)
     motions.add_attractors(final_states)
     motions.propagate(cycles, stop_early)
     bounds = motions.bounds[motions.remaining]
     is_unbounded, motions.current = stroboscope.follow_growth(
-        motions.current, 0.0, bounds, _EXPONENT_PERIODS
+        motions.current, previous_sizes=0.0, bounds=bounds, periods=_EXPONENT_PERIODS
     )
     motions.set_label(is_unbounded, _UNBOUNDED_LABEL)
     motions.examine_samples()
     chaos = motions.chaotic_attractor()
     if motions.remaining.size and not chaos:
-        motions.propagate(cycles, True)
+        motions.propagate(cycles, stop_early=True)
         motions.examine_samples()
         chaos = motions.chaotic_attractor()
     return motions.sorted_attractors(chaos)
@@ -168,18 +164,23 @@ class _Motions:
             return None
         return self.aperiodic_attractor(attractors.CHAOTIC, exponent=mean.value, uncertainty=error)
 
-    def aperiodic_attractor(self, kind: int, **exponent: float) -> Attractor:
-        """Return an attractor of an aperiodic kind, with the extrema of sampled motions.
+    def aperiodic_attractor(self, kind: int, exponent=np.nan, uncertainty=np.nan) -> Attractor:
+        """Return an attractor of an aperiodic kind (index in `KINDS`) with extrema of samples.
 
-        `exponent` are its fields exponent and uncertainty, if known.
+        `exponent` is its largest Lyapunov exponent and `uncertainty` the standard error, if known.
         """
         record, max_events = self.stroboscope.propagator.record, self.stroboscope.max_events
         samples = self.current[self.sample()]
         summaries = np.array(
             [record(state, _EXTREMA_PERIODS, max_events).summary for state in samples]
         )
-        maximum, minimum = summaries[:, columns.X_MAX].max(), summaries[:, columns.X_MIN].min()
-        return Attractor(kind, float(maximum), float(minimum), **exponent)
+        return Attractor(
+            kind,
+            displacement_max=float(summaries[:, columns.X_MAX].max()),
+            displacement_min=float(summaries[:, columns.X_MIN].min()),
+            exponent=exponent,
+            uncertainty=uncertainty,
+        )
 
     def sorted_attractors(self, chaos: Attractor | None) -> tuple[list[Attractor], np.ndarray]:
         """Return (sorted attractors, index of the attractor of each initial state).

@@ -1,7 +1,6 @@
 """`poincare_section`: states at a fixed mesh phase; `bifurcation_diagram`: by a parameter."""
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -83,17 +82,8 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         "strobe": np.arange(settle, settle + periods),
         "component": ["displacement", "velocity"],
     }
-    return result(
-        "Poincare section of a gear mesh",
-        pair,
-        data,
-        coords,
-        method=method,
-        tuning=tuning,
-        phase=phase,
-        periods=periods,
-        settle=settle,
-    )
+    settings = {"tuning": tuning, "phase": phase, "periods": periods, "settle": settle}
+    return result("Poincare section of a gear mesh", pair, data, coords, method=method, **settings)
 
 
 def _check_phase(phase: float) -> float:
@@ -103,9 +93,7 @@ def _check_phase(phase: float) -> float:
     )
 
 
-def _section(
-    model: Any, tuning: float, starts: np.ndarray, settle: int, periods: int, phase, max_events
-) -> tuple:
+def _section(model, tuning, starts, settle, periods, phase, max_events) -> tuple:
     """Return (recorded states, final states, status codes) of motions from initial states.
 
     `starts` has shape (n, 2), the results (n, periods, 2), (n, 2), (n,). States are recorded at the
@@ -188,47 +176,36 @@ def bifurcation_diagram(
     check_memory(description, strobes * values.size, 2, "in all")
     cases = parameter_cases(pair, tuning, parameter, values)
     section_arguments = settle, strobes, phase, max_events
-    states, ends, codes = _diagram(cases, values, direction, section_arguments, initial_state)
+    states, ends, table = _diagram(cases, values, direction, section_arguments, initial_state)
     data = {
         "displacement": ((parameter, "strobe"), states[..., 0]),
         "velocity": ((parameter, "strobe"), states[..., 1]),
         "final_state": ((parameter, "component"), ends),
-        "period": (parameter, codes[:, 0].astype(np.int32)),
-        "status": (parameter, codes[:, 1].astype(np.int8)),
+        "period": (parameter, table[:, 0].astype(np.int32)),
+        "status": (parameter, table[:, 1].astype(np.int8)),
     }
     coords = {
         parameter: values,
         "strobe": np.arange(settle, settle + strobes),
         "component": ["displacement", "velocity"],
     }
-    dataset = result(
-        "Bifurcation diagram of a gear mesh",
-        pair,
-        data,
-        coords,
-        method=method,
-        parameter=parameter,
-        tuning=tuning,
-        direction=direction,
-        settle=settle,
-        strobes=strobes,
-        phase=phase,
-        initial_state=initial_state,
-    )
+    settings = {"parameter": parameter, "tuning": tuning, "direction": direction, "settle": settle}
+    settings |= {"strobes": strobes, "phase": phase, "initial_state": initial_state}
+    title = "Bifurcation diagram of a gear mesh"
+    dataset = result(title, pair, data, coords, method=method, **settings)
     return set_backlash_long_name(dataset, parameter)
 
 
-def _diagram(
-    cases: list, values: np.ndarray, direction: str, section_arguments: tuple, initial_state: tuple
-) -> tuple:
-    """Return (states, final states, [period, status code]) of the section at each value.
+def _diagram(cases, values, direction: str, section_arguments: tuple, initial_state) -> tuple:
+    """Return (states, final states, [orbit period, status code]) of the section at each value.
 
     `cases` are the (model, tuning) at each value of the parameter, `section_arguments` are (settle,
     periods, phase, max_events) of `_section`. With the direction "up" or "down" a run starts from
     the final state of the last one, with "cold" from the initial state (displacement, velocity).
     """
-    states = np.full((values.size, section_arguments[1], 2), math.nan)
-    ends, codes = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
+    _, periods, *_ = section_arguments
+    states = np.full((values.size, periods, 2), math.nan)
+    ends, table = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
     order = np.argsort(values)
     if direction == "down":
         order = order[::-1]
@@ -239,7 +216,7 @@ def _diagram(
         states[i], ends[i], code = (array[0] for array in section)
         scale = float(np.ptp(states[i, :, 0]))
         period = 0 if code else orbit.orbit_period(states[i], tuning, scale, model.repeats)
-        codes[i] = period, code
+        table[i] = period, code
         is_warm_started = direction != "cold" and code == status.OK
         state = tuple(ends[i]) if is_warm_started else initial_state
-    return states, ends, codes
+    return states, ends, table

@@ -35,17 +35,17 @@ class Stroboscope:
     the number of threads, by default one for each processor.
     """
 
-    def __init__(
-        self, model: Any, tuning: float, *, max_events=MAX_EVENTS, threads: int | None = None
-    ):
-        choose_method(model, None, None)  # raises ValueError unless `model` is a model
+    def __init__(self, model, tuning: float, *, max_events=MAX_EVENTS, threads=None):
+        """Check the arguments; the tuning is the mesh frequency over the natural frequency."""
+        choose_method(model, None, None)  # raises ValueError unless a method supports the model
         self.model, self.tuning = model, check_tuning("tuning", tuning)
         self.propagator = model.propagator(self.tuning)
         self.max_events = checks.integer("max_events", max_events, 1)
         processors = os.cpu_count() or 1
         self.threads = processors if threads is None else checks.integer("threads", threads, 1)
         self.mesh_periods_per_cycle = model.repeats
-        #: Matrices from full states to states without the free rotation, and back.
+        #: Matrices from full states to states without the free rotation (rigid-body motion) of all
+        #: shafts, and back.
         self._reduction, self.lift = model.reduction()
         #: Factors by which velocities become comparable with displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduction) // 2)
@@ -63,14 +63,12 @@ class Stroboscope:
         size = np.abs(self.scaled(states)).max(axis=-1)
         return np.where(np.isnan(size), np.inf, size)
 
-    def follow_growth(
-        self, states: np.ndarray, previous_sizes: Any, bounds: np.ndarray, periods: int
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def follow_growth(self, states, previous_sizes, bounds: np.ndarray, periods: int) -> tuple:
         """Propagate large growing states, shape (k, n), until they stop growing or exceed a bound.
 
-        `previous_sizes` are their sizes before the last mesh periods, `bounds` their limits, shape
-        (k,). Growth is checked after at least `periods` mesh periods. Return (mask of the states
-        above their bounds, states).
+        `previous_sizes` are their sizes some mesh periods earlier (0: all have grown), `bounds`
+        their limits, shape (k,). Growth is checked again every `periods` mesh periods,
+        rounded up to whole cycles. Return (mask of the states above their bounds, states).
         """
         states, sizes = states.copy(), self.size(states)
         is_growing = sizes > _MIN_RELATIVE_SIZE * self.model.extent
@@ -122,7 +120,10 @@ class Stroboscope:
 
 
 def check_one_mesh(model: Any) -> None:
-    """Raise ValueError if a model has several meshes, so that two numbers are no initial state."""
+    """Raise ValueError if a model has several meshes: its state has more than two components.
+
+    The message refers to the model by the name `pair` of the argument of the callers.
+    """
     if model.mesh_names:
         raise ValueError(
             f"pair = {type(model).__name__} is not allowed here: it must have one mesh, whose "

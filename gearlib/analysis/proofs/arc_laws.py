@@ -40,31 +40,36 @@ class ArcDynamics:
 
     ``retained``, ``fixed``    indices of the coordinates y, and of the eliminated coordinates
     ``state_count``, ``size``  number of components of (y, dy/dtheta), and of z
-    ``wave_columns``           frequency of a harmonic -> index of its cosine in z
+    ``harmonic_columns``       frequency of a harmonic -> index of its cosine in z
     ``basis``, ``basis_inverse``  of the modal components, shape (size, size)
-    ``distances``              flank distances of each mesh as functionals of modal components, rows
+    ``distance_rows``          flank distances of each mesh as functionals of modal components, rows
                                (1, size): (coast side or None, drive side)
-    ``common_period``          period of the excitation in mesh periods
+    ``excitation_period``      period of the excitation in mesh periods
     """
 
     def __init__(self, model, tuning: float):
-        """Compute modal basis and matrices of a model at a tuning in ball arithmetic."""
+        """Compute modal basis and matrices of a model in ball arithmetic.
+
+        The tuning is the mesh frequency over the natural frequency.
+        """
         self.model, self.tuning = ball_model(model, tuning), flint().arb(tuning)
-        self.one_degree, self.common_period = model.equation is not None, model.repeats
+        self.one_degree, self.excitation_period = model.equation is not None, model.repeats
         self.mesh_names = tuple(mesh.name for mesh in self.model.meshes)
         self._system_matrices: dict = {}
         free_motions, natural_frequencies, shapes = _modes(model, self.model)
         self._eliminate_free_motions(free_motions)
         self.state_count = 2 * len(self.retained)
-        waves = [self.model.force_waves, *(mesh.waves for mesh in self.model.meshes)]
-        frequencies = sorted({frequency for entries in waves for frequency in entries})
+        harmonics = [self.model.force_harmonics, *(mesh.harmonics for mesh in self.model.meshes)]
+        frequencies = sorted({frequency for entries in harmonics for frequency in entries})
+        # The state z is (y, dy/dtheta, 1, and cosine and sine of each frequency).
         self.size = self.state_count + 1 + 2 * len(frequencies)
         columns = range(self.state_count + 1, self.size, 2)
-        self.wave_columns = dict(zip(frequencies, columns, strict=True))
+        self.harmonic_columns = dict(zip(frequencies, columns, strict=True))
         self._set_basis(shapes, natural_frequencies)
         self._without_meshes = self._matrix_without_meshes()
-        self.distances = [
-            [self._distance(mesh, side) for side in (COAST, DRIVE)] for mesh in self.model.meshes
+        self.distance_rows = [
+            [self._distance_row(mesh, side) for side in (COAST, DRIVE)]
+            for mesh in self.model.meshes
         ]
 
     def _eliminate_free_motions(self, free_motions: np.ndarray) -> None:
@@ -77,21 +82,23 @@ class ArcDynamics:
         self.retained = [i for i in range(n) if i not in self.fixed]
         unit = np.eye(n, dtype=int).astype(object)
         reduction = unit[self.retained]
-        # The combinations of retained and fixed coordinates vanish for free motions.
         if self.fixed:
-            total = model.stiffness.copy()
+            # The stiffness matrix with contact in all meshes. Its product with a free motion is
+            # zero, with drive-side and with coast-side contact.
+            stiffness = model.stiffness.copy()
             for mesh in model.meshes:
                 row = mesh.rows[DRIVE]
-                total += mesh.stiffness[DRIVE][0] * np.outer(row, row)
-            retained_rows = total[self.retained]
-            inner, outer = retained_rows[:, self.retained], retained_rows[:, self.fixed]
-            reduction[:, self.fixed] = matrix_of(inner).solve(matrix_of(outer)).tolist()
+                stiffness += mesh.stiffness[DRIVE][0] * np.outer(row, row)
+            retained_rows = stiffness[self.retained]
+            retained_block = matrix_of(retained_rows[:, self.retained])
+            fixed_block = matrix_of(retained_rows[:, self.fixed])
+            reduction[:, self.fixed] = retained_block.solve(fixed_block).tolist()
             motions = unit[:, self.fixed]
             motions[self.retained] = -reduction[:, self.fixed]
             self._check_free_motions(matrix_of(motions))
         self.reduction = matrix_of(reduction)
         #: Matrix from forces on all coordinates to accelerations of the retained ones.
-        self._mobility = self.reduction * matrix_of(model.mass).inv()
+        self._accelerance = self.reduction * matrix_of(model.mass).inv()
 
     def _check_free_motions(self, motions: Any) -> None:
         """Raise `ProofFailed` if stiffness or damping act on the free motions, columns (n, k)."""
@@ -101,55 +108,64 @@ class ArcDynamics:
             largest = max(float(abs(value).upper()) for value in rows.flat)
             residuals = (matrix_of(rows) * motions).entries()
             if not all(abs(x) <= FREE_MOTION_TOLERANCE * largest * n for x in residuals):
-                text = "no proof is written for a train whose free rotation is damped"
+                text = "a train is not supported if springs or dampers act on its free rotation"
                 raise ProofFailed("model", text)
 
     def _set_basis(self, shapes: np.ndarray, frequencies: np.ndarray) -> None:
         """Set the modal basis, exact floats, and its inverse.
 
-        The columns of `shapes` are mode shapes; the frequencies are in units of the tuning.
+        The columns of `shapes` are mode shapes; their natural frequencies are relative to the
+        reference frequency of the model.
         """
-        e, basis = len(self.retained), np.eye(self.size)
+        n, basis = len(self.retained), np.eye(self.size)
         shapes = np.array(self.reduction.tolist(), float) @ shapes
         # The normalisation of the shapes makes all modal components comparable.
         shapes = shapes / np.abs(shapes).max(axis=0)
-        basis[:e, :e], basis[e : 2 * e, e : 2 * e] = shapes, shapes * frequencies
+        basis[:n, :n], basis[n : 2 * n, n : 2 * n] = shapes, shapes * frequencies
         self.basis = matrix_of(basis)
         self.basis_inverse = self.basis.inv()
 
-    def _distance(self, mesh: Any, side: int) -> Any:
-        """Return the flank distance of a mesh as a functional of modal components, (1, size).
+    def _distance_row(self, mesh: Any, side: int) -> Any:
+        """Return the row (1, size) whose product with modal components is a flank distance.
 
-        The side is COAST or DRIVE; the result is None if the mesh has no contact on this side.
+        `mesh` is a `BallMesh`; `side` is COAST or DRIVE. The result is None if the mesh has no
+        contact on this side.
         """
         if mesh.constants[side] is None:
             return None
         row, length = np.zeros(self.size, object), self.model.length
         row[: len(self.retained)] = [mesh.rows[side][i] for i in self.retained]
         row[self.state_count] = mesh.constants[side] / length
-        for frequency, waves in mesh.waves.items():
-            column = self.wave_columns[frequency]
-            row[column : column + 2] = [value / length for value in waves[side]]
+        for frequency, amplitudes in mesh.harmonics.items():
+            cosine, sine = amplitudes[side]
+            column = self.harmonic_columns[frequency]
+            row[column : column + 2] = cosine / length, sine / length
         return matrix_of(row[None]) * self.basis
 
     def _accelerations(self, forces: np.ndarray) -> np.ndarray:
         """Return accelerations (e, k) of the e retained coordinates for forces (n, k) on all n."""
-        return np.array((self._mobility * matrix_of(forces)).tolist())
+        return np.array((self._accelerance * matrix_of(forces)).tolist())
 
     def _matrix_without_meshes(self) -> Any:
-        """Return the system matrix A without mesh forces."""
-        model, e, omega = self.model, len(self.retained), self.model.frequency
-        unit, matrix = omega**2 * model.length, np.zeros((self.size, self.size), object)
-        matrix[:e, e : 2 * e] = np.eye(e, dtype=int)
-        matrix[e : 2 * e, :e] = self._accelerations(-model.stiffness[:, self.retained]) / omega**2
-        matrix[e : 2 * e, e : 2 * e] = self._accelerations(-model.damping[:, self.retained]) / omega
-        matrix[e : 2 * e, [2 * e]] = self._accelerations(model.load[:, None]) / unit
-        for frequency, column in self.wave_columns.items():
+        """Return the system matrix A without mesh forces, shape (size, size).
+
+        The state is z = (y, dy/dtheta, 1, and cosine and sine of each harmonic).
+        """
+        model, n, omega = self.model, len(self.retained), self.model.frequency
+        acceleration_unit = omega**2 * model.length
+        displacements, velocities = slice(n), slice(n, 2 * n)
+        matrix = np.zeros((self.size, self.size), object)
+        matrix[displacements, velocities] = np.eye(n, dtype=int)
+        stiffness, damping = model.stiffness[:, self.retained], model.damping[:, self.retained]
+        matrix[velocities, displacements] = self._accelerations(-stiffness) / omega**2
+        matrix[velocities, velocities] = self._accelerations(-damping) / omega
+        matrix[velocities, [2 * n]] = self._accelerations(model.load[:, None]) / acceleration_unit
+        for frequency, column in self.harmonic_columns.items():
             rate = ball_of(frequency) * self.tuning
             matrix[column, column + 1], matrix[column + 1, column] = -rate, rate
-            if frequency in model.force_waves:
-                waves = np.transpose(model.force_waves[frequency])
-                matrix[e : 2 * e, column : column + 2] = self._accelerations(waves) / unit
+            if frequency in model.force_harmonics:
+                accelerations = self._accelerations(np.transpose(model.force_harmonics[frequency]))
+                matrix[velocities, column : column + 2] = accelerations / acceleration_unit
         return self.basis_inverse * matrix_of(matrix) * self.basis
 
     def system_matrix(self, codes: list, segment: int) -> Any:
@@ -168,21 +184,24 @@ class ArcDynamics:
     def _mesh_matrix(self, j: int, code: int, level: int = 0, sliding_sign: int = 0) -> Any:
         """Return the contribution of mesh j to the matrix A, (size, size), for a contact code.
 
-        The stiffness level is 0 or 1, the sliding sign that of friction. Without contact there is
-        only the damping in the backlash.
+        The code is NORMAL (drive side), BACKLASH (no contact: only the backlash damping acts) or
+        INVERSE (coast side); `level` is the index of the stiffness (0 upper, 1 lower), and
+        `sliding_sign`, 1 or -1, is the sliding direction, which friction opposes.
         """
         mesh, omega = self.model.meshes[j], self.model.frequency
         side = COAST if code == INVERSE else DRIVE
-        rate = self.distances[j][side] * self._without_meshes
-        if not code:
+        distance = self.distance_rows[j][side]
+        rate = distance * self._without_meshes
+        if code == BACKLASH:
             return self._force_matrix(mesh.rows[DRIVE], rate * (mesh.backlash_damping / omega))
-        # Only with a varying clearance do the rates of both sides differ; otherwise the damping is
-        # not split, so that undamped motions are exactly undamped.
-        has_film = side == COAST and mesh.clearance_varies
-        damping = mesh.damping[side] - (mesh.backlash_damping if has_film else 0)
-        elastic = self.distances[j][side] * (mesh.stiffness[side][level] / omega**2)
+        # In coast-side contact the backlash damping acts on the drive-side rate, and the rest of
+        # the damping on the coast-side rate. If both rates are equal, because the clearance is
+        # constant, the damping is not split, so that undamped motions are exactly undamped.
+        is_split = side == COAST and mesh.clearance_varies
+        damping = mesh.damping[side] - (mesh.backlash_damping if is_split else 0)
+        elastic = distance * (mesh.stiffness[side][level] / omega**2)
         contribution = self._force_matrix(mesh.rows[side], elastic + rate * (damping / omega))
-        if has_film:
+        if is_split:
             contribution += self._mesh_matrix(j, BACKLASH)
         if mesh.sliding_row is not None:
             friction = elastic * (mesh.friction[side] * sliding_sign)
@@ -194,24 +213,28 @@ class ArcDynamics:
 
         The force is a functional of modal components, shape (1, size).
         """
-        e, column = len(self.retained), np.zeros((self.size, 1), object)
-        column[e : 2 * e] = self._accelerations(-np.array(direction)[:, None])
+        n, column = len(self.retained), np.zeros((self.size, 1), object)
+        column[n : 2 * n] = self._accelerations(-np.array(direction)[:, None])
         return self.basis_inverse * matrix_of(column) * force
 
     def initial_state(self, state: np.ndarray) -> list:
-        """Return (y, dy/dtheta) of the retained coordinates in balls for a state (q, dq/dtau)."""
-        values = np.array(state, float).reshape(2, -1)
-        y, rates = ((self.reduction * column_of(half)).entries() for half in values.tolist())
-        return [*y, *(rate * self.tuning for rate in rates)]
+        """Return (y, dy/dtheta) of the retained coordinates y in balls for a state (q, dq/dtau).
 
-    def all_coordinates(self, state: list, scale: Any) -> tuple[list, list]:
-        """Return displacements and dq/dtau of all coordinates, 0 for the fixed ones.
+        q are all coordinates, tau is the mesh phase in rad, and theta = tau / tuning.
+        """
+        q, q_rates = np.array(state, float).reshape(2, -1).tolist()
+        y, y_rates = ((self.reduction * column_of(half)).entries() for half in (q, q_rates))
+        return [*y, *(rate * self.tuning for rate in y_rates)]
 
-        `state` is (y, dy/dtheta) of the retained coordinates, `scale` is 1 / nu, all in balls.
+    def all_coordinates(self, state: list, inverse_tuning: Any) -> tuple[list, list]:
+        """Return displacements q and rates dq/dtau of all coordinates, 0 for the fixed ones.
+
+        `state` is (y, dy/dtheta) of the retained coordinates in balls; the mesh phase is
+        tau = tuning theta.
         """
         values = np.full((2, len(self.model.coordinates)), flint().arb(0))
         values[:, self.retained] = np.array(state[: self.state_count]).reshape(2, -1)
-        return values[0].tolist(), (values[1] * scale).tolist()
+        return values[0].tolist(), (values[1] * inverse_tuning).tolist()
 
     def train_description(self, codes: tuple) -> TrainDescription | None:
         """Return names and initial contact codes of a train, None for one degree of freedom."""
@@ -228,21 +251,23 @@ class ArcDynamics:
 
 
 def _modes(model, balls: Any) -> tuple:
-    """Return (free motions, natural frequencies as tunings, mode shapes) in contact, as floats.
+    """Return (free motions, natural frequencies, mode shapes) with all teeth in contact, as floats.
 
-    `balls` is the `BallModel` of the model; motions and shapes are columns.
+    `balls` is the `BallModel` of the model. Free motions (of rigid bodies) and shapes are columns;
+    frequencies are relative to the reference frequency of the model, like a tuning.
     """
     if model.train is None:
-        (mesh,), ground = balls.meshes, balls.stiffness[0, 0]
-        stiffness = float(ground) + max(map(float, mesh.stiffness[DRIVE]))
+        (mesh,), ground_stiffness = balls.meshes, balls.stiffness[0, 0]
+        stiffness = float(ground_stiffness) + max(map(float, mesh.stiffness[DRIVE]))
         frequency = math.sqrt(stiffness / float(balls.mass[0, 0])) / float(balls.frequency)
         return np.zeros((1, 0)), frequency, np.eye(1)
-    structure, meshes = model.train.structure, model.train.meshes
-    directions, stiffness = structure.springs
-    levels = [mesh.max_stiffness for mesh in meshes]
-    springs = np.vstack([directions, structure.lines]), np.append(stiffness, levels)
+    structure, mesh_rows = model.train.structure, model.train.structure.lines
+    spring_rows, stiffness = structure.springs
+    mesh_stiffness = [mesh.max_stiffness for mesh in model.train.meshes]
+    springs = np.vstack([spring_rows, mesh_rows]), np.append(stiffness, mesh_stiffness)
     modes = free_motions_and_modes(springs, structure.masses)
-    return modes.free, np.sqrt(modes.squares) / float(balls.frequency), modes.shapes
+    frequencies = np.sqrt(modes.squared_frequencies) / float(balls.frequency)
+    return modes.free_motions, frequencies, modes.shapes
 
 
 def _fixed_coordinates(motions: np.ndarray) -> list[int]:

@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+#: Number of decimal digits of a ball with the radius 0.
+_EXACT_DIGITS = 10**6
+
 
 def flint() -> Any:
     """Return the module python-flint, or raise an ImportError with the command to install it."""
@@ -106,8 +109,8 @@ def enclosure(ball: Any, digits: int) -> Enclosure:
 
 
 def digits_of(ball: Any) -> int:
-    """Return the number of decimal digits that a ball determines, decimal places below 1."""
+    """Return to how many decimal digits a ball is known, relative to max(1, |value|)."""
     relative_radius = ball.rad() / max(1, abs(ball.mid()))
     if relative_radius == 0:
-        return 10**6
+        return _EXACT_DIGITS
     return int((-relative_radius.log() / flint().arb(10).log()).lower().floor().unique_fmpz())

@@ -7,6 +7,8 @@ from gearlib.analysis.proofs.balls import Enclosure
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 
 _CONTACT_NAMES = {NORMAL: "normal mesh", BACKLASH: "backlash", INVERSE: "inverse mesh"}
+#: Status of a refusal because contact events coincide, or because there are too many arcs.
+COINCIDENT = "together"
 #: Entries of certificates with exact floats, which are written in hexadecimal.
 _EXACT_ENTRIES = "tuning", "start", "stop", "derived", "pieces"
 
@@ -51,7 +53,10 @@ class _Claim:
     claim = ""
 
     def as_dict(self) -> dict:
-        """Return the claim for JSON: enclosures as two decimals, exact floats in hexadecimal."""
+        """Return the claim for JSON: enclosures as two decimals, exact floats in hexadecimal.
+
+        The entry "pair" has the parameters of the model, which may be of any class.
+        """
         values = dict(vars(self))
         model, train = values.pop("pair"), values.pop("train", None)
         values |= vars(train) if train else {}
@@ -62,13 +67,12 @@ class _Claim:
             parameters.pop("teeth", None)
         return {"claim": self.claim, **values, "pair": json_value(parameters, True)}
 
-    def __repr__(self) -> str:
+    def __repr__(self: Any) -> str:
         """Return the claim as text: a title, a line for each proven quantity, and the stability."""
-        claim: Any = self
-        orbit = f"an orbit of {claim.period} mesh period{'s' * (claim.period > 1)}"
-        lines = [f"Proven: {orbit} at {claim._tunings.format(claim)}, {claim.stability}"]
-        lines += [f"  {name:<13} {text}" for name, text in claim._text_rows()]
-        return "\n".join([*lines, f"  {claim.stability}: {claim.reason}"])
+        orbit = f"an orbit of {self.period} mesh period{'s' * (self.period > 1)}"
+        lines = [f"Proven: {orbit} at {self._tuning_format.format(self)}, {self.stability}"]
+        lines += [f"  {name:<13} {text}" for name, text in self._text_rows()]
+        return "\n".join([*lines, f"  {self.stability}: {self.reason}"])
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -88,7 +92,7 @@ class _OrbitClaim(_Claim):
     reason: str  #: reason for the stability, in a sentence
     digits: int  #: decimal digits of all enclosures, decimal places of numbers below 1
 
-    _tunings = "tuning {0.tuning!r}"
+    _tuning_format = "tuning {0.tuning!r}"
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -136,11 +140,9 @@ class TrainCertificate(_OrbitClaim, TrainDescription):
 
     def _text_rows(self) -> list[tuple]:
         """Return (name, value) of the quantities in the text of the certificate."""
-        start_contacts = ", ".join(
-            f"{mesh} in {_CONTACT_NAMES[code]}"
-            for mesh, code in zip(self.meshes, self.contacts, strict=True)
-        )
-        rows = [("at tau = 0", start_contacts)]
+        contacts = zip(self.meshes, self.contacts, strict=True)
+        texts = [f"{mesh} in {_CONTACT_NAMES[code]}" for mesh, code in contacts]
+        rows = [("at tau = 0", ", ".join(texts))]
         for event in self.events:
             contact = f"{event.phase}  {event.mesh} in {_CONTACT_NAMES[event.after]}"
             rows.append(("  phase", contact))
@@ -178,7 +180,7 @@ class RangeCertificate(_Claim):
 
     claim = "range"
 
-    _tunings = "every tuning from {0.start!r} to {0.stop!r}"
+    _tuning_format = "every tuning from {0.start!r} to {0.stop!r}"
 
     def _text_rows(self):
         """Return (name, value) of the quantities in the text of the certificate."""

@@ -73,9 +73,7 @@ def box_of(centre: list, radii: list) -> list:
     return list(map(flint().arb, centre, radii))
 
 
-def krawczyk_shift(
-    system: Callable, centre: list, radii: list, inverse: Any, residuals: list
-) -> list:
+def krawczyk_shift(system: Callable, centre, radii, inverse: Any, residuals: list) -> list:
     """Return K(X) - m for Krawczyk's operator K and the box X with centre m, as a list of balls.
 
     ``system(unknowns)`` returns residuals and rows of their Jacobian matrix. At the centre, it has
@@ -170,7 +168,7 @@ def eigenvalues(matrix: Any) -> list:
     try:
         diagonal = vectors.mid().solve(complex_matrix * vectors.mid())
     except ZeroDivisionError:
-        raise ProofFailed("precision", "the eigenvectors of the map are not told apart") from None
+        raise ProofFailed("precision", "the eigenvectors may be linearly dependent") from None
     clusters: list = []
     for i, row in enumerate(diagonal.tolist()):
         radius = sum((abs(entry).upper() for j, entry in enumerate(row) if j != i), module.arb(0))

@@ -18,9 +18,9 @@ import numpy as np
 
 from gearlib.analysis.proofs.balls import ball_of, flint
 from gearlib.analysis.proofs.certificate_files import ProofFailed
-from gearlib.models.six_degrees import TwoGears
-from gearlib.models.trains import turning
+from gearlib.models.six_degrees import BEARINGS, TwoGears
 from gearlib.models.trains.structure import Arithmetic, coast_lines
+from gearlib.models.trains.turning import thickness_difference
 from gearlib.models.trains.waves import excitation_harmonics
 
 #: Indices of the two sides of a tooth, as in tables of the models.
@@ -37,44 +37,51 @@ class MeshTiming(NamedTuple):
     has_friction: bool
     rate: Fraction = Fraction(1)  #: mesh periods per period of the reference mesh
     phases: tuple = (Fraction(0), Fraction(0))  #: middle of the upper level, in mesh periods
-    pitches: tuple = (Fraction(0), Fraction(0))  #: phase of the sliding reversal, relative to that
-    #: of the drive side
+    #: Phases, relative to `phases[DRIVE]`, at which the flanks touch at the pitch point. There the
+    #: sliding becomes positive; it becomes negative half a mesh period later.
+    pitch_phases: tuple = (Fraction(0), Fraction(0))
 
     def changes(self) -> set[Fraction]:
-        """Return the phases, in mesh periods, at which stiffness or sliding direction changes."""
+        """Return the phases, in mesh periods, at which stiffness or sliding direction changes.
+
+        The sliding reverses at the pitch point, given relative to the upper stiffness level of the
+        drive side, and half a mesh period later, when the next pair of teeth carries the load.
+        """
         phases = set()
         if self.has_switches and 0 < self.overlap < 1:
             for middle in self.phases:
                 phases |= {middle + self.overlap / 2, middle - self.overlap / 2}
         if self.has_friction:
-            for pitch in self.pitches:
-                reversal = self.phases[DRIVE] + pitch
+            for pitch_phase in self.pitch_phases:
+                reversal = self.phases[DRIVE] + pitch_phase
                 phases |= {reversal, reversal + Fraction(1, 2)}
         return phases
 
     def condition(self, side: int, phase: Fraction) -> tuple[int, int]:
         """Return (stiffness level, sign of sliding) of a side, COAST or DRIVE, at a phase.
 
-        Level 0 is the upper and 1 the lower stiffness; the phase is in mesh periods.
+        Level 0 is the upper and 1 the lower stiffness; the phase is in mesh periods. The sliding is
+        positive for half a mesh period after the pitch point, whose phases (of both sides) are
+        relative to the upper level of the drive side.
         """
-        distance = abs((phase - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
-        since_reversal = (phase - self.phases[DRIVE] - self.pitches[side]) % 1
-        is_low = self.overlap == 0 or distance > self.overlap / 2
-        return int(is_low), 1 if since_reversal < Fraction(1, 2) else -1
+        to_upper_level = abs((phase - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
+        since_pitch_point = (phase - self.phases[DRIVE] - self.pitch_phases[side]) % 1
+        is_low = self.overlap == 0 or to_upper_level > self.overlap / 2
+        return int(is_low), 1 if since_pitch_point < Fraction(1, 2) else -1
 
 
 class BallMesh(NamedTuple):
     """A mesh; pairs are (coast side, drive side), rows are functionals of the n coordinates."""
 
     name: str
-    rows: tuple  #: rows b of the flank distance b q + constant + waves
+    rows: tuple  #: rows b of the flank distance b q + constant + harmonics
     constants: tuple  #: with the backlash; None for the coast side of an infinite backlash
     stiffness: tuple  #: stiffness levels of both sides
     damping: tuple  #: damping in contact of both sides
     backlash_damping: Any
     has_backlash: bool = True  #: without backlash the flank lines of both sides coincide
     timing: Any = None  #: `MeshTiming`, or None if the model has other segments
-    waves: dict = {}  #: frequency (`Fraction`) by phase -> rows (cosine, sine) of both sides
+    harmonics: dict = {}  #: frequency (`Fraction`) by phase -> rows (cosine, sine) of both sides
     sliding_row: Any = None  #: row of the sliding distance of the flanks; None without friction
     friction: tuple = (0, 0)
     clearance_varies: bool = False  #: whether the clearance varies, so that it may close
@@ -99,39 +106,39 @@ class BallModel(NamedTuple):
     segments: list
     length: Any  #: unit of displacements
     frequency: Any  #: unit of the tuning, rad/s
-    force_waves: dict = {}  #: frequency by phase -> (cosine, sine) of the load, each shape (n,)
+    force_harmonics: dict = {}  #: frequency by phase -> (cosine, sine) of the load, each shape (n,)
     derived: dict = {}  #: numbers that the library derives from the model, taken as exact
 
 
-def model_reader(model) -> Callable:
-    """Return the function from (model, tuning) to `BallModel` for the class of a model.
+def ball_model_builder(model) -> Callable:
+    """Return the function that converts (model, tuning) of this class of models to a `BallModel`.
 
-    Raise `ProofFailed` for models without proofs.
+    Raise `ProofFailed` if no proof supports the model.
     """
     if model.train is not None:
         if model.gyroscopic:
-            text = "no proof is written for a train whose axes feel the turning of their frame"
+            text = "a train with the gyroscopic forces of a rotating frame is not supported"
             raise ProofFailed("model", text)
-        return _of_train if model.train is model else _of_six_degrees
+        return _train_in_balls if model.train is model else _six_degrees_in_balls
     if model.mesh is model:
-        return _of_pair
+        return _pair_in_balls
     if model.piecewise_linear:
-        return _of_equation
-    text = "proofs are written for trains, and for one degree of freedom with linear phases of"
-    raise ProofFailed("model", f"{text} contact, not for this {type(model).__name__}")
+        return _equation_in_balls
+    text = "trains and piecewise linear models with one degree of freedom are supported"
+    raise ProofFailed("model", f"{text}, not this {type(model).__name__}")
 
 
 def ball_model(model, tuning: float) -> BallModel:
     """Return masses, springs, loads and meshes of a model at a tuning in balls."""
-    return model_reader(model)(model, tuning)
+    return ball_model_builder(model)(model, tuning)
 
 
 def ball_arithmetic() -> Arithmetic:
     """Return the arithmetic for the assembly of a train in balls of the current precision."""
     arb = flint().arb
     return Arithmetic(
-        object,
-        arb,
+        dtype=object,
+        convert=arb,
         cos_sin=lambda angle: arb(angle).sin_cos()[::-1],
         polar=lambda x, y: ((x * x + y * y).sqrt(), arb.atan2(y, x)),
         pi=arb.pi(),
@@ -164,128 +171,145 @@ def _units(pair) -> dict[str, Any]:
     return {"length": pair.load / mean, "frequency": (mean / pair.reduced_mass).sqrt()}
 
 
-def _of_one_degree(mass, ground, load, lines, stiffness, damping, **values) -> BallModel:
-    """Return the coefficients of a model with one coordinate.
+def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, damping, **fields):
+    """Return the `BallModel` of a model with one coordinate.
 
-    `ground` is its stiffness without contact, `lines` and `stiffness` are displacements of the
-    flanks and stiffness levels of (coast, drive) side, `damping` is that of (coast side, backlash,
-    drive side). `values` are other fields of `BallModel`.
+    `ground_stiffness` acts without contact. `flank_positions` are the displacements at which the
+    (coast, drive) flanks touch, `stiffness` has the stiffness levels of (coast, drive) side, and
+    `damping` is that of (coast side, backlash, drive side). `fields` are the others of `BallModel`.
     """
     arb = flint().arb
     unit_row, (coast, backlash, drive) = (arb(1),), map(arb, damping)
     mesh = BallMesh(
-        "mesh",
-        (unit_row, unit_row),
-        tuple(-arb(line) if math.isfinite(line) else None for line in lines),
-        [[arb(level) for level in levels] for levels in stiffness],
-        (coast, drive),
-        backlash,
-        has_backlash=lines[COAST] < lines[DRIVE],
+        name="mesh",
+        rows=(unit_row, unit_row),
+        constants=tuple(-arb(x) if math.isfinite(x) else None for x in flank_positions),
+        stiffness=[[arb(level) for level in levels] for levels in stiffness],
+        damping=(coast, drive),
+        backlash_damping=backlash,
+        has_backlash=flank_positions[COAST] < flank_positions[DRIVE],
     )
-    mass_matrix, ground_matrix, no_damping = (np.array([[arb(x)]]) for x in (mass, ground, 0))
-    loads = np.array([arb(load)])
     return BallModel(
-        ("displacement",), mass_matrix, ground_matrix, no_damping, loads, (mesh,), **values
+        coordinates=("displacement",),
+        mass=np.array([[arb(mass)]]),
+        stiffness=np.array([[arb(ground_stiffness)]]),
+        damping=np.array([[arb(0)]]),
+        load=np.array([arb(load)]),
+        meshes=(mesh,),
+        **fields,
     )
 
 
-def _of_pair(pair, tuning: float) -> BallModel:
-    """Return the coefficients of a `GearPair`, which do not depend on the tuning."""
+def _pair_in_balls(pair, tuning: float) -> BallModel:
+    """Return the `BallModel` of a `GearPair`, which does not depend on the `tuning`."""
     upper, kappa = flint().arb(pair.max_stiffness), pair.stiffness_ratio
-    timing = MeshTiming(Fraction(pair.contact_ratio) - 1, kappa != 1.0, has_friction=False)
-    return _of_one_degree(
+    overlap = Fraction(pair.contact_ratio) - 1
+    timing = MeshTiming(overlap, has_switches=kappa != 1.0, has_friction=False)
+    return _one_degree_model(
         pair.reduced_mass,
-        0,
-        pair.load,
-        (-pair.backlash, 0.0),
-        [(upper, upper * kappa)] * 2,
-        (pair.material_damping, pair.backlash_damping, pair.material_damping),
-        segments=segments_of([timing], 1),
+        ground_stiffness=0,
+        load=pair.load,
+        flank_positions=(-pair.backlash, 0.0),
+        stiffness=[(upper, upper * kappa)] * 2,
+        damping=(pair.material_damping, pair.backlash_damping, pair.material_damping),
+        segments=segments_of([timing], common_period=1),
         **_units(pair),
     )
 
 
-def _of_equation(model, tuning: float) -> BallModel:
-    """Return the coefficients of a model with one degree of freedom from its `Equation`."""
+def _equation_in_balls(model, tuning: float) -> BallModel:
+    """Return the `BallModel` of a model with one degree of freedom from its `Equation`."""
     arb, equation = flint().arb, model.equation
     drive_side, coast_side = equation.stiffness_pieces()
-    starts, waves = [0.0, *drive_side.breaks[1:-1].tolist()], {}
+    starts, force_harmonics = [0.0, *drive_side.breaks[1:-1].tolist()], {}
     harmonics = [(order, arb(a), arb(b)) for order, a, b in equation.force.tolist()]
     # A profile deviation f adds the inertia force f''.
     for order, cosine, sine in equation.deviation.tolist():
         inertia = -((arb(tuning) * order) ** 2)
         harmonics.append((order, inertia * cosine, inertia * sine))
     for order, cosine, sine in harmonics:
-        wave = waves.setdefault(Fraction(order), np.full((2, 1), arb(0)))
-        wave[:, 0] += cosine, sine
-    return _of_one_degree(
-        1,
-        equation.ground_stiffness,
-        equation.load,
-        (equation.lower, equation.upper),
-        [side.lines[:, 0].tolist() for side in (coast_side, drive_side)],
-        equation.damping[:, 0].tolist(),
-        segments=[Segment(arb(start), [[(i, 1), (i, 1)]]) for i, start in enumerate(starts)],
+        amplitudes = force_harmonics.setdefault(Fraction(order), np.full((2, 1), arb(0)))
+        amplitudes[:, 0] += cosine, sine
+    # On segment i both sides have the stiffness level i, and the sliding sign 1 (no friction).
+    segments = [Segment(arb(start), [[(i, 1), (i, 1)]]) for i, start in enumerate(starts)]
+    return _one_degree_model(
+        mass=1,
+        ground_stiffness=equation.ground_stiffness,
+        load=equation.load,
+        flank_positions=(equation.lower, equation.upper),
+        stiffness=[side.lines[:, 0].tolist() for side in (coast_side, drive_side)],
+        damping=equation.damping[:, 0].tolist(),
+        segments=segments,
         length=arb(1),
         frequency=arb(1),
-        force_waves=waves,
+        force_harmonics=force_harmonics,
     )
 
 
-def _of_train(train, tuning: float) -> BallModel:
-    """Return the coefficients of a `GearTrain`, which do not depend on the tuning."""
+def _train_in_balls(train, tuning: float) -> BallModel:
+    """Return the `BallModel` of a `GearTrain`, which does not depend on the `tuning`.
+
+    All pairs are (coast side, drive side).
+    """
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
     coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)
-    waves, constants = excitation_harmonics(train, structure.line_vectors, arithmetic)
+    harmonics, constants = excitation_harmonics(train, structure.line_vectors, arithmetic)
     meshes = []
     for j, mesh in enumerate(train.meshes):
         upper, (coast, drive) = arb(mesh.max_stiffness), constants[:, j]
         # The phase of the pitch point in mesh periods is rounded once, and exact thereafter.
-        pitch = Fraction(train.pitch_phases[mesh.name] / math.tau)
+        pitch_phase = Fraction(train.pitch_phases[mesh.name] / math.tau)
         timing = MeshTiming(
-            Fraction(mesh.contact_ratio) - 1,
-            mesh.stiffness_ratio != 1.0,
-            any(mesh.friction),
-            train.frequency_ratios[j],
-            (Fraction(train.inverse_phases[mesh.name]), Fraction(train.phases[mesh.name])),
-            (pitch + turning.thickness_difference(mesh, train.speeds) / 2, pitch),
+            overlap=Fraction(mesh.contact_ratio) - 1,
+            has_switches=mesh.stiffness_ratio != 1.0,
+            has_friction=any(mesh.friction),
+            rate=train.frequency_ratios[j],
+            phases=(Fraction(train.inverse_phases[mesh.name]), Fraction(train.phases[mesh.name])),
+            pitch_phases=(pitch_phase + thickness_difference(mesh, train.speeds) / 2, pitch_phase),
         )
+        drive_friction, coast_friction = map(arb, mesh.friction)
         meshes.append(
             BallMesh(
-                mesh.name,
-                (coast_rows[j], structure.lines[j]),
-                (None if math.isinf(mesh.backlash) else coast + mesh.backlash, drive),
-                ((upper, upper * mesh.stiffness_ratio),) * 2,
-                (arb(mesh.known_damping),) * 2,
-                arb(mesh.backlash_damping),
+                name=mesh.name,
+                rows=(coast_rows[j], structure.lines[j]),
+                constants=(None if math.isinf(mesh.backlash) else coast + mesh.backlash, drive),
+                stiffness=((upper, upper * mesh.stiffness_ratio),) * 2,
+                damping=(arb(mesh.known_damping),) * 2,  # the material damping; it must be known
+                backlash_damping=arb(mesh.backlash_damping),
                 timing=timing,
-                waves={
-                    frequency: rows[:, j].tolist()
-                    for frequency, rows in waves.items()
-                    if not (rows[:, j] == 0).all()
+                harmonics={
+                    frequency: amplitudes[:, j].tolist()
+                    for frequency, amplitudes in harmonics.items()
+                    if not (amplitudes[:, j] == 0).all()
                 },
                 sliding_row=structure.sliding[j] if timing.has_friction else None,
-                friction=tuple(map(arb, mesh.friction[::-1])),
+                friction=(coast_friction, drive_friction),
                 clearance_varies=mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,
             )
         )
-    linear_parts = structure.mass, structure.stiffness, structure.damping, structure.load
     return BallModel(
-        tuple(f"{name} {axis}" for name, axis in structure.coordinates),
-        *linear_parts,
-        tuple(meshes),
-        segments_of([mesh.timing for mesh in meshes], train.repeats),
-        arb(train.static_deflection),
-        arb(train.reference_angular_frequency),
+        coordinates=tuple(f"{name} {axis}" for name, axis in structure.coordinates),
+        mass=structure.mass,
+        stiffness=structure.stiffness,
+        damping=structure.damping,
+        load=structure.load,
+        meshes=tuple(meshes),
+        segments=segments_of([mesh.timing for mesh in meshes], common_period=train.repeats),
+        length=arb(train.static_deflection),
+        frequency=arb(train.reference_angular_frequency),
         derived={name: getattr(train, name) for name in _DERIVED_NUMBERS},
     )
 
 
-def _of_six_degrees(model, tuning: float) -> BallModel:
-    """Return the coefficients of a `SixDegreePair`: those of its train, with units in balls."""
+def _six_degrees_in_balls(model, tuning: float) -> BallModel:
+    """Return the `BallModel` of a `SixDegreePair`: that of its train, with units in balls.
+
+    The coordinates are the rotations u3 and u2 of its gears 3 and 2, as displacements on the line
+    of action, and the displacements of the elastic bearings, y along and z across this line.
+    """
     train = TwoGears(gears=model, arithmetic=ball_arithmetic())
-    bearings = (("y3", "z3", "y2", "z2")[i] for i in model.elastic_bearings())
-    return _of_train(train, tuning)._replace(
-        coordinates=("u3", "u2", *bearings), derived={}, **_units(model.pair)
+    coordinates = ("u3", "u2", *(BEARINGS[i] for i in model.elastic_bearings()))
+    return _train_in_balls(train, tuning)._replace(
+        coordinates=coordinates, derived={}, **_units(model.pair)
     )

@@ -14,6 +14,7 @@ from gearlib.analysis.proofs import krawczyk
 from gearlib.analysis.proofs.arc_laws import ArcDynamics
 from gearlib.analysis.proofs.balls import digits_of, enclosure, flint, identity, precision
 from gearlib.analysis.proofs.certificate_files import (
+    COINCIDENT,
     Certificate,
     ContactEvent,
     MeshEvent,
@@ -23,7 +24,7 @@ from gearlib.analysis.proofs.certificate_files import (
     Refusal,
     TrainCertificate,
 )
-from gearlib.analysis.proofs.models_in_balls import model_reader
+from gearlib.analysis.proofs.models_in_balls import ball_model_builder
 from gearlib.analysis.proofs.path import Path, Windows, smallest_interval
 from gearlib.analysis.proofs.signs import check_contacts, extrema
 from gearlib.data.status import JAMMED, MESSAGES
@@ -86,7 +87,7 @@ def certify(orbit, digits=30):
     digits = checks.integer("digits", digits, 10, 300)
     flint()
     try:
-        return _certificate(orbit, listed_contacts(orbit), digits)
+        return _certificate(orbit, simulated_contacts(orbit), digits)
     except ProofFailed as reason:
         return Refusal(*reason.args)
 
@@ -94,8 +95,9 @@ def certify(orbit, digits=30):
 def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GUARD_BITS) -> Any:
     """Return the certificate of an orbit with enclosures of at least the requested `digits`.
 
-    `contacts` is the result of `listed_contacts`. The precision is doubled from the digits with
-    `guard_bits`.
+    `contacts` is the result of `simulated_contacts`. The first precision is that of the digits and
+    `guard_bits` more bits; it is doubled until enough digits are reached. Nearly coincident
+    contacts, which are enclosed in time windows, need more guard bits.
     """
     bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
     for _ in range(_MAX_DOUBLINGS):
@@ -103,7 +105,7 @@ def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GU
             with precision(bits):
                 certificate, reached = Proof(orbit, *contacts).certificate(digits)
         except ProofFailed as reason:
-            if reason.args[0] != "together" or guard_bits == _WINDOW_GUARD_BITS:
+            if reason.args[0] != COINCIDENT or guard_bits == _WINDOW_GUARD_BITS:
                 raise
             return _certificate(orbit, contacts, digits, _WINDOW_GUARD_BITS)
         if reached >= digits:
@@ -112,14 +114,15 @@ def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GU
     raise ProofFailed("precision", f"only {reached} digits were reached, not {digits}")
 
 
-def listed_contacts(orbit: Any) -> tuple[list, list]:
-    """Return (contact codes of all meshes at tau = 0, contact events) of a candidate orbit.
+def simulated_contacts(orbit: Any) -> tuple[list, list]:
+    """Return (contact codes of all meshes at tau = 0, contact events) of a simulated orbit.
 
+    The simulation starts from the state of the candidate `orbit`, whose model is `orbit.pair`.
     Events are (phase since tau = 0, index of the mesh, code before, code after). Raise
     `ProofFailed` if the simulated motion does not have the contact pattern of the orbit.
     """
     model, state, period = orbit.pair, orbit.state, orbit.period
-    model_reader(model)
+    ball_model_builder(model)
     record = model.propagator(orbit.tuning).record(state, period, MAX_EVENTS)
     if record.status == JAMMED:
         raise ProofFailed("jammed", MESSAGES[JAMMED])
@@ -163,8 +166,8 @@ class Proof:
         """
         self.orbit, self.codes = orbit, tuple(codes)
         self.dynamics = dynamics = ArcDynamics(orbit.pair, orbit.tuning)
-        if orbit.period % dynamics.common_period:
-            text = f"{dynamics.common_period} mesh periods, not after {orbit.period}"
+        if orbit.period % dynamics.excitation_period:
+            text = f"{dynamics.excitation_period} mesh periods, not after {orbit.period}"
             raise ProofFailed("period", f"the excitation repeats after {text}")
         candidate, n = dynamics.initial_state(orbit.state), dynamics.state_count
         centre, inverse = self._newton_solution(candidate, events)
@@ -174,15 +177,19 @@ class Proof:
             system = windows.equations
             self._check_derivative(windows, centre)
             centre, inverse = krawczyk.polish(system, centre[:n])
-        #: Enclosures of the state at tau = 0, and without windows of the phases of the contacts.
+        #: Enclosures of the state at tau = 0 and, without windows (time intervals around nearly
+        #: coincident contacts), of the phases of the contacts.
         self.box = krawczyk.enclose(system, centre, inverse)
         self.distance = max(abs(a - b).upper() for a, b in zip(self.box, candidate, strict=False))
         if not self.distance < MAX_DISTANCE:
-            text = f"{float(self.distance):.2g} static deflections from the candidate"
-            text = f"the nearest orbit found lies {text}; {MAX_DISTANCE:g} is allowed"
+            distance = f"{float(self.distance):.2g} static deflections from the candidate"
+            text = f"the nearest orbit found lies {distance}; {MAX_DISTANCE:g} is allowed"
             raise ProofFailed("distance", text)
+        # `ends` are modal states by index of the node, `speeds` the rates of the flank distances at
+        # the contact events.
         if windows.are_needed():
-            _, rows, self.phases, self.speeds, self.ends = windows.run(self.box, prove=True)
+            results = windows.propagate(self.box, check_arcs=True)
+            _, rows, self.phases, self.speeds, self.ends = results
             self.map, self.determinant = flint().arb_mat(rows), None
         else:
             self.phases = self.box[n:]
@@ -195,8 +202,9 @@ class Proof:
     def _check_derivative(self, windows: Windows, centre: list) -> None:
         """Compare the derivative with windows to that of the path at `centre`, a zero of both.
 
-        Raise `ProofFailed` if they differ. Enclosures with windows are too wide for a comparison
-        with finite differences.
+        Windows are time intervals around nearly coincident contact events, whose order does not
+        matter in them. Raise `ProofFailed` if the derivatives differ. Enclosures with windows are
+        too wide for a comparison with finite differences.
         """
         residuals, rows, *_ = self.path.equations(centre)
         krawczyk.check_derivative(self.path.equations, centre, residuals)
@@ -228,18 +236,21 @@ class Proof:
         """Raise `ProofFailed` if the state may recur before the end of the period."""
         period, n = self.orbit.period, self.dynamics.state_count
         for count, node in enumerate(self.path.period_ends, start=1):
-            shorter = count * self.dynamics.common_period
+            shorter = count * self.dynamics.excitation_period
             end = (self.dynamics.basis * self.ends[node]).entries()[:n]
             if period % shorter == 0 and all(map(flint().arb.overlaps, end, self.box)):
                 text = f"{shorter} mesh period{'s' * (shorter > 1)} already, not after {period}"
                 raise ProofFailed("period", f"it repeats after {text}")
 
     def contacts(self) -> list[tuple]:
-        """Return contact events (phase, mesh, code before, code after, rate of flank distance)."""
-        contacts = [node for node in self.path.nodes if node.phase is None]
+        """Return contact events (phase, mesh, code before, code after, speed).
+
+        The speed is the rate of the flank distance by the mesh phase tau = tuning theta.
+        """
+        nodes = [node for node in self.path.nodes if node.is_contact]
         return [
-            (phase, node.mesh, node.before, node.after, speed * self.path.scale)
-            for node, phase, speed in zip(contacts, self.phases, self.speeds, strict=True)
+            (phase, node.mesh, node.before, node.after, speed * self.path.inverse_tuning)
+            for node, phase, speed in zip(nodes, self.phases, self.speeds, strict=True)
         ]
 
     def certificate(self, digits: int) -> tuple[Certificate | TrainCertificate, int]:
@@ -260,8 +271,9 @@ class Proof:
             values = enclosed(phase), before, after, enclosed(speed)
             name = self.dynamics.mesh_names[mesh]
             events.append(ContactEvent(*values) if one_degree else MeshEvent(*values, name))
-        state = self.dynamics.all_coordinates(self.box, self.path.scale)
-        displacement, velocity = enclosed([half[0] for half in state] if one_degree else state)
+        q, q_rates = self.dynamics.all_coordinates(self.box, self.path.inverse_tuning)
+        state = (q[0], q_rates[0]) if one_degree else (q, q_rates)
+        displacement, velocity = enclosed(state)
         multipliers = krawczyk.eigenvalues(self.map)
         stability, reason = krawczyk.stability_verdict(multipliers, self.map, self.determinant)
         if one_degree:
@@ -283,7 +295,7 @@ class Proof:
             velocity=velocity,
             events=tuple(events),
             radius=self.radius,
-            moved=float(self.distance),
+            moved=float(self.distance),  # from the candidate
             multipliers=enclosed(multipliers),
             stability=stability,
             reason=reason,
@@ -320,10 +332,10 @@ def certify_range(orbit, *, to):
     check_orbit(orbit)
     to = check_tuning("to", to)
     if to == orbit.tuning:
-        checks.number("to", to, "another tuning than that of the orbit", lambda nu: False)
+        raise checks.refusal("to", to, "another tuning than that of the orbit")
     flint()
     try:
-        contacts = listed_contacts(orbit)
+        contacts = simulated_contacts(orbit)
         with precision(_RANGE_BITS):
             return _Range(orbit, *contacts).prove_up_to(to)
     except ProofFailed as reason:
@@ -335,22 +347,24 @@ class _Range:
 
     def __init__(self, orbit, codes: list, events: list[tuple]):
         """Prove an orbit with contact codes at tau = 0 and contact events at its tuning."""
-        if ArcDynamics(orbit.pair, orbit.tuning).wave_columns:
+        has_harmonics = bool(ArcDynamics(orbit.pair, orbit.tuning).harmonic_columns)
+        if has_harmonics:
             name = type(orbit.pair).__name__
-            text = "with harmonics of load, deviation or run-out is proven"
-            raise ProofFailed("model", f"over the tuning no {name} {text}")
+            text = "with harmonics of load, deviation or run-out is not supported"
+            raise ProofFailed("model", f"a range of tunings of a {name} {text}")
         self.orbit, self.codes, proof = orbit, codes, Proof(orbit, codes, events)
         self.dynamics, self.events = proof.dynamics, proof.contacts()
         if len(proof.box) < self.dynamics.state_count + len(events):
-            raise ProofFailed("together", "contacts come together: no range is proven of them")
+            text = "a range of tunings with nearly coincident contacts is not supported"
+            raise ProofFailed(COINCIDENT, text)
         #: Enclosure of the orbit at the last proven tuning, a list of balls.
         self.reached = proof.box
 
-    def path(self, scale: Any) -> Path:
-        """Return the path of the last proven orbit for a ball `scale` of 1 / nu."""
+    def path(self, inverse_tuning: Any) -> Path:
+        """Return the path of the last proven orbit for a ball that contains 1 / tuning."""
         phases = self.reached[self.dynamics.state_count :]
         events = [(phase, *event[1:]) for phase, event in zip(phases, self.events, strict=True)]
-        return Path(self.dynamics, self.codes, events, self.orbit.period, scale)
+        return Path(self.dynamics, self.codes, events, self.orbit.period, inverse_tuning)
 
     def prove_up_to(self, to: float) -> RangeCertificate:
         """Prove all pieces of the range up to the tuning `to` and return the certificate."""
@@ -362,15 +376,17 @@ class _Range:
             end = tuning + step
             if (end - to) * (to - start) >= 0.0:
                 end = to
-            scale = (1 / arb(tuning)).union(1 / arb(end))
+            inverse_start, inverse_end = 1 / arb(tuning), 1 / arb(end)
+            inverse_tuning = inverse_start.union(inverse_end)
             try:
-                stability, self.reached, box = self._piece(scale, 1 / arb(end), stability)
+                proven = self._prove_piece(inverse_tuning, inverse_end, stability)
+                stability, self.reached, box = proven
             except ProofFailed as failed:
                 step *= 0.5
                 if abs(step) < _MIN_PIECE * abs(to - start) or len(pieces) == _MAX_PIECES:
                     status, message = failed.args
-                    proven = f"from nu = {start!r} to {tuning:.9g} it is proven, there: "
-                    raise ProofFailed(status, proven + message) from None
+                    range_text = f"from nu = {start!r} to {tuning:.9g} it is proven, there: "
+                    raise ProofFailed(status, range_text + message) from None
                 continue
             pieces.append(Piece(min(tuning, end), max(tuning, end), *box))
             tuning, step = end, _PIECE_GROWTH * step
@@ -380,20 +396,20 @@ class _Range:
             max(start, to),
             self.orbit.period,
             pattern_of(self.codes, self.events),
-            stability[0],
-            stability[1],
-            tuple(sorted(pieces, key=lambda piece: piece.start)),
-            self.dynamics.train_description(self.codes),
+            stability=stability[0],
+            reason=stability[1],
+            pieces=tuple(sorted(pieces, key=lambda piece: piece.start)),
+            train=self.dynamics.train_description(self.codes),
         )
 
-    def _piece(self, scale: Any, end: Any, previous_stability: tuple | None) -> tuple:
+    def _prove_piece(self, inverse_tuning: Any, inverse_end: Any, previous_stability: Any) -> tuple:
         """Prove a piece; return ((stability, reason), enclosure at its end, (centre, radii)).
 
-        The ball `scale` contains 1 / nu of the whole piece, `end` is 1 / nu at its end; the
-        stability must be that of the previous pieces.
+        The ball `inverse_tuning` contains 1 / tuning on the whole piece, `inverse_end` at its end.
+        (stability, reason) must be that of the previous pieces, or this is None at the first one.
         """
-        path, n = self.path(scale), self.dynamics.state_count
-        zero, inverse = krawczyk.polish(self.path(scale.mid()).equations, self.reached)
+        path, n = self.path(inverse_tuning), self.dynamics.state_count
+        zero, inverse = krawczyk.polish(self.path(inverse_tuning.mid()).equations, self.reached)
         # An independent program can read the exact floats of the centre.
         centre_floats = [float(value) for value in zero]
         centre = list(map(flint().arb, centre_floats))
@@ -416,8 +432,9 @@ class _Range:
             raise ProofFailed("stability", stability[1] + change)
         # Each box contains one orbit, and the orbit at a common tuning must lie in both boxes.
         full_box = krawczyk.box_of(centre, radii)
-        system = self.path(end).equations
+        system = self.path(inverse_end).equations
         next_orbit = krawczyk.enclose(system, *krawczyk.polish(system, centre))
-        if not all(map(flint().arb.contains_interior, 2 * full_box, self.reached + next_orbit)):
-            raise ProofFailed(*krawczyk.FOLD)
+        for orbit_at_end in (self.reached, next_orbit):
+            if not all(map(flint().arb.contains_interior, full_box, orbit_at_end)):
+                raise ProofFailed(*krawczyk.FOLD)
         return stability, next_orbit, (tuple(centre_floats), tuple(radii))

@@ -15,7 +15,7 @@ import numpy as np
 
 from gearlib.analysis.proofs.arc_laws import propagated
 from gearlib.analysis.proofs.balls import column_of, first_column, flint, identity, matrix_of, norm
-from gearlib.analysis.proofs.certificate_files import ProofFailed
+from gearlib.analysis.proofs.certificate_files import COINCIDENT, ProofFailed
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
 from gearlib.analysis.proofs.signs import JAMMED, check_arc, contact_bounds
 from gearlib.engines.codes import NORMAL
@@ -24,7 +24,7 @@ from gearlib.engines.codes import NORMAL
 MAX_ARCS = 1000
 #: Ratio of the window length to the uncertainty of its contact phases, without and with proof.
 _WINDOW_RATIO, _PROOF_WINDOW_RATIO = 4, 32
-_NO_CROSSINGS = "together", "contacts that come together are not proven to be crossings"
+_NO_CROSSINGS = COINCIDENT, "nearly coincident contacts are not proven to be crossings"
 
 
 class Node(NamedTuple):
@@ -37,6 +37,11 @@ class Node(NamedTuple):
     distance: Any = None  #: distance from this line, a functional of modal components
     before: int = 0  #: contact code of the mesh before the event
     after: int = 0
+
+    @property
+    def is_contact(self) -> bool:
+        """Whether the node is a contact event, whose phase is unknown."""
+        return self.phase is None
 
     def crosses(self, rate: Any) -> bool:
         """Return whether the rate of the flank distance has the sign of the change of contact."""
@@ -58,16 +63,17 @@ class Arc(NamedTuple):
 
 
 class Path:
-    """Nodes, arcs and equations of a motion.
+    """Nodes, arcs and equations of a motion."""
 
-    `codes` are the contact codes of all meshes at tau = 0, `events` the sorted contact events
-    (phase since tau = 0, mesh, code before, code after, ...); `scale` is 1 / nu, a ball.
-    """
+    def __init__(self, dynamics, codes, events, period: int, inverse_tuning=None):
+        """Set the nodes and arcs of a motion over a period, in mesh periods.
 
-    def __init__(self, dynamics, codes, events, period: int, scale=None):
-        """Set nodes and arcs; the period is in mesh periods, the default scale is 1 / tuning."""
+        `dynamics` is the `ArcDynamics` of the model, `codes` are the contact codes of all meshes at
+        tau = 0, and `events` the sorted contact events (phase since tau = 0, mesh, code before,
+        code after, ...). `inverse_tuning` is a ball, by default that of the dynamics.
+        """
         self.dynamics, self.codes = dynamics, tuple(codes)
-        self.scale = 1 / dynamics.tuning if scale is None else scale
+        self.inverse_tuning = 1 / dynamics.tuning if inverse_tuning is None else inverse_tuning
         #: Nodes; indices of the nodes at ends of common periods; approximate phases of contacts.
         self.nodes, self.period_ends, self.initial_phases = [], [], []
         self._set_nodes(events, period)
@@ -83,13 +89,13 @@ class Path:
         # Entries are (phase, index of the segment that starts or None, contact or None).
         entries: list = [
             (segment.phase + mesh_period * start, index, None)
-            for start in range(0, period, dynamics.common_period)
+            for start in range(0, period, dynamics.excitation_period)
             for index, segment in enumerate(segments)
         ]
         entries += [(arb(phase), None, contact[:3]) for phase, *contact in events]
         if len(entries) >= MAX_ARCS:
             text = f"{len(entries)} arcs are too many: {MAX_ARCS} are allowed"
-            raise ProofFailed("together", text)
+            raise ProofFailed(COINCIDENT, text)  # the status stands for too many arcs as well
         # The sort is stable for events with equal phases as floats.
         entries.sort(key=lambda entry: float(entry[0].mid()))
         segment = 0
@@ -107,7 +113,7 @@ class Path:
                 raise ProofFailed("contacts", "the contacts do not follow from each other")
             side = DRIVE if NORMAL in (before, after) else COAST
             self.initial_phases.append(phase)
-            distance = dynamics.distances[mesh][side]
+            distance = dynamics.distance_rows[mesh][side]
             self.nodes.append(Node(matrix, None, mesh, side, distance, before, after))
             codes[mesh] = after
         self.nodes.append(Node(dynamics.system_matrix(codes, segment), mesh_period * period))
@@ -116,7 +122,7 @@ class Path:
         """Set the arcs between the nodes, with orthonormal frames at their ends."""
         self.arcs, frame, last_phase = [], identity(self.dynamics.size), 0
         for node, phase in zip(self.nodes, self.phases(self.initial_phases), strict=True):
-            time = ((phase - last_phase) * self.scale).mid()
+            time = ((phase - last_phase) * self.inverse_tuning).mid()
             columns = (node.matrix * time).exp() * frame
             frame = self._frame(node, columns)
             inverse = frame.inv()
@@ -130,7 +136,7 @@ class Path:
         axes = np.array([[float(value) for value in row[:n]] for row in columns.tolist()[:n]])
         # The longest direction comes first, because it determines the orientation of the box.
         axes = axes[:, np.argsort(-np.linalg.norm(axes, axis=0), kind="stable")]
-        if node.phase is None:
+        if node.is_contact:
             # The normal of the flank line comes first: it is fixed at the contact event.
             normal = [float(value) for value in node.distance.entries()[:n]]
             axes = np.column_stack([normal, axes])
@@ -140,7 +146,7 @@ class Path:
     def phases(self, contact_phases: list) -> list:
         """Return the phases of all nodes from the sorted phases of the contact events."""
         remaining = iter(contact_phases)
-        return [next(remaining) if node.phase is None else node.phase for node in self.nodes]
+        return [next(remaining) if node.is_contact else node.phase for node in self.nodes]
 
     def start(self, state: list, unknown_count: int) -> Any:
         """Return modal components of the initial state and their derivatives by all unknowns.
@@ -148,7 +154,7 @@ class Path:
         `state` is (y, dy/dtheta), the first of the unknowns. The columns are the state and a
         derivative for each unknown.
         """
-        waves = [1, 0] * len(self.dynamics.wave_columns)
+        waves = [1, 0] * len(self.dynamics.harmonic_columns)
         columns = flint().arb_mat(self.dynamics.size, 1 + unknown_count)
         for i, value in enumerate([*state, 1, *waves]):
             columns[i, 0] = value
@@ -162,30 +168,31 @@ class Path:
         Unknowns are the state at tau = 0 and the phases of contact events. Arcs are (initial modal
         state, duration), end states the modal states at all nodes.
         """
-        dynamics, scale, n = self.dynamics, self.scale, self.dynamics.state_count
+        dynamics, inverse_tuning, n = self.dynamics, self.inverse_tuning, self.dynamics.state_count
         columns = self.start(unknowns[:n], len(unknowns))
         state, residuals, rows, arcs, ends = first_column(columns), [], [], [], []
-        last_phase, column = 0, n
+        last_phase, phase_column = 0, n
         phases = self.phases(unknowns[n:])
         for i, (node, phase, arc) in enumerate(zip(self.nodes, phases, self.arcs, strict=True)):
-            time = (phase - last_phase) * scale
+            time = (phase - last_phase) * inverse_tuning
             arcs.append((state, time))
             columns = arc.propagated(columns, time)
-            if node.phase is None:
-                column += 1
-                unit = flint().arb_mat(1, len(unknowns) + 1)
-                unit[0, column] = 1
-                columns += arc.matrix * first_column(columns) * scale * unit
-                row = node.distance * arc.frame
-                residual, *slopes = (row * columns).entries()
+            if node.is_contact:
+                phase_column += 1
+                # Row whose product with a rate adds it to the derivative by the phase of the event.
+                phase_row = flint().arb_mat(1, len(unknowns) + 1)
+                phase_row[0, phase_column] = 1
+                columns += arc.matrix * first_column(columns) * inverse_tuning * phase_row
+                distance_row = node.distance * arc.frame
+                residual, *slopes = (distance_row * columns).entries()
                 residuals.append(residual)
                 rows.append(slopes)
-                columns = _projection_to_line(row) * columns
+                columns = _projection_to_line(distance_row) * columns
             state = arc.frame * first_column(columns)
-            if node.phase is None:
+            if node.is_contact:
                 # The next arc is shorter if the contact event is later.
-                speed = self.nodes[i + 1].matrix * state * scale
-                columns -= arc.frame_inverse * speed * unit
+                state_rate = self.nodes[i + 1].matrix * state * inverse_tuning
+                columns -= arc.frame_inverse * state_rate * phase_row
             ends.append(state)
             last_phase = phase
         for i, row in enumerate((dynamics.basis * arc.frame * columns).tolist()[:n]):
@@ -241,7 +248,7 @@ def smallest_interval() -> Any:
 
 
 class Windows:
-    """A `Path` with time windows around contact events that are too close for an order."""
+    """A `Path` with windows: time intervals around contact events too close for an order."""
 
     def __init__(self, path: Path, phases: list):
         """Group the nodes of a `Path` by the sorted phases (balls) of its contact events."""
@@ -250,12 +257,11 @@ class Windows:
         self.groups: list = []
         last = None
         for i, (node, phase) in enumerate(zip(path.nodes, path.phases(phases), strict=True)):
-            is_contact = node.phase is None
-            if is_contact and last is not None and phase - last < smallest_interval():
+            if node.is_contact and last is not None and phase - last < smallest_interval():
                 self.groups[-1][0].append(i)
             else:
                 self.groups.append(([i], phase))
-            last = phase if is_contact else None
+            last = phase if node.is_contact else None
 
     def are_needed(self) -> bool:
         """Return whether any window contains several contact events."""
@@ -266,54 +272,54 @@ class Windows:
 
         Unknowns are (y, dy/dtheta) at tau = 0.
         """
-        ends, rows, *_ = self.run(unknowns)
+        ends, rows, *_ = self.propagate(unknowns)
         for i, row in enumerate(rows):
             row[i] -= 1
         return [end - value for end, value in zip(ends, unknowns, strict=True)], rows
 
-    def run(self, unknowns: list, prove: bool = False) -> tuple:
+    def propagate(self, unknowns: list, check_arcs: bool = False) -> tuple:
         """Return (final state, rows of its derivatives, phases, speeds, states at switches).
 
-        Unknowns are (y, dy/dtheta) at tau = 0. A phase is a ball that contains a whole window;
-        speeds are rates of flank distances by theta. With `prove` it is also proven that no mesh
-        touches a flank line between windows.
+        Unknowns are (y, dy/dtheta) at tau = 0. A window is a time interval around contact events in
+        any order; their phases are balls that contain it, and their speeds are rates of flank
+        distances by theta. States at switches of the stiffness are a dict by index of the node.
+        With `check_arcs` it is proven that no mesh touches a flank line between windows.
         """
         module, dynamics, path = flint(), self.dynamics, self.path
         n, codes = len(unknowns), list(path.codes)
         columns = path.start(unknowns, n)
-        start, time, phases, speeds, switches = first_column(columns), 0, [], [], {}
-        ratio = _PROOF_WINDOW_RATIO if prove else _WINDOW_RATIO
+        start, time, phases, speeds, switch_states = first_column(columns), 0, [], [], {}
+        ratio = _PROOF_WINDOW_RATIO if check_arcs else _WINDOW_RATIO
         for indices, phase in self.groups:
             node, arc = path.nodes[indices[0]], path.arcs[indices[0]]
-            end, half_length = phase * path.scale, 0
-            if node.phase is None:
+            end, half_length = phase * path.inverse_tuning, 0
+            if node.is_contact:
                 state_at_node = arc.frame * arc.propagated(first_column(columns), end - time)
                 half_length = self._half_length(indices, state_at_node, ratio)
             duration = end - half_length - time
             if not duration > 0:
                 text = "from others, a switch of a stiffness or the start of the orbit"
-                text = f"contacts that come together cannot be told apart {text}"
-                raise ProofFailed("together", text)
+                text = f"nearly coincident contacts cannot be told apart {text}"
+                raise ProofFailed(COINCIDENT, text)
             columns = arc.propagated(columns, duration)
             before = arc.frame * first_column(columns)
-            if prove:
-                ends, crossed = (start, before), (None, None)
-                phase_float = float(phase.mid())
-                check_arc(dynamics, node.matrix, *ends, duration, codes, crossed, phase_float)
+            if check_arcs:
+                arc_ends, crossed, at = (start, before), (None, None), float(phase.mid())
+                check_arc(dynamics, node.matrix, *arc_ends, duration, codes, crossed, at)
             time = end + half_length
-            if node.phase is not None:
-                start = switches[indices[0]] = before
+            if not node.is_contact:
+                start = switch_states[indices[0]] = before
                 continue
             transition, start, rates = self._pass_window(indices, before, 2 * half_length, codes)
             speeds += rates
             window = module.arb(end.mid(), (half_length + end.rad()).upper())
-            phases += [window / path.scale] * len(rates)
+            phases += [window / path.inverse_tuning] * len(rates)
             inverse = path.arcs[indices[-1]].frame_inverse
             slopes = (inverse * (transition * (arc.frame * columns))).tolist()
             state = (inverse * start).entries()
             columns = module.arb_mat([[z, *row[1:]] for z, row in zip(state, slopes, strict=True)])
         rows = (dynamics.basis * arc.frame * columns).tolist()[:n]
-        return [row[0] for row in rows], [row[1:] for row in rows], phases, speeds, switches
+        return [row[0] for row in rows], [row[1:] for row in rows], phases, speeds, switch_states
 
     def _half_length(self, indices: list[int], state: Any, ratio: int) -> Any:
         """Return half the duration of a window around the nodes with these indices.
@@ -338,7 +344,7 @@ class Windows:
         is `length`. The contact codes of the meshes are changed in place.
         """
         module, dynamics, nodes = flint(), self.dynamics, self.path.nodes
-        e, size, arb = len(dynamics.retained), dynamics.size, module.arb
+        n, size, arb = len(dynamics.retained), dynamics.size, module.arb
         matrices = [nodes[i].matrix for i in [*indices, indices[-1] + 1]]
         changes = [after - before for before, after in pairwise(matrices)]
         bound = norm(matrices[0]) + sum(map(norm, changes), arb(0))
@@ -347,15 +353,18 @@ class Windows:
         max_change = arb(0, (relative_change * max_component).upper())
         enclosure = state + column_of([max_change] * size)
         rate, jumps = matrices[0] * enclosure, [change * enclosure for change in changes]
-        end = state + sum((jump * arb(0.5, 0.5) for jump in jumps), rate) * length
+        # Each jump of the rate acts for an unknown fraction of the window: a ball for [0, 1].
+        fraction = arb(0.5, 0.5)
+        end = state + sum((jump * fraction for jump in jumps), rate) * length
         speeds = self._crossing_speeds(indices, state, enclosure, end, rate, codes)
         transition, growth = identity(size), arb(1)
         for i, jump, speed in zip(indices, jumps, speeds, strict=True):
             # Contact forces change velocities only.
-            values = [value if e <= k < 2 * e else 0 for k, value in enumerate(jump.entries())]
+            values = [value if n <= k < 2 * n else 0 for k, value in enumerate(jump.entries())]
             saltation = column_of(values) * nodes[i].distance * (1 / speed)
             transition += saltation
             growth *= 1 + norm(saltation)
+        # Bound of the remainder for any order of the events, see docs/theory/proofs.md.
         factor = (1 + relative_change) ** (len(indices) + 1) - 1
         remainder = arb(0, (factor * growth).upper())
         return transition + module.arb_mat(size, size, [remainder] * size**2), end, speeds
@@ -378,7 +387,7 @@ class Windows:
             speeds.append(speed)
         for bound in [*contact_bounds(dynamics, codes), *contact_bounds(dynamics, codes_after)]:
             is_open = bound.sign * (bound.row * enclosure)[0, 0] > 0
-            if not (is_open or bound.is_of(crossed.get(bound.mesh))):
-                raise ProofFailed(*(JAMMED if bound.is_overlap else _NO_CROSSINGS))
+            if not (is_open or bound.belongs_to(crossed.get(bound.mesh))):
+                raise ProofFailed(*(JAMMED if bound.is_clearance else _NO_CROSSINGS))
         codes[:] = codes_after
         return speeds

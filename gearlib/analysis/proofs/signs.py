@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 from gearlib.analysis.proofs.arc_laws import propagated
 from gearlib.analysis.proofs.balls import flint, norm
-from gearlib.analysis.proofs.certificate_files import ProofFailed
+from gearlib.analysis.proofs.certificate_files import COINCIDENT, ProofFailed
 from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
-from gearlib.engines.codes import INVERSE, NORMAL
+from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 
 #: Largest number of bisections of a piece, and length of the shortest part relative to the piece, a
 #: power of 2, so that positions are exact floats.
@@ -22,9 +22,6 @@ _MAX_BISECTIONS, _MIN_PART = 2000, 2**-48
 _MAX_PIECE_LENGTH = 1.0
 #: Radius of the balls of a state above which it is propagated from the start of the arc.
 _MAX_NARROW_RADIUS = 2.0**-40
-_TOGETHER = (
-    "contacts of several meshes coincide, or come too near to each other to tell their order"
-)
 JAMMED = "jammed", "both flanks may touch at once: it is not proven that the backlash stays open"
 
 
@@ -103,31 +100,33 @@ def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[
     module, matrix_norm, start = flint(), norm(matrix), state
     # With this degree the remainder is of the order of rounding errors.
     degree = module.ctx.prec // 4 + 2
-    count = max(1, math.ceil(float(matrix_norm * time.mid()) / _MAX_PIECE_LENGTH))
-    duration = time / count
+    piece_count = max(1, math.ceil(float(matrix_norm * time.mid()) / _MAX_PIECE_LENGTH))
+    duration = time / piece_count
     # A wide state is propagated from the start, because each step would widen it. A narrow state is
     # propagated step by step with a single matrix exponential.
-    is_wide = count > 1 and max(value.rad() for value in state.entries()) > _MAX_NARROW_RADIUS
-    step = None if is_wide or count == 1 else (matrix * duration).exp()
-    # A table multiplies the rate to the Taylor coefficients 1, 2, ... of a functional.
-    orders = [rows]
+    is_wide = piece_count > 1 and max(x.rad() for x in state.entries()) > _MAX_NARROW_RADIUS
+    step = None if is_wide or piece_count == 1 else (matrix * duration).exp()
+    # Coefficient k of the Taylor polynomials of all functionals is rows matrix^(k - 1) / k! times
+    # the initial rate; the last of these matrices bounds the remainders.
+    by_degree = [rows]
     for k in range(2, degree + 2):
-        orders.append(orders[-1] * matrix * (1 / module.arb(k)))
-    *orders, remainders = (order.tolist() for order in orders)
-    tables = [module.arb_mat(list(table)) for table in zip(*orders, strict=True)]
+        by_degree.append(by_degree[-1] * matrix * (1 / module.arb(k)))
+    *by_degree, remainder_rows = (map_of_rate.tolist() for map_of_rate in by_degree)
+    # For each functional, the matrix from the initial rate to all coefficients.
+    by_functional = [module.arb_mat(list(maps)) for maps in zip(*by_degree, strict=True)]
     growth = (matrix_norm * duration).exp()
-    remainders = [sum(map(abs, row), module.arb(0)) * growth for row in remainders]
-    for i in range(1, count + 1):
+    remainders = [sum(map(abs, row), module.arb(0)) * growth for row in remainder_rows]
+    for i in range(1, piece_count + 1):
         first_values, rate = (rows * state).entries(), matrix * state
         max_rate = max(abs(value).upper() for value in rate.entries())
-        if i == count:
+        if i == piece_count:
             state = end
         else:
             state = propagated(matrix, start, i * duration) if is_wide else step * state
         curves, values = [], zip(first_values, (rows * state).entries(), strict=True)
-        for (first, last), table, remainder in zip(values, tables, remainders, strict=True):
+        for (first, last), maps, remainder in zip(values, by_functional, remainders, strict=True):
             remainder_ball = module.arb(0, (remainder * max_rate).upper())
-            coefficients = [first, *(table * rate).entries(), remainder_ball]
+            coefficients = [first, *(maps * rate).entries(), remainder_ball]
             curves.append(Curve(coefficients, duration, last))
         yield curves
 
@@ -142,23 +141,24 @@ def check_contacts(path: Any, arcs: list, ends: list, contact_phases: list) -> l
     # Flank lines that are crossed at the start and at each node; None at a switch.
     rates, crossed = [], [None]
     for node in path.nodes:
-        crossed.append((node.mesh, node.side) if node.phase is None else None)
+        crossed.append((node.mesh, node.side) if node.is_contact else None)
     for i, (last, phase) in enumerate(zip([0, *phases], phases, strict=False)):
         if not phase > last:
             if crossed[i] and crossed[i + 1]:
-                raise ProofFailed("together", _TOGETHER)
+                text = "several contacts coincide, or are too close to each other for an order"
+                raise ProofFailed(COINCIDENT, text)
             text = "cannot be told apart from a switch of the stiffness or the start of the orbit"
             raise ProofFailed("switch", f"near phase {float(phase.mid()):.6g} a contact {text}")
     for i, (node, (state, time), end) in enumerate(zip(path.nodes, arcs, ends, strict=True)):
         at = float(phases[i].mid())
-        if node.phase is None:
+        if node.is_contact:
             rate = (node.distance * (node.matrix * end))[0, 0]
             if not node.crosses(rate):
                 text = "is not proven to be a crossing"
                 raise ProofFailed("grazing", f"the contact at phase {at:.6g} {text}")
             rates.append(rate)
         check_arc(dynamics, node.matrix, state, end, time, codes, crossed[i : i + 2], at)
-        if node.phase is None:
+        if node.is_contact:
             codes[node.mesh] = node.after
     return rates
 
@@ -176,12 +176,15 @@ def check_arc(dynamics, matrix, state, end, time, codes, crossed, phase: float) 
     for bound, curves in zip(bounds, zip(*curves_of_pieces, strict=True), strict=True):
         # Only at a crossing at an end of the arc may the motion be on the flank line.
         values = [value for curve in curves for value in (curve.begin, curve.end)]
-        values = values[bound.is_of(crossed[0]) : len(values) - bound.is_of(crossed[1])]
+        if bound.belongs_to(crossed[0]):
+            values = values[1:]
+        if bound.belongs_to(crossed[1]):
+            values = values[:-1]
         stationary_values = (curve.stationary_values(bound.sign) for curve in curves)
         if all(bound.sign * value > 0 for value in chain(values, *stationary_values)):
             continue
         name, has_several_meshes = dynamics.mesh_names[bound.mesh], len(dynamics.mesh_names) > 1
-        if bound.is_overlap:
+        if bound.is_clearance:
             raise ProofFailed(JAMMED[0], f"before phase {phase:.6g} of mesh {name!r} {JAMMED[1]}")
         mover = f"the mesh {name!r}" if has_several_meshes else "the motion"
         text = "comes too near to a flank line to prove that it does not touch it"
@@ -195,28 +198,30 @@ class Bound(NamedTuple):
     sides: tuple  #: sides of the mesh with this flank line, both without backlash
     sign: int
     row: Any  #: flank distance as a functional of the state
-    is_overlap: bool  #: whether both flanks are in contact on the line
+    is_clearance: bool  #: whether the other side is in contact, so that the teeth jam on the line
 
-    def is_of(self, crossed: tuple | None) -> bool:
-        """Return whether a crossed flank line, (mesh, side) or None, is the one of this bound."""
-        return crossed is not None and crossed[0] == self.mesh and crossed[1] in self.sides
+    def belongs_to(self, flank_line: tuple | None) -> bool:
+        """Return whether this bound refers to a flank line, (mesh, side) or None."""
+        return flank_line is not None and flank_line[0] == self.mesh and flank_line[1] in self.sides
 
 
 def contact_bounds(dynamics: Any, codes: list) -> list[Bound]:
     """Return the conditions for the contact codes of all meshes of the `ArcDynamics`.
 
-    They include that a varying clearance stays open.
+    They include that a varying clearance behind the flanks in contact stays open.
     """
     bounds = []
-    states = zip(codes, dynamics.model.meshes, dynamics.distances, strict=True)
+    states = zip(codes, dynamics.model.meshes, dynamics.distance_rows, strict=True)
     for j, (code, mesh, rows) in enumerate(states):
-        for side, side_code in ((DRIVE, NORMAL), (COAST, INVERSE)):
-            is_overlap = bool(code) and code != side_code
-            if rows[side] is None or (is_overlap and not mesh.clearance_varies):
+        # In contact, the flank distance is positive on the drive side and negative on the other.
+        for side, side_code, contact_sign in ((DRIVE, NORMAL, 1), (COAST, INVERSE, -1)):
+            is_clearance = code not in (BACKLASH, side_code)
+            if rows[side] is None or (is_clearance and not mesh.clearance_varies):
                 continue
+            # Without backlash both sides have the same flank line.
             sides = (side,) if mesh.has_backlash else (COAST, DRIVE)
-            sign = side_code if code == side_code else -side_code
-            bounds.append(Bound(j, sides, sign, rows[side], is_overlap))
+            sign = contact_sign if code == side_code else -contact_sign
+            bounds.append(Bound(j, sides, sign, row=rows[side], is_clearance=is_clearance))
     return bounds
 
 

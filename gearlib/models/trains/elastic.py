@@ -34,8 +34,8 @@ Elements = tuple[np.ndarray, np.ndarray]
 class LinearModes(NamedTuple):
     """Modes of a linear train with n coordinates, k free motions and s springs."""
 
-    free: np.ndarray  #: motions that no spring resists, mass-normalised, shape (n, k)
-    squares: np.ndarray  #: squared angular frequencies, ascending, shape (n - k,)
+    free_motions: np.ndarray  #: motions that no spring resists, mass-normalised, shape (n, k)
+    squared_frequencies: np.ndarray  #: squared angular frequencies, ascending, shape (n - k,)
     shapes: np.ndarray  #: mass-normalised mode shapes, shape (n, n - k)
     #: Stretch of each spring in each mode times the root of its stiffness, over the frequency. The
     #: squares are shares of the strain energy; shape (s, n - k), orthonormal.

@@ -204,12 +204,12 @@ class GearTrain(Model):
     @property
     def free_motions(self):
         """Motions of the train that no stiffness resists, mass-normalised, shape (n, k)."""
-        return self._natural_modes.free
+        return self._natural_modes.free_motions
 
     @property
     def linear_modes(self):
         """Squared angular frequencies and mass-normalised shapes of the elastic modes."""
-        return self._natural_modes.squares, self._natural_modes.shapes
+        return self._natural_modes.squared_frequencies, self._natural_modes.shapes
 
     @property
     def strains(self):
@@ -237,7 +237,7 @@ class GearTrain(Model):
         stiffness = np.array([mesh.mean_stiffness for mesh in self.meshes])
         # Strains are displacements times the root of the stiffness over the frequency.
         strains = self.strains[-stiffness.size :] / np.sqrt(stiffness)[:, None]
-        return strains * np.sqrt(self._natural_modes.squares)
+        return strains * np.sqrt(self._natural_modes.squared_frequencies)
 
     @cached_property
     def static_mesh_displacements(self) -> np.ndarray:
@@ -288,7 +288,7 @@ class GearTrain(Model):
         """
         if self.reference_frequency is not None:
             return 2.0 * math.pi * self.reference_frequency
-        squares = self._natural_modes.squares
+        squares = self._natural_modes.squared_frequencies
         energies = self.strains[self.mesh_names.index(self.reference) - len(self.meshes)] ** 2
         # Modes of equal frequency share their strain energy in an arbitrary way, so it is summed.
         sums = [energies[np.abs(squares - square) < 1e-6 * square].sum() for square in squares]
