@@ -246,7 +246,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
 
     from gearlib.figures import scatter_figure
     from gearlib.studies import tolerance_study
-    from gearlib.uncertainty.scatter import refused
+    from gearlib.uncertainty.scatter import error_summary
 
     first, last = _tuning_range(model, settings.pop("start"), settings.pop("stop"))
     settings["tunings"] = np.linspace(first, last, points) if points else None
@@ -259,7 +259,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
     with click.progressbar(length=samples, file=sys.stderr, hidden=not sys.stderr.isatty()) as bar:
         settings["progress"] = bar.update
         designs = gearlib.scatter(source, tolerances, quantity, samples, **settings)
-    for text in refused(designs):
+    for text in error_summary(designs):
         click.echo(click.wrap_text(text, output.WIDTH))
     header, *rows = tolerance_study.rows(designs)
     table = pandas.DataFrame(rows, columns=header).replace({"unit": WRITTEN_UNITS})
@@ -300,7 +300,7 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     if gears.drawn is None:
         raise click.UsageError("tolerances of a drawing need drawn gears and --model one_degree")
     from gearlib.studies.tolerance_study import nominal_design
-    from gearlib.uncertainty.quality_classes import by_class
+    from gearlib.uncertainty.quality_classes import tolerances_from_classes
 
     # The backlash follows from the thickness of the teeth.
     drawing = gears.drawn.drawing_dict() | ({"backlash": None} if thickness else {})
@@ -308,7 +308,7 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
         drawing[gear] = drawing[gear] | {"quality": quality}
     source = nominal_design(model.as_dict(), drawing)
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
-    return source, by_class(source.mesh, **classes) | tolerances
+    return source, tolerances_from_classes(source.mesh, **classes) | tolerances
 
 
 def _read_measured(values):

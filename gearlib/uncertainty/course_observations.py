@@ -16,19 +16,11 @@ from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.order_maps import ShaftRotation
 from gearlib.runs.run_up import run_up, speed_profile
 from gearlib.runs.sweeping import sweep
-from gearlib.uncertainty.observation import (
-    MIN_RELATIVE_JUMP,
-    ORDER_AMPLITUDE,
-    SETTLING_SWEEP,
-    START_ERROR,
-    Channel,
-    Curve,
-    Observation,
-    orbit_quantities,
-)
+from gearlib.uncertainty import observation
+from gearlib.uncertainty.observation import Channel, Curve, Observation, Prediction
 
-#: Measured direction -> direction of the sweep, ratio of its first speed to the measured speed,
-#: number of speeds.
+#: Measured direction -> direction of the sweep that leads to the measured speed, ratio of its first
+#: speed to the measured speed, number of speeds.
 _SWEEP_SETTINGS = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
 #: Number of mesh orders of a time history that are compared.
 ORDERS = 4
@@ -37,6 +29,8 @@ _SHAFT_ORDERS, _MIN_SAMPLES_PER_ORDER = 3, 2.5
 _STEADY_SAMPLES_PER_PERIOD, _RUN_UP_SAMPLES_PER_PERIOD = 512, 32
 _CURVE_POINTS = 200
 _SAME_PHASE_TOLERANCE = 1e-9
+#: Smallest standard deviation of the speed of a jump, rpm.
+_MIN_DEVIATION = 1e-9
 #: Numbers of revolutions of a run-up that are not compared: at its start and around each jump.
 _SKIPPED_AT_START, _SKIPPED_BEFORE_JUMP, _SKIPPED_AFTER_JUMP = 6, 4, 24
 #: Arguments of `run_up` that ``known.options`` may have.
@@ -44,7 +38,7 @@ _RUN_UP_OPTIONS = ("load", "driver", "driven_mass", "base_radius", "initial_stat
 
 
 def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
-    """Return one observation for each condition of a measured set with time histories.
+    """Return one observation for each condition of a measured data set with time histories.
 
     `data` has the displacement over time in samples; `mesh` is the index of the measured mesh in
     the model.
@@ -62,49 +56,47 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
             observations.append(_run_up_observation(model, history, mesh))
         else:
             raise ValueError(
-                f"data has {len(histories)} conditions with time courses: each must have one "
-                "speed; give each run-up as a separate set"
+                f"data has {len(histories)} conditions with time histories: each must have one "
+                "speed; pass each run-up as a separate data set"
             )
     return observations
 
 
-def _known_facts(data: Any) -> dict:
-    """Return the facts about a test rig, the JSON attribute `known` of a measured set, as dict."""
+def _rig_metadata(data: Any) -> dict:
+    """Return the metadata of a test rig from the attribute "known" of a data set, a JSON object."""
     text = data.attrs.get("known", "{}")
     try:
-        facts = json.loads(text)
+        metadata = json.loads(text)
     except (TypeError, ValueError):
-        facts = None
-    checks.require(isinstance(facts, dict), "known", text, "a mapping as a text, from json.dumps")
-    return facts
+        metadata = None
+    checks.require(isinstance(metadata, dict), "known", text, "a JSON object in a string")
+    return metadata
 
 
-def _speed_profile(facts: dict) -> tuple[list, dict]:
-    """Return the speed profile of a run-up, rows of s and rpm, and further arguments of `run_up`.
+def _speed_profile(metadata: dict) -> tuple[list, dict]:
+    """Return the speed profile of a run-up, rows of s and rpm, and keyword arguments of `run_up`.
 
-    They are the entries "course" and "options" of `facts`, the known facts about the test rig.
+    They are the entries "course" and "options" of the metadata of the test rig.
     """
-    if "course" not in facts:
-        raise ValueError(
-            "known.course is missing: a run-up needs its speed profile, rows of s and rpm"
-        )
-    options = facts.get("options", {})
+    if "course" not in metadata:
+        raise ValueError("known.course is missing: a run-up needs its speed profile, rows (s, rpm)")
+    options = metadata.get("options", {})
     checks.require(isinstance(options, dict), "known.options", options, "a mapping")
     for name in options:
         checks.one_of("known.options", name, _RUN_UP_OPTIONS)
     try:
-        return speed_profile(speed=facts["course"]).tolist(), options
+        return speed_profile(speed=metadata["course"]).tolist(), options
     except ValueError as error:
         raise ValueError(f"known.course: {error}") from None
 
 
-def _displacement_signal(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return measured displacements, phase factors of mesh orders, and teeth per revolution.
+def _checked_history(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
+    """Check a time history; return its displacements, phase factors, and mesh periods per turn.
 
-    The factors, (ORDERS,), shift the complex orders of a model to the mesh phase at which `data`
-    begin.
+    The measurement starts at a known mesh phase. Complex mesh orders of a run of the model, which
+    starts at phase 0, are multiplied by the phase factors, (ORDERS,), to compare them with it.
     """
-    phase = _known_facts(data).get("phase", 0.0)
+    phase = _rig_metadata(data).get("phase", 0.0)
     phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
     displacements = np.asarray(data.displacement.values, float)
     checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "increasing")
@@ -112,7 +104,7 @@ def _displacement_signal(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray,
     checks.require(np.ptp(displacements) > 0.0, "displacement", constant, "a signal that varies")
     teeth = checks.number(
         "mesh periods of a revolution",
-        round(model.periods_per_revolution, 9),
+        round(model.periods_per_revolution, 9),  # without rounding errors of gear ratios
         "a whole number, as in a train with a fixed carrier",
         float.is_integer,
     )
@@ -120,21 +112,23 @@ def _displacement_signal(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray,
 
 
 def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
-    """Return the channel of complex mesh orders, (blocks, ORDERS), with their standard deviations.
+    """Return the channel `name` of complex mesh orders, (blocks, ORDERS), of a measured variable.
 
-    `displacement` is the measured variable, and `variance_ratios`, (blocks,), are ratios of the
-    variance of an order to that of a sample.
+    `variance_ratios`, (blocks,), are ratios of the variance of an order, the sum for its real and
+    imaginary parts, to that of a sample of `displacement`. If the noise is unknown, the deviation
+    of the signal stands in for it, because then only the relative weights of blocks matter.
     """
     noise = float(displacement.attrs.get("noise_std", 0.0))
-    deviations = (noise or float(np.std(displacement.values))) * np.sqrt(0.5 * variance_ratios)
+    sample_deviation = noise or float(np.std(displacement.values))
     values = _real_and_imaginary(orders)
     return Channel(
         name,
         values,
-        np.repeat(deviations, 2 * ORDERS),
-        bool(noise),
+        deviations=np.repeat(sample_deviation * np.sqrt(0.5 * variance_ratios), 2 * ORDERS),
+        noise_known=bool(noise),
         unknown_gain=bool(displacement.attrs.get("unknown_gain", 0)),
-        sequences=np.arange(values.size).reshape(-1, 2 * ORDERS).T,
+        # A real or imaginary part is a sequence over the blocks.
+        sequence_indices=np.arange(values.size).reshape(-1, 2 * ORDERS).T,
     )
 
 
@@ -148,47 +142,53 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
 
     `data` has displacement, time and speed over samples; `mesh` is the index of the measured mesh.
     """
-    displacements, phase_factors, teeth = _displacement_signal(model, data)
+    displacements, phase_factors, teeth = _checked_history(model, data)
     speed = float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
     measured_direction = int(data.direction.values[0]) if "direction" in data.coords else 0
-    direction, first_ratio, count = _SWEEP_SETTINGS[measured_direction]
+    direction, first_speed_ratio, speed_count = _SWEEP_SETTINGS[measured_direction]
     revolutions = data.time.values * speed / 60.0
+    # One block with all samples, including the last one.
     edges = np.array([revolutions[0], np.nextafter(revolutions[-1], np.inf)])
     measured_orders = regress_mesh_orders(revolutions, displacements, edges, teeth)
-    channel = _order_channel("time course", data.displacement, *measured_orders)
+    channel = _order_channel("time history", data.displacement, *measured_orders)
 
-    def predict(model: Any) -> tuple:
-        """Return the predicted mesh orders, and the largest depth in the backlash, m."""
+    def predict(model: Any) -> Prediction:
+        """Sweep the model to the measured speed and return the mesh orders of its orbit there."""
         tuning = speed / float(model.speed(1.0))
-        tunings = np.sort(np.linspace(first_ratio * tuning, tuning, count))
-        curve = sweep(model, tunings, direction=direction, **SETTLING_SWEEP)
+        tunings = np.sort(np.linspace(first_speed_ratio * tuning, tuning, speed_count))
+        curve = sweep(model, tunings, direction=direction, **observation.SETTLING_SWEEP)
+        # States are in the order of increasing tuning, so a sweep down ends at the first one.
         state = curve.final_state.values[0 if direction == "down" else -1]
-        quantities = orbit_quantities(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
-        orders = quantities[ORDER_AMPLITUDE][1 : ORDERS + 1, mesh]
-        backlash_depth = max(0.0, -quantities["displacement_min"].min())
-        return [_real_and_imaginary(orders * phase_factors)], backlash_depth
+        quantities = observation.orbit_quantities(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
+        orders = quantities[observation.ORDER_AMPLITUDE][1 : ORDERS + 1, mesh]
+        backlash_excursion = max(0.0, -quantities["displacement_min"].min())
+        return Prediction([_real_and_imaginary(orders * phase_factors)], backlash_excursion)
 
     def draw(signals: list) -> list:
-        """Return the curve of the displacement over one mesh period, measured and predicted."""
+        """Return the curve of the displacement over one mesh period, measured and predicted.
+
+        `signals` holds the predicted mesh orders, real and imaginary parts alternating.
+        """
         phase = np.linspace(0.0, 1.0, _CURVE_POINTS)
         waves = np.exp(2j * np.pi * np.outer(phase, _ORDER_NUMBERS))
         orders = channel.values.view(complex), signals[0].view(complex)
-        heights = [2.0 * (waves @ amplitudes).real for amplitudes in orders]
+        displacements = tuple(2.0 * (waves @ amplitudes).real for amplitudes in orders)
         name, units = f"displacement at {speed:.5g} rpm", data.displacement.attrs.get("units", "m")
-        return [Curve(name, units, "phase", phase, tuple(heights), np.zeros(phase.size, bool))]
+        speed_decreases = np.zeros(phase.size, bool)
+        return [Curve(name, units, "phase", phase, displacements, speed_decreases)]
 
-    return Observation("time course", [channel], predict, draw)
+    return Observation("time history", [channel], predict, draw)
 
 
 def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     """Return the observation of a run-up: mesh orders of its revolutions and speeds of its jumps.
 
-    `data` has the displacement over time in samples and the speed profile among its known facts;
+    `data` has the displacement over time in samples and the speed profile in its attribute "known";
     `mesh` is the index of the measured mesh in the model.
     """
-    displacements, phase_factors, teeth = _displacement_signal(model, data)
-    profile, options = _speed_profile(_known_facts(data))
+    displacements, phase_factors, teeth = _checked_history(model, data)
+    profile, options = _speed_profile(_rig_metadata(data))
     rotation = ShaftRotation(profile)
     revolutions = rotation.revolutions(data.time.values)
     count = _count_revolutions(rotation, profile, data.time.values, revolutions)
@@ -196,15 +196,17 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     compared, amplitudes, jumps = _compared_revolutions(orders, variance_ratios)
     speeds = rotation.time_and_speed(np.arange(count) + 0.5)[1]
     measured_orders = orders[compared], variance_ratios[compared]
-    channels = [_order_channel("run-up", data.displacement, *measured_orders)]
+    order_channel = _order_channel("run-up", data.displacement, *measured_orders)
+    channels = [order_channel]
     if jumps:
         jump_speeds = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
-        widths = [_SKIPPED_AFTER_JUMP * abs(speeds[i] - speeds[i - 1]) + 1e-9 for i in jumps]
-        noise_known = channels[0].noise_known
-        channels.append(Channel("jumps", jump_speeds, np.array(widths), noise_known, joined=True))
+        changes = np.array([abs(speeds[i] - speeds[i - 1]) for i in jumps])
+        deviations = _SKIPPED_AFTER_JUMP * changes + _MIN_DEVIATION
+        noise_known = order_channel.noise_known
+        channels.append(Channel("jumps", jump_speeds, deviations, noise_known, shares_weight=True))
 
-    def predict(model: Any) -> tuple:
-        """Return predicted orders and speeds of jumps, and the depth in the backlash, m."""
+    def predict(model: Any) -> Prediction:
+        """Run the model up; return its mesh orders in compared revolutions and speeds of jumps."""
         settings = {"samples_per_period": _RUN_UP_SAMPLES_PER_PERIOD, **options}
         run = run_up(model, speed=profile, **settings)
         if int(run.status):
@@ -213,29 +215,35 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         orders = _fourier_orders(run.phase.values, displacement, count, math.tau * teeth)
         values = [_real_and_imaginary((orders * phase_factors)[compared])]
         if jumps:
-            gain = channels[0].sensed(values[0])[1] or 1.0
-            predicted = np.abs(orders[:, 0]) * gain
+            # The thresholds of jumps are measured amplitudes, so the sensor's gain is applied.
+            _, gain = order_channel.signal_and_gain(values[0])
+            predicted = np.abs(orders[:, 0]) * (gain or 1.0)
             values.append(np.array([_jump_speed(predicted, i, amplitudes, speeds) for i in jumps]))
         minima = run.displacement_min.values[:count]
-        backlash_depth = max(0.0, -float(minima[compared[: minima.shape[0]]].min()))
-        return values, backlash_depth
+        # A run may end before its last revolution is complete.
+        compared_minima = minima[compared[: minima.shape[0]]]
+        return Prediction(values, backlash_excursion=max(0.0, -float(compared_minima.min())))
 
     def draw(signals: list) -> list:
-        """Return the curves of measured and predicted amplitudes of the mesh orders over speed."""
+        """Return the curves of measured and predicted amplitudes of the mesh orders over speed.
+
+        `signals` begins with the predicted mesh orders, real and imaginary parts alternating.
+        """
         fitted = np.full(orders.shape, complex(np.nan))
         fitted[compared] = signals[0].view(complex).reshape(-1, ORDERS)
-        units, falls = data.displacement.attrs.get("units", "m"), np.gradient(speeds) < 0.0
-        heights = 2.0 * np.abs([orders.T, fitted.T])
+        units, decreases = data.displacement.attrs.get("units", "m"), np.gradient(speeds) < 0.0
+        amplitudes = 2.0 * np.abs([orders.T, fitted.T])
         names = [f"order {k if k > 1 else ''}z" for k in _ORDER_NUMBERS]
         return [
-            Curve(name, units, "speed", speeds, tuple(heights[:, k]), falls)
+            Curve(name, units, "speed", speeds, tuple(amplitudes[:, k]), decreases)
             for k, name in enumerate(names)
         ]
 
+    # A model that cannot be run at all is reported before the fit starts.
     try:
         predict(model)
     except NoOrbit:
-        raise ValueError(START_ERROR) from None
+        raise ValueError(observation.START_ERROR) from None
     return Observation("run-up", channels, predict, draw, warning)
 
 
@@ -274,7 +282,7 @@ def _compared_revolutions(orders, variance_ratios):
     amplitudes = np.abs(orders[source, 0])
     steps, jumps = np.abs(np.log(amplitudes[1:] / amplitudes[:-1])), []
     for i in np.argsort(-steps):
-        if steps[i] < MIN_RELATIVE_JUMP or i < _SKIPPED_AT_START:
+        if steps[i] < observation.MIN_RELATIVE_JUMP or i < _SKIPPED_AT_START:
             break
         if all(abs(i + 1 - jump) > _SKIPPED_AFTER_JUMP for jump in jumps):
             jumps.append(int(i + 1))
@@ -351,28 +359,28 @@ def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, teeth: float) ->
     return complete
 
 
-def regress_mesh_orders(revolutions, displacements, edges, teeth, complete=True):
+def regress_mesh_orders(revolutions, displacements, edges, teeth, has_no_gap=True):
     """Return the complex mesh orders of blocks of samples, (blocks, ORDERS), and variance ratios.
 
     The samples may lie at any shaft angles `revolutions`; a block extends from one of the `edges`,
     in revolutions, to the next, and `teeth` is the number of mesh periods in a revolution. A
     weighted regression on an offset, the first shaft orders and the mesh orders is made for each
     block. The ratio, (blocks,), times the variance of the samples is the sum of the variances of
-    the real and the imaginary part of an order. Blocks with too few samples, or that are not
-    `complete`, a mask, have NaN.
+    the real and the imaginary part of an order. Results are NaN for blocks with too few samples or
+    without `has_no_gap`, a mask of the blocks; True stands for all blocks.
     """
     blocks, minimum = len(edges) - 1, _MIN_SAMPLES_PER_ORDER * ORDERS
     # Number of samples in a mesh period.
     density = np.diff(np.searchsorted(revolutions, edges)) / np.diff(edges) / teeth
-    dense = complete & (density >= minimum)
+    dense = has_no_gap & (density >= minimum)
     lowest = f"{density.min():.3g} samples in a mesh period"
     checks.require(dense.any(), "displacement", lowest, f"of {minimum:g} or more")
     count = min(2 * ORDERS, int(density[dense].min() / _MIN_SAMPLES_PER_ORDER))
     # Shaft orders cannot be separated from the offset in less than one revolution.
     shaft_orders = _SHAFT_ORDERS if edges[1] - edges[0] >= 1.0 else 0
     frequencies = np.array([*range(1, shaft_orders + 1), *(teeth * np.arange(1, count + 1))])
-    # The weight of a sample is the length of the block that is nearest to it. This approaches the
-    # Fourier integral if amplitudes change within the block.
+    # The weight of a sample is the length of its cell, which ends halfway to both neighbours. The
+    # regression then approximates a Fourier integral if amplitudes change within the block.
     cell_edges = np.concatenate([[-np.inf], 0.5 * (revolutions[1:] + revolutions[:-1]), [np.inf]])
     orders, variance_ratios = np.full((blocks, ORDERS), complex(np.nan)), np.full(blocks, np.nan)
     cosine_columns = np.arange(ORDERS) + 1 + shaft_orders

@@ -23,26 +23,24 @@ _PEAK_QUANTITIES = {"peak", "peak_dynamic_factor"}
 _SHARING_QUANTITIES = {"load_sharing", "least_load_sharing"}
 #: Quantities whose worst value is the least one.
 _MINIMISED_QUANTITIES = {"contact_margin", "least_load_sharing"}
-_DUTY_QUANTITIES = {
-    "dynamic_factor",
-    "force",
-    "transmission_error",
-    "contact_margin",
-    *_SHARING_QUANTITIES,
-}
+_DUTY_QUANTITIES = {"dynamic_factor", "force", "transmission_error", "contact_margin"}
+_DUTY_QUANTITIES |= _SHARING_QUANTITIES
 
 
 class DesignQuantities:
     """Compute quantities of designs that differ little from a nominal design.
 
     `nominal` holds the values of the nominal design, (q,). At the duty point of a train, quantities
-    are those of the worst mesh, but the transmission error is that of the reference mesh. `speed`
-    is the speed of the duty point, rpm; `build_duty_model` is a function that returns the nominal
-    model at the duty point if it differs from `model`. Values that do not exist are NaN.
+    are those of the worst mesh, but the transmission error is that of the reference mesh. Values
+    that do not exist are NaN.
     """
 
     def __init__(self, model, quantities, *, speed: float | None = None, build_duty_model=None):
-        """Check the names of quantities, and compute those of the nominal design, `model`."""
+        """Check the names of quantities, and compute those of the nominal design, `model`.
+
+        `speed` is the speed of the duty point, rpm; `build_duty_model` is a function that returns
+        the nominal model at the duty point, None if it is `model`.
+        """
         self.quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
         duty_quantities = _DUTY_QUANTITIES & set(self.quantities)
         _check_resonance_quantities(model, set(self.quantities) - duty_quantities)
@@ -55,9 +53,9 @@ class DesignQuantities:
             self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
         resonance_quantities = (name for name in self.quantities if name not in duty_quantities)
         self._resonance_names = [RESONANCE_NAMES.get(name, name) for name in resonance_quantities]
-        self.nominal = self(model, build_duty_model)[0]
+        self.nominal, _ = self.evaluate(model, build_duty_model)
 
-    def __call__(self, model: Any, build_duty_model: Callable | None = None) -> tuple:
+    def evaluate(self, model: Any, build_duty_model: Callable | None = None) -> tuple:
         """Return the values of a design, (q,), NaN if not found, and their status codes, (q,).
 
         `model` is the design; `build_duty_model` is a function that returns its model at the duty
@@ -115,17 +113,22 @@ def _check_duty_quantities(model: Any, quantities: set, speed: float | None) -> 
 
 
 def _check_resonance_quantities(model: Any, quantities: set) -> None:
-    """Raise ValueError if a model does not have these quantities of the main resonance."""
+    """Raise ValueError if a model does not have these quantities of the main resonance.
+
+    Models with several degrees of freedom have no `equation`; they have jumps, but no peaks.
+    """
     kind = type(model).__name__
     if model.speed is None:
-        raise ValueError(f"model = {kind} is not allowed: nothing turns in this model")
-    one_degree = model.size == 2 and model.repeats == 1 and model.equation is not None
-    if quantities and not one_degree and model.equation is not None:
+        raise ValueError(f"model = {kind} is not allowed: it has no rotational speed")
+    has_one_degree = model.equation is not None
+    # Displacement and velocity, and an excitation that repeats after one mesh period.
+    is_simple = has_one_degree and model.size == 2 and model.repeats == 1
+    if quantities and has_one_degree and not is_simple:
         raise ValueError(
             f"quantities = {min(quantities)!r} is not allowed for this {kind}: "
             "the main resonance is searched only if the excitation repeats every mesh period"
         )
-    if _PEAK_QUANTITIES & quantities and not one_degree:
+    if _PEAK_QUANTITIES & quantities and not is_simple:
         raise ValueError(
             f"quantities = {min(_PEAK_QUANTITIES & quantities)!r} is not allowed for this {kind}: "
             "peaks are searched only for models with one degree of freedom"
@@ -135,26 +138,29 @@ def _check_resonance_quantities(model: Any, quantities: set) -> None:
 def _resonance_value(name: str, model: Any, resonance: Any) -> float:
     """Return the quantity `name` of the main resonance of a model, NaN if it does not exist.
 
-    `resonance` is a `MainResonance` with speeds as tunings; the quantity is in SI units or rpm.
+    `resonance` is a `MainResonance` in dimensionless units: speeds relative to the resonance speed
+    (tunings), displacements in static deflections. The result is in SI units or rpm.
     """
     if name == "peak":
         return resonance.peak_displacement * model.static_deflection
     if name == "peak_dynamic_factor":
         return resonance.peak_force
-    return float(model.speed(1.0)) * getattr(resonance, RESONANCE_NAMES[name])
+    resonance_speed = float(model.speed(1.0))  # rpm
+    return resonance_speed * getattr(resonance, RESONANCE_NAMES[name])
 
 
 def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
     """Return the quantity `name` of the duty point for the worst mesh, in SI units.
 
     `summary` holds a row of extrema for each mesh over an orbit of `period` mesh periods. Return
-    NaN if it is None.
+    NaN if it is None. The transmission error of a train is that of its reference mesh.
     """
     if summary is None:
         return math.nan
     table = np.atleast_2d(summary)
     if name in _SHARING_QUANTITIES:
-        variables = model.extra_summary_variables((), summary, 2.0 * math.pi * period)
+        phase_span = 2.0 * math.pi * period
+        variables = model.extra_summary_variables(dims=(), summaries=summary, span=phase_span)
         _, values = variables["load_sharing"]
     elif name == "contact_margin":
         values = table[:, columns.X_MIN] * model.static_deflection
@@ -164,7 +170,7 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
             return float(values[model.mesh_names.index(model.reference)])
     elif name == "force":
         values = table[:, columns.FORCE_MAX] * model.load
-    else:
+    else:  # dynamic_factor
         mean_forces = np.asarray(model.mean_forces if model.mesh_names else 1.0)
         values = table[:, columns.FORCE_MAX] / mean_forces
     # Meshes without load have no dynamic factor, so NaN is ignored.
@@ -172,15 +178,10 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
     return float(worst.reduce(values))
 
 
-def quantity_search(designs: Any, quantities: Any, speed: float | None) -> DesignQuantities:
-    """Return a function object that computes quantities of `designs`, a `Designs`.
-
-    `quantities` are names, and `speed` is that of the duty point in rpm, if a quantity needs it.
-    """
-    build_duty_model = designs.duty_model_builder(designs.tolerances.centres)
-    return DesignQuantities(
-        designs.nominal, quantities, speed=speed, build_duty_model=build_duty_model
-    )
+def quantity_evaluator(designs: Any, quantities: Any, speed: float | None) -> DesignQuantities:
+    """Return a `DesignQuantities` for these `Designs`; `speed` is that of the duty point, rpm."""
+    builder = designs.duty_model_builder(designs.tolerances.centres)
+    return DesignQuantities(designs.nominal, quantities, speed=speed, build_duty_model=builder)
 
 
 def checked_names(key: str, names: Any, allowed: tuple) -> tuple:

@@ -49,13 +49,18 @@ class ModelSource:
     """Make designs from a model by changing its parameters, names of `Model.settable`."""
 
     def __init__(self, model: Any):
-        """Collect the parameters of a model that may scatter, and their descriptions."""
+        """Collect the parameters of a model that can vary, and their descriptions.
+
+        They are those of `settable`, and further numeric fields of the class or of the gear pair
+        unless the model is a gear train.
+        """
         self.model, self.value = model, model.value
-        declared = numeric_parameters(type(model)) if dataclasses.is_dataclass(model) else {}
-        declared = (numeric_parameters(PairParameters) if model.mesh else {}) | declared
-        names = [*model.settable, *({} if model.train is model else declared)]
-        #: Parameters that may scatter: name -> declaration of its type and range, or None.
-        self.parameters = {name: declared.get(name) for name in names}
+        fields = numeric_parameters(PairParameters) if model.mesh else {}
+        if dataclasses.is_dataclass(model):
+            fields = fields | numeric_parameters(type(model))
+        names = [*model.settable, *(() if model.train is model else fields)]
+        #: Name of a parameter -> declaration of its type and range, None if there is none.
+        self.parameters = {name: fields.get(name) for name in names}
         #: Name of a parameter -> (CF unit, description).
         self.descriptions = parameters.units_and_names(type(model)) | model.settable
 
@@ -68,14 +73,16 @@ class DrawnPair:
     """Make designs from two drawn gears, a `gearlib.geometry.Mesh`, by changing their drawing.
 
     Parameters are ``centre_distance`` and ``backlash`` of the mesh, fields of a `SpurGear` such as
-    ``pinion.thickness_allowance``, the load and the damping. Unless the backlash itself scatters,
-    it is the backlash of the mesh ("drawing"), or follows from profile shifts, centre distance and
-    allowances of each sample (None). Options are those of `GearPair.from_geometry`, such as torque
-    and damping_ratio.
+    ``pinion.thickness_allowance``, the load and the damping.
     """
 
     def __init__(self, mesh: Any, *, backlash: str | None = "drawing", **options: Any):
-        """Check the mesh, and collect the parameters of drawings with their descriptions."""
+        """Check the mesh, and collect the parameters of drawings with their descriptions.
+
+        Unless the backlash is a parameter that varies, it is that of the mesh ("drawing"), or it
+        follows from profile shifts, centre distance and allowances of each sample (None). `options`
+        are those of `GearPair.from_geometry`, such as torque and damping_ratio.
+        """
         self.mesh = checks.gear_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
         self.options = options
@@ -124,6 +131,7 @@ class DrawnPair:
         backlash = self.mesh.backlash if self.backlash == "drawing" else None
         fields = {"backlash": backlash, "centre_distance": self.mesh.centre_distance}
         options = dict(self.options)
+        # A changed damping replaces that of the options, which may have another name.
         if _DAMPING_NAMES & changes.keys():
             options = {name: options[name] for name in options if name not in _DAMPING_NAMES}
         for name, value in changes.items():
@@ -251,7 +259,11 @@ class Designs:
         return model
 
     def duty_model_builder(self, values: np.ndarray) -> Callable | None:
-        """Return a function that builds the model of the duty point, None if it is `model`."""
+        """Return a function that builds the model of the duty point of a design.
+
+        `values`, (k,), are the parameters of the design. Return None if the model of the duty point
+        is `model(values)`, as for all designs but those from drawings.
+        """
         if not isinstance(self.source, DrawnPair):
             return None
         changes = dict(zip(self.names, map(float, values), strict=True))
@@ -262,13 +274,13 @@ class Designs:
         return self.source.descriptions.get(name, ("1", name))
 
 
-def count_refusals(refusals: Iterable[str]) -> list[tuple[int, str]]:
+def count_error_messages(messages: Iterable[str]) -> list[tuple[int, str]]:
     """Return the count and an example of each kind of error message, the most frequent first.
 
-    Messages of one kind differ only in their numbers.
+    Messages of one kind differ only in their numbers. Empty strings are ignored.
     """
     kinds: dict = {}
-    for text in filter(None, refusals):
-        kinds.setdefault(_NUMBER_PATTERN.sub("...", text), []).append(text)
-    counts = ((len(texts), texts[0]) for texts in kinds.values())
+    for message in filter(None, messages):
+        kinds.setdefault(_NUMBER_PATTERN.sub("...", message), []).append(message)
+    counts = ((len(examples), examples[0]) for examples in kinds.values())
     return sorted(counts, key=lambda row: (-row[0], row[1]))

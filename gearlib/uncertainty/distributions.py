@@ -61,9 +61,8 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) 
     default ``tolerances.<name>``.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
-        raise checks.refusal(
-            "tolerances", tolerances, f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
-        )
+        allowed = f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
+        raise checks.refusal("tolerances", tolerances, allowed)
     marginals = {}
     for name, tolerance in tolerances.items():
         if name != CORRELATIONS:
@@ -138,9 +137,8 @@ def _correlations(marginals: dict, correlation_rows: Any) -> list[tuple]:
         checks.require(first != second, key, row, "two different parameters")
         names = frozenset((first, second))
         checks.require(names not in correlations, key, row, "a pair that occurs once")
-        coefficient = checks.number(
-            key, coefficient, "a number > -1 and < 1", lambda rho: -1.0 < rho < 1.0
-        )
+        allowed = "a number > -1 and < 1"
+        coefficient = checks.number(key, coefficient, allowed, lambda rho: -1.0 < rho < 1.0)
         correlations[names] = first, second, coefficient
     return list(correlations.values())
 

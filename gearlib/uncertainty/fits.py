@@ -1,6 +1,6 @@
-"""`fit`: parameters of a model from measured sets, by least squares with differences of runs.
+"""`fit`: parameters of a model from measured data, by least squares with differences of runs.
 
-The result has values, confidence intervals, and sentences on what the data do not determine.
+The result has values, confidence intervals, and messages about what the data do not determine.
 """
 
 import math
@@ -32,7 +32,6 @@ _FAILED_RESIDUAL, _MAX_START_COST = 1e6, 1e30
 #: for each parameter.
 _MIN_RESIDUALS_PER_PARAMETER = 3
 _MIN_NOISE, _MAX_WEIGHTINGS = 1e-6, 3
-
 #: Singular values of the Jacobian that are smaller, relative to the largest one, count as zero.
 _MIN_RELATIVE_SINGULAR_VALUE = 1e-9
 #: A parameter is not identifiable if its component in an undetermined direction is larger.
@@ -72,13 +71,13 @@ class Fit:
     model: Any  #: the fitted model
     params: dict  #: name -> `Parameter`
     correlations: np.ndarray  #: shape (k, k), in the order of `params`
-    redchi: float  #: sum of squares over their variances, per degree of degrees_of_freedom
+    redchi: float  #: sum of squares over their variances, per degree of freedom
     aicc: float  #: Akaike's criterion, corrected for the number of data
     bic: float
     ndata: int
     nfev: int
-    unknown: tuple  #: sentences on parameters that the data do not determine
-    noise: bool  #: whether the noise of all data is known
+    unknown: tuple  #: messages about parameters that the data do not determine
+    noise_known: bool  #: whether the noise of all data is known
     _observations: list
 
     def __str__(self):
@@ -106,7 +105,7 @@ class Fit:
                 lines.append(f"    C({names[rows[i]]}, {names[columns[i]]}) = {values[i]:+.4f}")
         if self.unknown:
             lines.append("[[Not identifiable]]")
-            lines += [f"    {sentence}" for sentence in self.unknown]
+            lines += [f"    {message}" for message in self.unknown]
         return "\n".join(lines)
 
     def curves(self):
@@ -118,7 +117,7 @@ class Fit:
         return [
             curve
             for observation in self._observations
-            for curve in observation.draw(observation.sensed(self.model))
+            for curve in observation.draw(observation.predicted_signals(self.model))
         ]
 
     def dataset(self):
@@ -191,17 +190,17 @@ class Problem(NamedTuple):
 
 
 def fit(model, data, free):
-    """Fit parameters of a model to measured sets by least squares and return a `Fit`.
+    """Fit parameters of a model to measured data sets by least squares and return a `Fit`.
 
     Parameters
     ----------
     model : GearPair, OneDegreePair, SixDegreePair, GearTrain, ...
         Model of the rig. The fit starts from its values of the free parameters.
     data : xarray.Dataset or list of xarray.Dataset
-        Measured sets as `gearlib.read_measured` returns them: time courses of ``displacement`` at
-        constant speed or, with ``known.course`` (rows of s and rpm), in a run-up; extrema,
-        fractions of time and amplitudes of mesh orders, ``order_amplitude_1`` and so on, over
-        ``speed`` and ``direction`` of slow sweeps; scalar speeds jump_up, jump_down and
+        Data sets as `gearlib.read_measured` returns them: time histories of ``displacement`` at
+        constant speed or, with a speed profile ``known.course`` (rows of s and rpm), in a run-up;
+        extrema, fractions of time and amplitudes of mesh orders, ``order_amplitude_1`` and so on,
+        over ``speed`` and ``direction`` of slow sweeps; scalar speeds jump_up, jump_down and
         onset_of_contact_loss. Variables of trains end with the mesh, such as
         ``order_amplitude_1_sun_2`` or ``load_sharing_sun_2``.
     free : mapping
@@ -211,8 +210,8 @@ def fit(model, data, free):
     -------
     Fit
         Parameters with value, stderr and 95 % confidence interval; correlations, redchi, aicc,
-        bic; and `unknown`, sentences on parameters that the data do not determine. `str` returns a
-        report.
+        bic; and `unknown`, messages about parameters that the data do not determine. `str` returns
+        a report.
 
     Raises
     ------
@@ -248,12 +247,12 @@ def _checked_model(model: Any) -> Any:
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
     if model.speed is None:
-        raise ValueError(
-            f"model of type {type(model).__name__} is not allowed: nothing turns in it"
-        )
+        kind = type(model).__name__
+        raise ValueError(f"model of type {kind} is not allowed: it has no rotational speed")
     if model.mesh_names and model.reference_frequency is None:
-        hertz = float(model.mesh_frequency(1.0)) / math.tau
-        return model.replace(reference_frequency=hertz)
+        # At the tuning 1, the mesh frequency is the reference frequency.
+        frequency = float(model.mesh_frequency(1.0)) / math.tau  # Hz
+        return model.replace(reference_frequency=frequency)
     return model
 
 
@@ -309,7 +308,7 @@ def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
     """
     sizes, noise_known = [], []  # for each group of residuals with a common weight
     for channel in problem.channels:
-        if channel.joined:
+        if channel.shares_weight:
             sizes[-1] += channel.values.size
         else:
             sizes.append(channel.values.size)
@@ -424,8 +423,8 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
     limits = problem.low, problem.high
     columns = problem.names, values, stderr, half_widths, *limits, initial_values, identifiable
     params = {row[0]: Parameter(*row) for row in zip(*columns, strict=True)}
-    unknown = _parameter_sentences(problem, model, params, directions)
-    unknown += _residual_sentences(problem, model, residuals, redchi)
+    messages = _parameter_messages(problem, model, params, directions)
+    messages += _residual_messages(problem, model, residuals, redchi)
     # The information criteria count the variance of the noise as a parameter.
     k += 1
     deviance = n * math.log(max(sum_of_squares / n, 1e-300))
@@ -439,8 +438,8 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
         bic=deviance + k * math.log(n),
         ndata=n,
         nfev=int(optimum.nfev),
-        unknown=tuple(unknown),
-        noise=problem.noise_known,
+        unknown=tuple(messages),
+        noise_known=problem.noise_known,
         _observations=problem.observations,
     )
 
@@ -457,23 +456,23 @@ def _undetermined_directions(jacobian: np.ndarray, errors: np.ndarray) -> np.nda
     return directions[singular_values <= np.maximum(noise, smallest)]
 
 
-def _parameter_sentences(problem, model, params, directions) -> list[str]:
-    """Return sentences on the parameters of a fitted model that the data do not determine.
+def _parameter_messages(problem, model, params, directions) -> list[str]:
+    """Return messages about the parameters of a fitted model that the data do not determine.
 
     `params` maps names to `Parameter`; `directions`, (directions, parameters), are unit vectors
     along which the residuals do not change.
     """
-    sentences = []
+    messages = []
     for i, (name, parameter) in enumerate(params.items()):
         if parameter.identifiable:
             if parameter.half_width > 0.5 * (parameter.max - parameter.min):
-                sentences.append(
-                    f"{name} is hardly known: its 95 % interval is as wide as its range, "
+                messages.append(
+                    f"{name} is poorly determined: its 95 % interval is as wide as its range, "
                     f"{parameter.min:g} to {parameter.max:g}"
                 )
             continue
         if name == "backlash":
-            sentences.append(_backlash_sentence(problem, model, i))
+            messages.append(_backlash_message(problem, model, i))
             continue
         contained = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
         coupled = contained[contained[:, i]].any(axis=0)
@@ -481,31 +480,30 @@ def _parameter_sentences(problem, model, params, directions) -> list[str]:
         reason = "nothing in the data depends on it"
         if others:
             reason = f"the data determine only a combination of it and {' and '.join(others)}"
-        sentences.append(f"{name} is not identifiable: {reason}")
-    return sentences
+        messages.append(f"{name} is not identifiable: {reason}")
+    return messages
 
 
-def _backlash_sentence(problem: Problem, model: Any, i: int) -> str:
-    """Return a sentence on the lower bound of the backlash, parameter i, if it is undetermined.
+def _backlash_message(problem: Problem, model: Any, i: int) -> str:
+    """Return a message about the lower bound of an undetermined backlash, parameter i.
 
     `model` is the fitted model.
     """
     model = model.with_values({"backlash": problem.high[i]})
-    depth = max(observation.predict(model)[1] for observation in problem.observations)
-    reason = "the far flank is never struck" if depth > 0.0 else "contact is never lost"
-    bound = "nothing tells how large it is"
-    if depth > problem.low[i]:
+    predictions = [observation.predict(model) for observation in problem.observations]
+    excursion = max(prediction.backlash_excursion for prediction in predictions)
+    reason = "the coast side is never in contact" if excursion > 0.0 else "contact is never lost"
+    bound = "its size remains unknown"
+    if excursion > problem.low[i]:
         bound = (
-            f"it is at least {depth:.4g} m, the largest displacement into the backlash "
-            "there, and nothing tells how much larger"
+            f"it is at least {excursion:.4g} m, the largest excursion into the backlash, and no "
+            "upper limit is known"
         )
-    return f"backlash is not identifiable: {reason} in what is compared; {bound}"
+    return f"backlash is not identifiable: {reason} in the compared data; {bound}"
 
 
-def _residual_sentences(
-    problem: Problem, model: Any, residuals: np.ndarray, redchi: float
-) -> list[str]:
-    """Return sentences on data that the fitted model does not describe.
+def _residual_messages(problem: Problem, model: Any, residuals: Any, redchi: float) -> list[str]:
+    """Return messages about data that the fitted model does not describe.
 
     `redchi` is the reduced chi-square of the residuals, (n,).
     """
@@ -513,44 +511,50 @@ def _residual_sentences(
         if redchi <= _MAX_REDUCED_CHI_SQUARE:
             return []
         return [
-            f"the model does not describe the data: their distance from it is "
-            f"{math.sqrt(redchi):.3g} times what the noise explains, and no interval holds"
+            f"the model does not describe the data: the residuals are {math.sqrt(redchi):.3g} "
+            "times as large as the noise, and the confidence intervals are not valid"
         ]
-    sentences = []
+    messages = []
     for observation in problem.observations:
         fraction = _unexplained_fraction(observation, model)
         if fraction > _MAX_UNEXPLAINED_FRACTION:
-            sentences.append(
-                f"the model does not describe the data: {100.0 * fraction:.0f} % of the variance "
-                f"of the {observation.kind}, whose noise is not known, is left unexplained, and no "
-                "interval holds"
+            messages.append(
+                f"the model does not describe the data: it leaves {100.0 * fraction:.0f} % of the "
+                f"variance of the {observation.kind}, whose noise is not known, unexplained, and "
+                "the confidence intervals are not valid"
             )
-    return sentences + correlation_sentences(problem.channels, residuals / problem.weights)
+    return messages + residual_correlation_messages(problem.channels, residuals / problem.weights)
 
 
 def _unexplained_fraction(observation: Any, model: Any) -> float:
-    """Return the largest fraction of the variance of a channel that a model does not explain."""
+    """Return the largest fraction of the variance of a channel that a model does not explain.
+
+    Channels without sequences over speed or time are left out, because the variance of a few speeds
+    of jumps means nothing.
+    """
+    signals = observation.predicted_signals(model)
     fractions = [
-        np.mean((fitted - channel.values) ** 2) / np.var(channel.values)
-        for channel, fitted in zip(observation.channels, observation.sensed(model), strict=True)
-        if channel.sequences is not None and np.ptp(channel.values) > 0.0
+        np.mean((signal - channel.values) ** 2) / np.var(channel.values)
+        for channel, signal in zip(observation.channels, signals, strict=True)
+        if channel.sequence_indices is not None and np.ptp(channel.values) > 0.0
     ]
     return float(max(fractions, default=0.0))
 
 
-def correlation_sentences(channels: list, residuals: np.ndarray) -> list[str]:
-    """Return sentences on channels of unknown noise whose residuals are correlated.
+def residual_correlation_messages(channels: list, residuals: np.ndarray) -> list[str]:
+    """Return messages about channels of unknown noise whose residuals change sign too rarely.
 
-    `residuals`, (n,), are those of all channels in turn. Successive independent residuals differ in
-    sign with a probability of one half, whatever their standard deviations are (Geary, Biometrika
-    57 (1970) 123-127).
+    `residuals`, (n,), are those of all channels in turn; a `Channel` has in its `sequence_indices`
+    the indices of values that follow each other, one sequence in each row. Successive independent
+    residuals differ in sign with a probability of one half, whatever their standard deviations are
+    (Geary, Biometrika 57 (1970) 123-127).
     """
     ends = np.cumsum([channel.values.size for channel in channels])[:-1]
     sequences: dict = {}
     for channel, values in zip(channels, np.split(residuals, ends), strict=True):
-        if channel.sequences is not None and not channel.noise_known:
-            sequences.setdefault(channel.name, []).append(values[channel.sequences])
-    sentences = []
+        if channel.sequence_indices is not None and not channel.noise_known:
+            sequences.setdefault(channel.name, []).append(values[channel.sequence_indices])
+    messages = []
     for name, blocks in sequences.items():
         changes = steps = 0
         for sequence in np.concatenate(blocks, axis=1):
@@ -558,9 +562,9 @@ def correlation_sentences(channels: list, residuals: np.ndarray) -> list[str]:
             changes += int((is_positive[1:] != is_positive[:-1]).sum())
             steps += max(is_positive.size - 1, 0)
         if binom.cdf(changes, steps, 0.5) < _FALSE_ALARM_PROBABILITY / len(sequences):
-            sentences.append(
-                f"the residual of the {name.replace('_', ' ')} is not independent noise: "
-                f"it changes its sign {changes} times in {steps} steps, where {steps / 2:g} times "
-                "are expected, and no interval holds"
+            messages.append(
+                f"the residual of the {name.replace('_', ' ')} is not independent noise: it "
+                f"changes sign {changes} times in {steps} steps, where {steps / 2:g} sign changes "
+                "are expected, and the confidence intervals are not valid"
             )
-    return sentences
+    return messages

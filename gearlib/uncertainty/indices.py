@@ -1,9 +1,9 @@
 """`sobol_indices`: fractions of the variance of a quantity that each tolerance causes.
 
-The first index of a parameter is the fraction of the variance that vanishes on average if this
-parameter is fixed; the total index is the fraction that remains on average if all others are fixed
-(Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270). Bootstrapped intervals
-cover the sampling error only.
+The first-order index of a parameter is the fraction of the variance that vanishes on average if
+this parameter is fixed; the total index is the fraction that remains on average if all others are
+fixed (Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270). Bootstrapped intervals cover the
+sampling error only.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from scipy.stats import bootstrap, qmc
 
 from gearlib import checks, notebook
 from gearlib.data.result import result
-from gearlib.uncertainty.design_quantities import QUANTITIES, checked_names, quantity_search
+from gearlib.uncertainty.design_quantities import QUANTITIES, checked_names, quantity_evaluator
 from gearlib.uncertainty.designs import Designs
 
 _BOOTSTRAP_RESAMPLES = 200
@@ -58,17 +58,16 @@ def sobol_indices(
     """
     n = checks.integer("n", n, 2, 2**24)
     checks.require(n & (n - 1) == 0, "n", n, "a power of 2")
-    level = checks.number(
-        "confidence", confidence, "a finite number > 0 and < 1", lambda p: 0.0 < p < 1.0
-    )
+    allowed = "a finite number > 0 and < 1"
+    level = checks.number("confidence", confidence, allowed, lambda p: 0.0 < p < 1.0)
     designs = Designs(model, tolerances, seed)
     if designs.tolerances.correlations:
         raise ValueError(
             "tolerances.correlations is not allowed: Sobol' indices need independent parameters"
         )
     quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
-    search = quantity_search(designs, quantities, speed)
-    tables = _design_tables(designs, search, n, progress)
+    evaluator = quantity_evaluator(designs, quantities, speed)
+    tables = _design_tables(designs, evaluator, n, progress)
     indices = [
         _indices_with_intervals(table, level, designs.seed, name)
         for table, name in zip(tables, quantities, strict=True)
@@ -78,29 +77,26 @@ def sobol_indices(
         data[name] = dims, [values[i] for values, _ in indices]
         data[f"{name}_interval"] = (*dims, "bound"), [intervals[i] for _, intervals in indices]
     data["missing_designs"] = "quantity", np.isnan(tables).sum(axis=(1, 2)).astype(np.int32)
-    coords = {
-        "quantity": list(quantities),
-        "parameter": list(designs.names),
-        "bound": ["low", "high"],
-    }
+    coords = {"quantity": [*quantities], "parameter": [*designs.names], "bound": ["low", "high"]}
     attributes = {"tolerances": tolerances, "samples": n, "seed": designs.seed, "confidence": level}
     title = "Sobol' indices of a gear mesh by its tolerances"
     return result(title, designs.nominal, data, coords, method="Saltelli 2010", **attributes)
 
 
-def _design_tables(designs: Designs, search: Any, n: int, progress: Any) -> np.ndarray:
+def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any) -> np.ndarray:
     """Return the values of each quantity for the designs of Saltelli's method, (q, k + 2, n).
 
-    `search` is a function that returns the q quantities of a design. The k + 2 rows belong to two
-    independent samples A and B of the k parameters, with n designs each, and to k copies of A with
-    one parameter of B each.
+    `evaluator` is a `DesignQuantities` with q quantities; `progress` is called with the number of
+    designs finished since its last call, or None. The k + 2 rows belong to two independent samples
+    A and B of the k parameters, with n designs each, and to k copies of A with one parameter of B
+    each. Values are NaN for designs that cannot be built or do not have the quantity.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
     a, b = cube[:, :k], cube[:, k:]
     points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
     parameters = designs.tolerances.values(points.reshape(-1, k))
-    values = np.full((len(parameters), len(search.quantities)), np.nan)
+    values = np.full((len(parameters), len(evaluator.quantities)), np.nan)
     with notebook.counting_bar("designs", len(parameters), progress) as report:
         for i, row in enumerate(parameters):
             try:
@@ -108,16 +104,17 @@ def _design_tables(designs: Designs, search: Any, n: int, progress: Any) -> np.n
             except ValueError:
                 pass
             else:
-                values[i] = search(design, designs.duty_model_builder(row))[0]
+                values[i], _ = evaluator.evaluate(design, designs.duty_model_builder(row))
             report(1)
     return np.moveaxis(values.reshape(k + 2, n, -1), 2, 0)
 
 
 def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
-    """Return the indices of a quantity, (2, k), and their intervals, (2, k, 2), from its table.
+    """Return Sobol' indices of a quantity, (2, k), and their confidence intervals, (2, k, 2).
 
-    `table`, (k + 2, n), is that of `_design_tables`; `level` is the confidence level of the
-    intervals, and `name` the quantity in error messages.
+    First-order indices come first, then total indices. `table`, (k + 2, n), has the values of the
+    quantity for the samples A and B and for the copies of A with one parameter of B; `level` is the
+    confidence level, `seed` that of the bootstrap, and `name` the quantity in error messages.
     """
     n, complete = table.shape[1], np.flatnonzero(np.isfinite(table).all(axis=0))
     count = complete.size
@@ -126,13 +123,18 @@ def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: st
             f"quantities = {name!r} is not allowed with these tolerances: only {count} of {n} "
             "samples have it in all designs that are compared"
         )
-    # Incomplete samples are replaced by complete ones, because Sobol' points need all n samples.
-    samples, missing = np.arange(n), np.isnan(table).any(axis=0)
-    samples[missing] = complete[np.arange(n - count) * count // max(n - count, 1) % count]
+    # Incomplete samples are replaced by complete ones at equal distances, because Sobol' points
+    # need all n samples.
+    samples, missing_count = np.arange(n), n - count
+    replacements = np.arange(missing_count) * count // max(missing_count, 1) % count
+    samples[np.isnan(table).any(axis=0)] = complete[replacements]
     table = table[:, samples]
 
     def indices(columns):
-        """Return the first and total indices, (2, k), from these columns of the table."""
+        """Return the first-order and total Sobol' indices, (2, k), from columns of the table.
+
+        The estimators are those of Saltelli (2010) and Jansen (1999).
+        """
         centred = table[:, columns] - table[:2, columns].mean()
         a, b, mixed = centred[0], centred[1], centred[2:]
         variances = (b * (mixed - a)).mean(axis=1), 0.5 * ((mixed - a) ** 2).mean(axis=1)

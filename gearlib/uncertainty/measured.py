@@ -1,4 +1,4 @@
-"""`read_measured`: a measured set, a YAML file and the table beside it, as one dataset in SI."""
+"""`read_measured`: a measured data set, a YAML file and its table, as one dataset in SI units."""
 
 import hashlib
 import math
@@ -15,13 +15,11 @@ from gearlib.data.files import canonical_json
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.parameters import Number, declared_parameters
 from gearlib.uncertainty import measured_tables
-from gearlib.uncertainty.measured_tables import CONDITION_COLUMN, LONG_COLUMNS
-
-_DIRECTIONS = {"up": 1, "down": -1, "rest": 0}
+from gearlib.uncertainty.measured_tables import CONDITION_COLUMN, DIRECTION_SIGNS, LONG_COLUMNS
 
 
 def read_measured(path):
-    """Read a measured set, a YAML file and its table, and return it as a dataset in SI units.
+    """Read a measured data set, a YAML file and its table, and return it in SI units.
 
     Nothing is guessed or dropped silently: faulty data raise an error, or are repaired and reported
     in the attribute ``repairs``.
@@ -31,8 +29,8 @@ def read_measured(path):
     path : str or path
         The YAML file, with ``data``, ``source``, ``licence`` and ``channels``. The table is a CSV,
         wide (a column for each channel) or long (PEtab's columns observableId, measurement, and
-        optionally simulationConditionId, time, noiseParameters), or a universal file (.uff, sets
-        58, needs pyuff).
+        optionally simulationConditionId, time, noiseParameters), or a universal file (.uff,
+        datasets of type 58, needs pyuff).
 
     Returns
     -------
@@ -42,8 +40,8 @@ def read_measured(path):
         ``<name>_noise_std`` if the noise differs between samples. Coordinates, if known: time (s),
         speed (min-1), direction (1 up, -1 down, 0 from rest), condition. Scalars jump_up,
         jump_down, onset_of_contact_loss (min-1). Attributes: title, source, licence, synthetic,
-        known and conditions (JSON), not_said, repairs. An infinite time is a steady state, as in
-        PEtab.
+        known (metadata of the test rig, JSON), conditions (JSON), not_said (properties of the rig
+        that are missing in known), repairs. An infinite time is a steady state, as in PEtab.
 
     Raises
     ------
@@ -58,42 +56,41 @@ def read_measured(path):
     description = measured_description.read(path)
     try:
         data = _dataset(description, path.parent)
-        known = {name: _json_value(name, value) for name, value in description.known.items()}
+        metadata = {name: _json_value(name, value) for name, value in description.known.items()}
     except ValueError as error:
-        if isinstance(error, ImportError):
+        if isinstance(error, ImportError):  # `MissingPackage`, which does not concern the file
             raise
         raise ValueError(f"{path}: {error}") from None
-    conditions = {
-        name: condition.model_dump() for name, condition in description.conditions.items()
-    }
+    conditions = {name: section.model_dump() for name, section in description.conditions.items()}
     data.attrs |= {
         "title": description.title or path.stem,
         "source": description.source,
         "licence": description.licence,
         "synthetic": int(bool(description.synthetic)),
-        "known": canonical_json(known),
+        "known": canonical_json(metadata),
         "conditions": canonical_json(conditions),
         "not_said": ", ".join(description.unstated_properties()),
     }
     return data
 
 
-def refused(paths):
-    """Return the error messages of the measured sets that cannot be read."""
-    sentences = []
+def read_errors(paths):
+    """Return the error messages of the measured data sets, YAML files, that cannot be read."""
+    messages = []
     for path in paths:
         try:
             read_measured(path)
         except ValueError as error:
-            sentences.append(str(error))
-    return sentences
+            messages.append(str(error))
+    return messages
 
 
 def _json_value(name: str, value: Any) -> Any:
-    """Return a fact about a test rig as a JSON value; parameters of a gear pair become SI numbers.
+    """Return an entry of the metadata of a test rig as a JSON value.
 
-    `name` is that of the fact or parameter; `value` is a mapping, a list, a number or a text from
-    YAML, which may have a unit, such as "80 um".
+    `name` is the key of the entry; `value` is a mapping, a list, a number or a string from YAML. If
+    the entry is a parameter of a gear pair, a string that begins with a digit, such as "80 um", is
+    converted to SI units; any other string is kept as a remark.
     """
     if isinstance(value, dict):
         return {key: _json_value(f"{name}.{key}", entry) for key, entry in value.items()}
@@ -113,7 +110,11 @@ def _json_value(name: str, value: Any) -> Any:
 
 
 def _dataset(description: Any, folder: Path) -> xr.Dataset:
-    """Return the table in `folder` and the scalar speeds of a measured set as one dataset."""
+    """Return the table in `folder` and the scalar speeds of a measured data set as one dataset.
+
+    `description` is the checked content of the YAML file. The attribute "repairs" describes all
+    repairs of the data; it is empty if there are none.
+    """
     data = xr.Dataset(attrs={"repairs": ""})
     if description.data is not None:
         data = _table_dataset(description, folder / description.data)
@@ -125,21 +126,22 @@ def _dataset(description: Any, folder: Path) -> xr.Dataset:
 
 
 def _table_dataset(description, path: Path) -> xr.Dataset:
-    """Read the table of a measured set from a file and return it as a dataset in SI units."""
+    """Read the table of a measured data set from a file and return it as a dataset in SI units.
+
+    `description` is the checked content of the YAML file. The attribute "not_read" names the
+    columns that it does not mention.
+    """
     checks.require(path.is_file(), "data", description.data, "a file beside its YAML")
     checks.require(path.stat().st_size, "data", description.data, "a file with rows: it is empty")
     if description.sha256 is not None:
         with open(path, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        checks.require(
-            digest == description.sha256,
-            "sha256",
-            description.sha256,
-            f"{digest}, that of {description.data}",
-        )
+        allowed = f"{digest}, that of {description.data}"
+        checks.require(digest == description.sha256, "sha256", description.sha256, allowed)
     text_columns = {LONG_COLUMNS[0], CONDITION_COLUMN}
     for key, channel in description.channels.items():
         is_text = (channel.observableId or key) in ("direction", "condition")
+        # Dates are read as strings; they have `DATES` ("ISO 8601") in place of a unit.
         if is_text or channel.unit == measured_description.DATES:
             text_columns.add(key)
     is_csv = path.suffix.lower() == ".csv"
@@ -168,11 +170,8 @@ def _columns_dataset(description, columns: dict, noises: dict, data: xr.Dataset)
     `columns` maps names to arrays over samples, `noises` to standard deviations of the samples;
     `description` has the channels.
     """
-    keys = {
-        description.channels[key].observableId or key: key
-        for key in description.channels
-        if key in columns
-    }
+    channels = description.channels.items()
+    keys = {channel.observableId or key: key for key, channel in channels if key in columns}
     # Time and condition need no channel if their columns have the names of PEtab.
     for name, key in (("time", "time"), ("condition", CONDITION_COLUMN)):
         if key in columns:
@@ -183,20 +182,16 @@ def _columns_dataset(description, columns: dict, noises: dict, data: xr.Dataset)
         if name in measured_names.COORDINATES:
             continue
         where, values = f"{description.data}, column {key!r}", columns[key]
-        is_speed = name in measured_names.SPEEDS
-        checks.require(
-            not is_speed, where, name, "no column of a wide table: it belongs to the section speeds"
-        )
+        allowed = "no column of a wide table: it belongs to the section speeds"
+        checks.require(name not in measured_names.SPEEDS, where, name, allowed)
         gaps = bool(description.channels[key].gaps)
         if gaps and (empty_cells := int(np.isnan(values).sum())):
             repairs.append(f"{name}: {empty_cells} empty cells are not measured")
         noise = noises[key][order] if key in noises else None
         measured_tables.check_finite(where, values[order], gaps=gaps or noise is not None)
         data = data.assign(_variables(description.channels[key], name, key, values[order], noise))
-    if not data.data_vars:
-        raise checks.refusal(
-            "channels", list(description.channels), "at least one measured quantity"
-        )
+    keys_of_channels, allowed = list(description.channels), "at least one measured quantity"
+    checks.require(data.data_vars, "channels", keys_of_channels, allowed)
     for name, values in coords.items():
         units, text = measured_names.COORDINATES[name]
         data.coords[name] = "sample", values[order], {"units": units, "long_name": text}
@@ -209,16 +204,18 @@ def _columns_dataset(description, columns: dict, noises: dict, data: xr.Dataset)
 def _time_order(description: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
     """Return an index that sorts samples by time in each condition, and notes on this repair.
 
-    `keys` maps names of coordinates to columns, and `coords` maps them to values.
+    `description` names the file in error messages; `keys` maps names of coordinates to columns, and
+    `coords` maps them to values.
     """
     if "time" not in coords:
         return slice(None), []
     groupings = [coords[name] for name in ("condition", "direction") if name in coords]
     groups = np.zeros(len(coords["time"]), int)
     for values in groupings:
+        # Each condition is divided by up to three directions.
         groups = 3 * groups + np.unique(values, return_inverse=True)[1]
     time_column = f"{description.data}, column {keys['time']!r}"
-    order = measured_tables.in_order(time_column, coords["time"], groups)
+    order = measured_tables.sorting_indices(time_column, coords["time"], groups)
     if order is None:
         return slice(None), []
     return order, ["samples sorted by time" + ", each condition apart" * bool(groupings)]
@@ -254,27 +251,25 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any
 def _coordinates(description: Any, columns: dict, keys: dict) -> tuple[dict, str]:
     """Return the values of the coordinates by name, and the date of the first sample or "".
 
-    `description` has the channels and conditions of a measured set, `columns` maps names of columns
-    to arrays, and `keys` maps names of coordinates and observables to columns.
+    `description` has the channels and conditions, `columns` maps names of columns to arrays, and
+    `keys` maps names of coordinates and observables to columns.
     """
     coords, start = {}, ""
     locations = {name: f"{description.data}, column {key!r}" for name, key in keys.items()}
     for name in [name for name in ("time", "speed") if name in keys]:
         channel, values = description.channels.get(keys[name]), columns[keys[name]]
         if channel is not None and channel.unit == measured_description.DATES:
-            values, start = measured_tables.dates(locations[name], values)
+            values, start = measured_tables.seconds_since_first(locations[name], values)
         measured_tables.check_finite(locations[name], values, steady=name == "time")
         coords[name] = values * (1.0 if channel is None else channel.scale(keys[name])[0])
     if "direction" in keys:
         column = columns[keys["direction"]]
         coords["direction"] = measured_tables.directions(locations["direction"], column)
-    conditions, codes = (
-        list(description.conditions.values()),
-        np.zeros(len(next(iter(columns.values())))),
-    )
+    conditions = list(description.conditions.values())
+    codes = np.zeros(len(next(iter(columns.values()))))
     if "condition" in keys:
         column = columns[keys["condition"]]
-        codes = measured_tables.complete(locations["condition"], column)
+        codes = measured_tables.category_codes(locations["condition"], column)
         names = [str(name) for name in column.categories]
         for name in names if description.conditions else ():
             allowed = f"one of {', '.join(description.conditions)}"
@@ -286,6 +281,6 @@ def _coordinates(description: Any, columns: dict, keys: dict) -> tuple[dict, str
     for name, dtype in (("speed", float), ("direction", np.int8)):
         values = [getattr(condition, name, None) for condition in conditions]
         if name not in coords and None not in values:
-            values = np.array([_DIRECTIONS.get(value, value) for value in values], dtype)
+            values = np.array([DIRECTION_SIGNS.get(value, value) for value in values], dtype)
             coords[name] = values[codes.astype(int)]
     return coords, start

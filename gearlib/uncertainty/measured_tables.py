@@ -21,8 +21,8 @@ PYUFF = Package("pyuff", "pyuff")
 LONG_COLUMNS = ("observableId", "measurement")
 CONDITION_COLUMN, NOISE_COLUMN = "simulationConditionId", "noiseParameters"
 #: Texts of a direction -> its sign.
-_DIRECTIONS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
-_DIRECTIONS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
+DIRECTION_SIGNS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
+DIRECTION_SIGNS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
 
 def header(path: Path, description: Any) -> tuple[list[str], int]:
@@ -40,13 +40,11 @@ def header(path: Path, description: Any) -> tuple[list[str], int]:
                 if any(cell.strip() for cell in cells):
                     return [cell.strip() for cell in cells], line
     except UnicodeDecodeError as error:
-        raise checks.refusal(
-            "data", description.data, f"{description.encoding} text ({error.reason})"
-        ) from None
+        allowed = f"{description.encoding} text ({error.reason})"
+        raise checks.refusal("data", description.data, allowed) from None
     except (OSError, csv.Error) as error:
-        raise checks.refusal(
-            "data", description.data, f"a file beside its YAML ({error})"
-        ) from None
+        allowed = f"a file beside its YAML ({error})"
+        raise checks.refusal("data", description.data, allowed) from None
     raise checks.refusal("data", description.data, "a file with names of columns: it is empty")
 
 
@@ -72,10 +70,9 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
             and key not in required
         ]
     for name in required:
+        column = f"the column {name!r} of {description.data}"
         if names.count(name) > 1:
-            raise ValueError(
-                f"the column {name!r} of {description.data} occurs twice: it must occur once"
-            )
+            raise ValueError(f"{column} occurs twice: it must occur once")
         if name not in names:
             separators = [
                 separator
@@ -84,8 +81,7 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
             ]
             hint = f", or separator must be {separators[0]!r}" if separators else ""
             raise ValueError(
-                f"the column {name!r} of {description.data} is missing: it must be one of "
-                f"{', '.join(map(repr, names[:12]))}{hint}"
+                f"{column} is missing: it must be one of {', '.join(map(repr, names[:12]))}{hint}"
             )
     return required
 
@@ -122,22 +118,22 @@ def _data_frame(path, description, dtypes, column_count, header_line):
     return frame.rename(columns=int)
 
 
-def read_csv(path: Path, description: Any, texts: set) -> dict:
-    """Return columns of a CSV by name: numbers as arrays, `texts` as categories of pandas.
+def read_csv(path: Path, description: Any, text_columns: set) -> dict:
+    """Return columns of a CSV by name: numbers as arrays, strings as categories of pandas.
 
-    `description` has the channels and the format of the CSV.
+    `description` has the channels and the format of the CSV; `text_columns` are the names of the
+    columns of strings.
     """
     names, header_line = header(path, description)
     indices = {name: names.index(name) for name in _required_columns(names, description)}
-    dtypes = {i: "category" if name in texts else float for name, i in indices.items()}
+    dtypes = {i: "category" if name in text_columns else float for name, i in indices.items()}
     try:
         frame = _data_frame(path, description, dtypes, len(names), header_line)
     except UnicodeDecodeError as error:
-        raise checks.refusal(
-            "data", description.data, f"{description.encoding} text ({error.reason})"
-        ) from None
+        allowed = f"{description.encoding} text ({error.reason})"
+        raise checks.refusal("data", description.data, allowed) from None
     except ValueError:
-        raise _number_refusal(path, description, dtypes, names, header_line) from None
+        raise _not_a_number_error(path, description, dtypes, names, header_line) from None
     checks.require(len(frame), "data", description.data, "a file with rows: it has none")
     has_surplus = frame[len(names)].notna().to_numpy()
     if has_surplus.any():
@@ -148,12 +144,12 @@ def read_csv(path: Path, description: Any, texts: set) -> dict:
         )
     columns = {name: frame.pop(i) for name, i in indices.items()}
     return {
-        name: column.array if name in texts else column.to_numpy()
+        name: column.array if name in text_columns else column.to_numpy()
         for name, column in columns.items()
     }
 
 
-def _number_refusal(path, description, dtypes, names, header_line) -> ValueError:
+def _not_a_number_error(path, description, dtypes, names, header_line) -> ValueError:
     """Return the error that names the first cell of a CSV that should be a number and is not.
 
     `description` has the format, `dtypes` maps indices of columns to types, and `names` has those
@@ -205,13 +201,12 @@ def read_uff(path: Path, description: Any) -> dict:
                 f"the channel {name!r} of {description.data} is missing: it must be one of "
                 f"{', '.join(map(repr, names[:12]))}"
             )
+        where = f"the set {name!r} of {description.data}"
         if names.count(name) > 1:
-            raise ValueError(
-                f"the set {name!r} of {description.data} occurs twice: it must occur once"
-            )
+            raise ValueError(f"{where} occurs twice: it must occur once")
         table = sets[names.index(name)]
         if np.iscomplexobj(table["data"]):
-            raise ValueError(f"the set {name!r} of {description.data} is complex: it must be real")
+            raise ValueError(f"{where} is complex: it must be real")
         time = np.asarray(table["x"], float)
         if not np.array_equal(columns.setdefault("time", time), time):
             raise ValueError(
@@ -232,7 +227,7 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
     """
     id_column, value_column = LONG_COLUMNS
     where = f"{description.data}, column "
-    codes = complete(f"{where}{id_column!r}", columns[id_column])
+    codes = category_codes(f"{where}{id_column!r}", columns[id_column])
     observables = [str(name) for name in columns[id_column].categories]
     values = columns[value_column]
     noise = columns.get(NOISE_COLUMN, np.full(values.size, np.nan))
@@ -337,12 +332,13 @@ def directions(where: str, column: Any) -> np.ndarray:
     """
     texts = [str(category).strip().lower() for category in column.categories]
     for text, category in zip(texts, column.categories, strict=True):
-        checks.require(text in _DIRECTIONS, where, category, "up, down or rest, or 1, -1, 0")
-    return np.array([_DIRECTIONS[text] for text in texts], np.int8)[complete(where, column)]
+        checks.require(text in DIRECTION_SIGNS, where, category, "up, down or rest, or 1, -1, 0")
+    signs = np.array([DIRECTION_SIGNS[text] for text in texts], np.int8)
+    return signs[category_codes(where, column)]
 
 
-def complete(where: str, column: Any) -> np.ndarray:
-    """Return the category codes of a column of texts, or raise ValueError if a cell is empty.
+def category_codes(where: str, column: Any) -> np.ndarray:
+    """Return the category codes of a column of strings, or raise ValueError if a cell is empty.
 
     `where` names the column in the message.
     """
@@ -353,7 +349,7 @@ def complete(where: str, column: Any) -> np.ndarray:
     return codes
 
 
-def in_order(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | None:
+def sorting_indices(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | None:
     """Return the indices that sort samples by time in each group, None if they are sorted already.
 
     `group` holds the index of the condition of each sample. ValueError is raised if a time occurs
@@ -375,14 +371,14 @@ def in_order(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | No
     return None if (np.diff(order) > 0).all() else order
 
 
-def dates(where: str, column: Any) -> tuple[np.ndarray, str]:
+def seconds_since_first(where: str, column: Any) -> tuple[np.ndarray, str]:
     """Return the seconds since the earliest date of a column, and this date in ISO 8601.
 
     `column` is categorical; `where` names it in error messages.
     """
     import pandas as pd
 
-    codes = complete(where, column)
+    codes = category_codes(where, column)
     instants = pd.to_datetime(list(column.categories), utc=True, format="ISO8601", errors="coerce")
     if instants.isna().any():
         wrong_text = column.categories[int(instants.isna().argmax())]

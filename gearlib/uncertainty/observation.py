@@ -58,17 +58,18 @@ class Channel(NamedTuple):
     noise_known: bool
     unknown_gain: bool = False
     unknown_offset: bool = False
-    #: Indices of the values in the order of measurement, shape (sequences, steps).
-    sequences: Any = None
-    joined: bool = False  #: whether it has the same weight as the channel before it
+    #: Indices of values that follow each other in speed or time, one sequence in each row, or None.
+    sequence_indices: Any = None
+    #: Whether its residuals are weighted together with those of the channel before it.
+    shares_weight: bool = False
 
     @property
     def eliminated(self) -> int:
         """Return the number of sensor constants, gain and offset, that are fitted to the data."""
         return self.unknown_gain + self.unknown_offset
 
-    def sensed(self, predicted: np.ndarray) -> tuple:
-        """Return the sensor signal for predicted values, (n,), and the gain of the sensor.
+    def signal_and_gain(self, predicted: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the sensor signal, (n,), for predicted values, (n,), and the gain of the sensor.
 
         An unknown gain and offset enter linearly, so they are eliminated by linear least squares
         (variable projection, Golub and Pereyra 1973).
@@ -90,27 +91,34 @@ class Channel(NamedTuple):
         return constant + np.stack(columns, axis=1) @ coefficients, gain
 
 
+class Prediction(NamedTuple):
+    """Values that a model predicts for an observation."""
+
+    values: list  #: arrays of values, one for each channel
+    backlash_excursion: float  #: largest excursion into the backlash, m; 0 without contact loss
+
+
 class Observation(NamedTuple):
-    """A part of a measured set and the function that predicts it."""
+    """A part of a measured data set and the function that predicts it."""
 
     kind: str  #: name in messages, such as "run-up"
     channels: list  #: of `Channel`
-    predict: Callable  #: model -> (values of each channel, largest depth in the backlash, m)
+    predict: Callable  #: model -> `Prediction`
     draw: Callable  #: predicted sensor signals -> list of `Curve` or `MeasuredSpeed`
     warning: str = ""
 
-    def sensed(self, model: Any) -> list | None:
+    def predicted_signals(self, model: Any) -> list | None:
         """Return the predicted sensor signal of each channel, None if a run of the model fails."""
         try:
-            predicted = self.predict(model)[0]
+            prediction = self.predict(model)
         except (NoOrbit, ContinuationFailed, ArithmeticError, ValueError):
             return None
-        channel_values = zip(self.channels, predicted, strict=True)
-        return [channel.sensed(values)[0] for channel, values in channel_values]
+        channel_values = zip(self.channels, prediction.values, strict=True)
+        return [channel.signal_and_gain(values)[0] for channel, values in channel_values]
 
     def residuals(self, model: Any) -> np.ndarray | None:
         """Return (predicted - measured) / deviation, None if a run of the model fails."""
-        signals = self.sensed(model)
+        signals = self.predicted_signals(model)
         if signals is None:
             return None
         residuals = [
@@ -141,31 +149,34 @@ class MeasuredSpeed(NamedTuple):
     fitted: float
 
 
-def orbit_quantities(model: Any, speed: float, guess: Any, samples: int = 1) -> dict:
-    """Return the quantities of the periodic orbit at a speed in rpm, in SI units.
+def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: int = 1) -> dict:
+    """Return the quantities of the periodic orbit at a speed in rpm, name -> values of each mesh.
 
-    The dict maps names to values of each mesh. The search starts from the state `guess`, (2 N,).
-    "order_amplitude" has complex amplitudes, (orders, meshes), from `samples` in each mesh period;
-    the amplitude of the real displacement is twice their absolute value.
+    Quantities have SI units. The search for the orbit starts from the state `guess`: coordinates,
+    then their rates. "order_amplitude" has complex Fourier coefficients of the displacements,
+    (orders, meshes), sampled `samples_per_period` times in each mesh period; the amplitude of an
+    order is twice their absolute value.
     """
     orbit = periodic_orbit(model, speed / float(model.speed(1.0)), guess=guess)
-    n = orbit.period  # mesh periods
-    settings = {"periods": n, "record_periods": n, "initial_state": tuple(orbit.state)}
-    recorded = run(model, orbit.tuning, samples, **settings)
+    periods = orbit.period  # number of mesh periods
+    settings = {"periods": periods, "record_periods": periods, "initial_state": tuple(orbit.state)}
+    recorded = run(model, orbit.tuning, samples_per_period, **settings)
     if recorded.status:
         raise NoOrbit(f"the run at {speed:g} rpm failed")
-    counts = np.array([n, OK])
-    table = summary.summary_variables(model, (), recorded.summary, recorded.final, counts, n)
+    record = {"table": recorded.summary, "final_states": recorded.final, "record_periods": periods}
+    record["periods_and_statuses"] = np.array([periods, OK])
+    variables = summary.summary_variables(model, dims=(), **record)
     # Displacements are in static deflections, dynamic forces in loads.
     scales = {"displacement": model.static_deflection, "dynamic": model.load}
     quantities = {
         name: np.atleast_1d(values) * scales.get(name.partition("_")[0], 1.0)
-        for name, (_, values) in table.items()
+        for name, (_, values) in variables.items()
     }
     end = max(len(model.mesh_names), 1) * orbit_columns.SAMPLE_COLUMNS
     columns = slice(orbit_columns.SAMPLE_X, end, orbit_columns.SAMPLE_COLUMNS)
     displacements = recorded.samples[:, columns] * model.static_deflection
-    return quantities | {ORDER_AMPLITUDE: np.fft.rfft(displacements, axis=0, norm="forward")[::n]}
+    coefficients = np.fft.rfft(displacements, axis=0, norm="forward")
+    return quantities | {ORDER_AMPLITUDE: coefficients[::periods]}
 
 
 def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
@@ -187,6 +198,7 @@ def resonance_speeds(model: Any, measured: dict) -> dict:
     branch of other models is searched near the measured speeds.
     """
     resonance_speed = float(model.speed(1.0))
+    # One coordinate and its rate, and an excitation that repeats every mesh period.
     if model.size == 2 and model.repeats == 1:
         resonance = main_resonance(model, [RESONANCE_NAMES[name] for name in measured])
         if resonance.failed:

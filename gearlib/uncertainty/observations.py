@@ -1,4 +1,4 @@
-"""Observations of measured sets that a fit compares: slow sweeps, speeds of jumps, time courses.
+"""Observations of measured data that a fit compares: slow sweeps, speeds of jumps, time histories.
 
 Slow sweeps are compared point by point, each side of a jump with its own branch of orbits; a point
 beyond the fold of the model is compared with the last orbit before it. Jumps are compared by speed.
@@ -13,34 +13,23 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import measured_names
 from gearlib.runs.sweeping import sweep
+from gearlib.uncertainty import observation
 from gearlib.uncertainty.course_observations import time_history_observations
 from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
-from gearlib.uncertainty.observation import (
-    LOAD_SHARING,
-    MIN_RELATIVE_JUMP,
-    ORDER_AMPLITUDE,
-    SAMPLES_PER_PERIOD,
-    SETTLING_SWEEP,
-    STATISTICS,
-    Channel,
-    Curve,
-    MeasuredSpeed,
-    Observation,
-    mesh_quantity,
-    orbit_quantities,
-    resonance_speeds,
-)
+from gearlib.uncertainty.observation import Channel, Curve, MeasuredSpeed, Observation, Prediction
 
+#: Standard deviation of a measured speed whose noise is not known, relative to the speed.
+_ASSUMED_SPEED_NOISE = 1e-3
 #: Smallest ratio of a jump to the median step from one point to the next.
 _MIN_JUMP_RATIO = 3.0
-_SWEEP_QUANTITIES = (*STATISTICS, LOAD_SHARING, ORDER_AMPLITUDE)
+_SWEEP_QUANTITIES = (*observation.STATISTICS, observation.LOAD_SHARING, observation.ORDER_AMPLITUDE)
 #: Quantities that decrease at a jump up, and endings of the names of those that increase.
 _FALLING_QUANTITIES = ("displacement_min", "dynamic_force_min")
-_RISING_ENDINGS = ("_max", *(f"{ORDER_AMPLITUDE}_{k}" for k in range(1, 10)))
+_RISING_ENDINGS = ("_max", *(f"{observation.ORDER_AMPLITUDE}_{k}" for k in range(1, 10)))
 
 
 def observations_of(model: Any, data: Any) -> list[Observation]:
-    """Return the observations of one measured set, or of a list of them, that a model predicts."""
+    """Return the observations of one measured data set, or of a list, that a model predicts."""
     datasets = data if isinstance(data, list | tuple) else [data]
     observations = []
     for dataset in datasets:
@@ -49,7 +38,7 @@ def observations_of(model: Any, data: Any) -> list[Observation]:
 
 
 def _set_observations(model: Any, data: Any) -> list[Observation]:
-    """Return the observations of one measured set, or raise ValueError if it has none."""
+    """Return the observations of one measured data set, or raise ValueError if it has none."""
     if not hasattr(data, "data_vars"):
         value = data if isinstance(data, int | float | str) else type(data).__name__
         raise checks.refusal("data", value, "datasets with a displacement over time or jump speeds")
@@ -71,7 +60,7 @@ def _set_observations(model: Any, data: Any) -> list[Observation]:
     if not observations:
         raise ValueError(
             f"data = {list(data.variables)!r} is not allowed: it must have a displacement over "
-            f"time, one of {', '.join(STATISTICS)} over speed, jump_up, jump_down or "
+            f"time, one of {', '.join(observation.STATISTICS)} over speed, jump_up, jump_down or "
             "onset_of_contact_loss"
         )
     return observations
@@ -92,12 +81,12 @@ def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES)
                 continue
             quantity = name.removesuffix(f"_{mesh_name}") if mesh_name else name
             kind, _, number = quantity.rpartition("_")
-            if kind == ORDER_AMPLITUDE and number.isdigit():
-                in_range = 0 < int(number) <= SAMPLES_PER_PERIOD // 2
-                is_known = in_range and ORDER_AMPLITUDE in comparable
+            if kind == observation.ORDER_AMPLITUDE and number.isdigit():
+                in_range = 0 < int(number) <= observation.SAMPLES_PER_PERIOD // 2
+                is_known = in_range and observation.ORDER_AMPLITUDE in comparable
             else:
-                is_known = quantity in comparable and quantity != ORDER_AMPLITUDE
-            if is_known and (mesh_name or quantity != LOAD_SHARING):
+                is_known = quantity in comparable and quantity != observation.ORDER_AMPLITUDE
+            if is_known and (mesh_name or quantity != observation.LOAD_SHARING):
                 quantities[name] = quantity, mesh
     return quantities
 
@@ -158,17 +147,20 @@ def _speed_observation(speeds: dict) -> Observation:
     measured = {name: float(speed) for name, speed in speeds.items()}
     noise = np.array([speed.attrs.get("noise_std", 0.0) for speed in speeds.values()], float)
     values = np.array([*measured.values()])
-    deviations = np.where(noise > 0.0, noise, 1e-3 * values)
+    deviations = np.where(noise > 0.0, noise, _ASSUMED_SPEED_NOISE * values)
 
-    def predict(model: Any) -> tuple:
-        predicted = resonance_speeds(model, measured)
-        return [np.array([predicted.get(name, math.nan) for name in measured])], 0.0
+    def predict(model: Any) -> Prediction:
+        """Return the speeds of a model, NaN where it has none, without an excursion."""
+        predicted = observation.resonance_speeds(model, measured)
+        predicted_values = np.array([predicted.get(name, math.nan) for name in measured])
+        return Prediction([predicted_values], backlash_excursion=0.0)
 
     def draw(signals: list) -> list:
+        """Return a `MeasuredSpeed` for each speed; `signals` has one array, predicted speeds."""
         names = [name.replace("_", " ") for name in measured]
         return list(map(MeasuredSpeed, names, values, deviations, signals[0]))
 
-    channel = Channel("speeds", values, deviations, bool((noise > 0.0).all()))
+    channel = Channel("speeds", values, deviations, noise_known=bool((noise > 0.0).all()))
     return Observation("speeds", [channel], predict, draw)
 
 
@@ -183,27 +175,31 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
     branches, jumps = _branches(data, quantities, speeds, signs)
     order = np.concatenate(branches)[None]
     channels = [_sweep_channel(data, name, order) for name in quantities]
-    has_orders = any(ORDER_AMPLITUDE in quantity for quantity, _ in quantities.values())
-    samples = SAMPLES_PER_PERIOD if has_orders else 1
+    has_orders = any(observation.ORDER_AMPLITUDE in quantity for quantity, _ in quantities.values())
+    samples = observation.SAMPLES_PER_PERIOD if has_orders else 1
 
-    def predict(model: Any) -> tuple:
-        """Return predicted values of each quantity, and the largest depth in the backlash, m."""
+    def predict(model: Any) -> Prediction:
+        """Return the predicted values of each quantity on the orbits of all branches."""
         orbits = np.empty(len(speeds), object)
         for branch in branches:
             orbits[branch] = _branch_orbits(model, speeds[branch], samples)
         values = [
-            np.array([mesh_quantity(orbit, quantity, mesh) for orbit in orbits])
+            np.array([observation.mesh_quantity(orbit, quantity, mesh) for orbit in orbits])
             for quantity, mesh in quantities.values()
         ]
-        return values, max(0.0, *(-orbit["displacement_min"].min() for orbit in orbits))
+        excursions = (-orbit["displacement_min"].min() for orbit in orbits)
+        return Prediction(values, backlash_excursion=max(0.0, *excursions))
 
     def draw(signals: list) -> list:
-        """Return the curves of measured values and predicted sensor signals over speed."""
-        curves = []
+        """Return the curves of measured values and predicted sensor signals over speed.
+
+        `signals` has one array for each channel.
+        """
+        curves, speed_decreases = [], signs < 0
         for channel, fitted in zip(channels, signals, strict=True):
-            name, units = channel.name, data[channel.name].attrs.get("units", "")
-            heights = channel.values, fitted
-            curves.append(Curve(name.replace("_", " "), units, "speed", speeds, heights, signs < 0))
+            name, units = channel.name.replace("_", " "), data[channel.name].attrs.get("units", "")
+            values = channel.values, fitted
+            curves.append(Curve(name, units, "speed", speeds, values, speed_decreases))
         return curves
 
     return Observation("branches", channels, predict, draw), jumps
@@ -218,13 +214,14 @@ def _sweep_channel(data: Any, name: str, order: np.ndarray) -> Channel:
     noise = float(attrs.get("noise_std", 0.0))
     allowed = "more than one value, or values with known noise"
     checks.require(np.ptp(values) > 0.0 or noise, name, values[0], allowed)
+    # If the noise is unknown, only relative weights matter; the range makes channels comparable.
     deviations = np.full(values.size, noise or np.ptp(values))
     sample_noise = data.get(f"{name}_noise_std")
     if sample_noise is not None and (sample_noise.values > 0.0).all():
         deviations = sample_noise.values.astype(float)
-    unknown_gain = bool(attrs.get("unknown_gain", 0))
-    unknown_offset = bool(attrs.get("unknown_offset", 0))
-    return Channel(name, values, deviations, bool(noise), unknown_gain, unknown_offset, order)
+    flags = {flag: bool(attrs.get(flag, 0)) for flag in ("unknown_gain", "unknown_offset")}
+    noise_known = bool(noise)
+    return Channel(name, values, deviations, noise_known, sequence_indices=order, **flags)
 
 
 def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray) -> tuple:
@@ -280,7 +277,8 @@ def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
     steps = np.abs(changes)
     sizes = np.maximum(np.abs(table).max(axis=1), 1e-300)[:, None]
     median_steps = np.median(steps, axis=1)[:, None]
-    jumps = (steps > MIN_RELATIVE_JUMP * sizes) & (steps > _MIN_JUMP_RATIO * median_steps)
+    jumps = steps > observation.MIN_RELATIVE_JUMP * sizes
+    jumps &= steps > _MIN_JUMP_RATIO * median_steps
     jumps &= (steps > np.reshape(min_steps, (-1, 1))) & ((changes * sign > 0.0) | (sign == 0))
     if not jumps.any():
         return None
@@ -298,10 +296,12 @@ def _branch_orbits(model: Any, speeds: np.ndarray, samples: int) -> list[dict]:
     rises = len(speeds) < 2 or speeds[-1] > speeds[0]
     # Repeated speeds are computed once.
     tunings, order = np.unique(speeds / float(model.speed(1.0)), return_inverse=True)
-    curve = sweep(model, tunings, direction="up" if rises else "down", **SETTLING_SWEEP)
+    curve = sweep(model, tunings, direction="up" if rises else "down", **observation.SETTLING_SWEEP)
     states = curve.final_state.values[order]
     maxima = curve.displacement_max.values[order].reshape(len(speeds), -1).T
     end = _jump_index(maxima, 0.0, 1 if rises else -1)
     count = len(speeds) if end is None else end
-    orbits = [orbit_quantities(model, speeds[i], states[i], samples) for i in range(count)]
+    orbits = [
+        observation.orbit_quantities(model, speeds[i], states[i], samples) for i in range(count)
+    ]
     return orbits + [orbits[-1]] * (len(speeds) - count)

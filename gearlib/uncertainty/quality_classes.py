@@ -30,13 +30,8 @@ _ALLOWANCES = (
 _SERIES_1 = (3, 5, 8, 12, 20, 30, 50, 80, 130, 200, 300, 500, 800, 1300)
 _SERIES_2 = (6, 10, 16, 25, 40, 60, 100, 160, 250, 400, 600, 1000)
 #: For each row of diameters: the series of tolerances, and the position of number 21 in it.
-_TOLERANCE_ROWS = tuple(
-    zip(
-        (_SERIES_1, *(_SERIES_1, _SERIES_2) * 3, _SERIES_1),
-        (0, 1, 0, 2, 1, 3, 2, 4),
-        strict=True,
-    )
-)
+_TOLERANCE_SERIES = (_SERIES_1, *(_SERIES_1, _SERIES_2) * 3, _SERIES_1)
+_FIRST_INDICES = (0, 1, 0, 2, 1, 3, 2, 4)
 _FIRST_NUMBER, _LAST_NUMBER = 21, 30  # of the tolerances of DIN 3967
 #: Largest centre distance of a row, m -> IT 5 to IT 11 in um, ISO 286-1.
 _IT_GRADES = {
@@ -65,6 +60,7 @@ def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
     diameter = checks.number("diameter", diameter, allowed, lambda d: 0 < d <= max_diameter)
     text = designation.strip() if isinstance(designation, str) else ""
     match = _DESIGNATION_PATTERN.fullmatch(text)
+    # The number may precede the letters or follow them, in two groups each.
     number, letters = (match[1] or match[4], match[2] or match[3]) if match else (0, "")
     number = int(number)
     allowed = (
@@ -74,8 +70,7 @@ def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
     checks.require(_FIRST_NUMBER <= number <= _LAST_NUMBER, "thickness", designation, allowed)
     row = next(i for i, limit in enumerate(_MAX_DIAMETERS) if diameter <= limit)
     upper = -_ALLOWANCES[row][_SERIES.index(letters)]
-    series, position = _TOLERANCE_ROWS[row]
-    tolerance = series[position + number - _FIRST_NUMBER]
+    tolerance = _TOLERANCE_SERIES[row][_FIRST_INDICES[row] + number - _FIRST_NUMBER]
     return _MICROMETRE * (upper - tolerance), _MICROMETRE * upper
 
 
@@ -95,14 +90,14 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
     return -half_width, half_width
 
 
-def by_class(
+def tolerances_from_classes(
     mesh: Any, *, thickness: Any = None, centre_distance: str | None = None, form: bool = False
 ) -> dict:
     """Return tolerances from the classes of a drawing, for `gearlib.scatter` of a `DrawnPair`.
 
     `thickness` is a class of DIN 3967 such as "27cd", or a pair of classes for pinion and wheel;
     the backlash follows from it if the `DrawnPair` has ``backlash=None``. `centre_distance` is a
-    class of DIN 3964 such as "js7". With `form`, flanks deviate by the tolerance of profile form
+    class of DIN 3964 such as "js7". With `form`, profiles vary within the tolerance of profile form
     for the `quality` of the gears. The standard does not prescribe the shape of the deviation; here
     it is a first mesh harmonic whose cosine and sine are at most half of the larger tolerance.
     """

@@ -22,13 +22,14 @@ from gearlib.data.variables import describe
 from gearlib.runs.run_arguments import check_either, check_memory, check_tuning, tuning_at_speed
 from gearlib.runs.sweeping import check_tunings, sweep
 from gearlib.uncertainty.design_quantities import (
+    FOUND,
     NO_DESIGN,
     QUANTITIES,
     STATUS_MEANINGS,
     checked_names,
-    quantity_search,
+    quantity_evaluator,
 )
-from gearlib.uncertainty.designs import MAX_SAMPLES, Designs, count_refusals
+from gearlib.uncertainty.designs import MAX_SAMPLES, Designs, count_error_messages
 
 #: Directions of sweeps; "cold" starts each speed from rest, "seeded" from a random state.
 DIRECTIONS = ("up", "down", "cold", "seeded")
@@ -42,17 +43,17 @@ MOTIONS = ("only", "lower", "higher", "another")
 #: Default limits of seeded starts: displacement and dx/dtau, static deflections.
 DEFAULT_BOX = ((-6.0, 6.0), (-6.0, 6.0))
 #: Motions count as equal if their peak-to-peak displacements differ relatively by less.
-_EQUAL_HEIGHT_TOLERANCE = 0.02
+_EQUAL_MOTION_TOLERANCE = 0.02
 _FLAGS = {
     "flag_values": np.arange(NO_DESIGN, len(STATUS_MEANINGS), dtype=np.int8),
     "flag_meanings": " ".join(("no_design", *STATUS_MEANINGS)),
 }
 #: Variables over (sample, direction, speed) -> their values if the design cannot be built.
 _POINT_VARIABLES = {
-    "height": np.float32(np.nan),
-    "factor": np.float32(np.nan),
-    "lost": np.int8(0),
-    "settled": np.int8(0),
+    "height": np.float32(np.nan),  # peak-to-peak displacement
+    "factor": np.float32(np.nan),  # dynamic factor
+    "lost": np.int8(0),  # whether contact is lost
+    "settled": np.int8(0),  # whether the motion repeats
     "run_status": np.int8(-1),
 }
 
@@ -60,8 +61,8 @@ _POINT_VARIABLES = {
 class SweepSettings(NamedTuple):
     """Settings of the sweeps over speed that are made for each design."""
 
-    key: str  #: argument of `sweep`: "speeds", or "tunings" if nothing turns
-    grid: np.ndarray  #: speeds or tunings, increasing
+    dimension: str  #: "speed", or "tuning" for models without rotational speed
+    grid: np.ndarray  #: speeds in rpm or tunings, increasing
     directions: tuple  #: some of `DIRECTIONS`
     periods: int  #: mesh periods of each run
     record_periods: int  #: number of last periods that are evaluated
@@ -140,15 +141,16 @@ def scatter(
     sweeps = {"speeds": speeds, "tunings": tunings, "directions": directions, "periods": periods}
     sweeps |= {"record_periods": record_periods, "box": box}
     samples = shard(model, tolerances, n, 0, n, quantities=quantities, **settings, **sweeps)
-    return gather([samples])
+    return join_shards([samples])
 
 
 def shard(
     model, tolerances, n, first, last, *, quantities=_QUANTITIES, speed=None, seed=0, **settings
 ) -> xr.Dataset:
-    """Return the dataset of the samples `first` to `last` - 1 of n designs, a shard of `scatter`.
+    """Compute the designs `first` to `last` - 1 of the n designs of a `scatter`, and return them.
 
-    The other arguments, with `settings` of sweeps, threads and progress, are those of `scatter`.
+    The other arguments are those of `scatter`. `settings` are threads, progress, and the arguments
+    of sweeps: speeds or tunings, directions, periods, record_periods and box.
     """
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     n = checks.integer("n", n, 1, MAX_SAMPLES)
@@ -160,35 +162,35 @@ def shard(
     sweeps = _sweep_settings(designs.nominal, **settings)
     if sweeps is None and not quantities:
         raise checks.refusal("quantities", quantities, "at least one if no speeds are given")
-    search = quantity_search(designs, quantities, speed) if quantities else None
-    variables = _sample_variables(designs, sweeps, search, range(first, last), threads, progress)
+    evaluator = quantity_evaluator(designs, quantities, speed) if quantities else None
+    variables = _sample_variables(designs, sweeps, evaluator, range(first, last), threads, progress)
     coords: dict = {"sample": np.arange(first, last)}
     attributes = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
     attributes |= {"samples": n, "seed": designs.seed}
     if sweeps:
-        coords |= {"direction": list(sweeps.directions), sweeps.key.removesuffix("s"): sweeps.grid}
+        coords |= {"direction": list(sweeps.directions), sweeps.dimension: sweeps.grid}
         attributes |= {name: getattr(sweeps, name) for name in ("periods", "record_periods", "box")}
-    if search:
+    if evaluator:
         attributes |= {"quantities": list(quantities)}
         attributes |= {} if speed is None else {"speed": speed}
     title = "Scatter of a gear mesh by its tolerances"
     return result(title, designs.nominal, variables, coords, method="scatter", **attributes)
 
 
-def _sample_variables(designs, sweeps, search, samples, threads, progress) -> dict:
-    """Return the variables of samples: parameters, results of sweeps, quantities, refusals.
+def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) -> dict:
+    """Return the variables of samples: parameters, results of sweeps, quantities, error messages.
 
     `designs` are `Designs`, `samples` is the range of their numbers. `sweeps` are `SweepSettings`,
-    and `search` is `DesignQuantities`; they are None without sweeps or quantities. `progress` is
-    called with the number of finished samples.
+    None without sweeps; `evaluator` is a `DesignQuantities`, None without quantities. `progress` is
+    called with the number of samples finished since its last call.
     """
     count, tables = len(samples), {}
     if sweeps:
         shape = count, len(sweeps.directions), sweeps.grid.size
         check_memory(f"{count:,} samples", count, 2 * shape[1] * shape[2], "samples")
         tables = {name: np.full(shape, fill) for name, fill in _POINT_VARIABLES.items()}
-    results = np.full((count, len(search.quantities) if search else 0), np.nan)
-    codes, refusals = np.full(results.shape, NO_DESIGN, np.int8), np.full(count, "", object)
+    results = np.full((count, len(evaluator.quantities) if evaluator else 0), np.nan)
+    codes, messages = np.full(results.shape, NO_DESIGN, np.int8), np.full(count, "", object)
     points = designs.points(samples.start, samples.stop)
     values = designs.values(points)
 
@@ -197,13 +199,14 @@ def _sample_variables(designs, sweeps, search, samples, threads, progress) -> di
         try:
             design = designs.model(values[i])
         except ValueError as error:
-            refusals[i] = str(error)
+            messages[i] = str(error)
         else:
             if sweeps:
                 rows = {name: table[i] for name, table in tables.items()}
-                _sweep_design(design, sweeps, points[i, -2:], rows)
-            if search:
-                results[i], codes[i] = search(design, designs.duty_model_builder(values[i]))
+                _sweep_design(design, sweeps, unit_point=points[i, len(designs.names) :], rows=rows)
+            if evaluator:
+                build_duty_model = designs.duty_model_builder(values[i])
+                results[i], codes[i] = evaluator.evaluate(design, build_duty_model)
         report(1)
 
     progress_bar = notebook.counting_bar("samples", count, progress)
@@ -214,16 +217,16 @@ def _sample_variables(designs, sweeps, search, samples, threads, progress) -> di
         for name, column in zip(designs.names, values.T, strict=True)
     }
     if sweeps:
-        dims = "sample", "direction", sweeps.key.removesuffix("s")
+        dims = "sample", "direction", sweeps.dimension
         data |= {name: (dims, table) for name, table in tables.items()}
-    for i, name in enumerate(search.quantities) if search else ():
+    for i, name in enumerate(evaluator.quantities) if evaluator else ():
         units, text = QUANTITIES[name]
         data[name] = _variable(("sample",), results[:, i], units, text)
         status = _variable(("sample",), codes[:, i], "1", f"whether there is: {text}", **_FLAGS)
         data[f"{name}_status"] = status
-        nominal = float(search.nominal[i])
+        nominal = float(evaluator.nominal[i])
         data[f"{name}_nominal"] = _variable((), nominal, units, f"of the nominal design: {text}")
-    return data | {"refusal": (("sample",), refusals)}
+    return data | {"refusal": (("sample",), messages)}
 
 
 def _sweep_settings(
@@ -235,7 +238,11 @@ def _sweep_settings(
     record_periods=20,
     box=DEFAULT_BOX,
 ) -> SweepSettings | None:
-    """Return the checked settings of sweeps, arguments of `scatter`; None without sweeps."""
+    """Return the checked settings of the sweeps of each design; None without speeds and tunings.
+
+    Each run takes `periods` mesh periods, of which the last `record_periods` are evaluated. `box`
+    has the limits of the random initial displacement and velocity of the direction "seeded".
+    """
     if speeds is None and tunings is None:
         return None
     check_either(model, "tunings", tunings, "speeds", speeds)
@@ -248,42 +255,47 @@ def _sweep_settings(
     directions = checked_names("directions", directions, DIRECTIONS)
     checks.require(directions, "directions", directions, "at least one")
     if "seeded" in directions and model.size > 2:
-        raise checks.refusal("directions", directions, "without 'seeded' for several coordinates")
+        allowed = "without 'seeded' for more than one degree of freedom"
+        raise checks.refusal("directions", directions, allowed)
     periods = checks.integer("periods", periods, 1)
     record_periods = checks.integer("record_periods", record_periods, 1, periods)
     limits = tuple(tuple(checks.numbers("box", row, 2)) for row in checks.sequence("box", box, 2))
     for low, high in limits:
         checks.require(-np.inf < low < high < np.inf, "box", box, "finite increasing limits")
-    key = "tunings" if model.speed is None else "speeds"
-    return SweepSettings(key, np.sort(grid), directions, periods, record_periods, limits)
+    dimension = "tuning" if model.speed is None else "speed"
+    return SweepSettings(dimension, np.sort(grid), directions, periods, record_periods, limits)
 
 
-def _sweep_design(model: Any, sweeps: SweepSettings, start: np.ndarray, rows: dict) -> None:
+def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, rows: dict) -> None:
     """Sweep one design in all directions and store the results in `rows`.
 
-    `start` is a point of the unit square that is scaled to the limits of seeded starts; `rows` maps
-    names of variables to arrays, (directions, speeds).
+    Runs of the direction "seeded" start from a random displacement and velocity, which `unit_point`
+    gives relative to their limits, those of "cold" from rest. `rows` maps names to arrays,
+    (directions, speeds): "height" is the peak-to-peak displacement, "factor" the dynamic factor,
+    "lost" and "settled" are flags of contact loss and of a periodic motion.
     """
     lower, upper = np.transpose(sweeps.box)
-    seeded_state = tuple((lower + (upper - lower) * start).tolist())
+    random_state = tuple((lower + (upper - lower) * unit_point).tolist())
     for k, direction in enumerate(sweeps.directions):
         is_seeded = direction == "seeded"
         curve = sweep(
             model,
-            **{sweeps.key: sweeps.grid},
+            **{f"{sweeps.dimension}s": sweeps.grid},
             periods=sweeps.periods,
             record_periods=sweeps.record_periods,
             direction="cold" if is_seeded else direction,
-            initial_state=seeded_state if is_seeded else (0.0, 0.0),
+            initial_state=random_state if is_seeded else (0.0, 0.0),
             threads=1,
         )
-        height = curve.displacement_max - curve.displacement_min
+        peak_to_peak = curve.displacement_max - curve.displacement_min
+        # Only trains have dynamic factors; a force of a pair is relative to its load already.
         factor = curve.dynamic_factor if "dynamic_factor" in curve else curve.dynamic_force_max
+        # Fractions of time without contact and on the coast side.
         loses_contact = curve.fraction_backlash + curve.fraction_inverse > 0.0
         if model.mesh_names:
-            height, factor = height.max("mesh"), factor.max("mesh")
+            peak_to_peak, factor = peak_to_peak.max("mesh"), factor.max("mesh")
             loses_contact = loses_contact.max("mesh")
-        rows["height"][k] = height * (model.static_deflection or 1.0)
+        rows["height"][k] = peak_to_peak * (model.static_deflection or 1.0)
         rows["factor"][k], rows["lost"][k] = factor, loses_contact
         rows["settled"][k], rows["run_status"][k] = curve.period > 0, curve.status
 
@@ -293,14 +305,12 @@ def variable_name(name: str) -> str:
     return "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")
 
 
-def _variable(
-    dims: tuple, values: Any, units: str, long_name: str, **attributes: Any
-) -> xr.Variable:
+def _variable(dims, values, units: str, long_name: str, **attributes: Any) -> xr.Variable:
     """Return an xarray variable with its units, description and further attributes."""
     return xr.Variable(dims, values, {"units": units, "long_name": long_name, **attributes})
 
 
-def gather(shards: Any) -> xr.Dataset:
+def join_shards(shards: Any) -> xr.Dataset:
     """Join all shards, in any order, to the dataset of `scatter`, or raise ValueError."""
     shards = sorted(shards, key=lambda dataset: int(dataset.sample[0]))
     attributes = shards[0].attrs
@@ -317,16 +327,17 @@ def gather(shards: Any) -> xr.Dataset:
     if "height" in data:
         data = _with_statistics(data)
     for name in filter(data.__contains__, QUANTITIES):
-        values = data[name].values[data[f"{name}_status"].values == 0]
+        values = data[name].values[data[f"{name}_status"].values == FOUND]
         units, text = data[name].attrs["units"], data[name].attrs["long_name"]
         mean = float(values.mean()) if values.size else np.nan
         deviation = float(values.std(ddof=1)) if values.size > 1 else np.nan
         data[f"{name}_mean"] = _variable((), mean, units, f"mean: {text}")
         data[f"{name}_deviation"] = _variable((), deviation, units, f"standard deviation: {text}")
-    # Shards read from files have a hash of the sources, which must be the last attribute.
+    # Shards read from files have a hash of the sources. It must stay the last attribute, so that
+    # the file of a result does not depend on the division into shards.
     source_hash = {name: x for name, x in attributes.items() if name == "source_hash"}
     attributes = {k: x for k, x in attributes.items() if k not in ("source_hash", "history")}
-    attributes["refused"] = canonical_json(count_refusals(data.refusal.values))
+    attributes["refused"] = canonical_json(count_error_messages(data.refusal.values))
     # Shards read from files have encodings, which must not reach the result.
     data = data.drop_encoding().drop_attrs(deep=False)
     return describe(data).assign_attrs(attributes | source_hash)
@@ -358,8 +369,9 @@ def _fraction(subset: np.ndarray, samples: np.ndarray) -> np.ndarray:
 def _statistics(points: dict, directions: list, grid_dim: str) -> dict:
     """Return statistics over all designs: name of a variable -> (dims, values).
 
-    `points` maps names to arrays (sample, direction, speed or tuning); `grid_dim` names the last
-    dimension.
+    `points` maps names to arrays (sample, direction, speed or tuning): "height" is the peak-to-peak
+    displacement, "factor" the dynamic factor, "lost" and "settled" are flags of contact loss and of
+    a periodic motion. `grid_dim` names the last dimension.
     """
     status, dims = points["run_status"], ("direction", grid_dim)
     finished = status == 0
@@ -377,14 +389,14 @@ def _statistics(points: dict, directions: list, grid_dim: str) -> dict:
             data[f"{name}_band"] = ("quantile", *dims), np.nanquantile(values, QUANTILES, axis=0)
     if not {"up", "down"} <= set(directions):
         return data
-    heights = {direction: points["height"][:, k] for k, direction in enumerate(directions)}
-    up, down = heights["up"], heights["down"]
+    peak_to_peak = {direction: points["height"][:, k] for k, direction in enumerate(directions)}
+    up, down = peak_to_peak["up"], peak_to_peak["down"]
     both_finished = finished[:, directions.index("up")] & finished[:, directions.index("down")]
-    has_two_motions = both_finished & ~_equal_heights(up, down)
+    has_two_motions = both_finished & ~_nearly_equal(up, down)
     data["two_motions_probability"] = (grid_dim,), _fraction(has_two_motions, both_finished)
-    if "seeded" in heights:
+    if "seeded" in peak_to_peak:
         low, high = np.minimum(up, down), np.maximum(up, down)
-        masks = _classify_motions(heights["seeded"], low, high, has_two_motions)
+        masks = _classify_motions(peak_to_peak["seeded"], low, high, has_two_motions)
         all_finished = both_finished & finished[:, directions.index("seeded")]
         probabilities = np.array([_fraction(mask, all_finished) for mask in masks])
         data["motion_probability"] = ("motion", grid_dim), probabilities
@@ -397,7 +409,7 @@ def _classify_motions(height, low, high, has_two_motions) -> tuple:
     `height` is the peak-to-peak displacement of each run; `low` and `high` are the smaller and the
     larger one of both sweeps; the mask `has_two_motions` is true where these differ.
     """
-    on_low, on_high = _equal_heights(height, low), _equal_heights(height, high)
+    on_low, on_high = _nearly_equal(height, low), _nearly_equal(height, high)
     # A run within the tolerance of both motions counts for the nearer one.
     nearer_low = np.abs(height - low) <= np.abs(height - high)
     return (
@@ -408,14 +420,13 @@ def _classify_motions(height, low, high, has_two_motions) -> tuple:
     )
 
 
-def _equal_heights(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _nearly_equal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return a mask that is true where peak-to-peak displacements a and b are equal within 2 %."""
     with np.errstate(invalid="ignore"):
-        return np.abs(a - b) <= _EQUAL_HEIGHT_TOLERANCE * np.maximum(a, b)
+        return np.abs(a - b) <= _EQUAL_MOTION_TOLERANCE * np.maximum(a, b)
 
 
-def refused(dataset: xr.Dataset) -> list[str]:
-    """Return a sentence for each kind of refusal on the number of samples that cannot be built."""
-    rows = json.loads(dataset.attrs["refused"])
-    total = dataset.sizes["sample"]
+def error_summary(dataset: xr.Dataset) -> list[str]:
+    """Return a line for each kind of error in a result of `scatter`: their count and an example."""
+    rows, total = json.loads(dataset.attrs["refused"]), dataset.sizes["sample"]
     return [f"{count} of {total} samples cannot be built, such as: {text}" for count, text in rows]

@@ -1,4 +1,4 @@
-"""Synthetic measured sets: simulated sensor signals of a known model, for trials of fits."""
+"""Synthetic measured data: simulated sensor signals of a known model, for trials of fits."""
 
 import json
 
@@ -8,10 +8,10 @@ import xarray as xr
 from gearlib.runs.run_up import run_up
 
 
-def synthetic_rig(
-    model, course, seed, *, noise=0.05, bits=12, samples_per_period=32, gain=1.0
+def synthetic_run_up(
+    model, speed_profile, seed, *, noise=0.05, bits=12, samples_per_period=32, gain=1.0
 ) -> xr.Dataset:
-    """Return a synthetic measured set of a run-up with a speed profile `course`, rows of s and rpm.
+    """Return synthetic measured data of a run-up with a speed profile, rows of s and rpm.
 
     The signal is the displacement of the first mesh, read by an encoder whose `bits` resolve three
     times the range of the signal. Random noise, an offset, and a wave once per revolution, which an
@@ -19,7 +19,7 @@ def synthetic_rig(
     signal. A `gain` other than 1 is marked as unknown in the attributes.
     """
     rng = np.random.default_rng(seed)
-    run = run_up(model, speed=course, samples_per_period=samples_per_period)
+    run = run_up(model, speed=speed_profile, samples_per_period=samples_per_period)
     signal = run.displacement.values.reshape(run.sizes["time"], -1)[:, 0]
     deviation, span = noise * signal.std(), np.ptp(signal)
     shaft_angle = run.phase.values / float(model.periods_per_revolution)
@@ -40,8 +40,9 @@ def synthetic_rig(
         "time": ("sample", run.time.values, {"units": "s", "long_name": "time"}),
         "speed": ("sample", run.speed.values, {"units": "min-1", "long_name": "speed"}),
     }
-    known = {"course": [list(map(float, row)) for row in course], "phase": 0.0}
+    # Metadata of the test rig, as `gearlib.fit` reads them: speed profile and initial mesh phase.
+    metadata = {"course": [list(map(float, row)) for row in speed_profile], "phase": 0.0}
     attributes = {"title": "Synthetic rig", "source": "synthetic", "synthetic": 1}
-    attributes["known"] = json.dumps(known)
+    attributes["known"] = json.dumps(metadata)
     variables = {name: ("sample", step * np.round(values / step), attrs)}
     return xr.Dataset(variables, coords, attributes)

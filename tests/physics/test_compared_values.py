@@ -48,7 +48,7 @@ def test_gain_and_offset_are_eliminated(gain, offset):
     measured, predicted = rng.normal(size=(2, 12))
     deviations = rng.uniform(0.5, 2.0, 12)
     channel = Channel("x", measured, deviations, True, gain, offset)
-    residuals = (channel.sensed(predicted)[0] - measured) / deviations
+    residuals = (channel.signal_and_gain(predicted)[0] - measured) / deviations
     measured, predicted, basis = measured / deviations, predicted / deviations, 1.0 / deviations
     target = measured if gain else measured - predicted
     columns = np.column_stack([predicted] * gain + [basis] * offset + [np.zeros(12)])

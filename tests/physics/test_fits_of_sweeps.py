@@ -72,9 +72,9 @@ def test_a_speed_that_is_measured_twice_has_the_same_motion_twice():
 def test_each_side_of_a_jump_has_its_own_branch():
     data = resonance(TRUTH, 2)
     points, jumps = observations_of(TRUTH, data)
-    places = jumps.draw(jumps.sensed(TRUTH))
+    places = jumps.draw(jumps.predicted_signals(TRUTH))
     assert {place.name for place in places} == {"jump up", "jump down"}
-    for curve in points.draw(points.sensed(TRUTH)):
+    for curve in points.draw(points.predicted_signals(TRUTH)):
         values, fitted = curve.values
         assert np.sqrt(np.mean((fitted - values) ** 2)) < 0.05 * np.ptp(values)
     # A model that jumps some points later is no large difference at any point.

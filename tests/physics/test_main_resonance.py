@@ -42,7 +42,7 @@ def test_jumps_and_onset_are_those_of_a_whole_branch(search):
     factors = 1.0 + 0.03 * np.random.default_rng(3).standard_normal(len(FIELDS))
     changes = {name: getattr(DAMPED, name) * x for name, x in zip(FIELDS, factors, strict=True)}
     model = DAMPED.replace(**changes)
-    values = dict(zip(NAMES, search(model)[0], strict=True))
+    values = dict(zip(NAMES, search.evaluate(model)[0], strict=True))
     down = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.55)
     orbit = gearlib.periodic_orbit(model, 0.75)
     assert orbit.pattern == (1,)
@@ -94,7 +94,7 @@ def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
 
 def test_a_design_without_jumps_has_none_and_the_peak_of_its_linear_resonance(search):
     model = DAMPED.replace(material_damping=1.1e4)
-    results = dict(zip(NAMES, zip(*search(model), strict=True), strict=True))
+    results = dict(zip(NAMES, zip(*search.evaluate(model), strict=True), strict=True))
     for name in (*JUMPS, "onset_of_contact_loss"):
         assert np.isnan(results[name][0]) and results[name][1] == ABSENT
     peak, code = results["peak"]
@@ -115,7 +115,7 @@ def test_the_duty_point_is_that_of_a_settled_run(search):
 def test_six_degrees_of_freedom_have_the_special_points_of_their_branch():
     model = gears(5e8, material=4.5e3, oil=300.0)
     names = ("onset_of_contact_loss", *JUMPS)
-    values, codes = DesignQuantities(model, names)(model)
+    values, codes = DesignQuantities(model, names).evaluate(model)
     low, high = (float(model.tuning_at(rpm)) for rpm in (3900.0, 4200.0))
     up = gearlib.continue_orbit(gearlib.periodic_orbit(model, low), to=high)
     places = [
@@ -132,7 +132,7 @@ def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
     onset, jump = search.nominal
     # An error of either sign loads a planet less.
     for sign in (1.0, -1.0):
-        assert search(planetary_set(sign * 1e-7))[0][0] < onset
+        assert search.evaluate(planetary_set(sign * 1e-7))[0][0] < onset
     speeds = [0.9 * onset, onset - 2.0, onset + 2.0, jump - 4.0, jump + 4.0]
     run = gearlib.sweep(train, speeds=speeds, direction="up", periods=1500, record_periods=1)
     lost = (run.fraction_normal < 1.0 - FRACTION_TOLERANCE).any("mesh")

@@ -6,7 +6,7 @@ import pytest
 import gearlib
 from gearlib.data import storage
 from gearlib.uncertainty.designs import Designs
-from gearlib.uncertainty.scatter import QUANTILES, gather, refused, scatter, shard
+from gearlib.uncertainty.scatter import QUANTILES, error_summary, join_shards, scatter, shard
 from tests.paper import PAPER
 
 PAIR = PAPER.replace(material_damping=3953.7)
@@ -61,13 +61,13 @@ def test_any_shards_give_the_same_bytes(whole, tmp_path):
         part = shard(PAIR, MANY, 200, *ends, threads=i + 1, **RUNS)
         storage.write(part, tmp_path / f"{i}.nc")
     parts = [storage.read(tmp_path / f"{i}.nc") for i in range(3)]
-    storage.write(gather(parts), tmp_path / "parts.nc")
+    storage.write(join_shards(parts), tmp_path / "parts.nc")
     storage.write(whole, tmp_path / "whole.nc")
     assert (tmp_path / "parts.nc").read_bytes() == (tmp_path / "whole.nc").read_bytes()
     with pytest.raises(ValueError, match="each of the samples 0 to 199 once"):
-        gather(parts[:2])
+        join_shards(parts[:2])
     with pytest.raises(ValueError, match="parts of one scatter"):
-        gather([shard(PAIR, MANY, 200, 0, 3, seed=1, **RUNS), *parts[::2]])
+        join_shards([shard(PAIR, MANY, 200, 0, 3, seed=1, **RUNS), *parts[::2]])
 
 
 def test_probabilities_of_motions_are_shares_of_the_designs(whole):
@@ -109,7 +109,7 @@ def test_samples_that_cannot_be_built_are_counted_and_told():
     count = int((result.refusal != "").sum())
     assert count == int((result.contact_ratio > 2.0).sum()) > 10
     assert (result.run_count == 128 - count).all() and not result.failed_runs.any()
-    (text,) = refused(result)
+    (text,) = error_summary(result)
     assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
 
 
@@ -118,7 +118,7 @@ def test_quantities_go_with_the_samples():
     names = ("jump_up", "onset_of_contact_loss")
     result = scatter(PAIR, options, names, n=32)
     parts = [shard(PAIR, options, 32, *ends, quantities=names) for ends in ((5, 32), (0, 5))]
-    assert gather(parts).identical(result)
+    assert join_shards(parts).identical(result)
     there = result.refusal.values == ""
     assert 0 < there.sum() < 32
     for name in names:

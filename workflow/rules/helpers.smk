@@ -59,9 +59,9 @@ def raise_errors(messages):
 def check_tables_and_distributions(checked):
     """Check measured tables and distributions of tolerances, which require numpy or scipy."""
     if checked.measured:
-        from gearlib.uncertainty.measured import refused
+        from gearlib.uncertainty.measured import read_errors
 
-        raise_errors(refused(checked.measured))
+        raise_errors(read_errors(checked.measured))
     if checked.tolerances.needs_scipy() and not targets.refusal("tolerances", checked):
         from gearlib.uncertainty import distributions
 

@@ -131,7 +131,7 @@ use rule _compute as gather_tolerances with:
     output:
         "results/tolerances.nc",
     params:
-        function="gearlib.uncertainty.scatter:gather",
+        function="gearlib.uncertainty.scatter:join_shards",
 
 
 use rule _compute as tolerance_indices with:
