@@ -69,7 +69,7 @@ def _rig_metadata(data: Any) -> dict:
         metadata = json.loads(text)
     except (TypeError, ValueError):
         metadata = None
-    checks.require(isinstance(metadata, dict), "known", text, "a JSON object in a string")
+    checks.require(isinstance(metadata, dict), "known", text, "a JSON object, from json.dumps")
     return metadata
 
 
