@@ -127,7 +127,7 @@ def against_scipy():
 
     def exact_six(periods):
         propagator = six.propagator(0.9)
-        start = propagator.start((0.0, 0.0))
+        start = propagator.initial_state((0.0, 0.0))
         return propagator.run(start, Span(periods, 1, 10**6), keep_events=False).final
 
     rows = []

@@ -218,7 +218,8 @@ def grown():
 def table_bytes(propagator):
     """Return what the combinations in use take in the tables of a propagator's last run."""
     tables = (propagator.unused_large_tables or propagator.unused_tables)[0][1]
-    return tables.used[0] * sum(one.nbytes for one in tables if one.ndim > 2) / len(tables.keys)
+    all_bytes = sum(table.nbytes for table in tables if table.ndim > 2)
+    return tables.combination_count[0] * all_bytes / len(tables.keys)
 
 
 def growth():
@@ -266,7 +267,7 @@ def to_the_end():
         print(
             f"{name}, {train.size // 2} coordinates, repeats after {train.repeats:.3g} periods: "
             f"{spent:.3g} s for {periods} periods, status {status}, "
-            f"{tables.used[0]} combinations with modes, "
+            f"{tables.combination_count[0]} combinations with modes, "
             f"{table_bytes(propagator) / 1e6:.3g} MB of tables, process {most:.0f} MiB",
             flush=True,
         )

@@ -105,7 +105,7 @@ class Perturbation:
         if self.log_length == 0.0:
             # The perturbation has decayed to a rounding error, whose direction is arbitrary.
             self.vector = None
-        start = propagator.start(state)
+        start = propagator.initial_state(state)
         _, log_growths, code = self.propagate(propagator, start, periods, first_period)
         growth = np.cumsum(log_growths) if code == status.OK else np.full(periods, math.inf)
         exceeds = self.log_length + max(float(growth.max()), 0.0) > MAX_LOG_GROWTH
@@ -123,7 +123,7 @@ def largest_exponent(
     """
     stroboscope = Stroboscope(model, tuning, max_events=max_events)
     propagator = stroboscope.propagator
-    perturbation, state = Perturbation(model, max_events), propagator.start(state)
+    perturbation, state = Perturbation(model, max_events), propagator.initial_state(state)
     bound = UNBOUNDED_FACTOR * np.maximum(model.extent, stroboscope.size(state[None]))
     # During the transient any perturbation turns into the direction of fastest growth.
     for first_period, count in ((0, settle), (settle, periods)) if settle else ((0, periods),):

@@ -37,10 +37,15 @@ def warm_up() -> str:
     from gearlib.engines.pair.motion import mesh_at_tuning
     from gearlib.engines.pair.pair_run import run
 
-    dimensionless_pair = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
+    # Stiffness levels, their phase lengths, two damping ratios, backlash; see `mesh_at_tuning`.
+    pair_parameters = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
+    tuning, span = 0.9, Span(periods=2, recorded=1, max_events=100)
+    # Summary, final state, period and status of the only run.
     rows = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)
-    sweep_arguments = np.array([0.9]), np.argsort([0.9]), np.zeros(2)
-    run_many(dimensionless_pair, *sweep_arguments, False, Span(2, 1, 100), np.inf, *rows)
+    tunings, order, state = np.array([tuning]), np.argsort([tuning]), np.zeros(2)
+    warm_start, max_x = False, np.inf
+    run_many(pair_parameters, tunings, order, state, warm_start, span, max_x, *rows)
     samples, events = np.empty((4, SAMPLE_COLUMNS)), np.empty((4, EVENT_COLUMNS))
-    run(mesh_at_tuning(dimensionless_pair, 0.9), 0.0, 0.0, 2, 1, samples, events, 100, rows[0][0])
+    tables = samples, events, span.max_events, rows[0][0]
+    run(mesh_at_tuning(pair_parameters, tuning), *state, span.periods, span.recorded, *tables)
     return source_hash()

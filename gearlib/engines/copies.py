@@ -16,17 +16,10 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
         target[i] = source[i]
 
 
-@kernel_without_refcounts
-def copy_rows(source: np.ndarray, target: np.ndarray) -> None:
-    """Copy all rows of `source`, shape (k, n), to the first k rows of `target`, shape (m, n)."""
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            target[i, j] = source[i, j]
-
-
 @kernel
 def enlarge_table(table: np.ndarray, row_count: int) -> np.ndarray:
     """Return a table with more rows, `row_count`, that begins with all rows of `table`."""
     larger_table = np.empty((row_count, table.shape[1]))
-    copy_rows(table, larger_table)
+    for i in range(table.shape[0]):
+        copy(table[i], larger_table[i])
     return larger_table

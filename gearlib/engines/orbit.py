@@ -23,6 +23,8 @@ from gearlib.engines.polynomial import polynomial_maximum
     BOUNCES,
 ) = range(9)
 SUMMARY_COLUMNS = 9
+#: Additional last entry of some summaries: integral of the mesh force over the phase.
+FORCE_SUM = SUMMARY_COLUMNS
 
 # Columns of the sample table and of the event table.
 SAMPLE_X, SAMPLE_V, SAMPLE_A, SAMPLE_CONTACT, SAMPLE_STIFFNESS, SAMPLE_FORCE = range(6)

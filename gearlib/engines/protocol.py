@@ -42,7 +42,7 @@ class Base:
         """Return the engine of the same model at another tuning."""
         return type(self)(self.model, tuning)
 
-    def start(self, state: Any) -> np.ndarray:
+    def initial_state(self, state: Any) -> np.ndarray:
         """Return the state z for a displacement and dx/dtau at tau = 0."""
         return np.array(state, float)
 
@@ -105,13 +105,13 @@ class Base:
         return np.array([record.state for record in records]).reshape(np.shape(states)), statuses
 
     def sections(
-        self, states, settle_periods: int, phase: float, max_events: int, table, ends, codes
+        self, states, settle_periods: int, phase: float, max_events: int, table, ends, statuses
     ) -> None:
         """Fill a table, shape (n, periods, 2), with the states (x, x') of n motions at a phase.
 
         The motions start from `states`, shape (n, 2), and run `settle_periods` mesh periods before.
-        `ends`, shape (n, 2), get the final states, `codes`, shape (n,), the statuses. The phase, in
-        rad, is a multiple of one degree; a mesh period has at most `max_events` events.
+        `ends`, shape (n, 2), get the final states, `statuses`, shape (n,), their statuses. The
+        phase, in rad, is a multiple of one degree; a period has at most `max_events` events.
         """
         period_fraction = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MAX_SECTION_SAMPLES)
         if abs(period_fraction - phase / (2.0 * math.pi)) > 1e-12:
@@ -122,8 +122,8 @@ class Base:
         periods, samples = table.shape[1], period_fraction.denominator
         span = Span(settle_periods + periods, periods, max_events)
         for i, state in enumerate(states):
-            record = self.run(self.start(state), span, samples, keep_events=False)
-            ends[i], codes[i] = record.final[:2], record.status
+            record = self.run(self.initial_state(state), span, samples, keep_events=False)
+            ends[i], statuses[i] = record.final[:2], record.status
             if record.status == OK:
                 table[i] = record.samples[
                     period_fraction.numerator :: samples, [SAMPLE_X, SAMPLE_V]
@@ -140,7 +140,7 @@ class Base:
         def run(tuning: float, previous: Record | None) -> Record:
             nonlocal engine, next_period
             engine, first_period = engine.at(tuning), next_period if previous else 0
-            z = previous.state if previous else engine.start(state)
+            z = previous.state if previous else engine.initial_state(state)
             record = engine.run(z, span, first_period=first_period, keep_events=False)
             next_period = (first_period + span.periods) % repeats
             arguments = record.state, record.period, span.max_events, next_period

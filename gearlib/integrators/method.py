@@ -107,7 +107,7 @@ class Exact(Integrator):
         samples per recorded period, and events only if `keep_events`.
         """
         propagator = model.propagator(tuning, self.NAME, **options)
-        converted_state = propagator.start(state)
+        converted_state = propagator.initial_state(state)
         return propagator.run(converted_state, span, samples, keep_events=keep_events)
 
     def sweep(self, model, tunings, order, state, warm_start, span, rows, **options) -> None:

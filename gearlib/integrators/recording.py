@@ -9,7 +9,7 @@ import numpy as np
 from gearlib.data import status
 from gearlib.engines import orbit
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
+from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.orbit import Record, Span
 from gearlib.integrators.right_hand_sides import (
     COAST_FLANK,
@@ -255,7 +255,7 @@ class Run:
                 t[i + 1], states[i + 1], segments_before[i], contact_codes[i + 1]
             )
         areas = h / 2.0 * (forces[:-1] + end_forces) + h * h / 12.0 * (rates[:-1] - end_rates)
-        self.summary[:, FORCE_SUM] += areas.sum(axis=0)
+        self.summary[:, orbit.FORCE_SUM] += areas.sum(axis=0)
 
     def _add_contact_times(
         self, period: int, mesh: int, recorded_starts, t, states, distances

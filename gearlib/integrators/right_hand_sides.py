@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.engines.linear.run_storage import new_work
+from gearlib.engines.linear.run_storage import allocate_run_storage
 from gearlib.engines.linear.train_run import set_initial_contacts
 from gearlib.engines.linear.train_system import fill_system_matrix, set_harmonics
 from gearlib.engines.pair.motion import contact_between
@@ -204,7 +204,7 @@ class PiecewiseLinear(_RightHandSide):
         self.system, self._constants = self.propagator.complete_system()
         system, size = self.system, model.size
         self.segment_bounds, self.first_segment = system.starts, system.first_segment
-        self.below_mean = system.low
+        self.below_mean = system.below_mean
         # Displacements at which the drive flanks (row 0) and the coast flanks (row 1) touch.
         contact_displacements = np.reshape(model.flank_lines, (2, -1))
         self.backlashes = contact_displacements[0] - contact_displacements[1]
@@ -239,11 +239,11 @@ class PiecewiseLinear(_RightHandSide):
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
         """Return (state, contact codes) at phase 0 for an initial state of the model."""
-        # `start` converts the state to coordinates of the propagator, with its scale.
+        # `initial_state` converts the state to coordinates of the propagator, with its scale.
         state_scale = self.scale[: self.size]
-        z = self.propagator.start(state) * (self.propagator.scale / state_scale)
+        z = self.propagator.initial_state(state) * (self.propagator.scale / state_scale)
         full_size, mesh_count = self.scale.size, self._meshes.size
-        work = new_work(full_size, full_size, mesh_count)
+        work = allocate_run_storage(full_size, full_size, mesh_count)
         work.state[:] = self.scale * self.full_state(0.0, z)
         set_initial_contacts(self.system, self._constants.no_coast_side, work, segment=0)
         return z, work.contact.copy()

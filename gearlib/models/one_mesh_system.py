@@ -56,7 +56,7 @@ def single_mesh_system(free, force_input, flanks, below_mean, starts, orders, tu
     return TrainSystem(
         *(free, drive_line[None], coast_line[None]),
         *(force_inputs, force_outputs, force_index, stiffness),
-        low=np.repeat(np.asarray(below_mean)[None, :, None], 3, axis=0),
+        below_mean=np.repeat(np.asarray(below_mean)[None, :, None], 3, axis=0),
         starts=starts.copy(),
         first_segment=np.array([0, p]),
         max_step=MAX_NORM / max(norm, np.abs(orders * tuning).max(initial=1e-300)),

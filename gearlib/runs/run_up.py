@@ -9,7 +9,6 @@ from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.engines.linear import speed_profiles
-from gearlib.engines.linear.record import FORCE_SUM
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, tuning_at_speed
@@ -300,7 +299,7 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
         "displacement_min": summaries[..., orbit.X_MIN] * length,
         "dynamic_force_max": summaries[..., orbit.FORCE_MAX] * force,
         "dynamic_force_min": summaries[..., orbit.FORCE_MIN] * force,
-        "mean_force": summaries[..., FORCE_SUM] * force / total_time,
+        "mean_force": summaries[..., orbit.FORCE_SUM] * force / total_time,
         "fraction_normal": summaries[..., orbit.TIME_NORMAL] / total_time,
         "fraction_backlash": summaries[..., orbit.TIME_BACKLASH] / total_time,
         "fraction_inverse": summaries[..., orbit.TIME_INVERSE] / total_time,

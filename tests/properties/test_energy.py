@@ -92,7 +92,7 @@ def test_energy_is_kept_where_nothing_takes_it(name):
     run = simulate(model, nu, periods=12, record_periods=12, initial_state=start)
     assert set(run.event_to.values) >= {-1, 1} and run.sizes["event"] > 12
     propagator = model.propagator(nu)
-    state, energies = propagator.start(start), []
+    state, energies = propagator.initial_state(start), []
     for _ in range(13):
         energies.append(energy(system, state))
         state = propagator.maps(state, 1, 10**5)[0]

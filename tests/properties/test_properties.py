@@ -94,7 +94,7 @@ def test_units_do_not_matter(kind, data):
 def end_of(case, periods):
     """Return all components after some periods: of several coordinates results hold two."""
     propagator = case.model.propagator(case.tuning)
-    end, _, code = propagator.maps(propagator.start(case.state), periods, 10**6)
+    end, _, code = propagator.maps(propagator.initial_state(case.state), periods, 10**6)
     return tuple(end) if code == 0 else None
 
 

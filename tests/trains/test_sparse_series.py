@@ -37,7 +37,7 @@ def motion(train, tuning, state, price, periods=2):
     assert done[3] == 0
     tables = (propagator.unused_large_tables or propagator.unused_tables).pop()[1]
     propagator.unused_tables.clear()
-    return z, raw, done[1][: done[2]], summary, maps, int(tables.used[0])
+    return z, raw, done[1][: done[2]], summary, maps, int(tables.combination_count[0])
 
 
 def assert_same(one, other):

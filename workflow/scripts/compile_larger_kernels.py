@@ -21,7 +21,7 @@ def models():
 def run(model):
     """Compile the kernels of a model by a run of two mesh periods and the period maps."""
     propagator = model.propagator(0.9)
-    start = propagator.start((0.0, 0.0))
+    start = propagator.initial_state((0.0, 0.0))
     propagator.run(start, Span(2, 1, 100), keep_events=False)
     propagator.maps(start, 1, 100)
 

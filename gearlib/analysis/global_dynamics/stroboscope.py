@@ -52,7 +52,7 @@ class Stroboscope:
 
     def start(self, states: np.ndarray) -> np.ndarray:
         """Return the full states, shape (k, n), of displacements and velocities, shape (k, 2)."""
-        return np.array([self.propagator.start(state) for state in states])
+        return np.array([self.propagator.initial_state(state) for state in states])
 
     def scaled(self, states: np.ndarray) -> np.ndarray:
         """Return states without the free rotation, with velocities scaled to displacements."""

@@ -169,7 +169,7 @@ class _ResonanceSearch:
         model = self.model
         drive_line, _ = model.flank_lines
         # The static equilibrium: of a train, or the displacement 1 and velocity 0.
-        start = model.propagator(tuning).start("static" if model.mesh_names else (1.0, 0.0))
+        start = model.propagator(tuning).initial_state("static" if model.mesh_names else (1.0, 0.0))
         try:
             state = periodic_orbit(model, tuning, guess=start, period=model.repeats).state
         except NoOrbit:

@@ -379,7 +379,7 @@ def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
     propagator = problem.propagator(model, problem.tuning)
     if guess is None:
         periods = -(-_TRANSIENT_PERIODS // problem.period) * problem.period
-        rest_state = propagator.start((0.0, 0.0))
+        rest_state = propagator.initial_state((0.0, 0.0))
         ends, codes = propagator.propagate_many(rest_state[None], periods, problem.max_events)
         code = int(codes[0])
         if code != status.OK:
@@ -389,8 +389,8 @@ def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
     if values.shape not in ((2,), (n,)) or not np.isfinite(values).all():
         counts = "2" if n == 2 else f"2 or {n}"
         raise ValueError(f"guess = {guess!r} is not allowed: it must be {counts} finite numbers")
-    # `start` converts a displacement and velocity to a full state.
-    return values if values.size == n else propagator.start(values)
+    # `initial_state` converts a displacement and velocity to a full state.
+    return values if values.size == n else propagator.initial_state(values)
 
 
 def floquet_multipliers(monodromy: np.ndarray) -> np.ndarray:

@@ -4,20 +4,22 @@ The amplitudes of the modes bound a distance while the contacts stay. Mostly thi
 line is reached. Otherwise the distance is a polynomial in Bernstein form, whose first fall through
 zero is isolated: nothing is sampled. In all functions `tables` are the `Modes` of a run, `work` is
 its `RunStorage`, `constants` are its `RunConstants`, and a `combination` of contacts is a row of
-`tables`, or SERIES.
+`tables`, or SERIES. Contact codes are NORMAL 1 (drive side), BACKLASH 0, INVERSE -1 (coast side).
 """
 
 import math
 
 from gearlib.engines.codes import INVERSE, NORMAL
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
-from gearlib.engines.linear.modal_arcs import HIGH_DEGREE, LOW_DEGREE
+from gearlib.engines.linear.modal_arcs import HIGH_DEGREE, LOW_DEGREE, fill_product
 from gearlib.engines.linear.sparse_series import SERIES, series_may_reach_zero
 from gearlib.engines.linear.train_system import next_contact
 from gearlib.engines.polynomial import BINOMIALS, first_bernstein_crossing
 
 #: Largest rounding error of a distance, as a fraction of the sum of its terms' magnitudes.
 _ROUNDING = 1e-15
+#: Instants, as fractions of a piece of time, of no event and of an event hidden by rounding.
+_NO_EVENT, _HIDDEN_EVENT = 2.0, -1.0
 
 
 @inlined_without_refcounts
@@ -37,9 +39,10 @@ def fill_amplitudes(tables, combination, y, amplitudes):
 
 @inlined_without_refcounts
 def _can_reach(constants, j, contact_code, line):
-    """Return whether mesh j with a contact code may reach a flank line (1 drive, -1 coast side).
+    """Return whether mesh j may reach a flank line, 1 for the drive and -1 for the coast side.
 
-    A mesh in contact on one side reaches the other side only if it may jam.
+    `contact_code` is 1 or -1 in contact on that side, else 0. A mesh in contact on one side reaches
+    the other only if it may jam. `constants` (`RunConstants`) have the properties of all meshes.
     """
     may_reach_other_side = contact_code != -line or constants.may_jam[j]
     return may_reach_other_side and not (line == -1 and constants.no_coast_side[j])
@@ -47,11 +50,13 @@ def _can_reach(constants, j, contact_code, line):
 
 @inlined_without_refcounts
 def _distance_sign(contact_code, line):
-    """Return the sign that the displacement relative to a flank line has in a contact state.
+    """Return the sign of the distance of a mesh from a flank line, 1 drive or -1 coast side.
 
-    The line is 1 for the drive side and -1 for the coast side.
+    The contact code is NORMAL (drive side in contact), INVERSE (coast side) or BACKLASH (neither).
     """
-    return -1.0 if ((contact_code != NORMAL) if line == 1 else (contact_code == INVERSE)) else 1.0
+    if line == 1:
+        return 1.0 if contact_code == NORMAL else -1.0
+    return -1.0 if contact_code == INVERSE else 1.0
 
 
 @inlined_without_refcounts
@@ -75,23 +80,24 @@ def _dot_of_first(a, b, count):
 
 
 @inlined_without_refcounts
-def distance_amplitude(tables, combination, line, j, work, count):
-    """Return the largest deviation of mesh j's distance from a flank line from its constant part.
+def distance_amplitude(tables, combination, side, j, work, count):
+    """Return a bound on the oscillation of mesh j's distance from a flank line about its mean.
 
-    It holds until a contact changes, for a row `combination` of `tables` and the first `count` mode
-    amplitudes of `work`. `line` is 0 for the coast and 1 for the drive side.
+    It holds until a contact changes, for a row `combination` of `tables` (`Modes`) and the first
+    `count` mode amplitudes in `work` (`RunStorage`). `side` is 0 for the coast and 1 for the drive.
     """
-    factors = tables.mode_amplitude_factors[combination, line, j]
+    factors = tables.mode_amplitude_factors[combination, side, j]
     amplitude = _dot_of_first(factors, work.amplitudes, count)
-    return amplitude + _ROUNDING * (amplitude + abs(tables.constant_distance[combination, line, j]))
+    return amplitude + _ROUNDING * (amplitude + abs(tables.constant_distance[combination, side, j]))
 
 
 @inlined_without_refcounts
 def stays_off_lines(tables, combination, j, constants, work, count):
     """Return whether mesh j provably reaches no flank line until a contact changes.
 
-    `combination` is a row of `tables`; if it is SERIES, the proof holds as long as the Taylor
-    series in `work`. `count` is the number of mode amplitudes in `work`.
+    `combination` is a row of `tables` (`Modes`); if it is SERIES, the proof holds as long as the
+    Taylor series in `work` (`RunStorage`). `count` is the number of mode amplitudes in `work`;
+    `constants` (`RunConstants`) say which meshes have a constant gap between both flank lines.
     """
     amplitude, code = 0.0, work.contact[j]
     for line in (1, -1):
@@ -105,7 +111,8 @@ def stays_off_lines(tables, combination, j, constants, work, count):
             continue
         if not tables.is_bounded[combination, side, j]:
             return False
-        # Distances from two lines with a constant gap have the same amplitude.
+        # With a constant gap both distances have the same amplitude, which is then known from the
+        # drive side unless the loop has skipped that, with the coast side in contact.
         if line == 1 or code == INVERSE or not constants.constant_gap[j]:
             factors = tables.mode_amplitude_factors[combination, side, j]
             amplitude = _dot_of_first(factors, work.amplitudes, count)
@@ -113,26 +120,6 @@ def stays_off_lines(tables, combination, j, constants, work, count):
         if not _distance_sign(code, line) * center > amplitude + _ROUNDING * abs(center):
             return False
     return True
-
-
-@inlined_without_refcounts
-def _fill_product(curves, y, product, width):
-    """Fill b, shape (points,), with the product y @ curves; `curves` has the shape (n, points)."""
-    i, n = 0, curves.shape[0]
-    for r in range(width):
-        product[r] = 0.0
-    while i + 3 < n:
-        p, q, s, t = y[i], y[i + 1], y[i + 2], y[i + 3]
-        for r in range(width):
-            product[r] += (curves[i, r] * p + curves[i + 1, r] * q) + (
-                curves[i + 2, r] * s + curves[i + 3, r] * t
-            )
-        i += 4
-    while i < n:
-        p = y[i]
-        for r in range(width):
-            product[r] += curves[i, r] * p
-        i += 1
 
 
 @inlined_without_refcounts
@@ -144,9 +131,9 @@ def fill_curve(curves, y, bernstein):
     """
     # The compiler unrolls loops of constant length.
     if bernstein.shape[0] == LOW_DEGREE + 1:
-        _fill_product(curves, y, bernstein, LOW_DEGREE + 1)
+        fill_product(curves, y, bernstein, LOW_DEGREE + 1)
     else:
-        _fill_product(curves, y, bernstein, HIGH_DEGREE + 1)
+        fill_product(curves, y, bernstein, HIGH_DEGREE + 1)
 
 
 @inlined_without_refcounts
@@ -163,6 +150,7 @@ def _fill_signed_distance(curve, offset, sign, b, count):
 def distance_rounding(curves, y):
     """Return the largest rounding error of a distance with Bernstein coefficients y @ curves."""
     magnitude, last = 0.0, curves.shape[1] - 1
+    # A mode oscillates about once in a piece at most, so three coefficients show its magnitude.
     for i in range(curves.shape[0]):
         largest = max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2]))
         magnitude += largest * abs(y[i])
@@ -200,12 +188,14 @@ def find_first_events(tables, combination, constants, work, end):
 
     Instants are fractions of the piece of time over which the polynomials of the distances hold;
     the search stops at `end`. The result is 2 if there is no crossing and -1 if rounding hides
-    whether there is one. `combination` is a row of `tables` or SERIES. The fields event_instant,
-    contact_after and instant_rounding of `work` are filled.
+    whether there is one. `combination` is a row of `tables` (`Modes`), or SERIES. The fields
+    event_instant, contact_after and instant_rounding of `work` (`RunStorage`) are filled. There,
+    zero_order is k > 0 if a mesh starts on the line start_line with k zero derivatives of its
+    distance, counting the distance itself, and stays_off whether it provably reaches no line.
     """
-    earliest, curve, b = 2.0, work.curve, work.search[0]
+    earliest, curve, b = _NO_EVENT, work.curve, work.search[0]
     for j in range(work.contact.shape[0]):
-        work.event_instant[j], code = 2.0, work.contact[j]
+        work.event_instant[j], code = _NO_EVENT, work.contact[j]
         if work.stays_off[j] and work.zero_order[j] == 0:
             continue
         curve_is_filled = False
@@ -215,6 +205,7 @@ def find_first_events(tables, combination, constants, work, end):
             curves, y, offset, rounding = work.to_bernstein, work.distance_series[0, 0], 0.0, 0.0
             if combination == SERIES:
                 y = work.distance_series[(line + 1) // 2, j]
+                # The entry behind the coefficients is the sum of the magnitudes of their terms.
                 rounding = _ROUNDING * y[curves.shape[0]]
             else:
                 curves, y = tables.curves[combination, (line + 1) // 2, j], work.modal_state
@@ -247,7 +238,7 @@ def find_first_events(tables, combination, constants, work, end):
                     work.search, zero_count, end, rounding
                 )
             if instant < 0.0:
-                return -1.0
+                return _HIDDEN_EVENT
             if instant < work.event_instant[j]:
                 work.event_instant[j], work.instant_rounding[j] = instant, instant_rounding
                 work.contact_after[j] = next_contact(code, line)

@@ -30,6 +30,8 @@ _HIGH_DEGREE_COMPONENTS = 20
 MAX_TABLE_BYTES = 2**28
 #: Largest number of combinations in the tables, and of lengths of segments for each.
 _MAX_COMBINATIONS, MAX_SEGMENT_LENGTHS = 1024, 64
+#: Smallest number of rows of tables, and of hash slots if combinations may go by the series.
+_MIN_ROWS, _MIN_SERIES_SLOTS = 16, 2**14
 #: Largest |lambda| of a mode times the length of a piece, by degree. The Chebyshev series of
 #: e^(lambda t), cut behind the degree, is exact to 2 (2.4 / 4)^16 / 16! = 3e-17
 #: and 2 (7.2 / 4)^24 / 24! = 4e-18.
@@ -44,7 +46,8 @@ class Modes(NamedTuple):
     Index 2 stands for the distances from the coast-side and the drive-side flank line.
     """
 
-    used: np.ndarray  #: int, number of combinations and of `segment_factors` in use, shape (2,)
+    combination_count: np.ndarray  #: int, number of rows in use, shape (1,)
+    segment_factor_count: np.ndarray  #: int, rows of `segment_factors` in use, shape (1,)
     hash_slots: np.ndarray  #: int, hash table: row of a combination, or -1
     series_steps: np.ndarray  #: int, steps by the power series, by hash slot
     mode_cost: np.ndarray  #: int, number of series steps that cost as much as modes, shape (1,)
@@ -67,46 +70,46 @@ class Modes(NamedTuple):
     segment_factors: np.ndarray  #: factors of the modes over a segment, shape (s, n)
 
 
-def modes(n, meshes, lengths, combinations=_MAX_COMBINATIONS, memory=MAX_TABLE_BYTES):
-    """Return empty `Modes` for n state components, at most `combinations` rows and `memory` bytes.
+def allocate_modes(n, m, length_count, combinations=_MAX_COMBINATIONS, max_bytes=MAX_TABLE_BYTES):
+    """Return empty `Modes` for n state components and m meshes, with at most `max_bytes`.
 
-    `meshes` is the number of meshes, `lengths` the number of different lengths of segments.
+    The state may have `combinations` combinations of contacts and stiffness levels; `length_count`
+    is the number of different lengths of segments.
     """
-    padded = round_up_to_eight(n)
+    length_count = min(length_count, MAX_SEGMENT_LENGTHS)
+    padded = (n + 7) // 8 * 8  # The next multiple of eight.
     degree = HIGH_DEGREE if n >= _HIGH_DEGREE_COMPONENTS else LOW_DEGREE
-    numbers_per_combination = 2 * n * padded + n * n + meshes * n * (2 * degree + 4)
-    count = memory // (8 * numbers_per_combination)
-    count = int(min(max(count, 2), _MAX_COMBINATIONS, max(combinations, 16)))
+    # Both transformations, the slow matrix, then curves and amplitude factors of two lines a mesh.
+    numbers_per_combination = 2 * n * padded + n * n + 2 * m * n * (degree + 2)
+    rows = max(max_bytes // (8 * numbers_per_combination), 2)
+    rows = int(min(rows, _MAX_COMBINATIONS, max(combinations, _MIN_ROWS)))
     # Combinations that go by the series take hash slots as well.
-    slots, cost = 2**14 if mode_cost_in_steps(n) else 1, mode_cost_in_steps(n)
-    while slots < 4 * count:
+    cost = mode_cost_in_steps(n)
+    slots = _MIN_SERIES_SLOTS if cost else 1
+    while slots < 4 * rows:
         slots *= 2
     return Modes(
-        np.zeros(2, np.int64),
-        np.full(slots, -1, np.int64),
-        np.zeros(slots, np.int64),
-        np.full(1, cost),
-        np.empty((count, meshes), np.int8),
-        np.zeros(count, np.int64),
-        np.zeros(count, np.int64),
-        np.empty((count, n, 2)),
-        np.empty((count, n, n)),
-        np.empty(count),
-        np.empty(count),
-        np.empty((count, n, padded)),
-        np.empty((count, n, padded)),
-        np.empty((count, 2, meshes, n, degree + 1)),
-        np.empty((count, 2, meshes, n)),
-        np.empty((count, 2, meshes)),
-        np.zeros((count, 2, meshes), np.bool_),
-        np.full((count, min(lengths, MAX_SEGMENT_LENGTHS)), -1, np.int64),
-        np.empty((count * min(lengths, MAX_SEGMENT_LENGTHS), n)),
+        combination_count=np.zeros(1, np.int64),
+        segment_factor_count=np.zeros(1, np.int64),
+        hash_slots=np.full(slots, -1, np.int64),
+        series_steps=np.zeros(slots, np.int64),
+        mode_cost=np.full(1, cost),
+        keys=np.empty((rows, m), np.int8),
+        pair_counts=np.zeros(rows, np.int64),
+        real_counts=np.zeros(rows, np.int64),
+        rates=np.empty((rows, n, 2)),
+        slow_matrix=np.empty((rows, n, n)),
+        slow_rate=np.empty(rows),
+        piece_lengths=np.empty(rows),
+        to_modes=np.empty((rows, n, padded)),
+        from_modes=np.empty((rows, n, padded)),
+        curves=np.empty((rows, 2, m, n, degree + 1)),
+        mode_amplitude_factors=np.empty((rows, 2, m, n)),
+        constant_distance=np.empty((rows, 2, m)),
+        is_bounded=np.zeros((rows, 2, m), np.bool_),
+        segment_factor_rows=np.full((rows, length_count), -1, np.int64),
+        segment_factors=np.empty((rows * length_count, n)),
     )
-
-
-def round_up_to_eight(count: int) -> int:
-    """Return the smallest multiple of eight that is not below `count`."""
-    return (count + 7) // 8 * 8
 
 
 @kernel_without_refcounts
@@ -132,37 +135,42 @@ def find_slot(slots, keys, effects):
 
 def clear_tables(tables: Modes) -> None:
     """Mark all rows of the `Modes` in `tables` as unused."""
-    tables.used[:] = 0
+    tables.combination_count[0] = 0
     tables.hash_slots[:] = -1
     tables.series_steps[:] = 0
-    tables.segment_factor_rows[:] = -1
+    clear_segment_factors(tables)
 
 
 def clear_segment_factors(tables: Modes) -> None:
     """Mark the mode factors of whole segments, which depend on the tuning, as unused."""
-    tables.used[1] = 0
+    tables.segment_factor_count[0] = 0
     tables.segment_factor_rows[:] = -1
+
+
+@inlined_without_refcounts
+def fill_product(matrix, y, product, width):
+    """Fill `product`, shape (width,), with y @ matrix; `matrix` has the shape (n, width)."""
+    i, n = 0, matrix.shape[0]
+    for r in range(width):
+        product[r] = 0.0
+    while i + 3 < n:
+        y_0, y_1, y_2, y_3 = y[i], y[i + 1], y[i + 2], y[i + 3]
+        for r in range(width):
+            product[r] += (matrix[i, r] * y_0 + matrix[i + 1, r] * y_1) + (
+                matrix[i + 2, r] * y_2 + matrix[i + 3, r] * y_3
+            )
+        i += 4
+    while i < n:
+        y_0 = y[i]
+        for r in range(width):
+            product[r] += matrix[i, r] * y_0
+        i += 1
 
 
 @inlined_without_refcounts
 def apply_stored_matrix(matrices, row, z, product):
     """Fill `product`, shape (w,), with matrices[row].T @ z; `matrices` has the shape (c, n, w)."""
-    n, w = matrices.shape[1], matrices.shape[2]
-    for r in range(w):
-        product[r] = 0.0
-    j = 0
-    while j + 3 < n:
-        p, q, s, t = z[j], z[j + 1], z[j + 2], z[j + 3]
-        for r in range(w):
-            product[r] += (matrices[row, j, r] * p + matrices[row, j + 1, r] * q) + (
-                matrices[row, j + 2, r] * s + matrices[row, j + 3, r] * t
-            )
-        j += 4
-    while j < n:
-        p = z[j]
-        for r in range(w):
-            product[r] += matrices[row, j, r] * p
-        j += 1
+    fill_product(matrices[row], z, product, matrices.shape[2])
 
 
 @inlined_without_refcounts
@@ -189,10 +197,10 @@ def find_segment_factors(tables, combination, length_index, t):
     of the segment and `length_index` its index among the different durations.
     """
     if tables.segment_factor_rows[combination, length_index] < 0:
-        row = tables.used[1]
+        row = tables.segment_factor_count[0]
         fill_mode_factors(tables, combination, t, tables.segment_factors[row])
         tables.segment_factor_rows[combination, length_index] = row
-        tables.used[1] = row + 1
+        tables.segment_factor_count[0] = row + 1
     return tables.segment_factor_rows[combination, length_index]
 
 

@@ -31,6 +31,8 @@ _MAX_UNREFINED_DEFLECTION = 8.0
 _MAX_BASES = 64
 #: Largest growth rate of a mode that counts as rounding.
 _MAX_GROWTH = 1e-12
+#: Largest part of an unobservable motion in the distances, as a fraction of their coefficients.
+_MAX_UNOBSERVED = 1e-9
 
 
 class Basis(NamedTuple):
@@ -91,22 +93,28 @@ class ModalFrame:
     def __init__(self, frequencies, shapes, rigid, mass):
         """Set up the transformation between coordinates of the train and of its modes.
 
-        `frequencies`, shape (r,), by theta, and `shapes`, (n, r), are those of r elastic modes;
-        `rigid`, (n, k), are free rotations and `mass`, (n, n), is the mass matrix.
+        Columns of `shapes`, (n, r), are mass-normalised elastic modes with angular `frequencies`,
+        (r,), over the reference frequency; those of `rigid`, (n, n - r), are free rotations, and
+        `mass`, (n, n), is the mass matrix, all dimensionless. A state has modal displacements times
+        their frequencies and modal velocities, then angles and velocities of the free rotations.
         """
-        (n, r), k, omega = shapes.shape, rigid.shape[1], frequencies
+        (n, r), rigid_count = shapes.shape, rigid.shape[1]
         #: Number of state components of the elastic modes, which come first.
-        self.elastic_size = e = 2 * r
+        self.elastic_size = 2 * r
+        velocities, angles = slice(r, 2 * r), slice(2 * r, 2 * r + rigid_count)
+        rigid_velocities = slice(2 * r + rigid_count, None)
         self._known_bases: dict[bytes, Basis] = {}
         #: Mode tables that no run uses at present, see `propagator.Propagator`.
         self.unused_tables: list[tuple] = []
         self.from_frame, self.to_frame, self.base_matrix = np.zeros((3, 2 * n, 2 * n))
-        self.from_frame[:n, :r], self.from_frame[n:, r:e] = shapes / omega, shapes
-        self.from_frame[:n, e : e + k], self.from_frame[n:, e + k :] = rigid, rigid
-        momenta, rigid_momenta = shapes.T @ mass, rigid.T @ mass
-        self.to_frame[:r, :n], self.to_frame[r:e, n:] = omega[:, None] * momenta, momenta
-        self.to_frame[e : e + k, :n], self.to_frame[e + k :, n:] = rigid_momenta, rigid_momenta
-        self.base_matrix[:r, r:e], self.base_matrix[e : e + k, e + k :] = np.diag(omega), np.eye(k)
+        self.from_frame[:n, :r], self.from_frame[n:, velocities] = shapes / frequencies, shapes
+        self.from_frame[:n, angles], self.from_frame[n:, rigid_velocities] = rigid, rigid
+        # The modes are orthonormal with respect to the mass, so that this is the inverse.
+        self.to_frame[:r, :n] = frequencies[:, None] * (shapes.T @ mass)
+        self.to_frame[velocities, n:] = shapes.T @ mass
+        self.to_frame[angles, :n] = self.to_frame[rigid_velocities, n:] = rigid.T @ mass
+        self.base_matrix[:r, velocities] = np.diag(frequencies)
+        self.base_matrix[angles, rigid_velocities] = np.eye(rigid_count)
 
     def __getstate__(self):
         # Tables and bases are large, and another process computes its own.
@@ -114,41 +122,46 @@ class ModalFrame:
 
     @classmethod
     def for_mesh(cls, model: Any, system: TrainSystem) -> "ModalFrame":
-        """Return the frame of a model with one mesh and its `TrainSystem`."""
+        """Return the frame of a `Model` with one mesh and its `TrainSystem`."""
         frame = cls(*model.contact_modes(system))
-        size, e = len(frame.from_frame), frame.elastic_size
-        r = e // 2
-        velocity_rows = np.r_[r:e, e + size // 2 - r : size]
+        size, elastic_size = len(frame.from_frame), frame.elastic_size
+        mode_count = elastic_size // 2
+        # A state has displacements and velocities of the modes, then those of free rotations.
+        rigid_velocities = range(elastic_size + size // 2 - mode_count, size)
+        velocities = [*range(mode_count, elastic_size), *rigid_velocities]
         # The angles of free rotations cause no forces.
-        columns = [*range(e), *velocity_rows[r:]]
-        entries = np.ix_(velocity_rows, columns)
+        entries = np.ix_(velocities, [*range(elastic_size), *rigid_velocities])
         matrix = frame.to_frame @ system.base_matrix[:size, :size] @ frame.from_frame
         frame.base_matrix[entries] = matrix[entries]
         return frame
 
     @classmethod
     def for_train(cls, train: Any, system: TrainSystem) -> "ModalFrame":
-        """Return the frame of a gear train and its `TrainSystem`."""
+        """Return the frame of a `GearTrain` and its `TrainSystem`."""
         stiffness_scale = train.stiffness_scale
         matrices = train.dimensionless_matrices(system.tuning)
         squared_frequencies, shapes = train.linear_modes
-        omega = train.reference_angular_frequency
-        shapes, rigid = (
-            x * (math.sqrt(stiffness_scale) / omega) for x in (shapes, train.free_motions)
-        )
-        w = np.sqrt(squared_frequencies) / omega
-        frame = cls(w, shapes, rigid, matrices.mass)
-        (n, r), k, e = shapes.shape, rigid.shape[1], frame.elastic_size
-        # The linear modes contain the mean mesh stiffness, which is subtracted here.
-        beta = train.structure.lines @ shapes
-        mean = np.array([mesh.mean_stiffness for mesh in train.meshes]) / stiffness_scale
-        frame.base_matrix[r:e, :r] = (beta.T * mean) @ beta / w - np.diag(w)
+        reference_frequency = train.reference_angular_frequency
+        # Shapes that are normalised by the mass in kg become normalised by the dimensionless mass.
+        shape_scale = math.sqrt(stiffness_scale) / reference_frequency
+        shapes, rigid = shapes * shape_scale, train.free_motions * shape_scale
+        frequencies = np.sqrt(squared_frequencies) / reference_frequency
+        frame = cls(frequencies, shapes, rigid, matrices.mass)
+        (n, r), rigid_count, elastic_size = shapes.shape, rigid.shape[1], frame.elastic_size
+        # The modes contain the mean mesh stiffness, which is subtracted here; the structure has a
+        # row for each mesh that gives its displacement.
+        mesh_shapes = train.structure.lines @ shapes
+        mean_stiffness = np.array([mesh.mean_stiffness for mesh in train.meshes]) / stiffness_scale
+        frame.base_matrix[r:elastic_size, :r] = (
+            mesh_shapes.T * mean_stiffness
+        ) @ mesh_shapes / frequencies - np.diag(frequencies)
         motions = np.hstack([shapes, rigid])
-        velocities = np.concatenate([np.arange(r, e), np.arange(e + k, 2 * n)])
-        displacements = np.concatenate([np.arange(r), e + np.arange(k)])
-        scales = np.concatenate([1.0 / w, np.ones(k)])
-        frame_stiffness = (motions.T @ matrices.frame_stiffness @ motions) * scales
-        frame.base_matrix[np.ix_(velocities, displacements)] -= frame_stiffness
+        velocities = [*range(r, elastic_size), *range(elastic_size + rigid_count, 2 * n)]
+        displacements = [*range(r), *range(elastic_size, elastic_size + rigid_count)]
+        scales = np.concatenate([1.0 / frequencies, np.ones(rigid_count)])
+        # Centrifugal and circulatory terms of a rotating frame of reference.
+        rotation_stiffness = (motions.T @ matrices.frame_stiffness @ motions) * scales
+        frame.base_matrix[np.ix_(velocities, displacements)] -= rotation_stiffness
         velocity_matrix = matrices.mass @ system.base_matrix[n : 2 * n, n : 2 * n]
         frame.base_matrix[np.ix_(velocities, velocities)] += motions.T @ velocity_matrix @ motions
         return frame
@@ -182,7 +195,11 @@ class ModalFrame:
         return basis
 
     def _new_basis(self, system, effects, state_matrix):
-        """Return the `Basis` of `state_matrix`, (n, n), the matrix A of the meshes' `effects`."""
+        """Return the `Basis` of `state_matrix`, (n, n), the matrix A of the meshes' `effects`.
+
+        A state has 2 N displacements and velocities, which the frame transforms, other driven
+        components, the constant 1, then cosine and sine of each harmonic.
+        """
         n, n_moving, mode_count = len(state_matrix), len(self.from_frame), self.elastic_size // 2
         matrix, from_basis, to_basis = np.zeros((n, n)), np.eye(n), np.eye(n)
         matrix[:n_moving, :n_moving] = self.system_matrix(system, effects)
@@ -216,7 +233,8 @@ class ModalFrame:
                 state_matrix, from_basis, to_basis, rates, n_pairs, block
             )
         rows = distances @ from_basis
-        # Entries that are zero but for rounding are set to zero: the constant must not move.
+        # Entries that are zero but for rounding are set to zero: the constant must not move, and
+        # the unobservable motions before it act neither on distances nor on other slow motions.
         block[-1], to_basis[-1] = 0.0, 0.0
         to_basis[-1, constant] = 1.0
         rows[..., observed_end : n - 1] = 0.0
@@ -274,7 +292,10 @@ def _slow_components(matrix, rates, modes, slow_motions):
 def _refined_basis(matrix, from_basis, to_basis, rates, n_pairs, block):
     """Return (from_basis, to_basis, rates, block) after a Newton step with long double residuals.
 
-    The arguments are the fields of a `Basis` of `matrix`, (n, n).
+    The arguments are those of a `Basis` of the `matrix` A, (n, n): P with modes as columns, (n, n),
+    its inverse, eigenvalues, one of each of the `n_pairs` oscillating pairs and then those of real
+    modes, and the matrix of the slow motions, (s, s). With the block-diagonal matrix M of these and
+    the residual R = P^-1 A P - M, the new basis is P + P X, where X M - M X = R off the blocks.
     """
     n, n_fast = len(matrix), n_pairs + rates.size
     a, p, p_inverse = (x.astype(np.longdouble) for x in (matrix, from_basis, to_basis))
@@ -292,7 +313,8 @@ def _refined_basis(matrix, from_basis, to_basis, rates, n_pairs, block):
     motion[n_fast:, n_fast:] = block
     gram = p_inverse @ p
     residual = (p_inverse @ (a @ p) - gram @ motion.astype(np.longdouble)).astype(float)
-    error, residual = (gram - np.eye(n)).astype(float), to_complex @ residual @ from_complex
+    inverse_error = (gram - np.eye(n)).astype(float)
+    residual = to_complex @ residual @ from_complex
     step, differences = np.zeros((n, n), complex), eigenvalues[None] - eigenvalues[:, None]
     # Equal eigenvalues need no correction: any vectors of their subspace are valid.
     is_equal = np.abs(differences) <= 1e-6 * np.abs(eigenvalues).max(initial=0.0)
@@ -306,27 +328,29 @@ def _refined_basis(matrix, from_basis, to_basis, rates, n_pairs, block):
     step = (from_complex @ step @ to_complex).real
     return (
         (p + from_basis @ step).astype(float),
-        (p_inverse - (step + error) @ to_basis).astype(float),
+        (p_inverse - (step + inverse_error) @ to_basis).astype(float),
         rates + residual.diagonal()[order],
         block + residual[n_fast:, n_fast:].real,
     )
 
 
-def _slow_coordinates(rows, block, constant, scale):
-    """Return (new basis of the slow motions as columns, number of them that no distance contains).
+def _slow_coordinates(rows, block, constant_row, distance_scale):
+    """Return (new basis of s slow motions as columns, (s, s), number of unobservable motions).
 
-    The last column is the constant component of the state, which the row vector `constant` maps to
-    1. Before it come motions whose components in the distances are below rounding. `rows` map slow
-    motions to distances of the size `scale`; `block` is the matrix of the slow motions.
+    The last column is the motion that is constant, for which the product with `constant_row`, (s,),
+    is 1. Before it come the unobservable motions: they have no influence on any distance. The k
+    distances are `rows`, (k, s), times the slow motions, which `block`, (s, s), maps to their time
+    derivatives; `distance_scale` is the largest coefficient of a distance in all motions.
     """
-    length = np.linalg.norm(constant)
-    complement = scipy.linalg.null_space(constant[None])
+    length = np.linalg.norm(constant_row)
+    complement = scipy.linalg.null_space(constant_row[None])
     observations = [rows @ complement]
     for _ in range(len(block) - 2):
         observations.append(observations[-1] @ (complement.T @ block @ complement))
     _, singular_values, right_vectors = np.linalg.svd(np.vstack(observations))
-    unobserved_count = complement.shape[1] - int((singular_values > 1e-9 * scale).sum())
-    basis = np.hstack([complement @ right_vectors.T, constant[:, None] / length**2])
+    observed_count = int((singular_values > _MAX_UNOBSERVED * distance_scale).sum())
+    unobserved_count = complement.shape[1] - observed_count
+    basis = np.hstack([complement @ right_vectors.T, constant_row[:, None] / length**2])
     return basis, unobserved_count
 
 
@@ -336,23 +360,27 @@ def add_modes(tables: Modes, system: TrainSystem, frame: ModalFrame, effects: np
     `frame` is the `ModalFrame` of the `TrainSystem`, `effects`, int, shape (m,), has the effect of
     each mesh. Full tables are emptied first.
     """
-    if tables.used[0] == len(tables.keys):
+    if tables.combination_count[0] == len(tables.keys):
         clear_tables(tables)
-    combination, n, basis = tables.used[0], len(system.base_matrix), frame.basis_of(system, effects)
+    combination, n = tables.combination_count[0], len(system.base_matrix)
+    basis = frame.basis_of(system, effects)
     _fill_distance_tables(tables, combination, basis.rates, basis.n_pairs, basis.block, basis.rows)
     tables.from_modes[combination], tables.to_modes[combination] = 0.0, 0.0
     tables.from_modes[combination, :, :n] = basis.from_basis.T
     tables.to_modes[combination, :, :n] = basis.to_basis.T
     tables.hash_slots[find_slot(tables.hash_slots, tables.keys, effects)] = combination
     tables.keys[combination] = effects
-    tables.used[0] = combination + 1
+    tables.combination_count[0] = combination + 1
     return combination
 
 
 def _fill_distance_tables(tables, combination, rates, n_pairs, block, rows):
     """Fill a row of the `Modes` in `tables` with the polynomials and limits of the distances.
 
-    `combination` is the row; the other arguments are the fields of a `Basis`.
+    `combination` is the row. `rates` are the complex eigenvalues of `n_pairs` oscillating pairs,
+    one of each, and of real modes; `block`, (s, s), is the matrix of the s slow motions behind
+    them, the constant last; `rows`, (2, m, n), are the row vectors of coast-side and drive-side
+    distances in these coordinates.
     """
     size, n_fast = 2 * n_pairs, n_pairs + rates.size
     degree = tables.curves.shape[4] - 1

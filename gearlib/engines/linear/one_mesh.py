@@ -24,16 +24,18 @@ class Propagator(Train):
         self.pieces = 0
         # Kernels count displacements from the drive-side flank line.
         self.drive_line = model.flank_lines[0]
-        #: Deviation of the flanks and its rate by phase at the start of a mesh period, by which
-        #: displacements of one degree of freedom differ from the first coordinate.
+        #: Displacement and dx/dtau of the mesh less those of the coordinate, both at the start of a
+        #: mesh period: the deviation of the flanks from the involute there.
         self.flank_deviation = np.zeros(model.size)
+        # In a model that is given by an equation, a state z is that of the mesh.
         if model.equation is not None:
+            # At the start of a mesh period all cosines of the state are 1 and all sines are 0.
             cosines = slice(model.size + 1, None, 2)
             rate = self.system.drive_lines[0] @ self.system.base_matrix
             self.flank_deviation[0] = self.system.drive_lines[0, cosines].sum()
             self.flank_deviation[1] = rate[cosines].sum() / self.system.tuning
 
-    def start(self, state):
+    def initial_state(self, state):
         """Return the state z for a state of the mesh, (2,), or of all coordinates, (2 N,)."""
         if len(state) == self.model.size > 2:
             return np.array(state, float)
@@ -45,7 +47,7 @@ class Propagator(Train):
         train_summary, raw = np.empty((1, SUMMARY_COLUMNS)), self.empty_raw_samples(len(samples))
         event_rows = np.empty((len(events), EVENT_COLUMNS))
         period, event_rows, event_count, status, system = self.run_system(
-            z, raw, event_rows, span.max_events, train_summary, span[:2], first=first_period
+            z, raw, event_rows, span.max_events, train_summary, span[:2], first_period=first_period
         )
         summary[:] = train_summary[0, : orbit.SUMMARY_COLUMNS]
         summary[[orbit.X_MAX, orbit.X_MIN]] += self.drive_line

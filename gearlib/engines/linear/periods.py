@@ -28,8 +28,8 @@ from gearlib.engines.linear.run_storage import (
 from gearlib.engines.linear.sparse_series import (
     SERIES,
     advance_by_series,
-    expand,
     fill_distance_series,
+    fill_taylor_series,
     sum_series,
 )
 from gearlib.engines.linear.train_system import dot
@@ -53,7 +53,8 @@ def _cross_flank_line(system, constants, work, j, segment, vectors):
     """Change the contact of mesh j in `work` (`RunStorage`), which has reached a flank line.
 
     Small perturbations of the state, `vectors`, shape (k, n or more), are multiplied by the
-    saltation matrix of the `TrainSystem` in a segment.
+    saltation matrix. `segment` is the index of a segment, with constant effects of contacts, in the
+    `TrainSystem`; `constants` (`RunConstants`) have the rates of the distances from flank lines.
     """
     n = system.drive_lines.shape[1]
     line = 1 if NORMAL in (work.contact[j], work.contact_after[j]) else -1
@@ -86,6 +87,7 @@ def _cross_flank_line(system, constants, work, j, segment, vectors):
             time_shift /= speed
             for r in range(n):
                 vectors[i, r] += work.term[r] * time_shift
+    # The mesh starts on the line: its distance is zero, but not the derivative of the distance.
     work.zero_order[j] = 1
     work.contact[j] = work.contact_after[j]
 
@@ -146,7 +148,9 @@ def run_period(
                     return COMBINATION_MISSING if combination == -1 else EVENTS_FULL
                 if combination == SERIES:
                     tables.series_steps[slot] += 1 + vectors.shape[0]
-                    piece = expand(system, constants, work.effects, work.state, work.series)
+                    piece = fill_taylor_series(
+                        system, constants, work.effects, work.state, work.series
+                    )
                     fill_distance_series(system, constants, work.series, work.distance_series)
                 else:
                     piece = tables.piece_lengths[combination]

@@ -1,6 +1,5 @@
 """Exact runs of gear trains: modes of each combination of contacts between events."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,9 @@ from gearlib.engines.codes import OK
 from gearlib.engines.copies import enlarge_table
 from gearlib.engines.linear.modal_arcs import (
     MAX_SEGMENT_LENGTHS,
+    allocate_modes,
     clear_segment_factors,
     clear_tables,
-    modes,
 )
 from gearlib.engines.linear.modal_frame import ModalFrame, add_modes
 from gearlib.engines.linear.periods import (
@@ -26,7 +25,7 @@ from gearlib.engines.linear.run_storage import (
     EVENT_ROWS,
     KNOWN_PERIODS,
     PERIOD,
-    new_work,
+    allocate_run_storage,
     run_constants,
 )
 from gearlib.engines.linear.train_run import motion_period, run_train, start_run
@@ -43,7 +42,10 @@ _MAX_RATE = 20_000.0
 
 
 def _check_rates(model: Any, system: TrainSystem) -> None:
-    """Raise ValueError if a motion of a model and its system is too fast for a run of minutes."""
+    """Raise ValueError if a model is so stiff that each mesh period would take minutes to compute.
+
+    The `TrainSystem` of the model limits the steps of its fastest motion.
+    """
     fastest_harmonic = np.abs(system.harmonics * system.tuning).max(initial=1.0)
     rate = exponential.MAX_NORM / system.max_step
     if model.size > 2 and rate > _MAX_RATE * fastest_harmonic:
@@ -90,9 +92,9 @@ class Propagator(Base):
         try:
             table_system, tables = (self.unused_large_tables or self.unused_tables).pop()
         except IndexError:
-            return modes(n, m, length_count, combination_count)
+            return allocate_modes(n, m, length_count, combination_count)
         if tables.segment_factor_rows.shape[1] < length_count:
-            return modes(n, m, length_count, combination_count)
+            return allocate_modes(n, m, length_count, combination_count)
         if self.long_run_out:
             clear_segment_factors(tables)
         if table_system is not system:
@@ -125,17 +127,20 @@ class Propagator(Base):
         system = self.model.system(self.tuning)
         return system, run_constants(system)
 
-    def next_segments(self, first_period, done, spans):
-        """Return (system, constants, mesh period up to which they hold) after `done` mesh periods.
+    def next_segments(self, first_period, periods_done, period_counts):
+        """Return (system, constants, number of mesh periods from the start for which they hold).
 
-        The run begins in mesh period `first_period`; `spans` are its numbers of all and of recorded
-        periods. All recorded periods get one system, because samples have its segment numbers.
+        The run began in mesh period `first_period` of the excitation, `periods_done` mesh periods
+        ago; `period_counts` are its numbers of all and of recorded mesh periods. All recorded
+        periods get one system, because samples have its segment numbers.
         """
-        periods, unrecorded = spans[0], spans[0] - spans[1]
+        periods, unrecorded = period_counts[0], period_counts[0] - period_counts[1]
         if not self.long_run_out:
             return self.system._replace(first_period=first_period), self.constants, periods
-        end = min(done + _PERIODS_AT_A_TIME, unrecorded) if done < unrecorded else periods
-        system = self.model.system(self.tuning, first_period + done, end - done)
+        end = periods
+        if periods_done < unrecorded:
+            end = min(periods_done + _PERIODS_AT_A_TIME, unrecorded)
+        system = self.model.system(self.tuning, first_period + periods_done, end - periods_done)
         system = system._replace(first_period=first_period)
         return system, run_constants(system), end
 
@@ -143,47 +148,45 @@ class Propagator(Base):
         """Return the propagator of the model at another tuning, which reuses the tables."""
         return type(self)(self.model, tuning, self)
 
-    def start(self, state):
-        """Return the state z, shape (2 N,), for a state or 'static'; see `Base.start`."""
+    def initial_state(self, state):
+        """Return the state z, shape (2 N,), for a state or 'static'; see `Base.initial_state`."""
         return self.model.start_state(state)
 
     def run_system(
-        self, z, samples, events, limit, summary, spans, maps=None, first=0, extrema=True
+        self, z, samples, events, max_events, summary, period_counts, maps=None, first_period=0
     ):
         """Run from the state z, shape (2 N,), and fill samples, events, summary and maps.
 
-        z changes in place. `spans` are the numbers of all and of recorded mesh periods, `first` is
-        the one in which the run begins and `limit` the most events of a period. Samples have the
-        columns of `record.record`, `summary` has a row a mesh, without extrema unless `extrema`,
-        and `maps`, shape (periods, 2 N, 2 N), get the derivatives of the period maps. Returns
-        (period of the motion, events, number of events, status, system of the samples' segments).
+        z changes in place. `period_counts` are the numbers of all and of recorded mesh periods,
+        each with at most `max_events` events; the run begins in period `first_period` of the
+        excitation. Samples have the columns of `record.record`, `summary` has a row a mesh, and
+        `maps`, shape (periods, 2 N, 2 N), get the derivatives of the period maps. Returns (period
+        of the motion, events, number of events, status, system of the samples' segments).
         """
-        system, constants, end = self.next_segments(first, 0, spans)
-        (periods, record_periods), size = spans, z.size
+        system, constants, end = self.next_segments(first_period, 0, period_counts)
+        (periods, record_periods), size = period_counts, z.size
         maps = np.empty((0, size, size)) if maps is None else maps
         tables = self.take_tables()
         _, _, m, n, points = tables.curves.shape
-        work = new_work(
-            n, tables.from_modes.shape[2], m, points - 1, constants.chirp_frequencies.size > 0
-        )
+        padded, with_series = tables.from_modes.shape[2], constants.chirp_frequencies.size > 0
+        work = allocate_run_storage(n, padded, m, points - 1, with_series)
         work.state[:size] = z * self.scale
         orbit.clear_summary(summary[0])
         summary[1:] = summary[0]
-        if not extrema:
-            summary[:, orbit.X_MAX] = math.inf
         strobe_count = min(periods, orbit.strobe_periods(system.repeats)) if record_periods else 0
         strobes = np.empty((m, strobe_count + 1, 2))
         vectors = np.empty((size if len(maps) else 0, work.state.size))
         work.counters[KNOWN_PERIODS] = end
         status = start_run(system, constants, work)
+        # Some statuses are requests of the kernel, which then continues from where it stopped.
         while status == OK:
-            record = samples, events, limit, summary, strobes, vectors, maps
+            record = samples, events, max_events, summary, strobes, vectors, maps
             status = run_train(system, constants, tables, work, periods, record_periods, *record)
             if status == COMBINATION_MISSING:
                 add_modes(tables, system, self.frame, work.effects)
             elif status == SEGMENTS_MISSING:
                 system, constants, work.counters[KNOWN_PERIODS] = self.next_segments(
-                    first, int(work.counters[PERIOD]), spans
+                    first_period, int(work.counters[PERIOD]), period_counts
                 )
                 clear_segment_factors(tables)
             elif status == EVENTS_FULL:
@@ -191,8 +194,8 @@ class Propagator(Base):
             else:
                 break
             status = OK
-        used_bytes = tables.used[0] * (2 * tables.to_modes[0].nbytes + tables.curves[0].nbytes)
-        is_small = used_bytes < _MAX_KEPT_BYTES
+        row_bytes = 2 * tables.to_modes[0].nbytes + tables.curves[0].nbytes
+        is_small = tables.combination_count[0] * row_bytes < _MAX_KEPT_BYTES
         (self.unused_tables if is_small else self.unused_large_tables).append((self.system, tables))
         z[:] = work.state[:size] / self.scale
         is_complete = status == OK and record_periods > 0
@@ -208,20 +211,20 @@ class Propagator(Base):
         """Run from the state z and fill the tables of `GearTrain.empty_record`; see `Base`."""
         raw = self.empty_raw_samples(len(samples))
         arguments = events, span.max_events, summary, span[:2]
-        result = self.run_system(z, raw, *arguments, first=first_period)
+        result = self.run_system(z, raw, *arguments, first_period=first_period)
         period, events, event_count, status, system = result
         if status == OK and len(samples):
             self.fill_samples(raw, samples, system)
         return Record(z, z, period, samples, events[:event_count], summary, status)
 
     def fill_samples(self, raw: np.ndarray, samples: np.ndarray, system: TrainSystem) -> None:
-        """Fill samples, shape (k, 6 m + N), from the `raw` samples (k, n + m + 1) of a run.
+        """Fill samples, shape (k, 6 m + N), from the `raw` samples, (k, n + m + 1), of a run.
 
         Raw samples have the columns: state, contact codes, segment of the `TrainSystem` `system`.
         """
-        m = len(self.system.drive_lines)
-        self.fill_mesh_samples(raw, samples[:, : 6 * m].reshape(-1, m, 6), system)
-        samples[:, 6 * m :] = raw[:, : self.model.size // 2]
+        m, count = len(self.system.drive_lines), orbit.SAMPLE_COLUMNS
+        self.fill_mesh_samples(raw, samples[:, : m * count].reshape(-1, m, count), system)
+        samples[:, m * count :] = raw[:, : self.model.size // 2]
 
     def fill_mesh_samples(self, raw: np.ndarray, columns: np.ndarray, system: TrainSystem) -> None:
         """Fill the mesh samples `columns`, (k, m, 6), from `raw` samples as in `fill_samples`."""

@@ -17,8 +17,7 @@ from gearlib.engines.linear.run_storage import SAMPLES_TAKEN
 from gearlib.engines.linear.sparse_series import SERIES, sum_series
 from gearlib.engines.polynomial import bernstein_maximum
 
-#: Columns of a summary: those of `orbit` and the integral of the elastic force over the phase.
-FORCE_SUM = orbit.SUMMARY_COLUMNS
+#: Number of columns of a summary: those of `orbit`, then FORCE_SUM.
 SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
 
 
@@ -90,17 +89,17 @@ def _extrema_stay_within_summary(system, tables, combination, work, segment, sum
 
 
 @inlined_without_refcounts
-def _distance_integral(tables, combination, line, j, start, end, t):
+def _distance_integral(tables, combination, side, j, start, end, t):
     """Return the time integral of the distance of mesh j from a flank line over the time t.
 
-    `start` and `end` are the modal states, and `combination` is a row of `tables` (`Modes`); `line`
+    `start` and `end` are the modal states, and `combination` is a row of `tables` (`Modes`); `side`
     is 0 for the coast and 1 for the drive side.
     """
     pair_count = tables.pair_counts[combination]
-    total = tables.constant_distance[combination, line, j] * t
+    total = tables.constant_distance[combination, side, j] * t
     rates = tables.rates[combination]
     # The first coefficient of a curve is the component of a mode in the distance.
-    curves = tables.curves[combination, line, j]
+    curves = tables.curves[combination, side, j]
     for k in range(pair_count):
         # The integral of a mode is its change over its complex rate.
         growth, frequency = rates[k, 0], rates[k, 1]
@@ -124,8 +123,8 @@ def record(
     It begins at `phase`, in a segment, with the modal state in `work` and lasts `length` in theta;
     polynomials of distances hold over `piece_length`. `combination` is a row of `tables` or SERIES.
     Samples have the columns: state, shape (n,), contact codes, shape (m,), segment; the last column
-    has the phase of the sample until it is filled. There is no search for extrema if the first one
-    in `summary` is infinite.
+    has the phase of the sample until it is filled. After a failed search for the largest
+    displacement of the first mesh, which is then NaN, there are no further searches.
     """
     m, n = system.drive_lines.shape
     tuning, elapsed, curve = system.tuning, 0.0, work.curve
@@ -136,7 +135,7 @@ def record(
         orbit.add_contact_time(
             work.contact[j],
             length * tuning,
-            system.low[work.contact[j] + 1, segment, j],
+            system.below_mean[work.contact[j] + 1, segment, j],
             summary[j],
         )
     while elapsed < length:
@@ -153,12 +152,12 @@ def record(
                 for j in range(m):
                     code = work.contact[j]
                     if code != BACKLASH:
-                        line = 0 if code == INVERSE else 1
+                        side = 0 if code == INVERSE else 1
                         impulse = _distance_integral(
-                            tables, combination, line, j, work.mode_buffer, work.sampled_modes, step
+                            tables, combination, side, j, work.mode_buffer, work.sampled_modes, step
                         )
                         impulse *= tuning * system.stiffness[code + 1, segment, j]
-                        summary[j, FORCE_SUM] += impulse
+                        summary[j, orbit.FORCE_SUM] += impulse
         for j in range(m if search_step else 0):
             row, code = summary[j], work.contact[j]
             _fill_distance(tables, combination, 1, j, work)
@@ -172,7 +171,7 @@ def record(
                 restrict_to_start(curve, step / piece_length, degree)
                 _add_extrema(curve, False, stiffness, work, row)
             for k in range(degree + 1):
-                row[FORCE_SUM] += step * tuning * stiffness * curve[k] / (degree + 1)
+                row[orbit.FORCE_SUM] += step * tuning * stiffness * curve[k] / (degree + 1)
         step_start = phase + elapsed * tuning
         step_end = step_start + step * tuning - 1e-12
         while work.counters[SAMPLES_TAKEN] < samples.shape[0]:

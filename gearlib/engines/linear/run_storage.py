@@ -13,6 +13,8 @@ from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
 # start of a period), events and samples of this period so far, first row of its events, and the
 # number of mesh periods that the segments of the system last for.
 EVENT_ROWS, PERIOD, SEGMENT, PERIOD_EVENTS, SAMPLES_TAKEN, FIRST_EVENT_ROW, KNOWN_PERIODS = range(7)
+#: Largest relative difference of lengths of segments that is rounding.
+_SAME_LENGTH_TOLERANCE = 1e-13
 
 
 class RunConstants(NamedTuple):
@@ -72,43 +74,56 @@ def run_constants(system: TrainSystem) -> RunConstants:
     lengths = np.diff(system.starts) / system.tuning
     # Lengths that differ only by rounding get the same index.
     order = np.argsort(lengths, kind="stable")
-    is_new = np.concatenate([[True], np.diff(lengths[order]) > 1e-13 * lengths[order][1:]])
+    tolerances = _SAME_LENGTH_TOLERANCE * lengths[order][1:]
+    is_new = np.concatenate([[True], np.diff(lengths[order]) > tolerances])
     length_index = np.empty(lengths.size, np.int64)
     length_index[order] = np.cumsum(is_new) - 1
-    lengths = lengths[order][is_new][length_index]
     constant = system.base_matrix.shape[0] - 1 - 2 * system.harmonics.size
     no_coast_side = ~system.coast_lines[:, :constant].any(axis=1)
     clearance = system.coast_lines - system.drive_lines
     constant_gap = ~(clearance[:, :constant].any(axis=1) | clearance[:, constant + 1 :].any(axis=1))
-    drive_rates = system.drive_lines @ system.base_matrix
-    coast_rates = system.coast_lines @ system.base_matrix
-    may_jam = ~no_coast_side & flanks_may_overlap(system.drive_lines, system.coast_lines, constant)
-    harmonic_frequencies = system.harmonics * system.tuning
-    has_backlash = ~constant_gap | (clearance[:, constant] != 0.0)
-    blocks = np.zeros(len(system.first_segment) - 1, np.int64)
-    mesh_fields = drive_rates, coast_rates, no_coast_side, may_jam, constant_gap, has_backlash
-    mesh_fields += harmonic_frequencies, blocks, np.empty(0, np.int64)
-    constant_speed = {"chirp_frequencies": np.empty(0), "speed_component": 0}
     return RunConstants(
-        lengths, length_index, *mesh_fields, **nonzero_fields(system), **constant_speed
+        lengths=lengths[order][is_new][length_index],
+        length_index=length_index,
+        drive_rates=system.drive_lines @ system.base_matrix,
+        coast_rates=system.coast_lines @ system.base_matrix,
+        no_coast_side=no_coast_side,
+        may_jam=~no_coast_side
+        & flanks_may_overlap(system.drive_lines, system.coast_lines, constant),
+        constant_gap=constant_gap,
+        has_backlash=~constant_gap | (clearance[:, constant] != 0.0),
+        harmonic_frequencies=system.harmonics * system.tuning,
+        # All mesh periods share a block of the summary and have equal numbers of samples.
+        summary_blocks=np.zeros(len(system.first_segment) - 1, np.int64),
+        sample_starts=np.empty(0, np.int64),
+        chirp_frequencies=np.empty(0),
+        speed_component=0,
+        **nonzero_fields(system),
     )
 
 
-def new_work(n, padded, m, degree=HIGH_DEGREE, with_series=False):
+def allocate_run_storage(n, padded, m, degree=HIGH_DEGREE, with_series=False):
     """Return an empty `RunStorage` for m meshes and n state components, stored as `padded` numbers.
 
     Distances are polynomials of `degree`. There is storage for Taylor series if n is so large that
     they may cost less than modes, or if `with_series`.
     """
-    series = with_series or mode_cost_in_steps(n) > 0
-    series_terms = np.zeros((degree + 1 if series else 0, padded))
-    distance_series = np.zeros((2, m, degree + 2 if series else 0))
-    integers = (np.zeros(m, np.int64) for _ in range(4))
-    states = (np.zeros(padded) for _ in range(7))
-    counters, progress = np.array([0, 0, -1, 0, 0, 0, 0]), np.zeros(2)
-    storage = np.zeros(degree + 1), np.zeros((WORK_ROWS, degree + 2)), series_terms, distance_series
-    events = np.zeros(m, np.bool_), np.zeros(m), np.zeros(m, np.int64), np.zeros(m)
-    amplitudes, to_bernstein = (np.zeros(n), np.zeros(n)), bernstein_matrix(degree if series else 0)
+    has_series = with_series or mode_cost_in_steps(n) > 0
+    integers = "contact", "zero_order", "start_line", "effects", "contact_after"
+    states = "state", "modal_state", "mode_buffer", "sampled_modes", "sampled_state"
+    counters = np.zeros(7, np.int64)
+    counters[SEGMENT] = -1
     return RunStorage(
-        *integers, *events, *states, *amplitudes, counters, progress, *storage, to_bernstein
+        **{name: np.zeros(m, np.int64) for name in integers},
+        **{name: np.zeros(m) for name in ("event_instant", "instant_rounding")},
+        **{name: np.zeros(padded) for name in (*states, "term", "image")},
+        **{name: np.zeros(n) for name in ("mode_factors", "amplitudes")},
+        stays_off=np.zeros(m, np.bool_),
+        counters=counters,
+        progress=np.zeros(2),
+        curve=np.zeros(degree + 1),
+        search=np.zeros((WORK_ROWS, degree + 2)),
+        series=np.zeros((degree + 1 if has_series else 0, padded)),
+        distance_series=np.zeros((2, m, degree + 2 if has_series else 0)),
+        to_bernstein=bernstein_matrix(degree if has_series else 0),
     )

@@ -16,7 +16,7 @@ from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcou
 #: Row of a combination that has no modes and is advanced by the series.
 SERIES = -2
 #: |A| times the time unit of a series; terms beyond degree 23 add less than 4/3 of the last term.
-MAX_NORM = 6.0
+_MAX_UNIT_NORM = 6.0
 #: Largest last term of a series, as a fraction of the state.
 _LAST_TERM = 2e-17
 #: Number of components from which the series is tried first, and the cost of modes in steps of the
@@ -109,15 +109,15 @@ def _fill_chirp_rates(constants, k, time_unit, terms):
 
 
 @kernel_without_refcounts
-def expand(system, constants, effects, z, terms):
+def fill_taylor_series(system, constants, effects, z, terms):
     """Fill `terms`, shape (degree + 1, n padded), with the Taylor series of the state z.
 
-    Returns its time unit in theta, over which the series is exact to rounding. The matrix of the
-    series is that of the `TrainSystem` with the meshes' `effects`, int, shape (m,); `constants`
-    list its non-zeros.
+    Returns its time unit in theta, over which the series is exact to rounding. The equation of
+    motion z' = A z is that of the `TrainSystem` with the meshes' contact `effects`, int, (m,);
+    `constants` (`RunConstants`) list the non-zeros of A.
     """
     degree, n = terms.shape[0] - 1, constants.nonzero_counts.shape[0]
-    time_unit = MAX_NORM / exponential.MAX_NORM * system.max_step
+    time_unit = _MAX_UNIT_NORM / exponential.MAX_NORM * system.max_step
     largest, last_term = 0.0, 0.0
     for r in range(n):
         terms[0, r] = z[r]
@@ -145,7 +145,7 @@ def fill_distance_series(system, constants, terms, curves):
     """Fill `curves`, (2, m, degree + 2), with the Taylor series of all distances from flank lines.
 
     The first index is 0 for the coast side and 1 for the drive side; the last column is the sum of
-    magnitudes, a scale of the rounding error. `terms` is the series of the state from `expand`.
+    magnitudes, a scale of the rounding error. `terms` is from `fill_taylor_series`.
     """
     for j in range(constants.mesh_component_counts.shape[0]):
         for side in range(2):
@@ -167,7 +167,7 @@ def fill_distance_series(system, constants, terms, curves):
 def sum_series(terms, n, fraction, state):
     """Fill `state` with the sum of a Taylor series of n components at a fraction of its time unit.
 
-    `terms`, shape (degree + 1, n padded), is that of `expand`.
+    `terms`, shape (degree + 1, n padded), is that of `fill_taylor_series`.
     """
     for r in range(n):
         state[r] = terms[terms.shape[0] - 1, r]
@@ -180,11 +180,11 @@ def sum_series(terms, n, fraction, state):
 def advance_by_series(system, constants, effects, length, z, terms):
     """Advance a state z, or a perturbation, by `length` in theta at constant contacts, in place.
 
-    `effects` are the contact effects of the meshes; `terms`, as in `expand`, is overwritten.
+    `effects` are the contact effects of the meshes; `terms`, the series, is overwritten.
     """
     remaining = length
     while remaining > 0.0:
-        time_unit = expand(system, constants, effects, z, terms)
+        time_unit = fill_taylor_series(system, constants, effects, z, terms)
         step = min(time_unit, remaining)
         sum_series(terms, constants.nonzero_counts.shape[0], step / time_unit, z)
         remaining -= step

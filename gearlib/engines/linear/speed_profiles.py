@@ -18,7 +18,7 @@ import numpy as np
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
 from gearlib.engines.linear import one_mesh, propagator
-from gearlib.engines.linear.periods import EVENT_COLUMNS
+from gearlib.engines.linear.periods import EVENT_COLUMNS, EVENT_MESH
 from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.sparse_series import nonzero_fields
 from gearlib.engines.linear.train_system import TrainSystem
@@ -101,7 +101,7 @@ def start_profile_run(model, speeds, loads, state):
     velocities by theta in z.
     """
     runner, pieces = propagator_of(model), pieces_of(model, speeds, loads)
-    z = np.array(runner.start(state), float)
+    z = np.array(runner.initial_state(state), float)
     z[z.size // 2 :] *= pieces[0].speed
     return runner, pieces, z
 
@@ -118,18 +118,20 @@ def _value_and_slope(profile: np.ndarray, time: float) -> tuple[float, float]:
     return value + slope * (time - start), slope
 
 
-def run_profiles(runner, pieces, state, samples, max_events, inertia, teeth):
+def run_profiles(
+    runner, pieces, state, samples_per_period, max_events, base_acceleration, periods_per_block
+):
     """Run the propagator `runner` through a list of `ProfilePiece`; yield records up to a failure.
 
     `state`, shape (2 N,), has velocities by theta and changes in place. Each mesh period has
-    `samples` samples at equal steps of time and at most `max_events` contact events. `inertia`,
-    shape (N,), is the acceleration by theta that d2tau/dtheta2 = 1 causes. Each `IntervalRecord`
-    has a summary for every `teeth` mesh periods.
+    samples at equal steps of time and at most `max_events` contact events. `base_acceleration`,
+    shape (N,), is the acceleration of the coordinates, by theta, that d2tau/dtheta2 = 1 causes.
+    Each `IntervalRecord` has a summary for every block of `periods_per_block` mesh periods.
     """
     for piece in pieces:
-        runner.set_piece(piece, inertia)
-        for intervals in _piece_intervals(runner, piece, teeth):
-            record = runner.run_intervals(piece, state, intervals, samples, max_events)
+        runner.set_piece(piece, base_acceleration)
+        for intervals in _piece_intervals(runner, piece, periods_per_block):
+            record = runner.run_intervals(piece, state, intervals, samples_per_period, max_events)
             yield record
             if record.status != OK:
                 return
@@ -188,43 +190,46 @@ class PieceIntervals(NamedTuple):
         return start + np.concatenate([[0.0], np.cumsum(length)])[self.first_segments]
 
 
-def _piece_intervals(runner, piece, teeth):
+def _piece_intervals(runner, piece, periods_per_block):
     """Yield `PieceIntervals` of a `ProfilePiece`, a limited number of mesh periods at a time.
 
-    `runner` is the propagator; `teeth` is the number of mesh periods of a summary block.
+    `runner` is the propagator; a block of the summary lasts `periods_per_block` mesh periods.
     """
     base, is_long = runner.base_system, runner.long_run_out
     end = piece.phase + piece.length * (piece.speed + 0.5 * piece.acceleration * piece.length)
-    tau, repeats = 2.0 * math.pi, len(base.first_segment) - 1  # tau: one mesh period in rad
-    tolerance = _SAME_PHASE_TOLERANCE * max(end, 1.0)
+    repeats, tolerance = len(base.first_segment) - 1, _SAME_PHASE_TOLERANCE * max(end, 1.0)
     count = _PERIODS_AT_A_TIME if is_long else max(_PERIODS_AT_A_TIME // repeats, 1) * repeats
-    first_period, is_first = int((piece.phase + tolerance) / tau) // count * count, True
+    first_period, is_first = int((piece.phase + tolerance) / math.tau) // count * count, True
     while True:
+        # The segments of the next `count` mesh periods, as copies of the segments of `source`.
         source = runner.model.system(1.0, first_period, count) if is_long else base
-        times, size = 1 if is_long else count // repeats, source.starts.size - 1
-        segment_numbers, repeat = np.tile(np.arange(size), times), np.arange(times)
-        bounds = np.append(
-            (repeat[:, None] * source.starts[-1] + source.starts[:-1]).ravel(), tau * count
-        )
-        period_starts = (repeat[:, None] * size + source.first_segment[:-1]).ravel()
-        start_phase, end_phase = piece.phase - tau * first_period, end - tau * first_period
-        # The piece consists of the segments i to j - 1.
-        i = max(int(np.searchsorted(bounds, start_phase + tolerance, side="right")) - 1, 0)
-        j = min(int(np.searchsorted(bounds, end_phase - tolerance)), segment_numbers.size)
-        j = max(j, i + 1)
-        phase = bounds[i : j + 1].copy()
+        copy_count, segment_count = 1 if is_long else count // repeats, source.starts.size - 1
+        segment_numbers = np.tile(np.arange(segment_count), copy_count)
+        copies, offset = np.arange(copy_count)[:, None], math.tau * first_period
+        bounds = (copies * source.starts[-1] + source.starts[:-1]).ravel()
+        bounds = np.append(bounds, math.tau * count)
+        period_starts = (copies * segment_count + source.first_segment[:-1]).ravel()
+        start_phase, end_phase = piece.phase - offset, end - offset
+        # The piece lies in the segments `first` to `last` - 1 and cuts the first and last of them.
+        first = max(int(np.searchsorted(bounds, start_phase + tolerance, side="right")) - 1, 0)
+        last = min(int(np.searchsorted(bounds, end_phase - tolerance)), segment_numbers.size)
+        last = max(last, first + 1)
+        phase = bounds[first : last + 1].copy()
         phase[0], last_phase = max(phase[0], start_phase), min(phase[-1], end_phase)
         phase[-1] = max(last_phase, start_phase)
-        period_starts = np.array(
-            [0, *(period_starts[(period_starts > i) & (period_starts < j)] - i), j - i]
-        )
-        middles = (phase[period_starts[:-1]] + phase[period_starts[1:]]) / 2.0 + tau * first_period
+        # Intervals begin with the piece and with each mesh period in it.
+        is_inside = (period_starts > first) & (period_starts < last)
+        first_segments = np.array([0, *(period_starts[is_inside] - first), last - first])
+        middles = (phase[first_segments[:-1]] + phase[first_segments[1:]]) / 2.0 + offset
         # A mesh period belongs to the block that contains its phase at the golden section, where no
         # block begins for any ratio of tooth numbers, so that rounding does not decide.
-        block = ((np.floor(middles / tau) + _GOLDEN_SECTION) / teeth).astype(int)
-        is_last = tau * (first_period + count) >= end - tolerance
-        interval_fields = period_starts, segment_numbers[i:j], source, block
-        yield PieceIntervals(phase, tau * first_period, *interval_fields, is_first, is_last)
+        period_numbers = np.floor(middles / math.tau)
+        block = ((period_numbers + _GOLDEN_SECTION) / periods_per_block).astype(int)
+        is_last = math.tau * (first_period + count) >= end - tolerance
+        segments = segment_numbers[first:last]
+        yield PieceIntervals(
+            phase, offset, first_segments, segments, source, block, begins=is_first, ends=is_last
+        )
         first_period, is_first = first_period + count, False
         if is_last:
             return
@@ -246,15 +251,20 @@ class _ProfileRunMixin:
         """Number of meshes of the model."""
         return len(self.base_system.drive_lines)
 
-    def next_segments(self, first_period, done, spans):
+    def next_segments(self, first_period, periods_done, period_counts):
         """Return (system, constants, number of periods) of the present `PieceIntervals`."""
-        return self.system, self.constants, spans[0]
+        return self.system, self.constants, period_counts[0]
 
-    def set_piece(self, piece: ProfilePiece, inertia: np.ndarray) -> None:
-        """Set the loads and the acceleration of a piece; `inertia` is that of `run_profiles`."""
-        self.loaded_system = _system_with_load(self.unloaded_system, piece, inertia)
+    def set_piece(self, piece: ProfilePiece, base_acceleration: np.ndarray) -> None:
+        """Set the loads and the acceleration of a `ProfilePiece`.
+
+        `base_acceleration`, shape (N,), is the acceleration that d2tau/dtheta2 = 1 causes.
+        """
+        self.loaded_system = _system_with_load(self.unloaded_system, piece, base_acceleration)
         if self.base_system.harmonics.size:
-            self.loaded_system.base_matrix[self.model.size, -1] = piece.acceleration
+            # The speed, behind the displacements and velocities, grows by the constant component.
+            speed, constant = self.model.size, -1
+            self.loaded_system.base_matrix[speed, constant] = piece.acceleration
         # The old tables may have another number of state components.
         self.unused_tables, self.unused_large_tables = [], []
 
@@ -269,9 +279,10 @@ class _ProfileRunMixin:
         if not self.base_system.harmonics.size:
             return self.base_system
         period_range = (0, self.base_system.first_segment.size - 1) if self.long_run_out else ()
-        return _system_with_chirps(
-            self.base_system, self.model.system(2.0, *period_range), self.model.size
-        )
+        # The base system is at tuning 1. Another tuning tells terms of the harmonics from terms of
+        # their derivatives, which are proportional to the tuning.
+        system_at_tuning_2 = self.model.system(2.0, *period_range)
+        return _system_with_chirps(self.base_system, system_at_tuning_2, self.model.size)
 
     def take_tables(self):
         """Return mode tables for one run; while harmonics change speed, only series apply."""
@@ -307,14 +318,14 @@ class _ProfileRunMixin:
         system, starts = self.loaded_system, np.concatenate([[0.0], np.cumsum(length)])
         tables = {
             name: np.ascontiguousarray(getattr(intervals.source, name)[:, intervals.segments])
-            for name in ("effect", "stiffness", "low")
+            for name in ("effect", "stiffness", "below_mean")
         }
         segments, repeats = intervals.first_segments, len(intervals.first_segments) - 1
         tables |= {"starts": starts, "first_segment": segments, "repeats": repeats}
         self.system = system._replace(**tables)
         self.constants = self.constants._replace(
             lengths=length,
-            length_index=np.full(length.size, -1),
+            length_index=np.full(length.size, -1),  # No length occurs twice.
             drive_rates=system.drive_lines @ system.base_matrix,
             coast_rates=system.coast_lines @ system.base_matrix,
             summary_blocks=intervals.block - intervals.block[0],
@@ -337,33 +348,39 @@ class _ProfileRunMixin:
             sine_term = w * (piece.acceleration * c + raw[:, speed_index] * c_rate)
             columns[..., orbit.SAMPLE_A] += sine_term[:, None] * rate[:, i + 3]
 
-    def run_intervals(self, piece, state, intervals, samples, max_events):
+    def run_intervals(self, piece, state, intervals, samples_per_period, max_events):
         """Run through `PieceIntervals` of a piece; return their record, an `IntervalRecord`.
 
-        `state` changes in place; `samples` and `max_events` are those of `run_profiles`.
+        `state`, shape (2 N,), has velocities by theta and changes in place. Each interval has
+        `samples_per_period` samples and at most `max_events` contact events.
         """
         length, count = intervals.lengths(piece), len(intervals.block)
         interval_lengths = intervals.end_times(length)[intervals.first_segments[1:] - 1]
-        sample_times = (interval_lengths[:, None] * np.arange(samples) / max(samples, 1)).ravel()
-        self._set_segments(intervals, length, samples * np.arange(count + 1))
+        sample_times = interval_lengths[:, None] * np.arange(samples_per_period)
+        sample_times = (sample_times / max(samples_per_period, 1)).ravel()
+        self._set_segments(intervals, length, samples_per_period * np.arange(count + 1))
         bounds, system, half = intervals.bounds(piece, length), self.system, state.size // 2
         m = len(system.drive_lines)
         raw = self.empty_raw_samples(len(sample_times))
         raw[:, -1] = sample_times
         summary = np.empty(((self.constants.summary_blocks[-1] + 1) * m, SUMMARY_COLUMNS))
-        events, spans = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
+        # The run enlarges the event table if there are more than four events a mesh and interval.
+        events, period_counts = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
         all_components = np.append(state, self._driven_components(piece, intervals, bounds[0]))
         self.scale = np.ones(all_components.size)
         _, events, event_count, status, _ = self.run_system(
-            all_components, raw, events, max_events, summary, spans
+            all_components, raw, events, max_events, summary, period_counts
         )
         state[:] = all_components[: state.size]
         events, columns = events[: event_count if status == OK else 0], np.zeros((len(raw), m, 6))
         if status == OK:
             self.fill_mesh_samples(raw, columns, system)
             self._add_chirp_accelerations(raw, piece, columns)
-        event_rows = events[:, [1, -1, 2, 3, 4, 0, 1]]
-        event_rows[:, 0] += bounds[events[:, 0].astype(int)]
+        changes = [EVENT_MESH, orbit.EVENT_FROM, orbit.EVENT_TO, orbit.EVENT_VELOCITY]
+        columns_of_record = [orbit.EVENT_PHASE, *changes, orbit.EVENT_PERIOD, orbit.EVENT_PHASE]
+        event_rows = events[:, columns_of_record]
+        # At tuning 1 phases are times. The first column counts from the start of the profiles.
+        event_rows[:, 0] += bounds[events[:, orbit.EVENT_PERIOD].astype(int)]
         summary = summary.reshape(-1, m, SUMMARY_COLUMNS)
         record = columns, raw[:, : 2 * half], intervals.block, summary, event_rows
         phases = intervals.offset + intervals.phase[intervals.first_segments]
@@ -377,9 +394,9 @@ class _ProfileTrain(_ProfileRunMixin, propagator.Propagator):
 class ProfilePair(_ProfileRunMixin, one_mesh.Propagator):
     """A model with one mesh along a speed and load profile."""
 
-    def start(self, state):
-        """Return the state z for a `state` (see `Base.start`), less the flank deviations."""
-        return super().start(state) - self.flank_deviation
+    def initial_state(self, state):
+        """Return the state z for a `state`, see `Base.initial_state`, less the flank deviations."""
+        return super().initial_state(state) - self.flank_deviation
 
 
 def propagator_of(model: Any) -> Any:
@@ -389,17 +406,19 @@ def propagator_of(model: Any) -> Any:
     return runner
 
 
-def _system_with_load(system: TrainSystem, piece: ProfilePiece, inertia: np.ndarray) -> TrainSystem:
+def _system_with_load(
+    system: TrainSystem, piece: ProfilePiece, base_acceleration: np.ndarray
+) -> TrainSystem:
     """Return a `TrainSystem` with the load and the acceleration of a `ProfilePiece`.
 
-    A changing load adds one component to the state. `inertia`, shape (N,), is the acceleration by
-    theta that d2tau/dtheta2 = 1 causes.
+    A changing load adds one component to the state. `base_acceleration`, shape (N,), is the
+    acceleration by theta that d2tau/dtheta2 = 1 causes.
     """
-    n, half = len(system.base_matrix), inertia.size
+    n, half = len(system.base_matrix), base_acceleration.size
     constant, rows = n - 1, slice(half, 2 * half)
     matrix = system.base_matrix.copy()
     load = matrix[rows, constant].copy()
-    matrix[rows, constant] = load * piece.load + inertia * piece.acceleration
+    matrix[rows, constant] = load * piece.load + base_acceleration * piece.acceleration
     if piece.slope == 0.0:
         return system._replace(base_matrix=matrix)
 
@@ -425,14 +444,20 @@ def _system_with_chirps(
     """
     h = system.harmonics.size
     size_after = size + 2 + 4 * h  # speed, four components a harmonic, constant
+    # Each harmonic has the columns cosine, sine, derivative of the cosine, that of the sine.
     first_columns = [size + 1 + 4 * j for j in range(h)]
 
-    def with_chirps(array, array_at_2):
+    def with_chirps(array, array_at_tuning_2):
+        """Return an array of row vectors, (..., size + 1 + 2 h), for the state with chirps.
+
+        A harmonic's derivative is the tuning times its frequency w times the other harmonic. So the
+        difference of the arrays at tunings 1 and 2 is the part that multiplies the derivatives.
+        """
         result = np.zeros((*array.shape[:-1], size_after))
         result[..., :size], result[..., -1] = array[..., :size], array[..., size]
         for j, (i, w) in enumerate(zip(first_columns, system.harmonics, strict=True)):
             cosine, sine = (size + 1 + 2 * j + k for k in range(2))
-            rate = array_at_2 - array
+            rate = array_at_tuning_2 - array
             result[..., i] = array[..., cosine] - rate[..., cosine]
             result[..., i + 1] = array[..., sine] - rate[..., sine]
             result[..., i + 2], result[..., i + 3] = -rate[..., sine] / w, rate[..., cosine] / w

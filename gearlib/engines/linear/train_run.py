@@ -45,8 +45,9 @@ def set_initial_contacts(system, no_coast_side, work, segment):
     """Set contact, start_line and zero_order in `work` for its state at the start of a segment.
 
     For a mesh on a flank line, the first nonzero derivative of its distance decides the contact
-    just after. Until that derivative is reached, the mesh exerts no force. `system` is the
-    `TrainSystem`, and `no_coast_side`, bool, shape (m,), says whether a mesh has no coast side.
+    just after. Until that derivative is reached, the mesh exerts no force. zero_order is its order,
+    start_line the line, 1 drive side or -1 coast side; both are 0 off the lines. `system` is the
+    `TrainSystem`; `no_coast_side`, bool, shape (m,), says whether a mesh has no coast side.
     """
     m, n = system.drive_lines.shape
     z = work.state[:n]
@@ -86,6 +87,7 @@ def set_initial_contacts(system, no_coast_side, work, segment):
                     work.contact[j] = work.start_line[j]
     for j in range(m):
         if is_undecided[j]:
+            # A mesh that stays on its line counts as in contact on the drive side only.
             work.zero_order[j] = _MAX_DERIVATIVES
             work.contact[j] = max(work.start_line[j], 0)
 

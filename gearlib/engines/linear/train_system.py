@@ -36,7 +36,7 @@ class TrainSystem(NamedTuple):
     force_output: np.ndarray  #: row vectors: mesh and friction force, shape (m, e, 2, n)
     effect: np.ndarray  #: int, effect by contact code + 1, segment and mesh, shape (3, p, m)
     stiffness: np.ndarray  #: over the mean of the reference mesh (0: as drive side), (3, p, m)
-    low: np.ndarray  #: bool, whether the stiffness is at its lower level, shape (3, p, m)
+    below_mean: np.ndarray  #: bool, whether the stiffness is at its lower level, shape (3, p, m)
     starts: np.ndarray  #: phases tau of the reference mesh that bound segments, shape (p + 1,)
     first_segment: np.ndarray  #: where each reference mesh period begins, shape (repeats + 1,)
     max_step: float  #: longest step in theta: |A| theta <= exponential.MAX_NORM for every A

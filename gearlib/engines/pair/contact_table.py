@@ -1,11 +1,11 @@
-"""Tables of the motion in contact at equal times, and the first loss of contact.
+"""Tables of motions in contact at equally spaced times, and the first loss of contact.
 
 With X = C + a S (see `motion`) a motion in contact follows
 
     u(t) = u0 X(t) + u0' S(t),        u'(t) = u0' (X(t) - 2 a S(t)) - W^2 u0 S(t).
 
-X and S are tabulated at equal times, `ENTRIES_PER_RADIAN` to 1 / W. Their Taylor polynomials give
-the motion between the entries, so that an orbit needs neither exp nor sine nor cosine.
+X and S are tabulated at equally spaced times, `ENTRIES_PER_RADIAN` to 1 / W. Taylor polynomials
+give the motion between the entries, so that an orbit needs neither exp nor sine nor cosine.
 
 Newton's method finds the loss of contact from the entry of the last one. No search has to show that
 a root is the first: from a start that falls, it is the first within half an oscillation, since the
@@ -32,8 +32,11 @@ _DIRECT_ENTRIES = 8
 _MAX_ENTRY_DISTANCE = 0.75
 #: Factor of the bound on the amplitude that allows for rounding.
 ROUNDING_MARGIN = 1.0 - 1e-12
-#: Largest curvature in a last Newton step, whose error, the fourth power, is then rounding.
-_MAX_LAST_CURVATURE = 1e-4
+#: Largest nonlinearity in a last Newton step, whose error, the fourth power, is then rounding, and
+#: in a step with the terms of higher order.
+_MAX_LAST_NONLINEARITY, _MAX_NONLINEARITY = 1e-4, 0.2
+#: Largest speed, over acceleration / RATE_BOUND, for which a motion counts as close to a minimum.
+_MAX_SPEED_AT_MINIMUM = 1e-2
 _MAX_NEWTON_STEPS = 8
 #: Number of entries from one to the next that `lowest_entry` checks: a quarter of a radian.
 _ENTRY_STRIDE = 3
@@ -52,10 +55,12 @@ UNFILLED, NO_TABLE = -1.0, -2.0
 
 
 @kernel
-def set_level(level, length, row):
-    """Fill `row`, shape (28,), with the constants of a stiffness `Level`; its table stays empty.
+def fill_level_constants(level, length, row):
+    """Fill `row`, shape (LEVEL_COLUMNS,), with the constants of a stiffness `Level`.
 
-    Segments of this stiffness have the phase length `length`.
+    Segments of this stiffness have the phase length `length`. END_X and END_S are, after this
+    length, the displacements of motions that start with displacement 1 or velocity 1. LAST_ENTRY is
+    UNFILLED until `fill_table` is called, or NO_TABLE for a motion that does not oscillate.
     """
     natural_frequency = math.sqrt(level.natural_squared)
     oscillates = level.damping_kind == UNDERDAMPED
@@ -78,15 +83,15 @@ def set_level(level, length, row):
 
 @kernel
 def fill_table(level, row, table):
-    """Fill `table`, shape (ENTRIES, 2), with the free motions X and S of a `Level` at equal times.
+    """Fill `table`, shape (ENTRIES, 2), with fundamental solutions X and S of a stiffness `Level`.
 
-    X starts with displacement 1 and velocity 0, S with 0 and 1. Their Taylor coefficients go to
-    `row`, the constants of the level, see `set_level`.
+    X starts with displacement 1 and velocity 0, S with 0 and 1; entries are equally spaced in time.
+    Taylor coefficients of X and S go to `row`, the constants from `fill_level_constants`.
     """
     damping, stiffness, spacing = row[DAMPING], row[STIFFNESS], row[SPACING]
-    # Taylor coefficients follow from u'' = -2 a u' - W^2 u.
+    # Taylor coefficients follow from u'' = -damping u' - stiffness u.
     x, next_x, s, next_s = 1.0, 0.0, 0.0, 1.0
-    for n in range(7):
+    for n in range(X8 - X2 + 1):
         factor = -1.0 / ((n + 1) * (n + 2))
         x, next_x = next_x, factor * (damping * (n + 1) * next_x + stiffness * x)
         s, next_s = next_s, factor * (damping * (n + 1) * next_s + stiffness * s)
@@ -112,7 +117,7 @@ def fill_table(level, row, table):
 def advance_by_responses(levels, i, u, v, x, s):
     """Return displacement and velocity of a motion in contact, from (u, v), at a later time.
 
-    x and s are the free motions X and S at that time; row i of `levels` has the constants of the
+    x and s are the solutions X and S at that time; row i of `levels` has the constants of the
     stiffness level, and displacements count from its equilibrium.
     """
     return u * x + v * s, v * (x - levels[i, DAMPING] * s) - levels[i, STIFFNESS] * u * s
@@ -122,8 +127,8 @@ def advance_by_responses(levels, i, u, v, x, s):
 def advance_by_series(levels, i, u, v, t):
     """Return displacement and velocity of a motion in contact, from (u, v), a short time t away.
 
-    Row i of `levels` holds the Taylor coefficients (X2 ... S8) of the free motions X and S of the
-    stiffness level; displacements count from its equilibrium.
+    Row i of `levels` holds the Taylor coefficients (X2 ... S8) of the fundamental solutions X and S
+    of the stiffness level; displacements count from its equilibrium.
     """
     q = t * t
     x = levels[i, X6] + t * levels[i, X7] + q * levels[i, X8]
@@ -150,17 +155,18 @@ def provably_stays_in_contact(is_half_cycle, is_cycle, v, end_x, end_v):
 
 @inlined_kernel
 def _step_to_line(height, speed, acceleration, jerk, rate):
-    """Return (step, curvature): time until a height becomes zero, by its inverted Taylor series.
+    """Return (step, nonlinearity): time until a height becomes zero, by an inverted Taylor series.
 
     `height`, `speed`, `acceleration` and `jerk` are its value and derivatives; `rate` is an upper
-    bound of the rates of the oscillator. A large `curvature` means an inaccurate step.
+    bound of the rates of the oscillator. The error of the step grows with the nonlinearity.
     """
     inverse = 1.0 / speed
     r = -height * inverse
     q = 0.5 * acceleration * inverse * r
     correction = q * (2.0 * q - 1.0) - (1.0 / 6.0) * jerk * inverse * r * r
-    curvature = abs(q) + rate * abs(r)
-    return (r * (1.0 + correction) if curvature < 0.2 else r), curvature
+    nonlinearity = abs(q) + rate * abs(r)
+    step = r * (1.0 + correction) if nonlinearity < _MAX_NONLINEARITY else r
+    return step, nonlinearity
 
 
 @inlined_kernel
@@ -168,8 +174,10 @@ def first_loss_of_contact(levels, tables, i, u, v, k, max_time):
     """Return (time, velocity, table entry) of the first loss of contact within `max_time`.
 
     The motion starts with displacement u from the equilibrium of stiffness level i and velocity v.
-    Newton's method starts from entry k of `tables[i]`, the motion at equal times; `levels[i]` holds
-    the constants of the level. The time is -1 if the loss is not proven to be the first.
+    Newton's method starts from entry k of `tables[i]`, shape (ENTRIES, 2), two solutions at equally
+    spaced times; `levels[i]` holds the constants of the level. The time is -1 if the loss is not
+    proven to be the first. It is proven within one oscillation of a motion that starts upwards, in
+    which only one descent lies, and within half an oscillation of a motion that starts downwards.
     """
     equilibrium = levels[i, EQUILIBRIUM]
     stiffness, damping = levels[i, STIFFNESS], levels[i, DAMPING]
@@ -188,11 +196,11 @@ def first_loss_of_contact(levels, tables, i, u, v, k, max_time):
             x, speed = advance_by_series(levels, i, x, speed, t)
             acceleration = -damping * speed - stiffness * x
             jerk = -damping * acceleration - stiffness * speed
-            step, curvature = _step_to_line(equilibrium + x, speed, acceleration, jerk, rate)
+            step, nonlinearity = _step_to_line(equilibrium + x, speed, acceleration, jerk, rate)
             speed += step * (acceleration + 0.5 * step * jerk)
             t += k * levels[i, SPACING] + step
             max_first_time = levels[i, CYCLE_TIME] if v >= 0.0 else 0.5 * levels[i, CYCLE_TIME]
-            is_accurate = curvature < _MAX_LAST_CURVATURE
+            is_accurate = nonlinearity < _MAX_LAST_NONLINEARITY
             if is_accurate and speed < 0.0 and 0.0 < t <= max_time and t <= max_first_time:
                 return t, speed, k
             break
@@ -208,7 +216,8 @@ def lowest_entry(levels, tables, i, u, v):
 
     It is the first entry below the flank line if there is one (`is_below`). Every third entry is
     checked. The motion starts with displacement u from the equilibrium of stiffness level i and
-    velocity v; `levels[i]` holds constants of the level, `tables[i]` its motion at equal times.
+    velocity v. `levels[i]` holds constants of the level, `tables[i]`, shape (ENTRIES, 2), two
+    solutions at equally spaced times, with start displacement 1 and with start velocity 1.
     """
     line = -levels[i, EQUILIBRIUM]
     lowest, lowest_k, k = math.inf, 0, 0
@@ -227,8 +236,9 @@ def first_minimum_is_above(levels, tables, i, u, v, k):
     """Return whether the first minimum of a motion in contact provably lies above the flank line.
 
     The motion starts with displacement u from the equilibrium of stiffness level i and velocity v;
-    `levels[i]` holds constants of the level, `tables[i]` its motion at equal times. The search
-    starts at entry k. A minimum within an oscillation is the first one, later ones are higher.
+    `levels[i]` holds constants of the level, `tables[i]`, shape (ENTRIES, 2), two solutions at
+    equally spaced times. The search starts at entry k. A minimum within an oscillation is the first
+    one, later ones are higher.
     """
     stiffness, damping = levels[i, STIFFNESS], levels[i, DAMPING]
     for _ in range(_MAX_NEWTON_STEPS):
@@ -244,9 +254,9 @@ def first_minimum_is_above(levels, tables, i, u, v, k):
             x, speed = advance_by_series(levels, i, x, speed, t)
             acceleration = -damping * speed - stiffness * x
             t += k * levels[i, SPACING]
-            at_minimum = (
-                acceleration > 0.0 and abs(speed) * levels[i, RATE_BOUND] < 1e-2 * acceleration
-            )
+            max_speed_times_rate = _MAX_SPEED_AT_MINIMUM * acceleration
+            is_close = abs(speed) * levels[i, RATE_BOUND] < max_speed_times_rate
+            at_minimum = acceleration > 0.0 and is_close
             # Near zero velocity, v^2 / u'' is twice the depth down to the minimum.
             lowest = levels[i, EQUILIBRIUM] * ROUNDING_MARGIN + x - speed * speed / acceleration
             return at_minimum and 0.0 < t <= levels[i, CYCLE_TIME] and lowest > 0.0

@@ -21,20 +21,22 @@ from gearlib.engines.pair.whole_periods import new_work, set_mesh, set_start
 
 
 @kernel
-def run_many(ratios, tunings, order, state, warm_start, span, max_x, summaries, ends, codes):
+def run_many(
+    pair_parameters, tunings, order, state, warm_start, span, max_x, summaries, ends, outcomes
+):
     """Run a gear pair at the tunings ``tunings[order]`` and fill a row of each table per tuning.
 
-    `ratios` are the constants of the pair, see `mesh_at_tuning`. Each run lasts a `Span` and starts
+    `pair_parameters`, shape (7,), are those of `mesh_at_tuning`. Each run lasts a `Span` and starts
     from `state`, shape (2,), or, with `warm_start`, from the end of the last run unless that has
     failed. A displacement beyond `max_x` gives the status OVERFLOW. The tables are `summaries`,
-    shape (n, 9), final states `ends`, (n, 2), and `codes`, (n, 2): period and status.
+    shape (n, 9), final states `ends`, (n, 2), and `outcomes`, int, (n, 2): period and status.
     """
     samples = np.empty((0, orbit.SAMPLE_COLUMNS))
     events = np.empty((0, orbit.EVENT_COLUMNS))
     work = new_work()
     x, v = state[0], state[1]
     for i in order:
-        mesh = mesh_at_tuning(ratios, tunings[i])
+        mesh = mesh_at_tuning(pair_parameters, tunings[i])
         set_mesh(work, mesh)
         arguments = samples, events, span.max_events, summaries[i]
         x, v, period, _, _, status = run_with_storage(
@@ -49,7 +51,7 @@ def run_many(ratios, tunings, order, state, warm_start, span, max_x, summaries, 
             ends[i, 0], ends[i, 1] = x, v
         if status != OK or not warm_start:
             x, v = state[0], state[1]
-        codes[i, 0], codes[i, 1] = period, status
+        outcomes[i, 0], outcomes[i, 1] = period, status
 
 
 @kernel
@@ -76,46 +78,34 @@ def run_many_states(mesh, states, periods, max_arcs, ends, statuses):
 def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, statuses):
     """Fill `table`, shape (n, periods, 2), with states of n motions at one phase of each period.
 
-    The motions start from `states`, shape (n, 2), at tau = 0; `settle_periods` pass before the
-    first row. `phase` lies in [0, 2 pi). Final states go to `ends`, shape (n, 2), and `statuses`,
-    shape (n,), are filled. A period with more than `max_arcs` arcs ends a motion; its later rows
-    stay unchanged.
+    The motions of the `Mesh` start from `states`, shape (n, 2), at tau = 0; `settle_periods` pass
+    before the first row. `phase` lies in [0, 2 pi). Final states go to `ends`, shape (n, 2), and
+    `statuses`, shape (n,), are filled. A period with more than `max_arcs` arcs ends a motion; its
+    later rows stay unchanged.
     """
-    work = new_work()
+    work, arcs = new_work(), np.empty((16, ARC_COLUMNS))
     set_mesh(work, mesh)
     for j in range(states.shape[0]):
-        ends[j, 0], ends[j, 1], statuses[j] = _fill_section(
-            mesh, work, states[j, 0], states[j, 1], settle_periods, phase, max_arcs, table[j]
-        )
-
-
-@kernel
-def _fill_section(mesh, work, x, v, settle_periods, phase, max_arcs, table):
-    """Fill `table`, shape (periods, 2), with states at one phase of each period of a motion.
-
-    It starts with displacement x and velocity v at tau = 0; `settle_periods` pass before the first
-    row. `work` is storage prepared for the `Mesh`, `max_arcs` the largest number of arcs of a
-    period. Returns (x, v, status) at the end.
-    """
-    if not is_within_range(x, v):
-        return x, v, OVERFLOW
-    set_start(work, x, v)
-    contact = contact_of(mesh.backlash, x, v)
-    contact, x, v, status, _, _ = run_unrecorded(
-        mesh, work, contact, x, v, settle_periods, max_arcs
-    )
-    arcs = np.empty((16, ARC_COLUMNS))
-    for row in range(table.shape[0]):
-        if status != OK:
-            break
-        contact, x, v, arc_count, arcs = run_whole_period(
-            mesh, work, settle_periods + row, contact, x, v, max_arcs, arcs
-        )
-        status = period_status(x, v, arc_count, max_arcs)
-        if status == EVENT_LIMIT:
-            break
-        i = 0
-        while i + 1 < arc_count and arcs[i + 1, START] <= phase:
-            i += 1
-        table[row, 0], table[row, 1], _, _ = recorded_arcs.state_in_arc(mesh, arcs[i], phase)
-    return x, v, status
+        x, v, status = states[j, 0], states[j, 1], OVERFLOW
+        if is_within_range(x, v):
+            set_start(work, x, v)
+            contact = contact_of(mesh.backlash, x, v)
+            contact, x, v, status, _, _ = run_unrecorded(
+                mesh, work, contact, x, v, settle_periods, max_arcs
+            )
+            for row in range(table.shape[1]):
+                if status != OK:
+                    break
+                contact, x, v, arc_count, arcs = run_whole_period(
+                    mesh, work, settle_periods + row, contact, x, v, max_arcs, arcs
+                )
+                status = period_status(x, v, arc_count, max_arcs)
+                if status == EVENT_LIMIT:
+                    break
+                i = 0
+                while i + 1 < arc_count and arcs[i + 1, START] <= phase:
+                    i += 1
+                table[j, row, 0], table[j, row, 1], _, _ = recorded_arcs.state_in_arc(
+                    mesh, arcs[i], phase
+                )
+        ends[j, 0], ends[j, 1], statuses[j] = x, v, status

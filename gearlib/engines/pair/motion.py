@@ -54,18 +54,18 @@ def level_at_tuning(stiffness, damping, tuning):
         UNDERDAMPED if difference > 0.0 else (OVERDAMPED if difference < 0.0 else CRITICAL)
     )
     return Level(
-        decay_rate,
-        natural_frequency * natural_frequency,
-        math.sqrt(abs(difference)),
-        damping_kind,
-        1.0 / stiffness,
-        stiffness,
+        decay_rate=decay_rate,
+        natural_squared=natural_frequency * natural_frequency,
+        frequency=math.sqrt(abs(difference)),
+        damping_kind=damping_kind,
+        equilibrium=1.0 / stiffness,
+        stiffness=stiffness,
     )
 
 
 @inlined_kernel
 def propagators(level, t):
-    """Return the free motions C and S of a stiffness `Level` after the time t.
+    """Return the fundamental solutions C and S of a stiffness `Level` after the time t.
 
     Under-damped they are C = exp(-a t) cos(w t) and S = exp(-a t) sin(w t) / w.
     """
@@ -130,18 +130,19 @@ class Mesh(NamedTuple):
 
 
 @kernel
-def mesh_at_tuning(ratios, tuning):
+def mesh_at_tuning(pair_parameters, tuning):
     """Return the `Mesh` of a gear pair at one tuning nu.
 
-    `ratios`, shape (7,), are C_max / C_s, C_min / C_s, the phase lengths of half the C_max segment
-    and of the C_min segment, damping ratios beta in contact and beta_m in the backlash, and the
-    backlash in static deflections.
+    The parameters, shape (7,), are C_max / C_s, C_min / C_s, the phase lengths of half the C_max
+    segment and of the C_min segment, damping ratios beta in contact and beta_m in the backlash, and
+    the backlash in static deflections.
     """
-    damping, load = ratios[4], 1.0 / (tuning * tuning)
-    low_level = level_at_tuning(ratios[1], damping, tuning)
-    high_level = level_at_tuning(ratios[0], damping, tuning)
-    half_high_length, low_length, drag = ratios[2], ratios[3], ratios[5] / tuning
-    return Mesh(low_level, high_level, half_high_length, low_length, drag, load, ratios[6], tuning)
+    damping, drag, backlash = pair_parameters[4], pair_parameters[5] / tuning, pair_parameters[6]
+    high_level = level_at_tuning(pair_parameters[0], damping, tuning)
+    low_level = level_at_tuning(pair_parameters[1], damping, tuning)
+    half_high_length, low_length = pair_parameters[2], pair_parameters[3]
+    load = 1.0 / (tuning * tuning)
+    return Mesh(low_level, high_level, half_high_length, low_length, drag, load, backlash, tuning)
 
 
 @kernel
@@ -199,13 +200,6 @@ def _phi_series(z):
     return 1.0 - z * phi2, phi2, phi3
 
 
-@kernel
-def phi(z):
-    """Return exp(-z), phi1 = (1 - exp(-z)) / z and phi2 = (1 - phi1) / z for z >= 0."""
-    exponential, phi1, phi2, _ = phi_functions(z)
-    return exponential, phi1, phi2
-
-
 @inlined_kernel
 def phi_functions(z):
     """Return exp(-z), phi1, phi2 and phi3 for z >= 0, without loss of digits at small z.
@@ -224,7 +218,7 @@ def phi_functions(z):
 @kernel
 def free_flight(drag, load, x, v, t):
     """Return displacement and velocity of x'' + 2 drag x' = load, from (x, v), after the time t."""
-    exponential, phi1, phi2 = phi(2.0 * drag * t)
+    exponential, phi1, phi2, _ = phi_functions(2.0 * drag * t)
     return x + t * (v * phi1 + load * t * phi2), v * exponential + load * t * phi1
 
 

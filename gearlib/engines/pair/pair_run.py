@@ -13,7 +13,10 @@ from gearlib.engines.pair import recorded_arcs, settling
 from gearlib.engines.pair.events import ARC_COLUMNS
 from gearlib.engines.pair.motion import contact_of
 from gearlib.engines.pair.whole_periods import (
+    FLIGHT_DURATION,
+    IMPACT_SPEED,
     REMAINING,
+    START_SPEED,
     STORED_PERIODS,
     advance_periods,
     new_work,
@@ -52,13 +55,16 @@ def run_whole_period(mesh, work, n, contact, x, v, max_arcs, arcs):
     (contact code, x, v, number of arcs, arc table) at the end of the period.
     """
     memory, start = work.memory, (contact, x, v)
-    flight = memory[0], memory[1], memory[2], memory[3]
+    # The free flight in progress at the start, if any, in case the period has to be run again.
+    remaining, duration = memory[REMAINING], memory[FLIGHT_DURATION]
+    start_speed, impact_speed = memory[START_SPEED], memory[IMPACT_SPEED]
     contact, x, v, count = advance_periods(
         mesh, work, n, contact, x, v, np.int64(1), max_arcs, arcs
     )
     if arcs.shape[0] < count <= max_arcs:
         arcs = np.empty((2 * count, ARC_COLUMNS))
-        memory[0], memory[1], memory[2], memory[3] = flight
+        memory[REMAINING], memory[FLIGHT_DURATION] = remaining, duration
+        memory[START_SPEED], memory[IMPACT_SPEED] = start_speed, impact_speed
         contact, x, v, count = advance_periods(mesh, work, n, *start, np.int64(1), max_arcs, arcs)
     return contact, x, v, count, arcs
 
@@ -148,7 +154,6 @@ def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events,
     if status != OK:
         return x, v, 0, events, 0, status
     orbit.clear_summary(summary)
-    records_events = events.shape[0] > 0
     samples_per_period = samples.shape[0] // record_periods
     # A settled orbit is computed over one repeat only.
     computed_periods = repeat if is_on_orbit and record_periods % repeat == 0 else record_periods
@@ -164,17 +169,13 @@ def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events,
         if status != OK:
             return x, v, 0, events, 0, status
         recorded_arcs.add_arcs_to_summary(mesh, arcs, arc_count, summary)
-        bounces, last_code = recorded_arcs.count_bounces(arcs, arc_count, previous_code)
-        summary[orbit.BOUNCES] += bounces
-        if records_events:
-            events, event_rows, _ = recorded_arcs.add_events(
-                arcs, arc_count, previous_code, n, events, event_rows
-            )
+        events, event_rows, previous_code = recorded_arcs.count_events(
+            arcs, arc_count, previous_code, n, events, event_rows, summary
+        )
         if samples_per_period > 0:
             period_samples = samples[i * samples_per_period : (i + 1) * samples_per_period]
             orbit.fill_sample_phases(period_samples, orbit.SAMPLE_PHASE, 2.0 * math.pi)
             recorded_arcs.sample_arcs(mesh, arcs, arc_count, period_samples)
-        previous_code = last_code
     for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
         summary[k] *= record_periods / computed_periods
     if computed_periods < record_periods:

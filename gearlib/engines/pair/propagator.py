@@ -56,7 +56,8 @@ class Propagator(Base):
         """Run at the tunings ``tunings[order]`` in one call of the kernel, and fill `rows`.
 
         Each run starts from `state`, or with `warm_start` from the end of the last one. `span`
-        gives the numbers of mesh periods.
+        gives the numbers of mesh periods. `rows`, a `Rows`, has the largest allowed displacement
+        and tables with a row for each tuning: summaries, final states, periods with statuses.
         """
         many_runs.run_many(self.ratios, tunings, order, np.array(state), warm_start, span, *rows)
 
@@ -75,9 +76,9 @@ class Propagator(Base):
         A mesh period has at most `max_events` arcs.
         """
         states = np.ascontiguousarray(states)
-        ends, codes = np.empty(states.shape), np.empty(len(states), np.int64)
-        many_runs.run_many_states(self.mesh, states, periods, max_events, ends, codes)
-        return ends, codes
+        ends, statuses = np.empty(states.shape), np.empty(len(states), np.int64)
+        many_runs.run_many_states(self.mesh, states, periods, max_events, ends, statuses)
+        return ends, statuses
 
     def sections(self, *arguments):
         """Fill a table with states at one phase of every period; see `Base.sections`."""

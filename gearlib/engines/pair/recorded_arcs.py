@@ -84,38 +84,22 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
 
 
 @kernel
-def add_events(arcs, arc_count, previous_code, period, events, event_count):
-    """Append the changes of contact between successive arcs to the event table.
+def count_events(arcs, arc_count, previous_code, period, events, event_count, summary):
+    """Count the changes of contact between successive arcs in `summary`; append them to `events`.
 
     The first `arc_count` rows of the arc table `arcs`, shape (n, 6), belong to mesh period number
-    `period`; `previous_code` is the contact code before them. Returns (events, number of events,
-    contact code of the last arc).
+    `period`; `previous_code` is the contact code before them. An event table without rows stays
+    empty. Returns (event table, number of events, contact code of the last arc).
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
         if contact != previous_code:
             phase, v = arcs[i, START], arcs[i, VELOCITY]
-            events, event_count = orbit.add_event(
-                events, event_count, period, phase, previous_code, contact, v
+            events, event_count = orbit.count_event(
+                events, event_count, period, phase, previous_code, contact, v, summary
             )
             previous_code = contact
     return events, event_count, previous_code
-
-
-@kernel
-def count_bounces(arcs, arc_count, previous_code):
-    """Return (number of losses of drive-side contact, contact code of the last arc).
-
-    The first `arc_count` rows of the arc table `arcs`, shape (n, 6), are used; `previous_code` is
-    the contact code before them.
-    """
-    bounces = 0
-    for i in range(arc_count):
-        contact = int(arcs[i, CONTACT])
-        if previous_code == NORMAL and contact != NORMAL:
-            bounces += 1
-        previous_code = contact
-    return bounces, previous_code
 
 
 @inlined_kernel

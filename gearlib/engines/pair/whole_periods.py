@@ -19,6 +19,7 @@ from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.orbit import STROBE_PERIODS, is_within_range
 from gearlib.engines.pair import contact_table as table
+from gearlib.engines.pair import events
 from gearlib.engines.pair.events import descent_time, march_rest_of_segment
 from gearlib.engines.pair.motion import evolve, free_flight, return_flight
 
@@ -27,7 +28,7 @@ STORED_PERIODS = STROBE_PERIODS + 1
 # Entries of `Work.memory`, which carries a free flight from one call to the next: its remaining
 # time (negative: there is no flight), its duration, its speeds at the start and at the impact; then
 # the table entries of the last loss of contact in the three segments of a period.
-REMAINING, DURATION, START_SPEED, IMPACT_SPEED, LOSS_ENTRIES = range(5)
+REMAINING, FLIGHT_DURATION, START_SPEED, IMPACT_SPEED, LOSS_ENTRIES = range(5)
 _MEMORY_SIZE = LOSS_ENTRIES + 3
 #: Contact code of a flight from x = 0 that returns to it, used within `advance_periods` only.
 _RETURN_FLIGHT = 2
@@ -52,14 +53,15 @@ def new_work():
 @kernel
 def set_mesh(work, mesh):
     """Prepare storage `work` for runs of a `Mesh`: set the constants of its stiffness levels."""
-    table.set_level(mesh.low_level, mesh.low_length, work.levels[0])
-    table.set_level(mesh.high_level, mesh.half_high_length, work.levels[1])
+    table.fill_level_constants(mesh.low_level, mesh.low_length, work.levels[0])
+    table.fill_level_constants(mesh.high_level, mesh.half_high_length, work.levels[1])
 
 
 @kernel
 def set_start(work, x, v):
     """Prepare storage `work` for a new run from displacement x and velocity v at tau = 0."""
-    work.memory[REMAINING] = -1.0
+    work.memory[REMAINING] = -1.0  # No free flight is in progress.
+    # Searches for the loss of contact start from table entries, one for each segment of a period.
     work.memory[LOSS_ENTRIES:] = 0.0
     work.states[0, 0], work.states[0, 1] = x, v
 
@@ -72,8 +74,9 @@ def _append_arc(arcs, row, start, duration, contact, level, x, v):
     starts with displacement x and velocity v.
     """
     if row < arcs.shape[0]:
-        arcs[row, 0], arcs[row, 1], arcs[row, 2] = start, duration, contact
-        arcs[row, 3], arcs[row, 4], arcs[row, 5] = level, x, v
+        arcs[row, events.START], arcs[row, events.DURATION] = start, duration
+        arcs[row, events.CONTACT], arcs[row, events.LEVEL] = contact, level
+        arcs[row, events.DISPLACEMENT], arcs[row, events.VELOCITY] = x, v
     return row + 1
 
 
@@ -91,7 +94,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
     max_return_energy = 2.0 * mesh.load * mesh.backlash * table.ROUNDING_MARGIN
     count = np.int64(0)
     end_u = end_v = 0.0
-    flight_remaining, duration = memory[REMAINING], memory[DURATION]
+    flight_remaining, duration = memory[REMAINING], memory[FLIGHT_DURATION]
     start_speed, impact_speed = memory[START_SPEED], memory[IMPACT_SPEED]
     if flight_remaining >= 0.0:
         contact = _RETURN_FLIGHT
@@ -195,7 +198,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                     k = int(loss_time * levels[i, table.ENTRIES_PER_TIME] + 0.5)
                 memory[LOSS_ENTRIES + segment] = k
                 if count <= arcs.shape[0]:
-                    arcs[count - 1, 1] = loss_time
+                    arcs[count - 1, events.DURATION] = loss_time
                 if speed * speed >= max_return_energy:
                     # The far flank may be reached: march event by event to the next impact.
                     t += loss_time
@@ -234,6 +237,6 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
         row = (period + 1) % STORED_PERIODS
         states[row, 0], states[row, 1] = x, v
     memory[REMAINING] = flight_remaining if contact == _RETURN_FLIGHT else -1.0
-    memory[DURATION] = duration
+    memory[FLIGHT_DURATION] = duration
     memory[START_SPEED], memory[IMPACT_SPEED] = start_speed, impact_speed
     return (BACKLASH if contact == _RETURN_FLIGHT else contact), x, v, count

@@ -64,8 +64,10 @@ def max_perturbation_step(constants, max_stiffness, contact_code, x, v):
 
     A perturbation oscillates with the frequency of the contact even if the motion (x, v) is slow.
     Its terms, (frequency h)^k / k!, have to fall below rounding by k = ORDER. The constants, shape
-    (COLUMNS,), are those of contact code and segment; the stiffness is at most `max_stiffness`.
+    (COLUMNS,), are those of contact code and segment; the linear stiffness is at most
+    `max_stiffness`.
     """
+    # P2, P3: quadratic and cubic stiffness; D1 to D3: linear to cubic damping. Only P2 may be < 0.
     deflection = abs(x - constants[FLANK_LINE]) if contact_code != BACKLASH else 0.0
     stiffness_factor = (
         1.0 + (2.0 * abs(constants[P2]) + 3.0 * constants[P3] * deflection) * deflection

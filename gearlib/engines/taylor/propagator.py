@@ -49,15 +49,16 @@ class Propagator(Base):
 
         Maps have the shape (periods, 2, 2) or (0, 2, 2); the excitation starts with `first_period`.
         """
-        tables = samples, events, span.max_events, summary, maps, first_period
-        result = self.integrate(*z, span.periods, span.recorded, *tables)
+        tables = samples, events, span.max_events, summary, maps
+        result = self.run_kernel(*z, span.periods, span.recorded, tables, first_period)
         *z[:], period, events, event_count, status, steps = result
         # A coefficient of the series costs about one evaluation of the right-hand side.
         return Record(z, z, period, samples, events[:event_count], summary, status, steps * ORDER)
 
-    def integrate(self, *arguments):
-        """Run the kernel `run_nonlinear` with all arguments but the last one, the first period.
+    def run_kernel(self, x, v, periods, recorded, tables, first_period):
+        """Run from displacement x and velocity v; return what `run_nonlinear` returns.
 
-        The excitation of a nonlinear mesh repeats after each period.
+        `tables` are its last five arguments, samples to period maps. `first_period` has no effect,
+        because the excitation of a nonlinear mesh repeats after each period.
         """
-        return run_nonlinear(self.mesh, TO_BERNSTEIN, *arguments[:-1])
+        return run_nonlinear(self.mesh, TO_BERNSTEIN, x, v, periods, recorded, *tables)

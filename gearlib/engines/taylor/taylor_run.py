@@ -157,8 +157,10 @@ def add_step_to_summary(
 ):
     """Add the extrema and contact times of a Taylor step to the summary of a motion.
 
-    `step` is its length, `below_mean` tells whether the stiffness is below its mean. `to_bernstein`
-    is the matrix from power to Bernstein coefficients, `work` is storage.
+    A summary with an entry FORCE_SUM also gets the integral of the mesh force over the phase.
+    `step` is the length of the step, `below_mean` tells whether the stiffness is below its mean.
+    `series` has the Taylor series of displacement and mesh force in its rows. `to_bernstein` is the
+    matrix from power to Bernstein coefficients, `work` is storage.
     """
     polynomial = series[SCALED]
     _fill_scaled_polynomial(series, DISPLACEMENT, 0.0, 1.0, step)
@@ -166,9 +168,9 @@ def add_step_to_summary(
     orbit.add_contact_time(contact_code, step, below_mean, summary)
     if contact_code != BACKLASH:
         _fill_scaled_polynomial(series, MESH_FORCE, 0.0, tuning * tuning, step)
-        if summary.shape[0] > orbit.SUMMARY_COLUMNS:
+        if summary.shape[0] > orbit.FORCE_SUM:
             for k in range(ORDER + 1):
-                summary[orbit.SUMMARY_COLUMNS] += step * polynomial[k] / (k + 1.0)
+                summary[orbit.FORCE_SUM] += step * polynomial[k] / (k + 1.0)
         orbit.add_polynomial_extrema(
             polynomial, to_bernstein, work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN
         )

@@ -88,10 +88,12 @@ def _line_value(line, t, x):
 def touching_set(overlaps, active_set, coast_line, t, x):
     """Return the set of pairs that touch at a displacement x, t after the start of a segment.
 
-    The overlaps, shape (2^k, k, 4), are lines factor x - offset of the segment, by contact set and
-    pair. Bits of `active_set` mark pairs on their path of contact; `coast_line` is the displacement
-    of the coast side.
+    Sets are integers with a bit for each of the k pairs; 2^k stands for the coast side, which
+    touches below `coast_line`. Bits of `active_set` mark pairs on their path of contact. If the
+    pairs of a set carry the load, the overlap of another pair i is factor x - offset, with the
+    `_line_value` of ``overlaps[set, i]``, shape (4,), of the segment; it touches where this is > 0.
     """
+    # The set of which all pairs overlap and no other pair does, or the nearest to this.
     coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
     best_set, min_violation = 0, math.inf
     for contact_set in range(coast_set):
@@ -201,10 +203,12 @@ def _first_contact_event(
     """Return (fraction of a step, number of the pair) of the first pair that touches or separates.
 
     The step, of length `step`, starts at x, t after the start of a segment with its overlaps, (2^k,
-    k, 4), and its active pairs. The fraction is 2 if there is no event and -1 if rounding hides
-    whether there is one; pair number k is the coast side. The step starts on the line of
+    k, 4), and its active pairs. Bits of `contact_set` mark the pairs that touch; 2^k stands for
+    contact of the coast side, below `coast_line`, which has the pair number k. The fraction is 2 if
+    there is no event and -1 if rounding hides whether there is one. The step starts on the line of
     `start_pair`, or on none if that is -1. If the sides `may_jam`, touches on the other side count
-    as well.
+    as well. `series` has the motion in its first rows; rows from ROWS on receive the overlaps, and
+    `to_bernstein` and `work` are those of `first_crossing`.
     """
     coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
     first_fraction, first_pair = 2.0, -1
@@ -406,6 +410,10 @@ class Propagator(propagator.Propagator):
         Base.__init__(self, model, tuning)
         self.system = model.system(tuning)
 
-    def integrate(self, *arguments):
-        """Run the kernel `run_tooth_pairs` with its remaining arguments; return its results."""
+    def run_kernel(self, x, v, periods, recorded, tables, first_period):
+        """Run from displacement x and velocity v; return what `run_tooth_pairs` returns.
+
+        `tables` are its arguments from samples to period maps.
+        """
+        arguments = x, v, periods, recorded, *tables, first_period
         return run_tooth_pairs(self.system, propagator.TO_BERNSTEIN, *arguments)

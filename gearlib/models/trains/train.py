@@ -13,7 +13,7 @@ from gearlib import checks
 from gearlib.data.motions import float_array
 from gearlib.engines import orbit
 from gearlib.engines.linear.periods import EVENT_COLUMNS
-from gearlib.engines.linear.record import FORCE_SUM, SUMMARY_COLUMNS
+from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.model import Model
@@ -508,7 +508,7 @@ class GearTrain(Model):
         span of phase. The dynamic factor is the largest force over the static force of the linear
         train, NaN for a mesh without load.
         """
-        mean = summaries[..., FORCE_SUM] / span
+        mean = summaries[..., orbit.FORCE_SUM] / span
         static = self.mean_forces
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.where(static > 0.0, summaries[..., orbit.FORCE_MAX] / static, math.nan)

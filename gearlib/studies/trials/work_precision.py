@@ -250,7 +250,7 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
         """Run the method `calls` times over mesh periods; return whether a run stopped early."""
         if method == "exact":
             propagator = problem.model.propagator(problem.tuning, method)
-            starts = np.tile(propagator.start((0.0, 0.0)), (calls, 1))
+            starts = np.tile(propagator.initial_state((0.0, 0.0)), (calls, 1))
             _, statuses = propagator.propagate_many(starts, periods, MAX_EVENTS)
             return statuses.any()
         span = Span(periods, recorded=1, max_events=MAX_EVENTS)
