@@ -52,6 +52,7 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
     """
 
     def run(function, values):
+        """Call `function` for gears and model of the option `values`; write and draw its result."""
         from gearlib.runs.run_arguments import tuning_of
 
         data_path, plot_path, force = (values.pop(key) for key in ("output", "plot", "force"))
@@ -62,7 +63,7 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
         if motion == "none":
             values["model"] = "train"
         gears = take_gears(values, moves=motion != "none")
-        # Sweeps have the rectangular mesh stiffness; `force_note` says what it neglects.
+        # Sweeps have the rectangular mesh stiffness; `force_note` warns of its force jumps.
         model, drawing = gears.model(load_sharing=motion == "one speed"), gears.settings.gears
         if motion == "one speed":
             speed = values.pop("speed")
@@ -255,7 +256,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
     source, tolerances = _source_and_tolerances(gears, model, *map(settings.pop, names))
     if model.size == 2:  # displacement and velocity: a model of one degree of freedom
         quantity = quantity or tolerances_section.Tolerances.model_fields["quantities"].default
-        settings["directions"] = ("up", "down", "seeded")
+        settings["directions"] = ("up", "down", "seeded")  # seeded: from random states
     with click.progressbar(length=samples, file=sys.stderr, hidden=not sys.stderr.isatty()) as bar:
         settings["progress"] = bar.update
         designs = gearlib.scatter(source, tolerances, quantity, samples, **settings)
@@ -307,12 +308,13 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     for gear in ("pinion", "wheel") if quality else ():
         drawing[gear] = drawing[gear] | {"quality": quality}
     source = nominal_design(model.as_dict(), drawing)
+    # With a quality, the form of the flanks scatters.
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
     return source, tolerances_from_classes(source.mesh, **classes) | tolerances
 
 
 def _read_measured(values):
-    """Replace `path` and `free` in `values` by the measured set and ranges; add known values."""
+    """In the dict `values`, replace `path` by the set `data`, and texts in `free` by SI ranges."""
     path = values.pop("path")
     values["data"] = data = gearlib.read_measured(path)
     section = measured_description.read(path).fit or measured_description.FitSection()
@@ -327,6 +329,7 @@ def _read_measured(values):
     if values["config"] is None and not DEFAULT_CONFIG.exists():
         # Without a configuration the fit starts from the middle of the free ranges.
         known = {name: sum(limits) / 2.0 for name, limits in values["free"].items()} | known
+    # Parameters without an option have the value that the set states.
     for name in (*GearPairSection.model_fields, *DAMPINGS):
         if values[name] is None and isinstance(known.get(name), int | float):
             values[name] = known[name]
@@ -354,6 +357,7 @@ def gears(format, save, plot, force, **values):
 
     output.check("--save", save, force, options.YAML)
     output.check("--plot", plot, force, options.PICTURES)
+    # A configuration to be saved must have a damping.
     drawn = take_gears(values, moves=bool(save), needs_drawing=True)
     if save:
         import yaml
@@ -362,6 +366,7 @@ def gears(format, save, plot, force, **values):
     drawing, pair = drawn.settings.gears, drawn.settings.pair_parameters(drawn.damping)
     load = drawing.load() | {"damping": {name: pair[name] for name in DAMPINGS}}
     mesh, method, method_options = drawing.mesh(), drawing.stiffness, drawing.stiffness_options
+    # The table has all methods; the options belong to the configured one, by default iso.
     rows = gear_table.gear_quantities(mesh, options={method or "iso": method_options}, **load)
     if drawing.speed and drawn.damping != NO_DAMPING:
         rows += gear_table.duty_rows(mesh, stiffness=method, options=method_options, **load)
@@ -378,6 +383,7 @@ def gears(format, save, plot, force, **values):
         pair_dict = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}
         curves = mesh_stiffness({"mesh stiffness": pair_dict}, samples=_CURVE_PHASES)
         output.save_picture(plot, drawn.name, lambda _: mesh_stiffness_figure.draw(curves))
+    # The values of this row tell by method whether the motion repeats.
     if any(row.name == "settled" and not all(row.values.values()) for row in rows):
         raise click.ClickException("the motion at the duty point has not settled")
 

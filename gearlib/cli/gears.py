@@ -68,7 +68,8 @@ def in_rpm(name, value):
 def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) -> Gears:
     """Remove the options that describe gears from the dict `values`, and return the gears.
 
-    Options override the configuration. Gears that move need a damping.
+    Options override the configuration. With `moves` the gears need a damping, with `needs_drawing`
+    a drawing; else `_UNDAMPED` and `_UNUSED_PAIR` stand for sections that are missing.
     """
     damping, kind = values.pop("damping"), values.pop("model", None) or "one_degree"
     mapping = _read(values.pop("config"), values.pop("case"), damping)
@@ -112,6 +113,7 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     # Without a configuration empty sections are kept, so that their missing keys are reported.
     changes = {key: section for key, section in changes.items() if section or not mapping}
     mapping = overlay(mapping, changes)
+    # Other sections need not suit gears that options have changed.
     settings = config.load(_select(mapping, *_NEEDED_SECTIONS) if drawing or changes else mapping)
     if damping not in settings.dampings:
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
@@ -158,7 +160,7 @@ def _take_sections(values: dict, needs_drawing: bool) -> dict:
             value = values.pop(name)
             if value is None or value is False:
                 continue
-            # An option of both gears has a value for each of their sections.
+            # An option of both gears, as --shift 0.1 0.2, has a value for each of their sections.
             section_values = value if len(section_keys) > 1 else [value]
             for section_key, section_value in zip(section_keys, section_values, strict=True):
                 section = sections

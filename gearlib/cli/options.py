@@ -56,7 +56,7 @@ class Group(click.Group):
                 warnings.showwarning = lambda text, *_: click.echo(f"Warning: {text}", err=True)
                 return super().invoke(ctx)
         except ValueError as error:
-            # Dampings of options have the name "options" without a configuration.
+            # Without a configuration the options of a damping form one called "options".
             message = str(error).replace("dampings.options.", "")
             text = with_original_values(message, mapping={})  # Only shorten computed numbers.
             raise click.UsageError(text) from None
@@ -86,7 +86,7 @@ def key_options(key_groups):
     for section, names, section_keys in key_groups:
         settings = {"nargs": 2, "metavar": "PINION WHEEL"} if section_keys == _BOTH_GEARS else {}
         for name in names:
-            value_type = False if name == "internal" else number_or_text
+            value_type = False if name == "internal" else number_or_text  # False: a flag
             help_text = section.model_fields[name].description
             click_options.append(option(name, help_text, value_type, **settings))
     return click_options
@@ -169,6 +169,7 @@ def command_options(command_name, option_names):
     """Return the options of a command; `option_names` is a text with spaces between the names."""
     click_options = []
     for name in option_names.split():
+        # A row for "sweep points" precedes that for "points", which all other commands have.
         help_text, default_or_type, *settings = _TABLE.get(f"{command_name} {name}") or _TABLE[name]
         click_options.append(option(name, help_text, default_or_type, **dict(*settings)))
     return click_options

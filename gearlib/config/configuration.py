@@ -221,10 +221,7 @@ class Config(Section):
         return models if SIX_DEGREE_HISTORIES & {*scene.courses} else ["one_degree", *models]
 
     def tolerance_distributions(self) -> dict:
-        """Return the probability distributions of the section `tolerances` for `gearlib.scatter`.
-
-        Raise ValueError if the gears cannot have such values.
-        """
+        """Return the distributions of `tolerances`, or raise ValueError if they suit no gears."""
         parameters = self.pair_parameters(self.tolerances.damping)
         pair = PairParameters(**parameters)
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}

@@ -117,7 +117,7 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
     cubic_damping = largest / (deflection * frequency) ** 2
     poincare_cases = _panel_cases(dampings, _POINCARE_TUNING)
     for name, case in zip(dampings, poincare_cases, strict=False):
-        # An undamped motion does not settle, so no mesh period is skipped before the section.
+        # The section is at mesh phase 0. Undamped motions do not settle, so no period is skipped.
         case |= {"phase": 0.0, "settle": _SETTLING_PERIODS if damping_sums[name] else 0}
     return {
         "phase_lag": {"material_dampings": [largest, largest / 100.0]},  # two curves
@@ -125,7 +125,7 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
         "six_degrees": _six_degree_defaults(pair),
         **{key: first_damped for key in ("jump", "analytic_method", "run_ups", "tolerances")},
         "train_sweep": first_damped,
-        "branches": {"loci": first_damped},
+        "branches": {"loci": first_damped},  # curves of bifurcations
         "stability_chart": {"damping": min(damping_sums, key=damping_sums.__getitem__)},
         "work_precision": {
             "damping": largest,
@@ -133,8 +133,8 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
         },
         "reducer": {
             **first_damped,
-            "support_stiffness": 2.5 * pair.max_stiffness,
-            "pin_error": [deflection, 0.0],  # radial and tangential
+            "support_stiffness": 2.5 * pair.max_stiffness,  # of the axes
+            "pin_error": [deflection, 0.0],  # radial and tangential error of an axis
             # The first of the three branches has less backlash than the others.
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
         },
@@ -148,8 +148,8 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
 def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
     """Return bodies and bearings of two equal gears that have the reduced mass of `pair`.
 
-    Gears 3 and 2 satisfy 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2. Bearings have 1/40
-    of the mesh stiffness and 2 % of the critical damping; the run-out is 0.8 static deflections.
+    Pinion 3 and wheel 2 satisfy 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2. Bearings
+    have 1/40 of the mesh stiffness and 2 % of the critical damping, and a small run-out.
     """
     mass = 6.0 * pair.reduced_mass
     bearing = pair.max_stiffness / 40.0

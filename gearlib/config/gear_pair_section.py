@@ -57,7 +57,7 @@ class Damping(_Coefficients):
 
     @model_validator(mode="after")
     def _to_coefficients(self, info: ValidationInfo) -> "Damping":
-        """Return the damping with coefficients, N s/m, in place of its ratios.
+        """Return the damping with coefficients, N s/m, in place of their ratios in `RATIO_KEYS`.
 
         `info` is the validation context; without a valid gear pair in it nothing is converted.
         """

@@ -45,7 +45,7 @@ def config_errors(section_key: str = "", options: Iterable[str] | None = None, *
     gear_keys |= {"ring gear": ring_key}
 
     def config_key(parameter: str, owner: str) -> str:
-        """Return the config key of a parameter of `owner`, such as "wheel" or "tip relief"."""
+        """Return the key of a parameter of `owner`, such as "wheel"; see `config_errors`."""
         parameter, of_relief, _ = parameter.partition(" of the tip relief")
         if of_relief or owner == "tip relief":
             parameter = f"tip_relief.{parameter}"
@@ -55,7 +55,7 @@ def config_errors(section_key: str = "", options: Iterable[str] | None = None, *
             parameter = f"{owner}.{parameter}"
         if owner in gear_keys:
             return f"{gear_keys[owner]}.{parameter}"
-        if owner in ("sun mesh", "ring mesh", "shifts"):  # No key: it concerns two gears.
+        if owner in ("sun mesh", "ring mesh", "shifts"):  # as "sum of the shifts" of two gears
             return f"{section_key and f'{section_key}: '}{parameter} of the {owner}"
         if parameter in (options or ()):
             parameter = f"stiffness_options.{parameter}"

@@ -118,14 +118,14 @@ class Channel(Section):
             self.noise_std(key)  # raises the errors of noise and unit
 
     def scale(self, key):
-        """Return (factor, CF unit) for the channel `key`: its values times the factor are in it."""
+        """Return (factor, CF unit) of the channel `key`; the factor converts values to the unit."""
         name, unit_key, text = self.observableId or key, "unit", f"1 {self.unit}"
         # Pairs (CF unit, usual notation), one for each dimension that the observable may have.
         unit_pairs = measured_names.allowed_units(measured_names.units_and_description(name)[0])
         if self.unit == DATES and name == "time":
             return 1.0, "s"
         if self.unit == COUNTS and self.counts_per_turn is not None:
-            unit_key, text = "counts_per_turn", "1 turn"
+            unit_key, text = "counts_per_turn", "1 turn"  # divided into counts below
         elif self.unit == COUNTS and self.count is not None:
             unit_key, text = "count", self.count
         elif self.unit == COUNTS:
@@ -216,9 +216,7 @@ class Description(Section):
         if self.data is not None:
             require(Path(self.data).suffix.lower() in _FORMATS, "data", self.data, allowed)
             if not self.channels:
-                raise ValueError(
-                    "channels is missing: it must be a mapping of column names to descriptions"
-                )
+                raise ValueError("channels is missing: it must describe each column by its name")
         for name, limits in (self.fit.free if self.fit else {}).items():
             free_range(name, limits)  # Raises the error of wrong limits.
         return self

@@ -107,7 +107,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
     @model_validator(mode="after")
     def _check(self):
         """Raise ValueError if jobs, parameters or correlations of the section are invalid."""
-        min_shard = math.ceil(self.samples / MAX_JOBS)
+        min_shard = math.ceil(self.samples / MAX_JOBS)  # smallest number of samples of a job
         allowed = f"an integer >= {min_shard} to stay within {MAX_JOBS:,} jobs"
         checks.require(self.shard >= min_shard, ".shard", self.shard, allowed)
         check_unique(".parameters", self.parameters, "parameter")
@@ -132,7 +132,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         return self
 
     def concern_drawing(self):
-        """Return whether the parameters are those of a drawing, and not all of a gear pair, too."""
+        """Return whether all parameters are of a drawing, and not all of a gear pair as well."""
         names = {tolerance.parameter for tolerance in self.parameters}
         are_of_pair = names <= tolerated.pair_parameters().keys()
         return names <= tolerated.geometry_parameters().keys() and not are_of_pair
@@ -145,14 +145,12 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         )
 
     def distributions(self, nominal_values):
-        """Return a dict for `gearlib.scatter`; `nominal_values` are parameter name -> SI value."""
+        """Return name -> tolerance for `gearlib.scatter`; nominal values are name -> SI value."""
         tolerances = self._complete_tolerances("tolerances", nominal_values)
-        for name, config_key in self.config_keys().items():
+        for name, key in self.config_keys().items():
             if "distribution" not in tolerances[name]:
                 limits = tolerated.centre_and_limits(tolerances[name])
-                tolerated.check_range(
-                    config_key, tolerances[name], self._parameters()[name], limits
-                )
+                tolerated.check_range(key, tolerances[name], self._parameters()[name], limits)
         if self.correlations:
             tolerances["correlations"] = [[*x.parameters, x.rho] for x in self.correlations]
         return tolerances

@@ -216,6 +216,7 @@ class Train(Section):
         """Return the arguments of the library function or class for this kind of train."""
         section = getattr(self, self.kind)
         arguments = section.arguments() if self.kind == "planetary_set" else section.model_dump()
+        # The name of the mesh that sets the scales, and the frequency, Hz, of the tuning 1.
         return arguments | self.model_dump(include={"reference", "reference_frequency"})
 
 

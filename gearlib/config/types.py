@@ -105,7 +105,7 @@ def from_context(info, key):
 
 
 def _require_known_damping(name, info):
-    """Return the name of a damping, or raise ValueError; "." in it stands for the key."""
+    """Return the name of a damping, or raise ValueError for another; "." stands for its key."""
     # Invalid dampings have an error message of their own, so any name is accepted.
     names = from_context(info, "dampings") or [name]
     checks.require(name in names, ".", name, f"one of {', '.join(names)}")
@@ -330,7 +330,7 @@ class NumericGrid(Section):
         return self
 
     def check_steps(self, step_key, max_tunings=MAX_JOBS):
-        """Raise ValueError if the range has too many steps, or no whole number of them."""
+        """Raise ValueError if the step of this key is too small or does not divide the range."""
         step, tuning_range = getattr(self, step_key), self.stop - self.start
         step_count = tunings.steps(self.start, self.stop, step)
         allowed = f">= {tuning_range / max_tunings:.2g} to stay within {max_tunings:,} tunings"
@@ -351,8 +351,7 @@ class Grid(NumericGrid):
     def _read_speeds(cls, values, info):
         """Convert a range of speeds to one of tunings, so that it stays a multiple of its step.
 
-        `values` is the section, `info` the validation context. All tunings and steps are in rpm, or
-        none.
+        `values` is the section, `info` the validation context; all keys or none are in rpm.
         """
         keys = ("start", "stop", "step", "window", "fine_step", "share_step")
         section = dict(values) if isinstance(values, dict) else {}
@@ -368,7 +367,7 @@ class Grid(NumericGrid):
         is_valid = stop < _MAX_RPM and 0 < step_count < _MAX_STEPS and step_count % 1 == 0
         allowed = f".start = {section['start']!r} plus a whole multiple of .step = "
         checks.require(is_valid, ".stop", section["stop"], f"{allowed}{section['step']!r}")
-        # The others follow from the rounded start and step, so that multiples stay multiples.
+        # The others follow from the rounded start and step, and stay whole multiples of the step.
         factor = Decimal(tuning_per_rpm(from_context(info, "pair")))
         first, distance = ((factor * x).quantize(_TUNING_RESOLUTION) for x in (start, step))
         tuning_values = {key: speed / step * distance for key, speed in speeds.items()}

@@ -51,6 +51,7 @@ def _error_message(error, schema):
     node = node_at(path, schema)
     if kind == "missing":
         return f"{_dotted_key(path)} is missing: it must be {allowed_text(node, schema)}"
+    # Removed targets and methods have messages of their own.
     if {"targets", "method", "methods"} & {*map(str, path)} and str(value) in REMOVED:
         return removal_message(value)
     # The comment of a number with a unit ends with an example such as '10 um'.

@@ -26,9 +26,10 @@ class Figures:
     """The figures of a gear pair over the tuning, or of drawn gears over the pinion speed."""
 
     def __init__(self, drawn: bool):
+        """Create empty figures; `drawn` says whether the gears, and so their teeth, are drawn."""
         self.drawn = drawn
-        # The curves of the Harris map are named by their torque over the chosen one, which is last.
-        self.harris_curves = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]
+        # Names of the curves of the Harris map: torques over the chosen torque, which is the last.
+        self.harris_names = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]
         self.sources = defaultdict(lambda: ColumnDataSource({"x": [], "y": []}))
         self.table = pn.pane.Markdown("", width=290)
         self.resonance, self.marker = self._resonance_figure()
@@ -67,17 +68,15 @@ class Figures:
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
         for teeth_pane in self.teeth_panes:
             teeth_pane.visible = view.error is not None
-        if view.error is None:
+        if (error := view.error) is None:
             return
         # With pitch errors the curves span several mesh periods; their first point closes them.
         period_count = len(view.mesh.pitch_errors)
-        phase = np.append(view.error.phase.values / math.tau, period_count)
-        for name, curve in zip(
-            self.harris_curves, view.error.transmission_error.values, strict=True
-        ):
+        phase = np.append(error.phase.values / math.tau, period_count)
+        for name, curve in zip(self.harris_names, error.transmission_error.values, strict=True):
             self._set(name, phase, 1e6 * np.append(curve, curve[0]))
         # The last torque is the chosen torque.
-        period = view.error.isel(torque=-1, phase=slice(0, view.error.phase.size // period_count))
+        period = error.isel(torque=-1, phase=slice(0, error.phase.size // period_count))
         position, load_share = 1e3 * period.path_position.values, period.load_share.values
         # Positions outside the path of contact are NaN.
         order = np.argsort(position)[: np.isfinite(position).sum()]
@@ -134,8 +133,8 @@ class Figures:
 
     def _teeth_figures(self) -> list:
         """Return figures of the Harris map and of the load share of a pair of teeth."""
-        lines = [(name, _GREY, {"legend_label": name}) for name in self.harris_curves[:-1]]
-        lines.append(("chosen", _FIRST_COLOUR, {"line_width": 3, "legend_label": "1"}))
+        lines = [(name, _GREY, {"legend_label": name}) for name in self.harris_names[:-1]]
+        lines.append(("chosen", _FIRST_COLOUR, {"line_width": 3, "legend_label": "1"}))  # ratio
         x, y = "mesh phase / 2π", "transmission error, µm"
         harris_map = self._plot("Harris map", x, y, *lines)
         harris_map.add_layout(harris_map.legend[0], "below")

@@ -16,9 +16,9 @@ class Page:
     """The page of a configuration with one of its dampings."""
 
     def __init__(self, mapping: dict, damping: str):
-        self.model = Sliders(mapping, damping)
-        self.figures = Figures(self.model.drawn)
-        self.widgets = {name: _widget(slider) for name, slider in self.model.sliders.items()}
+        self.slider_set = Sliders(mapping, damping)
+        self.figures = Figures(self.slider_set.drawn)
+        self.widgets = {name: _widget(slider) for name, slider in self.slider_set.sliders.items()}
         self.note = pn.pane.Markdown("", sizing_mode="stretch_width", css_classes=["note"])
         self.button = pn.widgets.FileDownload(
             callback=self.file, filename="config.yaml", label="Save as config.yaml", embed=False
@@ -31,27 +31,27 @@ class Page:
 
     def pick(self, event) -> None:
         """Set the speed or tuning slider to the position of a click into the resonance curve."""
-        widget = self.widgets[self.model.abscissa]
+        widget = self.widgets[self.slider_set.abscissa]
         value = widget.start + round((event.x - widget.start) / widget.step) * widget.step
         widget.value = min(max(float(f"{value:.12g}"), widget.start), widget.end)
 
     def configuration(self) -> dict:
         """Return the configuration with the current values of all sliders."""
         values = {}
-        for name, slider in self.model.sliders.items():
+        for name, slider in self.slider_set.sliders.items():
             # Moved values are rounded to 12 digits; sliders not moved keep the exact value.
             value = self.widgets[name].value
             is_moved = value != _initial_value(slider)
             values[name] = float(f"{value * slider.unit:.12g}") if is_moved else slider.initial
             if isinstance(slider.initial, int):
                 values[name] = int(values[name])
-        return self.model.configuration(values)
+        return self.slider_set.configuration(values)
 
     def update(self, *_) -> None:
         """Compute and draw the results for the slider values, or show why they are invalid."""
         start, visible = time.perf_counter(), True
         try:
-            note = self.figures.draw(compute_view(self.configuration(), self.model.damping))
+            note = self.figures.draw(compute_view(self.configuration(), self.slider_set.damping))
             note += f" *Computed in {1e3 * (time.perf_counter() - start):.0f} ms.*"
         except ValueError as error:
             note, visible = str(error), False
@@ -69,7 +69,7 @@ class Page:
         figures = pn.Column(self.note, self.figure_column, sizing_mode="stretch_width")
         # In a narrow window the figures come below the sliders.
         figures.styles = {"flex": "1 1 360px", "min-width": "0"}
-        heading = pn.pane.Markdown(f"### {self.model.heading}", css_classes=["gears"])
+        heading = pn.pane.Markdown(f"### {self.slider_set.heading}", css_classes=["gears"])
         return pn.Column(heading, beside(controls, figures), sizing_mode="stretch_width")
 
 

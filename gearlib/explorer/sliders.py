@@ -90,8 +90,7 @@ class Sliders:
         """Return (heading, name -> slider) of a gear pair without drawing: tuning, parameters."""
         pair, grid, tuning = self.pair, settings.resonance, settings.phase_planes.tunings[0]
         # Infinite backlash is shown as four static deflections.
-        is_finite = math.isfinite(pair.backlash)
-        backlash = pair.backlash if is_finite else 4.0 * pair.static_deflection
+        backlash = pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
         heading = f"Gear pair, z {pair.teeth}, load {pair.load:.4g} N"
         values_and_limits = {
             "stiffness_ratio": (pair.stiffness_ratio, 0.05, 1.0),

@@ -41,9 +41,7 @@ class View(NamedTuple):
     message: str  #: sentences about the motion
     orders: xr.Dataset | None  #: order spectrum, if the run did not fail
     mesh: Any = None  #: of drawn gears
-    error: xr.Dataset | None = (
-        None  #: of `Mesh.transmission_error` of spur gears at several torques
-    )
+    error: xr.Dataset | None = None  #: `Mesh.transmission_error` of spur gears at torques
 
 
 def compute_view(mapping: dict, damping: str) -> View:
@@ -88,6 +86,7 @@ def _compute_motions(pair, model, tunings: np.ndarray, tuning: float, repeat_per
 
     def resonance_curve(direction):
         """Return (dataset of a sweep "up" or "down", False if it ends before the jump down)."""
+        # Only the sweep of drawn gears is extended down to the jump.
         if model is not pair and direction == "down":
             curve, jumped = sweep_down(pair, tunings, EXTENSION_RATIO * tunings[0], **settings)
         else:
