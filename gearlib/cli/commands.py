@@ -247,7 +247,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
 
     from gearlib.figures import scatter_figure
     from gearlib.studies import tolerance_study
-    from gearlib.uncertainty.scatter import error_summary
+    from gearlib.uncertainty.scatter import refused
 
     first, last = _tuning_range(model, settings.pop("start"), settings.pop("stop"))
     settings["tunings"] = np.linspace(first, last, points) if points else None
@@ -260,7 +260,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
     with click.progressbar(length=samples, file=sys.stderr, hidden=not sys.stderr.isatty()) as bar:
         settings["progress"] = bar.update
         designs = gearlib.scatter(source, tolerances, quantity, samples, **settings)
-    for text in error_summary(designs):
+    for text in refused(designs):
         click.echo(click.wrap_text(text, output.WIDTH))
     header, *rows = tolerance_study.rows(designs)
     table = pandas.DataFrame(rows, columns=header).replace({"unit": WRITTEN_UNITS})
@@ -301,7 +301,7 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     if gears.drawn is None:
         raise click.UsageError("tolerances of a drawing need drawn gears and --model one_degree")
     from gearlib.studies.tolerance_study import nominal_design
-    from gearlib.uncertainty.quality_classes import tolerances_from_classes
+    from gearlib.uncertainty.quality_classes import by_class
 
     # The backlash follows from the thickness of the teeth.
     drawing = gears.drawn.drawing_dict() | ({"backlash": None} if thickness else {})
@@ -310,7 +310,7 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     source = nominal_design(model.as_dict(), drawing)
     # With a quality, the form of the flanks scatters.
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
-    return source, tolerances_from_classes(source.mesh, **classes) | tolerances
+    return source, by_class(source.mesh, **classes) | tolerances
 
 
 def _read_measured(values):

@@ -77,7 +77,7 @@ class Fit:
     ndata: int
     nfev: int
     unknown: tuple  #: messages about parameters that the data do not determine
-    noise_known: bool  #: whether the noise of all data is known
+    noise: bool  #: whether the noise of all data is known
     _observations: list
 
     def __str__(self):
@@ -439,7 +439,7 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
         ndata=n,
         nfev=int(optimum.nfev),
         unknown=tuple(messages),
-        noise_known=problem.noise_known,
+        noise=problem.noise_known,
         _observations=problem.observations,
     )
 

@@ -90,7 +90,7 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
     return -half_width, half_width
 
 
-def tolerances_from_classes(
+def by_class(
     mesh: Any, *, thickness: Any = None, centre_distance: str | None = None, form: bool = False
 ) -> dict:
     """Return tolerances from the classes of a drawing, for `gearlib.scatter` of a `DrawnPair`.

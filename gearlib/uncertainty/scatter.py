@@ -426,7 +426,7 @@ def _nearly_equal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return np.abs(a - b) <= _EQUAL_MOTION_TOLERANCE * np.maximum(a, b)
 
 
-def error_summary(dataset: xr.Dataset) -> list[str]:
+def refused(dataset: xr.Dataset) -> list[str]:
     """Return a line for each kind of error in a result of `scatter`: their count and an example."""
     rows, total = json.loads(dataset.attrs["refused"]), dataset.sizes["sample"]
     return [f"{count} of {total} samples cannot be built, such as: {text}" for count, text in rows]

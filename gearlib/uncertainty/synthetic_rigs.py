@@ -8,7 +8,7 @@ import xarray as xr
 from gearlib.runs.run_up import run_up
 
 
-def synthetic_run_up(
+def synthetic_rig(
     model, speed_profile, seed, *, noise=0.05, bits=12, samples_per_period=32, gain=1.0
 ) -> xr.Dataset:
     """Return synthetic measured data of a run-up with a speed profile, rows of s and rpm.

@@ -10,7 +10,7 @@ import xarray as xr
 import gearlib
 from gearlib.uncertainty import observation
 from gearlib.uncertainty.observations import quantities_of
-from gearlib.uncertainty.synthetic_rigs import synthetic_run_up
+from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER
 
 TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
@@ -40,13 +40,13 @@ def test_intervals_hold_the_truth_that_a_run_up_shows():
     truth = TRUTH.replace(contact_ratio=1.5)
     guess = truth.replace(material_damping=4900.0, contact_ratio=1.7)
     free = {name: FREE[name] for name in ("material_damping", "contact_ratio")}
-    fit = gearlib.fit(guess, synthetic_run_up(truth, course(truth, 1.0), 1), free)
+    fit = gearlib.fit(guess, synthetic_rig(truth, course(truth, 1.0), 1), free)
     assert 0.8 < fit.redchi < 1.25 and not fit.unknown
     assert_found(fit, truth, 3.0)
 
 
 def test_backlash_is_bounded_where_the_far_flank_is_never_struck():
-    data = synthetic_run_up(TRUTH, course(TRUTH, 1.0), 3)
+    data = synthetic_rig(TRUTH, course(TRUTH, 1.0), 3)
     free = {"material_damping": (1000.0, 9000.0), "backlash": (1e-5, 9e-5)}
     fit = gearlib.fit(TRUTH.replace(backlash=6e-5), data, free)
     (sentence,) = fit.unknown
@@ -63,7 +63,7 @@ def test_backlash_is_found_where_the_far_flank_is_struck():
     truth = TRUTH.replace(backlash=1e-5)
     free = {"reduced_mass": FREE["reduced_mass"], "backlash": (2e-6, 6e-5)}
     guess = truth.replace(reduced_mass=3.4, backlash=1.2e-5)
-    fit = gearlib.fit(guess, synthetic_run_up(truth, course(truth, 1.0), 0), free)
+    fit = gearlib.fit(guess, synthetic_rig(truth, course(truth, 1.0), 0), free)
     backlash = fit.params["backlash"]
     assert backlash.identifiable
     assert abs(backlash.value - truth.backlash) < 5.0 * backlash.stderr < 1e-7

@@ -6,7 +6,7 @@ import pytest
 import gearlib
 from gearlib.data import storage
 from gearlib.uncertainty.designs import Designs
-from gearlib.uncertainty.scatter import QUANTILES, error_summary, join_shards, scatter, shard
+from gearlib.uncertainty.scatter import QUANTILES, join_shards, refused, scatter, shard
 from tests.paper import PAPER
 
 PAIR = PAPER.replace(material_damping=3953.7)
@@ -109,7 +109,7 @@ def test_samples_that_cannot_be_built_are_counted_and_told():
     count = int((result.refusal != "").sum())
     assert count == int((result.contact_ratio > 2.0).sum()) > 10
     assert (result.run_count == 128 - count).all() and not result.failed_runs.any()
-    (text,) = error_summary(result)
+    (text,) = refused(result)
     assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
 
 

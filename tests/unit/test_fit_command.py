@@ -8,12 +8,12 @@ from click.testing import CliRunner
 
 import gearlib
 from gearlib.cli import main
-from gearlib.uncertainty.synthetic_rigs import synthetic_run_up
+from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.paper import PAPER
 
 TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 COURSE = [(0.0, float(TRUTH.speed(0.6))), (0.4, float(TRUTH.speed(0.72)))]
-DATA = synthetic_run_up(TRUTH, COURSE, 1)
+DATA = synthetic_rig(TRUTH, COURSE, 1)
 TABLE = np.c_[DATA.time.values, 1e6 * DATA.displacement.values]
 SETTINGS = {
     "data": "rig.csv",

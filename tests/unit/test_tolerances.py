@@ -13,9 +13,9 @@ from gearlib.parameters import declared_parameters
 from gearlib.uncertainty import distributions
 from gearlib.uncertainty.designs import Designs, DrawnPair
 from gearlib.uncertainty.quality_classes import (
+    by_class,
     distance_limits,
     thickness_limits,
-    tolerances_from_classes,
 )
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
@@ -205,9 +205,7 @@ def test_thicknesses_are_those_of_the_series_of_din_3967():
 
 def test_a_drawing_scatters_by_its_classes():
     mesh = fzg_c(quality=7)
-    tolerances = tolerances_from_classes(
-        mesh, thickness=("26cd", "26c"), centre_distance="js8", form=True
-    )
+    tolerances = by_class(mesh, thickness=("26cd", "26c"), centre_distance="js8", form=True)
     gears = DrawnPair(mesh, torque=302.0, damping_ratio=0.06, backlash=None)
     designs = Designs(gears, tolerances)
     models = [designs.model(row) for row in designs.values(designs.points(0, 16))]
