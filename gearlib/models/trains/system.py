@@ -175,7 +175,7 @@ def _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass) -
         "force_output": force_outputs,
         "effect": force_indices,
         "stiffness": stiffness,
-        "low": low,
+        "below_mean": low,
     }
 
 
