@@ -26,7 +26,7 @@ from gearlib.engines.orbit import Span
 from gearlib.engines.polynomial import bernstein_matrix
 from gearlib.engines.taylor.series import ORDER
 from gearlib.engines.taylor.taylor_run import run_nonlinear
-from gearlib.explorer.view import look
+from gearlib.explorer.view import compute_view
 
 REPEATS = repeats(7)
 DAMPED = GearPair.from_ratios(
@@ -171,7 +171,7 @@ def explorer():
     return [
         (
             f"explorer, one update at 500 tunings, {name}",
-            seconds(lambda name=name: look(mapping, name)),
+            seconds(lambda name=name: compute_view(mapping, name)),
             "s",
         )
         for name in dampings
