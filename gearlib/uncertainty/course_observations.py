@@ -282,9 +282,10 @@ def _compared_revolutions(orders, variance_ratios):
     amplitudes = np.abs(orders[source, 0])
     steps, jumps = np.abs(np.log(amplitudes[1:] / amplitudes[:-1])), []
     for i in np.argsort(-steps):
-        if steps[i] < observation.MIN_RELATIVE_JUMP or i < _SKIPPED_AT_START:
+        if steps[i] < observation.MIN_RELATIVE_JUMP:
             break
-        if all(abs(i + 1 - jump) > _SKIPPED_AFTER_JUMP for jump in jumps):
+        is_separate = all(abs(i + 1 - jump) > _SKIPPED_AFTER_JUMP for jump in jumps)
+        if i >= _SKIPPED_AT_START and is_separate:
             jumps.append(int(i + 1))
     for i in jumps:
         compared[max(i - _SKIPPED_BEFORE_JUMP, 0) : i + _SKIPPED_AFTER_JUMP] = False
