@@ -65,6 +65,7 @@ def counting_bar(noun, total, callback=None):
     finished = 0
 
     def add(count):
+        """Add a number of finished items, and pass it on to the callback."""
         nonlocal finished
         finished += count
         if callback is not None:

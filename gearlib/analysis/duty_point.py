@@ -115,7 +115,7 @@ def _load_sharing_model(mesh: Any, torque: float, options: dict) -> tuple:
     # In each mesh period there is a stiffness table for each subset of the tooth pairs in mesh.
     tables_per_period = 2 ** math.ceil(mesh.total_contact_ratio)
     max_periods = _MAX_TABLES // tables_per_period
-    if model.repeats <= max_periods:
+    if model.repeats <= max_periods:  # mesh periods after which the pitch errors repeat
         return model, False
     return model.replace(pitch_errors=model.pitch_errors[:max_periods]), True
 
@@ -137,8 +137,9 @@ def _iso_dynamic_factor(mesh: Any, torque: float, speed: float) -> dict:
 def settled_run(model: Any, tuning: float, initial_state: tuple = (0.0, 0.0)) -> xr.Dataset:
     """Return a run of `simulate` that records one period of an orbit, or else whole revolutions.
 
-    The motion starts at `initial_state` (displacement, velocity); its length is doubled until it
-    repeats, at most to the limits `_MAX_PERIODS` and `_MAX_STEPS`.
+    The motion of the `model` at a tuning, mesh frequency over natural frequency, starts at
+    `initial_state` (displacement, velocity); its length is doubled until it repeats, at most to the
+    limits `_MAX_PERIODS` and `_MAX_STEPS`. Only the record is sampled finely.
     """
     max_periods = min(_MAX_PERIODS, int(_MAX_STEPS / model.steps_per_period(tuning)))
     excitation_periods = model.repeats  # mesh periods after which the excitation repeats
@@ -171,9 +172,13 @@ def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **option
 
 
 def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
-    """Return (variables, coordinates) of the dataset of `duty_point` for a run, in SI units."""
-    mesh_orders, forces, errors = mesh_order_amplitudes(run)
-    dims = ("mesh_order", *run.displacement.dims[1:])
+    """Return (variables, coordinates) of the dataset of `duty_point` for a run, in SI units.
+
+    They include amplitudes of the first mesh orders of force and transmission error; `settled` is 1
+    if the run is periodic.
+    """
+    mesh_orders, order_forces, order_errors = mesh_order_amplitudes(run)
+    dims = ("mesh_order", *run.displacement.dims[1:])  # "mesh" is a dimension of trains only
     data = si_variables(run, model)
     data |= {"settled": np.int8(int(run.period) > 0), "period": run.period.values}
     coords = {"mesh_order": mesh_orders}
@@ -181,20 +186,22 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
     if bearing_names is None:
         data["bearing_force_max"] = max_forces
     else:
+        # Trains have a bearing for each body; six degrees of freedom have one for each gear.
         dim = "body" if len(dims) > 1 else "bearing"
         data["bearing_force_max"], coords[dim] = (dim, max_forces), bearing_names
-    data |= {"mesh_order_force": (dims, forces), "mesh_order_error": (dims, errors)}
+    data |= {"mesh_order_force": (dims, order_forces), "mesh_order_error": (dims, order_errors)}
     return data, coords
 
 
 def si_variables(run: xr.Dataset, model: Any) -> dict:
     """Return {variable name: values} of a run of `simulate` in N, m, Hz and rpm.
 
-    The variables are speeds, mesh forces, transmission error and contact loss, those of trains
-    along ``mesh``.
+    The variables are speeds, mesh forces, transmission error and contact loss; for gear trains they
+    have the dimension ``mesh`` if they differ between the meshes.
     """
     force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
     error = transmission_error(run)
+    # Fraction of time without drive-side contact: without contact, or with coast-side contact.
     contact_loss_fraction = run.fraction_backlash + run.fraction_inverse
     # Without a profile deviation the exact extrema of the run are used, else those of the samples.
     if np.array_equal(error, run.displacement.values):
@@ -202,6 +209,7 @@ def si_variables(run: xr.Dataset, model: Any) -> dict:
     else:
         peak_to_peak = np.ptp(error, axis=0)
     dims = run.displacement.dims[1:]
+    # Forces of a single pair are relative to its static force, and so are dynamic factors.
     factor = run.dynamic_factor if "dynamic_factor" in run else run.dynamic_force_max
     return {
         "speed": run.speed.values,
@@ -221,6 +229,7 @@ def si_variables(run: xr.Dataset, model: Any) -> dict:
 def bearing_forces(run: xr.Dataset, model: Any) -> tuple:
     """Return (names of the bearings, largest force of each in N) in a run of `simulate`.
 
+    Six degrees of freedom have "gear 3", the pinion, and "gear 2", with the indices of the paper.
     A model with rigid bearings has no names: the result is (None, largest mesh force).
     """
     force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
@@ -231,7 +240,8 @@ def bearing_forces(run: xr.Dataset, model: Any) -> tuple:
     if "body_motion" not in run:
         return None, force_scale * float(run.dynamic_force_max)
     stiffness = np.array([body.support_stiffness for body in model.bodies])
-    displacements = run.body_motion.values[:, :, :2]
+    displacements = run.body_motion.values[:, :, :2]  # x and y, without the rotation
+    # The displacement of a rigid bearing is zero and does not give its force.
     stiffness[~np.isfinite(stiffness)] = math.nan
     components = stiffness * static_deflection * displacements
     forces = np.hypot(components[..., 0], components[..., 1])

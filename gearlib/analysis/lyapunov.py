@@ -118,15 +118,17 @@ def largest_exponent(
 ) -> Exponent:
     """Return the largest Lyapunov exponent of the motion from a state at tau = 0.
 
-    It is averaged over `periods` mesh periods after a transient of `settle` mesh periods. The run
-    stops if a mesh period has more than `max_events` contact events.
+    The tuning is the mesh frequency over the natural frequency, the state (displacement, velocity).
+    The exponent is averaged over `periods` mesh periods after a transient of `settle` mesh periods.
+    The run stops if a mesh period has more than `max_events` contact events.
     """
     stroboscope = Stroboscope(model, tuning, max_events=max_events)
     propagator = stroboscope.propagator
     perturbation, state = Perturbation(model, max_events), propagator.initial_state(state)
     bound = UNBOUNDED_FACTOR * np.maximum(model.extent, stroboscope.size(state[None]))
     # During the transient any perturbation turns into the direction of fastest growth.
-    for first_period, count in ((0, settle), (settle, periods)) if settle else ((0, periods),):
+    stages = ((0, settle), (settle, periods)) if settle else ((0, periods),)
+    for first_period, count in stages:
         previous_size = stroboscope.size(state[None])
         state, log_growths, code = perturbation.propagate(propagator, state, count, first_period)
         if code != status.OK:
@@ -145,9 +147,9 @@ def largest_exponent(
 def rounding_grows(model, tunings, start: tuple, periods: int, final_states=None) -> np.ndarray:
     """Return a mask, shape (n,), of the tunings at which rounding errors grow to a visible size.
 
-    A run over `periods` mesh periods starts at the state `start` at each tuning. If the final
+    At each tuning a run over `periods` mesh periods starts at the state `start`. If the final
     states of a sweep are given, shape (n, components), each run starts from the final state of the
-    last one, or from `start` if that is NaN.
+    previous one, or from `start` if that is NaN.
     """
     perturbation, is_sensitive = Perturbation(model), np.zeros(len(tunings), bool)
     for i, tuning in enumerate(tunings):

@@ -88,9 +88,10 @@ class FourierSums:
 
 
 class ShaftRotation:
-    """Rotation of a shaft with a piecewise linear speed profile, rows of s and rpm."""
+    """Rotation of a shaft with a piecewise linear speed profile."""
 
     def __init__(self, speed_profile: ArrayLike):
+        """Integrate the speed; the profile has rows (time in s, speed in rpm), shape (n, 2)."""
         self._time, speed = np.array(speed_profile, float).T
         #: Speed in rev/s, its slope in rev/s^2, and revolutions since the first row.
         self._speed = speed / 60.0
@@ -213,7 +214,8 @@ def order_map(
 def _motion(run: Any, variable: str, highest: float | None, tacho: Any, teeth: int) -> Motion:
     """Return the samples of a variable of a run-up, a run at constant speed or a signal.
 
-    The arguments are those of `order_map`; invalid ones raise ValueError.
+    The arguments are those of `order_map`, `highest` being the highest order; invalid ones raise
+    ValueError.
     """
     names = set(getattr(run, "variables", ()))  # empty unless `run` is a dataset
     if "time" in names and "phase" not in names:
@@ -221,8 +223,8 @@ def _motion(run: Any, variable: str, highest: float | None, tacho: Any, teeth: i
     checks.one_of("variable", variable, tuple(_VARIABLES))
     if tacho is not None:
         raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
-    scales = {"mesh_frequency", "static_deflection", "force_scale", "contact"}
-    if names >= scales | {*_VARIABLES} and run.displacement.dims[0] == "phase":
+    required_names = {"mesh_frequency", "static_deflection", "force_scale", "contact", *_VARIABLES}
+    if required_names <= names and run.displacement.dims[0] == "phase":
         _check_status(run)
         return _motion_of_simulation(run, variable)
     if not (names >= {variable, "time", "speed", "phase"} and "time" in run.sizes):

@@ -50,7 +50,7 @@ _MAX_LOG_DECAY = -3.0
 
 @dataclass(frozen=True)
 class Trust:
-    """Label of the motion at one tuning, with the runs and the exponent that determine it."""
+    """Classification of the motion at one tuning, with the runs and exponent that determine it."""
 
     label: str  #: one of `LABELS`
     message: str  #: the reason in one sentence
@@ -147,10 +147,10 @@ def trust(
 
 
 def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
-    """Classify the motion at each tuning by `trust`; return its results along ``tuning``.
+    """Return the classification of the motion at each tuning by `trust`, along ``tuning``.
 
-    These are label (index in `LABELS`, with CF flags), period, digits, exponent and uncertainty;
-    `options` are keyword arguments of `trust`.
+    The variables are label (index in `LABELS`, with CF flags), period, digits, exponent and
+    uncertainty; `options` are keyword arguments of `trust`.
     """
 
     def variables(tuning: float) -> dict:
@@ -189,7 +189,7 @@ def _other_methods(model: Any) -> Iterator[tuple]:
 
 
 def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
-    """Return the classification of a motion from a dataset of runs and a Lyapunov exponent.
+    """Return the classification (`Trust`) of a motion from its runs and its Lyapunov exponent.
 
     `runs` has displacement_max, displacement_min, period and status of each run; `repeats` is the
     number of mesh periods after which the excitation repeats.
@@ -203,7 +203,7 @@ def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: in
 
 
 def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
-    """Return (label, message) of `Trust` by the first rule that applies.
+    """Return (label, message) of the classification of a motion, by the first rule that applies.
 
     `repeats` is the number of mesh periods after which the excitation repeats.
     """
@@ -218,7 +218,7 @@ def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: i
         return "undecided", f"some runs grow without bound, others do not: {unbounded}"
     failed = codes != status.OK
     if failed.any() or math.isnan(exponent.value):
-        return "undecided", f"could not go on: {', '.join(names[failed]) or variational}"
+        return "undecided", f"failed runs: {', '.join(names[failed]) or variational}"
     if exponent.positive:
         length = f"{1.0 / exponent.value:.3g} mesh periods"
         return "chaotic", f"perturbations grow by a factor e every {length}"
@@ -231,7 +231,7 @@ def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: i
 
 
 def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
-    """Return (label, message) of `Trust` for a motion whose perturbations decay.
+    """Return (label, message) of the classification of a motion whose perturbations decay.
 
     `periods` are the distinct periods of the runs, 0 for a run that does not repeat; the excitation
     repeats after `repeats` mesh periods.

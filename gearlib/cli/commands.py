@@ -38,7 +38,7 @@ def main():
 
     A configuration (--config, --damping), options, or both describe the gears; options take
     precedence. Values may have units, as in --backlash "40 um". The section `train` describes the
-    gear train of --model train, modes, static, phasing and campbell.
+    gear train for --model train and for the commands modes, static, phasing and campbell.
     """
 
 
@@ -179,7 +179,7 @@ def orbit(gears, model, tuning, **settings):
 
 @gear_command("trust", "tuning speed initial_state periods", "run", motion="one speed")
 def trust(gears, model, tuning, **settings):
-    """Run one tuning in several ways, and say whether chaos is real or a numerical artefact."""
+    """Check whether chaos at one tuning is real or a numerical artefact, by several runs."""
     verdict = gearlib.trust(model, tuning, **settings)
     click.echo(click.wrap_text(f"{verdict.label}: {verdict.message}", output.WIDTH))
     click.echo(f"Lyapunov exponent: {verdict.exponent:.6g} +- {verdict.uncertainty:.2g} per period")
@@ -241,7 +241,7 @@ def _tolerance(text):
 
 @gear_command("scatter", f"{_SCATTER} points seed", "sample")
 def scatter(gears, model, quantity, samples, points, **settings):
-    """Scatter of jumps, contact loss, peaks and the duty point at a speed by tolerances."""
+    """Effect of tolerances on jumps, contact loss, peaks and the duty point, by many designs."""
     import numpy as np
     import pandas
 

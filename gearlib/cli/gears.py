@@ -69,15 +69,17 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     """Remove the options that describe gears from the dict `values`, and return the gears.
 
     Options override the configuration. With `moves` the gears need a damping, with `needs_drawing`
-    a drawing; else `_UNDAMPED` and `_UNUSED_PAIR` stand for sections that are missing.
+    a drawing; otherwise `_UNDAMPED` and `_UNUSED_PAIR` replace missing sections.
     """
     damping, kind = values.pop("damping"), values.pop("model", None) or "one_degree"
     mapping = _read(values.pop("config"), values.pop("case"), damping)
     sections = _take_sections(values, needs_drawing)
     drawing, pair, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
+    # A damping needs both coefficients; --damping-ratio alone means no damping without contact.
     if "damping_ratio" in coefficients and "backlash_damping" not in coefficients:
         coefficients["backlash_damping_ratio"] = 0.0
     bearings = {name: values.pop(name, None) for name in _BEARINGS}
+    # An option has one value for all four bearings.
     bearings = {name: [value] * 4 for name, value in bearings.items() if value is not None}
     if bearings and kind != "six_degrees":
         raise click.UsageError("--bearing-stiffness and --bearing-damping need --model six_degrees")
@@ -87,7 +89,7 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     if "backlash" in pair and ("gears" in mapping or drawing):
         drawing["backlash"] = pair.pop("backlash")
     if drawing and "gears" not in mapping:
-        # Dampings and bearings suit the gears for which they were made.
+        # Dampings and bearings of the configuration are those of its own gears.
         mapping = _select(mapping, "train", *(["dampings"] if damping else []))
     mapping = overlay(mapping, {"gears": drawing} if drawing else {})
     train = mapping.get("train")
@@ -107,21 +109,22 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
         if kind != "train":
             raise click.UsageError("gears is missing: the configuration describes a train only")
         mapping = _UNDAMPED | _UNUSED_PAIR | mapping
+    # A damping that only options describe is named "options".
     damping = damping or next(iter(mapping.get("dampings") or ()), "options")
     dampings = {damping: coefficients} if coefficients or not mapping else {}
     changes = {"gear_pair": pair, "dampings": dampings, "six_degrees": bearings}
     # Without a configuration empty sections are kept, so that their missing keys are reported.
     changes = {key: section for key, section in changes.items() if section or not mapping}
     mapping = overlay(mapping, changes)
-    # Other sections need not suit gears that options have changed.
+    # Other sections may not be valid for gears that options have changed.
     settings = config.load(_select(mapping, *_NEEDED_SECTIONS) if drawing or changes else mapping)
     if damping not in settings.dampings:
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
     if moves and kind == "train" and (message := missing_mesh_damping(settings)):
         raise click.UsageError(message)
     name_of_gears = gear_names.name_of_train if kind == "train" else gear_names.name_of_pair
-    drawn = settings.gears if kind == "one_degree" else None
-    return Gears(mapping, settings, damping, kind, name_of_gears(settings), drawn)
+    name, drawn = name_of_gears(settings), settings.gears if kind == "one_degree" else None
+    return Gears(mapping, settings, damping=damping, kind=kind, name=name, drawn=drawn)
 
 
 def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
@@ -144,7 +147,11 @@ def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
 
 
 def _take_sections(values: dict, needs_drawing: bool) -> dict:
-    """Remove the options that are config keys from `values`, and return their sections."""
+    """Remove the options that are config keys from `values`, and return their sections.
+
+    With `needs_drawing` the command has the options `options.DRAWN_GEARS`, else `options.PAIR`,
+    which describe a pair by a drawing or by its numbers. `teeth` is a number or a text with two.
+    """
     sections: dict = {"gears": {}, "gear_pair": {}, "dampings": {}}
     teeth = values.pop("teeth")
     if isinstance(teeth, str):
@@ -155,7 +162,7 @@ def _take_sections(values: dict, needs_drawing: bool) -> dict:
     elif teeth is not None:
         sections["gear_pair"]["teeth"] = teeth
     key_groups = options.DRAWING + (options.MESH if needs_drawing else options.PAIR_KEYS)
-    for _, names, section_keys in key_groups:
+    for _section_class, names, section_keys in key_groups:
         for name in names:
             value = values.pop(name)
             if value is None or value is False:

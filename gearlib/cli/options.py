@@ -65,9 +65,10 @@ class Group(click.Group):
 
 
 def option(name, help_text, default_or_type=None, flags=(), **settings):
-    """Return a click option; the default False makes it a flag, a callable is the type of values.
+    """Return a click option. `default_or_type` is its default value, or the type of its values.
 
-    `flags` are further names such as "-o", `settings` further arguments of `click.Option`.
+    A callable is a type; the default False makes the option a flag. `flags` are further names such
+    as "-o", `settings` further arguments of `click.Option`.
     """
     if default_or_type is False:
         settings["is_flag"] = True

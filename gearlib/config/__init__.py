@@ -108,13 +108,13 @@ def cases(mapping: dict) -> dict[str, dict]:
     return configurations
 
 
-def overlay_gears(merged: dict, changes: dict) -> dict:
-    """Return the configuration `merged` updated with `changes`, without keys that no longer fit.
+def overlay_gears(base: dict, changes: dict) -> dict:
+    """Return the configuration `base` updated with `changes`, without keys that no longer fit.
 
-    If `merged` has a `gear_pair` and `changes` has drawn `gears`, return only `changes`, because
-    the dampings, bearings and scenes of `merged` belong to another pair. If `changes` replaces the
-    train without naming targets, the targets of `merged` are dropped: with other gears the default
-    targets apply, with the same gears only those of trains.
+    If `base` has a `gear_pair` and `changes` has drawn `gears`, return only `changes`, because the
+    dampings, bearings and scenes of `base` belong to another pair. If `changes` replaces the train
+    without naming targets, the targets of `base` are dropped. If `changes` also replaces the gears,
+    the default targets apply; otherwise only the targets of trains are kept.
     """
     from gearlib.config.targets import TRAIN_TARGETS
 
@@ -123,13 +123,13 @@ def overlay_gears(merged: dict, changes: dict) -> dict:
     if isinstance(case_changes, dict):
         sections += case_changes.values()
     changed = {key for section in sections if isinstance(section, dict) for key in section}
-    if "gears" in changed and "gear_pair" in merged and "gear_pair" not in changes:
+    if "gears" in changed and "gear_pair" in base and "gear_pair" not in changes:
         return changes
     if "train" in changed and "targets" not in changed:
-        merged = {key: value for key, value in merged.items() if key != "targets"}
+        base = {key: value for key, value in base.items() if key != "targets"}
         if not changed & {"gears", "gear_pair"}:
-            merged["targets"] = list(TRAIN_TARGETS)
-    return overlay(merged, changes)
+            base["targets"] = list(TRAIN_TARGETS)
+    return overlay(base, changes)
 
 
 @cache

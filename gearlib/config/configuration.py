@@ -119,7 +119,8 @@ class Config(Section):
         checks.require(harmonics <= max_harmonics, "phase_lag.harmonics", harmonics, allowed)
         self._check_sizes()
         measured_description.read_sets(self.measured)  # Raises the errors of their files.
-        # Without drawn gears only the workflow checks the targets, because commands compute none.
+        # Only the workflow computes targets, and it calls `target_errors` itself. For drawn gears
+        # their errors are raised here as well, so that commands report them.
         if self.gears and (messages := self.target_errors()):
             raise ValueError("\n".join(messages))
         return self
@@ -201,7 +202,8 @@ class Config(Section):
     def train_parameters(self, damping: str) -> dict:
         """Return the arguments from which `gearlib.models.from_values` creates the gear train.
 
-        `damping` names that of the gear pair; only trains with this pair as every mesh use it.
+        `damping` is the name of one of the dampings; it is only used by trains in which every mesh
+        is the gear pair of the configuration.
         """
         kind, arguments = self.train.kind, self.train.arguments()
         pair = self.pair_parameters(damping) if kind in PAIR_TRAINS else None
@@ -212,7 +214,10 @@ class Config(Section):
         return self.pair_parameters(case.damping) | case.change.model_dump()
 
     def candidate_models(self, scene: Any) -> list[str]:
-        """Return the models, smallest first, with all time histories (`courses`) of `scene`."""
+        """Return the models that have all time histories of a scene, its key `courses`.
+
+        The smallest model comes first; "six_degrees_plain" has neither run-out nor friction.
+        """
         if scene.model != "smallest":
             return [scene.model]
         if FRICTION_HISTORIES & {*scene.courses}:
@@ -221,9 +226,13 @@ class Config(Section):
         return models if SIX_DEGREE_HISTORIES & {*scene.courses} else ["one_degree", *models]
 
     def tolerance_distributions(self) -> dict:
-        """Return the distributions of `tolerances`, or raise ValueError if they suit no gears."""
+        """Return the distributions of `tolerances` as a dict for `gearlib.scatter`.
+
+        Raise ValueError if they are not valid for the gears of the configuration.
+        """
         parameters = self.pair_parameters(self.tolerances.damping)
         pair = PairParameters(**parameters)
+        # Ratios such as the damping ratio follow from the parameters, and may have tolerances, too.
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}
         if self.tolerances.concern_drawing():
             drawing = self.gears.drawing_dict()

@@ -36,7 +36,8 @@ _BODY_KEYS = ("base_radii", "inertias", "masses")
 def add_defaults(mapping: object) -> tuple[object, dict]:
     """Return the content of a YAML file with defaults added, and the context of its validation.
 
-    The context is a dict: `pair` and `dampings`, checked, None if invalid; `drawn`, True or False.
+    The context is a dict: `pair` and `dampings` are the validated sections, None if invalid;
+    `drawn` says whether the gears are given by a drawing, the section `gears`.
     """
     if not isinstance(mapping, dict):
         return mapping, {}
@@ -47,6 +48,7 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
     if gears:
         defaults["resonance"] = _resonance_range(mapping.get("resonance"), pair, gears.speed)
         defaults["six_degrees"] = gears.six_degrees()
+        # The test problem "six_degrees" needs bearings, which a drawing does not have.
         if "bearing_stiffness" not in six_degrees:
             other_problems = [name for name in get_args(Problem) if name != "six_degrees"]
             defaults["work_precision"]["problems"] = other_problems
@@ -107,35 +109,37 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
     first_damped = {"damping": next(iter(damped_names or damping_sums))}
     frequency, deflection = pair.mean_eigenfrequency, pair.static_deflection
     moderate_damping = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
-    largest = max(max(x.material_damping, x.backlash_damping) for x in dampings.values())
-    largest = largest or moderate_damping
+    max_damping = max(max(x.material_damping, x.backlash_damping) for x in dampings.values())
+    max_damping = max_damping or moderate_damping
     # Only motions with damping in contact settle from every initial state.
     settling = {name: x for name, x in dampings.items() if x.material_damping > 0.0}
     if not settling:
         coefficients = dict.fromkeys(("material_damping", "backlash_damping"), moderate_damping)
         settling = {f"damping ratio {_DAMPING_RATIO:g}": Damping(**coefficients)}
-    cubic_damping = largest / (deflection * frequency) ** 2
+    # Linear and cubic damping have the same force at the velocity deflection * frequency.
+    cubic_damping = max_damping / (deflection * frequency) ** 2
     poincare_cases = _panel_cases(dampings, _POINCARE_TUNING)
     for name, case in zip(dampings, poincare_cases, strict=False):
         # The section is at mesh phase 0. Undamped motions do not settle, so no period is skipped.
         case |= {"phase": 0.0, "settle": _SETTLING_PERIODS if damping_sums[name] else 0}
     return {
-        "phase_lag": {"material_dampings": [largest, largest / 100.0]},  # two curves
-        "nonlinear_damping": {"damping": largest},
+        "phase_lag": {"material_dampings": [max_damping, max_damping / 100.0]},  # two curves
+        "nonlinear_damping": {"damping": max_damping},
         "six_degrees": _six_degree_defaults(pair),
         **{key: first_damped for key in ("jump", "analytic_method", "run_ups", "tolerances")},
         "train_sweep": first_damped,
         "branches": {"loci": first_damped},  # curves of bifurcations
         "stability_chart": {"damping": min(damping_sums, key=damping_sums.__getitem__)},
         "work_precision": {
-            "damping": largest,
-            "cubic_damping": cubic_damping if math.isfinite(cubic_damping) else largest,
+            "damping": max_damping,
+            "cubic_damping": cubic_damping if math.isfinite(cubic_damping) else max_damping,
         },
         "reducer": {
             **first_damped,
-            "support_stiffness": 2.5 * pair.max_stiffness,  # of the axes
+            "support_stiffness": 2.5 * pair.max_stiffness,  # of the axes; stiffer than a mesh
             "pin_error": [deflection, 0.0],  # radial and tangential error of an axis
-            # The first of the three branches has less backlash than the others.
+            # A quarter of the backlash in the first of the three branches: the load is not shared
+            # equally.
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
         },
         "basins": {"cases": _panel_cases(settling, _BASINS_TUNING)},
@@ -148,17 +152,19 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
 def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
     """Return bodies and bearings of two equal gears that have the reduced mass of `pair`.
 
-    Pinion 3 and wheel 2 satisfy 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2. Bearings
-    have 1/40 of the mesh stiffness and 2 % of the critical damping, and a small run-out.
+    The pinion (index 3 in the paper) and the wheel (index 2) satisfy
+    1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2. The four bearings, along y and z of the
+    pinion, then of the wheel, have 1/40 of the mesh stiffness and 2 % of the critical damping. The
+    run-out is small.
     """
     mass = 6.0 * pair.reduced_mass
-    bearing = pair.max_stiffness / 40.0
+    bearing_stiffness = pair.max_stiffness / 40.0
     return {
         "base_radii": [0.1, 0.1],
         "inertias": [3.0 * 0.1**2 * pair.reduced_mass] * 2,
         "masses": [mass] * 2,
-        "bearing_stiffness": [bearing] * 4,
-        "bearing_damping": [2.0 * 0.02 * math.sqrt(bearing * mass)] * 4,
+        "bearing_stiffness": [bearing_stiffness] * 4,
+        "bearing_damping": [2.0 * 0.02 * math.sqrt(bearing_stiffness * mass)] * 4,
         "eccentricities": [min(0.8 * pair.static_deflection, 0.2 * pair.backlash)] * 2,
     }
 

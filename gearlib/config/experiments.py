@@ -41,10 +41,13 @@ class Resonance(grid_base(0.5, 1.4, 0.0005)):
         return self
 
     def windows(self, direction):
-        """Return the (first, last) tunings of the jobs of a sweep "cold", "up" or "down"."""
+        """Return the (first, last) tunings of the jobs of a sweep "cold", "up" or "down".
+
+        In a "cold" sweep all runs start from the same initial state, so that jobs are independent.
+        """
         if direction == "cold":
             return tunings.windows(self.start, self.stop, self.step, self.window)
-        return [(self.start, self.stop)]  # Each run starts from the final state of the last.
+        return [(self.start, self.stop)]  # Each run starts where the previous one ended.
 
 
 class PhasePlanes(Section):
@@ -256,15 +259,18 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if titles are not unique or `courses` has histories the model lacks."""
+        """Raise ValueError if titles are not unique, or if the model lacks one of the `courses`.
+
+        `courses` are the names of time histories; friction and bearing forces need six degrees.
+        """
         check_unique(".cases", self.cases, "title")
         missing_histories = {
-            "one_degree": (SIX_DEGREE_HISTORIES, "the model one_degree"),
-            "six_degrees_plain": (FRICTION_HISTORIES, "six_degrees_plain, which has no friction"),
+            "one_degree": (SIX_DEGREE_HISTORIES, "one_degree"),
+            "six_degrees_plain": (FRICTION_HISTORIES, "six_degrees_plain (no friction)"),
         }
         missing, model_name = missing_histories.get(self.model, ((), ""))
         for history in self.courses:
-            allowed = f"a course of {model_name}, or the model must be six_degrees"
+            allowed = f"a time history of the model {model_name}, or the model must be six_degrees"
             checks.require(history not in missing, ".courses", history, allowed)
         return self
 

@@ -66,7 +66,7 @@ def _reducer_name(config: Any, teeth: Sequence[int] | None, pair_name: str) -> s
 
 
 def name_of_train(config: Any, pair_name: str = "") -> str:
-    """Return the name of the gear train of a configuration.
+    """Return the name of the gear train of a configuration; the kind "own" is user-defined.
 
     `pair_name` is the name of its meshes if they are not the gear pair of the configuration.
     """
@@ -78,7 +78,7 @@ def name_of_train(config: Any, pair_name: str = "") -> str:
         sun, planet, ring = section.sun, section.planet, section.ring
         teeth = f"{sun.teeth}/{planet.teeth}/{ring.teeth}"
         return f"planetary set z {teeth}, {_module_and_helix(sun)}"
-    if kind == "own":  # user-defined bodies, shafts and meshes
+    if kind == "own":
         return f"own train, {len(section.bodies)} bodies, {len(section.meshes)} meshes"
     pair_name = pair_name or name_of_pair(config)
     if kind == "split_power_reducer":

@@ -162,7 +162,10 @@ class SixDegrees(Section):
 
     @model_validator(mode="after")
     def _check(self) -> "SixDegrees":
-        """Raise an error if radii, inertias or masses are missing: if one is given, all must be."""
+        """Raise an error if radii, inertias or masses are missing.
+
+        `defaults.add_defaults` sets all of them if none is given, and none of them if one is given.
+        """
         for key in ("base_radii", "inertias", "masses"):
             if getattr(self, key) is None:
                 raise PydanticCustomError("missing_key", "", {"key": key})

@@ -41,11 +41,16 @@ def config_errors(section_key: str = "", options: Iterable[str] | None = None, *
     `section_key` is the key of the section with the gears, `options` are the names of its stiffness
     options, and `gear_keys` the config keys of the gears by their names, such as pinion=".pinion".
     """
+    # An internal gear is the ring of a planetary set, the wheel of a pair, or the only gear.
     ring_key = gear_keys.get("ring", gear_keys.get("wheel", section_key))
     gear_keys |= {"ring gear": ring_key}
 
     def config_key(parameter: str, owner: str) -> str:
-        """Return the key of a parameter of `owner`, such as "wheel"; see `config_errors`."""
+        """Return the config key of a parameter in an error message of `gearlib.geometry`.
+
+        `owner` is what has it: a gear such as "wheel", a part such as "web", or, for values of two
+        gears together, "sun mesh", "ring mesh" or "shifts"; None if the message names none.
+        """
         parameter, of_relief, _ = parameter.partition(" of the tip relief")
         if of_relief or owner == "tip relief":
             parameter = f"tip_relief.{parameter}"
@@ -156,9 +161,9 @@ class DrawnPair(_Placed):
                 mesh.pair_parameters(torque=self.torque, stiffness=method)
 
     def modification_key(self, *keys: str) -> str:
-        """Return the first of the gears' `keys` with a value, as "pinion.tip_relief", else "".
+        """Return the first key that is given for one of the gears, else "": "pinion.tip_relief".
 
-        By default these are the keys that modify the involute flanks.
+        `keys` are the keys of a gear to look for, by default those that modify involute flanks.
         """
         for gear_name in ("pinion", "wheel"):
             for key in keys or ("tip_relief", "pitch_errors"):
@@ -277,6 +282,7 @@ def drawn_pairs(config: Any, section_name: str) -> dict[str, DrawnPair]:
         is_map = section_name == "harris_map"
         return {section_name: config.harris_map.gears} if is_map else config.mesh_stiffness.pairs
     torque = config.gears.driving_torque()
+    # The class of the pairs of "mesh_stiffness"; `published` keeps its default, no values.
     pair = PublishedPair.model_construct(**dict(config.gears) | {"torque": torque})
     if section_name == "harris_map":
         # The study of the Harris map designs the tip reliefs itself.

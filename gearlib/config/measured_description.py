@@ -37,16 +37,18 @@ _TIMED_FORMATS = (".uff", ".unv")
 _FORMATS = (".csv", *_TIMED_FORMATS)
 #: Observables that are compared as time histories.
 _TIME_HISTORIES = {"displacement", "velocity", "acceleration", "dynamic_force"}
-#: Units of ratios; pint would read some of them as angles.
+#: Unit of a ratio -> factor to the unit 1; pint would read some of these units as angles.
 _RATIOS = {"1": 1.0, "percent": 0.01, "%": 0.01}
 
 
 def _text(max_length):
+    """Return the type of a text of 1 to `max_length` characters."""
     comment = f"a text of 1 to {max_length} characters"
     return t.text(comment, min_length=1, max_length=max_length)
 
 
 def _read_facts(value):
+    """Return the section `known`, a dict with text keys; raise ValueError if it is not one."""
     if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
         raise refusal("known", value, "a mapping of names to what is known")
     return value
@@ -118,14 +120,14 @@ class Channel(Section):
             self.noise_std(key)  # raises the errors of noise and unit
 
     def scale(self, key):
-        """Return (factor, CF unit) of the channel `key`; the factor converts values to the unit."""
+        """Return (factor, CF unit): a value of the channel `key` times the factor has this unit."""
         name, unit_key, text = self.observableId or key, "unit", f"1 {self.unit}"
         # Pairs (CF unit, usual notation), one for each dimension that the observable may have.
         unit_pairs = measured_names.allowed_units(measured_names.units_and_description(name)[0])
         if self.unit == DATES and name == "time":
-            return 1.0, "s"
+            return 1.0, "s"  # Reading the table converts dates to seconds.
         if self.unit == COUNTS and self.counts_per_turn is not None:
-            unit_key, text = "counts_per_turn", "1 turn"  # divided into counts below
+            unit_key, text = "counts_per_turn", "1 turn"
         elif self.unit == COUNTS and self.count is not None:
             unit_key, text = "count", self.count
         elif self.unit == COUNTS:
@@ -135,6 +137,7 @@ class Channel(Section):
                 return _RATIOS[self.unit], cf_unit
             with suppress(ValueError):
                 if cf_unit != "1":
+                    # Only a turn has to be divided into counts.
                     return units.read(text, written_unit) / (self.counts_per_turn or 1), cf_unit
         unit_names = " or ".join(written_unit for _, written_unit in unit_pairs)
         allowed = f"a value in, or a unit of the dimension of {unit_names}, for {name}"
@@ -226,6 +229,7 @@ class Description(Section):
         return [] if self.data is None else [str(Path(path).parent / self.data)]
 
     def _observables(self):
+        """Return the set of the names of the observables of all channels."""
         return {channel.observableId or key for key, channel in self.channels.items()}
 
     def has_courses(self):

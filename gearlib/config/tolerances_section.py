@@ -39,19 +39,25 @@ class ToleratedParameter(Section):
         """Return the probability distribution as a dict for `gearlib.scatter`, in SI units.
 
         `key` is the config key of this section, `kind` the `gearlib.parameters.Kind` of its values.
+        Either `distribution` is given, a name in scipy.stats, with its parameters `shape`, or keys
+        such as mean and std.
         """
         values = self.model_dump(include={*_VALUES, *_DEVIATIONS})
         if self.distribution is None:
             allowed = "left out without a distribution"
             checks.require(self.shape is None, f"{key}.shape", self.shape, allowed)
             return {name: _to_si(f"{key}.{name}", x, kind) for name, x in values.items()}
-        for name, value in values.items():
+        for name, value in values.items():  # The first of them, if any, is refused.
             raise checks.refusal(f"{key}.{name}", value, "left out beside a distribution")
         return {"distribution": self.distribution, **(self.shape or {})}
 
 
 def _to_si(key, value, kind):
-    """Return a value such as "40 um" in SI units; numbers and percentages stay unchanged."""
+    """Return a value such as "40 um" in SI units; numbers and percentages stay unchanged.
+
+    `key` is its config key; only deviations, such as "std", may be percentages. `kind` is the
+    `gearlib.parameters.Kind` of the parameter; one without a unit converts nothing.
+    """
     if not isinstance(value, str) or value.strip().endswith("%") or not hasattr(kind, "unit"):
         return value
     try:
@@ -115,7 +121,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         known_names = ", ".join(known_parameters())
         allowed = f"one of {known_names}, all of the gear pair or all of the drawing"
         for i, name in enumerate(names):
-            is_known = name in self._parameters()
+            is_known = name in self._known_parameters()
             checks.require(is_known, f".parameters[{i}].parameter", name, allowed)
         for ratio, quantity in tolerated.RATIOS.items():
             if {ratio, quantity} <= {*names}:
@@ -132,25 +138,31 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         return self
 
     def concern_drawing(self):
-        """Return whether all parameters are of a drawing, and not all of a gear pair as well."""
+        """Return whether the tolerances are about a drawing.
+
+        All parameters are then parameters of a drawing, and not all of them of a gear pair as well.
+        """
         names = {tolerance.parameter for tolerance in self.parameters}
         are_of_pair = names <= tolerated.pair_parameters().keys()
         return names <= tolerated.geometry_parameters().keys() and not are_of_pair
 
-    def _parameters(self):
-        return (
-            tolerated.geometry_parameters()
-            if self.concern_drawing()
-            else tolerated.pair_parameters()
-        )
+    def _known_parameters(self):
+        """Return name -> `Parameter` of the drawing or the gear pair, whichever is toleranced."""
+        is_drawing = self.concern_drawing()
+        return tolerated.geometry_parameters() if is_drawing else tolerated.pair_parameters()
 
     def distributions(self, nominal_values):
-        """Return name -> tolerance for `gearlib.scatter`; nominal values are name -> SI value."""
+        """Return parameter name -> distribution, a dict, for `gearlib.scatter`.
+
+        `nominal_values` are name -> SI value. If parameters are correlated, the further key
+        "correlations" has a list of [name, name, correlation].
+        """
         tolerances = self._complete_tolerances("tolerances", nominal_values)
         for name, key in self.config_keys().items():
             if "distribution" not in tolerances[name]:
                 limits = tolerated.centre_and_limits(tolerances[name])
-                tolerated.check_range(key, tolerances[name], self._parameters()[name], limits)
+                parameter = self._known_parameters()[name]
+                tolerated.check_range(key, tolerances[name], parameter, limits)
         if self.correlations:
             tolerances["correlations"] = [[*x.parameters, x.rho] for x in self.correlations]
         return tolerances
@@ -160,7 +172,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         tolerances = {}
         for i, section in enumerate(self.parameters):
             key, name = f"{section_key}.parameters[{i}]", section.parameter
-            tolerance = section.distribution_dict(key, self._parameters()[name].kind)
+            tolerance = section.distribution_dict(key, self._known_parameters()[name].kind)
             nominal_value = nominal_values.get(name)
             if "distribution" not in tolerance:
                 tolerance = tolerated.complete_scatter(key, tolerance, model_value=nominal_value)

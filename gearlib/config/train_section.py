@@ -34,7 +34,7 @@ RingSection = create_section(
 _DOC = "Stiffness and damping of drawn meshes."
 DrawnMesh = create_section("DrawnMesh", _DOC, planetary_set, *_DAMPINGS, base=MethodSection)
 _Set = create_section("_Set", "", planetary_set, base=DrawnMesh, exclude=("torque", *_DAMPINGS))
-#: Keys of a mesh that suit drawn gears only, and the coefficient in place of ratios.
+#: Keys of a mesh that are for drawn gears only, and the coefficient in place of ratios.
 DRAWN_MESH_KEYS = {*DrawnMesh.model_fields, "torque", "centre_distance"}
 
 
@@ -166,13 +166,14 @@ class Own(Section):
 
 
 def _check_undrawn_mesh(mesh_key: str, mesh: Any) -> None:
-    """Raise ValueError if `mesh` has no stiffness or has keys that only suit drawn gears."""
+    """Raise ValueError if `mesh` has no stiffness, or keys that are only for drawn gears."""
     for key in ("max_stiffness", "stiffness_ratio", "contact_ratio"):
         if getattr(mesh, key) is None:
             problem = "is missing: it must be given unless both gears are drawn"
             raise ValueError(f"{mesh_key}.{key} {problem}")
     allowed = "left out where the stiffness is given or a gear is not drawn"
     for key, value in mesh.model_dump(include=DRAWN_MESH_KEYS - {"material_damping"}).items():
+        # The first of these keys, if any, is refused.
         raise checks.refusal(f"{mesh_key}.{key}", value, allowed)
 
 
@@ -204,7 +205,7 @@ class Train(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Require the section of the kind of the train."""
+        """Raise an error if the section of the train's kind is missing; "own" is user-defined."""
         if self.kind == "planetary_set" and self.planetary_set is None:
             raise PydanticCustomError("missing_key", "", {"key": "planetary_set"})
         allowed = "a list of at least one entry where train.kind is own"

@@ -30,6 +30,7 @@ FACTORS = {
 
 @cache
 def _registry():
+    """Return the unit registry of pint, which computes with Decimal."""
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)

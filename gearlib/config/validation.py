@@ -35,10 +35,11 @@ def _error_message(error, schema):
     if is_key_error and not isinstance(value, str):
         # YAML reads the keys ``4:``, ``on:`` and ``null:`` as a number, a boolean and null.
         key = _dotted_key([*path[:-1], as_text(value)])
-        return f"{key} is not allowed as a name: it must be a text, in quotes where YAML has none"
+        return f"{key} is not allowed as a name: it must be a text; put it in quotes"
     if kind == "value_error":
         text = str(error["ctx"]["error"])
         if is_key_error:
+            # The text is "... is not allowed: it must be ..."; "." will be replaced by the key.
             text = f". is not allowed as a name{text[text.index(':') :]}"
         return _with_full_keys(text, key if path else "")
     if kind == "extra_forbidden":

@@ -6,7 +6,7 @@ import yaml
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
     """Loader of plain YAML that collects the keys that a mapping repeats."""
 
-    repeated_keys: list[str]
+    repetitions: list[str]  #: such as "teeth is given twice, again in line 4"
 
     def construct_mapping(self, node, deep=False):
         """Return the dict of a YAML mapping, and note its repeated keys."""
@@ -15,7 +15,7 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
         for i, key in enumerate(keys):
             if any(key.value == earlier.value for earlier in keys[:i]):
                 line = key.start_mark.line + 1
-                self.repeated_keys.append(f"{key.value} is given twice, again in line {line}")
+                self.repetitions.append(f"{key.value} is given twice, again in line {line}")
         return super().construct_mapping(node, deep)
 
 
@@ -27,13 +27,14 @@ def read(path):
     try:
         with open(path, encoding="utf-8") as file:
             loader = _Loader(file.read())
-        loader.repeated_keys = []
+        loader.repetitions = []
         content = loader.get_single_data()
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not YAML{_position_and_problem(error)}") from None
     if content is None:
         raise ValueError(f"{path} is empty: it must be a mapping of keys to values")
-    return content, [f"{path}: the key {key}: it must stand once" for key in loader.repeated_keys]
+    errors = [f"{path}: the key {text}: it must be given once" for text in loader.repetitions]
+    return content, errors
 
 
 def _position_and_problem(error):

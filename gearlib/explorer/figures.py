@@ -26,7 +26,7 @@ class Figures:
     """The figures of a gear pair over the tuning, or of drawn gears over the pinion speed."""
 
     def __init__(self, drawn: bool):
-        """Create empty figures; `drawn` says whether the gears, and so their teeth, are drawn."""
+        """Create empty figures, also of the teeth if `drawn`: the gears are given by a drawing."""
         self.drawn = drawn
         # Names of the curves of the Harris map: torques over the chosen torque, which is the last.
         self.harris_names = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]

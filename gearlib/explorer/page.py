@@ -16,6 +16,7 @@ class Page:
     """The page of a configuration with one of its dampings."""
 
     def __init__(self, mapping: dict, damping: str):
+        """Create the page of a configuration; `damping` is the name of one of its dampings."""
         self.slider_set = Sliders(mapping, damping)
         self.figures = Figures(self.slider_set.drawn)
         self.widgets = {name: _widget(slider) for name, slider in self.slider_set.sliders.items()}

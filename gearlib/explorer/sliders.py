@@ -71,6 +71,7 @@ class Sliders:
     """
 
     def __init__(self, mapping: dict, damping: str):
+        """Create the sliders of a configuration; `damping` is the name of one of its dampings."""
         self.mapping, self.damping = mapping, damping
         settings = config.load(mapping)
         self.drawn = settings.gears is not None

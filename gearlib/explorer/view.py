@@ -91,7 +91,7 @@ def _compute_motions(pair, model, tunings: np.ndarray, tuning: float, repeat_per
             curve, jumped = sweep_down(pair, tunings, EXTENSION_RATIO * tunings[0], **settings)
         else:
             curve, jumped = sweep(pair, tunings, direction=direction, **settings), True
-        # Motions far beyond the `extent` of the pair, its largest length, are unbounded.
+        # Motions far beyond the larger of backlash and static deflection count as unbounded.
         return mask_unbounded(curve, pair.extent), jumped
 
     # The kernels release the interpreter lock.

@@ -289,7 +289,8 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
     summaries[..., _MAXIMUM_COLUMNS] = np.maximum.reduceat(table[..., _MAXIMUM_COLUMNS], rows)
     summaries[..., _MINIMUM_COLUMNS] = np.minimum.reduceat(table[..., _MINIMUM_COLUMNS], rows)
     length, force = model.static_deflection, model.scales()["force_scale"]
-    # The total time is the sum of the times in each contact state, so that fractions add up to 1.
+    # The total time is the sum of the times with drive-side contact (NORMAL), without contact and
+    # with coast-side contact (INVERSE), so that fractions add up to 1.
     times = summaries[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]]
     total_time = times.sum(axis=-1)
     # Revolutions after the end of a failed run have no duration.
@@ -303,6 +304,7 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
         "fraction_normal": summaries[..., orbit.TIME_NORMAL] / total_time,
         "fraction_backlash": summaries[..., orbit.TIME_BACKLASH] / total_time,
         "fraction_inverse": summaries[..., orbit.TIME_INVERSE] / total_time,
+        # Losses of drive-side contact per mesh period; no division by 0 after a failure.
         "bounces": summaries[..., orbit.BOUNCES] * math.tau / np.maximum(phase, 1e-300)[:, None],
     }
     dims = ("revolution", "mesh") if model.mesh_names else ("revolution",)

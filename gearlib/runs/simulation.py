@@ -175,6 +175,7 @@ def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
         "velocity": table[..., orbit.SAMPLE_V],
         "acceleration": table[..., orbit.SAMPLE_A],
         "stiffness": stiffness,
+        # Effective stiffness: zero without contact.
         "modified_stiffness": np.where(contact_codes == BACKLASH, no_stiffness, stiffness),
         "dynamic_force": table[..., orbit.SAMPLE_FORCE],
         "contact": contact_codes,

@@ -68,9 +68,9 @@ def sweep(
     direction : {"cold", "up", "down"}
         "cold" starts every run from `initial_state`. "up" and "down" show hysteresis: they run from
         the lowest tuning up or from the highest down, and each run starts from the final state of
-        the last one, or from `initial_state` if that has failed. Tunings must increase for "up",
-        and increase or decrease for "down". With run-out the gears keep their angles from run to
-        run, as in a slow run-up; six degrees of freedom need the method "exact".
+        the previous one, or from `initial_state` if that has failed. Tunings must increase for
+        "up", and increase or decrease for "down". With run-out the gears keep their angles from run
+        to run, as in a slow run-up; six degrees of freedom need the method "exact".
     method : str, optional
         A name of `gearlib.methods`. By default "exact" if that method can run the model, otherwise
         "taylor". The other methods are for comparison; their extrema are those at the step ends.
@@ -138,10 +138,11 @@ def _run_sweep(model, tunings, arguments: RunArguments, direction: str, threads:
     """
     _, _, summary_table = model.empty_record()
     rows = Rows(
+        # A motion with a larger displacement counts as unbounded.
         bound=model.displacement_limit(float(tunings.max()), arguments.state),
         summaries=np.empty((tunings.size, *summary_table.shape)),
         ends=np.empty((tunings.size, len(model.components))),
-        codes=np.full((tunings.size, 2), -1),  # -1: not yet computed
+        codes=np.full((tunings.size, 2), -1),  # period and status; -1: not yet computed
     )
     is_warm_started = direction != "cold"
     run_arguments = arguments.state, is_warm_started, arguments.span, rows

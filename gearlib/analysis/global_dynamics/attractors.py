@@ -168,13 +168,14 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
     centres = stroboscope.scaled(points)
     size = max(1.0, np.abs(centres).max())
     forms, return_cycles = _lyapunov_functions(stroboscope.cycle_maps(points[0], len(points)))
-    radii = size * _RING_RATIO ** np.arange(_RING_COUNT)
+    radii = size * _RING_RATIO ** np.arange(_RING_COUNT)  # in decreasing order
     count, n = centres.shape
     directions = _unit_vectors(n)
     # Matrices that map the unit sphere to the ellipse of radius 1.
     to_ellipse = np.array([np.linalg.inv(np.linalg.cholesky(form).T) for form in forms])
     # Shape (points, rings, directions, n).
     offsets = np.einsum("jab,db->jda", to_ellipse, directions)[:, None] * radii[:, None, None]
+    # The weights scale velocities to displacements, `lift` returns from reduced to full states.
     samples = (centres[:, None, None] + offsets).reshape(-1, n) / stroboscope.weights
     orbit_states = np.repeat(points, radii.size * len(directions), axis=0)
     perturbations = samples - stroboscope.scaled(orbit_states) / stroboscope.weights
@@ -186,11 +187,11 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
     is_inside = np.sqrt(squared_radii).max(axis=2) <= _RING_RATIO * radii
     trapping_radii = np.empty(count)
     for j in range(count):
-        failed = np.flatnonzero(~is_inside[j])
-        outermost = failed[-1] + 1 if failed.size else 0
+        failed_rings = np.flatnonzero(~is_inside[j])
+        largest_trapping = failed_rings[-1] + 1 if failed_rings.size else 0
         # Rounding errors dominate inside the smallest ring: only the orbit itself remains.
-        is_ring = outermost < radii.size
-        trapping_radii[j] = radii[outermost] if is_ring else _SAME_POINT_TOLERANCE * size
+        is_ring = largest_trapping < radii.size
+        trapping_radii[j] = radii[largest_trapping] if is_ring else _SAME_POINT_TOLERANCE * size
     return TrappingEllipses(centres, forms, trapping_radii)
 
 

@@ -139,8 +139,8 @@ def bifurcation_diagram(
     tuning : float, optional
         Mesh frequency over mean eigenfrequency, if another parameter is varied.
     direction : {"cold", "up", "down"}
-        Whether each run starts from the initial state, or from the final state of the last one for
-        increasing or decreasing values; six degrees of freedom allow "cold" only.
+        Whether each run starts from the initial state, or from the final state of the previous one
+        for increasing or decreasing values; six degrees of freedom allow "cold" only.
     settle, strobes : int
         Number of mesh periods before the record, and in the record.
     phase : float, default 0
@@ -201,7 +201,7 @@ def _diagram(cases, values, direction: str, section_arguments: tuple, initial_st
 
     `cases` are the (model, tuning) at each value of the parameter, `section_arguments` are (settle,
     periods, phase, max_events) of `_section`. With the direction "up" or "down" a run starts from
-    the final state of the last one, with "cold" from the initial state (displacement, velocity).
+    the final state of the previous one, with "cold" from the initial (displacement, velocity).
     """
     _, periods, *_ = section_arguments
     states = np.full((values.size, periods, 2), math.nan)

@@ -29,15 +29,16 @@ _BYTES_PER_STATE = 120
 
 
 class Stroboscope:
-    """Map of many states over whole cycles of the excitation of a model.
-
-    A run stops if a mesh period has more than `max_events` contact events. `threads` is
-    the number of threads, by default one for each processor.
-    """
+    """Map of many states over whole cycles of the excitation of a model."""
 
     def __init__(self, model, tuning: float, *, max_events=MAX_EVENTS, threads=None):
-        """Check the arguments; the tuning is the mesh frequency over the natural frequency."""
-        choose_method(model, None, None)  # raises ValueError unless a method supports the model
+        """Create the map of a `gearlib` model at a tuning, mesh frequency over natural frequency.
+
+        A run stops if a mesh period has more than `max_events` contact events. `threads` is the
+        number of threads, by default one for each processor.
+        """
+        # Raises ValueError unless a method supports the model.
+        choose_method(model, name=None, options=None)
         self.model, self.tuning = model, check_tuning("tuning", tuning)
         self.propagator = model.propagator(self.tuning)
         self.max_events = checks.integer("max_events", max_events, 1)

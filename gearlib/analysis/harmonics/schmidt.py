@@ -65,7 +65,7 @@ class SchmidtSolution(PeriodicSolution):
 
     @property
     def terms(self) -> int:
-        """Number of real terms of the degenerate kernel: one for the mean, two per harmonic."""
+        """Number of real unknowns of the degenerate part: one for the mean, two per harmonic."""
         return sum(1 if k == 0 else 2 for k in self.degenerate)
 
     def _method_variables(self) -> dict:
@@ -73,7 +73,7 @@ class SchmidtSolution(PeriodicSolution):
         return {
             "converged": np.int8(self.converged),
             "degenerate": ("degenerate_harmonic", np.array(self.degenerate, np.int32)),
-            "terms": np.int32(self.terms),  # real unknowns of the degenerate part
+            "terms": np.int32(self.terms),  # number of real unknowns of the degenerate part
             # Bound and estimate of the factor by which an iteration changes errors.
             "norm_bound": self.norm_bound,
             "contraction": self.contraction,

@@ -253,7 +253,7 @@ def _dataset(problem: Shooting, points: list, name: str, goal: float) -> xr.Data
         "contacts": ("point", np.array([point.contacts for point in points], object)),
         "displacement_max": ("point", maxima),
         "displacement_min": ("point", minima),
-        "orbit_height": ("point", maxima - minima),
+        "orbit_height": ("point", maxima - minima),  # displacement range
         "static_deflection": problem.model.static_deflection,
         name: np.array([point.value for point in points]),
     }

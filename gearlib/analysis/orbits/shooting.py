@@ -232,7 +232,7 @@ class Shooting:
         return model, tuning, states + self.rotations
 
     def propagator(self, model: Any, tuning: float) -> Any:
-        """Return the propagator of a model at a tuning, which reuses tables of the last one."""
+        """Return the propagator of a model at a tuning, which reuses tables of the previous."""
         last = self._propagator
         if last is None or last.model is not model:
             self._propagator = model.propagator(tuning)

@@ -169,7 +169,11 @@ class ArcDynamics:
         return self.basis_inverse * matrix_of(matrix) * self.basis
 
     def system_matrix(self, codes: list, segment: int) -> Any:
-        """Return the matrix A of z' = A z for the contact codes of all meshes on a segment."""
+        """Return the matrix A of z' = A z for the contact codes of all meshes on a segment.
+
+        The code INVERSE is contact of the coast side, NORMAL contact of the drive side. `segment`
+        is the index of an interval of the mesh phase with constant stiffness levels.
+        """
         conditions = self.model.segments[segment].conditions
         mesh_states = []
         for code, sides in zip(codes, conditions, strict=True):

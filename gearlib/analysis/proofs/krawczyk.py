@@ -196,7 +196,8 @@ def stability_verdict(multipliers: list, matrix: Any, determinant: Any) -> tuple
     """Return (stability, reason) of an orbit from enclosures of its Floquet multipliers.
 
     `matrix` is its monodromy matrix. If that is 2 x 2 and the determinant is not None, Jury's
-    conditions are used.
+    conditions are used: with determinant 1 and |trace| < 2 the motion is undamped, and both
+    multipliers lie exactly on the unit circle, so that its stability is undecided.
     """
     is_unstable = any(abs(value) > 1 for value in multipliers)
     is_stable, name = all(abs(value) < 1 for value in multipliers), "all"

@@ -249,7 +249,8 @@ def _equation_in_balls(model, tuning: float) -> BallModel:
 def _train_in_balls(train, tuning: float) -> BallModel:
     """Return the `BallModel` of a `GearTrain`, which does not depend on the `tuning`.
 
-    All pairs are (coast side, drive side).
+    All pairs of the `BallModel` are (coast side, drive side). Names of the train with `inverse`
+    refer to the coast side, others to the drive side.
     """
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
@@ -268,7 +269,7 @@ def _train_in_balls(train, tuning: float) -> BallModel:
             phases=(Fraction(train.inverse_phases[mesh.name]), Fraction(train.phases[mesh.name])),
             pitch_phases=(pitch_phase + thickness_difference(mesh, train.speeds) / 2, pitch_phase),
         )
-        drive_friction, coast_friction = map(arb, mesh.friction)
+        drive_friction, coast_friction = map(arb, mesh.friction)  # the order in the train
         meshes.append(
             BallMesh(
                 name=mesh.name,

@@ -122,7 +122,7 @@ def simulated_contacts(orbit: Any) -> tuple[list, list]:
     `ProofFailed` if the simulated motion does not have the contact pattern of the orbit.
     """
     model, state, period = orbit.pair, orbit.state, orbit.period
-    ball_model_builder(model)
+    ball_model_builder(model)  # raises ProofFailed unless proofs support the model
     record = model.propagator(orbit.tuning).record(state, period, MAX_EVENTS)
     if record.status == JAMMED:
         raise ProofFailed("jammed", MESSAGES[JAMMED])
@@ -295,7 +295,7 @@ class Proof:
             velocity=velocity,
             events=tuple(events),
             radius=self.radius,
-            moved=float(self.distance),  # from the candidate
+            moved=float(self.distance),  # distance of the proven orbit from the candidate
             multipliers=enclosed(multipliers),
             stability=stability,
             reason=reason,

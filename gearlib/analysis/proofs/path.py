@@ -95,7 +95,7 @@ class Path:
         entries += [(arb(phase), None, contact[:3]) for phase, *contact in events]
         if len(entries) >= MAX_ARCS:
             text = f"{len(entries)} arcs are too many: {MAX_ARCS} are allowed"
-            raise ProofFailed(COINCIDENT, text)  # the status stands for too many arcs as well
+            raise ProofFailed(COINCIDENT, text)  # too many arcs have no status of their own
         # The sort is stable for events with equal phases as floats.
         entries.sort(key=lambda entry: float(entry[0].mid()))
         segment = 0
@@ -287,7 +287,7 @@ class Windows:
         """
         module, dynamics, path = flint(), self.dynamics, self.path
         n, codes = len(unknowns), list(path.codes)
-        columns = path.start(unknowns, n)
+        columns = path.start(unknowns, n)  # the state, then its derivatives by the unknowns
         start, time, phases, speeds, switch_states = first_column(columns), 0, [], [], {}
         ratio = _PROOF_WINDOW_RATIO if check_arcs else _WINDOW_RATIO
         for indices, phase in self.groups:
@@ -304,8 +304,9 @@ class Windows:
             columns = arc.propagated(columns, duration)
             before = arc.frame * first_column(columns)
             if check_arcs:
-                arc_ends, crossed, at = (start, before), (None, None), float(phase.mid())
-                check_arc(dynamics, node.matrix, *arc_ends, duration, codes, crossed, at)
+                arc_arguments = dynamics, node.matrix, start, before, duration, codes
+                # No flank line is crossed at the ends, because crossings lie in windows.
+                check_arc(*arc_arguments, crossed=(None, None), phase=float(phase.mid()))
             time = end + half_length
             if not node.is_contact:
                 start = switch_states[indices[0]] = before
@@ -315,9 +316,11 @@ class Windows:
             window = module.arb(end.mid(), (half_length + end.rad()).upper())
             phases += [window / path.inverse_tuning] * len(rates)
             inverse = path.arcs[indices[-1]].frame_inverse
-            slopes = (inverse * (transition * (arc.frame * columns))).tolist()
+            propagated_rows = (inverse * (transition * (arc.frame * columns))).tolist()
+            # The linearised map is for the derivatives only: the state is that after the window.
             state = (inverse * start).entries()
-            columns = module.arb_mat([[z, *row[1:]] for z, row in zip(state, slopes, strict=True)])
+            entries = zip(state, propagated_rows, strict=True)
+            columns = module.arb_mat([[value, *row[1:]] for value, row in entries])
         rows = (dynamics.basis * arc.frame * columns).tolist()[:n]
         return [row[0] for row in rows], [row[1:] for row in rows], phases, speeds, switch_states
 
