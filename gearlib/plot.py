@@ -262,6 +262,7 @@ def campbell(diagram, *, axes=None, to=None):
     if not diagram.critical_speed.size:
         raise ValueError("the diagram has no order of a mesh frequency: it must have one or more")
     axes = plot_curves.axes_or_new(axes)
+    # The argument `to` is the upper limit of the speed axis.
     max_speed = 1.02 * float(diagram.critical_speed.max()) if to is None else float(to)
     if not 0.0 < max_speed < math.inf:
         raise ValueError(f"to = {to!r} is not allowed: it must be a finite number > 0, in rpm")
@@ -349,7 +350,7 @@ def harris_map(errors, *, axes=None):
 
 @style.styled()
 def values(data, *names, axes=None):
-    """Draw variables of one physical unit over their last dimension, with a marker per entry.
+    """Plot variables with a common unit over their last dimension, with a marker for each value.
 
     Parameters
     ----------

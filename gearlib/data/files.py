@@ -21,7 +21,7 @@ th, td {{ padding: 0.35em 0.8em; text-align: left; vertical-align: top; max-widt
 th {{ position: sticky; top: 0; background: #444; color: #fff; }}
 td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 </style>
-<p>{gears}</p>
+<p>{caption}</p>
 <table>
 {rows}
 </table>
@@ -63,8 +63,8 @@ def write_table(rows, path):
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 
-def write_table_page(csv_path, path, gears=""):
-    """Write the table of a CSV file as an HTML page, atomically, with the text `gears` above it.
+def write_table_page(csv_path, path, caption=""):
+    """Write the table of a CSV file as an HTML page, atomically, with the text `caption` above it.
 
     The first row has the column names, in which ``_`` becomes a space.
     """
@@ -78,7 +78,7 @@ def write_table_page(csv_path, path, gears=""):
     rows += [html_row("td", cells) for cells in body]
     title = escape(Path(csv_path).stem.replace("_", " "))
     with replacing(path) as temporary:
-        page = _PAGE_TEMPLATE.format(title=title, gears=escape(gears), rows="\n".join(rows))
+        page = _PAGE_TEMPLATE.format(title=title, caption=escape(caption), rows="\n".join(rows))
         temporary.write_text(page, "utf-8")
 
 

@@ -41,7 +41,10 @@ def gather_resonance(shards):
 
 
 def _extend_downwards(sweep, longest_sweep):
-    """Return a sweep with NaN at tunings below it to which a longest sweep downwards continues."""
+    """Return a sweep padded with NaN at the lower tunings that only `longest_sweep` reaches.
+
+    A sweep is returned unchanged unless the longest one goes downwards and ends beyond it.
+    """
     tunings, all_tunings = sweep.tuning.values, longest_sweep.tuning.values
     has_same_end = np.array_equal(tunings, all_tunings[-tunings.size :])
     if longest_sweep.direction != "down" or not has_same_end:
@@ -71,10 +74,11 @@ def _phase_plane(run):
 
 
 def gather_failures(columns):
-    """Return the failures over (problem, trial) as one dataset, from one dataset per trial.
+    """Return the verdicts on methods over (problem, trial) as one dataset, from one per method.
 
-    Each column is a result of `gearlib.studies.trials.failures.judge_method`, in the order of the
-    figure. ValueError if the trials have different problems.
+    Each column, the dataset of a method (or "trial"), is a result of the function
+    `gearlib.studies.trials.failures.judge_method`; methods keep their order. ValueError if they
+    have different problems.
     """
     shared_names = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
     return _concatenate(columns, "trial", shared_names)

@@ -49,10 +49,10 @@ def mask_unbounded(sweep, extent):
 
 
 def period_spread(run):
-    """Return the largest difference of displacement between mesh periods over its whole range.
+    """Return the largest displacement difference between mesh periods at the same phase.
 
-    `run` is a result of `gearlib.simulate`. With a spread below `LINE_WIDTH` all mesh periods
-    coincide in plots.
+    It is relative to the peak-to-peak displacement. `run` is a result of `gearlib.simulate`. With a
+    spread below `LINE_WIDTH` all mesh periods coincide in plots.
     """
     displacements, periods = run.displacement.values, run.phase.values / (2.0 * np.pi)
     # Samples at the same phase of a mesh period form a group.

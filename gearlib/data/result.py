@@ -20,9 +20,10 @@ _contact_counts: ContextVar[list | None] = ContextVar("_contact_counts", default
 
 @contextmanager
 def counting_contacts() -> Iterator[list]:
-    """Yield a list to which `result` appends the number of events and the bounces of each dataset.
+    """Yield a list of contact counts; equal lists mean that calculations had equal contacts.
 
-    The former is None without events; the latter, if there are any, are a number or nested lists.
+    For each dataset `result` appends the number of events, None if it has no events, and then its
+    bounces, a number or a nested list, if it has that variable.
     """
     counts: list = []
     token = _contact_counts.set(counts)
@@ -54,11 +55,12 @@ def stacked(axes, function, *array_dims):
 
 
 def result(title, model, data, coords=None, *, method, **parameters):
-    """Return a dataset with units and descriptions, and with model and parameters as JSON.
+    """Create the dataset that a public function returns, with units, descriptions and its origin.
 
-    In the title the model's name replaces "a gear mesh". `data` is a dataset, or a dict of its
-    variables beside `coords`; `method` names the method of computation; `parameters` are the
-    arguments of the public function.
+    `data` is a dataset, or a dict of its variables beside `coords`. The text "a gear mesh" in the
+    title is a placeholder for the name of the kind of model, `model.title_noun`. `method` names the
+    method of computation; `parameters`, the arguments of the public function, are stored as JSON,
+    as is the model.
     """
     dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, coords)
     dataset = describe(dataset, model)

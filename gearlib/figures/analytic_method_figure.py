@@ -29,8 +29,9 @@ def draw(data: xr.Dataset) -> dict[str, Figure]:
 def draw_convergence(data: xr.Dataset):
     """Return a figure of iterates, their errors, and contraction factors of the analytic method.
 
-    `data` of `gearlib.studies.analytic_method` has the dimension "shown" over tunings with panels.
-    Newton steps, which `algebraic_step` marks, solve for the degenerate (near-resonant) harmonics.
+    `data` is a result of `gearlib.studies.analytic_method`; its dimension "shown" is over the
+    tunings that have a panel. Markers show iterates after which a Newton step (`algebraic_step`)
+    solves for the degenerate (near-resonant) harmonics.
     """
     figure = style.page_figure(height=7.6)
     above, middle, below = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
@@ -47,7 +48,10 @@ def draw_convergence(data: xr.Dataset):
 
 
 def _draw_iterates(figure, data: xr.Dataset):
-    """Draw iterates and exact orbits; titles count the degenerate (near-resonant) harmonics."""
+    """Draw iterates and exact orbits in a panel for each tuning of the dimension "shown".
+
+    Titles give the number of degenerate (near-resonant) harmonics, `degenerate_chosen`.
+    """
     iterations = [number for number in _ITERATION_COLOURS if number in data.iteration]
     styles = {n: {"color": _ITERATION_COLOURS[n], "label": f"iteration {n}"} for n in iterations}
     options = {"panel": "shown", "colour": "iteration", "styles": styles, "figure": figure}
@@ -64,20 +68,20 @@ def _draw_iterates(figure, data: xr.Dataset):
 def _draw_contraction(figure, data: xr.Dataset):
     """Draw contraction factors over tuning and number of degenerate (near-resonant) harmonics.
 
-    The stepped line is the number that `gearlib` chooses.
+    The stepped line is `automatic`, the number of these harmonics that `gearlib` chooses.
     """
     grid = figure.subplots(2, 1, sharex=True)
     counts = data.degenerate_count.values
     for k, (axes, title) in enumerate(zip(grid, _CONTACT_LOSS_TITLES, strict=True)):
-        mesh = data.isel(contact_loss=k)
+        case = data.isel(contact_loss=k)
         options = {"cmap": "RdBu_r", "norm": LogNorm(0.01, 100.0), "rasterized": True}
-        image = axes.pcolormesh(data.tuning, counts, mesh.contraction, **options)
-        rows, columns = np.nonzero((mesh.converged == 0) & mesh.contraction.notnull())
+        image = axes.pcolormesh(data.tuning, counts, case.contraction, **options)
+        rows, columns = np.nonzero((case.converged == 0) & case.contraction.notnull())
         options = {"markeredgewidth": 0.7, "label": "diverged"}
         tunings = data.tuning.values[columns]
         style.draw_markers(axes, tunings, counts[rows], "x", "black", 3, **options)
         steps = {"color": "black", "drawstyle": "steps-mid", "label": "automatic choice"}
-        panels.draw_curves(axes, mesh, "tuning", "automatic", **steps)
+        panels.draw_curves(axes, case, "tuning", "automatic", **steps)
         axes.set(yticks=counts, ylim=(-0.5, counts[-1] + 0.5), title=title)
         axes.set_ylabel(panels.axis_label(data.degenerate_count))
         axes.label_outer()
@@ -90,7 +94,8 @@ def _draw_contraction(figure, data: xr.Dataset):
 def draw_harmonics(data: xr.Dataset):
     """Return a figure of errors over the number of harmonics, and the harmonic-balance curve.
 
-    `data` is that of `gearlib.studies.analytic_method.analytic_method_study`.
+    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`; its dimension
+    "shown" is over the tunings that have a panel of errors.
     """
     figure = style.page_figure(height=5.4)
     above, below = figure.subfigures(2, 1, height_ratios=[2.4, 3.0])
@@ -109,7 +114,7 @@ def draw_harmonics(data: xr.Dataset):
 
 
 def _draw_errors(axes, data: xr.Dataset):
-    """Draw the errors of both methods over the number of harmonics, with lines of known slopes."""
+    """Draw errors of both methods at one tuning over the number of harmonics, and known slopes."""
     for method, (_, colour, marker, face) in _METHODS.items():
         options = {"color": colour, "marker": marker, "markerfacecolor": face, "markersize": 3.5}
         for kind, dashes in _DASHES.items():

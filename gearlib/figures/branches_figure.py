@@ -26,7 +26,8 @@ def draw(branches: xr.Dataset, loci: xr.Dataset):
     """Return a figure of branches of orbits with special points, above the loci of these points.
 
     `branches` and `loci` are results of the functions of `gearlib.studies.resonance` of the same
-    name. The dotted line is the damping of the branches.
+    name: orbit_height is the peak-to-peak displacement, own_damping the damping ratio of the
+    branches, which a dotted line marks.
     """
     figure = style.page_figure(_HEIGHT)
     top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
@@ -72,7 +73,11 @@ def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, siz
 
 
 def legend_entries(labels: ArrayLike, point_line="none") -> list:
-    """Return legend handles of branches, and of special points with the codes in `labels`."""
+    """Return legend handles of branches, and of special points with the codes in `labels`.
+
+    `point_line` is the line style of the entries of special points: "none" for markers alone, "-"
+    if a figure also has lines (loci) in the colours of the points.
+    """
     handles = [
         style.legend_entry("stable orbit"),
         style.legend_entry("unstable orbit", line=style.DASHED),
@@ -84,12 +89,16 @@ def legend_entries(labels: ArrayLike, point_line="none") -> list:
 
 
 def _draw_locus(axes, locus: xr.Dataset):
-    """Draw the damping over the tuning of a locus, as two lines that start on the branches."""
+    """Draw damping over tuning along the locus of a special point.
+
+    The locus consists of two lines, stored one after the other: each starts at the special point,
+    where the damping is that of the branches (own_damping).
+    """
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
     damping, branch_damping = locus.damping_ratio.values, float(locus.own_damping)
     starts = np.flatnonzero(np.isclose(damping, branch_damping, rtol=1e-12, atol=0.0))
-    for half in np.split(np.arange(damping.size), starts[1:]):
-        axes.plot(locus.tuning.values[half], damping[half], color=colour, linewidth=1.0)
+    for points in np.split(np.arange(damping.size), starts[1:]):
+        axes.plot(locus.tuning.values[points], damping[points], color=colour, linewidth=1.0)
 
 
 def _write_tunings(axes, branches: xr.Dataset):

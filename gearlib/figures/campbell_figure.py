@@ -16,14 +16,16 @@ _INTERSECTIONS = {True: ("excited", "black", 3.5), False: ("not excited", "white
 def draw(diagram: xr.Dataset):
     """Return a figure of frequencies over the speed of the reference pinion, beside the train.
 
-    `diagram` is that of `gearlib.studies.trains.campbell`. Speeds at which a mesh loses contact in
-    a sweep are marked behind the line of its mesh frequency.
+    `diagram` is a result of `gearlib.studies.trains.campbell`; mesh_rate is the frequency of each
+    mesh over that of the reference mesh. Speeds at which a mesh loses contact in a sweep are marked
+    behind the line of its mesh frequency.
     """
     figure = style.page_figure(height=4.2)
+    # `draw_train` draws the train and returns the rest of the figure.
     axes = schematic.draw_train(figure, diagram, colours={}).add_subplot()
     speed = diagram.speed.values
     handles = draw_orders(axes, diagram, speed[-1])
-    # The variable is the largest fraction of time in contact over several initial states.
+    # The suffix "high": the largest fraction of time in contact over several initial states.
     loses_contact = contact_loss_fraction(diagram.fraction_normal_high).max("direction") > 0.0
     half_step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
     for name in diagram.mesh.values:

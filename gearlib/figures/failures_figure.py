@@ -27,8 +27,8 @@ def draw(matrix: xr.Dataset):
     """Return a figure of verdicts, a row for each problem and a column for each method.
 
     `matrix` is a result of `gearlib.data.gathering.gather_failures`: its dimension "trial" is over
-    methods, and its variable `words` describes the problems. A star marks a run over fewer mesh
-    periods than the others of its row.
+    methods, its variable `words` has the descriptions of the problems, and `error` the measured
+    errors. A star marks a run over fewer mesh periods than the others of its row.
     """
     verdicts = [_VERDICTS[name] for name in matrix.verdict.attrs["flag_meanings"].split()]
     periods = matrix.periods.values

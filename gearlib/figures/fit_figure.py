@@ -34,10 +34,11 @@ def fit(found, *, figure: Figure | None = None):
     ValueError
         If `found` is not a result of `gearlib.fit`.
     """
-    # Only fits have a reduced chi-square.
+    # Only results of `gearlib.fit` have a reduced chi-square.
     if not hasattr(found, "redchi"):
         raise ValueError("found is not allowed: gearlib.plot.fit draws a fit of gearlib.fit")
-    # Only curves over speed or phase have abscissae x; speeds of jumps are single numbers.
+    # Curves over speed or phase have abscissae x. The others are single measured speeds, those of
+    # jumps and of the onset of contact loss.
     curves = [curve for curve in found.curves() if hasattr(curve, "x")]
     speeds = [speed for speed in found.curves() if not hasattr(speed, "x")]
     rows = -(-(len(curves) + bool(speeds)) // 2)

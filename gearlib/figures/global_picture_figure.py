@@ -89,10 +89,8 @@ def draw_sections(data: xr.Dataset):
         colours[chaotic], colours[undecided] = _CHAOTIC_COLOUR, _UNDECIDED_COLOUR
         # Chaotic orbits are drawn first, so that islands in them are visible.
         for j in np.argsort(~chaotic, kind="stable"):
-            states = case.displacement[j], case.velocity[j]
-            style.draw_markers(
-                axes, *states, ".", colours[j], 0.9 if chaotic[j] else 1.2, **_MARKER_OPTIONS
-            )
+            states, size = (case.displacement[j], case.velocity[j]), 0.9 if chaotic[j] else 1.2
+            style.draw_markers(axes, *states, ".", colours[j], size, **_MARKER_OPTIONS)
         phase, share = np.degrees(float(case.phase)), 100.0 * chaotic.mean()
         chaos = f"$\\tau$ = {phase:.0f}°; {share:.0f} % of {chaotic.size} orbits chaotic"
         suffix = f", {undecided.sum()} undecided" if undecided.any() else ""
@@ -140,9 +138,8 @@ def _draw_exponents(axes, motion: xr.Dataset, colour: str, warm_started: bool):
     """
     exponent, error = motion.exponent, BAND_HALF_WIDTH * motion.uncertainty
     has_line = motion.settled.astype(bool) & warm_started
-    style.draw_markers(
-        axes, motion.tuning, exponent.where(~has_line), ".", colour, 2.0, markeredgewidth=0.0
-    )
+    dots = exponent.where(~has_line)
+    style.draw_markers(axes, motion.tuning, dots, ".", colour, 2.0, markeredgewidth=0.0)
     axes.plot(motion.tuning, exponent.where(has_line), color=colour, linewidth=0.7)
     if warm_started:
         band = {"color": colour, "alpha": 0.3, "linewidth": 0}

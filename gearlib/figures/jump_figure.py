@@ -24,9 +24,11 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 def draw(jumps: xr.Dataset, marked=()):
     """Return a figure of the peak-to-peak displacement over the tuning, and of shifts of its jump.
 
-    `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`, first from rest; `marked` are up
-    to two tunings for comparison: an orange band spans the shifts between them. Pale bars are
-    ranges of shifts over many initial states. Values without a jump are listed above their panel.
+    `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`. Its first variation is the
+    unchanged run from rest, from whose jump shifts are counted; `switches` is the number of jumps.
+    `marked` are up to two tunings with which the jump is compared: dashed lines, and an orange band
+    between their shifts. Pale bars are ranges of shifts over many initial states. Values without a
+    jump are listed above their panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
     heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * -(-len(kinds) // 2)
@@ -47,7 +49,7 @@ def draw(jumps: xr.Dataset, marked=()):
 
 
 def _draw_scan(axes, jumps: xr.Dataset, marked):
-    """Draw the peak-to-peak displacement over the tuning; `marked` tunings are dashed lines."""
+    """Draw the peak-to-peak displacement ("height") over the tuning; dash the `marked` tunings."""
     # The first variation is the run from rest.
     tuning, jump = jumps.tuning.values, float(jumps.jump[0])
     options = {"marker": ".", "markersize": 2.5, "linewidth": 0.6}
@@ -66,8 +68,9 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
 def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
     """Draw the shift of the jump, in tuning, over the values of one kind of variation.
 
-    A band spans `marked_shifts`, for comparison; `label` and `scale`, "linear" or "log", are those
-    of the x axis.
+    Each point is a variation of the run; `switches` is the number of jumps in its scan. A band
+    spans `marked_shifts`, for comparison. `label`, a text such as "name (unit)", and `scale`,
+    "linear" or "log", are those of the x axis.
     """
     value, shift = jumps.value.values, jumps["shift"].values
     if marked_shifts.size and np.isfinite(marked_shifts).all():

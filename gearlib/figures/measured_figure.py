@@ -49,8 +49,9 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
 def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed time histories, a panel for each.
 
-    `courses` are results of `gearlib.studies.measured.time_history_harmonics`, with samples `point`
-    at the mesh phases `point_phase`; `colours` maps damping names to colours.
+    `courses` are results of `gearlib.studies.measured.time_history_harmonics`: each has one or more
+    time histories (dimension "course") of some observables, with measured samples `point` at the
+    mesh phases `point_phase`. `colours` maps damping names to colours.
     """
     histories = [
         data.isel(course=i, observable=j)
@@ -78,8 +79,9 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
 def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed mesh orders, observables in rows, orders in columns.
 
-    `orders` are results of `gearlib.studies.measured.run_up_orders` over the orders z, 2z, ...;
-    `colours` maps dampings to colours. Levels are in dB re the largest, so a gain has no effect.
+    `orders` are results of `gearlib.studies.measured.run_up_orders`, over run-ups ("track") and the
+    orders z, 2z, ... of a gear with z teeth. `colours` maps damping names to colours. Levels are in
+    dB relative to the largest amplitude, so that the gain of a sensor has no effect.
     """
     row_data = [
         data.isel(track=i, observable=j)

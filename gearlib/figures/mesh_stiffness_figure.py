@@ -58,9 +58,8 @@ def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
 
 def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
     """Draw the mean stiffness of a pair by the four methods in `styles`, and published means."""
-    for x, ((method, options), marker) in enumerate(
-        zip(styles.items(), _MEAN_MARKERS, strict=True)
-    ):
+    methods = zip(styles.items(), _MEAN_MARKERS, strict=True)
+    for x, ((method, options), marker) in enumerate(methods):
         of_method = pair.sel(stiffness_method=method)
         mean, error = float(of_method.mean_mesh_stiffness), 0.0
         if method in _METHODS_WITH_UNCERTAINTY:

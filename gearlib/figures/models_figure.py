@@ -22,11 +22,12 @@ cost: components of the state advanced per mesh period"""
 
 @style.styled()
 def draw(comparisons: list[xr.Dataset], scenes: list[str]):
-    """Return a figure of the largest change of an observable from each model to a larger one.
+    """Return a figure of model errors: how much observables change if a larger model is used.
 
     `comparisons` are results of `gearlib.studies.scenes.compare`, a panel of bars for each scene (a
-    set of runs), named in `scenes`. The bar of the chosen model is filled. If rounding errors
-    decide the motion of a run, bars are medians over initial states, with ranges.
+    set of runs), named in `scenes`. A bar is the largest change of an observable; that of the
+    chosen model is filled. If rounding errors make a motion irreproducible, bars are medians over
+    initial states, with ranges.
     """
     figure = style.page_figure(_HEADER_HEIGHT + _ROW_HEIGHT * len(comparisons))
     rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
@@ -46,9 +47,12 @@ def draw(comparisons: list[xr.Dataset], scenes: list[str]):
 
 
 def _draw_bar(axes, model: xr.Dataset, y: int):
-    """Draw the change of one model as a horizontal bar at `y`, with a description on the right."""
+    """Draw the change from one model to a larger one as a horizontal bar at `y`, with a text.
+
+    The bar of the model that is `chosen` for the scene is filled.
+    """
     change, is_chosen = float(model.change), model.model.item() == model.chosen.item()
-    # If rounding errors decide the motion, its change has a range over initial states.
+    # If the motion depends on rounding errors, its change has a range over initial states.
     is_reproducible = bool(model.change_free_of_rounding)
     description = f"{change:.2g}" if is_reproducible else "rounding decides"
     if np.isnan(change):  # There is no larger model.

@@ -12,8 +12,9 @@ _EXTREMA = ["displacement_max", "displacement_min"]
 def draw(studies: list[xr.Dataset]):
     """Return a figure of nonlinear damping: resonance sweeps above, phase planes below.
 
-    `studies` are results of `gearlib.studies.nonlinear_damping.damping_study`; there is a column
-    for each location of the damping ("material" or "oil").
+    `studies` are results of `gearlib.studies.nonlinear_damping.damping_study`. A column has the
+    studies with one location of the damping, `place` ("material" or "oil"); a row of phase planes
+    has one of the tunings `shown`.
     """
     damping_locations = list(dict.fromkeys(study.place.item() for study in studies))
     tunings = studies[0].shown.values
@@ -46,9 +47,8 @@ def _draw_characteristics(axes, data: xr.Dataset, styles: dict[str, dict]):
     for direction, options in (("down", pale), ("up", {"linewidth": 0.8})):
         for name in _EXTREMA:
             sweep = data.sel(direction=direction)
-            panels.draw_curves(
-                axes, sweep, "tuning", name, colour="power", styles=styles, **options
-            )
+            curve_options = {"colour": "power", "styles": styles} | options
+            panels.draw_curves(axes, sweep, "tuning", name, **curve_options)
     axes.set(title=f"damping of the {data.place.item()} only", ylabel="")
     axes.set_xlim(data.tuning[0], data.tuning[-1])
     style.second_scale(axes, float(data.speed[0, -1] / data.tuning[-1]), "speed (rpm)")

@@ -70,9 +70,8 @@ def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, 
         from matplotlib import pyplot
 
         figure = pyplot.figure(figsize=(2.7 * directions.size + 1.0, 3.8), layout="constrained")
-    grid = figure.subplots(
-        2, directions.size, squeeze=False, sharex=True, sharey="row", height_ratios=(3, 1)
-    )
+    options = {"squeeze": False, "sharex": True, "sharey": "row", "height_ratios": (3, 1)}
+    grid = figure.subplots(2, directions.size, **options)
     for (map_axes, level_axes), direction in zip(grid.T, directions, strict=True):
         run = _select_direction(found, direction)
         speed, level = np.broadcast_arrays(run.rpm.values[:, None], run.level.clip(low, high))
@@ -143,9 +142,8 @@ def _draw_mesh_orders(axes, data: xr.Dataset):
     for name, order in orders.items():
         if order <= data.order[-1]:
             axes.plot(ends.rpm, order * ends.scale, lw=0.5, label=name, **options)
-            style.annotate(
-                axes, name, (ends.rpm[-1], order * ends.scale[-1]), (2, 0), "left baseline"
-            )
+            point = ends.rpm[-1], order * ends.scale[-1]
+            style.annotate(axes, name, point, (2, 0), "left baseline")
         for offset in (-1.0, 1.0) if name != "z/2" else ():
             if order + offset <= data.order[-1]:
                 label, heights = f"{name} {offset:+.0f}", (order + offset) * ends.scale

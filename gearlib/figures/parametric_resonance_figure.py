@@ -20,8 +20,9 @@ def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
 
     `chart` and `contact_loss` are results of the functions of `gearlib.studies.stability` of the
     same name. Shades are growth per mesh period at the first damping, lines the edges of
-    instability tongues, circles points of width zero. Dashed lines are values of the gear pair; a
-    cross marks the requested tuning with these values, and in the plane of damping without damping.
+    instability tongues, circles points where a tongue has zero width. Dashed lines are values of
+    the gear pair (own_value, and damping_ratio of `contact_loss`). A cross marks the requested
+    tuning (asked of `contact_loss`) at the value of the pair, or at zero damping.
     """
     figure = style.page_figure(height=6.6)
     mosaic = [["stiffness_ratio", "contact_ratio"], ["damping", "damping"]]

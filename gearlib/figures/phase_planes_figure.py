@@ -28,9 +28,8 @@ def draw(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
         row[0].set_ylabel(f"$\\nu_s$ = {tuning:.2f}\n$dy/d\\tau$")
         for axes, (name, curve_style) in zip(row, curve_styles.items(), strict=True):
             run = phase_planes.sel(tuning=tuning, damping=name)
-            draw_plane(
-                axes, run, color=curve_style.colour, linewidth=0.8 if int(run.period) else 0.3
-            )
+            line_width = 0.8 if int(run.period) else 0.3
+            draw_plane(axes, run, color=curve_style.colour, linewidth=line_width)
             axes.tick_params(labelsize=5.5)
             header = [style.typeset_dampings(name)] if i == 0 else []
             axes.set_title("\n".join([*header, *textwrap.wrap(_steadiness(run), 30)]), fontsize=6)

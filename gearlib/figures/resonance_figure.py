@@ -34,13 +34,14 @@ _MAIN_HEIGHT, _PANEL_HEIGHT, _LEGEND_HEIGHT, _COLUMNS = 4.8, 1.6, 0.4, 2
 def draw(
     resonance, *, colours=None, labels=(), branches=(), tongues=None, measured=(), forces=False
 ):
-    """Return a figure of resonance characteristics: a dataset over (damping, direction, tuning).
+    """Return a figure of resonance characteristics, above a panel for each damping.
 
-    `colours` maps dampings to colours. `labels`, kinds of motion by `gearlib.analysis.trust`, are
-    drawn as a strip, `branches`, of `gearlib.studies.resonance`, as thin lines, `tongues` as
-    shades, `measured` curves as points. `forces` adds a panel of mesh forces and excludes
-    coast-side contact from the limits. Lines are settled motions, markers others; carets mark
-    values beyond the limits.
+    `resonance` is a dataset over (damping, direction, tuning), `colours` maps dampings to colours.
+    Optional datasets, one for each damping: `labels` of the kinds of motion (a strip of colours) by
+    `gearlib.analysis.trust`, `branches` of orbits by `gearlib.studies.resonance` (thin lines).
+    `tongues` of parametric resonance are shades, `measured` curves points. `forces` adds a panel of
+    mesh forces and excludes coast-side contact from the limits. Lines are settled motions, markers
+    others; carets mark values beyond the limits.
     """
     resonance = resonance.sortby("tuning")
     main = sweeps_from_rest(resonance)
@@ -251,10 +252,10 @@ def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=
 
 @style.styled()
 def draw_cases(curves: list[xr.Dataset], labels: list[str]):
-    """Return a figure of the resonance characteristics of several gears, one dataset each.
+    """Return a figure of the resonance characteristics of several gears, one dataset for each.
 
-    Displacements are in micrometres, mesh forces in static loads. Each gear has its colour and
-    label, each damping its dashes.
+    Displacements are in micrometres, mesh forces in static loads. Each gear has its colour and an
+    entry of `labels`, each damping its dashes.
     """
     figure = style.page_figure(height=6.0)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
@@ -264,9 +265,8 @@ def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     for number, (main, case) in enumerate(zip(mains, labels, strict=True)):
         colour = style.PALETTE[number % len(style.PALETTE)]
         dampings = [str(name) for name in main.damping.values]
-        for name, curve_style in style.curve_styles(
-            dampings, dict.fromkeys(dampings, colour)
-        ).items():
+        curve_styles = style.curve_styles(dampings, dict.fromkeys(dampings, colour))
+        for name, curve_style in curve_styles.items():
             sweep, marker_shift = main.sel(damping=name), number / len(mains)
             label = f"{case}, {style.typeset_dampings(name)}" if main.damping.size > 1 else case
             draw_sweep(above, sweep, curve_style, marker_shift, label=label)

@@ -24,7 +24,10 @@ _GREY = "#CFCFCF"
 
 @style.styled()
 def draw(scattered: xr.Dataset, *, indices: xr.Dataset | None = None) -> dict[str, Figure]:
-    """Return the figures of a result of `gearlib.scatter`, in a dict by name."""
+    """Return the figures of a result of `gearlib.scatter`, in a dict by name.
+
+    `indices` is a result of `gearlib.sobol_indices` or None.
+    """
     return {
         "tolerance_bands": draw_bands(scattered),
         "tolerance_quantities": draw_quantities(scattered, indices=indices),
@@ -71,7 +74,10 @@ def draw_bands(scattered: xr.Dataset):
 
 @style.styled()
 def draw_quantities(scattered: xr.Dataset, *, indices: xr.Dataset | None = None):
-    """Return a figure of histograms of a result of `gearlib.scatter`, beside Sobol' indices."""
+    """Return a figure of histograms of a result of `gearlib.scatter`, beside Sobol' indices.
+
+    `indices` is a result of `gearlib.sobol_indices`, by default None without these panels.
+    """
     names = [name for name in QUANTITIES if name in scattered]
     figure = style.page_figure(_ROW_HEIGHT * len(names))
     grid = figure.subplots(len(names), 1 if indices is None else 2, squeeze=False)

@@ -13,6 +13,7 @@ RADIUS_TOLERANCE = 0.01
 #: Limit of explicit Runge-Kutta steps on the imaginary axis.
 _RK4_LIMIT = 2.0 * np.sqrt(2.0)
 
+#: Text and colour of each verdict, in the order of the codes below.
 VERDICTS = (
     ("invents motion", "#D55E00"),
     ("grows too fast", "#E69F00"),
@@ -20,23 +21,26 @@ VERDICTS = (
     ("damps falsely", "#56B4E9"),
     ("hides the instability", "#0072B2"),
 )
+#: Codes of the verdicts; unstable motion of a stable system is spurious.
+_SPURIOUS_INSTABILITY, _EXCESS_GROWTH, _RIGHT, _EXCESS_DAMPING, _MISSED_INSTABILITY = range(5)
 
 
 def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
-    """Return an index in `VERDICTS` for each spectral radius of a method, shape (steps, tunings).
+    """Return the code of a verdict, an index in `VERDICTS`, for each spectral radius of a method.
 
-    `true_radius`, shape (tunings,), is exact; above 1 the motion is unstable.
+    The spectral `radius` over a mesh period has the shape (steps, tunings), the exact one,
+    `true_radius`, the shape (tunings,). Above 1 the motion is unstable.
     """
     is_stable = true_radius <= 1.0 + 1e-9
     is_too_large = radius > true_radius + RADIUS_TOLERANCE
-    conditions = [
-        (radius <= 1.0) & (true_radius > 1.0 + RADIUS_TOLERANCE),  # 4: hides the instability
-        radius < true_radius - RADIUS_TOLERANCE,  # 3: damps falsely
-        is_too_large & is_stable & (radius > 1.0 + RADIUS_TOLERANCE),  # 0: invents motion
-        is_too_large,  # 1: grows too fast
-    ]
-    # The first true condition counts; the default 2 means right.
-    return np.select(conditions, [4, 3, 0, 1], 2)
+    conditions = {
+        _MISSED_INSTABILITY: (radius <= 1.0) & (true_radius > 1.0 + RADIUS_TOLERANCE),
+        _EXCESS_DAMPING: radius < true_radius - RADIUS_TOLERANCE,
+        _SPURIOUS_INSTABILITY: is_too_large & is_stable & (radius > 1.0 + RADIUS_TOLERANCE),
+        _EXCESS_GROWTH: is_too_large,
+    }
+    # The first true condition counts.
+    return np.select([*conditions.values()], [*conditions], default=_RIGHT)
 
 
 @style.styled()

@@ -256,7 +256,10 @@ def _widen_limits(axes: Axes):
 
 
 def note_absent(figure: Figure, methods: list[str]):
-    """Write above a figure which methods lack their packages, which `make peers` installs."""
+    """Write above a figure which methods are left out because their packages are not installed.
+
+    The command `make peers` installs the other ("peer") simulation packages.
+    """
     if methods:
         text = f"not installed, left out: {', '.join(methods)} (make peers)"
         # Legends lie below the panels.

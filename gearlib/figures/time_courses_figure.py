@@ -18,10 +18,11 @@ _MIN_STIFFNESS_COLOUR = "#D55E00"
 
 @style.styled()
 def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
-    """Return a figure of a scene of `gearlib.studies.scenes`: phase planes above time histories.
+    """Return a figure of phase planes above time histories, with a column for each run.
 
-    `courses` are the names of variables with a row of time histories each, over the last
-    `periods_shown` mesh periods of the record. Cases are in columns.
+    `scene` is a result of `gearlib.studies.scenes`: a few runs, along its dimension "case".
+    `courses` are the names of the variables that have a row of time histories each, over the last
+    `periods_shown` mesh periods of the record.
     """
     samples = periods_shown * round(2.0 * np.pi / float(scene.phase[1] - scene.phase[0]))
     shown = scene.isel(phase=slice(scene.sizes["phase"] - samples, None))

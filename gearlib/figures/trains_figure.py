@@ -51,16 +51,15 @@ def draw_reducer(characteristics: xr.Dataset):
     `characteristics` is a result of `gearlib.studies.trains.reducer`.
     """
     figure = style.page_figure(height=6.8)
-    branches = dict(
-        zip(characteristics.mesh.values, characteristics.mesh_branch.values, strict=True)
-    )
+    meshes, mesh_branches = characteristics.mesh.values, characteristics.mesh_branch.values
+    branches = dict(zip(meshes, mesh_branches, strict=True))
     colours = {mesh: style.PALETTE[int(branch) - 1] for mesh, branch in branches.items()}
     remaining = schematic.draw_train(figure, characteristics, colours, below=True)
     stages = {
         stage: _with_decreasing_widths(
             {
                 mesh: {"color": colours[mesh], "label": f"branch {branches[mesh]}, from rest"}
-                for mesh in characteristics.mesh.values[characteristics.mesh_stage.values == stage]
+                for mesh in meshes[characteristics.mesh_stage.values == stage]
             }
         )
         for stage in (1, 2)
@@ -94,7 +93,10 @@ def _with_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
 
 
 def _common_entries() -> list:
-    """Return legend handles of all trains; markers differ from the range over initial states."""
+    """Return the legend handles that the figures of all trains share.
+
+    A marker shows where a sweep up or down lies outside the range over all initial states.
+    """
     options = {"mfc": "none", **_MARKERS_ONLY}
     return [
         *(
@@ -156,14 +158,13 @@ def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, di
 def _mark_single_branches(axes, case: xr.Dataset):
     """Mark tunings at which only one branch loses contact, or only one has coast-side contact.
 
-    It must be the same branch from all initial states, which are those of runs from rest ("cold").
+    The variables are the fractions of the initial states from which this holds for a branch; all of
+    them, stored under the direction "cold", must agree: a fraction of 1.
     """
     for name, (height, marker, _) in _SINGLE_BRANCH_MARKERS.items():
         shares = case[name].sel(direction="cold")
         for branch in case.branch.values:
             tuning = case.tuning.values[shares.sel(branch=branch).values == 1.0]
+            y, colour = np.full(tuning.size, height), style.PALETTE[branch - 1]
             options = {"transform": axes.get_xaxis_transform()}
-            colour = style.PALETTE[branch - 1]
-            style.draw_markers(
-                axes, tuning, np.full(tuning.size, height), marker, colour, 2.5, **options
-            )
+            style.draw_markers(axes, tuning, y, marker, colour, 2.5, **options)

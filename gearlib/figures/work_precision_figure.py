@@ -36,12 +36,18 @@ _FAMILIES = {
     "other": ("other packages", "#4D4D4D", (0, (3, 1))),
 }
 _MARKERS = "osD^vPX<>hp"
+#: Positions of zeros on logarithmic axes, relative to the lower limit.
+_ZERO_COST_POSITION, _ZERO_ERROR_POSITION = 1.4, 1.5
 _LINE_OPTIONS = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5}
 _LINE_OPTIONS["markeredgecolor"] = "white"
 
 
 def draw(errors: list[xr.Dataset]) -> dict[str, Figure]:
-    """Return both figures of errors over evaluations, in a dict by name."""
+    """Return the figures of errors over evaluations: of the final state, and of other measures.
+
+    `errors` are results of `gearlib.studies.trials.work_precision.errors`, one for each method. The
+    other measures are phases of events and Floquet multipliers.
+    """
     return {
         "work_precision_evaluations": draw_evaluations(errors),
         "work_precision_measures": draw_measures(errors),
@@ -128,14 +134,17 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
 
 
 def _line_styles(data: xr.Dataset) -> dict[str, dict]:
-    """Return the options of `Axes.plot` for each line (method), in a dict sorted by family."""
+    """Return the options of `Axes.plot` for each method, in a dict sorted by family of methods.
+
+    The variable `line` of `data` has the label of the method at each level of accuracy.
+    """
     families = dict(zip(data.line.values, data.family.values, strict=True))
-    lines = sorted(families, key=lambda line: list(_FAMILIES).index(families[line]))
+    methods = sorted(families, key=lambda method: list(_FAMILIES).index(families[method]))
     styles = {}
-    for line, marker in zip(lines, cycle(_MARKERS), strict=False):
-        _, colour, dashes = _FAMILIES[families[line]]
-        styles[line] = {"color": colour, "linestyle": dashes, "marker": marker, "label": line}
-    return {line: options | _LINE_OPTIONS for line, options in styles.items()}
+    for method, marker in zip(methods, cycle(_MARKERS), strict=False):
+        _, colour, dashes = _FAMILIES[families[method]]
+        styles[method] = {"color": colour, "linestyle": dashes, "marker": marker, "label": method}
+    return {method: options | _LINE_OPTIONS for method, options in styles.items()}
 
 
 def _log_limits(*arrays: xr.DataArray, factor: float) -> tuple[float, float]:
@@ -146,14 +155,17 @@ def _log_limits(*arrays: xr.DataArray, factor: float) -> tuple[float, float]:
 
 
 def _draw_errors(axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str, dict]):
-    """Draw errors of all methods over the variable `cost`; zeros lie at the edges of the panel.
+    """Draw errors of all methods over the variable `cost`; zeros lie near the edges of the panel.
 
-    `kind` is that of the error: state, event or multiplier; `styles` has plot options by method.
+    `kind` is that of the error: state, event or multiplier; errors below the rounding error of the
+    reference (the suffix "_floor") are grey. `styles` has plot options by method, and the variable
+    `line` of `data` the label of the method of each entry.
     """
     left, bottom = axes.get_xlim()[0], axes.get_ylim()[0]
     costs, errors = data[cost], data[f"{kind}_error"]
-    x, y = costs.where(costs != 0.0, 1.4 * left), errors.where(errors != 0.0, 1.5 * bottom)
-    for line, options in styles.items():
-        is_on_line = data.line.values == line
-        axes.plot(x[is_on_line], y[is_on_line], clip_on=False, **options)
+    x = costs.where(costs != 0.0, _ZERO_COST_POSITION * left)
+    y = errors.where(errors != 0.0, _ZERO_ERROR_POSITION * bottom)
+    for method, options in styles.items():
+        mask = data.line.values == method
+        axes.plot(x[mask], y[mask], clip_on=False, **options)
     axes.axhspan(bottom, np.nan_to_num(data[f"{kind}_floor"], nan=bottom), **_GREY_AREA)

@@ -36,8 +36,8 @@ class EmbeddedPair(Integrator):
     def create_run(self, model, tuning: float, rtol: float, atol: float, max_step) -> Run:
         """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
-        `rtol` and `atol` are the relative and absolute (static deflections) tolerances of a step.
-        It is at most `max_step` rad of mesh phase long; None stands for a tenth of the run.
+        `rtol` is the relative tolerance of a step, `atol` the absolute one in static deflections. A
+        step is at most `max_step` rad of mesh phase long, by default (None) a tenth of the run.
         """
         return _Run(OneDegree(model, tuning), rtol=rtol, atol=atol, max_step=max_step)
 
@@ -67,8 +67,8 @@ class Smoothed(Integrator):
     def create_run(self, model, tuning: float, sharpness: float, rtol: float) -> Run:
         """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
 
-        The contact force is proportional to (1 + tanh(sharpness x)) / 2. `rtol` is the tolerance
-        of a step, relative and in static deflections.
+        The contact force is proportional to (1 + tanh(sharpness x)) / 2. `rtol` is the relative
+        tolerance of a step, and also its absolute tolerance in static deflections.
         """
         return _Run(OneDegree(model, tuning, sharpness), rtol=rtol, atol=rtol, max_step=None)
 
@@ -79,7 +79,10 @@ class _Run(Run):
     problem: OneDegree
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
-        """Integrate over the whole span from a state at phase 0; return (final state, status)."""
+        """Integrate over the whole span from a state at phase 0; return (final state, status).
+
+        More than `max_events` attempted steps in one mesh period end the run with EVENT_LIMIT.
+        """
         problem, end = self.problem, MESH_PERIOD * self.periods
         rtol, atol, max_step = (self.settings[name] for name in ("rtol", "atol", "max_step"))
         step_control = StepControl(rtol, atol, max_step or 0.1 * MESH_PERIOD * self.periods)
@@ -103,20 +106,19 @@ class _Run(Run):
         return states[0].copy(), OK
 
     def _record_steps(self, t: np.ndarray, states: np.ndarray, stages: np.ndarray) -> None:
-        """Record k steps, and the points that ode45 returns inside them.
+        """Record k steps, and the points inside them that ode45 returns by default.
 
-        `t`, shape (k + 1,), are the phases of the step ends, `states`, (k + 1, 2), the states
-        there, `stages`, (k, 7, 2), the derivatives of the Runge-Kutta stages.
+        `t` has the phases of the step ends, shape (k + 1,), `states` the states there, (k + 1, 2),
+        and `stages` the derivatives (x', x'') at the Runge-Kutta stages, (k, 7, 2).
         """
         period, step_lengths = int(t[0] / MESH_PERIOD), np.diff(t)
         local_t = t - MESH_PERIOD * period
         # Coefficients of the powers 1 to 4 of the fraction of a step, shape (k, 2, 4).
-        coefficients = step_lengths[:, None, None] * np.tensordot(
-            stages, DENSE_WEIGHTS, axes=(1, 0)
-        )
+        weighted_stages = np.tensordot(stages, DENSE_WEIGHTS, axes=(1, 0))
+        coefficients = step_lengths[:, None, None] * weighted_stages
 
         def interpolate(phases: np.ndarray) -> np.ndarray:
-            """Return the states at phases inside the steps."""
+            """Return the states, (n, 2), at phases inside the steps, (n,), by dense output."""
             i = np.searchsorted(local_t, phases, side="right") - 1
             i = np.clip(i, 0, len(step_lengths) - 1)
             fraction = ((phases - local_t[i]) / step_lengths[i])[:, None]

@@ -96,15 +96,16 @@ class GeneralisedAlpha(FixedSteps):
     def scheme(self, contact: str, spectral_radius: float) -> Scheme:
         """Return the `Scheme` with Chung and Hulbert's optimal parameters.
 
-        Contact and damping are those of the step start ("frozen" `contact`) or are iterated until
-        the equation of motion holds ("iterated"). `spectral_radius` is that at infinite frequency.
+        Contact and damping are those at the start of the step if `contact` is "frozen"; they are
+        iterated until the equation of motion holds if it is "iterated". `spectral_radius` is the
+        factor on the amplitude of infinitely fast oscillations in each step, from 0 to 1.
         """
         alpha_m = (2.0 * spectral_radius - 1.0) / (spectral_radius + 1.0)
         alpha_f = spectral_radius / (spectral_radius + 1.0)
         shift = alpha_f - alpha_m
         beta, gamma = 0.25 * (1.0 + shift) ** 2, 0.5 + shift
-        iterated = contact == "iterated"
-        return Scheme(False, iterated, alpha_m=alpha_m, alpha_f=alpha_f, beta=beta, gamma=gamma)
+        constants = {"alpha_m": alpha_m, "alpha_f": alpha_f, "beta": beta, "gamma": gamma}
+        return Scheme(runge_kutta=False, iterated=contact == "iterated", **constants)
 
 
 class _Run(Run):
@@ -121,9 +122,10 @@ class _Run(Run):
             self.acceleration = math.nan
 
     def _take_steps(self, period: int, states: np.ndarray) -> int:
-        """Take k steps from the start of a mesh period and return the status.
+        """Take k steps from the start of mesh period `period` and return the status.
 
-        The first row of `states`, shape (k + 1, size), is the initial state; the others are filled.
+        The first row of `states`, shape (k + 1, size), is the initial state; the steps fill the
+        other rows.
         """
         problem = self.problem
         if isinstance(problem, OneDegree):

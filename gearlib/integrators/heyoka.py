@@ -22,7 +22,7 @@ from gearlib.integrators.right_hand_sides import (
     PiecewiseLinear,
     right_hand_side,
 )
-from gearlib.integrators.split import Arc, Branch, FlankCrossing, Split, Stall
+from gearlib.integrators.split import Arc, Branch, Split, Stall
 
 
 class Heyoka(Integrator):
@@ -50,6 +50,7 @@ class Heyoka(Integrator):
 
         `tol` is the relative tolerance of a step.
         """
+        # Only models of one degree of freedom have an `equation`.
         run_class = _TrainRun if model.equation is None else _OneDegreeRun
         return run_class(right_hand_side(model, tuning), tol=tol)
 
@@ -71,9 +72,7 @@ class _Equations(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _compile_for_thread(
-    thread: int, equations: tuple, events: tuple, tolerance: float
-) -> _Compiled:
+def _compile_for_thread(thread, equations: tuple, events: tuple, tolerance: float) -> _Compiled:
     """Return a compiled integrator that only the thread with the identifier `thread` may use.
 
     Equations are (variable, derivative); events are (expression, sign of its derivative at a zero:
@@ -118,7 +117,8 @@ class _Run(Split):
         self.evaluations += steps * integrator.order
         t, end_state, crossing = branch.end, state_view.copy(), None
         if outcome != taylor_outcome.time_limit:
-            # The terminal event with the index i has the outcome -1 - i.
+            # A run that is stopped by the event with the index i has the outcome -1 - i. Outcomes
+            # from 0 upwards are events that stop no run, which is not expected here.
             t, event = integrator.time, -1 - int(outcome)
             if event < 0:
                 raise Stall
@@ -138,10 +138,10 @@ class _Run(Split):
         return Arc(times, states, crossing, interpolate)
 
     def _crossing_index(self, branch: Branch, t: float, state, mesh: int, flank: int) -> int | None:
-        """Return the index in `branch.crossings` of the crossing of a flank by a state.
+        """Return the index in `branch.crossings` of the crossing that a state makes at the phase t.
 
-        If the state only touches the flank, it is moved away and None is returned. The phase t is
-        counted from the start of the mesh period.
+        The flank distance of the mesh is zero in this state. If the state only grazes the flank, it
+        is moved away from the flank and None is returned. t counts from the start of the period.
         """
         phase = branch.period_start + t
         rate = self.problem.flank_distance_rates(phase, state)[flank][mesh]
@@ -149,7 +149,7 @@ class _Run(Split):
             if (crossing.mesh, crossing.flank) == (mesh, flank):
                 if crossing.direction * rate > 0.0:
                     return i
-                # The state moves back, so it restarts on the side from which it came.
+                # The state only grazes the flank, so it restarts on the side from which it came.
                 rate = -crossing.direction
         distance = self.restart_distance(state) * (1.0 if rate > 0.0 else -1.0)
         self.problem.set_distance(phase, state, mesh, flank, distance)
@@ -184,18 +184,17 @@ class _OneDegreeRun(_Run):
             self._branches[arguments] = self._build_equations(*arguments, branch.crossings)
         return self._branches[arguments]
 
-    def _build_equations(
-        self, segment: int, contact_code: int, velocity_sign: int, crossings: list[FlankCrossing]
-    ) -> _Equations:
+    def _build_equations(self, segment: int, contact_code, velocity_sign, crossings) -> _Equations:
         """Return compiled equations for a stiffness segment, a contact code and a sign of x'.
 
-        The sign is 0 without quadratic damping. With it x' = 0 is an event too, because |x'| is not
-        smooth there. Contact begins at the displacements `drive_line` and `coast_line`.
+        Events are the flank `crossings`. The sign is 0 without quadratic damping. With it x' = 0 is
+        an event too, because |x'| is not smooth there.
         """
         import heyoka as hy
 
-        law, values = self.problem.mesh, []
-        contact_displacements = law.drive_line, law.coast_line
+        mesh, values = self.problem.mesh, []
+        # Displacements at which the drive flank and the coast flank begin to touch.
+        contact_displacements = mesh.drive_line, mesh.coast_line
         x, v = hy.make_vars("x", "v")
 
         def parameter(value):
@@ -204,6 +203,7 @@ class _OneDegreeRun(_Run):
             return hy.par[len(values) - 1]
 
         def harmonic_sum(harmonics):
+            """Return a Fourier sum; `harmonics` has rows (order, cosine, sine coefficient)."""
             terms = []
             for order, cosine, sine in harmonics.tolist():
                 terms.append(parameter(cosine) * hy.cos(order * hy.time))
@@ -211,20 +211,21 @@ class _OneDegreeRun(_Run):
             return hy.sum(terms)
 
         # Coefficients of v, |v| v and v^3.
-        d1, d2, d3 = damping_coefficients(law, contact_code)
+        d1, d2, d3 = damping_coefficients(mesh, contact_code)
         damping = parameter(d1) + parameter(-d2 if velocity_sign < 0 else d2) * v
         damping = damping + parameter(d3) * v * v
-        force = harmonic_sum(law.force_harmonics) - damping * v
-        force = force - parameter(law.ground_stiffness) * x
+        force = harmonic_sum(mesh.force_harmonics) - damping * v
+        force = force - parameter(mesh.ground_stiffness) * x
         if contact_code != BACKLASH:
-            lines, harmonics, flank = law.stiffness_lines, law.stiffness_harmonics, DRIVE_FLANK
+            lines, harmonics, flank = mesh.stiffness_lines, mesh.stiffness_harmonics, DRIVE_FLANK
             if contact_code == INVERSE:
-                lines, harmonics = law.coast_stiffness_lines, law.coast_stiffness_harmonics
+                lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
                 flank = COAST_FLANK
             start_value, slope = lines[segment]
-            phase = hy.time - parameter(law.segment_bounds[segment])
+            phase = hy.time - parameter(mesh.segment_bounds[segment])
             stiffness = parameter(start_value) + parameter(slope) * phase + harmonic_sum(harmonics)
-            deflection, (p2, p3) = x - parameter(contact_displacements[flank]), law.stiffness_powers
+            deflection = x - parameter(contact_displacements[flank])
+            p2, p3 = mesh.stiffness_powers
             # The contact code is the sign of the deflection, so this is p2 |deflection|.
             nonlinearity = parameter(contact_code * p2) + parameter(p3) * deflection
             force -= stiffness * (deflection + nonlinearity * deflection * deflection)
@@ -251,24 +252,27 @@ class _TrainRun(_Run):
         # A mesh with infinite backlash has no coast flank.
         flank_counts = 1 + np.isfinite(problem.backlashes)
         self._flanks = [(j, flank) for j in self.meshes for flank in range(flank_counts[j])]
-        distances = np.array([problem.distances[flank, j] for j, flank in self._flanks])
-        self._nonzero_entries, distance_is_nonzero = problem.nonzero_entries(), distances != 0.0
-        self._values = np.concatenate([[0.0], distances[distance_is_nonzero]])
-        # Parameters: start phase of the mesh period, nonzero entries of the distances and matrix.
+        # Products of these rows and the full state are the distances from the flanks.
+        distance_rows = np.array([problem.distances[flank, j] for j, flank in self._flanks])
+        self._nonzero_entries, distance_is_nonzero = problem.nonzero_entries(), distance_rows != 0.0
+        # Parameters: start phase of the mesh period, which `equations` sets, then the nonzero
+        # entries of the distance rows, then those of the rows of the branch matrix.
+        self._values = np.concatenate([[0.0], distance_rows[distance_is_nonzero]])
         variables = hy.make_vars(*(f"z{i}" for i in range(problem.size)))
         phases = [order * (hy.par[0] + hy.time) for order in problem.system.harmonics.tolist()]
         harmonics = [wave(phase) for phase in phases for wave in (hy.cos, hy.sin)]
-        full_state, sums, parameter_count = [*variables, hy.expression(1.0), *harmonics], [], 1
+        full_state, row_products = [*variables, hy.expression(1.0), *harmonics], []
+        parameter_count = 1
         for is_nonzero in np.concatenate([distance_is_nonzero, self._nonzero_entries]):
             columns = np.flatnonzero(is_nonzero)
             terms = [
                 hy.par[parameter_count + i] * full_state[column] for i, column in enumerate(columns)
             ]
-            sums.append(hy.sum(terms))
+            row_products.append(hy.sum(terms))
             parameter_count += columns.size
         flank_count = len(self._flanks)
-        events = [(distance, 0) for distance in sums[:flank_count]]
-        equations = list(zip(variables, sums[flank_count:], strict=True))
+        events = [(distance, 0) for distance in row_products[:flank_count]]
+        equations = list(zip(variables, row_products[flank_count:], strict=True))
         self._compiled = self.compile(equations, events)
 
     def equations(self, branch: Branch, state: np.ndarray) -> _Equations:

@@ -63,10 +63,10 @@ class Integrator:
     ) -> Record:
         """Run a model at one tuning (mesh frequency / natural frequency); return its `Record`.
 
-        The run starts from `state` and goes over a span of mesh periods. The record has `samples`
-        samples per recorded period, and events only if `keep_events`.
+        The run starts from the initial `state` of the model and goes over a span of mesh periods.
+        The record has `samples` samples per recorded period, and events only if `keep_events`.
         """
-        # An event table with a row asks the run to keep its events in a table of their number.
+        # An event table with a row only signals that events are kept; the run replaces the table.
         tables = model.empty_record(span.recorded * samples, int(keep_events))
         return self.create_run(model, tuning, **options).run(state, span, *tables)
 
@@ -77,9 +77,9 @@ class Integrator:
     def sweep(self, model, tunings, order, state, warm_start, span, rows: Rows, **options) -> None:
         """Run a model at many tunings, shape (n,), over a span of mesh periods; fill `rows`.
 
-        A tuning is mesh frequency / natural frequency. `order` holds the indices of the tunings in
-        the order of the runs. With `warm_start` each run starts from the final state of the
-        previous one, else from `state`.
+        A tuning is mesh frequency / natural frequency. `rows` has tables of results with a row for
+        each tuning. `order` holds the indices of the tunings in the order of the runs. With
+        `warm_start` each run starts from the final state of the previous one, else from `state`.
         """
 
         def run(tuning, previous_record):
@@ -103,8 +103,8 @@ class Exact(Integrator):
     def run(self, model, tuning, state, span, samples=0, keep_events=True, **options) -> Record:
         """Run a model at one tuning (mesh frequency / natural frequency); return its `Record`.
 
-        The run starts from `state` and goes over a span of mesh periods. The record has `samples`
-        samples per recorded period, and events only if `keep_events`.
+        The run starts from the initial `state` of the model and goes over a span of mesh periods.
+        The record has `samples` samples per recorded period, and events only if `keep_events`.
         """
         propagator = model.propagator(tuning, self.NAME, **options)
         converted_state = propagator.initial_state(state)
@@ -113,10 +113,11 @@ class Exact(Integrator):
     def sweep(self, model, tunings, order, state, warm_start, span, rows, **options) -> None:
         """Run a model at many tunings, shape (n,), over a span of mesh periods; fill `rows`.
 
-        `order` holds the indices of the tunings in the order of the runs. With `warm_start` each
-        run starts from the final state of the previous one, else from `state`.
+        A tuning is mesh frequency / natural frequency. `rows` has tables of results with a row for
+        each tuning. `order` holds the indices of the tunings in the order of the runs. With
+        `warm_start` each run starts from the final state of the previous one, else from `state`.
         """
-        # A propagator belongs to one tuning; its `sweep` creates those of the other tunings.
+        # Any propagator of the model can sweep; it creates a propagator for each tuning.
         propagator = model.propagator(tunings[0], self.NAME, **options)
         propagator.sweep(tunings, order, state, warm_start, span, rows)
 

@@ -1,7 +1,6 @@
 """A run of a method with steps, and its record: samples, extrema, contact times and events."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -68,9 +67,7 @@ class Run:
         """Integrate over the whole span from a state at phase 0; return (final state, status)."""
         raise NotImplementedError
 
-    def run(
-        self, state, span: Span, samples: np.ndarray, events: np.ndarray, summary: np.ndarray
-    ) -> Record:
+    def run(self, state, span: Span, samples, events, summary) -> Record:
         """Run from a state over a span of mesh periods and fill the tables; return the `Record`.
 
         `samples`, shape (n, columns), has equally many rows for each recorded period. Events are
@@ -114,7 +111,7 @@ class Run:
     def _orbit_period(self) -> int:
         """Return the number of mesh periods after which all meshes repeat, 0 if they do not."""
         displacement_ranges = self.summary[:, orbit.X_MAX] - self.summary[:, orbit.X_MIN]
-        # The tuning turns velocities dx/dtau into those over the natural frequency.
+        # The tuning times dx/dtau is the velocity divided by the natural frequency.
         tuning, excitation_period = self.problem.tuning, self.problem.excitation_period
         periods = [
             orbit.orbit_period(strobes, tuning, displacement_range, excitation_period)
@@ -131,14 +128,13 @@ class Run:
         motion = self.problem.mesh_motion(self._excitation_phase(periods), states)
         self.strobes[:, periods - self.first_strobe] = np.transpose(motion, (2, 1, 0))
 
-    def record_steps(
-        self, period: int, t, states, interpolate: Callable, refined_phases: Any = ()
-    ) -> None:
+    def record_steps(self, period: int, t, states, interpolate, refined_phases: Any = ()) -> None:
         """Record k steps, within which stiffness and contact may change.
 
         The phases t of the step ends, shape (k + 1,), are counted from the start of mesh period
         `period`; states have shape (k + 1, size). `interpolate(phases)` returns states between step
-        ends. Extrema include `refined_phases`. Contact events are found by linear interpolation.
+        ends. Extrema are also evaluated at `refined_phases` within the steps. Contact events are
+        found by linear interpolation.
         """
         problem, start_phase = self.problem, self._excitation_phase(period)
         strobe_periods = np.arange(max(self.first_strobe, period), self.periods)
@@ -191,13 +187,11 @@ class Run:
         for mesh in self.meshes:
             self._add_times(mesh, phases[:1], phases[-1:], contact_codes[mesh : mesh + 1])
 
-    def _add_samples(
-        self, period: int, end: float, interpolate: Callable, segment=None, contact_codes=None
-    ) -> None:
-        """Fill the samples before the phase `end`, counted from the start of a mesh period.
+    def _add_samples(self, period: int, end, interpolate, segment=None, contact_codes=None):
+        """Fill the samples before the phase `end`, counted from the start of mesh period `period`.
 
-        `interpolate(phases)` returns states. By default the stiffness segment and the contact codes
-        are determined from phases and states.
+        `interpolate(phases)` returns states at phases. `segment` and `contact_codes`, (m,), hold
+        for all samples; by default they are determined from phases and states.
         """
         problem = self.problem
         # Index from the start of the mesh period; it is negative if the record began before.
@@ -257,9 +251,7 @@ class Run:
         areas = h / 2.0 * (forces[:-1] + end_forces) + h * h / 12.0 * (rates[:-1] - end_rates)
         self.summary[:, orbit.FORCE_SUM] += areas.sum(axis=0)
 
-    def _add_contact_times(
-        self, period: int, mesh: int, recorded_starts, t, states, distances
-    ) -> None:
+    def _add_contact_times(self, period: int, mesh: int, recorded_starts, t, states, distances):
         """Add the times at each contact code and the changes of contact of one mesh in k steps.
 
         `t`, (k + 1,), are the step ends; each step is recorded from its phase in `recorded_starts`,
@@ -301,13 +293,12 @@ class Run:
         repetitions, phase = np.divmod(t, bounds[-1])
         return repetitions * time_until_bounds[-1] + np.interp(phase, bounds, time_until_bounds)
 
-    def _add_changes(
-        self, period: int, mesh: int, recorded_start: float, t, states, distances
-    ) -> list[tuple]:
+    def _add_changes(self, period: int, mesh: int, recorded_start, t, states, distances) -> list:
         """Add the changes of contact of a mesh in one step; return the intervals between them.
 
-        `t`, `states` and flank `distances` are those at both ends of the step, which is recorded
-        from `recorded_start` on. Intervals are (start, end, contact code).
+        Phases `t`, (2,), `states`, (2, size), and `distances` from both flanks, (2, 2), are those
+        at both ends of the step, which is recorded from the phase `recorded_start` on. Intervals
+        are (start, end, contact code).
         """
         code, final_code = contact_codes_at(distances[:, :, None])[:, 0].tolist()
         start, end = t.tolist()

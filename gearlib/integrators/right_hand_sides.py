@@ -86,14 +86,18 @@ class OneDegree(_RightHandSide):
     """
 
     def __init__(self, model, tuning: float, sharpness: float = 0.0):
-        """Store the equation of motion of a model at a tuning, mesh / natural frequency."""
+        """Store the equation of motion of a model at a tuning (mesh / natural frequency).
+
+        `sharpness`, per static deflection, smooths the contact law if it is positive.
+        """
         self.mesh = mesh = model.nonlinear_mesh(tuning)
         self.contact_law = equation_of_motion.create_contact_law(mesh, sharpness)
         self.segment_bounds = mesh.segment_bounds
-        # The excitation repeats after one mesh period, which has all segments.
+        # The excitation repeats after one mesh period, which holds the segments from 0 to n - 1.
         self.excitation_period, self.first_segment = 1, np.array([0, len(mesh.below_mean)])
         # Equal for the contact codes -1, 0 and 1; shape (3, segments, 1 mesh).
         self.below_mean = np.repeat(mesh.below_mean[None, :, None], 3, axis=0)
+        # The backlash is constant, so both flanks never touch at once.
         self.backlashes, self.may_jam = np.array([mesh.backlash]), np.array([False])
         #: Displacements at which drive and coast flank begin to touch, static deflections.
         self._contact_displacements = np.array([mesh.drive_line, mesh.coast_line])
@@ -171,7 +175,8 @@ class OneDegree(_RightHandSide):
         """Return (dimensionless elastic mesh forces, zeros) of k states, shape (k, 1).
 
         The zeros stand for derivatives of the forces, which only the mean force of trains needs.
-        The factor tuning^2 turns stiffness by mesh phase into stiffness over its mean.
+        The equation in mesh phase has the stiffness over (mesh frequency)^2; times tuning^2 it is
+        the stiffness over its mean.
         """
         stiffness, force_over_stiffness, _ = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
@@ -184,7 +189,7 @@ class OneDegree(_RightHandSide):
         stiffness, force_over_stiffness, acceleration = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
         )
-        # The factor turns stiffness by mesh phase into stiffness over its mean.
+        # Times tuning^2 the stiffness of the equation in mesh phase is that over its mean.
         stiffness = self.tuning**2 * stiffness
         (x, v), code, force = states.T, contact_codes[:, 0], stiffness * force_over_stiffness
         # Columns: displacement, velocity, acceleration, contact code, stiffness, elastic force.
@@ -199,17 +204,20 @@ class PiecewiseLinear(_RightHandSide):
     """
 
     def __init__(self, model, tuning: float):
-        """Store the system of a model at a tuning, mesh / natural frequency, and its distances."""
+        """Store the linear system of a model at a tuning, and the rows of its flank distances.
+
+        The tuning is mesh frequency / natural frequency.
+        """
         self.propagator = model.propagator(tuning)
         self.system, self._constants = self.propagator.complete_system()
         system, size = self.system, model.size
         self.segment_bounds, self.first_segment = system.starts, system.first_segment
         self.below_mean = system.below_mean
-        # Displacements at which the drive flanks (row 0) and the coast flanks (row 1) touch.
+        # Displacements at which the drive flanks (row 0) and coast flanks (row 1) touch, (2, m).
         contact_displacements = np.reshape(model.flank_lines, (2, -1))
         self.backlashes = contact_displacements[0] - contact_displacements[1]
         self.may_jam, self.excitation_period = self._constants.may_jam, system.repeats
-        # Only gear trains name their meshes.
+        # `repeats` counts the mesh periods of the excitation. Only gear trains name their meshes.
         self.tuning, self.size, self._is_train = tuning, size, bool(model.mesh_names)
         #: Factors from full states to those of the system.
         self.scale = np.ones(len(system.base_matrix))
@@ -222,9 +230,10 @@ class PiecewiseLinear(_RightHandSide):
         self._distance_rates = self.scale * rates / tuning
         self._matrices: dict = {}
         self._meshes = np.arange(len(system.drive_lines))
-        # Columns: displacements of the coordinates that change the distance of one mesh only.
+        # Columns of the pseudo-inverse move the coordinates so that the distance of only one mesh
+        # changes, by 1; there is a matrix, (size / 2, m), for each flank.
         self._separate_moves = [
-            np.linalg.pinv(mesh_vectors[:, : size // 2]) for mesh_vectors in self.distances
+            np.linalg.pinv(distance_rows[:, : size // 2]) for distance_rows in self.distances
         ]
 
     def full_state(self, t: float | np.ndarray, state: np.ndarray) -> np.ndarray:
@@ -239,11 +248,12 @@ class PiecewiseLinear(_RightHandSide):
 
     def initial_state(self, state) -> tuple[np.ndarray, np.ndarray]:
         """Return (state, contact codes) at phase 0 for an initial state of the model."""
-        # `initial_state` converts the state to coordinates of the propagator, with its scale.
+        # The state of the system is that of the propagator times `propagator.scale`, and z times
+        # `state_scale`.
         state_scale = self.scale[: self.size]
         z = self.propagator.initial_state(state) * (self.propagator.scale / state_scale)
         full_size, mesh_count = self.scale.size, self._meshes.size
-        work = allocate_run_storage(full_size, full_size, mesh_count)
+        work = allocate_run_storage(n=full_size, padded=full_size, m=mesh_count)
         work.state[:] = self.scale * self.full_state(0.0, z)
         set_initial_contacts(self.system, self._constants.no_coast_side, work, segment=0)
         return z, work.contact.copy()
@@ -287,7 +297,8 @@ class PiecewiseLinear(_RightHandSide):
     def nonzero_entries(self) -> np.ndarray:
         """Return a mask of the entries of `branch_matrix` that are nonzero on any branch."""
         system = self.system
-        # Forces add outer products of input and output vectors, each (meshes, cases, 2 forces, n).
+        # Every force adds the outer product of its input and output vectors. Their arrays are over
+        # (mesh, force case, elastic force with damping or friction, component of the full state).
         force_input = system.force_input[..., : self.size, None]
         force_output = system.force_output[..., None, :]
         has_force = (force_input * force_output != 0.0).any(axis=(0, 1, 2))
@@ -301,7 +312,7 @@ class PiecewiseLinear(_RightHandSide):
         branch = segment, contact_codes.tobytes()
         if branch not in self._matrices:
             matrix = np.empty_like(self.system.base_matrix)
-            # The force case of a mesh selects its force: backlash, or contact with a stiffness.
+            # The entry `effect` is the force case of a mesh: backlash, or contact at a stiffness.
             force_cases = self.system.effect[contact_codes + 1, segment, self._meshes]
             fill_system_matrix(self.system, force_cases, matrix)
             scaled_matrix = matrix[: self.size] / self.scale[: self.size, None]

@@ -55,7 +55,10 @@ class _UnsplitRun(Run):
     """A single integration over the whole span, without event location."""
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
-        """Integrate over the whole span from a state at phase 0; return (final state, status)."""
+        """Integrate over the whole span from a state at phase 0; return (final state, status).
+
+        More than `max_events` steps in one mesh period end the run with the status EVENT_LIMIT.
+        """
         solver = self._create_solver(state)
         steps_in_period, period, steps = 0, 0, []
         if self.first_strobe == 0:
@@ -113,12 +116,10 @@ class _UnsplitRun(Run):
 class _SplitRun(Split):
     """A run by `solve_ivp` with terminal events."""
 
-    def _flank_distance(
-        self, period_start: float, crossing: FlankCrossing, t: float, state: np.ndarray
-    ) -> float:
+    def _flank_distance(self, period_start, crossing: FlankCrossing, t: float, state) -> float:
         """Return the distance of a state from the flank of a crossing.
 
-        The phase t is counted from the phase `period_start`.
+        The phase t is counted from `period_start`, the phase at the start of the mesh period.
         """
         distances = self.problem.flank_distances(period_start + t, state)
         return distances[crossing.flank][crossing.mesh]
@@ -138,14 +139,10 @@ class _SplitRun(Split):
             event = partial(self._flank_distance, period_start, crossing)
             vars(event).update(terminal=True, direction=crossing.direction)
             events.append(event)
-        solution = solve_ivp(
-            derivative,
-            (start, end),
-            state,
-            dense_output=self.is_recording and self.sample_count < len(self.samples),
-            events=events,
-            **self.settings,
-        )
+        # Only samples need states between the step ends.
+        dense_output = self.is_recording and self.sample_count < len(self.samples)
+        options = {"dense_output": dense_output, "events": events} | self.settings
+        solution = solve_ivp(derivative, (start, end), state, **options)
         if solution.status < 0:
             raise Stall
         reached = [i for i, times in enumerate(solution.t_events) if times.size]

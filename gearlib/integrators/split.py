@@ -93,17 +93,20 @@ class Split(Run):
         for mesh, code in enumerate(contact_codes.tolist()):
             backlash = self.problem.backlashes[mesh]
             if code == BACKLASH:
-                crossings.append(FlankCrossing(mesh, DRIVE_FLANK, 1, NORMAL))
+                crossings.append(FlankCrossing(mesh, DRIVE_FLANK, direction=1, code_after=NORMAL))
                 if backlash < math.inf:
-                    crossings.append(FlankCrossing(mesh, COAST_FLANK, -1, INVERSE))
+                    crossing = FlankCrossing(mesh, COAST_FLANK, direction=-1, code_after=INVERSE)
+                    crossings.append(crossing)
             else:
                 code_after = next_contact_code(code, BACKLASH, backlash)
                 flank, other_flank = DRIVE_FLANK, COAST_FLANK
                 if code == INVERSE:
                     flank, other_flank = other_flank, flank
+                # The contact code, 1 or -1, is the sign of the distance from the touching flank.
                 crossings.append(FlankCrossing(mesh, flank, -code, code_after))
+                # In some meshes the other flank may touch, too, which jams the mesh.
                 if self.problem.may_jam[mesh]:
-                    crossings.append(FlankCrossing(mesh, other_flank, -code, BOTH))
+                    crossings.append(FlankCrossing(mesh, other_flank, -code, code_after=BOTH))
         return crossings
 
     def integrate(self, state: np.ndarray) -> tuple[np.ndarray, int]:
@@ -130,12 +133,12 @@ class Split(Run):
                 return state, status.OVERFLOW
         return state, status.OK
 
-    def _integrate_segment(
-        self, period: int, segment: int, start: float, end: float, state, contact_codes
-    ) -> tuple[np.ndarray, np.ndarray, int]:
+    def _integrate_segment(self, period, segment, start, end, state, contact_codes) -> tuple:
         """Integrate over one stiffness segment; return (state, contact codes, status).
 
-        The phases `start` and `end` are counted from the start of the mesh period.
+        `segment` is its index; its phases `start` and `end` count from the start of mesh period
+        `period`. The contact codes have shape (m,). More than `max_events` arcs between crossings
+        in one mesh period end the run with EVENT_LIMIT.
         """
         t, period_start = start, self._excitation_phase(period)
         crossings = self.possible_crossings(contact_codes)
@@ -165,12 +168,11 @@ class Split(Run):
                     return state, contact_codes, status.JAMMED
         return state, contact_codes, status.OK
 
-    def _cross(
-        self, period: int, t: float, state, contact_codes, crossing: FlankCrossing
-    ) -> np.ndarray:
-        """Move a state just beyond the flank that it crosses; return the new contact codes.
+    def _cross(self, period: int, t: float, state, contact_codes, crossing) -> np.ndarray:
+        """Move a state, in place, just beyond the flank that it crosses; return new contact codes.
 
-        The phase t is counted from the start of the mesh period.
+        The phase t is counted from the start of mesh period `period`. The contact codes have shape
+        (m,); `crossing` is a `FlankCrossing`.
         """
         mesh, flank, direction, code_after = crossing
         phase = self._excitation_phase(period) + t

@@ -45,6 +45,7 @@ def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLa
     is_linear = not any((*drive[1:], *backlash[1:], *coast[1:], *stiffness))
     # A simple law has an expression of the acceleration that takes half the time.
     is_simple = sharpness == 0.0 and is_linear and drive == coast and mesh.ground_stiffness == 0.0
+    # The fields drive_x, coast_x, ground_stiffness and sharpness of the law.
     constants = mesh.drive_line, mesh.coast_line, mesh.ground_stiffness, sharpness
     return ContactLaw(drive, backlash, coast, stiffness, *map(float, constants), is_simple)
 
@@ -124,9 +125,7 @@ def force_and_acceleration(contact_law, contact_code, stiffness, external_force,
 
 
 @inlined_kernel
-def acceleration(
-    contact_law: ContactLaw, stiffness: float, external_force: float, x: float, v: float
-) -> float:
+def acceleration(contact_law, stiffness, external_force, x: float, v: float) -> float:
     """Return x'' at displacement x and velocity v, which determine the contact.
 
     Mesh stiffness and external force are those of the present phase.
@@ -195,9 +194,7 @@ def acceleration_at(
 
 
 @kernel
-def mesh_acceleration(
-    contact_law: ContactLaw, mesh: NonlinearMesh, t: float, x: float, v: float
-) -> float:
+def mesh_acceleration(contact_law, mesh: NonlinearMesh, t: float, x: float, v: float) -> float:
     """Return x'' of one mesh at phase t, displacement x (which decides contact) and velocity v."""
     if contact_law.sharpness == 0.0 and x <= contact_law.coast_x:
         lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
@@ -251,7 +248,9 @@ def forces_and_accelerations(
 def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.ndarray:
     """Return d(state)/dtau of a gear train at the phase t; the state determines the contacts.
 
-    The state, shape (2 N,), holds displacements, then velocities.
+    The state, shape (2 N,), holds displacements, then velocities. In `system`, `starts` bound the
+    stiffness segments; products of the rows `drive_lines` and `coast_lines`, (m, n), and the full
+    state are the distances of the m meshes from their flanks.
     """
     size = state.shape[0]
     full_state, derivative = np.empty(system.base_matrix.shape[0]), np.empty(size)
@@ -269,7 +268,7 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
             contact_code = NORMAL
         elif dot(system.coast_lines[mesh], full_state) <= 0.0:
             contact_code = INVERSE
-        # The force case selects the force vectors: backlash, or contact with a stiffness.
+        # The entry `effect` is the force case of a mesh: backlash, or contact at a stiffness.
         force_case = system.effect[contact_code + 1, segment, mesh]
         # A mesh has two forces, elastic with damping, and friction. Each is linear in the state.
         for k in range(2):

@@ -17,7 +17,6 @@ from gearlib.engines.orbit import is_within_range
 from gearlib.engines.taylor.series import NonlinearMesh
 from gearlib.integrators.steps.equation_of_motion import (
     SAME_PHASE_TOLERANCE,
-    ContactLaw,
     acceleration,
     contact_code_at,
     contact_forces,
@@ -179,9 +178,7 @@ def alpha_step(contact_law, scheme, h, stiffness, force, start_x, start_v, start
 
 
 @kernel
-def take_steps(
-    contact_law: ContactLaw, scheme: Scheme, excitation: tuple, a: float, states: np.ndarray
-) -> tuple:
+def take_steps(contact_law, scheme: Scheme, excitation: tuple, a: float, states) -> tuple:
     """Take k steps from the start of a mesh period; return (status, evaluations, acceleration).
 
     The first row of `states`, shape (k + 1, 2), is the initial state; the others are filled. The
