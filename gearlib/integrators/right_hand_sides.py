@@ -175,8 +175,8 @@ class OneDegree(_RightHandSide):
         """Return (dimensionless elastic mesh forces, zeros) of k states, shape (k, 1).
 
         The zeros stand for derivatives of the forces, which only the mean force of trains needs.
-        The equation in mesh phase has the stiffness over (mesh frequency)^2; times tuning^2 it is
-        the stiffness over its mean.
+        In the equation in mesh phase the stiffness is divided by (mesh frequency)^2; times tuning^2
+        it is the stiffness over its mean.
         """
         stiffness, force_over_stiffness, _ = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
@@ -189,7 +189,7 @@ class OneDegree(_RightHandSide):
         stiffness, force_over_stiffness, acceleration = self._stiffness_and_acceleration(
             t, states, segments, contact_codes
         )
-        # Times tuning^2 the stiffness of the equation in mesh phase is that over its mean.
+        # The stiffness of the equation in mesh phase, times tuning^2, is that over its mean.
         stiffness = self.tuning**2 * stiffness
         (x, v), code, force = states.T, contact_codes[:, 0], stiffness * force_over_stiffness
         # Columns: displacement, velocity, acceleration, contact code, stiffness, elastic force.
