@@ -30,7 +30,7 @@ _STEADY_SAMPLES_PER_PERIOD, _RUN_UP_SAMPLES_PER_PERIOD = 512, 32
 _CURVE_POINTS = 200
 _SAME_PHASE_TOLERANCE = 1e-9
 #: Smallest standard deviation of the speed of a jump, rpm.
-_MIN_DEVIATION = 1e-9
+_MIN_SPEED_STD = 1e-9
 #: Numbers of revolutions of a run-up that are not compared: at its start and around each jump.
 _SKIPPED_AT_START, _SKIPPED_BEFORE_JUMP, _SKIPPED_AFTER_JUMP = 6, 4, 24
 #: Arguments of `run_up` that ``known.options`` may have.
@@ -63,7 +63,7 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
 
 
 def _rig_metadata(data: Any) -> dict:
-    """Return the metadata of a test rig from the attribute "known" of a data set, a JSON object."""
+    """Return the metadata of the test rig, a JSON object in the attribute "known" of a data set."""
     text = data.attrs.get("known", "{}")
     try:
         metadata = json.loads(text)
@@ -74,9 +74,9 @@ def _rig_metadata(data: Any) -> dict:
 
 
 def _speed_profile(metadata: dict) -> tuple[list, dict]:
-    """Return the speed profile of a run-up, rows of s and rpm, and keyword arguments of `run_up`.
+    """Return the speed profile of a run-up, rows (s, rpm), and keyword arguments of `run_up`.
 
-    They are the entries "course" and "options" of the metadata of the test rig.
+    They are metadata["course"] and ["options"], in error messages known.course and known.options.
     """
     if "course" not in metadata:
         raise ValueError("known.course is missing: a run-up needs its speed profile, rows (s, rpm)")
@@ -91,10 +91,10 @@ def _speed_profile(metadata: dict) -> tuple[list, dict]:
 
 
 def _checked_history(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
-    """Check a time history; return its displacements, phase factors, and mesh periods per turn.
+    """Check a time history; return displacements, phase factors and mesh periods per revolution.
 
-    The measurement starts at a known mesh phase. Complex mesh orders of a run of the model, which
-    starts at phase 0, are multiplied by the phase factors, (ORDERS,), to compare them with it.
+    The phase factors, (ORDERS,), shift the complex mesh orders of a model run, which starts at mesh
+    phase 0, to the mesh phase at the start of the measurement.
     """
     phase = _rig_metadata(data).get("phase", 0.0)
     phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
@@ -102,29 +102,29 @@ def _checked_history(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, flo
     checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "increasing")
     constant = float(displacements[0])
     checks.require(np.ptp(displacements) > 0.0, "displacement", constant, "a signal that varies")
-    teeth = checks.number(
+    mesh_periods = checks.number(
         "mesh periods of a revolution",
         round(model.periods_per_revolution, 9),  # without rounding errors of gear ratios
         "a whole number, as in a train with a fixed carrier",
         float.is_integer,
     )
-    return displacements, np.exp(1j * phase * _ORDER_NUMBERS), teeth
+    return displacements, np.exp(1j * phase * _ORDER_NUMBERS), mesh_periods
 
 
 def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
     """Return the channel `name` of complex mesh orders, (blocks, ORDERS), of a measured variable.
 
-    `variance_ratios`, (blocks,), are ratios of the variance of an order, the sum for its real and
-    imaginary parts, to that of a sample of `displacement`. If the noise is unknown, the deviation
-    of the signal stands in for it, because then only the relative weights of blocks matter.
+    `variance_ratios`, (blocks,), is the variance of an order, real plus imaginary part, divided by
+    that of a sample of `displacement`. If the noise is unknown, the standard deviation of the
+    signal replaces it, because then only the relative weights of blocks matter.
     """
     noise = float(displacement.attrs.get("noise_std", 0.0))
-    sample_deviation = noise or float(np.std(displacement.values))
+    sample_std = noise or float(np.std(displacement.values))
     values = _real_and_imaginary(orders)
     return Channel(
         name,
         values,
-        deviations=np.repeat(sample_deviation * np.sqrt(0.5 * variance_ratios), 2 * ORDERS),
+        deviations=np.repeat(sample_std * np.sqrt(0.5 * variance_ratios), 2 * ORDERS),
         noise_known=bool(noise),
         unknown_gain=bool(displacement.attrs.get("unknown_gain", 0)),
         # A real or imaginary part is a sequence over the blocks.
@@ -140,9 +140,10 @@ def _real_and_imaginary(orders: np.ndarray) -> np.ndarray:
 def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
     """Return the observation of a time history at constant speed: the mesh orders of its orbit.
 
-    `data` has displacement, time and speed over samples; `mesh` is the index of the measured mesh.
+    `data` has displacement, time, speed and, optionally, the direction in which it was reached, 1
+    up, -1 down, 0 from rest, over samples; `mesh` is the index of the measured mesh.
     """
-    displacements, phase_factors, teeth = _checked_history(model, data)
+    displacements, phase_factors, mesh_periods = _checked_history(model, data)
     speed = float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
     measured_direction = int(data.direction.values[0]) if "direction" in data.coords else 0
@@ -150,17 +151,20 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
     revolutions = data.time.values * speed / 60.0
     # One block with all samples, including the last one.
     edges = np.array([revolutions[0], np.nextafter(revolutions[-1], np.inf)])
-    measured_orders = regress_mesh_orders(revolutions, displacements, edges, teeth)
+    measured_orders = regress_mesh_orders(revolutions, displacements, edges, mesh_periods)
     channel = _order_channel("time history", data.displacement, *measured_orders)
 
     def predict(model: Any) -> Prediction:
         """Sweep the model to the measured speed and return the mesh orders of its orbit there."""
-        tuning = speed / float(model.speed(1.0))
+        resonance_speed = float(model.speed(1.0))  # speed at the tuning 1, rpm
+        tuning = speed / resonance_speed
+        # If several motions exist, the direction of the sweep decides which one it reaches.
         tunings = np.sort(np.linspace(first_speed_ratio * tuning, tuning, speed_count))
         curve = sweep(model, tunings, direction=direction, **observation.SETTLING_SWEEP)
         # States are in the order of increasing tuning, so a sweep down ends at the first one.
         state = curve.final_state.values[0 if direction == "down" else -1]
         quantities = observation.orbit_quantities(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
+        # Complex Fourier coefficients, (orders, meshes), from the order 0 on.
         orders = quantities[observation.ORDER_AMPLITUDE][1 : ORDERS + 1, mesh]
         backlash_excursion = max(0.0, -quantities["displacement_min"].min())
         return Prediction([_real_and_imaginary(orders * phase_factors)], backlash_excursion)
@@ -170,13 +174,14 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
 
         `signals` holds the predicted mesh orders, real and imaginary parts alternating.
         """
-        phase = np.linspace(0.0, 1.0, _CURVE_POINTS)
+        phase = np.linspace(0.0, 1.0, _CURVE_POINTS)  # in mesh periods
         waves = np.exp(2j * np.pi * np.outer(phase, _ORDER_NUMBERS))
+        # The real displacement is twice the real part of the sum over positive orders.
         orders = channel.values.view(complex), signals[0].view(complex)
-        displacements = tuple(2.0 * (waves @ amplitudes).real for amplitudes in orders)
+        displacements = tuple(2.0 * (waves @ coefficients).real for coefficients in orders)
         name, units = f"displacement at {speed:.5g} rpm", data.displacement.attrs.get("units", "m")
-        speed_decreases = np.zeros(phase.size, bool)
-        return [Curve(name, units, "phase", phase, displacements, speed_decreases)]
+        speed_falls = np.zeros(phase.size, bool)  # the speed is constant
+        return [Curve(name, units, "phase", phase, displacements, speed_falls)]
 
     return Observation("time history", [channel], predict, draw)
 
@@ -187,12 +192,14 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     `data` has the displacement over time in samples and the speed profile in its attribute "known";
     `mesh` is the index of the measured mesh in the model.
     """
-    displacements, phase_factors, teeth = _checked_history(model, data)
+    displacements, phase_factors, mesh_periods = _checked_history(model, data)
     profile, options = _speed_profile(_rig_metadata(data))
     rotation = ShaftRotation(profile)
     revolutions = rotation.revolutions(data.time.values)
     count = _count_revolutions(rotation, profile, data.time.values, revolutions)
-    orders, variance_ratios, warning = _revolution_orders(revolutions, displacements, teeth, count)
+    orders, variance_ratios, warning = _revolution_orders(
+        revolutions, displacements, mesh_periods, count
+    )
     compared, amplitudes, jumps = _compared_revolutions(orders, variance_ratios)
     speeds = rotation.time_and_speed(np.arange(count) + 0.5)[1]
     measured_orders = orders[compared], variance_ratios[compared]
@@ -201,9 +208,9 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     if jumps:
         jump_speeds = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
         changes = np.array([abs(speeds[i] - speeds[i - 1]) for i in jumps])
-        deviations = _SKIPPED_AFTER_JUMP * changes + _MIN_DEVIATION
+        speed_stds = _SKIPPED_AFTER_JUMP * changes + _MIN_SPEED_STD
         noise_known = order_channel.noise_known
-        channels.append(Channel("jumps", jump_speeds, deviations, noise_known, shares_weight=True))
+        channels.append(Channel("jumps", jump_speeds, speed_stds, noise_known, shares_weight=True))
 
     def predict(model: Any) -> Prediction:
         """Run the model up; return its mesh orders in compared revolutions and speeds of jumps."""
@@ -212,15 +219,16 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         if int(run.status):
             raise NoOrbit(run.status.attrs["message"])
         displacement = run.displacement.values.reshape(run.sizes["time"], -1)[:, mesh]
-        orders = _fourier_orders(run.phase.values, displacement, count, math.tau * teeth)
+        orders = _fourier_orders(run.phase.values, displacement, count, math.tau * mesh_periods)
         values = [_real_and_imaginary((orders * phase_factors)[compared])]
         if jumps:
             # The thresholds of jumps are measured amplitudes, so the sensor's gain is applied.
             _, gain = order_channel.signal_and_gain(values[0])
+            # A gain of 0, fitted to a motion without mesh orders, leaves the amplitudes unscaled.
             predicted = np.abs(orders[:, 0]) * (gain or 1.0)
             values.append(np.array([_jump_speed(predicted, i, amplitudes, speeds) for i in jumps]))
-        minima = run.displacement_min.values[:count]
-        # A run may end before its last revolution is complete.
+        minima = run.displacement_min.values[:count]  # of each complete revolution
+        # A run may end before its last revolution is complete, so it may have fewer minima.
         compared_minima = minima[compared[: minima.shape[0]]]
         return Prediction(values, backlash_excursion=max(0.0, -float(compared_minima.min())))
 
@@ -231,11 +239,12 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         """
         fitted = np.full(orders.shape, complex(np.nan))
         fitted[compared] = signals[0].view(complex).reshape(-1, ORDERS)
-        units, decreases = data.displacement.attrs.get("units", "m"), np.gradient(speeds) < 0.0
+        units, speed_falls = data.displacement.attrs.get("units", "m"), np.gradient(speeds) < 0.0
+        # A real oscillation has twice the absolute value of its complex coefficient.
         amplitudes = 2.0 * np.abs([orders.T, fitted.T])
         names = [f"order {k if k > 1 else ''}z" for k in _ORDER_NUMBERS]
         return [
-            Curve(name, units, "speed", speeds, tuple(amplitudes[:, k]), decreases)
+            Curve(name, units, "speed", speeds, tuple(amplitudes[:, k]), speed_falls)
             for k, name in enumerate(names)
         ]
 
@@ -247,41 +256,44 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     return Observation("run-up", channels, predict, draw, warning)
 
 
-def _revolution_orders(revolutions, displacements, teeth, count):
+def _revolution_orders(revolutions, displacements, mesh_periods, count):
     """Return mesh orders and variance ratios of `count` revolutions, and a warning about gaps.
 
-    `revolutions` are the shaft angles of the samples of displacement, in revolutions; `teeth` is
-    the number of mesh periods in a revolution.
+    `revolutions` are the shaft angles of the samples of displacement, in revolutions, and
+    `mesh_periods` is the number of mesh periods in a revolution. The results are those of
+    `regress_mesh_orders` with one block for each revolution.
     """
     edges, compared_count = np.arange(count + 1), count - _SKIPPED_AT_START
-    complete = complete_blocks(revolutions, edges, teeth)
+    complete = complete_blocks(revolutions, edges, mesh_periods)
     allowed = f"of a revolution without gap after the first {_SKIPPED_AT_START}"
-    gaps = f"of {compared_count} revolutions with gaps"
-    checks.require(complete[_SKIPPED_AT_START:].any(), "time", gaps, allowed)
-    regression = regress_mesh_orders(revolutions, displacements, edges, teeth, complete)
-    missing, warning = int(np.isnan(regression[1][_SKIPPED_AT_START:]).sum()), ""
+    incomplete = f"of {compared_count} revolutions with gaps"
+    checks.require(complete[_SKIPPED_AT_START:].any(), "time", incomplete, allowed)
+    measured_orders = regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complete)
+    _, variance_ratios = measured_orders
+    missing = int(np.isnan(variance_ratios[_SKIPPED_AT_START:]).sum())
+    warning = ""
     if missing:
         warning = (
             f"{missing} of {compared_count} revolutions are left out of the run-up: they have gaps "
             "or too few samples"
         )
-    return *regression, warning
+    return *measured_orders, warning
 
 
 def _compared_revolutions(orders, variance_ratios):
     """Return a mask of compared revolutions, amplitudes of the first order, and indices of jumps.
 
     `orders`, (revolutions, ORDERS), are complex mesh orders; `variance_ratios`, (revolutions,),
-    are NaN for revolutions without enough samples. Small differences between motions grow around a
-    jump, so only the speed of the jump is compared there.
+    are NaN for revolutions without enough samples; a jump has the index of the first revolution
+    after it. Small differences between motions grow around a jump, so only its speed is compared.
     """
-    measured, numbers = np.isfinite(variance_ratios), np.arange(variance_ratios.size)
-    compared = measured & (numbers >= _SKIPPED_AT_START)
+    is_measured, indices = np.isfinite(variance_ratios), np.arange(variance_ratios.size)
+    compared = is_measured & (indices >= _SKIPPED_AT_START)
     # A revolution without enough samples has the amplitude of the revolution before it.
-    source = np.maximum.accumulate(np.where(measured, numbers, measured.argmax()))
-    amplitudes = np.abs(orders[source, 0])
+    sources = np.maximum.accumulate(np.where(is_measured, indices, is_measured.argmax()))
+    amplitudes = np.abs(orders[sources, 0])
     steps, jumps = np.abs(np.log(amplitudes[1:] / amplitudes[:-1])), []
-    for i in np.argsort(-steps):
+    for i in np.argsort(-steps):  # from the largest step to the smallest one
         if steps[i] < observation.MIN_RELATIVE_JUMP:
             break
         is_separate = all(abs(i + 1 - jump) > _SKIPPED_AFTER_JUMP for jump in jumps)
@@ -295,8 +307,9 @@ def _compared_revolutions(orders, variance_ratios):
 def _count_revolutions(rotation, profile, times, revolutions) -> int:
     """Return the number of whole revolutions of a run-up, or raise ValueError.
 
-    `rotation` has the revolutions of the speed profile, rows of s and rpm; `revolutions` are the
-    shaft angles at the `times` of the samples, which must lie within the profile.
+    `profile` has rows (s, rpm), and `rotation` is its `ShaftRotation`, which converts times to
+    revolutions. `revolutions` are the shaft angles at the `times` of the samples, which must lie
+    within the profile.
     """
     end, count = profile[-1][0], int(revolutions[-1])
     interval = f"{times[0]:.6g} to {times[-1]:.6g} s"
@@ -304,6 +317,7 @@ def _count_revolutions(rotation, profile, times, revolutions) -> int:
     is_within = revolutions[0] < 1.0 and count <= profile_revolutions + 1e-9
     allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
     checks.require(is_within, "time", interval, allowed)
+    # More revolutions must be compared than are skipped at the start.
     minimum = 2 * _SKIPPED_AT_START
     allowed = f"of more than {minimum} whole revolutions of known.course, not {count}"
     checks.require(count > minimum, "time", interval, allowed)
@@ -347,56 +361,58 @@ def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarr
     return np.add.reduceat(areas[:, : starts[-1]], starts[:-1], axis=1).T / block_length
 
 
-def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, teeth: float) -> np.ndarray:
-    """Return a mask of the blocks between successive edges whose samples have no gap.
+def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, mesh_periods: float) -> np.ndarray:
+    """Return a mask of the blocks between successive `edges` whose samples have no gap.
 
     `revolutions` are the shaft angles of the samples; edges are in revolutions, too. A gap exceeds
-    both one mesh period, 1 / teeth, and three median sampling steps.
+    both a mesh period, 1 / `mesh_periods` of a revolution, and three median sampling steps.
     """
     steps, complete = np.diff(revolutions), np.ones(len(edges) - 1, bool)
-    for i in np.flatnonzero(steps > max(1.0 / teeth, 3.0 * np.median(steps))):
+    for i in np.flatnonzero(steps > max(1.0 / mesh_periods, 3.0 * np.median(steps))):
         first, last = np.searchsorted(edges, revolutions[i : i + 2], "right") - 1
         complete[max(first, 0) : last + 1] = False
     return complete
 
 
-def regress_mesh_orders(revolutions, displacements, edges, teeth, has_no_gap=True):
+def regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complete=True):
     """Return the complex mesh orders of blocks of samples, (blocks, ORDERS), and variance ratios.
 
     The samples may lie at any shaft angles `revolutions`; a block extends from one of the `edges`,
-    in revolutions, to the next, and `teeth` is the number of mesh periods in a revolution. A
+    in revolutions, to the next, and `mesh_periods` is the number of mesh periods in a revolution. A
     weighted regression on an offset, the first shaft orders and the mesh orders is made for each
-    block. The ratio, (blocks,), times the variance of the samples is the sum of the variances of
-    the real and the imaginary part of an order. Results are NaN for blocks with too few samples or
-    without `has_no_gap`, a mask of the blocks; True stands for all blocks.
+    block. A variance ratio, (blocks,), is the variance of an order, real plus imaginary part,
+    divided by that of a sample. Results are NaN for blocks with too few samples and outside the
+    mask `complete` of the blocks without gaps, by default all.
     """
-    blocks, minimum = len(edges) - 1, _MIN_SAMPLES_PER_ORDER * ORDERS
-    # Number of samples in a mesh period.
-    density = np.diff(np.searchsorted(revolutions, edges)) / np.diff(edges) / teeth
-    dense = has_no_gap & (density >= minimum)
+    block_count, minimum = len(edges) - 1, _MIN_SAMPLES_PER_ORDER * ORDERS
+    # Mean number of samples in a mesh period of each block.
+    density = np.diff(np.searchsorted(revolutions, edges)) / np.diff(edges) / mesh_periods
+    is_dense = complete & (density >= minimum)
     lowest = f"{density.min():.3g} samples in a mesh period"
-    checks.require(dense.any(), "displacement", lowest, f"of {minimum:g} or more")
-    count = min(2 * ORDERS, int(density[dense].min() / _MIN_SAMPLES_PER_ORDER))
+    checks.require(is_dense.any(), "displacement", lowest, f"of {minimum:g} or more")
+    order_count = min(2 * ORDERS, int(density[is_dense].min() / _MIN_SAMPLES_PER_ORDER))
     # Shaft orders cannot be separated from the offset in less than one revolution.
-    shaft_orders = _SHAFT_ORDERS if edges[1] - edges[0] >= 1.0 else 0
-    frequencies = np.array([*range(1, shaft_orders + 1), *(teeth * np.arange(1, count + 1))])
+    shaft_order_count = _SHAFT_ORDERS if edges[1] - edges[0] >= 1.0 else 0
+    mesh_frequencies = mesh_periods * np.arange(1, order_count + 1)
+    frequencies = np.array([*range(1, shaft_order_count + 1), *mesh_frequencies])
     # The weight of a sample is the length of its cell, which ends halfway to both neighbours. The
     # regression then approximates a Fourier integral if amplitudes change within the block.
     cell_edges = np.concatenate([[-np.inf], 0.5 * (revolutions[1:] + revolutions[:-1]), [np.inf]])
-    orders, variance_ratios = np.full((blocks, ORDERS), complex(np.nan)), np.full(blocks, np.nan)
-    cosine_columns = np.arange(ORDERS) + 1 + shaft_orders
+    orders = np.full((block_count, ORDERS), complex(np.nan))
+    variance_ratios = np.full(block_count, np.nan)
+    cosine_columns = np.arange(ORDERS) + 1 + shaft_order_count
     sine_columns = cosine_columns + frequencies.size
-    for k in np.flatnonzero(dense):
+    for k in np.flatnonzero(is_dense):
         start, end = edges[k : k + 2]
         first = np.searchsorted(cell_edges, start, "right") - 1
         last = np.searchsorted(cell_edges, end)
         weights = np.diff(np.clip(cell_edges[first : last + 1], start, end))[:, None]
         waves = np.exp(2j * np.pi * np.outer(revolutions[first:last], frequencies))
         columns = np.hstack([np.ones((len(waves), 1)), waves.real, waves.imag])
-        weighted = weights * columns
-        inverse = np.linalg.inv(columns.T @ weighted)
-        coefficients = inverse @ (weighted.T @ displacements[first:last])
+        weighted_columns = weights * columns
+        inverse = np.linalg.inv(columns.T @ weighted_columns)
+        coefficients = inverse @ (weighted_columns.T @ displacements[first:last])
         orders[k] = 0.5 * (coefficients[cosine_columns] - 1j * coefficients[sine_columns])
-        variances = np.diag(inverse @ (weighted.T @ weighted) @ inverse)
+        variances = np.diag(inverse @ (weighted_columns.T @ weighted_columns) @ inverse)
         variance_ratios[k] = 0.5 * variances[[*cosine_columns, *sine_columns]].mean()
     return orders, variance_ratios

@@ -13,7 +13,8 @@ from gearlib.data.variables import QUANTITIES
 from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, tuning_at_speed
 
-#: Meanings of the status codes 0, 1, 2 of a quantity; -1 is that of a design that cannot be built.
+#: Meanings of the status codes of a quantity: 0 FOUND, 1 ABSENT (the design does not have it),
+#: 2 LOST (its search failed). The code -1, NO_DESIGN, is that of a design that cannot be built.
 STATUS_MEANINGS = ("found", "there_is_none", "not_followed")
 FOUND, ABSENT, LOST = range(len(STATUS_MEANINGS))
 NO_DESIGN = -1
@@ -45,32 +46,34 @@ class DesignQuantities:
         duty_quantities = _DUTY_QUANTITIES & set(self.quantities)
         _check_resonance_quantities(model, set(self.quantities) - duty_quantities)
         self.speed = speed
-        self._orbit: Any = None
+        self._nominal_orbit: Any = None
         if duty_quantities:
             duty_model = build_duty_model() if build_duty_model else model
             _check_duty_quantities(duty_model, duty_quantities, speed)
             tuning = tuning_at_speed(duty_model, "speed", speed)
-            self._orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
+            # The orbit has the period of the excitation, in mesh periods.
+            self._nominal_orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
         resonance_quantities = (name for name in self.quantities if name not in duty_quantities)
         self._resonance_names = [RESONANCE_NAMES.get(name, name) for name in resonance_quantities]
         self.nominal, _ = self.evaluate(model, build_duty_model)
 
     def evaluate(self, model: Any, build_duty_model: Callable | None = None) -> tuple:
-        """Return the values of a design, (q,), NaN if not found, and their status codes, (q,).
+        """Return the quantities of a design, (q,), NaN if not found, and their status codes, (q,).
 
-        `model` is the design; `build_duty_model` is a function that returns its model at the duty
-        point, if that differs.
+        The codes are FOUND, ABSENT if the design does not have the quantity, and LOST if its search
+        failed. `model` is the design; `build_duty_model` is a function that returns its model at
+        the duty point, None if it is `model`.
         """
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), ABSENT, np.int8)
         resonance: Any = None
         if self._resonance_names:
             resonance = main_resonance(model, self._resonance_names)
-        duty_model = build_duty_model() if build_duty_model and self._orbit else model
-        summary = self._duty_summary(duty_model) if self._orbit else None
+        duty_model = build_duty_model() if build_duty_model and self._nominal_orbit else model
+        summary = self._duty_summary(duty_model) if self._nominal_orbit else None
         for i, name in enumerate(self.quantities):
             if name in _DUTY_QUANTITIES:
-                values[i] = _duty_value(name, duty_model, summary, self._orbit.period)
+                values[i] = _duty_value(name, duty_model, summary, self._nominal_orbit.period)
             else:
                 values[i] = _resonance_value(name, model, resonance)
             if np.isfinite(values[i]):
@@ -82,17 +85,18 @@ class DesignQuantities:
     def _duty_summary(self, model: Any) -> np.ndarray | None:
         """Return the extrema over the orbit at the duty point, None if no orbit is found.
 
-        The search starts from the state of the nominal design.
+        The search starts from the state of the nominal design, then from the default one. An
+        unstable orbit counts only if that of the nominal design is unstable, too.
         """
-        tuning, nominal = float(model.tuning_at(self.speed)), self._orbit
-        for guess in (nominal.state, None):
+        tuning, nominal_orbit = float(model.tuning_at(self.speed)), self._nominal_orbit
+        for guess in (nominal_orbit.state, None):
             try:
-                orbit = periodic_orbit(model, tuning, guess=guess, period=nominal.period)
+                orbit = periodic_orbit(model, tuning, guess=guess, period=nominal_orbit.period)
             except (NoOrbit, ValueError):
                 continue
-            if orbit.stable or not nominal.stable:
+            if orbit.stable or not nominal_orbit.stable:
                 propagator = model.propagator(tuning)
-                return propagator.record(orbit.state, nominal.period, MAX_EVENTS).summary
+                return propagator.record(orbit.state, nominal_orbit.period, MAX_EVENTS).summary
         return None
 
 
@@ -115,20 +119,21 @@ def _check_duty_quantities(model: Any, quantities: set, speed: float | None) -> 
 def _check_resonance_quantities(model: Any, quantities: set) -> None:
     """Raise ValueError if a model does not have these quantities of the main resonance.
 
-    Models with several degrees of freedom have no `equation`; they have jumps, but no peaks.
+    Models with several degrees of freedom have no `equation`; they have jumps, but no peaks. The
+    excitation of a model repeats after `model.repeats` mesh periods.
     """
     kind = type(model).__name__
     if model.speed is None:
         raise ValueError(f"model = {kind} is not allowed: it has no rotational speed")
-    has_one_degree = model.equation is not None
-    # Displacement and velocity, and an excitation that repeats after one mesh period.
-    is_simple = has_one_degree and model.size == 2 and model.repeats == 1
-    if quantities and has_one_degree and not is_simple:
+    has_one_degree_of_freedom = model.equation is not None
+    # The state has only a displacement and a velocity, the excitation the period of the mesh.
+    has_main_resonance = has_one_degree_of_freedom and model.size == 2 and model.repeats == 1
+    if quantities and has_one_degree_of_freedom and not has_main_resonance:
         raise ValueError(
             f"quantities = {min(quantities)!r} is not allowed for this {kind}: "
             "the main resonance is searched only if the excitation repeats every mesh period"
         )
-    if _PEAK_QUANTITIES & quantities and not is_simple:
+    if _PEAK_QUANTITIES & quantities and not has_main_resonance:
         raise ValueError(
             f"quantities = {min(_PEAK_QUANTITIES & quantities)!r} is not allowed for this {kind}: "
             "peaks are searched only for models with one degree of freedom"

@@ -51,14 +51,15 @@ class ModelSource:
     def __init__(self, model: Any):
         """Collect the parameters of a model that can vary, and their descriptions.
 
-        They are those of `settable`, and further numeric fields of the class or of the gear pair
-        unless the model is a gear train.
+        They are the names of `settable`. Models other than gear trains also have the numeric fields
+        of their class and of `model.mesh`, their `GearPair`, if there is one.
         """
         self.model, self.value = model, model.value
         fields = numeric_parameters(PairParameters) if model.mesh else {}
         if dataclasses.is_dataclass(model):
             fields = fields | numeric_parameters(type(model))
-        names = [*model.settable, *(() if model.train is model else fields)]
+        is_train = model.train is model  # other models may contain a train
+        names = [*model.settable, *(() if is_train else fields)]
         #: Name of a parameter -> declaration of its type and range, None if there is none.
         self.parameters = {name: fields.get(name) for name in names}
         #: Name of a parameter -> (CF unit, description).
@@ -77,11 +78,11 @@ class DrawnPair:
     """
 
     def __init__(self, mesh: Any, *, backlash: str | None = "drawing", **options: Any):
-        """Check the mesh, and collect the parameters of drawings with their descriptions.
+        """Check the mesh, and collect the dimensions that can vary with their descriptions.
 
-        Unless the backlash is a parameter that varies, it is that of the mesh ("drawing"), or it
-        follows from profile shifts, centre distance and allowances of each sample (None). `options`
-        are those of `GearPair.from_geometry`, such as torque and damping_ratio.
+        A `backlash` that does not vary is that of the mesh ("drawing"), or it is computed for each
+        sample from profile shifts, centre distance and allowances (None). `options` are those of
+        `GearPair.from_geometry`, such as torque and damping_ratio.
         """
         self.mesh = checks.gear_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
@@ -105,6 +106,7 @@ class DrawnPair:
         With deviations of the flanks it is a `OneDegreePair`.
         """
         mesh, options, (cosine, sine) = self._changed(changes)
+        # The default mesh stiffness is that of ISO 6336-1.
         options["stiffness"] = options.get("stiffness") or "iso"
         pair = GearPair.from_geometry(mesh, **options)
         if not cosine and not sine and not FLANK_PARAMETERS.keys() & changes.keys():
@@ -115,10 +117,12 @@ class DrawnPair:
         """Return the `LoadSharingPair` of the changed gears, the model of their duty point."""
         mesh, options, (cosine, sine) = self._changed(changes)
         if cosine or sine:
-            position = np.linspace(*mesh.path, _DEVIATION_TABLE_POINTS)
-            phase = mesh.phase_of(position)
-            gap = -(cosine * np.cos(phase) + sine * np.sin(phase))
-            options["deviation"] = PathTable(tuple(position), tuple(gap))
+            start, end = mesh.path  # positions on the path of contact, m
+            positions = np.linspace(start, end, _DEVIATION_TABLE_POINTS)
+            phases = mesh.phase_of(positions)
+            # The model takes missing material, a gap, as positive; a deviation is an excess.
+            gaps = -(cosine * np.cos(phases) + sine * np.sin(phases))
+            options["deviation"] = PathTable(tuple(positions), tuple(gaps))
         return default_load_sharing_pair(mesh, **options)
 
     def _changed(self, changes: dict) -> tuple:
@@ -197,15 +201,15 @@ class FunctionSource:
     def value(self, name: str) -> None:
         """Return None, because a function has no nominal values."""
 
-    def __call__(self, changes: dict) -> Any:
-        """Return the model for arguments, a mapping of names to values."""
-        missing = [name for name in self.required if name not in changes]
+    def __call__(self, arguments: dict) -> Any:
+        """Return the model of the function for `arguments`, a mapping of names to values."""
+        missing = [name for name in self.required if name not in arguments]
         if missing:
             raise ValueError(
                 f"tolerances.{missing[0]} is missing: the function has no default value"
             )
         try:
-            return self.function(**changes)
+            return self.function(**arguments)
         except ArithmeticError as error:
             raise ValueError(f"{type(error).__name__} in the function: {error}") from error
 

@@ -30,8 +30,8 @@ class Tolerances:
     """Joint distribution of all parameters that scatter; correlations are a Gaussian copula."""
 
     def __init__(self, marginals: dict, correlations: Sequence = ()):
-        """Take correlations as rows (name, name, coefficient)."""
-        self.marginals = marginals  #: name -> `Marginal`
+        """Take a `Marginal` for each name, and correlations as rows (name, name, coefficient)."""
+        self.marginals = marginals
         self.names = tuple(marginals)
         self.correlations = tuple(map(tuple, correlations))
         self._factor = _correlation_factor(self.names, self.correlations)
@@ -55,10 +55,10 @@ class Tolerances:
 def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) -> Tolerances:
     """Return the joint distribution of parameters from their tolerances, or raise ValueError.
 
-    `tolerances` is a mapping as `gearlib.scatter` takes it. `allowed_parameters` maps names
-    to a `gearlib.parameters.Parameter` or None; `value_of` returns the value of a parameter of the
-    model by its name, or None; `keys` maps names of parameters to those in error messages, by
-    default ``tolerances.<name>``.
+    `tolerances` is a mapping as `gearlib.scatter` takes it. `allowed_parameters` maps the names of
+    parameters to their declarations, a `gearlib.parameters.Parameter` or None; `value_of` returns
+    the nominal value for a name, or None. Error messages call a parameter ``keys[name]``, or
+    ``tolerances.<name>`` if `keys` does not have it.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         allowed = f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
@@ -73,8 +73,8 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) 
             else:
                 tolerance = tolerated.complete_scatter(key, tolerance, value_of(name))
                 marginal = _normal_or_uniform(tolerance)
-            extent = marginal.centre, *marginal.limits
-            tolerated.check_range(key, tolerance, allowed_parameters[name], extent)
+            values = marginal.centre, *marginal.limits
+            tolerated.check_range(key, tolerance, allowed_parameters[name], values)
             marginals[name] = marginal
     return Tolerances(marginals, _correlations(marginals, tolerances.get(CORRELATIONS, ())))
 

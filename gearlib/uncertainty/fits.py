@@ -76,7 +76,7 @@ class Fit:
     bic: float
     ndata: int
     nfev: int
-    unknown: tuple  #: messages about parameters that the data do not determine
+    unknown: tuple  #: messages on parameters not determined and data not described by the model
     noise: bool  #: whether the noise of all data is known
     _observations: list
 
@@ -198,20 +198,20 @@ def fit(model, data, free):
         Model of the rig. The fit starts from its values of the free parameters.
     data : xarray.Dataset or list of xarray.Dataset
         Data sets as `gearlib.read_measured` returns them: time histories of ``displacement`` at
-        constant speed or, with a speed profile ``known.course`` (rows of s and rpm), in a run-up;
+        constant speed or in a run-up, whose speed profile, rows (s, rpm), is ``known.course``;
         extrema, fractions of time and amplitudes of mesh orders, ``order_amplitude_1`` and so on,
         over ``speed`` and ``direction`` of slow sweeps; scalar speeds jump_up, jump_down and
         onset_of_contact_loss. Variables of trains end with the mesh, such as
         ``order_amplitude_1_sun_2`` or ``load_sharing_sun_2``.
     free : mapping
-        Name of a free parameter, one of ``model.settable`` -> (lowest, highest), SI units.
+        Name of a free parameter, one of ``model.settable`` -> its bounds (lower, upper), SI units.
 
     Returns
     -------
     Fit
         Parameters with value, stderr and 95 % confidence interval; correlations, redchi, aicc,
-        bic; and `unknown`, messages about parameters that the data do not determine. `str` returns
-        a report.
+        bic; and `unknown`, messages about parameters that the data do not determine and about data
+        that the model does not describe. `str` returns a report.
 
     Raises
     ------
@@ -421,8 +421,9 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
     values = [float(model.value(name)) for name in problem.names]
     initial_values = [float(problem.model.value(name)) for name in problem.names]
     limits = problem.low, problem.high
-    columns = problem.names, values, stderr, half_widths, *limits, initial_values, identifiable
-    params = {row[0]: Parameter(*row) for row in zip(*columns, strict=True)}
+    # In the order of the fields of `Parameter`.
+    fields = problem.names, values, stderr, half_widths, *limits, initial_values, identifiable
+    params = {row[0]: Parameter(*row) for row in zip(*fields, strict=True)}
     messages = _parameter_messages(problem, model, params, directions)
     messages += _residual_messages(problem, model, residuals, redchi)
     # The information criteria count the variance of the noise as a parameter.
@@ -484,12 +485,10 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
     return messages
 
 
-def _backlash_message(problem: Problem, model: Any, i: int) -> str:
-    """Return a message about the lower bound of an undetermined backlash, parameter i.
-
-    `model` is the fitted model.
-    """
-    model = model.with_values({"backlash": problem.high[i]})
+def _backlash_message(problem: Problem, fitted_model: Any, i: int) -> str:
+    """Return a message about the lower bound of an undetermined backlash, parameter i."""
+    # With the largest backlash, contact on the coast side limits the excursion the least.
+    model = fitted_model.with_values({"backlash": problem.high[i]})
     predictions = [observation.predict(model) for observation in problem.observations]
     excursion = max(prediction.backlash_excursion for prediction in predictions)
     reason = "the coast side is never in contact" if excursion > 0.0 else "contact is never lost"

@@ -75,7 +75,7 @@ def read_measured(path):
 
 
 def read_errors(paths):
-    """Return the error messages of the measured data sets, YAML files, that cannot be read."""
+    """Read measured data sets, YAML files; return the error messages of those that are invalid."""
     messages = []
     for path in paths:
         try:
@@ -128,8 +128,8 @@ def _dataset(description: Any, folder: Path) -> xr.Dataset:
 def _table_dataset(description, path: Path) -> xr.Dataset:
     """Read the table of a measured data set from a file and return it as a dataset in SI units.
 
-    `description` is the checked content of the YAML file. The attribute "not_read" names the
-    columns that it does not mention.
+    `description` is the checked content of the YAML file. The attribute "not_read" lists the
+    columns of the table that are not read, because no channel has their names.
     """
     checks.require(path.is_file(), "data", description.data, "a file beside its YAML")
     checks.require(path.stat().st_size, "data", description.data, "a file with rows: it is empty")
@@ -138,7 +138,7 @@ def _table_dataset(description, path: Path) -> xr.Dataset:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         allowed = f"{digest}, that of {description.data}"
         checks.require(digest == description.sha256, "sha256", description.sha256, allowed)
-    text_columns = {LONG_COLUMNS[0], CONDITION_COLUMN}
+    text_columns = {measured_tables.ID_COLUMN, CONDITION_COLUMN}
     for key, channel in description.channels.items():
         is_text = (channel.observableId or key) in ("direction", "condition")
         # Dates are read as strings; they have `DATES` ("ISO 8601") in place of a unit.
@@ -156,7 +156,7 @@ def _table_dataset(description, path: Path) -> xr.Dataset:
     checks.require(len(set(lengths.values())) == 1, "data", description.data, allowed)
     if is_csv and set(LONG_COLUMNS) <= columns.keys():
         data = _columns_dataset(description, *measured_tables.long_samples(description, columns))
-        names = [str(name) for name in columns[LONG_COLUMNS[0]].categories]
+        names = [str(name) for name in columns[measured_tables.ID_COLUMN].categories]
     else:
         data = _columns_dataset(description, columns, {}, xr.Dataset())
         names = measured_tables.header(path, description)[0] if is_csv else []
@@ -164,34 +164,36 @@ def _table_dataset(description, path: Path) -> xr.Dataset:
     return data
 
 
-def _columns_dataset(description, columns: dict, noises: dict, data: xr.Dataset) -> xr.Dataset:
+def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dataset) -> xr.Dataset:
     """Return the dataset `data` with columns of a table added as variables and coordinates.
 
-    `columns` maps names to arrays over samples, `noises` to standard deviations of the samples;
-    `description` has the channels.
+    `columns` maps names of columns to arrays over samples. For a long table, `std_columns` maps
+    them to the standard deviations of the samples. `description` has the channels.
     """
     channels = description.channels.items()
-    keys = {channel.observableId or key: key for key, channel in channels if key in columns}
+    column_names = {channel.observableId or key: key for key, channel in channels if key in columns}
     # Time and condition need no channel if their columns have the names of PEtab.
     for name, key in (("time", "time"), ("condition", CONDITION_COLUMN)):
         if key in columns:
-            keys.setdefault(name, key)
-    coords, start = _coordinates(description, columns, keys)
-    order, repairs = _time_order(description, keys, coords)
-    for name, key in keys.items():
+            column_names.setdefault(name, key)
+    coords, start = _coordinates(description, columns, column_names)
+    order, repairs = _time_order(description, column_names, coords)
+    for name, key in column_names.items():
         if name in measured_names.COORDINATES:
             continue
         where, values = f"{description.data}, column {key!r}", columns[key]
         allowed = "no column of a wide table: it belongs to the section speeds"
         checks.require(name not in measured_names.SPEEDS, where, name, allowed)
-        gaps = bool(description.channels[key].gaps)
-        if gaps and (empty_cells := int(np.isnan(values).sum())):
+        has_gaps = bool(description.channels[key].gaps)
+        if has_gaps and (empty_cells := int(np.isnan(values).sum())):
             repairs.append(f"{name}: {empty_cells} empty cells are not measured")
-        noise = noises[key][order] if key in noises else None
-        measured_tables.check_finite(where, values[order], gaps=gaps or noise is not None)
+        noise = std_columns[key][order] if key in std_columns else None
+        # A sample of a long table is NaN if this quantity was not measured there.
+        may_be_nan = has_gaps or noise is not None
+        measured_tables.check_finite(where, values[order], gaps=may_be_nan)
         data = data.assign(_variables(description.channels[key], name, key, values[order], noise))
-    keys_of_channels, allowed = list(description.channels), "at least one measured quantity"
-    checks.require(data.data_vars, "channels", keys_of_channels, allowed)
+    channel_keys, allowed = list(description.channels), "at least one measured quantity"
+    checks.require(data.data_vars, "channels", channel_keys, allowed)
     for name, values in coords.items():
         units, text = measured_names.COORDINATES[name]
         data.coords[name] = "sample", values[order], {"units": units, "long_name": text}
@@ -201,11 +203,11 @@ def _columns_dataset(description, columns: dict, noises: dict, data: xr.Dataset)
     return data
 
 
-def _time_order(description: Any, keys: dict, coords: dict) -> tuple[Any, list[str]]:
+def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any, list[str]]:
     """Return an index that sorts samples by time in each condition, and notes on this repair.
 
-    `description` names the file in error messages; `keys` maps names of coordinates to columns, and
-    `coords` maps them to values.
+    `description` names the file in error messages; `column_names` maps names of coordinates to
+    columns, and `coords` maps them to values.
     """
     if "time" not in coords:
         return slice(None), []
@@ -214,7 +216,7 @@ def _time_order(description: Any, keys: dict, coords: dict) -> tuple[Any, list[s
     for values in groupings:
         # Each condition is divided by up to three directions.
         groups = 3 * groups + np.unique(values, return_inverse=True)[1]
-    time_column = f"{description.data}, column {keys['time']!r}"
+    time_column = f"{description.data}, column {column_names['time']!r}"
     order = measured_tables.sorting_indices(time_column, coords["time"], groups)
     if order is None:
         return slice(None), []
@@ -248,27 +250,28 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any
     return variables | {name: ("sample", values * factor, attrs)}
 
 
-def _coordinates(description: Any, columns: dict, keys: dict) -> tuple[dict, str]:
+def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[dict, str]:
     """Return the values of the coordinates by name, and the date of the first sample or "".
 
     `description` has the channels and conditions, `columns` maps names of columns to arrays, and
-    `keys` maps names of coordinates and observables to columns.
+    `column_names` maps names of coordinates and observables to columns.
     """
     coords, start = {}, ""
-    locations = {name: f"{description.data}, column {key!r}" for name, key in keys.items()}
-    for name in [name for name in ("time", "speed") if name in keys]:
-        channel, values = description.channels.get(keys[name]), columns[keys[name]]
+    locations = {name: f"{description.data}, column {key!r}" for name, key in column_names.items()}
+    for name in [name for name in ("time", "speed") if name in column_names]:
+        channel, values = description.channels.get(column_names[name]), columns[column_names[name]]
         if channel is not None and channel.unit == measured_description.DATES:
             values, start = measured_tables.seconds_since_first(locations[name], values)
         measured_tables.check_finite(locations[name], values, steady=name == "time")
-        coords[name] = values * (1.0 if channel is None else channel.scale(keys[name])[0])
-    if "direction" in keys:
-        column = columns[keys["direction"]]
+        coords[name] = values * (1.0 if channel is None else channel.scale(column_names[name])[0])
+    if "direction" in column_names:
+        column = columns[column_names["direction"]]
         coords["direction"] = measured_tables.directions(locations["direction"], column)
     conditions = list(description.conditions.values())
+    # Index of the condition of each sample: 0 if all samples have the only condition.
     codes = np.zeros(len(next(iter(columns.values()))))
-    if "condition" in keys:
-        column = columns[keys["condition"]]
+    if "condition" in column_names:
+        column = columns[column_names["condition"]]
         codes = measured_tables.category_codes(locations["condition"], column)
         names = [str(name) for name in column.categories]
         for name in names if description.conditions else ():
@@ -276,7 +279,7 @@ def _coordinates(description: Any, columns: dict, keys: dict) -> tuple[dict, str
             checks.require(name in description.conditions, CONDITION_COLUMN, name, allowed)
         coords["condition"] = np.array(names)[codes]
         conditions = [description.conditions.get(name) for name in names]
-    elif len(conditions) != 1:
+    elif len(conditions) != 1:  # no condition applies to all samples
         return coords, start
     for name, dtype in (("speed", float), ("direction", np.int8)):
         values = [getattr(condition, name, None) for condition in conditions]

@@ -17,8 +17,8 @@ from gearlib.data import measured_names
 from gearlib.integrators.method import MissingPackage, Package
 
 PYUFF = Package("pyuff", "pyuff")
-#: Names of the columns of a long table by PEtab.
-LONG_COLUMNS = ("observableId", "measurement")
+#: Names of the columns of a long table by PEtab: the measured quantity and its value.
+LONG_COLUMNS = ID_COLUMN, VALUE_COLUMN = "observableId", "measurement"
 CONDITION_COLUMN, NOISE_COLUMN = "simulationConditionId", "noiseParameters"
 #: Texts of a direction -> its sign.
 DIRECTION_SIGNS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
@@ -174,7 +174,7 @@ def _not_a_number_error(path, description, dtypes, names, header_line) -> ValueE
 
 
 def read_uff(path: Path, description: Any) -> dict:
-    """Return the channels and times of a universal file, its sets 58 and 58b, as columns by name.
+    """Return the signals and times of a universal file, its datasets of type 58, by channel name.
 
     `description` has the names of the channels to read.
     """
@@ -188,12 +188,12 @@ def read_uff(path: Path, description: Any) -> dict:
     try:
         file = pyuff.UFF(str(path))
         types = file.get_set_types()
-        sets = [file.read_sets(i) for i, number in enumerate(types) if int(number) == 58]
+        records = [file.read_sets(i) for i, number in enumerate(types) if int(number) == 58]
     except Exception as error:  # pyuff raises various errors for damaged files
         message = " ".join(str(error).split())
         raise checks.refusal("data", description.data, f"a universal file ({message})") from None
-    checks.require(sets, "data", description.data, "a universal file with sets 58: it has none")
-    names = [str(table["id1"]).strip() for table in sets]
+    checks.require(records, "data", description.data, "a universal file with sets 58: it has none")
+    names = [str(record["id1"]).strip() for record in records]
     columns: dict = {}
     for name in [name for name in description.channels if name != "time"]:
         if name not in names:
@@ -204,32 +204,33 @@ def read_uff(path: Path, description: Any) -> dict:
         where = f"the set {name!r} of {description.data}"
         if names.count(name) > 1:
             raise ValueError(f"{where} occurs twice: it must occur once")
-        table = sets[names.index(name)]
-        if np.iscomplexobj(table["data"]):
+        record = records[names.index(name)]
+        if np.iscomplexobj(record["data"]):
             raise ValueError(f"{where} is complex: it must be real")
-        time = np.asarray(table["x"], float)
+        time = np.asarray(record["x"], float)
+        # All channels share the times of the first one.
         if not np.array_equal(columns.setdefault("time", time), time):
+            first_channel = list(columns)[1]  # after "time"
             raise ValueError(
-                f"the channels {list(columns)[1]!r} and {name!r} of {description.data} have "
+                f"the channels {first_channel!r} and {name!r} of {description.data} have "
                 "different times: they must be sampled together, or be two measured sets"
             )
-        columns[name] = np.asarray(table["data"], float)
+        columns[name] = np.asarray(record["data"], float)
     return columns
 
 
 def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
-    """Return a long table as columns over samples, noise of each sample, and scalar speeds.
+    """Return a long table as columns over samples, their noise, and scalar speeds.
 
-    `columns` are those of the table, one measurement in each row; `description` has its channels.
-    Measurements at the same condition, time and speed form one sample; observables that were not
-    measured there are NaN. Repeated measurements at infinite time, or without time, are separate
-    samples.
+    Columns and noise map names to arrays over samples, and speeds are a dataset. `columns` are
+    those of the table, a measurement in each row; `description` has its channels. Measurements at
+    the same condition, time and speed form one sample; observables that were not measured there are
+    NaN. Repeated measurements at infinite time, or without time, are separate samples.
     """
-    id_column, value_column = LONG_COLUMNS
     where = f"{description.data}, column "
-    codes = category_codes(f"{where}{id_column!r}", columns[id_column])
-    observables = [str(name) for name in columns[id_column].categories]
-    values = columns[value_column]
+    codes = category_codes(f"{where}{ID_COLUMN!r}", columns[ID_COLUMN])
+    observables = [str(name) for name in columns[ID_COLUMN].categories]
+    values = columns[VALUE_COLUMN]
     noise = columns.get(NOISE_COLUMN, np.full(values.size, np.nan))
     channel_codes = {key: i for i, key in enumerate(observables) if key in description.channels}
     for key in description.channels:
@@ -238,8 +239,9 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
                 f"the observableId {key!r} of {description.data} is missing: it must be one of "
                 f"{', '.join(map(repr, observables[:12]))}"
             )
-    gaps = np.isin(codes, [i for key, i in channel_codes.items() if description.channels[key].gaps])
-    check_finite(f"{where}{value_column!r}", np.where(gaps & np.isnan(values), 0.0, values))
+    gap_codes = [i for key, i in channel_codes.items() if description.channels[key].gaps]
+    may_be_nan = np.isin(codes, gap_codes)
+    check_finite(f"{where}{VALUE_COLUMN!r}", np.where(may_be_nan & np.isnan(values), 0.0, values))
     wrong_rows = np.flatnonzero((noise < 0) | np.isinf(noise))
     if wrong_rows.size:
         cell = f"{where}{NOISE_COLUMN!r}, row {wrong_rows[0] + 1}"
@@ -253,14 +255,16 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
     has_channel = np.isin(codes, list(channel_codes.values()))
     codes, values, noise = codes[has_channel], values[has_channel], noise[has_channel]
     coordinates = [name for name in columns if name not in (*LONG_COLUMNS, NOISE_COLUMN)]
-    wide = {name: columns[name][has_channel] for name in coordinates}
-    samples, first_rows = _sample_indices(where, wide, codes, observables)
-    wide, noises = {name: column[first_rows] for name, column in wide.items()}, {}
+    sample_columns = {name: columns[name][has_channel] for name in coordinates}
+    samples, first_rows = _sample_indices(where, sample_columns, codes, observables)
+    sample_columns = {name: column[first_rows] for name, column in sample_columns.items()}
+    noise_columns: dict = {}
     for key, code in channel_codes.items():
         rows = codes == code
-        wide[key], noises[key] = np.full((2, first_rows.size), np.nan)
-        wide[key][samples[rows]], noises[key][samples[rows]] = values[rows], noise[rows]
-    return wide, noises, speeds
+        sample_columns[key], noise_columns[key] = np.full((2, first_rows.size), np.nan)
+        sample_columns[key][samples[rows]] = values[rows]
+        noise_columns[key][samples[rows]] = noise[rows]
+    return sample_columns, noise_columns, speeds
 
 
 def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
@@ -268,13 +272,14 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
 
     `coordinates` maps names to columns, such as time, and `codes` are the indices of the measured
     quantities in `observables`; both have one entry for each measurement. `where` begins error
-    messages.
+    messages and ends with "column ". Repetitions at infinite time (steady state) are new samples.
     """
     import pandas as pd
 
     # Columns of texts are compared by their category codes.
     numbers = {name: getattr(column, "codes", column) for name, column in coordinates.items()}
-    frame = pd.DataFrame(numbers | {LONG_COLUMNS[0]: codes})
+    frame = pd.DataFrame(numbers | {ID_COLUMN: codes})
+    # Measurements without a time count as steady.
     is_steady = np.isinf(coordinates.get("time", np.full(codes.shape, np.inf)))
     repetition = frame.groupby(list(frame.columns), sort=False).cumcount().to_numpy()
     is_repeated = (repetition > 0) & ~is_steady
@@ -285,7 +290,7 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
             f"{observables[codes[i]]!r}, {int(is_repeated.sum())} times in all: it must occur once "
             "in each condition"
         )
-    frame = frame.drop(columns=LONG_COLUMNS[0]).assign(repetition=repetition)
+    frame = frame.drop(columns=ID_COLUMN).assign(repetition=repetition)
     samples = frame.groupby(list(frame.columns), sort=False).ngroup().to_numpy()
     return samples, np.unique(samples, return_index=True)[1]
 
@@ -303,9 +308,9 @@ def _scalar_speed(description: Any, key: str, name: str, values: Any, noise: Any
         )
     channel = description.channels[key]
     factor, units = channel.scale(key)
-    deviation = noise[0] * factor if np.isfinite(noise[0]) else channel.noise_std(key)
+    noise_std = noise[0] * factor if np.isfinite(noise[0]) else channel.noise_std(key)
     text = measured_names.SPEEDS[name][1]
-    return (), values[0] * factor, {"units": units, "long_name": text, "noise_std": deviation}
+    return (), values[0] * factor, {"units": units, "long_name": text, "noise_std": noise_std}
 
 
 def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
@@ -326,10 +331,7 @@ def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool
 
 
 def directions(where: str, column: Any) -> np.ndarray:
-    """Return a column of directions, texts or numbers, as 1, -1 and 0, or raise ValueError.
-
-    `column` is categorical; `where` names it in error messages.
-    """
+    """Return a categorical column of directions, named `where` in errors, as 1, -1 and 0."""
     texts = [str(category).strip().lower() for category in column.categories]
     for text, category in zip(texts, column.categories, strict=True):
         checks.require(text in DIRECTION_SIGNS, where, category, "up, down or rest, or 1, -1, 0")
@@ -338,10 +340,7 @@ def directions(where: str, column: Any) -> np.ndarray:
 
 
 def category_codes(where: str, column: Any) -> np.ndarray:
-    """Return the category codes of a column of strings, or raise ValueError if a cell is empty.
-
-    `where` names the column in the message.
-    """
+    """Return the category codes of a column of strings, named `where` if it has an empty cell."""
     codes = np.asarray(column.codes)
     if (codes < 0).any():
         row = int((codes < 0).argmax())

@@ -137,7 +137,7 @@ class Curve(NamedTuple):
     x_name: str  #: "speed" in rpm or "phase" in mesh periods
     x: np.ndarray  #: abscissae, (n,)
     values: tuple  #: measured and fitted sensor signals, each (n,); NaN: not compared
-    speed_falls: np.ndarray  #: whether the speed falls, (n,)
+    speed_falls: np.ndarray  #: whether the speed falls, (n,); False over the phase
 
 
 class MeasuredSpeed(NamedTuple):
@@ -145,8 +145,8 @@ class MeasuredSpeed(NamedTuple):
 
     name: str
     measured: float
-    deviation: float
-    fitted: float
+    deviation: float  #: standard deviation of the measured speed
+    fitted: float  #: NaN if the model does not have it
 
 
 def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: int = 1) -> dict:
@@ -154,19 +154,19 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: i
 
     Quantities have SI units. The search for the orbit starts from the state `guess`: coordinates,
     then their rates. "order_amplitude" has complex Fourier coefficients of the displacements,
-    (orders, meshes), sampled `samples_per_period` times in each mesh period; the amplitude of an
-    order is twice their absolute value.
+    (orders, meshes), sampled `samples_per_period` times in each mesh period: the amplitude of an
+    order, as in measured data, is twice the absolute value of its coefficient.
     """
     orbit = periodic_orbit(model, speed / float(model.speed(1.0)), guess=guess)
     periods = orbit.period  # number of mesh periods
     settings = {"periods": periods, "record_periods": periods, "initial_state": tuple(orbit.state)}
-    recorded = run(model, orbit.tuning, samples_per_period, **settings)
-    if recorded.status:
+    record = run(model, orbit.tuning, samples_per_period, **settings)
+    if record.status:
         raise NoOrbit(f"the run at {speed:g} rpm failed")
-    record = {"table": recorded.summary, "final_states": recorded.final, "record_periods": periods}
-    record["periods_and_statuses"] = np.array([periods, OK])
-    variables = summary.summary_variables(model, dims=(), **record)
-    # Displacements are in static deflections, dynamic forces in loads.
+    tables = {"table": record.summary, "final_states": record.final, "record_periods": periods}
+    tables["periods_and_statuses"] = np.array([periods, OK])  # a row: period of the orbit, status
+    variables = summary.summary_variables(model, dims=(), **tables)
+    # Names that begin with "displacement" are in static deflections, with "dynamic" in loads.
     scales = {"displacement": model.static_deflection, "dynamic": model.load}
     quantities = {
         name: np.atleast_1d(values) * scales.get(name.partition("_")[0], 1.0)
@@ -174,7 +174,7 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: i
     }
     end = max(len(model.mesh_names), 1) * orbit_columns.SAMPLE_COLUMNS
     columns = slice(orbit_columns.SAMPLE_X, end, orbit_columns.SAMPLE_COLUMNS)
-    displacements = recorded.samples[:, columns] * model.static_deflection
+    displacements = record.samples[:, columns] * model.static_deflection
     coefficients = np.fft.rfft(displacements, axis=0, norm="forward")
     return quantities | {ORDER_AMPLITUDE: coefficients[::periods]}
 
@@ -197,7 +197,7 @@ def resonance_speeds(model: Any, measured: dict) -> dict:
     onset is a grazing orbit. A model with one degree of freedom has them at its main resonance; the
     branch of other models is searched near the measured speeds.
     """
-    resonance_speed = float(model.speed(1.0))
+    resonance_speed = float(model.speed(1.0))  # speed at the tuning 1, rpm
     # One coordinate and its rate, and an excitation that repeats every mesh period.
     if model.size == 2 and model.repeats == 1:
         resonance = main_resonance(model, [RESONANCE_NAMES[name] for name in measured])

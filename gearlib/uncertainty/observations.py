@@ -33,11 +33,11 @@ def observations_of(model: Any, data: Any) -> list[Observation]:
     datasets = data if isinstance(data, list | tuple) else [data]
     observations = []
     for dataset in datasets:
-        observations += _set_observations(model, dataset)
+        observations += _dataset_observations(model, dataset)
     return observations
 
 
-def _set_observations(model: Any, data: Any) -> list[Observation]:
+def _dataset_observations(model: Any, data: Any) -> list[Observation]:
     """Return the observations of one measured data set, or raise ValueError if it has none."""
     if not hasattr(data, "data_vars"):
         value = data if isinstance(data, int | float | str) else type(data).__name__
@@ -47,7 +47,7 @@ def _set_observations(model: Any, data: Any) -> list[Observation]:
     if has_time or "speed" in data.coords:
         comparable = ("displacement",) if has_time else _SWEEP_QUANTITIES
         quantities = quantities_of(model, data.data_vars, comparable)
-    _check_set(data, quantities, speeds)
+    _check_dataset(data, quantities, speeds)
     if has_time:
         for name, (quantity, mesh) in quantities.items():
             history = data.isel(sample=data[name].notnull().values).rename({name: quantity})
@@ -91,11 +91,11 @@ def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES)
     return quantities
 
 
-def _check_set(data: Any, quantities: dict, speeds: dict) -> None:
-    """Raise ValueError unless compared variables have finite values, SI units and valid noise.
+def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
+    """Raise ValueError unless the variables to compare have finite values, SI units, valid noise.
 
-    `quantities` maps names of variables to (quantity, mesh index), `speeds` names of speeds of the
-    main resonance to variables.
+    These are the keys of `quantities`, name -> (quantity, mesh index), and `speeds`, name of a jump
+    or of the onset of contact loss -> scalar variable in rpm.
     """
     if quantities:
         for name in ("time", "speed", "direction"):
@@ -150,7 +150,7 @@ def _speed_observation(speeds: dict) -> Observation:
     deviations = np.where(noise > 0.0, noise, _ASSUMED_SPEED_NOISE * values)
 
     def predict(model: Any) -> Prediction:
-        """Return the speeds of a model, NaN where it has none, without an excursion."""
+        """Return the speeds of a model, NaN if missing; the backlash excursion is not computed."""
         predicted = observation.resonance_speeds(model, measured)
         predicted_values = np.array([predicted.get(name, math.nan) for name in measured])
         return Prediction([predicted_values], backlash_excursion=0.0)
@@ -158,6 +158,7 @@ def _speed_observation(speeds: dict) -> Observation:
     def draw(signals: list) -> list:
         """Return a `MeasuredSpeed` for each speed; `signals` has one array, predicted speeds."""
         names = [name.replace("_", " ") for name in measured]
+        # The fields name, measured, deviation, fitted.
         return list(map(MeasuredSpeed, names, values, deviations, signals[0]))
 
     channel = Channel("speeds", values, deviations, noise_known=bool((noise > 0.0).all()))
@@ -173,16 +174,16 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
     checks.require((speeds > 0.0).all(), "speed", float(speeds.min()), "> 0 in each sample")
     signs = data.direction.values if "direction" in data.coords else np.zeros(len(speeds))
     branches, jumps = _branches(data, quantities, speeds, signs)
-    order = np.concatenate(branches)[None]
-    channels = [_sweep_channel(data, name, order) for name in quantities]
+    sequence = np.concatenate(branches)[None]  # one row of sample indices, branch by branch
+    channels = [_sweep_channel(data, name, sequence) for name in quantities]
     has_orders = any(observation.ORDER_AMPLITUDE in quantity for quantity, _ in quantities.values())
-    samples = observation.SAMPLES_PER_PERIOD if has_orders else 1
+    samples_per_period = observation.SAMPLES_PER_PERIOD if has_orders else 1
 
     def predict(model: Any) -> Prediction:
         """Return the predicted values of each quantity on the orbits of all branches."""
         orbits = np.empty(len(speeds), object)
         for branch in branches:
-            orbits[branch] = _branch_orbits(model, speeds[branch], samples)
+            orbits[branch] = _branch_orbits(model, speeds[branch], samples_per_period)
         values = [
             np.array([observation.mesh_quantity(orbit, quantity, mesh) for orbit in orbits])
             for quantity, mesh in quantities.values()
@@ -191,25 +192,19 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
         return Prediction(values, backlash_excursion=max(0.0, *excursions))
 
     def draw(signals: list) -> list:
-        """Return the curves of measured values and predicted sensor signals over speed.
-
-        `signals` has one array for each channel.
-        """
-        curves, speed_decreases = [], signs < 0
+        """Return curves over speed of measured values and predicted `signals` of each channel."""
+        curves, speed_falls = [], signs < 0
         for channel, fitted in zip(channels, signals, strict=True):
             name, units = channel.name.replace("_", " "), data[channel.name].attrs.get("units", "")
             values = channel.values, fitted
-            curves.append(Curve(name, units, "speed", speeds, values, speed_decreases))
+            curves.append(Curve(name, units, "speed", speeds, values, speed_falls))
         return curves
 
     return Observation("branches", channels, predict, draw), jumps
 
 
-def _sweep_channel(data: Any, name: str, order: np.ndarray) -> Channel:
-    """Return the channel of the variable `name` over speed.
-
-    `order`, (1, n), holds the indices of the samples in the order of measurement.
-    """
+def _sweep_channel(data: Any, name: str, sequence: np.ndarray) -> Channel:
+    """Return the channel of a variable; `sequence`, (1, n), lists its samples branch by branch."""
     values, attrs = np.asarray(data[name].values, float), data[name].attrs
     noise = float(attrs.get("noise_std", 0.0))
     allowed = "more than one value, or values with known noise"
@@ -221,7 +216,7 @@ def _sweep_channel(data: Any, name: str, order: np.ndarray) -> Channel:
         deviations = sample_noise.values.astype(float)
     flags = {flag: bool(attrs.get(flag, 0)) for flag in ("unknown_gain", "unknown_offset")}
     noise_known = bool(noise)
-    return Channel(name, values, deviations, noise_known, sequence_indices=order, **flags)
+    return Channel(name, values, deviations, noise_known, sequence_indices=sequence, **flags)
 
 
 def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray) -> tuple:
@@ -285,23 +280,25 @@ def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
     return int(np.where(jumps, steps / sizes, 0.0).max(axis=0).argmax()) + 1
 
 
-def _branch_orbits(model: Any, speeds: np.ndarray, samples: int) -> list[dict]:
+def _branch_orbits(model: Any, speeds: np.ndarray, samples_per_period: int) -> list[dict]:
     """Return the quantities of the orbits of one branch, followed from its first speed.
 
-    `speeds` in rpm are sorted in the order of the sweep; `samples` is the number of samples in each
-    mesh period. The branch ends where the displacement jumps up in a sweep up, or down in a sweep
-    down; the last orbit is repeated at the speeds beyond. A jump in the other direction, such as
-    the first impact on the coast side, does not end it.
+    `speeds` in rpm are in the order of the sweep; `samples_per_period` is the number of samples in
+    each mesh period. The branch ends where the displacement jumps up in a sweep up, or down in a
+    sweep down; the last orbit is repeated at the speeds beyond. A jump in the other direction, such
+    as the first impact on the coast side, does not end it.
     """
-    rises = len(speeds) < 2 or speeds[-1] > speeds[0]
+    is_sweep_up = len(speeds) < 2 or speeds[-1] > speeds[0]
     # Repeated speeds are computed once.
     tunings, order = np.unique(speeds / float(model.speed(1.0)), return_inverse=True)
-    curve = sweep(model, tunings, direction="up" if rises else "down", **observation.SETTLING_SWEEP)
+    direction = "up" if is_sweep_up else "down"
+    curve = sweep(model, tunings, direction=direction, **observation.SETTLING_SWEEP)
     states = curve.final_state.values[order]
     maxima = curve.displacement_max.values[order].reshape(len(speeds), -1).T
-    end = _jump_index(maxima, 0.0, 1 if rises else -1)
+    end = _jump_index(maxima, 0.0, 1 if is_sweep_up else -1)
     count = len(speeds) if end is None else end
     orbits = [
-        observation.orbit_quantities(model, speeds[i], states[i], samples) for i in range(count)
+        observation.orbit_quantities(model, speeds[i], states[i], samples_per_period)
+        for i in range(count)
     ]
     return orbits + [orbits[-1]] * (len(speeds) - count)

@@ -14,7 +14,7 @@ from gearlib import checks
 _MICROMETRE = 1e-6
 #: Largest reference diameter of each row of the tables, m.
 _MAX_DIAMETERS = (0.01, 0.05, 0.125, 0.28, 0.56, 1.0, 1.6, 2.5)
-_SERIES = ("a", "ab", "b", "bc", "c", "cd", "d", "e", "f", "g", "h")
+_ALLOWANCE_SERIES = ("a", "ab", "b", "bc", "c", "cd", "d", "e", "f", "g", "h")
 #: -E_sns in um, DIN 3967, table 1.
 _ALLOWANCES = (
     (100, 85, 70, 58, 48, 40, 33, 22, 10, 5, 0),
@@ -31,7 +31,7 @@ _SERIES_1 = (3, 5, 8, 12, 20, 30, 50, 80, 130, 200, 300, 500, 800, 1300)
 _SERIES_2 = (6, 10, 16, 25, 40, 60, 100, 160, 250, 400, 600, 1000)
 #: For each row of diameters: the series of tolerances, and the position of number 21 in it.
 _TOLERANCE_SERIES = (_SERIES_1, *(_SERIES_1, _SERIES_2) * 3, _SERIES_1)
-_FIRST_INDICES = (0, 1, 0, 2, 1, 3, 2, 4)
+_FIRST_TOLERANCE_INDICES = (0, 1, 0, 2, 1, 3, 2, 4)
 _FIRST_NUMBER, _LAST_NUMBER = 21, 30  # of the tolerances of DIN 3967
 #: Largest centre distance of a row, m -> IT 5 to IT 11 in um, ISO 286-1.
 _IT_GRADES = {
@@ -53,7 +53,8 @@ _DESIGNATION_PATTERN = re.compile(r"(\d\d)\s*(ab|bc|cd|[a-h])|(ab|bc|cd|[a-h])\s
 def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
     """Return the lower and upper allowance of the normal tooth thickness according to DIN 3967, m.
 
-    `diameter` is the reference diameter, m, up to 2.5; a designation is for example "27cd".
+    `diameter` is the reference diameter, m, up to 2.5. A designation such as "27cd" consists of the
+    number of the tolerance, 21 to 30, and the letters of the series of allowances, a to h.
     """
     max_diameter = _MAX_DIAMETERS[-1]
     allowed = f"> 0 and <= {max_diameter} m"
@@ -69,8 +70,8 @@ def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
     )
     checks.require(_FIRST_NUMBER <= number <= _LAST_NUMBER, "thickness", designation, allowed)
     row = next(i for i, limit in enumerate(_MAX_DIAMETERS) if diameter <= limit)
-    upper = -_ALLOWANCES[row][_SERIES.index(letters)]
-    tolerance = _TOLERANCE_SERIES[row][_FIRST_INDICES[row] + number - _FIRST_NUMBER]
+    upper = -_ALLOWANCES[row][_ALLOWANCE_SERIES.index(letters)]
+    tolerance = _TOLERANCE_SERIES[row][_FIRST_TOLERANCE_INDICES[row] + number - _FIRST_NUMBER]
     return _MICROMETRE * (upper - tolerance), _MICROMETRE * upper
 
 
@@ -107,8 +108,8 @@ def by_class(
         designations = (thickness,) * 2 if isinstance(thickness, str) else thickness
         designations = checks.sequence("thickness", designations, 2)
         for gear, designation in zip(("pinion", "wheel"), designations, strict=True):
-            low, high = thickness_limits(getattr(mesh, gear).reference_diameter, designation)
-            tolerances[f"{gear}.thickness_allowance"] = {"min": low, "max": high}
+            lower, upper = thickness_limits(getattr(mesh, gear).reference_diameter, designation)
+            tolerances[f"{gear}.thickness_allowance"] = {"min": lower, "max": upper}
     if centre_distance is not None:
         lower, upper = distance_limits(mesh.centre_distance, centre_distance)
         limits = {"nominal": mesh.centre_distance, "upper": upper, "lower": lower}

@@ -44,12 +44,12 @@ MOTIONS = ("only", "lower", "higher", "another")
 DEFAULT_BOX = ((-6.0, 6.0), (-6.0, 6.0))
 #: Motions count as equal if their peak-to-peak displacements differ relatively by less.
 _EQUAL_MOTION_TOLERANCE = 0.02
-_FLAGS = {
+_STATUS_FLAGS = {
     "flag_values": np.arange(NO_DESIGN, len(STATUS_MEANINGS), dtype=np.int8),
     "flag_meanings": " ".join(("no_design", *STATUS_MEANINGS)),
 }
 #: Variables over (sample, direction, speed) -> their values if the design cannot be built.
-_POINT_VARIABLES = {
+_RUN_VARIABLES = {
     "height": np.float32(np.nan),  # peak-to-peak displacement
     "factor": np.float32(np.nan),  # dynamic factor
     "lost": np.int8(0),  # whether contact is lost
@@ -150,7 +150,8 @@ def shard(
     """Compute the designs `first` to `last` - 1 of the n designs of a `scatter`, and return them.
 
     The other arguments are those of `scatter`. `settings` are threads, progress, and the arguments
-    of sweeps: speeds or tunings, directions, periods, record_periods and box.
+    of sweeps: speeds or tunings, directions, periods, record_periods, and box, the limits of random
+    initial displacements and velocities.
     """
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     n = checks.integer("n", n, 1, MAX_SAMPLES)
@@ -187,8 +188,10 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) ->
     count, tables = len(samples), {}
     if sweeps:
         shape = count, len(sweeps.directions), sweeps.grid.size
-        check_memory(f"{count:,} samples", count, 2 * shape[1] * shape[2], "samples")
-        tables = {name: np.full(shape, fill) for name, fill in _POINT_VARIABLES.items()}
+        # Two numbers of 8 bytes suffice for the variables of a run.
+        numbers_per_sample = 2 * shape[1] * shape[2]
+        check_memory(f"{count:,} samples", count, numbers_per_sample, row_name="samples")
+        tables = {name: np.full(shape, fill) for name, fill in _RUN_VARIABLES.items()}
     results = np.full((count, len(evaluator.quantities) if evaluator else 0), np.nan)
     codes, messages = np.full(results.shape, NO_DESIGN, np.int8), np.full(count, "", object)
     points = designs.points(samples.start, samples.stop)
@@ -222,8 +225,8 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) ->
     for i, name in enumerate(evaluator.quantities) if evaluator else ():
         units, text = QUANTITIES[name]
         data[name] = _variable(("sample",), results[:, i], units, text)
-        status = _variable(("sample",), codes[:, i], "1", f"whether there is: {text}", **_FLAGS)
-        data[f"{name}_status"] = status
+        labels = "1", f"whether there is: {text}"
+        data[f"{name}_status"] = _variable(("sample",), codes[:, i], *labels, **_STATUS_FLAGS)
         nominal = float(evaluator.nominal[i])
         data[f"{name}_nominal"] = _variable((), nominal, units, f"of the nominal design: {text}")
     return data | {"refusal": (("sample",), messages)}
@@ -241,7 +244,7 @@ def _sweep_settings(
     """Return the checked settings of the sweeps of each design; None without speeds and tunings.
 
     Each run takes `periods` mesh periods, of which the last `record_periods` are evaluated. `box`
-    has the limits of the random initial displacement and velocity of the direction "seeded".
+    has the limits of the random initial displacements and velocities of the direction "seeded".
     """
     if speeds is None and tunings is None:
         return None
@@ -250,8 +253,8 @@ def _sweep_settings(
         grid = check_tunings("tunings", tunings, check_tuning)
         grid = grid if model.speed is None else np.asarray(model.speed(grid))
     else:
-        check = functools.partial(tuning_at_speed, model)
-        grid = check_tunings("speeds", speeds, check, model.tuning_at)
+        check_speed = functools.partial(tuning_at_speed, model)
+        grid = check_tunings("speeds", speeds, check_speed, tuning_at=model.tuning_at)
     directions = checked_names("directions", directions, DIRECTIONS)
     checks.require(directions, "directions", directions, "at least one")
     if "seeded" in directions and model.size > 2:
@@ -270,9 +273,9 @@ def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, row
     """Sweep one design in all directions and store the results in `rows`.
 
     Runs of the direction "seeded" start from a random displacement and velocity, which `unit_point`
-    gives relative to their limits, those of "cold" from rest. `rows` maps names to arrays,
-    (directions, speeds): "height" is the peak-to-peak displacement, "factor" the dynamic factor,
-    "lost" and "settled" are flags of contact loss and of a periodic motion.
+    gives relative to their limits, those of "cold" from rest. `rows` maps the names of
+    `_RUN_VARIABLES` to arrays, (directions, speeds): "height" is the peak-to-peak displacement,
+    "factor" the dynamic factor, "lost" 1 if contact is lost, "settled" 1 if the motion is periodic.
     """
     lower, upper = np.transpose(sweeps.box)
     random_state = tuple((lower + (upper - lower) * unit_point).tolist())
@@ -324,19 +327,20 @@ def join_shards(shards: Any) -> xr.Dataset:
         )
     options: dict = {"data_vars": "minimal", "coords": "minimal", "compat": "override"}
     data = xr.concat(shards, "sample", join="override", combine_attrs="override", **options)
-    if "height" in data:
+    if "height" in data:  # there were sweeps
         data = _with_statistics(data)
     for name in filter(data.__contains__, QUANTITIES):
         values = data[name].values[data[f"{name}_status"].values == FOUND]
         units, text = data[name].attrs["units"], data[name].attrs["long_name"]
         mean = float(values.mean()) if values.size else np.nan
-        deviation = float(values.std(ddof=1)) if values.size > 1 else np.nan
+        std = float(values.std(ddof=1)) if values.size > 1 else np.nan
         data[f"{name}_mean"] = _variable((), mean, units, f"mean: {text}")
-        data[f"{name}_deviation"] = _variable((), deviation, units, f"standard deviation: {text}")
+        data[f"{name}_deviation"] = _variable((), std, units, f"standard deviation: {text}")
     # Shards read from files have a hash of the sources. It must stay the last attribute, so that
     # the file of a result does not depend on the division into shards.
-    source_hash = {name: x for name, x in attributes.items() if name == "source_hash"}
-    attributes = {k: x for k, x in attributes.items() if k not in ("source_hash", "history")}
+    source_hash = {name: text for name, text in attributes.items() if name == "source_hash"}
+    omitted = "source_hash", "history"
+    attributes = {name: value for name, value in attributes.items() if name not in omitted}
     attributes["refused"] = canonical_json(count_error_messages(data.refusal.values))
     # Shards read from files have encodings, which must not reach the result.
     data = data.drop_encoding().drop_attrs(deep=False)
@@ -344,14 +348,17 @@ def join_shards(shards: Any) -> xr.Dataset:
 
 
 def _with_statistics(data: xr.Dataset) -> xr.Dataset:
-    """Replace the results of single samples in a dataset of `scatter` by their statistics."""
+    """Replace the results of single runs in a dataset of `scatter` by statistics over samples.
+
+    They include quantiles, "height_band" of peak-to-peak displacements, "factor_band" of factors.
+    """
     grid_dim = "tuning" if "tuning" in data.dims else "speed"
-    points = {name: data[name].values for name in _POINT_VARIABLES}
-    data = data.drop_vars([*_POINT_VARIABLES]).assign_coords(quantile=list(QUANTILES))
-    data = data.assign(_statistics(points, data.direction.values.tolist(), grid_dim))
+    run_values = {name: data[name].values for name in _RUN_VARIABLES}
+    data = data.drop_vars([*_RUN_VARIABLES]).assign_coords(quantile=list(QUANTILES))
+    data = data.assign(_statistics(run_values, data.direction.values.tolist(), grid_dim))
     if "motion_probability" in data:
         data = data.assign_coords(motion=list(MOTIONS))
-    if grid_dim == "tuning":
+    if grid_dim == "tuning":  # the model has no rotational speed and may have any unit of length
         text = "quantiles of the peak-to-peak displacement, in the length unit of the model"
         data.height_band.attrs |= {"units": "1", "long_name": text}
     return data
@@ -366,30 +373,31 @@ def _fraction(subset: np.ndarray, samples: np.ndarray) -> np.ndarray:
     return (subset & samples).sum(axis=0) / np.where(count > 0, count, np.nan)
 
 
-def _statistics(points: dict, directions: list, grid_dim: str) -> dict:
+def _statistics(run_values: dict, directions: list, grid_dim: str) -> dict:
     """Return statistics over all designs: name of a variable -> (dims, values).
 
-    `points` maps names to arrays (sample, direction, speed or tuning): "height" is the peak-to-peak
-    displacement, "factor" the dynamic factor, "lost" and "settled" are flags of contact loss and of
-    a periodic motion. `grid_dim` names the last dimension.
+    `run_values` maps names to arrays (sample, direction, speed or tuning): "height" is the
+    peak-to-peak displacement, "factor" the dynamic factor, "lost" is 1 if contact is lost,
+    "settled" if the motion is periodic. A "_band" has quantiles, an "unsettled_share" is the
+    fraction of runs that are not periodic. `grid_dim` names the last dimension.
     """
-    status, dims = points["run_status"], ("direction", grid_dim)
+    status, dims = run_values["run_status"], ("direction", grid_dim)
     finished = status == 0
     data: dict = {
         "run_count": (dims, finished.sum(axis=0).astype(np.int32)),
         "failed_runs": (dims, (status > 0).sum(axis=0).astype(np.int32)),
-        "contact_loss_probability": (dims, _fraction(points["lost"] > 0, finished)),
-        "unsettled_share": (dims, _fraction(points["settled"] == 0, finished)),
+        "contact_loss_probability": (dims, _fraction(run_values["lost"] > 0, finished)),
+        "unsettled_share": (dims, _fraction(run_values["settled"] == 0, finished)),
     }
     with warnings.catch_warnings():
         # Quantiles are NaN if all runs at a speed failed.
         warnings.simplefilter("ignore", RuntimeWarning)
         for name in ("height", "factor"):
-            values = np.where(finished, points[name].astype(float), np.nan)
+            values = np.where(finished, run_values[name].astype(float), np.nan)
             data[f"{name}_band"] = ("quantile", *dims), np.nanquantile(values, QUANTILES, axis=0)
     if not {"up", "down"} <= set(directions):
         return data
-    peak_to_peak = {direction: points["height"][:, k] for k, direction in enumerate(directions)}
+    peak_to_peak = {direction: run_values["height"][:, k] for k, direction in enumerate(directions)}
     up, down = peak_to_peak["up"], peak_to_peak["down"]
     both_finished = finished[:, directions.index("up")] & finished[:, directions.index("down")]
     has_two_motions = both_finished & ~_nearly_equal(up, down)
@@ -403,15 +411,15 @@ def _statistics(points: dict, directions: list, grid_dim: str) -> dict:
     return data
 
 
-def _classify_motions(height, low, high, has_two_motions) -> tuple:
+def _classify_motions(peak_to_peak, low, high, has_two_motions) -> tuple:
     """Return masks of the runs that settled on the only, lower, higher or another motion.
 
-    `height` is the peak-to-peak displacement of each run; `low` and `high` are the smaller and the
-    larger one of both sweeps; the mask `has_two_motions` is true where these differ.
+    `peak_to_peak` is the peak-to-peak displacement of each run; `low` and `high` are the smaller
+    and the larger one of both sweeps; the mask `has_two_motions` is true where these differ.
     """
-    on_low, on_high = _nearly_equal(height, low), _nearly_equal(height, high)
+    on_low, on_high = _nearly_equal(peak_to_peak, low), _nearly_equal(peak_to_peak, high)
     # A run within the tolerance of both motions counts for the nearer one.
-    nearer_low = np.abs(height - low) <= np.abs(height - high)
+    nearer_low = np.abs(peak_to_peak - low) <= np.abs(peak_to_peak - high)
     return (
         ~has_two_motions & (on_low | on_high),
         has_two_motions & on_low & (nearer_low | ~on_high),

@@ -14,24 +14,25 @@ def synthetic_rig(
     """Return synthetic measured data of a run-up with a speed profile, rows of s and rpm.
 
     The signal is the displacement of the first mesh, read by an encoder whose `bits` resolve three
-    times the range of the signal. Random noise, an offset, and a wave once per revolution, which an
-    eccentricity causes, are added. `noise` is the ratio of the standard deviations of noise and
-    signal. A `gain` other than 1 is marked as unknown in the attributes.
+    times the range of the signal. Random noise, an offset of at most 0.3 ranges, and a wave of 0.2
+    to 1 ranges once per revolution, as from an eccentricity, are added. `noise` is the ratio of the
+    standard deviations of noise and signal. A `gain` other than 1 is marked as unknown in the
+    attributes.
     """
     rng = np.random.default_rng(seed)
     run = run_up(model, speed=speed_profile, samples_per_period=samples_per_period)
     signal = run.displacement.values.reshape(run.sizes["time"], -1)[:, 0]
-    deviation, span = noise * signal.std(), np.ptp(signal)
+    noise_std, span = noise * signal.std(), np.ptp(signal)
     shaft_angle = run.phase.values / float(model.periods_per_revolution)
     wave = span * rng.uniform(0.2, 1.0) * np.cos(shaft_angle + rng.uniform(0.0, 2.0 * np.pi))
-    values = gain * (signal + rng.normal(0.0, deviation, signal.size) + wave)
+    values = gain * (signal + rng.normal(0.0, noise_std, signal.size) + wave)
     values += gain * span * rng.uniform(-0.3, 0.3)
     step = 3.0 * gain * span / 2**bits
     attrs = {
         "units": "m",
         "long_name": "relative mesh displacement, synthetic",
         "sensor": f"synthetic encoder of {bits} bits",
-        "noise_std": float(np.hypot(gain * deviation, step / np.sqrt(12.0))),
+        "noise_std": float(np.hypot(gain * noise_std, step / np.sqrt(12.0))),
         "unknown_gain": int(gain != 1.0),
         "unknown_offset": 1,
     }
@@ -40,7 +41,7 @@ def synthetic_rig(
         "time": ("sample", run.time.values, {"units": "s", "long_name": "time"}),
         "speed": ("sample", run.speed.values, {"units": "min-1", "long_name": "speed"}),
     }
-    # Metadata of the test rig, as `gearlib.fit` reads them: speed profile and initial mesh phase.
+    # Metadata of the test rig for `gearlib.fit`: speed profile, and mesh phase at the start in rad.
     metadata = {"course": [list(map(float, row)) for row in speed_profile], "phase": 0.0}
     attributes = {"title": "Synthetic rig", "source": "synthetic", "synthetic": 1}
     attributes["known"] = json.dumps(metadata)
