@@ -117,10 +117,10 @@ class _Run(Split):
         self.evaluations += steps * integrator.order
         t, end_state, crossing = branch.end, state_view.copy(), None
         if outcome != taylor_outcome.time_limit:
-            # A run that is stopped by the event with the index i has the outcome -1 - i. Outcomes
-            # from 0 upwards are events that stop no run, which is not expected here.
+            # A run that is stopped by the event with the index i has the outcome -1 - i. Other
+            # outcomes are failures: the flanks are followed by at most one event.
             t, event = integrator.time, -1 - int(outcome)
-            if event < 0:
+            if not 0 <= event <= len(flanks):
                 raise Stall
             if event < len(flanks):
                 crossing = self._crossing_index(branch, t, end_state, *flanks[event])
