@@ -37,11 +37,13 @@ _START_HARMONICS = 3
 def analytic_method_study(pair: dict, tunings: Sequence[float], settings: dict, run) -> xr.Dataset:
     """Compare the paper's analytic method and harmonic balance with exact orbits of a gear pair.
 
-    `pair` has arguments of `GearPair`; `tunings` are those of the range of convergence and of the
-    resonance curve; `run` has periods and record_periods of the exact sweeps. Keys of `settings`:
-    shown (tunings of single solutions), iterations (number of iterates), harmonics and
-    iteration_harmonics (numbers for solutions and iterates), balance_harmonics and
-    schmidt_harmonics (numbers for errors), most_degenerate (most harmonics by Newton steps).
+    The paper's method is E. Schmidt's: successive approximations, with Newton steps for a few
+    degenerate (near-resonant) harmonics. `pair` has arguments of `GearPair`; the range of
+    convergence and the resonance curve are over `tunings`; `run` has periods and record_periods of
+    the exact sweeps. `settings` have shown (the tunings of single solutions), harmonics (number of
+    harmonics of a solution), iterations and iteration_harmonics (number of iterates and of their
+    harmonics), balance_harmonics and schmidt_harmonics (the numbers of harmonics at which the
+    errors of each method are computed), and most_degenerate (largest number of degenerate ones).
     """
     model = GearPair(**pair)
     data = stacked(
@@ -74,11 +76,11 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
     """Return the iterates of E. Schmidt's method from the static deflection, and their errors.
 
     `settings` have iterations (number of iterates), iteration_harmonics (harmonics of the iterates)
-    and harmonics (those of the solution). degenerate_chosen is the number of harmonics that are
-    solved by Newton steps, algebraic_step marks the iterates after such a step.
+    and harmonics (those of the solution). degenerate_chosen is the number of degenerate
+    (near-resonant) harmonics; algebraic_step is 1 for iterates before a Newton step for these.
     """
     count = settings["iterations"] + 1
-    iterates, algebraic_steps = np.full((count, _SAMPLES), np.nan), np.zeros(count, np.int8)
+    iterates, takes_newton_step = np.full((count, _SAMPLES), np.nan), np.zeros(count, np.int8)
     exact = exact_motion(periodic_orbit(pair, tuning), _SAMPLES)[0]
     equation = MeshEquation(pair, tuning, settings["iteration_harmonics"])
     # Only its degenerate harmonics are used, so the solution may start at the exact orbit.
@@ -86,19 +88,20 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
     degenerate = np.array(solution.degenerate, int)
     coefficients = first_coefficients(equation, guess=None)
     steps = iterate(equation, coefficients, degenerate, _TOLERANCE)
-    last_newton_step = np.inf if degenerate.size else 0.0
+    # Norm of the last Newton step, inf before the first one; it changes if such a step is taken.
+    last_step_norm = np.inf if degenerate.size else 0.0
     for j in range(count):  # iterates after the convergence stay NaN
         iterates[j] = equation.to_grid(coefficients)[:: equation.samples // _SAMPLES]
         step = next(steps)
-        algebraic_steps[j] = step.newton_step != last_newton_step
-        last_newton_step, coefficients = step.newton_step, step.coefficients
-        if max(step.correction, last_newton_step) < _TOLERANCE:
+        takes_newton_step[j] = step.newton_step != last_step_norm
+        last_step_norm, coefficients = step.newton_step, step.coefficients
+        if max(step.correction, last_step_norm) < _TOLERANCE:
             break
     return xr.Dataset(
         {
             "iterate_displacement": (("iteration", "phase"), iterates),
             "iterate_error": ("iteration", np.abs(iterates - exact).max(axis=1)),
-            "algebraic_step": ("iteration", algebraic_steps),
+            "algebraic_step": ("iteration", takes_newton_step),
             "exact_displacement": ("phase", exact),
             "degenerate_chosen": np.int32(degenerate.size),
         }
@@ -108,13 +111,13 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
 def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) -> dict:
     """Return contraction factors at exact orbits, and whether E. Schmidt's iterations converge.
 
-    Both are over contact loss (without, with), number of degenerate harmonics (those solved by
-    Newton steps), from 0 to `most_degenerate`, and tuning; `harmonics` is the number of all.
+    The dimensions are contact_loss (without, with), degenerate_count (number of harmonics solved by
+    Newton steps, 0 to `most_degenerate`) and tuning; `harmonics` is the number of all harmonics.
     """
     counts = range(most_degenerate + 1)
 
     def convergence_at(model: GearPair, tuning: float) -> dict:
-        """Return contraction and convergence over the number of degenerate harmonics.
+        """Return contraction factors and convergence by number of degenerate harmonics.
 
         "automatic" is the number of degenerate harmonics that the iteration selects by itself.
         Iterations start at the lowest harmonics of the exact orbit: near it, but not on it.
@@ -146,7 +149,7 @@ def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) 
 
 
 def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: dict) -> dict:
-    """Return the errors of both methods against exact orbits, over their numbers of harmonics.
+    """Return the errors of both methods against exact orbits by tuning and number of harmonics.
 
     `harmonic_counts` maps "balance" (harmonic balance) and "schmidt" to these numbers.
     """
@@ -168,10 +171,10 @@ def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: di
 
 
 def _resonance_curve(pair, direction, tunings, harmonics, run) -> dict[str, np.ndarray]:
-    """Return extrema of harmonic balance, whether it is stable, and extrema of an exact sweep.
+    """Return extrema and stability of harmonic balance solutions, and extrema of an exact sweep.
 
-    Both are computed in the `direction` "up" or "down" with this number of `harmonics`; `run` has
-    arguments of `gearlib.sweep`.
+    Both follow the tunings in the `direction` "up" or "down"; harmonic balance has this number of
+    `harmonics`, and `run` has arguments of `gearlib.sweep`.
     """
     curve = sweep(pair, tunings, direction=direction, **run)
     exact = {name: curve[name].values for name in ("displacement_max", "displacement_min")}

@@ -47,10 +47,11 @@ def certify_branches(pairs: dict, branches: dict, tunings, all_points: bool = Fa
     """Certify the periodic orbits of several gear pairs, and return a dict for each certificate.
 
     `pairs` maps names of dampings to arguments of `GearPair`, `branches` maps them to results of
-    `gearlib.studies.resonance.branches`. Orbits are certified at `tunings` and at those of the
-    paper's statements. A dict is a `Certificate.as_dict`, or has the claim "refusal" and the reason
-    why a proof failed, or the claim "count" and the number of points of the branches by outcome.
-    Certificates of these points are included if `all_points` is true.
+    `gearlib.studies.resonance.branches`. Orbits are certified at `tunings`, at the two tunings of
+    the paper's Fig. 6, and above its range of contact loss. A dict is a `Certificate.as_dict`, or
+    has the claim "refusal" and the message why a proof failed, or the claim "count" and the number
+    of points of the branches by outcome. Certificates of these points are included if `all_points`
+    is true. Those of a reducer, with the model "reducer", are appended for the first damped pair.
     """
     tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_CONTACT_LOSS})
     models = {damping: GearPair(**parameters) for damping, parameters in pairs.items()}
@@ -69,7 +70,7 @@ def certify_branches(pairs: dict, branches: dict, tunings, all_points: bool = Fa
         pair_certificates += points if all_points else []
         certificates += [{"damping": damping} | entry for entry in pair_certificates]
     for damping, pair in models.items():
-        if pair.has_damping():
+        if pair.has_damping():  # a single damped pair is enough for the reducer
             labels = {"damping": damping, "model": "reducer"}
             certificates += [labels | certificate for certificate in _reducer_certificates(pair)]
             break
@@ -96,13 +97,16 @@ def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) ->
 
 
 def _reducer_certificates(pair: GearPair) -> list[dict]:
-    """Return the certificates of the symmetric motion of a reducer with this pair in its meshes."""
+    """Return the certificates of the symmetric motion of a reducer with this pair in its meshes.
+
+    Tunings of `REDUCER_TUNINGS` at which no orbit is found are left out.
+    """
     reducer = split_power_reducer(pair, teeth=REDUCER_TEETH)
-    start, period = reducer.start_state("static"), reducer.repeats
+    start, common_period = reducer.start_state("static"), reducer.repeats  # in mesh periods
     certificates = []
     for tuning in REDUCER_TUNINGS:
         try:
-            orbit = periodic_orbit(reducer, tuning, guess=start, period=period)
+            orbit = periodic_orbit(reducer, tuning, guess=start, period=common_period)
         except NoOrbit:
             continue
         certificates.append(_certificate(orbit, tuning))
@@ -190,8 +194,9 @@ def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
     """Yield the rows of the table of certificates: the names of the columns, then their values.
 
     `certificates` come from `certify_branches`; failed proofs ("refusal") and counts are left out.
-    The columns tuning and until are the ends of a range of tunings (start and stop), lowest is the
-    smallest displacement of the orbit in static deflections, contacts are letters by contact state.
+    The columns tuning and until are the first and the last tuning of a certified range, contacts
+    has a letter for each contact state (`_CONTACT_LETTERS`), lowest is the smallest displacement of
+    the orbit in static deflections, reason is the argument for its stability.
     """
     yield ["damping", "claim", "tuning", "until", "contacts", "lowest", "stability", "reason"]
     for certificate in certificates:

@@ -30,10 +30,12 @@ RELIEFS = ("none", "short", "long")
 
 
 def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
-    """Return the mesh stiffness of drawn gear pairs by every method, over phase and as a mean.
+    """Return the mesh stiffness of gear pairs by every method, over phase and as a mean.
 
-    `pairs` maps names to drawings, which also have the entries torque (N m) and published, a
+    `pairs` maps names to drawing data, which also have the entries torque (N m) and published, a
     mapping of sources to published mean stiffnesses (N/m). `samples` is the number of mesh phases.
+    In the dataset, own_stiffness_ratio is the smallest over the largest stiffness of a method, and
+    method_uncertainty the relative uncertainty of a method.
     """
     meshes = {name: drawings.mesh(drawing) for name, drawing in pairs.items()}
     phases = {name: _sampled_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
@@ -47,11 +49,11 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
         return {
             "mesh_stiffness": _stiffness_at(stiffness, phases[pair]),
             "mean_mesh_stiffness": stiffness.mean_stiffness,
-            "own_stiffness_ratio": stiffness.stiffness_ratio,  # smallest over largest value
+            "own_stiffness_ratio": stiffness.stiffness_ratio,
             "method_uncertainty": stiffness.uncertainty,
         }
 
-    published = []  # (name of the pair, source, value)
+    published = []  # (name of the pair, source, mean stiffness)
     for name, drawing in pairs.items():
         published += [(name, source, value) for source, value in drawing["published"].items()]
     axes = {"pair": list(pairs), "stiffness_method": list(METHODS)}
@@ -89,26 +91,27 @@ def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of mean stiffnesses: the names of the columns, then their values.
 
     `stiffness` is a dataset from `mesh_stiffness`; each gear pair has a row for each method and for
-    each publication.
+    each publication. stiffness_ratio is the smallest over the largest stiffness, from_reference the
+    relative deviation of the mean stiffness from that of `REFERENCE_METHOD`.
     """
     yield ["pair", "stiffness_method", "mean_stiffness", "stiffness_ratio", "from_reference"]
     for pair in stiffness.pair.values:
         means = stiffness.sel(pair=pair).mean_mesh_stiffness
-        reference = float(means.sel(stiffness_method=REFERENCE_METHOD))
-        ratios = stiffness.sel(pair=pair).own_stiffness_ratio  # C_min / C_max
+        reference_mean = float(means.sel(stiffness_method=REFERENCE_METHOD))
+        ratios = stiffness.sel(pair=pair).own_stiffness_ratio
         methods = zip(stiffness.stiffness_method.values, means, ratios, strict=True)
         rows = [(name, float(mean), f"{float(ratio):.4g}") for name, mean, ratio in methods]
         published = stiffness.published_stiffness[stiffness.published_pair.values == pair]
-        rows += [(f"published: {mean.published.item()}", float(mean), "") for mean in published]
+        rows += [(f"published: {value.published.item()}", float(value), "") for value in published]
         for name, mean, ratio in rows:
-            yield [pair, name, f"{mean:.4g}", ratio, f"{mean / reference - 1.0:+.4f}"]
+            yield [pair, name, f"{mean:.4g}", ratio, f"{mean / reference_mean - 1.0:+.4f}"]
 
 
 def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int) -> xr.Dataset:
-    """Return the static transmission error of drawn gears at several loads, with each tip relief.
+    """Return the static transmission error of a gear pair at several loads, with each tip relief.
 
-    `gears` is a drawing without relief, with the design torque (N m); `loads` are relative to the
-    design load; `stiffness` and `phases` are arguments of `Mesh.transmission_error`.
+    `gears` are drawing data without relief, and the design torque (N m); `loads` are relative to
+    the design load; `stiffness` and `phases` are arguments of `Mesh.transmission_error`.
     """
     without_relief, torque = drawings.mesh(gears), gears["torque"]
     options = {"stiffness": stiffness, "phases": phases}

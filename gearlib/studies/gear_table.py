@@ -8,7 +8,7 @@ from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
 METHODS = ("iso", "energy")
-#: Multiples of the mesh order in the table of the duty point.
+#: Multiples of the mesh order in the table of the operating point.
 _MESH_ORDERS = (1, 2, 3)
 _DEGREE = math.pi / 180.0
 #: Name, unit and meaning of a quantity, and its value from a gear and its tip clearance.
@@ -111,12 +111,13 @@ def _quantities(definitions: tuple, arguments: dict[str, tuple]) -> list[Quantit
 def duty_rows(
     mesh: Any, speed: float, *, damping=None, stiffness=None, options=None, **load: Any
 ) -> Iterator[Quantity]:
-    """Yield the rows of the duty point of a `Mesh` at a speed in rpm, by one stiffness method.
+    """Yield the quantities of a `Mesh` at an operating point, a speed in rpm and a load.
 
-    `damping` has material_damping and backlash_damping (N s/m), `options` those of the method;
-    `load` has torque or power.
+    `load` has torque (N m) or power (W); `damping` has material_damping and backlash_damping
+    (N s/m); `stiffness` is the name of the stiffness method ("iso" by default), `options` are those
+    of this method.
     """
-    # Imported here, because a table without duty point does not need the compiled kernels.
+    # Imported here, because a table without this point does not need the compiled kernels.
     from gearlib.analysis.duty_point import duty_point
 
     arguments = {"stiffness": stiffness or "iso", "options": options, "speed": speed}

@@ -38,7 +38,7 @@ def _joined_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> 
 
 
 def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = None) -> xr.Dataset:
-    """Return the basins of attraction of several cases, over ``case``.
+    """Return the basins of attraction of several cases, along the dimension ``case``.
 
     A case has title, tuning and pair (arguments of `GearPair`). `settings` have the ranges
     displacement and velocity, each (lowest, highest), the count of initial states along each, and
@@ -57,23 +57,25 @@ def bifurcation(
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """Return a bifurcation diagram with Lyapunov exponents, and the basin stability.
 
-    The diagram is over `tunings`, the basin stability over the `coarse` tunings. `pair` has
+    The diagram is over `tunings`, the basin stability over the fewer tunings `coarse`. `pair` has
     arguments of `GearPair`. Keys of `settings`: settle (mesh periods before the record), strobes
-    (recorded states, one per mesh period), exponent_periods (run of the Lyapunov exponent), starts
-    (number of random initial states), displacement and velocity (their ranges), samples and periods
-    (initial states and runs of the basin stability). In the directions up and down each run starts
-    at the end of the previous one, in "cold 1", "cold 2", ... every run at the same random state.
-    ``settled`` is true for periodic motions whose orbit does not depend on rounding.
+    (number of recorded states, one per mesh period), exponent_periods (mesh periods of the runs for
+    the Lyapunov exponent), starts (number of random initial states), displacement and velocity
+    (their ranges), samples and periods (number of initial states for the basin stability, and mesh
+    periods of their runs). In the directions "up" and "down" each run starts at the end of the
+    previous one; in a direction "cold n" all runs start at the n-th random state. ``settled`` is 1
+    for periodic motions whose orbit does not depend on rounding.
     """
     model, region = GearPair(**pair), (settings["displacement"], settings["velocity"])
     names = [*WARM_STARTED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
-    starts = [(0.0, 0.0)] * len(WARM_STARTED) + _random_states(region, settings["starts"]).tolist()
+    random_states = _random_states(region, settings["starts"]).tolist()
+    initial_states = [(0.0, 0.0)] * len(WARM_STARTED) + random_states
     directions = [name.split()[0] for name in names]
     record = {name: settings[name] for name in ("settle", "strobes")}
     exponent = {"settle": 0, "periods": settings["exponent_periods"], "threads": threads}
     diagrams, datasets = [], []
-    for direction, start in zip(directions, starts, strict=True):
-        options = record | {"direction": direction, "initial_state": start}
+    for direction, initial_state in zip(directions, initial_states, strict=True):
+        options = record | {"direction": direction, "initial_state": initial_state}
         diagram = bifurcation_diagram(model, tunings, **options)
         states = diagram.final_state.values
         exponents = lyapunov.lyapunov_exponents(model, tunings, states=states, **exponent)
@@ -82,8 +84,8 @@ def bifurcation(
         diagrams.append(diagram)
         datasets.append(diagram.assign(exponents.data_vars).assign(status=codes))
     data = xr.concat(datasets, xr.IndexVariable("direction", names), combine_attrs="drop")
-    settled = lyapunov.reproducible_orbits(model, diagrams, directions, starts).astype(np.int8)
-    data = data.assign(settled=(("direction", "tuning"), settled, {}))
+    settled = lyapunov.reproducible_orbits(model, diagrams, directions, initial_states)
+    data = data.assign(settled=(("direction", "tuning"), settled.astype(np.int8), {}))
     data = describe(data.assign(speed=("tuning", model.speed(data.tuning.values))))
     data["settled"].attrs |= lyapunov.SETTLED_FLAGS
     options = {name: settings[name] for name in ("samples", "periods")}
@@ -98,7 +100,7 @@ def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:
 
 
 def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
-    """Return Poincare sections of motions from random initial states, over ``case``.
+    """Return Poincare sections of motions from random initial states, along ``case``.
 
     A case has title, tuning, phase (degrees), settle (mesh periods before the record) and pair
     (arguments of `GearPair`). `settings` have the ranges displacement and velocity, orbits (number

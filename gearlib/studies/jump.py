@@ -131,8 +131,9 @@ def jump_and_shifts(pair: dict, tunings: Sequence[float], settings: dict, run: d
 
     `pair` has arguments of `GearPair`, `run` those of `sweep`. `settings` have the values of
     `variations`, tolerances of Runge-Kutta steps 4(5), the resolution of the jump, and starts, seed
-    and spread of the initial states for each tolerance. switches is the number of large steps of
-    the height in the scan. Without a jump in the scan values are NaN.
+    and spread of the initial states for each tolerance. In the dataset, switches is the number of
+    large height steps in the scan, and settled is 0 where the jump depends on the initial state, so
+    that median and range over several states are given. Values are NaN without a jump in the scan.
     """
     model, tunings = GearPair(**pair), np.asarray(tunings, float)
     resolution = settings["resolution"]
@@ -147,11 +148,11 @@ def jump_and_shifts(pair: dict, tunings: Sequence[float], settings: dict, run: d
         shifts_by_variation += _tolerance_shifts(model, tunings, settings, run)
 
     def summary(variation: tuple) -> dict:
-        """Return the values of the dataset for (kind, value, shifts of the jump, large steps).
+        """Return the variables for a variation (kind, value, shifts in tuning, large step count).
 
-        Only the kind "tolerance" has shifts for several starts, so only it is not settled.
+        Only "tolerance" has shifts from several initial states; the other kinds are settled.
         """
-        kind, value, shifts, large_steps = variation
+        kind, value, shifts, large_step_count = variation
         finite = [shift for shift in shifts if np.isfinite(shift)] or [np.nan]
         return {
             "kind": kind,
@@ -160,7 +161,7 @@ def jump_and_shifts(pair: dict, tunings: Sequence[float], settings: dict, run: d
             "shift": np.median(finite),
             "shift_low": min(finite),
             "shift_high": max(finite),
-            "switches": np.int32(large_steps),
+            "switches": np.int32(large_step_count),
             "settled": np.int8(kind != "tolerance"),
         }
 
@@ -175,11 +176,12 @@ def jump_and_shifts(pair: dict, tunings: Sequence[float], settings: dict, run: d
 
 
 def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: dict) -> list:
-    """Return (kind, tolerance, shifts of the jump, large steps) by tolerance of a step method.
+    """Return (kind, tolerance, shifts, large step count) for each tolerance of a step method.
 
-    There is a shift in tuning, relative to the exact jump, for each of several random states. The
-    median number of large height steps is returned. `settings` have tolerances, resolution of the
-    jump, and starts, seed and spread of the states; `run` has arguments of `sweep`.
+    The shifts in tuning, one for each of several random initial states, are relative to the exact
+    jump from the same state; the count is the median number of large height steps. `settings` have
+    tolerances, resolution of the jump, and starts, seed and spread of the states; `run` has
+    arguments of `sweep`.
     """
     resolution = settings["resolution"]
     rest = run.get("initial_state", (0.0, 0.0))
@@ -199,6 +201,6 @@ def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: 
             jumps.append(find_jump(pair, nearby, resolution, **exact | method))
         pairs = zip(jumps, exact_tunings, strict=True)
         shifts = [jump.tuning - exact_tuning for jump, exact_tuning in pairs]
-        large_steps = np.median([jump.large_steps for jump in jumps])
-        variations.append(("tolerance", rtol, shifts, large_steps))
+        large_step_count = np.median([jump.large_steps for jump in jumps])
+        variations.append(("tolerance", rtol, shifts, large_step_count))
     return variations

@@ -26,8 +26,8 @@ from gearlib.runs.sweeping import DIRECTIONS
 
 #: Flags of `settled`.
 SETTLED_FLAGS = status.flags_of(("unsettled", "all_starts_on_one_stable_orbit"))
-#: Whether all starts end on one orbit, fraction that end on stable orbits, number of these orbits,
-#: fraction that end on the most frequent one, and mesh periods of the common orbit (0: none).
+#: Whether all starts end on one orbit, fraction of starts that end on stable orbits, number of
+#: these orbits, fraction on the most frequent one, and mesh periods of the common orbit (0: none).
 DISTRIBUTION_VARIABLES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
 SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")
 #: Change of a state, static deflections: above rounding errors and below measurement errors.
@@ -102,11 +102,11 @@ class _OrbitSearch:
         self.propagator = model.propagator(tuning)
         self.record_periods = settings["record_periods"]
         self.start_distance = 2.0 * settings["spread"]  # largest distance of two starts
-        # Both halves of a run last a multiple of twice the common period of the meshes, at the ends
-        # of which orbits of these periods have the same phase.
-        multiple = 2 * model.repeats
+        # Both halves of a run last a multiple of twice the common period of the meshes. An orbit
+        # that repeats after one or two common periods then has the same state at both ends.
+        double_period = 2 * model.repeats  # mesh periods
         periods = max(settings["periods"], 2 * self.record_periods)
-        self.half_periods = math.ceil(periods / (2 * multiple)) * multiple
+        self.half_periods = math.ceil(periods / (2 * double_period)) * double_period
         self.orbits: list[_Orbit] = []
         self.failed_searches = 0
         try:
@@ -239,7 +239,8 @@ def summarise(
 
     `motions` are the `FinalMotion`s of all starts at each tuning, `names` are variables of
     `gearlib.sweep`, `settings` have record_periods (mesh periods). settled_share is the fraction of
-    the starts that end on stable orbits, largest_share that on the most frequent orbit.
+    starts that end on stable orbits, motion_count the number of these orbits, and largest_share the
+    fraction of starts that end on the most frequent one.
     """
     columns = (np.stack(column, axis=1) for column in zip(*motions, strict=True))
     summaries, orbits, periods, states, codes = columns
@@ -248,13 +249,13 @@ def summarise(
         model, ("start", "tuning"), summaries, states, periods_and_codes, settings["record_periods"]
     )
     # Number of starts on each orbit, for each tuning; -1 is no orbit.
-    counts = [np.unique(row[row >= 0], return_counts=True)[1] for row in orbits.T]
+    start_counts = [np.unique(row[row >= 0], return_counts=True)[1] for row in orbits.T]
     settled = np.array([motion.settled for motion in motions])
     distribution = {
         "settled": settled.astype(np.int8),
         "settled_share": (orbits >= 0).mean(axis=0),
-        "motion_count": np.array([len(count) for count in counts], np.int32),
-        "largest_share": np.array([max(count, default=0) for count in counts]) / len(orbits),
+        "motion_count": np.array([len(counts) for counts in start_counts], np.int32),
+        "largest_share": np.array([max(n, default=0) for n in start_counts]) / len(orbits),
         # All starts have the same period where the motion settles.
         "period": np.where(settled, periods[0], 0).astype(np.int32),
     }

@@ -17,7 +17,7 @@ from gearlib.runs.simulation import simulate
 from gearlib.uncertainty.course_observations import complete_blocks
 from gearlib.uncertainty.measured import read_measured
 
-#: Observable of a sweep -> variable of the characteristics that scales it to SI units.
+#: Observable of a sweep -> variable of the computed sweeps that scales it to SI units.
 SWEEP_SCALES = {
     "displacement_max": "static_deflection",
     "displacement_min": "static_deflection",
@@ -35,7 +35,7 @@ _JUMP_OBSERVABLES = ("orbit_height", "displacement_max", "dynamic_force_max", "d
 _DIRECTIONS = {0: "cold", 1: "up", -1: "down"}
 #: Largest number of intervals of the envelope of a run-up, and least number of samples of each.
 _MAX_INTERVALS, _MIN_INTERVAL_SAMPLES = 400, 20
-#: Number of harmonics of a time history, of drawn measured points and of drawn computed points.
+#: Number of harmonics of a time history, and of measured and computed points of its plot.
 _HARMONIC_COUNT, _MEASURED_POINTS, _COMPUTED_POINTS = 5, 600, 256
 #: Smaller relative singular values mean that the samples do not determine all harmonics.
 _MIN_SINGULAR_VALUE = 1e-7
@@ -67,8 +67,8 @@ def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
 
     `path` is the YAML file of the data set; `resonance` has the computed sweeps of all dampings. A
     run-up is replaced by its envelope. The attribute tuning_rate is the tuning per speed (rpm).
-    Attributes ``fitted_gain`` and ``fitted_offset`` of an observable are those of the damping that
-    fits best: values without errors of the sensor are (value - offset) / gain.
+    The attributes ``fitted_gain`` and ``fitted_offset`` of an observable belong to the damping that
+    fits best: the values without errors of the sensor are (value - offset) / gain.
     """
     measurement, resonance = read_measured(path), _with_orbit_height(resonance)
     is_sweep = not set(SWEEP_SCALES).isdisjoint(measurement.data_vars)
@@ -153,23 +153,23 @@ def _line_fit(computed, measured, fit_gain: bool = True, fit_offset: bool = True
     return coefficients[0] if fit_gain else 1.0, coefficients[-1] if fit_offset else 0.0
 
 
-def _values_at_samples(measured, characteristics, observable: str) -> np.ndarray:
+def _values_at_samples(measured, sweeps, observable: str) -> np.ndarray:
     """Return a computed observable at the speeds and directions of the measured samples.
 
-    `characteristics` are those of one damping. Values are NaN outside the computed speeds.
+    `sweeps` are the computed sweeps of one damping. Values are NaN outside their speeds.
     """
     values = np.full(measured.sizes["sample"], np.nan)
     for code, direction in _DIRECTIONS.items():
-        if direction in characteristics.direction.values:
+        if direction in sweeps.direction.values:
             samples = measured.direction.values == code
-            sweep = characteristics.sel(direction=direction)
+            sweep = sweeps.sel(direction=direction)
             speeds = measured.speed.values[samples]
             values[samples] = np.interp(speeds, sweep.speed, sweep[observable], np.nan, np.nan)
     return values
 
 
 def _with_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
-    """Return characteristics with the additional variable orbit_height."""
+    """Return computed sweeps with the additional variable orbit_height."""
     return resonance.assign(orbit_height=resonance.displacement_max - resonance.displacement_min)
 
 
@@ -177,10 +177,10 @@ def time_history_harmonics(path: str, pairs: Mapping[str, dict], run: dict) -> x
     """Return the harmonics of measured time histories and of the settled motions of a model.
 
     `path` is the YAML file of the measured data set, `pairs` maps the name of a damping to
-    arguments of `GearPair`, `run` has arguments of `gearlib.simulate`. The dimensions are course (a
-    time history at constant speed), observable, harmonic of the mesh period and damping. The
-    shape_phase (degrees) of harmonic k is its phase minus k times the phase of the first harmonic:
-    an unknown phase of the shaft does not change it.
+    arguments of `GearPair`, `run` has arguments of `gearlib.simulate`. The dimensions are "course",
+    a time history at constant speed, observable, harmonic of the mesh period, and damping. The
+    shape_phase (degrees) of harmonic k is its phase minus k times the phase of the first harmonic,
+    so it does not depend on the unknown phase of the shaft.
     """
     measurement = read_measured(path)
     models = [GearPair(**parameters) for parameters in pairs.values()]
@@ -206,7 +206,8 @@ def time_history_harmonics(path: str, pairs: Mapping[str, dict], run: dict) -> x
 def _with_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr.Dataset:
     """Return a dataset with the attributes of a measured dataset, and the units of the speed.
 
-    The attribute course_units lists the units of the observables (names), whatever their kind.
+    The attribute course_units has the units of the `observables`, as in "displacement in m"; the
+    dataset may be one of time histories at constant speed or of run-ups.
     """
     dataset["speed"].attrs["units"] = "min-1"
     units = ", ".join(f"{name} in {measurement[name].attrs['units']}" for name in observables)
@@ -254,10 +255,11 @@ def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
 
 
 def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: float) -> xr.Dataset:
-    """Return the harmonics of a measured time history, their standard deviations, and points.
+    """Return harmonics of a measured time history, their standard deviations, and plotted samples.
 
     Harmonics of the `mesh_frequency`, rad/s, are fitted by least squares. All values are NaN if
-    there are too few samples to determine them.
+    there are too few samples to determine them. The samples to plot, with the dimension "number",
+    are point_phase (rad) and point (value of the observable).
     """
     finite = np.isfinite(condition[observable].values)
     time, values = condition.time.values[finite], condition[observable].values[finite]
@@ -292,10 +294,10 @@ def run_up_orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
     """Return the mesh orders 1 to 3 (`_MESH_ORDERS`) of measured and of computed run-ups.
 
     `path` is the YAML file of the measured data set, `pairs` maps the name of a damping to
-    arguments of `GearPair`. The dimensions are track (a run-up or run-down), observable, order (a
-    multiple of the mesh order) and block of whole revolutions. Amplitudes are rms values in SI
-    units; computed_amplitude also depends on damping and is that of a run-up from rest with the
-    measured speed profile.
+    arguments of `GearPair`. The dimensions are "track", a run-up or run-down, observable, order (a
+    multiple of the mesh order) and block of whole revolutions; computed_amplitude also has the
+    dimension damping. Amplitudes are rms values in SI units. A computed run-up starts from rest and
+    has the measured speed profile.
     """
     measurement = read_measured(path)
     models = [GearPair(**parameters) for parameters in pairs.values()]
@@ -363,11 +365,12 @@ def _speed_profile(condition: xr.Dataset) -> list[tuple[float, float]]:
 def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Iterator[list]:
     """Yield the rows of a table that compares measured and computed quantities.
 
-    `curves`, `courses` and `orders` are results of `measured_response_curve`,
-    `time_history_harmonics` and `run_up_orders`, one for each measured data set; `resonance` has
-    the computed sweeps. The first row has the names of the columns; the others have a quantity for
-    one data set and one damping. The column calibration names the calibration that a comparison
-    requires, deviations is the difference over its standard deviation.
+    `curves`, `courses` (time histories at constant speed) and `orders` (of run-ups) are results of
+    `measured_response_curve`, `time_history_harmonics` and `run_up_orders`, one for each measured
+    data set; `resonance` has the computed sweeps. The first row has the names of the columns; the
+    others have a quantity for one data set and one damping. "set" is the title of the data set,
+    "calibration" that required by the comparison, and "deviations" the difference divided by its
+    standard deviation.
     """
     header = ["set", "quantity", "calibration", "damping", "measured", "standard_deviation"]
     yield [*header, "computed", "difference", "deviations"]
@@ -385,54 +388,53 @@ def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Ite
 
 
 def _row(title: str, damping: str, comparison: Comparison) -> list:
-    """Return the row of the table for one comparison of a measured set with one damping."""
+    """Return the row for a comparison of the measured data set `title` with one damping."""
     measured, measured_deviation = comparison.measured
     computed, deviation = comparison.computed
     difference = computed - measured
     total_deviation = math.hypot(measured_deviation, deviation if math.isfinite(deviation) else 0.0)
-    ratio = difference / total_deviation if measured_deviation > 0 else math.nan
-    numbers = (measured, measured_deviation, computed, difference, ratio)
+    z_score = difference / total_deviation if measured_deviation > 0 else math.nan
+    numbers = (measured, measured_deviation, computed, difference, z_score)
     cells = [float(f"{number:.6g}") if math.isfinite(number) else "" for number in numbers]
     quantity = f"{comparison.quantity} {comparison.unit}".rstrip()
     return [title, quantity, comparison.calibration, damping, *cells]
 
 
-def _compare_curve(measured: xr.Dataset, characteristics: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of a measured curve with the computed sweeps of one damping."""
+def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Comparison]:
+    """Yield the comparisons of a measured curve with the computed `sweeps` of one damping."""
     observable = next((name for name in _JUMP_OBSERVABLES if name in measured), None)
-    jumps = _compare_jumps(measured, characteristics, observable)
+    jumps = _compare_jumps(measured, sweeps, observable)
     if len(jumps) == 2:
+        # The jump speed of the sweep down divided by that of the sweep up.
         measured_ratio, computed_ratio = map(_ratio, jumps["down"], jumps["up"])
         yield Comparison("jump down over jump up", measured_ratio, computed_ratio)
     if observable and "direction" in measured.coords:
-        computed = _values_at_samples(measured, characteristics, observable)
+        computed = _values_at_samples(measured, sweeps, observable)
         sign = -1.0 if observable == "displacement_min" else 1.0
         noise = measured[observable].attrs["noise_std"] or math.nan
         directions = measured.direction.values
         measured_ratio = _peak_ratio(sign * measured[observable].values, directions, noise)
         if math.isfinite(measured_ratio[0]):
-            computed_ratio = _peak_ratio(sign * computed, directions, 0.0)
             # The peak of the sweep down divided by that of the sweep up.
-            quantity = f"highest {observable} down over up"
-            yield Comparison(quantity, measured_ratio, computed_ratio)
+            computed_ratio = _peak_ratio(sign * computed, directions, deviation=0.0)
+            yield Comparison(f"highest {observable} down over up", measured_ratio, computed_ratio)
     for name in SWEEP_SCALES:
         if name in measured:
-            yield from _misfits(measured, characteristics, name)
-    for direction, (measured_speed, computed_speed) in jumps.items():
+            yield from _misfits(measured, sweeps, name)
+    for direction, (speed, model_speed) in jumps.items():
         quantity = f"jump {direction}"
-        yield Comparison(
-            quantity, measured_speed, computed_speed, unit="min-1", calibration="speed"
-        )
+        yield Comparison(quantity, speed, model_speed, unit="min-1", calibration="speed")
     onset = _measured_speed(measured, "onset_of_contact_loss")
     if math.isfinite(onset[0]):
-        quantity, computed_onset = "onset of contact loss", _computed_onset(characteristics)
+        quantity, computed_onset = "onset of contact loss", _computed_onset(sweeps)
         yield Comparison(quantity, onset, computed_onset, unit="min-1", calibration="speed")
 
 
-def _compare_jumps(measured, characteristics, observable: str | None) -> dict[str, tuple]:
-    """Return the measured and computed jump speed for each direction with a measured jump.
+def _compare_jumps(measured, sweeps, observable: str | None) -> dict[str, tuple]:
+    """Return (measured, computed) jump speed, rpm, for each direction with a measured jump.
 
-    If the measured set does not state a jump, it is searched in the values of `observable`.
+    `sweeps` are the computed sweeps of one damping. If the measured data set does not state a jump
+    speed, the jump is searched in the values of `observable`.
     """
     jumps = {}
     for code, direction in ((1, "up"), (-1, "down")):
@@ -442,8 +444,8 @@ def _compare_jumps(measured, characteristics, observable: str | None) -> dict[st
             speed = jump(sweep.speed.values, sweep[observable].values)
         if math.isfinite(speed[0]):
             computed = _UNKNOWN
-            if direction in characteristics.direction.values:
-                sweep = characteristics.sel(direction=direction)
+            if direction in sweeps.direction.values:
+                sweep = sweeps.sel(direction=direction)
                 computed = jump(sweep.speed.values, sweep[observable or "orbit_height"].values)
             jumps[direction] = speed, computed
     return jumps
@@ -457,7 +459,10 @@ def _measured_speed(measured: xr.Dataset, name: str) -> Estimate:
 
 
 def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
-    """Return the speed at which a curve jumps and its standard deviation, NaN without a jump."""
+    """Return the speed at which a curve jumps and its standard deviation, NaN without a jump.
+
+    The curve has `values` of an observable at `speeds`, in any order; NaN values are ignored.
+    """
     finite = np.isfinite(values)
     order = np.argsort(speeds[finite], kind="stable")
     speeds, values = speeds[finite][order], values[finite][order]
@@ -469,7 +474,7 @@ def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
     step_limit = _MIN_JUMP_STEP_RATIO * other_steps.max(initial=0.0)
     if steps[i] <= max(_MIN_JUMP_RANGE_RATIO * np.ptp(values), step_limit):
         return _UNKNOWN
-    # The jump is uniformly distributed between two samples.
+    # The jump is uniformly distributed between two samples; a standard deviation must be positive.
     return speeds[i : i + 2].mean(), max(speeds[i + 1] - speeds[i], 1e-300) / math.sqrt(12.0)
 
 
@@ -494,14 +499,15 @@ def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) ->
     return _ratio(*peaks)
 
 
-def _misfits(measured, characteristics, observable: str) -> Iterator[Comparison]:
-    """Yield the rms difference between a measured curve and the model, relative to its range.
+def _misfits(measured, sweeps, observable: str) -> Iterator[Comparison]:
+    """Yield the rms difference between a measured curve and the computed `sweeps` of one damping.
 
-    Gain and offset of the sensor are fitted, and in a second comparison those of its calibration.
-    The measured estimate has the noise of the sensor as its standard deviation.
+    It is relative to the range of the measured values. Gain and offset of the sensor are fitted; if
+    both are known, a second comparison uses the sensor as calibrated. The measured estimate has no
+    value; its standard deviation is the noise of the sensor.
     """
     values = measured[observable].values
-    computed = _values_at_samples(measured, characteristics, observable)
+    computed = _values_at_samples(measured, sweeps, observable)
     gain, offset = _line_fit(computed, values)
     if not math.isfinite(gain):
         return
@@ -516,11 +522,11 @@ def _misfits(measured, characteristics, observable: str) -> Iterator[Comparison]
         yield Comparison(quantity, noise, (rms, math.nan), calibration=calibration)
 
 
-def _computed_onset(characteristics: xr.Dataset) -> Estimate:
+def _computed_onset(sweeps: xr.Dataset) -> Estimate:
     """Return the speed at which contact is first lost in a sweep up, and its standard deviation."""
-    if "up" not in characteristics.direction.values:
+    if "up" not in sweeps.direction.values:
         return _UNKNOWN
-    sweep = characteristics.sel(direction="up").sortby("speed")
+    sweep = sweeps.sel(direction="up").sortby("speed")
     loses_contact = sweep.fraction_normal.values < 1.0 - 1e-9
     onsets = np.flatnonzero(loses_contact[1:] & ~loses_contact[:-1])
     if not onsets.size:

@@ -25,12 +25,12 @@ from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import DIRECTIONS, sweep
 from gearlib.studies import jump
 
-#: Place of the damping -> arguments for its linear, quadratic and cubic coefficient.
+#: Location of the damping -> arguments for its linear, quadratic and cubic coefficient.
 PLACES = {
     "material": ("material_damping", "quadratic_damping", "cubic_damping"),
     "oil": ("backlash_damping", "backlash_quadratic_damping", "backlash_cubic_damping"),
 }
-#: Power of the velocity -> unit of its coefficient.
+#: Name of the power of the velocity -> unit of the damping coefficient.
 POWERS = {"linear": "N s m-1", "quadratic": "N s2 m-2", "cubic": "N s3 m-3"}
 #: Width of the tuning interval to which jumps are bisected.
 _JUMP_RESOLUTION = 1e-6
@@ -63,10 +63,10 @@ def equivalent_coefficient(
 def damped_model(pair: dict, place: str, power: str, settings: dict) -> tuple[Any, float]:
     """Return a model with linear, quadratic or cubic damping, and the damping coefficient.
 
-    `pair` has arguments of `GearPair` without damping. `place` says where the damping acts:
-    "material" (in contact) or "oil" (in the backlash); `power` is "linear", "quadratic" or "cubic".
-    `settings` have the linear damping (N s/m), and amplitude (static deflections) and tuning of the
-    harmonic motion in which all dampings dissipate the same work.
+    `pair` has arguments of `GearPair` without damping. `place` is the location of the damping:
+    "material" (in contact) or "oil" (in the backlash). `power` is the power of the velocity:
+    "linear", "quadratic" or "cubic". `settings` have the linear damping (N s/m), and amplitude
+    (static deflections) and tuning of the harmonic motion in which all dampings do equal work.
     """
     undamped, exponent = GearPair(**pair), [*POWERS].index(power) + 1
     amplitude = settings["amplitude"] * undamped.static_deflection
@@ -83,26 +83,26 @@ def damping_study(
 ) -> xr.Dataset:
     """Return the sweeps with one damping in all directions, their jumps, and phase portraits.
 
-    `pair`, `place` (where the damping acts: "material" or "oil"), `power` ("linear", "quadratic" or
-    "cubic") and `settings` are arguments of `damped_model`; `settings` also have shown, the tunings
-    of the phase portraits, which have `samples_per_period`. `run` has arguments of `gearlib.sweep`.
-    Values without a jump or without contact loss are NaN.
+    `pair`, `place` (location of the damping, "material" or "oil"), `power` (of the velocity,
+    "linear", "quadratic" or "cubic") and `settings` are arguments of `damped_model`. `settings`
+    also have shown, the tunings of the phase portraits, which have `samples_per_period`. `run` has
+    arguments of `gearlib.sweep`. Values without a jump or without contact loss are NaN.
     """
     damped, coefficient = damped_model(pair, place, power, settings)
     curves = {name: sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS}
 
-    def characteristic(direction: str) -> dict:
+    def sweep_variables(direction: str) -> dict:
         names = ("displacement_max", "displacement_min", "period")
         values = {name: curves[direction][name].values for name in names}
         return values | _curve_features(damped, curves[direction], direction, run)
 
-    def phase_plane(tuning: float) -> dict:
+    def phase_portrait(tuning: float) -> dict:
         motion = simulate(damped, tuning, samples_per_period=samples_per_period, **run)
         return {name: motion[name].values for name in ("displacement", "velocity", "phase")}
 
     directions, shown = {"direction": list(DIRECTIONS)}, {"shown": list(settings["shown"])}
-    data = stacked(directions, characteristic, "tuning") | stacked(shown, phase_plane, "phase")
-    phase = data.pop("phase")[1][0]
+    data = stacked(directions, sweep_variables, "tuning") | stacked(shown, phase_portrait, "phase")
+    phase = data.pop("phase")[1][0]  # entries are (dimensions, values): take the first portrait
     curve = curves[DIRECTIONS[0]]
     attrs = {"units": POWERS[power], "long_name": "damping coefficient"}
     data |= {
@@ -141,7 +141,9 @@ def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -
 def rows(studies: Sequence[xr.Dataset]) -> Iterator[list]:
     """Yield the rows of the table of all dampings: the names of the columns, then their values.
 
-    `studies` are datasets from `compute`; each of their directions has a row.
+    `studies` are datasets from `damping_study`; each of their directions has a row. place is the
+    location of the damping, power that of the velocity, jump_interval the width of the interval of
+    tunings that contains the jump, jump_size the change of the orbit height.
     """
     features = ("jump", "jump_interval", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
     yield ["place", "power", "coefficient", "unit", "direction", *features]

@@ -29,10 +29,11 @@ def phase_plane_run(pair: dict, tuning: float, run: dict, damping: str) -> xr.Da
 def labels(pair: dict, tunings: Sequence[float], settings: dict, damping: str) -> xr.Dataset:
     """Return labels of the motion from rest (periodic, chaotic, ...) over tuning.
 
-    `pair` has arguments of `GearPair`, `settings` those of `trust.scan`; `damping` is a name.
+    `pair` has arguments of `GearPair`, `settings` further arguments of `gearlib.trust`, which
+    classifies a motion and says how reliable that is; `damping` is the name of the damping.
     """
-    scan = trust.classify_at_tunings(GearPair(**pair), tunings, **settings)
-    return describe(scan.assign_coords(damping=damping))
+    classified = trust.classify_at_tunings(GearPair(**pair), tunings, **settings)
+    return describe(classified.assign_coords(damping=damping))
 
 
 def harmonic_lags(motion: xr.Dataset, count: int) -> np.ndarray:

@@ -127,8 +127,8 @@ def loci(
 
     `branches` are those of the gear pair with the arguments `pair`. The loci lie between the
     tunings `start` and `stop` and between the damping ratios `lowest` and `highest`. ``locus`` is
-    the number of the special point of the branches from which a locus starts, ``own_damping`` the
-    damping ratio of the gear pair.
+    the index of the special point of the branches from which a locus starts, ``own_damping`` the
+    damping ratio with which the branches were computed, that of `pair`.
     """
     model, labels, tunings = GearPair(**pair), branches.label.values, (start, stop)
     damping_ratio = model.damping_ratio

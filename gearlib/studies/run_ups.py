@@ -25,9 +25,9 @@ def run_ups_at_several_rates(
     """Return tuning and extrema of the displacement in each revolution of several run-ups.
 
     `pair` has arguments of `GearPair`. In each run the tuning rises linearly from `start` to `stop`
-    in a number of revolutions from `revolutions`, and falls again in the same number. The dataset
-    also has the order map of the slowest run, up to `mesh_orders` times the mesh order. `damping`
-    is the name of the damping of the pair.
+    and falls back at the same rate; `revolutions` has the number of revolutions from `start` to
+    `stop` for each run. The dataset also has the order map of the slowest run, up to `mesh_orders`
+    times the mesh order. `damping` is the name of the damping of the pair.
     """
     model = GearPair(**pair)
     start_speed, stop_speed = (float(model.speed(nu)) for nu in (start, stop))
@@ -52,8 +52,8 @@ def run_ups_at_several_rates(
                 data[name][i, j, : in_direction.sum()] = values[name].values[in_direction]
         if is_slowest:
             resolution = 1.0 / max(1, round(2 * count / _ORDER_MAP_BLOCKS))
-            orders = range(mesh_orders * model.teeth + 1)
-            blocks = order_map(run, variable="dynamic_force", orders=orders, resolution=resolution)
+            options = {"orders": range(mesh_orders * model.teeth + 1), "resolution": resolution}
+            slow_map = order_map(run, variable="dynamic_force", **options)
     attrs = {"units": "1", "long_name": "revolutions of each way"}
     coords = {"revolutions": ("revolutions", list(revolutions), attrs)}
     dataset = xr.Dataset(
@@ -63,6 +63,6 @@ def run_ups_at_several_rates(
     )
     # xarray and the CF conventions take "time" for dates; blocks have seconds from the start.
     map_names = ["amplitude", "rpm", "overall", "teeth", "order_resolution"]
-    dataset = dataset.merge(blocks[map_names].rename(time="block"))
+    dataset = dataset.merge(slow_map[map_names].rename(time="block"))
     dataset = result("Run-ups of a gear mesh", model, dataset, method="closed forms")
-    return dataset.assign_attrs({name: blocks.attrs[name] for name in ("variable", "amplitude")})
+    return dataset.assign_attrs({name: slow_map.attrs[name] for name in ("variable", "amplitude")})

@@ -1,4 +1,4 @@
-"""Simulate scenes, several runs side by side, with the smallest model that is accurate enough.
+"""Simulate scenes, sets of similar cases, with the smallest model that is accurate enough.
 
 A scene has observables and a tolerance. Its cases are run with every model. The change of a model
 is the largest difference of an observable from any larger model, relative to
@@ -85,10 +85,11 @@ def representative_runs(
 
 
 def chosen_model_scene(comparison, cases, six_degrees: dict, run: dict, starts: dict) -> xr.Dataset:
-    """Simulate all cases of a scene with the model that a comparison of models has chosen.
+    """Simulate a set of cases (a scene) with the model that a comparison of models has chosen.
 
-    `comparison` is a result of `compare`; the other arguments, and the dataset of time histories
-    over case and mesh phase, are those of `scene`.
+    `comparison` is a result of `compare`, `cases` have title, tuning and pair, `six_degrees` has
+    further arguments of `SixDegreePair`, `run` those of `gearlib.simulate`, and `starts` settings
+    of random initial states. The result is that of `scene`.
     """
     return scene(cases, comparison.chosen.item(), six_degrees, run, starts)
 
@@ -96,13 +97,14 @@ def chosen_model_scene(comparison, cases, six_degrees: dict, run: dict, starts: 
 def scene(
     cases: Sequence[dict], model: str, six_degrees: dict, run: dict, starts: dict
 ) -> xr.Dataset:
-    """Simulate all cases of a scene; return time histories and summaries over case and mesh phase.
+    """Simulate a set of cases (a scene), and return time histories and summaries of all cases.
 
     A case has title, tuning and pair (arguments of `GearPair`); `model` is a name of `MODELS`,
-    `six_degrees` has further arguments of `SixDegreePair`, `run` those of `gearlib.simulate`. If
-    rounding errors decide a run (free_of_rounding is 0), runs from random initial states are added;
-    `starts` has their number (starts), seed and spread. losing_share is the fraction of the initial
-    states from which contact is lost.
+    `six_degrees` has further arguments of `SixDegreePair`, `run` those of `gearlib.simulate`. The
+    dataset has the dimensions case and (mesh) phase. free_of_rounding is 1 for runs that do not
+    depend on rounding errors. For the others, runs from random initial states are added: `starts`
+    has their number (starts), seed and spread. losing_share is the fraction of these initial states
+    from which contact is lost.
     """
     histories = []
     for case in cases:
@@ -122,14 +124,15 @@ def scene(
 def compare(
     cases: Sequence[dict], criteria: dict, six_degrees: dict, harmonics: int, run: dict, starts
 ) -> xr.Dataset:
-    """Run the cases of a scene with every model, and choose the smallest accurate model.
+    """Run a set of cases (a scene) with every model, and choose the smallest accurate model.
 
     `criteria` has observables (names), tolerance of their relative changes, and candidates, the
     models that may be chosen, from the smallest to the largest; `harmonics` is the number of
-    harmonics of the truncated stiffness. The other arguments are those of `scene`. Return values of
-    the observables, changes (NaN for the largest model) and costs of each model, and the name of
-    the chosen one. If rounding errors decide a run, they are medians over initial states, with
-    ranges.
+    harmonics of the truncated stiffness. The other arguments are those of `scene`: `starts` has the
+    number (starts), seed and spread of random initial states. Return values of the
+    observables, changes (NaN for the largest model) and costs of each model, as medians and ranges
+    over initial states, and the name of the chosen model. free_of_rounding is 1 for runs,
+    change_free_of_rounding for changes, that do not depend on rounding errors.
     """
     names, observables = [*MODELS, TRUNCATED_MODEL], criteria["observables"]
     values = np.empty((starts["starts"], len(names), len(cases), len(observables)))
@@ -230,7 +233,7 @@ def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
 def rows(comparisons: Sequence[xr.Dataset], scenes: Sequence[str]) -> Iterator[list]:
     """Yield the rows of the table of comparisons: the names of the columns, then their values.
 
-    `comparisons` are datasets from `compare`, `scenes` the names of their scenes (sets of runs);
+    `comparisons` are datasets from `compare`, `scenes` the names of their sets of cases;
     each model has a row. Numbers that depend on rounding errors are printed as `DIFFERS`.
     """
     yield ["scene", "model", "change", "tolerance", "cost", "chosen"]

@@ -41,8 +41,8 @@ def stability_chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.
 
     `pair` has arguments of `GearPair`. `settings` have damping_ratios (each has its tongues),
     least_stiffness_ratio (lower limit of the stiffness ratio), and values (number of values of each
-    parameter). own_value is the value of each parameter of the undamped pair; closing_damping is
-    the damping ratio above which a tongue does not exist.
+    parameter). In the dataset, own_value is the nominal value of each parameter, that of the
+    undamped pair; closing_damping is the damping ratio above which a tongue does not exist.
     """
     model = GearPair(**pair).replace(material_damping=0.0)
     dampings, count = settings["damping_ratios"], settings["values"]
@@ -107,8 +107,8 @@ def contact_loss(
 ) -> xr.Dataset:
     """Return the tongues of gear pairs with different dampings, and why they lose contact.
 
-    `pairs` maps the name of a damping to arguments of `GearPair`. Contact is lost at `tuning`, the
-    variable asked, either because the forced orbit of one mesh period has displacements below zero,
+    `pairs` maps the name of a damping to arguments of `GearPair`. At `tuning` (variable "asked")
+    contact is lost either because the forced orbit of one mesh period has displacements below zero,
     or because perturbations of this orbit grow in an instability tongue. Tongues are searched
     between the tunings `start` and `stop`; `run` has periods and initial_state of the motion from
     rest. Edges of closed tongues, and limits of contact loss outside the scan, are NaN.
@@ -207,7 +207,9 @@ def _forced_loss_tuning(pair: GearPair, tuning: float) -> float:
 def rows(tongues: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of causes: the names of the columns, then a row per damping.
 
-    `tongues` is a dataset from `contact_loss`.
+    `tongues` is a dataset from `contact_loss` at the tuning "asked". orbit_min is the smallest
+    displacement of the forced orbit, loss_from and loss_to bound the tunings at which the motion
+    from rest loses contact, and forced_from is the lowest tuning at which the forced orbit does.
     """
     tongue_names = ["tuning_from", "tuning_to", "closing_damping"]
     motion_names = ["orbit_min", "loss_from", "loss_to", "forced_from"]
@@ -215,7 +217,7 @@ def rows(tongues: xr.Dataset) -> Iterator[list]:
     yield [*header, *tongue_names, "growth_percent", *motion_names]
     for damping in tongues.damping.values:
         data = tongues.sel(damping=damping)
-        order = int(data.nearest_order)
+        order = int(data.nearest_order)  # 0 without a tongue, whose edges are then NaN
         tongue = data.reindex(order=[order]).squeeze("order")
         growth = 100.0 * math.expm1(float(data.growth))
         numbers = [float(tongue[name]) for name in tongue_names]

@@ -18,15 +18,17 @@ _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)
 
 
 def nominal_design(pair: dict, drawing: dict | None = None) -> GearPair | DrawnPair:
-    """Return the design whose parameters scatter: a gear pair, or drawn gears with its damping.
+    """Return the design whose parameters scatter: a `GearPair`, or gears that are drawn.
 
-    `pair` has arguments of `GearPair`, `drawing` the gears of the configuration.
+    `pair` has arguments of `GearPair`. `drawing` has the drawing data of two gears, their torque
+    and stiffness method, or is None; the damping of drawn gears is that of `pair`.
     """
     model = GearPair(**pair)
     if drawing is None:
         return model
     return DrawnPair(
         drawings.mesh(drawing),
+        # "drawing" keeps the backlash of the drawing; with None it follows from other parameters.
         backlash=None if drawing.get("backlash") is None else "drawing",
         torque=drawing["torque"],
         stiffness=drawing.get("stiffness"),

@@ -16,17 +16,17 @@ from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.studies import many_starts
 
-#: Number of equal branches of the reducer: satellites with two gears each, which share the power.
+#: Number of equal branches that share the power of the reducer: countershafts with two gears each.
 BRANCHES = 3
-#: Variables with median and range over the initial states.
-_VARIABLES = ("dynamic_factor", "load_sharing", "fraction_normal")
+#: Variables of the sweeps of trains, with median and range over the initial states.
+_QUANTITIES = ("dynamic_factor", "load_sharing", "fraction_normal")
 
 
 def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
-    """Return the paper's reducer, a `GearTrain` with the tuning of the gear pair.
+    """Return the paper's reducer as a `GearTrain`.
 
-    `settings` are those of the section ``reducer`` of the configuration, `changes` are further
-    arguments of `gearlib.split_power_reducer`.
+    Its tuning refers to the natural frequency of the gear pair. `settings` are those of the section
+    ``reducer`` of the configuration, `changes` further arguments of `gearlib.split_power_reducer`.
     """
     frequency = pair.mesh_frequency(1.0)
     names = ("teeth", "modules", "shaft_stiffness", "support_stiffness")
@@ -49,19 +49,20 @@ def reducer(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     `pair` has arguments of `GearPair`. `settings` have teeth, modules, shaft_stiffness,
     support_stiffness and damping_ratio of the reducer, the keys of `many_starts.SETTINGS` for the
     random initial states, and the errors pin_error (m, radial and tangential) and backlashes (m, of
-    each branch). The cases are "alike" (equal branches), "pin_error" (of the first branch) and
-    "unequal_backlash".
+    each branch). The cases are "alike" (all branches are equal), "pin_error" (of the first branch)
+    and "unequal_backlash".
     """
     pair_model, tunings = GearPair(**pair), np.asarray(tunings, float)
     backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
-    equal, pin_errors = reducer_train(pair_model, settings), pin_errors_of_first_branch(settings)
+    equal_branches = reducer_train(pair_model, settings)
+    pin_errors = pin_errors_of_first_branch(settings)
     trains = {
-        "alike": equal,
+        "alike": equal_branches,
         "pin_error": reducer_train(pair_model, settings, pin_errors=pin_errors),
         "unequal_backlash": reducer_train(pair_model, settings, backlashes=backlashes),
     }
     # Meshes have names such as "first 2": their stage and their branch.
-    names = equal.mesh_names
+    names = equal_branches.mesh_names
     branch = np.array([int(name.split()[1]) for name in names], np.int32)
     stage = np.array([1 if name.startswith("first") else 2 for name in names], np.int32)
     cases = [_reducer_case(train, tunings, settings, branch) for train in trains.values()]
@@ -69,33 +70,32 @@ def reducer(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     dataset = dataset.assign(
         mesh_branch=("mesh", branch),
         mesh_stage=("mesh", stage),
-        speed=("tuning", equal.speed(tunings)),
+        speed=("tuning", equal_branches.speed(tunings)),
     ).assign_coords(tuning=tunings, mesh=list(names), branch=np.unique(branch))
     title = "All meshes of a reducer with three double satellites"
     reported = ("pin_error", "backlashes", *many_starts.SETTINGS)
     parameters = {"method": "exact", "initial_state": "static"}
     parameters |= {name: settings[name] for name in reported}
-    return result(title, equal, dataset.merge(equal.layout()), **parameters)
+    return result(title, equal_branches, dataset.merge(equal_branches.layout()), **parameters)
 
 
 def _reducer_case(
     train: Any, tunings: np.ndarray, settings: dict, mesh_branches: np.ndarray
 ) -> xr.Dataset:
-    """Return the sweep of a reducer, its largest dynamic factors, and fractions of the starts.
+    """Return the sweep of a reducer, its largest dynamic factors, and fractions of initial states.
 
-    lost_alone_share is the fraction of initial states from which a branch is the only one that
-    loses contact, struck_alone_share that from which it is the only one with coast-side contact.
-    `mesh_branches` has the branch number of each mesh, `settings` those of
-    `gearlib.studies.many_starts`.
+    By branch, lost_alone_share is the fraction of initial states from which only this branch loses
+    contact, struck_alone_share the fraction from which only this branch has coast-side contact.
+    `mesh_branches` has the branch of each mesh, `settings` have the keys of `many_starts.SETTINGS`.
     """
-    sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, _VARIABLES)
+    sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, _QUANTITIES)
     losses = [contact_loss_fraction(motion.fraction_normal.values) > 0.0 for motion in motions]
     coast_contacts = [motion.fraction_inverse.values > FRACTION_TOLERANCE for motion in motions]
     loss_fractions = [single_branch_fraction(loss, mesh_branches) for loss in losses]
     coast_fractions = [single_branch_fraction(contact, mesh_branches) for contact in coast_contacts]
     factors = sweep.dynamic_factor.where(sweep.settled == 1)
-    largest = factors.fillna(-np.inf).argmax("tuning")
-    largest_tuning = xr.DataArray(tunings, dims="tuning").isel(tuning=largest)
+    largest_index = factors.fillna(-np.inf).argmax("tuning")
+    largest_tuning = xr.DataArray(tunings, dims="tuning").isel(tuning=largest_index)
     dims = ("direction", "tuning", "branch")
     return sweep.assign(
         lost_alone_share=(dims, loss_fractions),
@@ -120,10 +120,10 @@ def single_branch_fraction(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.
 def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of the reducer: the names of the columns, then their values.
 
-    `characteristics` is a dataset from `reducer`; each case, direction and mesh has a row. The last
-    columns list tunings: those at which, from all initial states, the branch of the mesh is the
-    only one that loses contact, or that has coast-side contact (far_flank_struck), and those at
-    which the motion does not settle.
+    `characteristics` are the sweeps from `reducer`; each case, direction and mesh has a row. The
+    last columns list tunings: those at which, from all initial states, only the branch of the mesh
+    loses contact, those at which only this branch has coast-side contact (far_flank_struck), and
+    those at which the motion does not settle.
     """
     factor_names = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
     events = ("contact_lost", "far_flank_struck")
@@ -147,13 +147,13 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
 
 
 def over_speed(train: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
-    """Return force and contact of all meshes of a gear train over tuning.
+    """Return a sweep over speed: force and contact of all meshes of a gear train by tuning.
 
-    `train` has the arguments of `gearlib.models.from_values.train_from_description`, `settings` are
-    those of `gearlib.studies.many_starts`.
+    `train` has the arguments of `gearlib.models.from_values.train_from_description`; `settings` has
+    the keys of `many_starts.SETTINGS`.
     """
     model, tunings = train_from_description(**train), np.asarray(tunings, float)
-    dataset, _ = many_starts.sweep_with_seeded_starts(model, tunings, settings, _VARIABLES)
+    dataset, _ = many_starts.sweep_with_seeded_starts(model, tunings, settings, _QUANTITIES)
     dataset = dataset.assign(speed=("tuning", model.speed(tunings)))
     dataset = dataset.assign_coords(tuning=tunings, mesh=list(model.mesh_names))
     title = "All meshes of a gear train over speed"
@@ -164,16 +164,18 @@ def over_speed(train: dict, tunings: Sequence[float], settings: dict) -> xr.Data
 def campbell(characteristics, orders: int, pair=None, settings=None, train=None) -> xr.Dataset:
     """Return the Campbell diagram of a train, and the speeds at which its meshes lose contact.
 
-    `characteristics` come from `over_speed` with `train`, or from `reducer` with `pair` and
-    `settings`, whose case of equal branches is used. `orders` is the highest multiple of each mesh
-    frequency.
+    `characteristics` are the sweeps from `over_speed` with `train`, or those from `reducer` with
+    `pair` and `settings`, of which the case of equal branches is used. `orders` is the highest
+    multiple of each mesh frequency. In the dataset, mesh_rate is the frequency of each mesh over
+    that of the reference mesh, fraction_normal_high the largest fraction of time in drive-side
+    contact over all initial states.
     """
     model = train_from_description(**train) if train else reducer_train(GearPair(**pair), settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
     data = model.campbell(orders).drop_vars("modal_force").merge(model.layout())
     names = ["fraction_normal_high", "settled", "speed"]
     data = data.assign({name: sweeps[name] for name in names})
-    data["mesh_rate"] = "mesh", [float(rate) for rate in model.frequency_ratios]
+    data["mesh_rate"] = "mesh", [float(ratio) for ratio in model.frequency_ratios]
     name = "gear train" if train else "reducer with three double satellites"
     return result(f"Campbell diagram of a {name}", model, data, method="exact", orders=orders)
 
@@ -186,7 +188,7 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     """
     speeds = diagram.speed.values
     loss = contact_loss_fraction(diagram.fraction_normal_high.values)
-    loses_contact = (loss > 0.0).any(axis=(0, 2))
+    loses_contact = (loss > 0.0).any(axis=(0, 2))  # by speed: in any direction, in any mesh
     intersections: dict[tuple, tuple[float, bool]] = {}  # cells of a row -> (speed, excited)
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:

@@ -42,9 +42,9 @@ def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -
 
     `pair` is the `GearPair`, whose damping is not used; `dampings` maps names to material_damping
     and backlash_damping (N s/m). The others are datasets: `resonance` has sweeps and `phase_planes`
-    time histories for each damping, `phase_lag` the lag of displacement behind stiffness, `jump`
-    the jump of the motion from rest. `scenes` maps names (fig4..., fig6..., fig7..., fig8...) to
-    runs side by side.
+    time histories for each damping, `phase_lag` has the lag of displacement behind stiffness,
+    `jump` the tuning at which the motion from rest jumps to another orbit. `scenes` maps names that
+    begin with a figure of the paper, such as "fig4_contact_ratio", to datasets of simulated cases.
     """
     resonance = resonance.sortby("tuning")
     data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
@@ -54,15 +54,16 @@ def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -
 def evaluate_check(check: tuple, data: Data) -> Claim:
     """Return a statement of the paper with the verdict of its rule.
 
-    `check` is an entry of `CHECKS`. Its rule returns whether the statement holds, the computed
-    result as text, and optionally how a strict criterion differs from the resolution of the plots.
+    `check` is an entry of `CHECKS`: id, statement, place in the paper, figure of the workflow, and
+    rule. The rule is called with `data`. It returns whether the statement holds at the resolution
+    of the plots, the computed result as text, and optionally what a strict criterion gives instead.
     """
     identifier, statement, place, figure, rule = check
     try:
-        holds, computed, *strict_difference = rule(data)
+        holds, computed, *strict_results = rule(data)
         verdict = HOLDS if holds else DIFFERS
-        if any(strict_difference):
-            verdict += f" at plot resolution; strictly {strict_difference[0]}"
+        if any(strict_results):
+            verdict += f" at plot resolution; strictly {strict_results[0]}"
     except NoData as reason:
         verdict, computed = NOT_EVALUATED, str(reason)
     return Claim(identifier, statement, place, computed, verdict, figure)

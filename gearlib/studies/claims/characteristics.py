@@ -28,18 +28,20 @@ def interval_text(tuning: np.ndarray, condition: np.ndarray) -> str:
 
 
 def loses_contact(curve: xr.Dataset) -> np.ndarray:
-    """Return whether contact is lost at each tuning of a characteristic or phase plane."""
+    """Return whether contact is lost at each tuning of a sweep or of phase portraits."""
     return curve.displacement_min.values < -CONTACT_TOLERANCE
 
 
 def printed_tunings(data: Data) -> tuple[bool, str]:
-    """Judge statement P1: the printed tunings at the largest and the smallest stiffness."""
+    """Judge statement P1: the printed tunings referred to the largest and smallest stiffness."""
+    # Tuning nu -> nu_max, nu_min: the natural frequency is that at the extreme stiffness.
     printed = {0.815: (0.7391, 0.9639), 0.8151: (0.7392, 0.9640)}
     computed = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
-    # The paper prints four decimals.
+    # Half a unit of the four printed decimals, with a margin for rounding errors.
+    tolerance = 0.5001e-4
     differences = np.subtract([*printed.values()], [*computed.values()])
-    holds = bool((np.abs(differences) <= 0.5001e-4).all())
-    texts = [f"{nu:g}: {largest:.5f}, {least:.5f}" for nu, (largest, least) in computed.items()]
+    holds = bool((np.abs(differences) <= tolerance).all())
+    texts = [f"{nu:g}: {nu_max:.5f}, {nu_min:.5f}" for nu, (nu_max, nu_min) in computed.items()]
     return holds, "; ".join(texts)
 
 
@@ -118,10 +120,8 @@ def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
     highest = data.resonance.tuning.values[-1]
     damped = [name for name, flags in data.dampings.items() if any(flags)]
     with_oil = data.damping_names(material=False, backlash=True)
-    lost_fractions = {}
-    for name in damped:
-        curve = data.curve(name, lowest, highest)
-        lost_fractions[name] = float(loses_contact(curve).mean())
+    curves = {name: data.curve(name, lowest, highest) for name in damped}
+    lost_fractions = {name: float(loses_contact(curves[name]).mean()) for name in damped}
     holds = all((fraction > 0) == (name in with_oil) for name, fraction in lost_fractions.items())
     text = ", ".join(f"{name} {100 * value:.0f} %" for name, value in lost_fractions.items())
     return holds, f"tunings above {lowest:g} with contact lost: {text}"
@@ -134,7 +134,8 @@ _PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
 def undamped_phase_planes(data: Data) -> tuple:
     """Judge statement P9: which undamped phase portraits are unsteady or lose drive-side contact.
 
-    Return whether it holds, the result as text, and how a strict criterion differs ("": it agrees).
+    Return whether it holds, the result as text, and the text of `_strict_difference`, which names
+    orbits whose repetition to 1e-6 of their height contradicts the look of the plot.
     """
     name = data.damping_names(material=False, backlash=False)[0]
     planes = data.planes(name, _PLANE_TUNINGS)
@@ -153,8 +154,9 @@ def undamped_phase_planes(data: Data) -> tuple:
 def damped_phase_planes(data: Data) -> tuple:
     """Judge statement P10: which phase portraits with damping are unsteady.
 
-    According to the paper, only those with backlash damping alone, at three tunings. Return whether
-    it holds, the result as text, and how a strict criterion differs ("": it agrees).
+    According to the paper, only those with backlash damping alone are unsteady, at three tunings.
+    Return whether it holds, the result as text, and the text of `_strict_difference`, which names
+    orbits whose repetition to 1e-6 of their height contradicts the look of the plot.
     """
     expected = {name: [] for name, flags in data.dampings.items() if any(flags)}
     for name in data.damping_names(material=False, backlash=True):
@@ -177,14 +179,14 @@ def damped_phase_planes(data: Data) -> tuple:
 
 
 def _spreads(planes: xr.Dataset) -> np.ndarray:
-    """Return the largest difference between mesh periods over the orbit height, by tuning."""
+    """Return the largest distance between mesh periods relative to the orbit height, by tuning."""
     return np.array([period_spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
 
 
 def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> str:
-    """Describe orbits that look steady in a plot but do not repeat, or the reverse.
+    """Describe orbits that look steady in a plot but do not repeat to 1e-6, or the reverse.
 
-    `planes_by_damping` maps dampings to their phase portraits and a mask of those that look
+    `planes_by_damping` maps dampings to their phase portraits, and to a mask of those that look
     unsteady. The text is empty if there are no such orbits.
     """
     differences = []
@@ -202,9 +204,10 @@ def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray
 
 
 def min_period_change(run: xr.Dataset) -> float:
-    """Return the smallest change of displacement after whole mesh periods, over the orbit height.
+    """Return the smallest deviation of a motion from its repetition after n mesh periods.
 
-    It is small for a motion that still settles, and large for a chaotic motion.
+    The deviation for each n is the largest change of displacement, relative to the orbit height. It
+    is small for a motion that still settles, and large for a chaotic motion.
     """
     return min(_changes_by_period(run), default=np.nan)
 

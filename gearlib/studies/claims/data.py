@@ -20,7 +20,10 @@ class Data:
     """The computed data of one configuration; methods select those that a statement needs."""
 
     def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> None:
-        """Take the arguments of `gearlib.studies.claims.evaluate`."""
+        """Take a `GearPair`, dampings by name, and datasets; `gearlib.studies.claims` has details.
+
+        `jump` has the jump of the motion from rest, `scenes` maps names to sets of simulated cases.
+        """
         self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
         self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
         #: Name of a damping -> whether it has material damping, and backlash damping.
@@ -58,10 +61,11 @@ class Data:
         return curve
 
     def scene(self, figure: str, cases: int | None = None) -> xr.Dataset:
-        """Return the runs of the first scene whose name begins with a figure, such as "fig4".
+        """Return the simulated cases that reproduce a figure of the paper, such as "fig4".
 
-        It has time histories over case. Raise NoData if there is none, or if it does not have this
-        number of cases (None: any).
+        A scene is a dataset of time histories and summaries along the dimension "case"; the first
+        one whose name begins with `figure` is used. Raise NoData if there is none, or if its number
+        of cases is not `cases` (None: any number).
         """
         scenes = [scene for name, scene in sorted(self.scenes.items()) if name.startswith(figure)]
         if not scenes or cases not in (None, scenes[0].sizes["case"]):
@@ -71,7 +75,7 @@ class Data:
         return scenes[0]
 
     def planes(self, damping: str, tunings: Sequence[float]) -> xr.Dataset:
-        """Return the phase planes of one damping at some tunings."""
+        """Return the phase portraits of one damping at some tunings."""
         configured = self.phase_planes.tuning.values
         for tuning in tunings:
             if not np.isclose(configured, tuning, rtol=0.0, atol=1e-9).any():

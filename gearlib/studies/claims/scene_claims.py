@@ -24,14 +24,14 @@ def phase_shift(data: Data) -> tuple[bool, str]:
 
 def contact_ratios(data: Data) -> tuple[bool, str]:
     """Judge statement P8: stiffness is mostly low at a small contact ratio, high at a large one."""
-    scene = data.scene("fig4", 2)
-    low_stiffness = scene.fraction_min_stiffness.values
-    high_stiffness = (scene.fraction_normal + scene.fraction_inverse).values - low_stiffness
+    scene = data.scene("fig4", cases=2)  # the small contact ratio, then the large one
+    low_fractions = scene.fraction_min_stiffness.values  # of time in mesh at C_min, by case
+    high_fractions = (scene.fraction_normal + scene.fraction_inverse).values - low_fractions
     text = "; ".join(
         f"{title}: {100 * low:.0f} % in mesh at C_min, {100 * high:.0f} % at C_max"
-        for title, low, high in zip(scene.case.values, low_stiffness, high_stiffness, strict=True)
+        for title, low, high in zip(scene.case.values, low_fractions, high_fractions, strict=True)
     )
-    return bool(low_stiffness[0] > 0.5 and high_stiffness[1] > 0.5), text
+    return bool(low_fractions[0] > 0.5 and high_fractions[1] > 0.5), text
 
 
 def two_tunings(data: Data) -> tuple[bool, str]:
@@ -53,7 +53,7 @@ def jump_description(data: Data) -> str:
     Only variations are named that move it between the two tunings of the paper's Fig. 6.
     """
     jumps = data.jump
-    reference_tuning = float(jumps.jump[0])
+    reference_tuning = float(jumps.jump[0])  # the first entry is the run without variations
     if not np.isfinite(reference_tuning):
         return "; no jump from rest in the scan"
     lower, upper = FIG6_TUNINGS
@@ -79,9 +79,10 @@ def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
 def six_degrees(data: Data) -> tuple:
     """Judge statement P13: undamped motion with six degrees of freedom is unsteady and bounces.
 
-    losing_share is the fraction of random initial states from which contact is lost, if the run
-    depends on rounding (free_of_rounding is 0). Return whether the statement holds, the result as
-    text, and how a strict criterion differs ("": it agrees).
+    losing_share is the fraction of initial states from which contact is lost: random ones if the
+    run depends on rounding errors (free_of_rounding is 0), else only rest. Return whether the
+    statement holds, the result as text, and a note if the motion repeats to 1e-6 of its height
+    although it looks unsteady in a plot (else "").
     """
     run = data.scene("fig8", cases=1).isel(case=0)
     distance, bounces, period = period_spread(run), float(run.bounces), repetition_period(run)

@@ -89,8 +89,8 @@ def _grazing(side: str, exponent: int) -> Problem:
 def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
     """Return the problems at a tuning inside an instability tongue and just beyond its edge.
 
-    `name` is the end of their names, `centre` the tuning inside, and `periods` the number of mesh
-    periods.
+    `name` is the end of the names of the problems, `centre` the tuning inside the tongue, and
+    `periods` the number of mesh periods.
     """
     model, problems = _UNDAMPED_WITHOUT_COAST_SIDE, {}
     equation = meissner.equation_of(model)
@@ -115,7 +115,8 @@ def _planets(
     The sun and the first planet are displaced along their base circles, in static deflections;
     `changes` are arguments of `planetary`.
     """
-    # Lin and Parker's train, excited at its second rotational mode of 1475 Hz.
+    # Lin and Parker's train, excited at its second rotational mode of 1475 Hz, with the stiffness
+    # ratios of sun meshes and ring meshes. Coordinates "u" are displacements along base circles.
     train = planetary(stiffness_ratio=(0.7458, 0.7321), **changes)
     state, coordinates = train.start_state("static"), train.structure.coordinates
     state[coordinates.index(("sun", "u"))] += sun_displacement
@@ -125,7 +126,12 @@ def _planets(
 
 
 def _state_problems() -> dict[str, Problem]:
-    """Return the problems that compare final states, as name -> `Problem`."""
+    """Return the problems that compare final states, as name -> `Problem`.
+
+    They are defined by rows of description, model and tuning, followed by the initial state (rest
+    on the drive-side flank line if it is missing) and the number of mesh periods (10 if missing).
+    In descriptions, the near flank is that of the drive side, the far flank that of the coast side.
+    """
     six_degrees = SixDegreePair(
         pair=PAPER,
         base_radii=(0.1, 0.1),
@@ -178,8 +184,7 @@ def problems() -> dict[str, Problem]:
 
     Orbits jump at a tuning of 0.8157; 2 and 0.6614 lie in tongues; the motion at 0.52 is chaotic.
     """
-    start = (0.0, -1e-8)
-    bounce = Problem("a bounce of 2e-8 rad", _UNDAMPED, 1.0, start, **_COMPARED_CONTACTS)
+    bounce = Problem("a bounce of 2e-8 rad", _UNDAMPED, 1.0, (0.0, -1e-8), **_COMPARED_CONTACTS)
     # The extrema of the last 24 mesh periods are compared.
     fold = {"periods": 96, "record_periods": 24, "quantity": "orbit", "tolerance": 1e-2}
     chaos = Problem(

@@ -229,10 +229,10 @@ def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
 def try_method(problem: Problem, method: str, options: dict) -> dict:
     """Run a method with these options on a problem; return the verdict, the error and further data.
 
-    The dict maps names of variables of the dataset to values: error is in the quantity that the
-    problem compares, evaluations are those of the right-hand side, judge is the name of the
-    reference method, and message says why a run stopped early or, for the verdict "refused", why
-    the method does not support the model.
+    The dict has the variables of the dataset: verdict (index in `VERDICTS`), error in the quantity
+    that the problem compares, evaluations of the right-hand side, judge (name of the method of the
+    reference run), and message, which says why a run stopped early or, for the verdict "refused",
+    why the method does not support the model.
     """
     verdict, run_error, periods, evaluations, reference_name = "refused", math.nan, 0, 0, ""
     message = integrators.reason_unsupported(problem.model, method)
@@ -259,13 +259,13 @@ def try_method(problem: Problem, method: str, options: dict) -> dict:
 def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
     """Run a method with these options on all difficult problems, and judge every run.
 
-    The dataset has the dimension problem, and the dimension trial with a single entry, `name`, the
-    label of this method with these options in figures and tables that compare several.
+    The dataset has the dimensions problem and trial. A trial is a method with options; here there
+    is only one, and `name` is its label in figures and tables that compare several.
     """
     problems_by_name = problems()
 
-    def description(problem_name: str) -> dict:
-        """Return the variables that describe a problem; words is its label in the figure."""
+    def problem_variables(problem_name: str) -> dict:
+        """Return the variables that define a problem; "words" is its description in the figure."""
         problem = problems_by_name[problem_name]
         # States of gear trains have more than two components and are not stored.
         x, v = problem.state if len(problem.state) == 2 else (math.nan, math.nan)
@@ -282,7 +282,7 @@ def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
     problem_axis = {"problem": list(problems_by_name)}
     axes = problem_axis | {"trial": [name]}
     data = stacked(axes, lambda key, _: try_method(problems_by_name[key], method, options))
-    data |= stacked(problem_axis, description)
+    data |= stacked(problem_axis, problem_variables)
     texts = {"method": method, "options": canonical_json(options)}
     data |= {key: ("trial", np.array([text], dtype=object)) for key, text in texts.items()}
     title = "Verdicts on methods by difficult problems"

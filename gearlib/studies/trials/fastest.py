@@ -31,10 +31,10 @@ def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[
     """Yield the rows of the table of the fastest methods: the names of the columns, then values.
 
     `errors` and `times` are results of `errors` and `times` of
-    `gearlib.studies.trials.work_precision`, one per method; their dimension rung has the settings
-    of a method, line its label, and knob the text of its accuracy parameter. Each problem and
-    decade of accuracy has a row with the fastest method of this library ("own") and the fastest
-    solver of other packages ("other").
+    `gearlib.studies.trials.work_precision`, one per method. Their dimension "rung" is the index of
+    a setting, for which "line" has the label of the method, and "knob" the accuracy parameter with
+    its value. Each problem and decade of accuracy has a row with the fastest method of this library
+    (columns "own_...") and the fastest solver of other packages (columns "other_...").
     """
     yield [
         *("problem", "accuracy_in_static_deflections", "own_is_times_faster"),
@@ -44,8 +44,8 @@ def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[
     def concatenated(datasets: Sequence[xr.Dataset], name: str) -> np.ndarray:
         return np.concatenate([data[name].values for data in datasets], axis=-1)
 
-    is_own = [[data.attrs["method"] in LIBRARY_METHODS] * data.sizes["rung"] for data in errors]
-    candidates = {"own": np.concatenate(is_own), "other": ~np.concatenate(is_own)}
+    in_library = [[data.attrs["method"] in LIBRARY_METHODS] * data.sizes["rung"] for data in errors]
+    candidates = {"own": np.concatenate(in_library), "other": ~np.concatenate(in_library)}
     names = "line", "knob", "state_error", "period_evaluations"
     labels, parameters, state_errors, evaluations = (concatenated(errors, name) for name in names)
     seconds = concatenated(times, "period_time")

@@ -50,9 +50,10 @@ def run(
     of freedom, None for rest on the drive-side flank. Codes (before, after) have the shape (n, 2).
     """
     with localcontext(prec=digits + GUARD_DIGITS):
+        # Only models with one degree of freedom have a scalar equation of motion.
         equations = (_six_degrees if model.equation is None else _one_degree)(model, tuning)
         z, contact, phases, codes = equations.start, NORMAL, [], []
-        # The rows of A for the derivatives of displacements are equal for all contact codes.
+        # The rows of A in z' = A z for derivatives of displacements do not depend on the contact.
         derivative_matrix = equations.matrices[BACKLASH, 0]
         if state is not None:
             z = decimals([*state, 1])

@@ -1,7 +1,8 @@
 """Compute the errors of each method over its cost in evaluations and wall time.
 
 A method is run with several values of its accuracy parameter, such as a tolerance or the number of
-steps; in the datasets a setting is called `rung`, the parameter `knob`. Errors and evaluations are
+steps. In the datasets the dimension `rung` is the index of the setting, `line` the label of the
+method, and `knob` the parameter with its value. Errors and evaluations are
 reproducible, wall times are not and are kept in separate datasets. The errors of one method on one
 problem, against `gearlib.studies.trials.references`:
 
@@ -133,9 +134,9 @@ def errors(
     """Return the errors and evaluations of a method on the test problems, for all its settings.
 
     `reference_data` is a result of `gearlib.studies.trials.references.compute`; `pair`,
-    `six_degrees` and `settings` are arguments of `gearlib.studies.trials.problems.build`. A setting
-    is a value of the accuracy parameter of the method; the dimension rung has all of them. Values
-    are NaN if the method cannot run the model or stops early.
+    `six_degrees` and `settings` are arguments of `gearlib.studies.trials.problems.build`. The
+    dimension "rung" is the index of the setting, a value of the accuracy parameter of the method.
+    Values are NaN if the method cannot run the model or stops early.
     """
     names = reference_data.problem.values.tolist()
     built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
@@ -195,9 +196,9 @@ def _error_floors(problem: problems.Problem, reference: problems.Motion) -> dict
 def _dataset(title, method, names, data, pair, parameters) -> xr.Dataset:
     """Return `data`, variables of a method over problem and setting, as a dataset.
 
-    The dataset describes each setting, the dimension rung: label of the variant of the method
-    (line), its family, the text of the accuracy parameter (knob) and all options. `names` are those
-    of the problems; `pair` and `parameters` are written to the attributes.
+    The dimension "rung" is the index of the setting. Each setting is described by the label of the
+    variant of the method ("line"), its family, the accuracy parameter with its value ("knob") and
+    all options. `names` are those of the problems; `pair` and `parameters` become attributes.
     """
     variants, parameter_texts, options = zip(*method_settings(method), strict=True)
     columns = {
@@ -218,12 +219,11 @@ def times(
 ) -> xr.Dataset:
     """Return the wall times of a method per mesh period, for all its settings and problems.
 
-    The dimension rung has the values of the accuracy parameter. No other
-    program may run at the same time. `names`, `pair`, `six_degrees` and `settings` are arguments of
-    `gearlib.studies.trials.problems.build`. The minimum of `repeats` runs is taken; long runs are
-    timed once. period_time excludes the start of a run and is NaN if the method cannot run the
-    model; closed_form_time is that of one evaluation of the exact solution of the equation of
-    motion in contact.
+    The dimension "rung" is the index of the setting, a value of the accuracy parameter. `names`,
+    `pair`, `six_degrees` and `settings` are arguments of `gearlib.studies.trials.problems.build`.
+    The minimum of `repeats` runs is taken; long runs are timed once. No other program may run at
+    the same time. period_time excludes the start of a run and is NaN if the method cannot run the
+    model; closed_form_time is that of one evaluation of the exact solution in contact.
     """
 
     def setting_time(name: str, setting: tuple) -> dict:
@@ -295,7 +295,8 @@ def seconds_per_period(run: Callable, short_periods: int, max_periods: int, repe
 
 @kernel
 def _evolve_repeatedly(level, u, v, t, count):
-    # Advance displacement u and velocity v, at constant stiffness, by `count` steps of length t.
+    # Advance displacement u and velocity v by `count` steps of length t, with the coefficients
+    # `level` of the exact solution at a constant stiffness.
     for _ in range(count):
         u, v = evolve(level, u, v, t)
     return u, v
