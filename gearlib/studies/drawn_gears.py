@@ -49,7 +49,7 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
         return {
             "mesh_stiffness": _stiffness_at(stiffness, phases[pair]),
             "mean_mesh_stiffness": stiffness.mean_stiffness,
-            "own_stiffness_ratio": stiffness.stiffness_ratio,
+            "own_stiffness_ratio": stiffness.stiffness_ratio,  # smallest over largest value
             "method_uncertainty": stiffness.uncertainty,
         }
 
