@@ -36,6 +36,7 @@ def errors(driver):
     return [entry["message"] for entry in driver.get_log("browser") if entry["level"] == "SEVERE"]
 
 
+#: Collects in `found` what matches the selector, the argument of the script, also in shadow roots.
 _SEARCH = """
     const found = [];
     const search = root => {
@@ -47,25 +48,21 @@ _SEARCH = """
 
 
 def everywhere(driver, selector):
-    """Return the elements that match in the document and all shadow roots."""
+    """Return the elements that match a selector in the document and all shadow roots."""
     return driver.execute_script(_SEARCH + "return found;", selector)
 
 
 def texts(driver, selector):
-    """Return the texts of those of them that are seen, as they are at one moment.
-
-    What is asked of one element after another may have been replaced meanwhile.
-    """
-    seen = "return found.filter(e => e.checkVisibility()).map(e => e.innerText);"
-    return driver.execute_script(_SEARCH + seen, selector)
+    """Return the texts of the visible elements that match a selector, all at one moment."""
+    visible = "return found.filter(e => e.checkVisibility()).map(e => e.innerText);"
+    return driver.execute_script(_SEARCH + visible, selector)
 
 
 def wait_for(condition, seconds=300.0):
     """Wait until a condition gives something true, and return that."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        found = condition()
-        if found:
-            return found
+        if result := condition():
+            return result
         time.sleep(0.2)
     raise TimeoutError("the page did not come to show it")

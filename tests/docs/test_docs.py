@@ -35,15 +35,16 @@ needs_mkdocs = pytest.mark.skipif(
 
 
 def blocks(page, language):
+    """Return the texts of the code blocks of a language on a page."""
     text = page.read_text(encoding="utf-8")
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.S | re.M)
 
 
 def with_blocks(language):
     """Return the pages that have blocks of a language, as parameters of a test."""
-    found = [page for page in PAGES if blocks(page, language)]
-    assert found
-    return [pytest.param(page, id=str(page.relative_to(ROOT))) for page in found]
+    pages = [page for page in PAGES if blocks(page, language)]
+    assert pages
+    return [pytest.param(page, id=str(page.relative_to(ROOT))) for page in pages]
 
 
 @pytest.fixture
@@ -64,8 +65,7 @@ def test_python_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch
     pattern = r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?"
     for code, printed in re.findall(pattern, text, re.S | re.M):
         exec(compile(code, page.name, "exec"), names)
-        said = capsys.readouterr().out
-        assert said == printed or page.name == "README.md"
+        assert capsys.readouterr().out == printed or page.name == "README.md"
     plt.close("all")
     for drawn in re.findall(r'savefig\("([^"]+)"', text):
         assert (tmp_path / drawn).stat().st_size > 1000
@@ -91,7 +91,7 @@ def test_yaml_laid_over_the_configuration_is_accepted(page):
         settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
         settings = overlay(settings, yaml.safe_load(block))
         if "gears" in settings:
-            # It stands by itself.
+            # Settings of drawn gears need no configuration below them.
             assert config.load(yaml.safe_load(block))
         elif "cases" in settings:
             assert config.cases(settings)
@@ -99,7 +99,7 @@ def test_yaml_laid_over_the_configuration_is_accepted(page):
             assert config.load(settings)
 
 
-def test_commands_of_the_shell_run_and_fit_eighty_columns(tmp_path, monkeypatch):
+def test_commands_in_the_pages_succeed_and_print_at_most_eighty_columns(tmp_path, monkeypatch):
     from click.testing import CliRunner
 
     from gearlib.cli.commands import main
@@ -109,26 +109,26 @@ def test_commands_of_the_shell_run_and_fit_eighty_columns(tmp_path, monkeypatch)
     lines = [line for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
     commands = [shlex.split(line) for line in lines if line.startswith("gearlib ")]
     assert len(commands) > 4
-    # With words that a terminal would break, and the help of each.
+    # The output of `orbit` has lines that a terminal would break.
     commands += [shlex.split("gearlib orbit --model train --period 3 --tuning 0.7")]
     commands += [["gearlib", name, "-h"] for name in main.commands]
     for _, name, *options in commands:
-        # The explorer would serve its page until stopped; trust takes seconds; no rig is here.
-        known = name in ("explore", "trust", "fit")
+        # The explorer would serve its page until stopped, trust takes seconds, fit needs rig data:
+        # only the options are compared with the help.
+        help_only = name in ("explore", "trust", "fit")
         if name == "workflow" and options != ["-h"]:
-            # Planned only; tests/wheel runs one, and its report.
-            options = [one for one in options if "report" not in one] + ["-n"]
-        result = CliRunner().invoke(main, [name, "--help"] if known else [name, *options])
+            # A dry run; tests/wheel runs a workflow and its report.
+            options = [option for option in options if "report" not in option] + ["-n"]
+        result = CliRunner().invoke(main, [name, *(["--help"] if help_only else options)])
         assert result.exit_code == 0, result.output
         assert all(len(line) <= 80 for line in result.output.splitlines()), result.output
-        if known:
-            for option in options:
-                assert not option.startswith("-") or option in result.output
+        for option in options if help_only else ():
+            assert not option.startswith("-") or option in result.output
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The documentation as a site, which was built without a warning."""
+    """The folder of the documentation as a site, which was built without a warning."""
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
     result = subprocess.run(
@@ -145,11 +145,10 @@ def test_pages_opened_as_files_can_be_searched(site, browser, page):
     field = browser.find_element("css selector", ".md-search__input")
     field.click()
     field.send_keys("backlash")
-
-    def found(driver):
-        return driver.find_elements("css selector", ".md-search-result__item a")
-
-    first = WebDriverWait(browser, 30).until(found)[0].get_attribute("href")
+    links = WebDriverWait(browser, 30).until(
+        lambda driver: driver.find_elements("css selector", ".md-search-result__item a")
+    )
+    first = links[0].get_attribute("href")
     assert (site / Path(first.split("#")[0].split("?")[0]).relative_to(site.as_uri())).exists()
     assert errors(browser) == []
 
@@ -163,8 +162,8 @@ def test_the_notebook_has_run_and_each_figure_shows_once(site):
     assert not any(cell.outputs or cell.execution_count for cell in cells)
     text = (site / NOTEBOOK.with_suffix(".html").name).read_text(encoding="utf-8")
     shown = re.findall(rf'src="({NOTEBOOK.stem}_\d+\.png)"', text)
-    drawing = [c for c in cells if re.search(r"plot\.\w+\(|subplots\(|Image\(", c.source)]
-    assert len(shown) == len({*shown}) == len(drawing) > 4
+    figures = sum(bool(re.search(r"plot\.\w+\(|subplots\(|Image\(", c.source)) for c in cells)
+    assert len(shown) == len({*shown}) == figures > 4
     assert all((site / name).stat().st_size > 1000 for name in shown)
     # 23 teeth at 6000 rpm.
     assert re.search(r"mesh frequency +2300 Hz", text) and (site / NOTEBOOK.name).is_file()
@@ -177,12 +176,12 @@ def test_the_site_fetches_nothing_from_the_network(site):
     fetched = r'<(?:script|link|img)[^>]+(?:src|href)="(https?:[^"]+)"'
     for page in pages:
         text = page.read_text(encoding="utf-8")
-        found = set(re.findall(fetched, text))
-        assert not found, f"{page.name} fetches {found}"
+        addresses = re.findall(fetched, text)
+        assert not addresses, f"{page.name} fetches {addresses}"
         assert "arithmatex" not in text, f"{page.name} has a formula that was not converted"
 
 
-def test_claims_are_those_of_the_code(hook):
+def test_reasons_and_links_of_the_claims_exist(hook):
     reproduction = hook("reproduction")
     ids = [row["id"] for row in reproduction.claims()]
     assert list(reproduction.reasons()) == ids
@@ -191,32 +190,34 @@ def test_claims_are_those_of_the_code(hook):
     assert linked <= {reproduction.anchor(heading) for heading in headings}
 
 
-def test_reasons_say_what_their_tables_say(hook):
+def test_instability_in_the_reason_of_p4_is_what_the_library_computes(hook):
     from gearlib.analysis.tongues import meissner
     from tests.paper import PAPER
 
-    reproduction = hook("reproduction")
-    why = reproduction.reasons()
-
-    def stored(name):
-        return reproduction._rows(reproduction.FOLDER / name)
-
     third = meissner.tongue(meissner.equation_of(PAPER), 3)
-    assert f"from {third.start:.4f} to {third.stop:.4f}" in " ".join(why["P4"].split())
-    tongue, branches, proven = reproduction.tables().values()
+    reason = " ".join(hook("reproduction").reasons()["P4"].split())
+    assert f"from {third.start:.4f} to {third.stop:.4f}" in reason
+
+
+def test_proven_ranges_end_where_the_branches_graze(hook):
+    """The reasons of P4 to P7; the word N of a certificate means contact without a loss."""
+    tongue, branches, proven = hook("reproduction").tables().values()
     assert tongue["k1m"]["cause"] == "parametric instability"  # P10
-    # P6: what is said of k1 holds of k1+k1m, every range is one of stable orbits.
+    # P6 says of k1+k1m what holds of k1.
     ranges = [[row["tuning"] for row in proven[k]["range N"]] for k in ("k1", "k1+k1m")]
     assert ranges[0] == ranges[1]
-    grazings = [branches[k]["grazing"] for k in ("k1", "k1+k1m")]
-    assert grazings[0][3:] == grazings[1][1:]
-    # P4 to P7: a proven range ends just where the orbit touches the flank.
-    for damping, first, second in (("conservative", 2, 3), ("k1", 3, 4), ("k1m", 3, 4)):
-        last, after = [branches[damping]["grazing"][i] for i in (first, second)]
+    assert branches["k1"]["grazing"][-2:] == branches["k1+k1m"]["grazing"][-2:]
+    for damping in ("conservative", "k1", "k1m"):
+        *_, grazing, next_grazing = branches[damping]["grazing"]
         *_, below, above = proven[damping]["range N"]
-        assert 0.0 < last - below["until"] < 2e-4 and 0.0 < above["tuning"] - after < 2e-4
+        assert 0.0 < grazing - below["until"] < 2e-4
+        assert 0.0 < above["tuning"] - next_grazing < 2e-4
+
+
+def test_proven_stability_is_that_of_the_reasons(hook):
+    proven = hook("reproduction").tables()["proven"]
     assert {row["stability"] for row in proven["k1"]["range N"]} == {"stable"}
-    # P4, P7, P10: both multipliers on the unit circle, or unstable.
+    # P4, P7, P10: all orbits but the second have both multipliers on the unit circle.
     for damping, kinds in (
         ("conservative", ["range N"]),
         ("k1m", ["orbit 0.6", "orbit 0.66", "orbit 0.78", "orbit 1.14"]),
@@ -225,21 +226,28 @@ def test_reasons_say_what_their_tables_say(hook):
         assert [row["stability"] == "unstable" for row in rows] == [False, True, False, False]
         assert sum("on the unit circle, exactly" in row["reason"] for row in rows) == 3
     for damping in ("k1", "k1+k1m"):
-        (kept,) = proven[damping]["orbit 1.14"]
-        assert (kept["contacts"], kept["stability"]) == ("N", "stable")
-    labels = {(row["damping"], float(row["tuning"])): row for row in stored("labels.csv")}
+        (orbit,) = proven[damping]["orbit 1.14"]
+        assert (orbit["contacts"], orbit["stability"]) == ("N", "stable")
+
+
+def test_motions_from_rest_reach_the_orbits_of_the_reasons(hook):
+    reproduction = hook("reproduction")
+    labels, claims = (
+        reproduction._rows(reproduction.FOLDER / name) for name in ("labels.csv", "claims.csv")
+    )
+    motions = {(row["damping"], float(row["tuning"])): row for row in labels}
     for nu in (0.6, 0.66, 0.78, 0.8, 0.81, 0.82, 1.14):
         for damping in ("k1", "k1+k1m", "k1m"):
-            row = labels[damping, nu]
-            reached = (row["label"], row["period"]) == ("periodic", "1")
-            assert reached == (damping != "k1m" or 0.8 <= nu < 1.0)
+            motion = motions[damping, nu]
+            is_periodic = (motion["label"], motion["period"]) == ("periodic", "1")
+            assert is_periodic == (damping != "k1m" or 0.8 <= nu < 1.0)
     # P11: of two stable orbits the motion from rest tends to the small one.
-    (settled,) = [row["computed"] for row in stored("claims.csv") if row["id"] == "P11"]
+    (computed,) = [row["computed"] for row in claims if row["id"] == "P11"]
     for nu in (0.815, 0.8151):
-        small, _, large = proven["k1"][f"orbit {nu}"]
+        small, _, large = reproduction.tables()["proven"]["k1"][f"orbit {nu}"]
         assert small["stability"] == large["stability"] == "stable"
         assert small["lowest"] > large["lowest"]
-        assert f"{nu}: y_min {small['lowest']:.4g}," in settled
+        assert f"{nu}: y_min {small['lowest']:.4g}," in computed
 
 
 @needs_mkdocs
@@ -247,27 +255,26 @@ def test_every_key_of_the_configuration_is_on_its_page(hook):
     from gearlib.config import schema
 
     page = hook("configuration").reference()
-    described = [schema(), *schema()["$defs"].values()]
-    keys = {key for node in described for key in node.get("properties", {})}
-    # The first column and the headings; a key below others stands there as `section.key`.
-    first = re.findall(r"^\| `([^`]+)`", page, re.M)
-    heads = re.findall(r"^## (.+)", page, re.M)
-    missing = keys - set(re.findall(r"\w+", " ".join([*first, *heads])))
-    assert not missing
+    nodes = [schema(), *schema()["$defs"].values()]
+    keys = {key for node in nodes for key in node.get("properties", {})}
+    # A key stands in the first column or in a heading; a key below another as `section.key`.
+    described = re.findall(r"^\| `([^`]+)`|^## (.+)", page, re.M)
+    assert keys <= set(re.findall(r"\w+", " ".join(map(" ".join, described))))
     assert "None" not in page
 
 
-def test_the_picture_shows_the_rooms_in_the_order_of_imports():
+def test_the_picture_of_the_architecture_shows_the_subpackages_in_the_order_of_imports():
     svg = (DOCS / "images/architecture.svg").read_text(encoding="utf-8")
-    found = re.findall(r'class="room" x="\d+" y="(\d+)".*>(.+)<', svg)
-    heights = {name: int(y) for y, name in found}
+    boxes = re.findall(r'class="room" x="\d+" y="(\d+)".*>(.+)<', svg)
+    heights = {name: int(y) for y, name in boxes}
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     layers = settings["tool"]["importlinter"]["contracts"][0]["layers"]
-    rooms = [re.split(r" [|:] ", layer) for layer in layers]
-    # Single modules beside the rooms.
-    rooms = [[room for room in row if (ROOT / "gearlib" / room).is_dir()] for row in rooms]
-    assert set(heights) == {room for row in rooms for room in row}
-    order = [heights[room] for row in rooms for room in row]
+    names = [name for layer in layers for name in re.split(r" [|:] ", layer)]
+    # The picture has no single modules.
+    packages = [name for name in names if (ROOT / "gearlib" / name).is_dir()]
+    assert set(heights) == set(packages)
+    order = [heights[name] for name in packages]
+    # More than seven rows of boxes are hard to read.
     assert order == sorted(order) and len(set(order)) <= 7
 
 
@@ -284,8 +291,8 @@ def test_names_in_the_glossary_are_those_of_the_code():
         arguments = inspect.signature(thing).parameters
         known |= {*arguments, *(f"{name}.{attribute}" for attribute in [*arguments, *dir(thing)])}
     text = (DOCS / "glossary.md").read_text(encoding="utf-8")
-    found = re.findall(r"`([^`]+)`", text.split("\n## ", 1)[1])
-    assert len(found) > 50
+    quoted = re.findall(r"`([^`]+)`", text.split("\n## ", 1)[1])
+    assert len(quoted) > 50
     # `direction="up"` is the argument `direction`; a second value of it stands in quotes alone.
-    names = {name.split("=")[0] for name in found if not name.startswith('"')}
+    names = {name.split("=")[0] for name in quoted if not name.startswith('"')}
     assert names <= known

@@ -6,7 +6,7 @@ import pytest
 from gearlib import integrators, simulate
 from gearlib.models.pair import GearPair
 from gearlib.studies.trials import difficult_problems, failures
-from tests.references import of_pair
+from tests.references import propagate_pair
 
 PROBLEMS = difficult_problems.problems()
 #: Those of the linear one-degree mesh that 50 digits finish soon.
@@ -21,7 +21,7 @@ LINEAR = [
 def test_both_exact_methods_have_the_state_and_the_events_of_50_digits(name):
     model, tuning = PROBLEMS[name].model, PROBLEMS[name].tuning
     periods, state = PROBLEMS[name].periods, PROBLEMS[name].state
-    x, v, events = of_pair(model, tuning, periods, state)
+    x, v, events = propagate_pair(model, tuning, periods, state)
     settings = {"periods": periods, "record_periods": periods, "initial_state": state}
     for method in ("exact", "taylor"):
         run = simulate(model, tuning, method=method, **settings)

@@ -8,7 +8,7 @@ import pytest
 from gearlib import GearPair, OneDegreePair
 from gearlib.studies.trials import high_precision
 from tests.independent.systems import describe, move
-from tests.references import of_pair
+from tests.references import propagate_pair
 
 RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.06}
 #: Of 50 digits ten may go to the growth of rounding over six periods of bouncing.
@@ -33,7 +33,7 @@ def digits_of(value):
 def test_runs_in_many_digits_are_those_of_closed_forms(changes, tuning, state):
     pair = GearPair.from_ratios(**(RATIOS | changes))
     end, phases, contacts = high_precision.run(pair, tuning, 6, 50, state)
-    x, v, events = of_pair(pair, tuning, 6, state)
+    x, v, events = propagate_pair(pair, tuning, 6, state)
     assert [*map(tuple, contacts.tolist())] == [event[1:3] for event in events]
     assert max(abs(digits_of(a) - b) for a, b in zip(end, (x, v), strict=True)) < DIGITS
     for phase, event in zip(phases, events, strict=True):

@@ -12,7 +12,7 @@ from gearlib.analysis.tongues import meissner
 from gearlib.analysis.tongues.search import find_tongues
 from tests.independent.systems import describe, move
 from tests.properties.known_models import EVERYTHING, gears
-from tests.references import map_of_contact
+from tests.references import contact_map
 
 PAPER = (1.569, 0.5879)
 #: Contact ratio, stiffness ratio, damping ratio; in the last two the softer stretch is over-damped.
@@ -35,7 +35,7 @@ def miss_in_50_digits(ratios, sign):
     """Return det(M - sign I) as a function of the tuning."""
 
     def miss(nu):
-        m = map_of_contact(*ratios, nu)
+        m = contact_map(*ratios, nu)
         return 1 - sign * (m[0, 0] + m[1, 1]) + m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
 
     return miss
@@ -61,7 +61,7 @@ def test_the_map_of_one_period_in_50_digits(ratios):
     pair = mesh(*ratios)
     result, _ = meissner.period_map(pair, nu)
     with mpmath.workdps(50):
-        true = np.array(map_of_contact(*ratios, nu).tolist(), float)
+        true = np.array(contact_map(*ratios, nu).tolist(), float)
     # The phases of a period round by themselves times 1e-16, the slower of them up to 100 rad.
     np.testing.assert_allclose(result, true, rtol=0, atol=1e-12 * max(1.0, np.abs(true).max()))
     liouville = math.exp(-4.0 * math.pi * ratios[2] / nu)

@@ -20,13 +20,16 @@ FOLDER = Path(__file__).parent
 _DIGITS = 20
 
 
-def propagate(epsilon, kappa, beta, beta_m, backlash, tuning, periods, state=(0.0, 0.0)):
-    """Return (x, v, events) of a pair by its ratios in 50 digits.
+def propagate(
+    contact_ratio, stiffness_ratio, damping_ratio, backlash_damping_ratio, backlash_ratio,
+    tuning, periods, state=(0.0, 0.0),
+):  # fmt: skip
+    """Return (x, v, events) of a pair after some mesh periods from a state (x, v), in 50 digits.
 
     `events` is a list of (phase, contact before, contact after, v).
     """
     with mpmath.workdps(50):
-        epsilon, kappa = mpmath.mpf(epsilon), mpmath.mpf(kappa)
+        epsilon, kappa = mpmath.mpf(contact_ratio), mpmath.mpf(stiffness_ratio)
         pair = {
             "kind": "GearPair",
             "max_stiffness": 1 / (kappa + (1 - kappa) * (epsilon - 1)),
@@ -34,17 +37,17 @@ def propagate(epsilon, kappa, beta, beta_m, backlash, tuning, periods, state=(0.
             "contact_ratio": epsilon,
             "reduced_mass": mpmath.mpf(1),
             "load": mpmath.mpf(1),
-            "backlash": backlash,
-            "material_damping": 2 * mpmath.mpf(beta),
-            "backlash_damping": 2 * mpmath.mpf(beta_m),
+            "backlash": backlash_ratio,
+            "material_damping": 2 * mpmath.mpf(damping_ratio),
+            "backlash_damping": 2 * mpmath.mpf(backlash_damping_ratio),
         }
         motion = move(pair, tuning, periods, state, context=mpmath.mp)
         events = [(event.phase, event.before, event.after, event.rate) for event in motion.events]
         return (*motion.mesh_state(), events)
 
 
-def of_pair(pair, tuning, periods, state=(0.0, 0.0)):
-    """Return (x, v, events) of a pair in 50 digits, see `propagate`, by its public ratios."""
+def propagate_pair(pair, tuning, periods, state=(0.0, 0.0)):
+    """Return (x, v, events) of a `GearPair` in 50 digits, see `propagate`."""
     names = ("contact_ratio", "stiffness_ratio", "damping_ratio", "backlash_damping_ratio")
     ratios = [getattr(pair, name) for name in (*names, "backlash_ratio")]
     return propagate(*ratios, tuning, periods, state)
@@ -58,15 +61,19 @@ def free_map(decay, square, t):
     return (mpmath.matrix(rows) * mpmath.exp(-decay * t)).apply(mpmath.re)
 
 
-def map_of_contact(contact_ratio, stiffness_ratio, damping, tuning):
-    """Return the map of (x, dx/dtau) over a period of a mesh that is never lost."""
+def contact_map(contact_ratio, stiffness_ratio, damping, tuning):
+    """Return the map of (x, dx/dtau) over a mesh period without loss of contact, a 2x2 matrix.
+
+    The period begins in the middle of double contact, which lasts `half` before and after it.
+    """
     epsilon, kappa, beta, nu = map(
         mpmath.mpf, map(mpmath.mpmathify, (contact_ratio, stiffness_ratio, damping, tuning))
     )
     mean = kappa + (1 - kappa) * (epsilon - 1)
     half = mpmath.pi * (epsilon - 1)
-    high, low = free_map(beta / nu, 1 / mean / nu**2, half), kappa / mean / nu**2
-    return high * free_map(beta / nu, low, 2 * (mpmath.pi - half)) * high
+    double_contact = free_map(beta / nu, 1 / mean / nu**2, half)
+    single_contact = free_map(beta / nu, kappa / mean / nu**2, 2 * (mpmath.pi - half))
+    return double_contact * single_contact * double_contact
 
 
 def from_rest(decay, square, load, x, t):

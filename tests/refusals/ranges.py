@@ -13,85 +13,91 @@ _LIST = re.compile(r"a list of (\d+|at least one) entr\w+, each (.*)")
 _NUMBER = r"(pi / [234]|2 pi|-?\d+\.?\d*)"
 _LOWEST = re.compile(rf"(from|>=|>) {_NUMBER}")
 _HIGHEST = re.compile(rf"(to less than|to below|to|<=|<) {_NUMBER}")
-_NAMED = {f"pi / {part}": math.pi / part for part in (2, 3, 4)} | {"2 pi": 2.0 * math.pi}
+_MULTIPLES_OF_PI = {f"pi / {part}": math.pi / part for part in (2, 3, 4)} | {"2 pi": 2.0 * math.pi}
 
 
 @dataclass(frozen=True)
 class Range:
-    """What a row says in words: a number or list of such, bounds, a unit, infinity."""
+    """A range in words: a number or a list of numbers, its bounds, whether it may be infinite."""
 
     words: str
 
     @cached_property
     def count(self):
-        """Entries of a list, None of any number of them; 0 of what is no list."""
-        found = _LIST.fullmatch(self.words)
-        return 0 if found is None else int(found[1]) if found[1].isdigit() else None
+        """The number of entries of a list, None for any number; 0 if the value is no list."""
+        match = _LIST.fullmatch(self.words)
+        return 0 if match is None else int(match[1]) if match[1].isdigit() else None
 
     @cached_property
     def entry(self):
-        """The range of the entries of a list."""
-        return Range(_LIST.fullmatch(self.words)[2])
+        """The range of the entries of a list; of a single value the range itself."""
+        return self if self.count == 0 else Range(_LIST.fullmatch(self.words)[2])
 
     @property
     def numeric(self):
-        """Whether it is that of a number."""
+        """Whether the value is a number."""
         return bool(self.integer or re.search("number|finite|from|>|<", self.words))
 
     @property
     def integer(self):
+        """Whether the value is an integer."""
         return "integer" in self.words
 
     @property
     def infinite(self):
+        """Whether infinity is allowed."""
         return "inf" in self.words.replace("finite", "")
 
     @cached_property
     def bounds(self):
-        """(bound, whether it is allowed itself, sign of the way out), for those that there are."""
-        found = []
-        for pattern, way in ((_LOWEST, -1), (_HIGHEST, 1)):
-            match = pattern.search(self.words)
-            if match:
-                bound = _NAMED.get(match[2]) or float(match[2])
-                found.append((int(bound) if self.integer else bound, match[1], way))
-        return [(b, word in ("from", ">=", "to", "<="), way) for b, word, way in found]
+        """List of (bound, whether it is itself allowed, sign of the direction out of the range)."""
+        bounds = []
+        for pattern, outward in ((_LOWEST, -1), (_HIGHEST, 1)):
+            if match := pattern.search(self.words):
+                relation, text = match.groups()
+                bound = _MULTIPLES_OF_PI.get(text) or float(text)
+                allowed = relation in ("from", ">=", "to", "<=")
+                bounds.append((int(bound) if self.integer else bound, allowed, outward))
+        return bounds
 
     def outside(self):
         """Return numbers just outside, and those that no range allows."""
         wrong = [math.nan, -math.inf]
-        if not self.infinite:
-            wrong.append(math.inf)
-        if self.integer:
-            wrong += [1.5, 20.0]
-        for bound, allowed, way in self.bounds:
-            wrong.append(_beside(bound, way) if allowed else bound)
+        wrong += [] if self.infinite else [math.inf]
+        wrong += [1.5, 20.0] if self.integer else []
+        for bound, allowed, outward in self.bounds:
+            wrong.append(_next_number(bound, outward) if allowed else bound)
         return wrong
 
     def inside(self):
-        """Return numbers just inside, of each bound one, or one where there is none."""
-        found = [bound if allowed else _beside(bound, -way) for bound, allowed, way in self.bounds]
-        found = [0.999 * one if "pi" in self.words and one > 0.5 else one for one in found]
-        return (found or [1.0]) + [math.inf] * self.infinite
+        """Return the allowed number next to each bound, 1 without bounds, infinity if allowed."""
+        values = [
+            bound if allowed else _next_number(bound, -outward)
+            for bound, allowed, outward in self.bounds
+        ]
+        # Multiples of pi are rounded in the sentences.
+        values = [0.999 * v if "pi" in self.words and v > 0.5 else v for v in values]
+        return (values or [1.0]) + [math.inf] * self.infinite
 
 
-def _beside(bound, way):
-    """Return the next number that way; beside zero one that has a square."""
+def _next_number(bound, sign):
+    """Return the number above (sign 1) or below (-1); beside 0 one whose square is not 0."""
     if isinstance(bound, int):
-        return bound + way
-    return way * 1e-12 if bound == 0.0 else math.nextafter(bound, way * math.inf)
+        return bound + sign
+    return sign * 1e-12 if bound == 0.0 else math.nextafter(bound, sign * math.inf)
 
 
 class Ranges:
-    """The rows of one part of the table: what a key may be, by the longest end of its path."""
+    """The rows of some parts of `ranges.yaml`, such as "library" or "units"."""
 
     def __init__(self, *parts):
+        #: End of the path of a parameter -> words of its range.
         self.rows = {
             name: words for part in parts for words, row in TABLE[part].items()
             for name in row.split()
         }  # fmt: skip
 
     def of(self, path):
-        """Return the `Range` of a key, None where no row has it."""
+        """Return the `Range` in the row of the longest end of a path, None without a row."""
         ends = [f"/{'.'.join(path)}", *(".".join(path[i:]) for i in range(len(path)))]
         return next((Range(self.rows[end]) for end in ends if end in self.rows), None)

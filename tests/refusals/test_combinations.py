@@ -7,6 +7,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from functools import partial
 from math import inf
 from pathlib import Path
 
@@ -14,27 +15,9 @@ import pytest
 import yaml
 
 import gearlib
-from gearlib import (
-    Body,
-    GearPair,
-    GearTrain,
-    LoadSharingPair,
-    Shaft,
-    Tabulated,
-    planetary,
-    split_power_reducer,
-)
+from gearlib import Body, GearPair, GearTrain, LoadSharingPair, Shaft, Tabulated, planetary
 from gearlib.config import ConfigError, load
-from gearlib.geometry import (
-    Mesh,
-    PathTable,
-    Rack,
-    SpurGear,
-    TipRelief,
-    Web,
-    dynamic_factor,
-    planetary_set,
-)
+from gearlib.geometry import Mesh, PathTable, Rack, SpurGear, TipRelief, Web, dynamic_factor
 from tests.geometry.drawings import fzg_c, ring, twenty
 from tests.paper import CONFIG, PAPER
 from tests.unit.test_drawn_gears import FZG
@@ -77,11 +60,12 @@ def says(text, pattern):
     return re.match(".*".join(map(re.escape, parts)), text) is not None
 
 
-def changed(settings, path, value):
-    """Change a configuration at a path; None takes the key away."""
-    found = re.findall(r"([^.[\]]+)(?!\])|\[(\d+)\]", path) if isinstance(path, str) else []
-    *parts, key = [int(n) if n else name for name, n in found] or [path]
-    for part in parts:
+def set_at_path(settings, path, value):
+    """Set a value at a path such as `scenes.k1.cases[0].tuning`, in place; None removes the key."""
+    # Keys are separated by dots, indices stand in brackets; a number as a key has no path below it.
+    parts = re.findall(r"([^.[\]]+)(?!\])|\[(\d+)\]", path) if isinstance(path, str) else []
+    *parents, key = [int(index) if index else name for name, index in parts] or [path]
+    for part in parents:
         settings = settings[part] if isinstance(part, int) else settings.setdefault(part, {})
     if value is None:
         del settings[key]
@@ -90,22 +74,21 @@ def changed(settings, path, value):
 
 
 @pytest.mark.parametrize(("base", "change", "sentence"), ROWS)
-def test_what_does_not_go_together_is_refused_in_one_sentence(base, change, sentence):
-    # Aliases of one drawing become drawings of their own.
+def test_inconsistent_settings_are_refused_in_one_sentence(base, change, sentence):
+    # A copy in which no two parts are the same object.
     settings, changes = json.loads(json.dumps(BASES[base])), yaml.safe_load(change)
-    changes = changes if isinstance(changes, dict) else {changes: None}
-    for path, value in changes.items():
-        changed(settings, path, value)
+    # A row with nothing but a path removes its key.
+    for path, value in changes.items() if isinstance(changes, dict) else [(changes, None)]:
+        set_at_path(settings, path, value)
     with pytest.raises(ConfigError) as refusal:
         load(settings)
     (text,) = str(refusal.value).splitlines()
-    own = f"{path} " if sentence.startswith(("= ", "is ")) else ""
-    assert says(text, own + sentence), text
+    key = f"{path} " if sentence.startswith(("= ", "is ")) else ""
+    assert says(text, key + sentence), text
 
 
 GEAR = {"teeth": 20, "module": 4e-3, "width": 0.02}
 PLANETS = {"module": 3e-3, "width": 0.025}
-INNER = {"teeth": 60, "module": 4e-3, "width": 0.02, "internal": True}
 A = Body(name="a", inertia=0.01, base_radius=0.1, teeth=20, torque=100.0)
 B = Body(name="b", inertia=0.02, base_radius=0.2, teeth=40, torque=200.0)
 C = Body(name="c", inertia=0.02, base_radius=0.2, teeth=40)
@@ -113,54 +96,28 @@ AB = gearlib.Mesh(pinion="a", wheel="b", max_stiffness=4e8, stiffness_ratio=0.6,
 CA = replace(AB, pinion="c", wheel="a", name="c-a")
 BC = replace(AB, pinion="b", wheel="c", name="b-c")
 LARGE = Body(name="r", inertia=0.5, base_radius=0.3, teeth=60)
-RUN = {"periods": 2, "record_periods": 1}
 
-
-def gear(**changes):
-    return SpurGear(**GEAR | changes)
-
-
-def inner(**changes):
-    return SpurGear(**INNER | changes)
+gear = partial(SpurGear, **GEAR)
+inner = partial(SpurGear, **GEAR | {"teeth": 60, "internal": True})
+ring_of_planets = partial(SpurGear, **PLANETS, teeth=99, internal=True)
+web = partial(Web, thickness=0.01, rim_diameter=0.06, hub_diameter=0.04)
+energy = partial(twenty().stiffness, "energy")
+pair = partial(GearPair.from_geometry, fzg_c())
+factor = partial(dynamic_factor, fzg_c(), 302.0, rpm=100.0)
+error = partial(fzg_c().transmission_error, torque=300.0)
+sharing = partial(LoadSharingPair, pair=pair(torque=1.0), drawing=fzg_c())
+sweep = partial(gearlib.sweep, PAPER, periods=2, record_periods=1)
+split_power_reducer = partial(gearlib.split_power_reducer, PAPER)
 
 
 def mesh(distance=None, backlash=None, wheel=None, **changes):
     return Mesh(gear(), wheel or gear(**{"teeth": 40} | changes), distance, backlash)
 
 
-def web(**changes):
-    return Web(**{"thickness": 0.01, "rim_diameter": 0.06, "hub_diameter": 0.04} | changes)
-
-
-def energy(**options):
-    return twenty().stiffness("energy", **options)
-
-
-def pair(**options):
-    return GearPair.from_geometry(fzg_c(), **options)
-
-
-def factor(rpm=100.0, **options):
-    return dynamic_factor(fzg_c(), 302.0, rpm, **options)
-
-
-def error(**options):
-    return fzg_c().transmission_error(**{"torque": 300.0} | options)
-
-
-def sharing(**changes):
-    own = {"pair": GearPair.from_geometry(fzg_c(), torque=1.0), "drawing": fzg_c()}
-    return LoadSharingPair(**own | changes)
-
-
 def planets(teeth=(27, 36, 99), ring=None, **options):
     sun, planet = (SpurGear(teeth=z, **PLANETS) for z in teeth[:2])
-    own = SpurGear(teeth=teeth[2], internal=True, outer_diameter=0.34, **PLANETS)
-    return planetary_set(sun, planet, ring or own, **{"torque": 100.0} | options)
-
-
-def inside(**changes):
-    return SpurGear(**PLANETS | {"internal": True} | changes)
+    ring = ring or ring_of_planets(teeth=teeth[2], outer_diameter=0.34)
+    return gearlib.geometry.planetary_set(sun, planet, ring, **{"torque": 100.0} | options)
 
 
 def train(bodies=(A, B), meshes=(AB,), **more):
@@ -171,12 +128,13 @@ def simulate(tuning=0.8, **options):
     return gearlib.simulate(PAPER, tuning, **{"periods": 2} | options)
 
 
-def sweep(tunings=None, **options):
-    return gearlib.sweep(PAPER, tunings, **RUN | options)
-
-
+DAMPED = PAPER.replace(material_damping=4e3)
+SIX_DEGREES = gearlib.SixDegreePair(
+    **{"pair": PAPER, "base_radii": (0.1, 0.1), "inertias": (0.06, 0.06)},
+    **{"masses": (17.0, 17.0), "bearing_stiffness": (1e8,) * 4},
+)
 OSCILLATOR = gearlib.DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, damping=0.1)
-#: How the sentence goes -> the call.
+#: Sentence of the refusal, `...` for what is left out -> the refused call.
 LIBRARY = {
     # Numbers beyond those of a machine.
     "load = 1000000 ... > 0": lambda: PAPER.replace(load=10**320),
@@ -190,9 +148,6 @@ LIBRARY = {
     "strobes = 1000000000 at 1 values ... 2 GB": lambda: gearlib.bifurcation_diagram(
         PAPER, [0.8], strobes=10**9
     ),
-    "period = 1000000000 ... from 1 to 100000": lambda: gearlib.periodic_orbit(
-        PAPER, 0.8, period=10**9
-    ),
     "count = 1000000000 ... from 1 to 1000": lambda: planetary().campbell(10**9),
     f"teeth = {2**63} ... from 1 to {2**63 - 1}": lambda: PAPER.replace(teeth=2**63),
     # One gear.
@@ -204,7 +159,6 @@ LIBRARY = {
     "bore = 0.075 ... < 0.07 m": lambda: gear(bore=0.075),
     "bore = 0.1 ... 0 for a ring": lambda: inner(bore=0.1),
     "outer_diameter = 0.24 ... above the root circle": lambda: inner(outer_diameter=0.24),
-    "outer_diameter = inf ... finite number > 0": lambda: inner(outer_diameter=inf),
     "outer_diameter = 0.1 ... only a ring gear": lambda: gear(outer_diameter=0.1),
     "outer_diameter = None ... above": lambda: inner().inertia,
     "thickness of the web = 0.03 ... 0.02": lambda: gear(web=web(thickness=0.03)),
@@ -262,9 +216,7 @@ LIBRARY = {
     "speed = 3000.0 ... dimensionless": lambda: gearlib.simulate(
         GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6), speed=3e3, periods=1
     ),
-    "tunings out of order ... increasing": lambda: gearlib.sweep(
-        PAPER, [0.7, 0.5], periods=1, record_periods=1, direction="up"
-    ),
+    "tunings out of order ... increasing": lambda: sweep([0.7, 0.5], direction="up"),
     "speed = 0.0 ... > 0": lambda: pair(power=1e3, speed=0.0),
     "torque = -1.0 ... > 0": lambda: pair(torque=-1.0),
     "damping_ratio and material_damping ... one of them": lambda: pair(
@@ -273,14 +225,14 @@ LIBRARY = {
     "damping_ratio = -0.1 ... >= 0": lambda: pair(torque=1.0, damping_ratio=-0.1),
     "logarithmic_decrement = inf ... >= 0": lambda: pair(torque=1.0, logarithmic_decrement=inf),
     "quality = None ... deviations": factor,
-    "rpm = [100.0, -1.0] ... > 0": lambda: factor([100.0, -1.0]),
+    "rpm = [100.0, -1.0] ... > 0": lambda: factor(rpm=[100.0, -1.0]),
     "rpm = [] ": lambda: dynamic_factor(twenty(quality=5), 300.0, []),
-    "rpm = 'fast' ... > 0": lambda: factor("fast"),
+    "rpm = 'fast' ... > 0": lambda: factor(rpm="fast"),
     "torque = -1.0 ... >= 0": lambda: error(torque=[1.0, -1.0]),
     "torque = [] ... at least one": lambda: error(torque=[]),
     "stiffness = 'fem' ... 'energy'": lambda: error(stiffness="fem"),
-    "stiffness = 0 N/m ... > 0 all along": lambda: error(stiffness=PathTable((0.0,), (0.0,))),
     "coupling = 1.5 ... from 0 to 1": lambda: error(coupling=1.5),
+    "stiffness = 0 N/m ... > 0 all along": lambda: error(stiffness=PathTable((0.0,), (0.0,))),
     "deviation = 1e-05 ... a PathTable": lambda: error(deviation=1e-5),
     "pitch_errors[0] = inf ... finite": lambda: error(pitch_errors=[inf]),
     "pitch_errors = 1e-06 ... a sequence": lambda: error(pitch_errors=1e-6),
@@ -316,11 +268,9 @@ LIBRARY = {
     "bodies of a shaft = 'x' ... one of 'a', 'b'": lambda: train(
         shafts=[Shaft(bodies=("a", "x"), stiffness=1.0)]
     ),
-    "carrier of body b = 'x' ... one of 'a', 'b'": lambda: train(
-        bodies=(A, replace(B, carrier="x"))
-    ),
+    "carrier of body b = 'x' ... one of 'a', 'b'": lambda: train((A, replace(B, carrier="x"))),
     "carrier of body b = 'b' ... which no carrier carries": lambda: train(
-        bodies=(A, replace(B, carrier="b"))
+        (A, replace(B, carrier="b"))
     ),
     "driving of mesh a-b = 'x' ... one of 'a', 'b'": lambda: replace(AB, driving="x"),
     "wheel of mesh a-b = 'a' ... another body than the pinion": lambda: train(
@@ -328,7 +278,7 @@ LIBRARY = {
     ),
     "teeth of body b = None ... in mesh a-b": lambda: train(bodies=(A, replace(B, teeth=None))),
     "base_radius of body b = 0.21 ... 0.2 to have the base pitch": lambda: train(
-        bodies=(A, replace(B, base_radius=0.21))
+        (A, replace(B, base_radius=0.21))
     ),
     "teeth of body a = 20 ... more than the 40 of b": lambda: train(
         meshes=[replace(AB, pinion="b", wheel="a", internal=True)]
@@ -338,7 +288,7 @@ LIBRARY = {
         (A, B, C, LARGE), (AB, replace(AB, pinion="c", wheel="r", name="c-r"))
     ),
     "torque of bodies a, b ... must balance on the free rotation": lambda: train(
-        bodies=(A, replace(B, torque=0.0))
+        (A, replace(B, torque=0.0))
     ),
     "torque of bodies a, b ... must balance": lambda: train(bodies=(A, replace(B, torque=-200.0))),
     "support_stiffness of body a = ... the same along x and y in a turning frame": lambda: train(
@@ -354,11 +304,9 @@ LIBRARY = {
     "teeth = (27, 98) ... an even number": lambda: planetary(teeth=(27, 98)),
     "planet_teeth = 80 ... fit into the ring": lambda: planetary(planet_teeth=80),
     "teeth = ... one centre distance, ... 0.12 m in the first, 0.128 m": lambda: (
-        split_power_reducer(PAPER, teeth=(24, 36, 24, 40))
+        split_power_reducer(teeth=(24, 36, 24, 40))
     ),
-    "backlashes[0] = 1e-05 ... 2 values": lambda: split_power_reducer(
-        PAPER, backlashes=(1e-5,) * 3
-    ),
+    "backlashes[0] = 1e-05 ... 2 values": lambda: split_power_reducer(backlashes=(1e-5,) * 3),
     "gear = 'a' ... a gearlib.geometry.SpurGear": lambda: Body.from_gear("a", "b"),
     "mesh = None ... a gearlib.geometry.Mesh": lambda: gearlib.Mesh.from_geometry(None, "a", "b"),
     "mesh = 'gears' ... Mesh": lambda: GearPair.from_geometry("gears", torque=1.0),
@@ -367,7 +315,7 @@ LIBRARY = {
     # Planetary sets of drawn gears.
     "internal of the ring = False ... True": lambda: planets(ring=SpurGear(teeth=36, **PLANETS)),
     "teeth of the ring = 36 ... z_s + 2 z_p = 27 + 2 * 36 = 99, or": lambda: planets(
-        ring=inside(teeth=36)
+        ring=ring_of_planets(teeth=36)
     ),
     "teeth of the ring = 99 ... 27 + 2 * 96 = 219, or": lambda: planets(
         (27, 96, 99), centre_distance=0.1845
@@ -375,7 +323,7 @@ LIBRARY = {
     "contact_ratio of the ring mesh = 0.99 ... >= 1": lambda: planets(
         (27, 34, 97), centre_distance=0.092
     ),
-    # Shifts, or a centre distance, may make up for two teeth.
+    # A centre distance makes up for two teeth, but the tips of the ring begin too far inside.
     "tip_diameter of the ring = 0.291 ... begins 0.0102": lambda: planets(
         (27, 37, 99), centre_distance=0.096
     ),
@@ -386,8 +334,8 @@ LIBRARY = {
     "planets = 3 ... axes are": lambda: planets(positions=[0.0, math.tau * 10 / 126, math.pi]),
     "positions[1] = 2.0 ... 0.0498666": lambda: planets(positions=[0.0, 2.0, 4.0]),
     "positions = (0.0, 1.0) ... 3 values": lambda: planets(positions=[0.0, 1.0]),
-    "module of the ring = 0.002 ... 0.003": lambda: planets(ring=inside(teeth=99, module=2e-3)),
-    "outer_diameter = None ... ring gear": lambda: planets(ring=inside(teeth=99)),
+    "module of the ring = 0.002 ... 0.003": lambda: planets(ring=ring_of_planets(module=2e-3)),
+    "outer_diameter = None ... ring gear": lambda: planets(ring=ring_of_planets()),
     "backlashes[1] = -1 ... >= 0": lambda: planets(backlashes=(1e-5, -1e-5)),
     "damping_ratio and material_damping ... one of": lambda: planets(
         damping_ratio=0.1, material_damping=1.0
@@ -395,14 +343,11 @@ LIBRARY = {
     # Calls.
     "initial_state = (0.0,) ... must be": lambda: simulate(initial_state=(0.0,)),
     "initial_state = (inf, 0.0) ... must be": lambda: simulate(initial_state=(inf, 0.0)),
-    "record_periods = 3 ... must be": lambda: simulate(record_periods=3),
-    "options = ['steps'] ... must be": lambda: simulate(options=["steps"]),
     "tuning = None with speed = None ... one of the": lambda: simulate(None),
     "tuning = 0.7 with speed = 3000.0 ... one of the two": lambda: simulate(0.7, speed=3000.0),
     "support_stiffness ... 20,000 times": lambda: gearlib.simulate(
-        split_power_reducer(PAPER, support_stiffness=1e18), 0.5, periods=1
+        split_power_reducer(support_stiffness=1e18), 0.5, periods=1
     ),
-    "speed = '3000 rpm' ... > 0": lambda: simulate(None, speed="3000 rpm"),
     "speed = 10.0 ... nothing turns": lambda: gearlib.simulate(OSCILLATOR, speed=10.0, periods=1),
     "tunings = [] ... must be": lambda: sweep([]),
     "tunings[1] = -1.0 ... must be": lambda: sweep([0.8, -1.0]),
@@ -415,9 +360,7 @@ LIBRARY = {
         upper_stiffness=0.0, lower_stiffness=0.0, lower_edge=-1.0
     ),
     "... the stiffness falls to -0.25": lambda: gearlib.Series(1.0, gearlib.Harmonics((1.25,))),
-    "to = 0.9 ": lambda: gearlib.continue_orbit(
-        gearlib.periodic_orbit(PAPER.replace(material_damping=4e3), 0.9), to=0.9
-    ),
+    "to = 0.9 ": lambda: gearlib.continue_orbit(gearlib.periodic_orbit(DAMPED, 0.9), to=0.9),
     "... must be after 0.0 s": lambda: gearlib.run_up(PAPER, speed=[(0.0, 5.0), (0.0, 6.0)]),
     "... one of the two": lambda: gearlib.run_up(PAPER, 10.0, 20.0),
     "... base_radius = None": lambda: gearlib.run_up(
@@ -431,22 +374,10 @@ LIBRARY = {
         planetary(turning=True, gyroscopic=True), 10.0, 20.0, duration=1.0
     ),
     "... without any damping": lambda: gearlib.basins(PAPER, 0.75, ([0.0], [0.0])),
-    "... memory": lambda: gearlib.basins(
-        PAPER.replace(material_damping=4e3), 0.75, ((0.0, 1.0, 40_000),) * 2
-    ),
+    "... memory": lambda: gearlib.basins(DAMPED, 0.75, ((0.0, 1.0, 40_000),) * 2),
     "method = 'rk4' ... one degree of freedom": lambda: gearlib.simulate(
-        gearlib.SixDegreePair(
-            pair=PAPER,
-            base_radii=(0.1, 0.1),
-            inertias=(0.06, 0.06),
-            masses=(17.0, 17.0),
-            bearing_stiffness=(1e8,) * 4,
-        ),
-        0.9,
-        periods=1,
-        method="rk4",
+        SIX_DEGREES, 0.9, periods=1, method="rk4"
     ),
-    "branch = None": lambda: gearlib.switch_branch(PAPER, None, 0),
     "values = [0.5] ... left out where parameter is None": lambda: gearlib.tongues(
         PAPER, values=[0.5]
     ),
@@ -458,7 +389,7 @@ LIBRARY = {
 
 
 @pytest.mark.parametrize("sentence", LIBRARY)
-def test_what_cannot_be_is_refused_in_one_sentence(sentence):
+def test_impossible_models_and_calls_are_refused_in_one_sentence(sentence):
     with pytest.raises(ValueError) as refusal:
         LIBRARY[sentence]()
     text = str(refusal.value)
@@ -466,18 +397,22 @@ def test_what_cannot_be_is_refused_in_one_sentence(sentence):
     assert "\n" not in text and ". " not in text and len(text) < 500, text
 
 
-def test_what_stands_beside_it_is_allowed():
+def test_models_just_inside_the_limits_are_allowed():
+    # 17 teeth are the fewest that are not undercut without a shift.
     assert gear(teeth=17).shift == 0.0
     assert ring().contact_ratio > 1.8
+    # 0.12 m is the centre distance without backlash.
     assert mesh(0.1204).backlash > 0.0
     assert train().phases == {"a-b": 0.0}
-    assert planetary(positions=[0.0, 2.0 * math.pi * 42 / 126, 4.4879895051282759]).size == 36
+    # Planets stand at whole multiples of 2 pi / (27 + 99), here 42 and 90 of them.
+    assert planetary(positions=[math.tau * steps / 126 for steps in (0, 42, 90)]).size == 36
 
 
-def test_trains_have_meshes_up_to_a_number():
+def test_trains_have_at_most_200_meshes():
     count = 200
-    ends = {0: 100.0, count: 100.0 * (-1.0) ** (count + 1)}
-    bodies = [replace(A, name=f"g{i}", torque=ends.get(i, 0.0)) for i in range(count + 2)]
+    # Torques at the ends of the allowed chain balance; neighbours turn in opposite directions.
+    torques = {0: 100.0, count: 100.0 * (-1.0) ** (count + 1)}
+    bodies = [replace(A, name=f"g{i}", torque=torques.get(i, 0.0)) for i in range(count + 2)]
     meshes = [
         replace(AB, pinion=f"g{i}", wheel=f"g{i + 1}", name=f"mesh {i}") for i in range(count + 1)
     ]

@@ -16,9 +16,9 @@ from tests.paper import CONFIG
 from tests.refusals.ranges import Range
 
 SCHEMA = schema()
-#: A name of one's own, where a mapping asks for names; one of the dampings, too.
-MINE = "k1"
-#: Of which one key of two has to be there, as a schema cannot say.
+#: A name that a user may choose in a mapping; it is also a damping of the paper's configuration.
+NAME = "k1"
+#: The node of a damping, where one of two keys is required, which the schema does not say.
 DAMPING = SCHEMA["$defs"]["Damping"]
 
 
@@ -27,9 +27,9 @@ def resolve(node):
 
 
 def children(node):
-    """Return key -> node of a section, or of the entries of a mapping."""
+    """Return key -> node of a section, or `NAME` -> node of the entries of a mapping."""
     entries = node.get("patternProperties", {}).values()
-    return node.get("properties", {}) | dict.fromkeys([MINE] * len(entries), *entries)
+    return node.get("properties", {}) | dict.fromkeys([NAME] * len(entries), *entries)
 
 
 def is_section(node):
@@ -37,65 +37,74 @@ def is_section(node):
 
 
 def spell(path):
+    """Return a path of keys and indices as refusals spell it, such as `scenes.k1.cases[0]`."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return text.removeprefix(".") or "the configuration"
 
 
 def allowed(node):
+    """Return the words of a refusal for what a node may be."""
     return validation.allowed_text(node, SCHEMA)
 
 
-def made(node):
-    """Return a value that a node takes by itself, whatever others say."""
+def minimal_value(node):
+    """Return a value that the schema allows for a node, with nothing but the required keys."""
     node = resolve(node)
     kind = node["type"]
     if "enum" in node:
         return node["enum"][0]
     if kind == "array":
-        return [made(node["items"]) for _ in range(max(1, node.get("minItems", 1)))]
+        return [minimal_value(node["items"]) for _ in range(max(1, node.get("minItems", 1)))]
     if kind == "object":
-        needed = node.get("required", []) + [MINE] * node.get("minProperties", 0)
+        required = node.get("required", []) + [NAME] * node.get("minProperties", 0)
         if node is DAMPING:
-            return CONFIG["dampings"]["k1"]
-        return {key: made(one) for key, one in children(node).items() if key in needed}
+            return CONFIG["dampings"][NAME]
+        return {key: minimal_value(c) for key, c in children(node).items() if key in required}
     if kind in ("boolean", "string"):
-        # What stands for a damping is one of the paper's.
-        return True if kind == "boolean" else MINE
+        # Some texts have to name a damping.
+        return True if kind == "boolean" else NAME
     low = max(node.get("minimum", -math.inf), node.get("exclusiveMinimum", -math.inf))
     high = min(node.get("maximum", math.inf), node.get("exclusiveMaximum", math.inf))
+    # Candidates for integers, narrow ranges, and ranges without a lowest number.
     return next(n for n in (1, low + 1, (low + high) / 2, high - 1) if low < n < high)
 
 
-def wrong(node):
-    """Yield (value, rest of the path, words of what is allowed) of what a key must not take."""
+def wrong_values(node):
+    """Yield (value, path of the wrong part in the value, words of what is allowed there)."""
     node, words = resolve(node), allowed(node)
     kind = node["type"]
     if kind == "object":
         values = [None, 7, "text", [], *[{}] * node.get("minProperties", 0)]
     elif kind == "array":
-        good, least = made(node), node.get("minItems", 0)
-        # What is empty by default may be.
-        values = [None, 7, "text", {}] + [good[1:]] * (node.get("default") != [])
-        values += [[*good, good[0]]] * (node.get("maxItems") == least)
-        for value, rest, inner in wrong(node["items"]) if not is_section(node["items"]) else ():
-            at = max(least - 1, 0)
-            yield [*good[:at], value], (at, *rest), inner
+        valid, least = minimal_value(node), node.get("minItems", 0)
+        values = [None, 7, "text", {}]
+        if node.get("default") != []:
+            values.append(valid[1:])  # too short
+        if node.get("maxItems") == least:
+            values.append([*valid, valid[0]])  # too long
+        index = max(least - 1, 0)
+        for value, path, inner in (
+            wrong_values(node["items"]) if not is_section(node["items"]) else ()
+        ):
+            yield [*valid[:index], value], (index, *path), inner
     elif kind == "boolean":
         values = [1, "yes", None, 0.0]
     elif kind == "string" or "enum" in node:
-        unlike = ["no such ~ text"] if "enum" in node or "pattern" in node else ["", "x" * 61]
-        values = [3, None, ["a"], {}, *unlike]
+        # Names have a pattern; other texts have 1 to 60 characters.
+        texts = ["no such ~ text"] if "enum" in node or "pattern" in node else ["", "x" * 61]
+        values = [3, None, ["a"], {}, *texts]
     elif "string" in kind and "pattern" not in node:
         values = [None, [1.0], {}, math.nan, math.inf] + [True] * ("boolean" not in kind)
     else:
         number = Range(words)
-        values = ["fast", "3 mol", None, True, [1.0], {}, *[".inf"] * (not number.infinite)]
-        values += ["15 rpm"] * (not re.search("speed|rpm|Hz", words)) + number.outside()
+        values = ["fast", "3 mol", None, True, [1.0], {}, *number.outside()]
+        values += [] if number.infinite else [".inf"]
+        values += [] if re.search("speed|rpm|Hz", words) else ["15 rpm"]
     yield from ((value, (), words) for value in values)
 
 
 def inside(node):
-    """Return values just inside the range of a key, and with a unit; of a list, lists of such."""
+    """Return numbers just inside the range of a key, one with a unit; lists of them for a list."""
     node = resolve(node)
     kind = node["type"]
     if kind == "array" and not is_section(node["items"]):
@@ -104,100 +113,108 @@ def inside(node):
     if "enum" in node or not {*([kind] if isinstance(kind, str) else kind)} & {"number", "integer"}:
         return []
     example = re.search("such as '(.*)'", node.get("$comment", ""))
-    # Angles are rounded in words.
-    scale = 0.999 if "in rad" in allowed(node) else 1.0
-    values = [scale * value if scale < 1.0 else value for value in Range(allowed(node)).inside()]
+    values = Range(allowed(node)).inside()
+    if "in rad" in allowed(node):
+        # The bounds of angles are rounded in the sentences.
+        values = [0.999 * value for value in values]
     return values + ([example[1]] if example else [])
 
 
 def sections(node=SCHEMA, path=(), seen=None):
-    """Yield (path, node) of each section, once in each place that has keys of its own."""
+    """Yield (path, node) of each section; of a node with several places once for each first key."""
     seen = set() if seen is None else seen
     node = resolve(node)
+    place = (id(node), path[:1] if len(path) < 3 else ())
     if node["type"] == "array" and is_section(node["items"]):
         yield from sections(node["items"], (*path, 0), seen)
-    elif node["type"] == "object" and (id(node), path[:1] if len(path) < 3 else ()) not in seen:
-        seen.add((id(node), path[:1] if len(path) < 3 else ()))
+    elif node["type"] == "object" and place not in seen:
+        seen.add(place)
         yield path, node
-        for key, one in children(node).items():
-            yield from sections(one, (*path, key), seen)
+        for key, child in children(node).items():
+            yield from sections(child, (*path, key), seen)
 
 
-def placed(path, value, node=SCHEMA):
-    """Return a configuration with a value at a path, and around it what has to be there."""
+def configuration(path, value, node=SCHEMA):
+    """Return a configuration with a value at a path, and the keys required around that."""
     if not path:
         return value
     node, (key, *rest) = resolve(node), path
     if key == 0:
-        return [placed(rest, value, node["items"])]
-    around = made(node) if node is not SCHEMA else {"dampings": CONFIG["dampings"]}
+        return [configuration(rest, value, node["items"])]
+    required = minimal_value(node) if node is not SCHEMA else {"dampings": CONFIG["dampings"]}
     if node is SCHEMA and key != "gears":
-        around["gear_pair"] = CONFIG["gear_pair"]
-    return around | {key: placed(rest, value, children(node)[key])}
+        # Gears take the place of a gear pair.
+        required["gear_pair"] = CONFIG["gear_pair"]
+    return required | {key: configuration(rest, value, children(node)[key])}
 
 
-def refusals(settings):
+def refusals(path, value):
+    """Return the sentences that refuse a value at a path of the configuration."""
     try:
-        load(settings)
+        load(configuration(path, value))
     except ConfigError as refusal:
         return str(refusal).splitlines()
     return []
 
 
-SECTIONS = dict((spell(path), (path, node)) for path, node in sections())
+def at_once(candidates):
+    """Yield dicts with the first candidate of every key, then the second one where there is one."""
+    for row in zip_longest(*candidates.values()):
+        yield {key: v for key, v in zip(candidates, row, strict=True) if v is not None}
+
+
+SECTIONS = {spell(path): (path, node) for path, node in sections()}
 
 
 @pytest.mark.parametrize("name", SECTIONS)
 def test_each_wrong_value_gets_one_sentence(name):
     path, node = SECTIONS[name]
-    broken = {key: [*wrong(inner)] for key, inner in children(node).items()}
+    candidates = {key: [*wrong_values(child)] for key, child in children(node).items()}
     if not path:
-        # Either of both, and dampings without which there is none.
-        del broken["gears"]
-    good = made(node) if path else {key: CONFIG[key] for key in ("gear_pair", "dampings")}
-    for values in zip_longest(*broken.values()):
-        now = {key: one for key, one in zip(broken, values, strict=True) if one}
-        found = refusals(placed(path, good | {key: one[0] for key, one in now.items()}))
-        for key, (value, rest, words) in now.items():
+        # Gears and a gear pair exclude each other.
+        del candidates["gears"]
+    valid = minimal_value(node) if path else {k: CONFIG[k] for k in ("gear_pair", "dampings")}
+    for broken in at_once(candidates):
+        sentences = refusals(path, valid | {key: value for key, (value, *_) in broken.items()})
+        for key, (value, rest, words) in broken.items():
             for part in rest:
                 value = value[part]
             begin = f"{spell((*path, key, *rest))} = {as_text(value)} is not allowed: it must be "
-            told = [text for text in found if text.startswith(begin + words)]
-            assert len(told) == 1 and len(told[0]) < 1200, (begin, words, found)
-        assert len(found) == len(now), found
+            own = [text for text in sentences if text.startswith(begin + words)]
+            assert len(own) == 1 and len(own[0]) < 1200, (begin, words, sentences)
+        assert len(sentences) == len(broken), sentences
 
 
 @pytest.mark.parametrize("name", SECTIONS)
-def test_keys_that_are_missing_unknown_or_no_names(name):
+def test_unknown_missing_and_repeated_entries_and_invalid_names_are_refused(name):
     path, node = SECTIONS[name]
-    key, good = spell(path), made(node)
-    if "properties" in node:
-        found = refusals(placed(path, good | {"no_such_key": 1}))
-        unknown = f"{spell((*path, 'no_such_key'))} = 1 is not a known key: {key} must be "
-        assert f"{unknown}{allowed(node)}" in found
-        for one, inner in children(node).items():
-            if resolve(inner).get("uniqueItems"):
-                twice = f"{spell((*path, one))} lists "
-                found = refusals(placed(path, good | {one: 2 * made(inner)[:1]}))
-                assert any(t.startswith(twice) and "must be all different" in t for t in found)
-        for one in node.get("required", []):
-            less = {other: value for other, value in good.items() if other != one}
-            missing = f"{spell((*path, one))} is missing: it must be {allowed(children(node)[one])}"
-            assert any(t.startswith(missing) for t in refusals(placed(path, less))), one
-    else:
-        found, *_ = refusals(placed(path, {"a ~": made(children(node)[MINE])}))
-        no_name = f"{spell((*path, 'a ~'))} is not allowed as a name: it must be a text matching"
-        assert found.startswith(no_name)
+    valid = minimal_value(node)
+    if "properties" not in node:
+        first, *_ = refusals(path, {"a ~": minimal_value(children(node)[NAME])})
+        begin = f"{spell((*path, 'a ~'))} is not allowed as a name: it must be a text matching"
+        assert first.startswith(begin)
+        return
+    unknown = f"{spell((*path, 'no_such_key'))} = 1 is not a known key: {name} must be "
+    assert f"{unknown}{allowed(node)}" in refusals(path, valid | {"no_such_key": 1})
+    for key, child in children(node).items():
+        if resolve(child).get("uniqueItems"):
+            begin = f"{spell((*path, key))} lists "
+            sentences = refusals(path, valid | {key: 2 * minimal_value(child)[:1]})
+            assert any(t.startswith(begin) and "must be all different" in t for t in sentences)
+    for key in node.get("required", []):
+        sentences = refusals(path, {other: v for other, v in valid.items() if other != key})
+        missing = f"{spell((*path, key))} is missing: it must be {allowed(children(node)[key])}"
+        assert any(text.startswith(missing) for text in sentences), key
 
 
 @pytest.mark.parametrize("name", SECTIONS)
-def test_what_is_just_inside_is_allowed(name):
+def test_values_just_inside_are_not_refused_for_their_range(name):
     path, node = SECTIONS[name]
-    good = {key: inside(inner) for key, inner in children(node).items()}
-    for values in zip_longest(*good.values()):
-        now = {key: one for key, one in zip(good, values, strict=True) if one is not None}
-        for text in refusals(placed(path, made(node) | now)):
-            for key in now:
+    for values in at_once({key: inside(child) for key, child in children(node).items()}):
+        # Other sentences are allowed: values of several keys may not go together.
+        for text in refusals(path, minimal_value(node) | values):
+            for key in values:
+                # The words of a list end with the range of its entries; "did you mean" may follow.
                 words = re.escape(allowed(children(node)[key]).rpartition("each ")[2])
                 place = re.escape(spell((*path, key)))
                 assert not re.fullmatch(rf"{place}\S* = .* must be {words}(; did .*)?", text), text

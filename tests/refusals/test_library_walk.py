@@ -29,17 +29,12 @@ AB = dict(pinion="a", wheel="b", max_stiffness=4e8, stiffness_ratio=0.6, contact
 TABLE = {"phase": (0.0, 1.0), "stiffness": (1.0, 2.0)}
 
 
-def branch():
-    """Return the branch of a gear pair, its first point called a doubling."""
-    found = gearlib.continue_orbit(ORBIT, to=NU + 0.01, max_points=3)
-    found.label[0] = 2
-    return {"pair": DAMPED, "branch": found, "point": 0}
-
-
-BRANCH = branch()
+_branch = gearlib.continue_orbit(ORBIT, to=NU + 0.01, max_points=3)
+_branch.label[0] = 2  # so that a search may start here: the label of a period doubling
+BRANCH = {"pair": DAMPED, "branch": _branch, "point": 0}
 RUN_UP = gearlib.run_up(PAPER, 1000.0, 1100.0, duration=0.2, samples_per_period=64)
 JUMP = xr.Dataset({"jump_up": ((), 3300.0, {"units": "min-1", "noise_std": 1.0})})
-#: What is made at once: also asked just inside the ranges.
+#: Call -> valid arguments; these calls take no time and are also made just inside the ranges.
 MADE = {
     GearPair: PARAMETERS,
     GearPair.from_ratios: {"contact_ratio": 1.5, "stiffness_ratio": 0.6},
@@ -75,6 +70,7 @@ MADE = {
     drawn.iso_stiffness: {"mesh": FZG},
 }
 FOLLOWED = {"model": DAMPED, "tolerances": {"load": {"std": "1 %"}}, "n": 2, "speed": 3000.0}
+#: Calls that run something, only made with wrong values.
 CALLED = {
     LoadSharingPair.from_geometry: {"mesh": FZG, "torque": 1.0},
     drawn.mesh_stiffness: {"mesh": FZG, "method": "energy"},
@@ -114,17 +110,17 @@ CALLED = {
     gearlib.sobol_indices: FOLLOWED | {"quantities": ("force",)},
     gearlib.fit: {"model": DAMPED, "data": JUMP, "free": {"reduced_mass": (3.0, 3.2)}},
 }
-#: What says the same in another way.
-INSTEAD = {"speed": "tuning", "speeds": "tunings"}
-#: Who is called differently where it is handed on to.
+#: Parameter -> the parameter that it replaces, which is then left out of the call.
+REPLACES = {"speed": "tuning", "speeds": "tunings"}
+#: Parameter -> its name in the sentence of the function that it is handed on to.
 HANDED_ON = {
     "mesh_stiffness.method": "stiffness",
     "planetary_set.sun": "pinion of the sun mesh",
     "planetary_set.planet": "wheel of the sun mesh",
 }
-#: What no range tells: any truth; what a search asks first whether it can go on at all; what only
-#: counts beside another; what is refused together with others, in `combinations`.
-FREE = """
+#: Parameters that are not walked: any value is true or false; a search asks first whether it can go
+#: on; a value counts only beside another one; refused together with others, in `combinations.yaml`.
+UNCHECKED = """
 locus.limits locus.max_points locus.to continue_orbit.to tongues.values
 sensitivities.call sensitivities.parameters sensitivities.arguments
 SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
@@ -137,101 +133,101 @@ run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius
 
 
 def owner(call):
+    """Return the name of a call in `ranges.yaml`."""
     name = call.__qualname__.replace("Mesh.transmission", "transmission")
     return f"geometry.{name}" if call is drawn.Mesh else name
 
 
 def parameters(calls):
-    """Yield (call, arguments, parameter) of all that is not free."""
-    for call, good in calls.items():
-        for one in inspect.signature(call).parameters.values():
-            if one.kind != one.VAR_KEYWORD and one.name != "self":
-                if f"{owner(call)}.{one.name}" not in FREE:
-                    yield call, good, one
+    """Return pytest parameters (call, valid arguments, parameter) of all that are checked."""
+    return [
+        pytest.param(call, valid, parameter, id=f"{owner(call)}.{parameter.name}")
+        for call, valid in calls.items()
+        for parameter in inspect.signature(call).parameters.values()
+        if parameter.kind != parameter.VAR_KEYWORD and parameter.name != "self"
+        and f"{owner(call)}.{parameter.name}" not in UNCHECKED
+    ]  # fmt: skip
 
 
-def wrong(one, found):
-    """Yield (value, shown value, what is allowed) for a parameter."""
-    if one.default is one.empty:
-        yield None, None, found
-    if found.count != 0:
-        # Another length, and an entry.
-        count, right = found.count or 1, found.entry.inside()[0]
-        if found.count:
-            yield from ((value, value, found) for value in (7, (right,) * (count + 1)))
-        if found.entry.numeric:
-            for value in ("fast", *found.entry.outside()):
-                yield (right,) * (count - 1) + (value,), value, found.entry
-    elif found.numeric:
-        yield from ((value, value, found) for value in ("fast", True, *found.outside()))
+def wrong_values(parameter, allowed):
+    """Yield (value, part of it that the sentence shows, range of that part) for a parameter."""
+    if parameter.default is parameter.empty:
+        yield None, None, allowed
+    # The count of a list is None for any number of entries; 0 is no list.
+    count = allowed.count
+    if count != 0:
+        valid = allowed.entry.inside()[0]
+        if count:
+            yield from ((value, value, allowed) for value in (7, (valid,) * (count + 1)))
+        if allowed.entry.numeric:
+            for value in ("fast", *allowed.entry.outside()):
+                yield (valid,) * ((count or 1) - 1) + (value,), value, allowed.entry
+    elif allowed.numeric:
+        yield from ((value, value, allowed) for value in ("fast", True, *allowed.outside()))
     else:
-        only = found.words in ("a text", "a sequence")
-        yield from ((value, value, found) for value in ("wrong", 7)[only:])
+        texts = [] if allowed.words in ("a text", "a sequence") else ["wrong"]
+        yield from ((value, value, allowed) for value in (*texts, 7))
 
 
-def core(found):
-    """Return what a sentence has to say of a range."""
-    if found.count:
-        return str(found.count)
-    words = found.words.removeprefix("a finite number ")
+def required_words(allowed):
+    """Return the words of a range that its sentence has: the length of a list, or the bounds."""
+    if allowed.count:
+        return str(allowed.count)
+    words = allowed.words.removeprefix("a finite number ")
     words = words.removeprefix("a number ").split(" or infinity")[0]
-    return {"a finite number": "finite"}.get(words, words if found.count == 0 else "")
+    return {"a finite number": "finite"}.get(words, words if allowed.count == 0 else "")
 
 
-@pytest.mark.parametrize(
-    ("call", "good", "one"),
-    [pytest.param(*row, id=f"{owner(row[0])}.{row[2].name}") for row in parameters(MADE | CALLED)],
-)
-def test_each_wrong_value_is_refused_in_one_sentence(call, good, one):
-    key = f"{owner(call)}.{one.name}"
-    found = RANGES.of(key.split("."))
-    assert found, "no row of ranges.yaml"
-    others = {name: value for name, value in good.items() if name != INSTEAD.get(one.name)}
-    for value, shown, allowed in wrong(one, found):
+@pytest.mark.parametrize(("call", "valid", "parameter"), parameters(MADE | CALLED))
+def test_each_wrong_value_is_refused_in_one_sentence(call, valid, parameter):
+    key = f"{owner(call)}.{parameter.name}"
+    row = RANGES.of(key.split("."))
+    assert row, "no row of ranges.yaml"
+    replaced = REPLACES.get(parameter.name)
+    others = {name: value for name, value in valid.items() if name != replaced}
+    for value, shown, allowed in wrong_values(parameter, row):
         with pytest.raises(ValueError) as refusal:
-            call(**others | {one.name: value})
+            call(**others | {parameter.name: value})
         text = str(refusal.value)
         begin, _, end = text.partition(" is not allowed: it must be ")
-        assert begin.startswith(HANDED_ON.get(key, one.name)), text
+        assert begin.startswith(HANDED_ON.get(key, parameter.name)), text
         assert repr(shown) in begin or type(shown).__name__ in begin, text
-        assert core(allowed) in end, (text, allowed.words)
+        assert required_words(allowed) in end, (text, allowed.words)
         assert "\n" not in text and ". " not in text and len(text) < 500
 
 
-@pytest.mark.parametrize(
-    ("call", "good", "one"),
-    [pytest.param(*row, id=f"{owner(row[0])}.{row[2].name}") for row in parameters(MADE)],
-)
-def test_what_is_just_inside_is_allowed(call, good, one):
-    found = RANGES.of([owner(call), one.name])
-    many = found.count != 0
-    entry = found.entry if many else found
+@pytest.mark.parametrize(("call", "valid", "parameter"), parameters(MADE))
+def test_values_just_inside_are_not_refused_for_their_range(call, valid, parameter):
+    allowed = RANGES.of([owner(call), parameter.name])
+    entry, words = allowed.entry, required_words(allowed.entry)
     for value in entry.inside() if entry.numeric else ():
+        argument = value if allowed.count == 0 else (value,) * (allowed.count or 1)
         try:
-            call(**good | {one.name: (value,) * (found.count or 1) if many else value})
+            call(**valid | {parameter.name: argument})
         except ValueError as refusal:
-            # What does not go with the others says something else.
-            assert not core(entry) or not str(refusal).endswith(core(entry)), str(refusal)
+            # Another sentence may say that the value does not go with the other arguments.
+            assert not words or not str(refusal).endswith(words), str(refusal)
 
 
-def test_no_call_is_left_out():
+def test_every_public_call_is_walked():
     public = {getattr(gearlib, name) for name in gearlib.__all__ if not name.startswith("certify")}
     public |= {getattr(drawn, name) for name in drawn.__all__ if name != "RACKS"}
+    # Functions return the three results; `Rectangular()` and `methods()` have no parameters.
     results = {drawn.DynamicFactor, drawn.IsoStiffness, drawn.MeshStiffness}
     assert public - results - {gearlib.methods, gearlib.Rectangular} <= {*MADE, *CALLED}
 
 
-def test_what_is_declared_has_its_unit():
-    found = [
-        (call, name, one)
+def test_declared_units_are_those_of_the_table():
+    declared = [
+        (owner(call), name, parameter.unit or "1")
         for call in (*MADE, *CALLED)
-        for name, one in declared_parameters(call).items()
-        if isinstance(innermost(one.kind), Number)
+        for name, parameter in declared_parameters(call).items()
+        if isinstance(innermost(parameter.kind), Number)
     ]
-    assert len(found) > 100
-    for call, name, one in found:
-        unit = UNITS.of([owner(call), name])
-        assert unit and (one.unit or "1") == unit.words, (owner(call), name)
+    assert len(declared) > 100
+    for call_name, name, unit in declared:
+        row = UNITS.of([call_name, name])
+        assert row and unit == row.words, (call_name, name)
     with pytest.raises(TypeError, match="unit"):
         Number(gt=0)  # type: ignore[call-arg]
 

@@ -69,9 +69,9 @@ def project(undisturbed, tmp_path):
 
 @contextmanager
 def started(project):
-    """Start the workflow, whose process leads a group with its jobs; kill what is left at the end.
+    """Give the process of a started workflow, the leader of its jobs; kill what is left at the end.
 
-    Its output goes to a file: jobs that outlive Snakemake would keep a pipe open.
+    The output goes to a file, since jobs that outlive Snakemake would keep a pipe open.
     """
     with (project / "printed.txt").open("w", encoding="utf-8") as printed:
         process = subprocess.Popen(
@@ -112,18 +112,18 @@ def wait_until(condition, process):
         time.sleep(0.05)
 
 
-def test_replaced_result_is_named(project):
+def test_a_result_replaced_by_another_file_stops_the_workflow_with_its_name(project):
     times = os.stat(project / SHARD)
     shutil.copyfile(project / OTHER_SHARD, project / SHARD)
-    # Its date is neither new nor old.
+    # One microsecond later, the date alone does not tell Snakemake that the file is another one.
     os.utime(project / SHARD, ns=(times.st_atime_ns, times.st_mtime_ns + 1000))
     printed = project.snakemake("-j2", succeed=False)
     (sentence,) = (line for line in printed.splitlines() if SHARD in line)
     assert sentence.startswith(f"Not what their jobs wrote: {SHARD}. To have them computed anew,")
     assert "Traceback" not in printed
-    # Questions are answered all the same.
-    for question in ("-n", "--unlock"):
-        assert f"Not what their jobs wrote: {SHARD}" in project.snakemake(question)
+    # A dry run and an unlock name the file, but succeed.
+    for option in ("-n", "--unlock"):
+        assert f"Not what their jobs wrote: {SHARD}" in project.snakemake(option)
     (project / SHARD).unlink()
     assert project.planned(SHARD) == {"phase_plane": 1}
 
@@ -136,7 +136,7 @@ def test_picture_changed_by_hand_stays_until_its_data_change(project):
     assert project.planned()["draw_phase_lag"] == 1
 
 
-def test_results_without_records_are_named(project):
+def test_results_without_records_stop_the_workflow_in_one_sentence(project):
     shutil.rmtree(project / ".snakemake")
     printed = project.snakemake("-j2", succeed=False)
     (sentence,) = (line for line in printed.splitlines() if "No record says how" in line)

@@ -44,8 +44,8 @@ PartitionName=all Nodes={host} Default=YES MaxTime=INFINITE State=UP
 """
 
 
-def why_not():
-    """Return why no Slurm can be started here, or None."""
+def reason_against():
+    """Return the reason why no Slurm can be started here, or None."""
     path = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])
     missing = [name for name in PROGRAMS if shutil.which(name, path=path) is None]
     if missing:
@@ -66,7 +66,7 @@ def one_node():
     }
     daemons = []
     try:
-        _write(folder)
+        _write_slurm_folder(folder)
         munge = folder / "munge"
         files = [f"--{key}={munge / name}" for key, name in _MUNGE_FILES.items()]
         for command in (
@@ -96,7 +96,8 @@ _MUNGE_FILES = {
 }
 
 
-def _write(folder):
+def _write_slurm_folder(folder):
+    """Write the configuration, the key of munged and a wrapper of srun."""
     # munged wants a socket that every user can reach, and a key that no other can read.
     folder.chmod(0o755)
     for name in ("munge", "state", "spool", "bin"):
@@ -122,16 +123,16 @@ def _write(folder):
 
 def _free_ports(count):
     sockets = [socket.socket() for _ in range(count)]
-    for one in sockets:
-        one.bind(("127.0.0.1", 0))
-    ports = [one.getsockname()[1] for one in sockets]
-    for one in sockets:
-        one.close()
+    for unbound in sockets:
+        unbound.bind(("127.0.0.1", 0))
+    ports = [bound.getsockname()[1] for bound in sockets]
+    for bound in sockets:
+        bound.close()
     return ports
 
 
 def _start(command, environment, folder):
-    # Gone with this process, however that ends.
+    # The daemon ends with this process, however that ends.
     command = ["setpriv", "--pdeathsig=TERM", *command]
     with open(folder / f"{command[2]}.out", "wb") as log:
         return subprocess.Popen(
@@ -140,14 +141,16 @@ def _start(command, environment, folder):
 
 
 def _output(command, environment):
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
-    return done.stdout
+    options = {"env": environment, "capture_output": True, "text": True, "timeout": 300}
+    return subprocess.run(command, **options).stdout
 
 
 def _wait(ready, folder, seconds=300):
+    """Wait until `ready()` is true; an error after some seconds shows the logs of the daemons."""
     end = time.monotonic() + seconds
     while not ready():
         if time.monotonic() > end:
-            logs = "\n".join(path.read_text() for path in sorted(folder.glob("*.[lo][ou][gt]")))
+            paths = sorted([*folder.glob("*.log"), *folder.glob("*.out")])
+            logs = "\n".join(path.read_text() for path in paths)
             raise RuntimeError(f"Slurm did not come up within {seconds} s\n{logs}")
         time.sleep(0.2)

@@ -12,9 +12,9 @@ TARGETS = ["results/resonance.nc", "results/figures/fig2_phase_shift.png"]
 
 @pytest.fixture(scope="module")
 def slurm():
+    """The environment in which commands find a running Slurm."""
     pytest.importorskip("snakemake_executor_plugin_slurm", reason="the extra `slurm` is missing")
-    reason = cluster.why_not()
-    if reason:
+    if reason := cluster.reason_against():
         pytest.skip(reason)
     with cluster.one_node() as environment:
         yield environment
@@ -31,12 +31,12 @@ def only_a_few_jobs(settings):
 
 
 def results(project):
-    """Return the contents of the result files but the one that says when and where."""
+    """Return path -> content of the result files without the provenance, which has the time."""
     return {path: text for path, text in project.results().items() if "provenance" not in path}
 
 
 @pytest.mark.slow
-def test_same_bytes_as_locally(slurm, tmp_path):
+def test_jobs_on_slurm_write_the_same_bytes_as_local_jobs(slurm, tmp_path):
     here, there = (small_project(tmp_path / name) for name in ("here", "there"))
     for project in (here, there):
         project.configure(only_a_few_jobs)
@@ -46,8 +46,8 @@ def test_same_bytes_as_locally(slurm, tmp_path):
             SNAKEMAKE,
             *TARGETS,
             "--profile=profiles/slurm",
-            # What a Slurm without accounting needs, and a test that does not want to wait: who asks
-            # too early asks again ten seconds later.
+            # Slurm has no accounting here. A question for the status before a job has ended is
+            # repeated ten seconds later, so the first one comes after 9 s.
             "--slurm-status-command=squeue",
             "--slurm-no-account",
             "--slurm-init-seconds-before-status-checks=9",

@@ -7,7 +7,7 @@ from gearlib import GearPair
 from gearlib.analysis.tongues import meissner
 from gearlib.studies import stability
 from tests.paper import PARAMETERS
-from tests.references import map_of_contact
+from tests.references import contact_map
 from tests.tables import read_back
 
 PAIRS = {"k1": PARAMETERS | {"material_damping": 3953.7}, "conservative": PARAMETERS}
@@ -36,7 +36,7 @@ def test_the_table_has_cause_tongue_and_growth(tmp_path, tuning, causes):
     assert (damped["tuning_from"] == "") == (damped["order"] == "3")
     if damped["tuning_from"] == "":
         assert float(damped["damping_ratio"]) > float(damped["closing_damping"])
-    matrix = map_of_contact(pair.contact_ratio, pair.stiffness_ratio, 0, tuning)
+    matrix = contact_map(pair.contact_ratio, pair.stiffness_ratio, 0, tuning)
     growth = np.abs(np.linalg.eigvals(np.array(matrix.tolist(), float))).max() - 1.0
     assert float(free["growth_percent"]) == pytest.approx(100.0 * growth, abs=1e-7)
     # The scan from 0.82 on ends before contact comes back.

@@ -31,7 +31,7 @@ Path("declared.json").write_text(json.dumps({"config": config, "rules": jobs}))
 
 
 class Declared(NamedTuple):
-    """The rules of one configuration by name: params, outputs and paths of captions."""
+    """A configuration, and rule -> its params, outputs and paths of captions."""
 
     config: dict
     rules: dict
@@ -56,7 +56,7 @@ class Declared(NamedTuple):
 
 
 def declared(project, *arguments):
-    """Return the `Declared` of a project under the arguments of a dry run."""
+    """Return the configuration and rules of a project that a dry run with these arguments has."""
     (project / "Declared.smk").write_text(_SNAKEFILE, encoding="utf-8")
     project.snakemake("-n", "-q", "-s", "Declared.smk", *arguments)
     return Declared(**json.loads((project / "declared.json").read_text(encoding="utf-8")))

@@ -171,15 +171,13 @@ def test_source_hash_is_that_of_the_job_that_computed_the_data(first_run):
 
     shard = next((project / "results/resonance/k1/cold").glob("*.nc"))
     assert source_hash("resonance.nc") == source_hash(shard)
-    # Their jobs have other sources.
+    # Jobs of the phase lag have other sources.
     assert source_hash("phase_lag.nc") != source_hash(shard)
 
 
 def test_provenance_says_where_and_when_the_run_was_made(first_run):
     record = json.loads((first_run[0] / "results/provenance.json").read_bytes())
-    assert set(record) == {
-        *("finished", "commit", "changed_files", "versions", "machine", "jobs"),
-    }
+    assert set(record) == {"finished", "commit", "changed_files", "versions", "machine", "jobs"}
     assert record["versions"]["numpy"] == metadata.version("numpy")
     jobs = {job["job"]: job for job in record["jobs"]}
     assert {"compile_kernels", "gather_resonance", "draw_resonance"} <= jobs.keys()

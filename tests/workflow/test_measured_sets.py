@@ -14,37 +14,39 @@ SWEEPS = {
     "licence": "own data",
     "synthetic": True,
     "channels": {
-        "n": {"observableId": "speed", "unit": "rpm"},
-        "to": {"observableId": "direction", "unit": 1},
-        "top": {"observableId": "displacement_max", "unit": "um", "noise": 0.1},
+        "rpm": {"observableId": "speed", "unit": "rpm"},
+        "sweep": {"observableId": "direction", "unit": 1},
+        "peak": {"observableId": "displacement_max", "unit": "um", "noise": 0.1},
     },
 }
 
 
-def test_a_measured_set_reruns_what_uses_it_and_is_refused_first(project):
-    found = xr.load_dataset(project / "results/resonance.nc").sel(damping="k1")
+def test_measured_data_rerun_their_jobs_and_damaged_data_stop_every_job(project):
+    curves = xr.load_dataset(project / "results/resonance.nc").sel(damping="k1")
+    peaks = curves.displacement_max * float(curves.static_deflection) * 1e6
     rows = [
-        f"{n},{way},{x * float(found.static_deflection) * 1e6}\n"
-        for way in ("up", "down")
-        for n, x in zip(
-            found.speed.values, found.displacement_max.sel(direction=way).values, strict=True
+        f"{speed},{direction},{peak}\n"
+        for direction in ("up", "down")
+        for speed, peak in zip(
+            curves.speed.values, peaks.sel(direction=direction).values, strict=True
         )
     ]
     (project / "rig").mkdir()
     (project / "rig/sweeps.yaml").write_text(yaml.safe_dump(SWEEPS))
     table = project / "rig/sweeps.csv"
-    table.write_text("n,to,top\n" + "".join(rows))
+    table.write_text("rpm,sweep,peak\n" + "".join(rows))
     project.configure(lambda settings: settings.update(measured=["rig/sweeps.yaml"]))
-    uses = {"measured_curve": 1, "measured_table": 1, "draw_resonance": 1}
-    assert project.jobs("-j2", "measured", "resonance") == uses | {"measured": 1, "resonance": 1}
+    jobs = ("measured_curve", "measured_table", "draw_resonance", "measured", "resonance")
+    assert project.jobs("-j2", "measured", "resonance") == dict.fromkeys(jobs, 1)
     with open(project / "results/measured.csv", newline="") as file:
         scores = {(row["damping"], row["quantity"]): row for row in csv.DictReader(file)}
-    free = "misfit of displacement_max over its range, free gain and offset"
-    assert float(scores["k1", free]["computed"]) < 1e-6 < float(scores["k1m", free]["computed"])
-    assert scores["k1", free]["quantity"] in (project / "results/tables/measured.html").read_text()
-    # An edit of the table reruns what uses it; one that cannot be read stops all before.
-    table.write_text(table.read_text() + f"{float(found.speed[-1]) - 1.0},up,11\n")
-    assert project.planned("measured", "resonance") == uses | {"measured": 1, "resonance": 1}
+    # The rows are those of the damping k1, so that its misfit vanishes and that of k1m does not.
+    misfit = "misfit of displacement_max over its range, free gain and offset"
+    assert float(scores["k1", misfit]["computed"]) < 1e-6 < float(scores["k1m", misfit]["computed"])
+    assert misfit in (project / "results/tables/measured.html").read_text()
+    table.write_text(table.read_text() + f"{float(curves.speed[-1]) - 1.0},up,11\n")
+    assert project.planned("measured", "resonance") == dict.fromkeys(jobs, 1)
+    # A row without a number is refused before any job starts.
     table.write_text(table.read_text() + "3000,up,nan\n")
     refusal = project.snakemake("-n", "measured", succeed=False)
-    assert "rig/sweeps.yaml: sweeps.csv, column 'top', row" in refusal and "is empty" in refusal
+    assert "rig/sweeps.yaml: sweeps.csv, column 'peak', row" in refusal and "is empty" in refusal

@@ -13,16 +13,18 @@ from tests.workflow.project import project_copy
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
+    """A copy of the project without results."""
     return project_copy(tmp_path_factory.mktemp("rules") / "project")
 
 
 @pytest.fixture(scope="module")
 def paper(project):
+    """The rules of the paper's gear pair, the configuration of the project."""
     return declared(project)
 
 
 def rules_of(project, configuration):
-    """Return the `Declared` of a configuration of other gears than the paper's."""
+    """Return the rules of a configuration of other gears than the paper's."""
     (project / "mine.yaml").write_text(yaml.safe_dump(configuration), encoding="utf-8")
     return declared(project, "--configfile", "mine.yaml")
 
@@ -45,13 +47,14 @@ def test_no_project_can_have_the_name_of_a_folder_of_results(paper):
 
 
 @pytest.mark.parametrize("name", ["mesh_stiffness", "harris_map"])
-def test_gears_of_the_user_reach_the_studies_of_drawings(project, paper, name):
+def test_gears_of_the_user_reach_the_studies_of_drawn_gears(project, paper, name):
     quality = {"pinion": {**OWN["gears"]["pinion"], "quality": 6}}
     quality["wheel"] = {"teeth": 61, "quality": 6}
     mine = rules_of(project, OWN | {"gears": OWN["gears"] | quality})
-    job, drawing = (repr(mine.rules[f"{kind}_{name}"]["params"]) for kind in ("compute", "draw"))
-    assert "'teeth': 23" in job and "'torque': 85.0" in job and "'teeth': 16" not in job
-    assert NAME in drawing
+    computation = repr(mine.rules[f"compute_{name}"]["params"])
+    assert "'teeth': 23" in computation and "'torque': 85.0" in computation
+    assert "'teeth': 16" not in computation
+    assert NAME in repr(mine.rules[f"draw_{name}"]["params"])
     # The sections of the paper's configuration draw gears of type C, which are named.
     assert "'teeth': 16" in repr(paper.rules[f"compute_{name}"]["params"])
     assert "FZG type C" in paper.rules[f"draw_{name}"]["params"]["gears"]
@@ -62,8 +65,9 @@ def test_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
     mine = rules_of(project, overlay(PLANETS, damped))
     for name in TRAIN_TARGETS:
         assert mine.rules[f"draw_{name}"]["params"]["gears"] == "planetary set z 27/36/99, m 2 mm"
-        job = repr(mine.rules[f"compute_{name}"]["params"])
-        assert "'teeth': 99" in job and "[24, 36, 24, 36]" not in job
+        computation = repr(mine.rules[f"compute_{name}"]["params"])
+        # The default train, the reducer, has teeth of 24, 36, 24, 36.
+        assert "'teeth': 99" in computation and "[24, 36, 24, 36]" not in computation
     assert "planetary set" in mine.caption("campbell")
 
 

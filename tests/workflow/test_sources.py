@@ -6,6 +6,7 @@ from workflow.sources import sources
 
 
 def write(root, files):
+    """Write a dict of path -> text as files below a folder."""
     for path, text in files.items():
         (root / path).parent.mkdir(parents=True, exist_ok=True)
         (root / path).write_text(text, encoding="utf-8")
@@ -36,14 +37,21 @@ def test_imports_are_followed(tmp_path):
     ]
 
 
-def test_modules_loaded_by_name_count_where_they_are_declared(tmp_path):
-    by_name = "import importlib\n{}importlib.import_module('gearlib.one')"
-    declared = by_name.format("if TYPE_CHECKING:\n    from gearlib import one\n")
-    files = {"__init__": "", "one": "import gearlib.below", "two": "", "below": "", "by": declared}
-    write(tmp_path, {f"gearlib/{name}.py": text for name, text in files.items()})
-    write(tmp_path, {"run.py": "import gearlib.by"})
-    paths = sources(tmp_path / "run.py", tmp_path, ["gearlib.two"])
-    assert [path.stem for path in paths] == ["below", "by", "one", "two", "run"]
+def test_modules_imported_by_name_are_sources_if_type_checking_or_the_rule_names_them(tmp_path):
+    files = {
+        "gearlib/__init__.py": "",
+        "gearlib/loader.py": """import importlib
+if TYPE_CHECKING:
+    from gearlib import typed
+importlib.import_module('gearlib.typed')""",
+        "gearlib/typed.py": "import gearlib.imported",
+        "gearlib/imported.py": "",
+        "gearlib/of_rule.py": "",
+        "run.py": "import gearlib.loader",
+    }
+    write(tmp_path, files)
+    paths = sources(tmp_path / "run.py", tmp_path, loaded=["gearlib.of_rule"])
+    assert [path.stem for path in paths] == ["imported", "loader", "of_rule", "typed", "run"]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ from pathlib import Path
 _ENVIRONMENT = dict(os.environ)
 
 
-def _write():
+def write_record():
+    """Write the rule, sources, loaded files and environment of this job to GEARLIB_RECORDS."""
     # Snakemake puts this object into the main module of a job.
     job = getattr(sys.modules["__main__"], "snakemake", None)
     if not hasattr(job, "rule"):
@@ -25,8 +26,7 @@ def _write():
         "loaded": sorted(filter(None, files)),
         "environment": _ENVIRONMENT,
     }
-    path = Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}.json")
-    path.write_text(json.dumps(record), encoding="utf-8")
+    Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}.json").write_text(json.dumps(record))
 
 
-atexit.register(_write)
+atexit.register(write_record)
