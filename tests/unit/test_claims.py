@@ -1,8 +1,9 @@
 """Claims: verdicts follow the data, whatever the data are."""
 
+from collections import namedtuple
+
 import numpy as np
 import pytest
-import xarray as xr
 
 from gearlib import config, sweep
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
@@ -20,22 +21,26 @@ DAMPINGS = {
 RUN = {"periods": 120, "record_periods": 24}
 PLANES = [0.60, 0.66, 0.78, 0.80, 0.81, 0.82]
 IDS = [f"P{number}" for number in range(1, 14)]
+#: Arguments of `claims.evaluate` after the pair and its dampings.
+Data = namedtuple("Data", "resonance phase_planes phase_lag jump scenes")
 
 
-def resonance_and_planes(tunings, planes, dampings):
-    """Return (resonance, phase planes) of the paper's pair."""
-    curves, runs = [], []
-    for name, k in dampings.items():
-        pair = PAPER.replace(**k)
-        curve = sweep(pair, tunings, **RUN)
-        curves.append(curve.assign_coords(damping=name, direction="cold"))
-        run = RUN | {"samples_per_period": 32}
-        runs += [paper.phase_plane_run(pair.as_dict(), nu, run, name) for nu in planes]
+def resonance_and_planes(tunings, plane_tunings, dampings):
+    """Return (resonance, phase planes) of the pair in tests/paper.py, all runs from rest ("cold").
+
+    `dampings` maps names to changes of the pair.
+    """
+    curves, runs, options = [], [], RUN | {"samples_per_period": 32}
+    for name, damping in dampings.items():
+        pair = PAPER.replace(**damping)
+        curves.append(sweep(pair, tunings, **RUN).assign_coords(damping=name, direction="cold"))
+        arguments = pair.as_dict()
+        runs += [paper.phase_plane_run(arguments, nu, options, name) for nu in plane_tunings]
     return gather_resonance(curves), gather_phase_planes(runs)
 
 
-def lags(*dampings):
-    """Return the phase lag at one tuning."""
+def phase_lag(*dampings):
+    """Return the phase lag at a tuning of 0.72 for material dampings in N s/m."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
     return paper.phase_lag(PAPER.as_dict(), list(dampings), 0.72, [0.7], **options)
 
@@ -43,21 +48,23 @@ def lags(*dampings):
 def configured_scenes():
     """Return the scenes of config.yaml."""
     settings, result = config.load(CONFIG), {}
-    starts = {"starts": 4, "seed": 1, "spread": 0.02}
+    six_degrees, run = settings.six_degrees.model_dump(), RUN | {"samples_per_period": 16}
+    # Initial states near rest, where rounding decides a motion.
+    random_states = {"starts": 4, "seed": 1, "spread": 0.02}
     for name, scene in settings.scenes.items():
         cases = [
             {"title": case.title, "tuning": case.tuning, "pair": settings.case_parameters(case)}
             for case in scene.cases
         ]
-        # Which model carries a scene is the matter of `scenes.compare` and its tests.
-        model, six = settings.candidate_models(scene)[0], settings.six_degrees.model_dump()
-        result[name] = scenes.scene(cases, model, six, RUN | {"samples_per_period": 16}, starts)
+        # The smallest model; test_model_comparison.py tests the choice of the model.
+        model = settings.candidate_models(scene)[0]
+        result[name] = scenes.scene(cases, model, six_degrees, run, random_states)
     return result
 
 
 @pytest.fixture(scope="module")
 def jumps():
-    """The jump from rest, and what one other initial state makes of it."""
+    """The jump of the motion from rest, and its shift by a start at a displacement of 0.1."""
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
     pair = PAPER.replace(**DAMPINGS["k1"]).as_dict()
@@ -66,64 +73,67 @@ def jumps():
 
 @pytest.fixture(scope="module")
 def data(jumps):
-    """What the statements are about: sweeps, phase planes, lags, jumps and scenes."""
+    """The `Data` that the statements of the paper are about."""
     tables = resonance_and_planes(np.arange(0.5, 1.4001, 0.002), PLANES, DAMPINGS)
-    return *tables, lags(4000.0, 40.0), jumps, configured_scenes()
+    return Data(*tables, phase_lag(4000.0, 40.0), jumps, configured_scenes())
 
 
 def verdicts(table):
+    """Return statement -> verdict."""
     return {claim.id: claim.verdict for claim in table}
 
 
 def test_verdicts_on_the_paper(data, tmp_path):
     table = claims.evaluate(PAPER, DAMPINGS, *data)
-    # What the data say, pinned: the oil-damped orbit at 0.80 still settles, by less than a line is
-    # wide; P11 differs because the jump from rest lies at 0.8157, not between 0.8150 and 0.8151.
+    # P10: the oil-damped motion (k1m) at a tuning of 0.80 has not settled, but its loops differ by
+    # less than the width of a line. P11: the jump is at 0.8157, not between 0.8150 and 0.8151.
     p10 = "holds at plot resolution; strictly k1m at 0.80 changes by 0.0003 of its height per orbit"
     assert verdicts(table) == dict.fromkeys(IDS, "holds") | {"P10": p10, "P11": "differs"}
     computed = {claim.id: claim.computed for claim in table}
     assert "0.66 (0.7, settles later on 2 mesh periods), 0.78 (0.05, not settled" in computed["P10"]
-    # The figure says the same.
-    plane = data[1].sel(damping="k1m").sel(tuning=0.66, method="nearest")
+    # The words of the figure agree with P10.
+    plane = data.phase_planes.sel(damping="k1m").sel(tuning=0.66, method="nearest")
     assert describe_steadiness(plane) == "unsteady, settles later on 2 mesh periods"
     assert "jumps at 0.81569" in computed["P11"] and "with: no variation" in computed["P11"]
     # The two tunings of config.yaml on either side of the jump.
     assert "0.8156: y_min -0.148, 0.8157: y_min -1.977; from rest" in computed["P11"]
     assert [row["id"] for row in read_back(claims.rows(table), tmp_path)] == IDS
     claims.write_markdown(table, tmp_path / "claims.md")
-    lines = (tmp_path / "claims.md").read_text(encoding="utf-8").splitlines()
-    assert [line.split()[1] for line in lines[4:]] == IDS
+    _, _, _, _, *rows = (tmp_path / "claims.md").read_text(encoding="utf-8").splitlines()
+    assert [row.split()[1] for row in rows] == IDS
 
 
-def orbit(*shapes, periods=24, samples=32):
-    """Return a record of a cosine that goes through these sizes, a mesh period each."""
-    phase = 2.0 * np.pi * np.arange(periods * samples) / samples
-    size = np.resize(shapes, periods).repeat(samples)
-    return xr.Dataset({"displacement": ("phase", size * np.cos(phase))}, {"phase": phase})
+def displacements(*amplitudes, periods=24, samples_per_period=32):
+    """Return samples of a cosine with these amplitudes in turn, one for each mesh period."""
+    phase = 2.0 * np.pi * np.arange(periods * samples_per_period) / samples_per_period
+    return np.resize(amplitudes, periods).repeat(samples_per_period) * np.cos(phase)
 
 
-def test_both_readings_of_steady_are_printed(data):
-    planes = data[1].copy(deep=True)
+def test_steadiness_is_judged_strictly_and_at_plot_resolution(data):
+    planes = data.phase_planes.copy(deep=True)
     none, oil = {"damping": "none", "tuning": 0.6}, {"damping": "k1m", "tuning": 0.8}
-    # It repeats, though its loops lie apart; and a course that does not.
-    planes.displacement.loc[none] = orbit(1.0, 1.1, 1.2).displacement.values
-    planes.displacement.loc[oil] = orbit(*np.linspace(1.0, 1.1, 24)).displacement.values
-    table = verdicts(claims.evaluate(PAPER, DAMPINGS, data[0], planes, *data[2:]))
+    # A motion with three different loops that repeats, and a motion that does not repeat.
+    planes.displacement.loc[none] = displacements(1.0, 1.1, 1.2)
+    planes.displacement.loc[oil] = displacements(*np.linspace(1.0, 1.1, 24))
+    table = verdicts(claims.evaluate(PAPER, DAMPINGS, *data._replace(phase_planes=planes)))
     assert table["P9"] == "holds at plot resolution; strictly none at 0.60 repeats after 3 periods"
-    # No longer a single line, and so unsteady in either reading.
+    # The loops no longer look like a single line: the motion is unsteady by both criteria.
     assert table["P10"] == "differs"
 
 
 def test_verdicts_follow_the_data(data):
-    curves, planes = data[0].copy(deep=True), data[1].copy(deep=True)
-    shown = {name: scene.copy(deep=True) for name, scene in data[4].items()}
-    shown["fig6_two_tunings"].displacement_min[:2] = [-0.1, -1.9]
-    shown["fig7_damping"].fraction_min_stiffness[0] = 0.0
-    shown["fig8_six_degrees"].displacement[:] = np.cos(shown["fig8_six_degrees"].phase)
-    curves.displacement_min.loc[{"damping": "none", "tuning": slice(0.70, 0.72)}] = -1.0
-    curves.displacement_min.loc[{"damping": "k1", "tuning": slice(1.2, 1.3)}] = -1.0
-    planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = np.cos(planes.phase)
-    changed = curves, planes, lags(40.0, 41.0), data[3], shown
+    curves, planes = data.resonance.copy(deep=True), data.phase_planes.copy(deep=True)
+    changed_scenes = {name: scene.copy(deep=True) for name, scene in data.scenes.items()}
+    # Behind each change stand the statements that it decides.
+    changed_scenes["fig6_two_tunings"].displacement_min[:2] = [-0.1, -1.9]  # P11
+    changed_scenes["fig7_damping"].fraction_min_stiffness[0] = 0.0  # P12
+    six_degrees = changed_scenes["fig8_six_degrees"]
+    six_degrees.displacement[:] = np.cos(six_degrees.phase)  # P13
+    curves.displacement_min.loc[{"damping": "none", "tuning": slice(0.70, 0.72)}] = -1.0  # P4
+    curves.displacement_min.loc[{"damping": "k1", "tuning": slice(1.2, 1.3)}] = -1.0  # P6, P7
+    planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = np.cos(planes.phase)  # P9
+    lags = phase_lag(40.0, 41.0)  # P3
+    changed = Data(curves, planes, lags, data.jump, changed_scenes)
     table = verdicts(claims.evaluate(PAPER, DAMPINGS, *changed))
     assert [table[key] for key in ("P3", "P4", "P6", "P7", "P9", "P12", "P13")] == ["differs"] * 7
     assert table["P11"] == "holds"
@@ -133,30 +143,32 @@ def test_verdicts_follow_the_data(data):
 
 def test_missing_data_are_named_not_guessed(jumps):
     k1 = {"k1": DAMPINGS["k1"]}
-    few = resonance_and_planes(np.arange(0.9, 1.0, 0.05), [0.7], k1)
-    table = claims.evaluate(PAPER, k1, *few, lags(4000.0), jumps, {})
+    tables = resonance_and_planes(np.arange(0.9, 1.0, 0.05), [0.7], k1)
+    table = claims.evaluate(PAPER, k1, *tables, phase_lag(4000.0), jumps, {})
     expected = dict.fromkeys(IDS, "not evaluated") | {"P1": "holds", "P2": "holds"}
     assert verdicts(table) == expected and all(claim.computed for claim in table)
 
 
-def test_what_is_proven_stands_in_a_table(tmp_path):
+def test_the_table_of_certificates_lists_the_proofs(tmp_path):
     pairs = {name: PAPER.replace(**DAMPINGS[name]) for name in ("k1", "k1m")}
     step = {"step": 0.2, "max_height": 20.0, "max_points": 2000}
     branches = {name: resonance.branches_of(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
     pairs = {name: pair.as_dict() for name, pair in pairs.items()}
     proofs = certificates.certify_branches(pairs, branches, PLANES)
     rows = read_back(certificates.certificate_rows(proofs), tmp_path)
-    shown = [row["claim"] for row in proofs if row["claim"] not in ("count", "refusal")]
-    assert [row["claim"] for row in rows] == shown
+    proven = [proof["claim"] for proof in proofs if proof["claim"] not in ("count", "refusal")]
+    assert [row["claim"] for row in rows] == proven
 
-    def of(*kind):
-        return [row for row in rows if (row["damping"], row["claim"], row["contacts"]) == kind]
+    def select(*values):
+        keys = "damping", "claim", "contacts"
+        return [row for row in rows if tuple(row[key] for key in keys) == values]
 
-    kept = [(row["tuning"], row["until"], row["stability"]) for row in of("k1", "range", "N")]
-    assert kept == [("0.5502", "0.8019", "stable"), ("1.1139", "1.4", "stable")]
-    neutral, unstable, *_ = of("k1m", "orbit", "N")
+    # Contacts of a mesh period: N is normal mesh, B backlash.
+    ranges = [(row["tuning"], row["until"], row["stability"]) for row in select("k1", "range", "N")]
+    assert ranges == [("0.5502", "0.8019", "stable"), ("1.1139", "1.4", "stable")]
+    neutral, unstable, *_ = select("k1m", "orbit", "N")
     assert "on the unit circle, exactly" in neutral["reason"]
     assert (unstable["tuning"], unstable["stability"]) == ("0.66", "unstable")
+    orbits = select("k1", "orbit", "BNB")
     for nu, lowest in (("0.815", "-0.127"), ("0.8151", "-0.1299")):
-        small = [float(row["lowest"]) for row in of("k1", "orbit", "BNB") if row["tuning"] == nu]
-        assert lowest in [f"{x:.4g}" for x in small]
+        assert lowest in [f"{float(row['lowest']):.4g}" for row in orbits if row["tuning"] == nu]

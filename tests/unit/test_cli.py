@@ -70,19 +70,20 @@ def test_sweep_writes_what_the_library_computes(run, direction):
     run(f"sweep PAIR {grid} --direction {direction} -o curve.nc")
     options = {"periods": 60, "record_periods": 10, "direction": direction}
     expected = gearlib.sweep(K1, np.linspace(0.7, 0.9, 51), **options)
-    # Runs side by side have other neighbours in the pieces of a cold sweep: equal to rounding.
+    # The command splits a sweep from rest ("cold") into other batches: results differ by rounding.
     xr.testing.assert_allclose(xr.load_dataset("curve.nc"), expected, rtol=1e-12)
 
 
-def test_a_run_up_there_and_back_is_one_course(run):
+def test_a_run_up_with_back_returns_to_its_first_speed(run):
     line = "run-up PAIR --start 2000rpm --stop 2500 --acceleration 1000 --back"
+    # Below this line stands the revolution with the largest force.
     assert "revolutions; that of the largest force" in run(f"{line} -o run.nc")
-    course = [(0.0, 2000.0), (0.5, 2500.0), (1.0, 2000.0)]
-    xr.testing.assert_equal(xr.load_dataset("run.nc"), gearlib.run_up(K1, speed=course))
+    speed = [(0.0, 2000.0), (0.5, 2500.0), (1.0, 2000.0)]
+    xr.testing.assert_equal(xr.load_dataset("run.nc"), gearlib.run_up(K1, speed=speed))
     assert "acceleration = 1000.0 is not allowed" in run(f"{line} --duration 1", code=2)
 
 
-def test_orbit_and_trust_say_what_they_found(run):
+def test_orbit_and_trust_print_their_results(run):
     output = run("orbit PAIR --tuning 0.7 -o orbit.nc")
     orbit = gearlib.periodic_orbit(K1, 0.7)
     assert "stable orbit of period 1" in output and xr.load_dataset("orbit.nc").residual < 1e-12
@@ -91,9 +92,10 @@ def test_orbit_and_trust_say_what_they_found(run):
     output = run("trust PAIR --tuning 0.7 --periods 500")
     assert output.startswith("paper's pair\nperiodic: ")
     write("train.yaml", with_train({"kind": "planetary"}))
-    size = gearlib.planetary().size
     output = run("orbit --config train.yaml --model train --tuning 2.5")
-    assert "orbit of period 1" in output and f"\n{size - 1} " in output
+    # The table of the state of a train counts its rows from 0.
+    last_row = gearlib.planetary().size - 1
+    assert "orbit of period 1" in output and f"\n{last_row} " in output
 
 
 @pytest.mark.parametrize(
@@ -108,24 +110,26 @@ def test_orbit_and_trust_say_what_they_found(run):
         *((name, f"--config {CONFIG_FILE}") for name in ("modes", "static", "phasing", "campbell")),
     ],
 )
-def test_the_ending_decides_what_is_written(run, command, options):
-    for end in ("nc", "csv"):
-        run(f"{command} PAIR {options} -o data.{end} --plot picture.png --force")
+def test_the_suffix_decides_the_format_of_the_file(run, command, options):
+    for suffix in ("nc", "csv"):
+        run(f"{command} PAIR {options} -o data.{suffix} --plot picture.png --force")
     data = xr.load_dataset("data.nc")
     heads, *rows = csv.reader(Path("data.csv").read_text(encoding="utf-8").splitlines())
-    over = heads[0].partition(" [")[0]
-    assert len(rows) == (data.sizes[over] if over in data.sizes else 2)
+    dimension = heads[0].partition(" [")[0]
+    # A table of an orbit has no column for its dimension; the state of a pair has two entries.
+    assert len(rows) == (data.sizes[dimension] if dimension in data.sizes else 2)
     columns = dict(zip(heads, zip(*rows, strict=True), strict=True))
     for variable in data.data_vars.values():
-        if variable.dims == (over,) and "units" in variable.attrs:
+        if variable.dims == (dimension,) and "units" in variable.attrs:
             unit = WRITTEN_UNITS.get(variable.units, variable.units)
             column = columns[f"{variable.name} [{unit}]" if unit else variable.name]
             assert [*map(float, column)] == variable.values.tolist()
+    # A variable with further dimensions has a column for each of their entries.
     assert command != "modes" or "mode_shape input rotation" in heads
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_gears_are_drawn_by_options_or_a_saved_file(run):
+def test_drawn_gears_come_from_options_or_a_saved_file(run):
     run("gears DRAWN --save mine.yaml --plot stiffness.svg")
     assert Path("stiffness.svg").exists()
     pair = gearlib.GearPair.from_geometry(drawings.own(), torque=85.0, damping_ratio=0.05)
@@ -135,32 +139,33 @@ def test_gears_are_drawn_by_options_or_a_saved_file(run):
         assert "gear pair z 23/61, m 2.5 mm\n" in output
         dataset = xr.load_dataset("run.nc")
         np.testing.assert_allclose(dataset.displacement, expected.displacement, rtol=1e-9)
-    # The speed of a drawing is that of its runs.
+    # A speed saved with the gears is the speed of runs that name none.
     run("gears DRAWN --speed 4000 --save fast.yaml")
     assert run("simulate --config fast.yaml") == run("simulate DRAWN --speed 4000") != ""
-    # A drawing that options change, and the one number of teeth of a pair that is not drawn.
+    # Options replace values of the saved file: here the static deflection at twice the torque.
     output = run("simulate --config mine.yaml --torque '170 Nm' --speed 4000")
     assert " 1.719953376e-05 m " in output
+    # Gears that are not drawn have one number of teeth, that of the pinion.
     assert " 1500 rpm " in run("simulate PAIR --teeth 48 --speed 1500")
-    # The table of undamped gears is one; a duty point that does not settle is no success.
+    # Undamped gears have a table, but a motion at a speed that does not settle is an error.
     run(f"gears {UNDAMPED}")
     assert "has not settled" in run(f"gears {UNDAMPED} --damping-ratio 0 --speed 4000", code=1)
 
 
-def test_a_new_project_can_be_used_as_it_is(run):
+def test_a_new_project_can_be_used_without_changes(run):
     run("init")
     run("init", code=2)
     text = Path("gears.yaml").read_text(encoding="utf-8")
     gears = config.load(yaml.safe_load(text)).gears
     assert gears.torque == 85.0 and gears.pinion.module == 2.5e-3
-    # What may be left out is a key where it stands.
-    (line,) = [line for line in text.splitlines() if line.strip().startswith("# shift:")][:1]
+    # Optional keys stand in their place as comments; the first "shift" is that of the pinion.
+    line = next(line for line in text.splitlines() if line.strip().startswith("# shift:"))
     settings = config.load(yaml.safe_load(text.replace(line, "    shift: 0.3", 1)))
     assert settings.gears.pinion.shift == 0.3
     assert "z 23/61" in run("gears --config gears.yaml")
 
 
-#: What is wrong with a line | what is printed.
+#: Wrong command line | part of the error message.
 REFUSED = """
 simulate PAIR | tuning = None with speed = None is not allowed
 orbit PAIR --tuning 1 --speed 1 | tuning = 1.0 with speed = 1 is not
@@ -175,10 +180,10 @@ simulate PAIR --tuning 1 --case a | --case and --damping need a configuration
 simulate PAIR --tuning 1 --samples 1000000000 | within 2 GB of memory
 orbit --config binary.yaml --tuning 1 | binary.yaml is not YAML
 orbit --config twice.yaml --tuning 1 | a is given twice, again in line 3
-orbit --config open.yaml --tuning 1 | open.yaml is not YAML, line 2, col
-modes --config four.yaml | planets = 4 is not allowed: (z_s + z_r) / N
-simulate --config wrong.yaml --tuning 1 | did you mean resonance
-simulate --config four.yaml --damping k9 --tuning 1 | one of k1
+orbit --config syntax.yaml --tuning 1 | syntax.yaml is not YAML, line 2, col
+modes --config four_planets.yaml | planets = 4 is not allowed: (z_s + z_r) / N
+simulate --config misspelt.yaml --tuning 1 | did you mean resonance
+simulate --config four_planets.yaml --damping k9 --tuning 1 | one of k1
 gears --teeth 23 --module '2 mm' | --teeth = 23 is not allowed: it must be
 gears --shift 0.2 --module '2 mm' | --module is not allowed as a value
 gears DRAWN --pressure-angle 70deg | pressure_angle = '70deg' is not allowed
@@ -200,15 +205,15 @@ scatter DRAWN | --tolerance is missing
 """
 
 
-def test_wrong_lines_are_refused_with_code_2(run):
+def test_invalid_command_lines_exit_with_code_2(run):
     Path("binary.yaml").write_bytes(b"\xff\xfe")
-    Path("open.yaml").write_text("run: [1\n", encoding="utf-8")
+    Path("syntax.yaml").write_text("run: [1\n", encoding="utf-8")
     Path("twice.yaml").write_text("run:\n  a: 1\n  a: 2\n", encoding="utf-8")
-    write("four.yaml", with_train({"kind": "planetary", "planetary": {"planets": 4}}))
-    write("wrong.yaml", CONFIG | {"resonanse": {"start": 0.6}})
+    write("four_planets.yaml", with_train({"kind": "planetary", "planetary": {"planets": 4}}))
+    write("misspelt.yaml", CONFIG | {"resonanse": {"start": 0.6}})
     for row in REFUSED.strip().splitlines():
-        line, words = row.replace("UNDAMPED", UNDAMPED).split(" | ")
-        assert words in " ".join(run(line, code=2).split()), line
+        line, message = row.replace("UNDAMPED", UNDAMPED).split(" | ")
+        assert message in " ".join(run(line, code=2).split()), line
 
 
 def test_no_file_is_replaced_unasked(run):
@@ -246,14 +251,10 @@ def reducer(run):
 
 
 def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
-    train, columns = (
-        "--config train.yaml --model train --periods 30",
-        (
-            *("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_factor"),
-            *("mean_force", "load_sharing", "fraction_normal", "bounces"),
-        ),
-    )
-    output = run(f"simulate {train} --tuning 0.7 -o run.nc")
+    train_options = "--config train.yaml --model train --periods 30"
+    columns = ["displacement_max", "displacement_min", "dynamic_force_max", "dynamic_factor"]
+    columns += ["mean_force", "load_sharing", "fraction_normal", "bounces"]
+    output = run(f"simulate {train_options} --tuning 0.7 -o run.nc")
     expected = gearlib.simulate(reducer, 0.7, periods=30)
     assert xr.load_dataset("run.nc").displacement.equals(expected.displacement)
     assert f"{expected.speed.item():.10g} rpm" in output
@@ -263,7 +264,7 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
         row = [float(f"{expected[key].sel(mesh=name).item():.6g}") for key in columns]
         assert cells(output, name) == row
     # The mesh that moves most here is neither the first one nor the one that moves least.
-    output = run(f"sweep {train} --start 0.3 --stop 0.5 --points 3")
+    output = run(f"sweep {train_options} --start 0.3 --stop 0.5 --points 3")
     curve = gearlib.sweep(reducer, np.linspace(0.3, 0.5, 3), periods=30, record_periods=10)
     top = curve.isel(tuning=int(curve.displacement_max.max("mesh").argmax("tuning")))
     assert f"{top.tuning.item():.10g} " in output
@@ -272,33 +273,31 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
         np.testing.assert_allclose(cells(output, name), row, rtol=1e-5, atol=1e-9)
 
 
-def test_what_a_train_is_without_a_run(run, reducer):
+def test_modes_static_phasing_and_campbell_print_what_the_library_computes(run, reducer):
+    options = {"modes": "", "static": "--phase 1.0", "phasing": "--count 3"}
+    options["campbell"] = "--count 2"
     outputs = {
-        name: run(f"{name} --config train.yaml {options} -o {name}.nc")
-        for name, options in (
-            *(("modes", ""), ("static", "--phase 1.0"), ("phasing", "--count 3")),
-            ("campbell", "--count 2"),
-        )
+        name: run(f"{name} --config train.yaml {text} -o {name}.nc")
+        for name, text in options.items()
     }
-    modes, still = reducer.modes(), reducer.static(1.0)
-    sums, critical = reducer.phasing(3), reducer.campbell(2)
-    for name, dataset in zip(outputs, (modes, still, sums, critical), strict=True):
+    modes, static = reducer.modes(), reducer.static(1.0)
+    phasing, campbell = reducer.phasing(3), reducer.campbell(2)
+    for name, dataset in zip(outputs, (modes, static, phasing, campbell), strict=True):
         xr.testing.assert_allclose(xr.load_dataset(f"{name}.nc"), dataset)
-    table = [line.split() for line in outputs["modes"].splitlines()[2:]]
-    frequencies = [f"{frequency:.6g}" for frequency in modes.natural_frequency.values]
+    # Two lines of titles stand above the rows.
+    _, _, *rows = outputs["modes"].splitlines()
     kinds = modes.mode_kind.values.tolist()
-    assert [row[1:] for row in table[: len(kinds)]] == [
-        list(row) for row in zip(frequencies, kinds, strict=True)
-    ]
+    expected = zip((f"{x:.6g}" for x in modes.natural_frequency.values), kinds, strict=True)
+    assert [row.split()[1:] for row in rows[: len(kinds)]] == [list(row) for row in expected]
     for name in reducer.mesh_names:
         keys = ("load_sharing", "mesh_force", "contact")
-        row = [still[key].sel(mesh=name).item() for key in keys]
+        row = [static[key].sel(mesh=name).item() for key in keys]
         np.testing.assert_allclose(cells(outputs["static"], name), row, rtol=1e-5)
-    excited = sums.excites.sel(stiffness_order=2.0).values
-    rotational = sums.mode_kind.values == "rotational"
-    assert (excited == rotational).all() and f"{sum(excited)} of {sum(excited)}" in outputs[
-        "phasing"
-    ]
-    speeds = np.sort(critical.critical_speed.values[critical.excites.values])
-    table = [line.split() for line in outputs["campbell"].splitlines()[2 : 2 + speeds.size]]
-    np.testing.assert_allclose([float(row[0]) for row in table], speeds, rtol=1e-5)
+    # Branches in phase excite rotational modes alone.
+    excited = phasing.excites.sel(stiffness_order=2.0).values
+    assert (excited == (phasing.mode_kind.values == "rotational")).all()
+    assert f"{sum(excited)} of {sum(excited)}" in outputs["phasing"]
+    speeds = np.sort(campbell.critical_speed.values[campbell.excites.values])
+    _, _, *rows = outputs["campbell"].splitlines()
+    printed = [float(row.split()[0]) for row in rows[: speeds.size]]
+    np.testing.assert_allclose(printed, speeds, rtol=1e-5)

@@ -20,7 +20,7 @@ def changed(**sections):
     return load(overlay(CONFIG, sections))
 
 
-def test_numbers_texts_and_truths():
+def test_numbers_strings_and_booleans_are_converted():
     for text in ("4e8", "+4E+8", ".4e9", "4.e8", "400000000", 400000000):
         value = changed(gear_pair={"max_stiffness": text}).gear_pair.max_stiffness
         assert value == 4e8 and isinstance(value, float)
@@ -55,7 +55,7 @@ def test_a_configuration_in_other_units_is_the_same():
     assert settings.case_parameters(case)["load"] == 1000.0
 
 
-def test_speeds_in_rpm_are_tunings_of_the_gears_they_belong_to():
+def test_speeds_in_rpm_become_tunings():
     grid = {"start": "2000 rpm", "stop": "5000rpm", "step": "20 rpm", "window": "1500 rpm"}
     basins = [*CONFIG["basins"]["cases"]]
     basins[2] = basins[2] | {"tuning": "2000 rpm"}
@@ -66,16 +66,18 @@ def test_speeds_in_rpm_are_tunings_of_the_gears_they_belong_to():
         basins={"cases": basins},
     )
     pair, section = GearPair(**settings.pair_parameters("k1")), settings.resonance
+    # A window of 1500 rpm takes two jobs for a sweep from rest ("cold") over 3000 rpm.
+    assert len(section.windows("cold")) == 2
     values = tunings.grid(section.start, section.stop, section.step)
-    # Rounded to 12 decimals of the tuning; step by step that adds up.
+    # Start and step are rounded to 12 decimals of the tuning; the errors of the steps add up.
     np.testing.assert_allclose(pair.speed(np.array(values)), np.arange(2000, 5001, 20), rtol=1e-9)
-    assert values[-1] == section.stop and len(section.windows("cold")) == 2
+    assert values[-1] == section.stop
     first, second = settings.phase_planes.tunings
     assert pair.speed(first) == pytest.approx(3000.0, rel=1e-12) and second == 0.8
-    # Branches take no grid.
+    # The start of a branch lies on no grid of tunings; its stop is the default.
     assert pair.speed(settings.branches.start) == pytest.approx(1500.0, rel=1e-12)
     assert settings.branches.stop == 1.4
-    # A case counts with its own gears.
+    # The third case of `basins` changes the gears, and its tuning refers to the changed gears.
     case = settings.basins.cases[2]
     gears = settings.case_parameters(case)
     assert gears["stiffness_ratio"] == 0.35
@@ -108,7 +110,8 @@ def test_a_wrong_case_is_refused(section, words):
 
 
 @pytest.mark.parametrize("name", sorted(REMOVED))
-def test_removed_names_are_answered_by_one_sentence(name):
+def test_a_removed_name_raises_an_error_that_names_its_replacement(name):
+    """Names are attributes, commands with an option ("fit --seed"), keys or targets."""
     words = f"{name} was removed in gearlib 0.3: {REMOVED[name]}"
     if " " in name:
         result = CliRunner().invoke(main, [*name.split(), "1"])
@@ -118,9 +121,11 @@ def test_removed_names_are_answered_by_one_sentence(name):
         with pytest.raises(AttributeError, match=re.escape(words)):
             getattr(gearlib, name)
     section, _, key = name.partition(".")
+    # These two are sections of measured data sets, not of the configuration.
     if section not in ("fit", "channels"):
         with pytest.raises(ConfigError, match=re.escape(words)):
             changed(**{section: {key: 1} if key else {}})
+    # A name without a dot may also be asked for as a target.
     if not key:
         with pytest.raises(ConfigError, match=re.escape(words)):
             changed(targets=["phase_lag", name])

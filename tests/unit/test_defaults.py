@@ -6,17 +6,10 @@ from gearlib import GearPair, SixDegreePair
 from gearlib.config import load
 from tests.paper import CONFIG
 
-GEARS = {
-    "max_stiffness": 3.1e8,
-    "stiffness_ratio": 0.62,
-    "contact_ratio": 1.47,
-    "reduced_mass": 0.85,
-    "load": 2400.0,
-    "backlash": 60e-6,
-    "teeth": 31,
-}
-#: What suits the paper's gears only, or is a choice of the scenes: config.yaml differs there.
-PAPERS = set(
+GEARS = {"max_stiffness": 3.1e8, "stiffness_ratio": 0.62, "contact_ratio": 1.47}
+GEARS |= {"reduced_mass": 0.85, "load": 2400.0, "backlash": 60e-6, "teeth": 31}
+#: Keys and sections whose values in config.yaml suit the paper's gears only: not the defaults.
+PAPER_SPECIFIC = set(
     """
     phase_lag.material_dampings jump.marked six_degrees.inertias six_degrees.masses
     six_degrees.bearing_damping six_degrees.eccentricities work_precision.methods
@@ -31,19 +24,19 @@ def coefficients(material, backlash):
     return {"material_damping": material, "backlash_damping": backlash}
 
 
-def test_the_configuration_of_the_project_shows_the_defaults():
-    paper = load({key: CONFIG[key] for key in ("gear_pair", "dampings")})
-    first, second = load(CONFIG).model_dump(), paper.model_dump()
-    different = set()
-    for name, section in first.items():
+def test_config_yaml_shows_the_defaults():
+    gears_alone = load({key: CONFIG[key] for key in ("gear_pair", "dampings")})
+    values, defaults, different = load(CONFIG).model_dump(), gears_alone.model_dump(), set()
+    for name, section in values.items():
         if isinstance(section, dict) and name != "scenes":
-            keys = [key for key in section if section[key] != second[name][key]]
+            keys = [key for key in section if section[key] != defaults[name][key]]
             different |= {f"{name}.{key}" for key in keys}
-        elif section != second[name]:
+        elif section != defaults[name]:
             different.add(name)
-    assert different == PAPERS
-    # Of these the order of the columns alone.
-    assert sorted(load(CONFIG).work_precision.methods) == sorted(paper.work_precision.methods)
+    assert different == PAPER_SPECIFIC
+    # The methods differ from the default in their order only.
+    methods, default_methods = (part["work_precision"]["methods"] for part in (values, defaults))
+    assert sorted(methods) == sorted(default_methods)
 
 
 @pytest.mark.parametrize("backlash", [0.0, 60e-6, float("inf")])
@@ -55,7 +48,7 @@ def test_the_configuration_of_the_project_shows_the_defaults():
         {f"k{i}": coefficients(100.0 * (i + 1), 1.0) for i in range(30)},
     ],
 )
-def test_the_gears_alone_are_a_configuration(backlash, dampings):
+def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
     settings = load({"gear_pair": GEARS | {"backlash": backlash}, "dampings": dampings})
     assert load(settings.model_dump()) == settings
     damped = [name for name, k in dampings.items() if any(k.values())]
@@ -64,13 +57,13 @@ def test_the_gears_alone_are_a_configuration(backlash, dampings):
     highest = max(value for k in dampings.values() for value in k.values())
     assert largest == highest or highest == 0.0 < largest
     assert settings.phase_lag.material_dampings == [largest, largest / 100.0]
-    # All motions settle only where contact is damped: of the first such one, or of none of these.
+    # Motions settle where contact is damped: the diagram takes the first such damping, or its own.
     settling = [k["material_damping"] for k in dampings.values() if k["material_damping"]]
-    shown = settings.bifurcation.damping.material_damping
-    assert shown == settling[0] if settling else shown > 0.0
+    damping = settings.bifurcation.damping.material_damping
+    assert damping == settling[0] if settling else damping > 0.0
     assert set(settings.figures.colours) == set(dampings)
     assert len(set(settings.figures.colours.values())) == min(8, len(dampings))
-    # Along the line of action both rotations and both bearings of the default bodies yield.
+    # The default bodies of six degrees of freedom have the reduced mass of the pair.
     pair = GearPair(**settings.pair_parameters(next(iter(dampings))))
     six = SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     assert six.reduced_mass_free == pytest.approx(GEARS["reduced_mass"], rel=1e-12)

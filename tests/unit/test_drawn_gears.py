@@ -24,6 +24,8 @@ dampings:
   k: {damping_ratio: 0.06, backlash_damping: 0.0}
 """)
 ENERGY = {"stiffness": "energy", "stiffness_options": {"hertz": "logarithmic"}}
+ENERGY_ARGUMENTS = {"stiffness": "energy", "options": {"hertz": "logarithmic"}}
+POWER = {"power": "60 kW", "speed": "2170 rpm"}
 HELICAL = yaml.safe_load("""
 pinion:
   {teeth: 17, module: 8 mm, width: 100 mm, helix_angle: 15.8 deg, shift: 0.145,
@@ -62,16 +64,8 @@ def fzg():
     ("settings", "mesh", "load_and_stiffness"),
     [
         (FZG, fzg(), {"torque": 302.0}),
-        (
-            with_gears(**ENERGY),
-            fzg(),
-            {"torque": 302.0, "stiffness": "energy", "options": {"hertz": "logarithmic"}},
-        ),
-        (
-            with_gears("torque", power="60 kW", speed="2170 rpm"),
-            fzg(),
-            {"power": 60e3, "speed": 2170.0},
-        ),
+        (with_gears(**ENERGY), fzg(), {"torque": 302.0, **ENERGY_ARGUMENTS}),
+        (with_gears("torque", **POWER), fzg(), {"power": 60e3, "speed": 2170.0}),
         (FZG | {"gears": HELICAL}, iso_example(), {"torque": 9000.0}),
         (FZG | {"gears": RING}, ring(), {"torque": 100.0}),
     ],
@@ -84,17 +78,13 @@ def test_the_pair_is_that_of_the_library(settings, mesh, load_and_stiffness):
         assert value == pytest.approx(expected[name], rel=1e-11), name
 
 
-def test_every_key_reaches_the_gear():
+def test_every_key_is_passed_to_the_gear():
     assert EVERY_KEY.keys() == PinionSection.model_fields.keys()
-    common = dict(
-        module=4e-3,
-        width=0.03,
-        pressure_angle=math.radians(22.0),
-        helix_angle=math.radians(5.0),
-        rack=Rack(addendum=0.9, dedendum=1.3, tip_radius=0.2),
-        material=Material(young=200e9, poisson=0.29, density=7800.0),
-    )
-    # Relief of helical gears has no motion, but in a drawing all keys stand together.
+    angles = {"pressure_angle": math.radians(22.0), "helix_angle": math.radians(5.0)}
+    rack = Rack(addendum=0.9, dedendum=1.3, tip_radius=0.2)
+    material = Material(young=200e9, poisson=0.29, density=7800.0)
+    common = {"module": 4e-3, "width": 0.03, "rack": rack, "material": material, **angles}
+    # No model simulates tip relief of helical gears, but a drawing may have all keys.
     mesh = DrawnPair(pinion=EVERY_KEY, wheel={"teeth": 50}, torque=50.0).mesh()
     assert mesh.pinion == SpurGear(
         teeth=40,
@@ -112,18 +102,18 @@ def test_every_key_reaches_the_gear():
     assert mesh.wheel == SpurGear(teeth=50, **common)
 
 
-def test_a_configuration_laid_over_another_one():
-    lower = {"gears": {"torque": 100.0}}
-    assert load(overlay(FZG, lower)).gear_pair.load < load(FZG).gear_pair.load
-    # What says the same in another way gives way.
+def test_a_configuration_is_updated_with_another_one():
+    smaller_load = {"gears": {"torque": 100.0}}
+    assert load(overlay(FZG, smaller_load)).gear_pair.load < load(FZG).gear_pair.load
+    # A section replaces the other section that sets the same quantity.
     assert "gear_pair" not in overlay(CONFIG, FZG) and "gears" not in overlay(FZG, CONFIG)
     k = overlay(FZG, {"dampings": {"k": {"material_damping": 1.0}}})["dampings"]["k"]
     assert k == {"material_damping": 1.0, "backlash_damping": 0.0}
     mappings = cases(FZG | {"cases": {"a": {}, "b": {"gear_pair": CONFIG["gear_pair"]}}})
     assert load(mappings["b"]).gear_pair == load(CONFIG).gear_pair
-    # Drawn gears do not get what config.yaml says of the paper's.
+    # `overlay_gears` also drops sections of config.yaml that belong to the paper's gears.
     assert overlay_gears({**CONFIG, **FZG}, FZG) == FZG
     in_cases = {"cases": {"a": FZG, "b": FZG}}
     assert overlay_gears(CONFIG | in_cases, in_cases) == in_cases
-    for base, changes in ((CONFIG, {"gear_pair": {"load": 1.0}}), (FZG, lower)):
+    for base, changes in ((CONFIG, {"gear_pair": {"load": 1.0}}), (FZG, smaller_load)):
         assert overlay_gears(overlay(base, changes), changes) == overlay(base, changes)

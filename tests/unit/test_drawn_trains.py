@@ -114,7 +114,7 @@ def test_a_train_of_drawn_gears_is_that_of_the_library():
     assert read("own", OWN) == GearTrain(bodies=bodies, shafts=shafts, meshes=meshes)
 
 
-def test_motions_ask_for_a_damping_and_rest_does_not():
+def test_simulations_need_a_damping_and_modes_and_statics_do_not():
     section = {key: value for key, value in SET.items() if "damping_ratio" not in key}
     train = {"kind": "planetary_set", "planetary_set": section}
     settings = load(CONFIG | {"train": train, "targets": ["train_sweep"]})

@@ -10,29 +10,7 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib import (
-    DeadZoneOscillator,
-    Harmonics,
-    LoadSharingPair,
-    OneDegreePair,
-    basin_stability,
-    basins,
-    bifurcation_diagram,
-    continue_orbit,
-    harmonic_balance,
-    locus,
-    lyapunov_exponents,
-    periodic_orbit,
-    planetary,
-    poincare_section,
-    schmidt,
-    sensitivities,
-    simulate,
-    sweep,
-    switch_branch,
-    tongues,
-    trust,
-)
+from gearlib import DeadZoneOscillator, Harmonics, continue_orbit, periodic_orbit, simulate, sweep
 from gearlib.models.model import Model
 from gearlib.models.one_degree import Equation
 from gearlib.models.profiles import Steps
@@ -53,14 +31,14 @@ class Stop(Model):
     @cached_property
     def equation(self):
         side, damping = Steps((0.0,), (self.stiffness,)).pieces(), np.zeros((3, 3))
-        damping[:, 0] = 0.1
+        damping[:, 0] = 0.1  # linear damping, in contact and in the gap
         return Equation(
             upper=0.0,
             lower=-math.inf,
             drive_stiffness=side,
             coast_stiffness=side,
             damping=damping,
-            stiffness_powers=np.array([0.0, self.hardening]),
+            stiffness_powers=np.array([0.0, self.hardening]),  # quadratic, cubic
             ground_stiffness=0.0,
             load=1.0,
             force=Harmonics((0.5,)).table(),
@@ -69,28 +47,25 @@ class Stop(Model):
         )
 
 
-NU, BOX = 0.9, (-1.0, 1.0)
+NU, BOX = 0.9, ((-1.0, 1.0), (-1.0, 1.0))
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 #: Rigid bearings: two coordinates without the free rotation, of which trapping ellipses are found
 #: soon.
 RIGID = gears(math.inf, 3953.7, 3953.7)
+FROM_DRAWING = gearlib.LoadSharingPair.from_geometry
 MODELS = {
     "gear pair": DAMPED,
-    "one degree": OneDegreePair(pair=DAMPED, backlash_cubic_damping=4e5),
-    "pairs of teeth": LoadSharingPair.from_geometry(fzg_c(), torque=300.0, damping_ratio=0.05),
+    "one degree": gearlib.OneDegreePair(pair=DAMPED, backlash_cubic_damping=4e5),
+    "pairs of teeth": FROM_DRAWING(fzg_c(), torque=300.0, damping_ratio=0.05),
     "six degrees": RIGID,
     "run-out": RIGID.replace(eccentricities=(1e-6, 1e-6), teeth=(3, 2)),
-    "train": planetary(stiffness_ratio=(0.8, 0.8)),
+    "train": gearlib.planetary(stiffness_ratio=(0.8, 0.8)),
     "oscillator": DeadZoneOscillator(
-        lower_edge=-4.0,
-        upper_stiffness=1.0,
-        damping=0.1,
-        load=1.0,
-        forcing=Harmonics((0.5,)),
+        lower_edge=-4.0, upper_stiffness=1.0, damping=0.1, load=1.0, forcing=Harmonics((0.5,))
     ),
     "linear stop": Stop(stiffness=1.0),
     "hard stop": Stop(stiffness=1.0, hardening=0.2),
-    "number": 7,
+    "number": 7,  # no model: every call refuses it
 }
 
 
@@ -103,14 +78,14 @@ def turns(pair):
     return gearlib.run_up(pair, 2000.0, 2500.0, duration=0.1, samples_per_period=128)
 
 
-def scattering(call, **options):
-    """Return a call while the load of a model scatters, or its stiffness."""
+def scattering(function, **options):
+    """Return `function` of a model alone, with tolerances of 1 % of its load or stiffness."""
 
-    def scatter(pair):
-        name = "load" if hasattr(pair, "load") else "stiffness"
-        return call(pair, {name: {"upper": "1 %", "lower": "-1 %"}}, n=2, **options)
+    def call(model):
+        name = "load" if hasattr(model, "load") else "stiffness"
+        return function(model, {name: {"upper": "1 %", "lower": "-1 %"}}, n=2, **options)
 
-    return scatter
+    return call
 
 
 def end(model, tuning):
@@ -125,27 +100,29 @@ CALLS = {
     "sobol_indices": scattering(gearlib.sobol_indices, quantities=("force",), speed=3000.0),
     "simulate": lambda pair: simulate(pair, NU, periods=2),
     "sweep": lambda pair: sweep(pair, [NU], periods=2, record_periods=1, direction="up"),
-    "basins": lambda pair: basins(pair, NU, ([0.0], [0.0]), periods=60),
-    "basin_stability": lambda pair: basin_stability(pair, [NU], (BOX, BOX), samples=1, periods=60),
-    "bifurcation_diagram": lambda pair: bifurcation_diagram(pair, [NU], settle=2, strobes=4),
-    "poincare_section": lambda pair: poincare_section(pair, NU, [(0.0, 0.0)], periods=2),
-    "lyapunov_exponents": lambda pair: lyapunov_exponents(pair, [NU], settle=2, periods=20),
+    "basins": lambda pair: gearlib.basins(pair, NU, ([0.0], [0.0]), periods=60),
+    "basin_stability": lambda pair: gearlib.basin_stability(pair, [NU], BOX, samples=1, periods=60),
+    "bifurcation_diagram": lambda pair: gearlib.bifurcation_diagram(
+        pair, [NU], settle=2, strobes=4
+    ),
+    "poincare_section": lambda pair: gearlib.poincare_section(pair, NU, [(0.0, 0.0)], periods=2),
+    "lyapunov_exponents": lambda pair: gearlib.lyapunov_exponents(pair, [NU], settle=2, periods=20),
     "run_up": lambda pair: gearlib.run_up(pair, 2000.0, 2500.0, duration=0.05),
     "duty_point": lambda pair: gearlib.duty_point(pair, 3000.0),
-    # Of whole revolutions of all.
+    # Whole revolutions of all models.
     "orders": lambda pair: gearlib.orders(
         simulate(pair, NU, periods=432, record_periods=432, samples_per_period=64), count=1
     ),
     "order_map": lambda pair: gearlib.order_map(turns(pair)),
-    "trust": lambda pair: trust(pair, NU, periods=200, exponent_periods=20),
+    "trust": lambda pair: gearlib.trust(pair, NU, periods=200, exponent_periods=20),
     "periodic_orbit": lambda pair: orbit(pair).dataset(),
-    "sensitivities": lambda pair: sensitivities(end, pair, "tuning", tuning=NU),
+    "sensitivities": lambda pair: gearlib.sensitivities(end, pair, "tuning", tuning=NU),
     "continue_orbit": lambda pair: continue_orbit(orbit(pair), to=NU + 0.01, max_points=3),
-    "tongues": lambda pair: tongues(pair, start=0.9, stop=1.1, step=0.05),
-    "schmidt": lambda pair: schmidt(pair, NU, harmonics=16, max_iterations=20).dataset(),
-    "harmonic_balance": lambda pair: harmonic_balance(pair, NU, harmonics=16).dataset(),
+    "tongues": lambda pair: gearlib.tongues(pair, start=0.9, stop=1.1, step=0.05),
+    "schmidt": lambda pair: gearlib.schmidt(pair, NU, harmonics=16, max_iterations=20).dataset(),
+    "harmonic_balance": lambda pair: gearlib.harmonic_balance(pair, NU, harmonics=16).dataset(),
 }
-#: What a call does not take beside the number.
+#: Call -> models that it refuses, beside the number.
 NO_GEARS = {"oscillator", "linear stop", "hard stop"}
 REFUSED = {
     "basins": {"train"},
@@ -161,17 +138,15 @@ REFUSED = {
     "orders": NO_GEARS,
     "harmonic_balance": {"pairs of teeth", "six degrees", "run-out", "train", *NO_GEARS},
 }
-#: Words of a gear mesh, which an oscillator has not.
-MESH = re.compile("mesh|static deflection|flank|dtau")
-
-
-#: What another test calls with a branch, with data or with nothing.
+#: Words about gears, which texts about an oscillator must not have.
+GEAR_WORDS = re.compile("mesh|static deflection|flank|dtau")
+#: Functions without a model as first argument alone: other tests call them.
 OTHERS = {"switch_branch", "locus", "fit", "methods", "read_measured"}
 
 
 def test_no_public_call_is_left_out():
     functions = {name for name in gearlib.__all__ if inspect.isfunction(getattr(gearlib, name))}
-    # Of proofs tests/proofs knows which models they take.
+    # tests/proofs tries the proofs with all models.
     proofs = {name for name in functions if name.startswith("certify")}
     trains = {"planetary", "idler", "two_stage", "split_power_reducer"}
     assert set(CALLS) == functions - OTHERS - proofs - trains
@@ -179,12 +154,13 @@ def test_no_public_call_is_left_out():
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("call", CALLS)
-def test_a_call_works_or_says_why_not(call, model):
+def test_a_call_works_or_names_the_model_that_it_refuses(call, model):
     pair = MODELS[model]
     if model == "number" or model in REFUSED.get(call, ()):
         with pytest.raises(ValueError, match="not allowed") as error:
             CALLS[call](pair)
         message = str(error.value)
+        # By its class, its values or the noun of its titles, in one sentence.
         names = type(pair).__name__, repr(pair), getattr(pair, "title_noun", repr(pair))
         assert any(name in message for name in names)
         assert "\n" not in message and ". " not in message
@@ -193,15 +169,15 @@ def test_a_call_works_or_says_why_not(call, model):
     dataset = getattr(result, "runs", result)
     if model == "oscillator":
         texts = [dataset.attrs.get("title", "")]
-        texts += [str(part.attrs.get("long_name")) for part in dataset.variables.values()]
-        assert not [text for text in texts if MESH.search(text)]
+        texts += [str(variable.attrs.get("long_name")) for variable in dataset.variables.values()]
+        assert not [text for text in texts if GEAR_WORDS.search(text)]
 
 
 @pytest.mark.parametrize("model", ["oscillator", "number"])
-def test_branches_are_those_of_gears(model):
+def test_branches_of_other_models_than_gear_pairs_are_refused(model):
     branch = continue_orbit(orbit(DAMPED), to=NU + 0.01, max_points=3)
-    branch.label[0] = 2
-    for call in (switch_branch, partial(locus, parameter="damping", to=0.1)):
+    branch.label[0] = 2  # period doubling
+    for call in (gearlib.switch_branch, partial(gearlib.locus, parameter="damping", to=0.1)):
         with pytest.raises(ValueError, match="pair = .* is not allowed: it must be a GearPair"):
             call(MODELS[model], branch, point=0)
 

@@ -18,8 +18,8 @@ REFERENCE = Outcome(status.OK, (1.0, 0.0), -0.5, 1.5, (0.8, 0.2, 0.0), 1.0, 1, C
 CHAOS = REFERENCE._replace(period=0)
 SMALL = REFERENCE._replace(low=0.99, high=1.01)
 REST = Outcome(status.OK, (1.0, 0.0), 1.0, 1.0, (1.0, 0.0, 0.0), 0.0, 1)
-AWAY = REFERENCE._replace(state=(2.0, 0.0))
-BESIDE = REFERENCE._replace(state=(1.001, 0.0))
+#: Motions that end far from the static equilibrium (1, 0), and close to it.
+AWAY, BESIDE = REFERENCE._replace(state=(2.0, 0.0)), REFERENCE._replace(state=(1.001, 0.0))
 
 
 def verdict(quantity, reference=REFERENCE, tolerance=1e-2, **changes):
@@ -29,17 +29,18 @@ def verdict(quantity, reference=REFERENCE, tolerance=1e-2, **changes):
 
 
 def fractions(normal):
+    """Return changes of an outcome: this fraction of time in normal mesh, no events."""
     return {"fractions": (normal, 1.0 - normal, 0.0), "contacts": ()}
 
 
 @pytest.mark.parametrize(
     ("quantity", "reference", "changes", "expected"),
     [
-        # Heights beyond all bounds.
+        # The height decides whether a motion has diverged.
         ("state", REFERENCE, {"state": (9.0, 0.0), "high": 1999.0}, "invented_motion"),
         ("state", REFERENCE, {"state": (9.0, 0.0), "high": 2e4}, "diverged"),
         ("state", REFERENCE, {"state": (9.0, 0.0), "high": math.inf}, "diverged"),
-        # Over the height 2; a velocity counts nu = 2 times.
+        # Errors are relative to the height 2 of REFERENCE; that of a velocity counts nu = 2 times.
         ("state", REFERENCE, {"state": (1.019, 0.0)}, "right"),
         ("state", REFERENCE, {"state": (1.021, 0.0)}, "inaccurate"),
         ("state", REFERENCE, {"state": (1.0, -0.009)}, "right"),
@@ -74,40 +75,42 @@ def fractions(normal):
         ("deviation", BESIDE, {"state": (0.999, 0.0)}, "right"),
     ],
 )
-def test_each_rule_on_constructed_outcomes(quantity, reference, changes, expected):
+def test_rules_give_verdicts_on_constructed_outcomes(quantity, reference, changes, expected):
     name, error = verdict(quantity, reference, **changes)
     assert name == expected
     if quantity == "state" and math.isfinite(changes.get("high", 0.0)):
-        # Of a motion less than a static deflection high in these.
+        # Heights below a static deflection count as one.
         height = max(1.0, reference.high - reference.low)
         x, v = np.abs(np.subtract(changes["state"], reference.state))
         assert error == pytest.approx(max(x, 2.0 * v) / height)
 
 
-def test_runs_without_an_end_diverged_or_stalled():
-    ends = dict.fromkeys((status.EVENT_LIMIT, status.NOT_CONVERGED, status.STALLED), "stalled")
-    for code, expected in (ends | {status.OVERFLOW: "diverged"}).items():
+def test_runs_that_do_not_finish_are_diverged_or_stalled():
+    verdicts = dict.fromkeys((status.EVENT_LIMIT, status.NOT_CONVERGED, status.STALLED), "stalled")
+    for code, expected in (verdicts | {status.OVERFLOW: "diverged"}).items():
         problem = Problem("", PAIR, 2.0, quantity="state", tolerance=1e-2)
         name, error = classify_run(problem, Outcome(code), REFERENCE)
         assert name == expected and math.isnan(error)
 
 
+# Events of the reference are (1, 0) and (0, 1): contact codes before and after. Counted are events
+# that are missing, spurious or out of order.
 @pytest.mark.parametrize(
-    ("contacts", "wrong"),
+    ("contacts", "wrong_count"),
     [((), 2), (CONTACTS[:1], 1), (CONTACTS[::-1], 2), ((*CONTACTS, (1, 0)), 1)]
     + [(((1, 0), (0, -1)), 1), (((1, 0), (0, -1), (-1, 0)), 2), (CONTACTS, 0)],
 )
-def test_other_events_are_missed_events_if_the_state_is_off(contacts, wrong):
+def test_wrong_events_are_missed_events_if_the_state_is_off(contacts, wrong_count):
     assert verdict("state", contacts=contacts)[0] == "right"
-    expected = "missed_event" if wrong else "inaccurate"
+    expected = "missed_event" if wrong_count else "inaccurate"
     assert verdict("state", contacts=contacts, state=(1.5, 0.0))[0] == expected
-    expected = "missed_event" if wrong else "right"
-    assert verdict("contacts", tolerance=0.0, contacts=contacts) == (expected, wrong)
+    expected = "missed_event" if wrong_count else "right"
+    assert verdict("contacts", tolerance=0.0, contacts=contacts) == (expected, wrong_count)
 
 
-def test_the_judge_is_never_the_method_itself():
+def test_no_method_is_its_own_reference_but_scipy_at_its_least_tolerance():
     for key, problem in difficult_problems.problems().items():
         for method, module in integrators.METHODS.items():
             if module.supports(problem.model):
-                judge, options = failures.reference_method(problem, method)
-                assert judge != method or (method == "scipy" and options["rtol"] == 1e-13), key
+                reference, options = failures.reference_method(problem, method)
+                assert reference != method or (method == "scipy" and options["rtol"] == 1e-13), key

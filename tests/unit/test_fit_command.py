@@ -15,6 +15,9 @@ TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 COURSE = [(0.0, float(TRUTH.speed(0.6))), (0.4, float(TRUTH.speed(0.72)))]
 DATA = synthetic_rig(TRUTH, COURSE, 1)
 TABLE = np.c_[DATA.time.values, 1e6 * DATA.displacement.values]
+KNOWN = {"max_stiffness": "4e5 N/mm", "stiffness_ratio": 0.5879, "contact_ratio": 1.569}
+KNOWN |= {"load": "3.2895396 kN", "backlash": "40 um", "backlash_damping": 3953.7, "teeth": 24}
+KNOWN |= {"damping": "unknown", "course": [list(row) for row in COURSE]}
 SETTINGS = {
     "data": "rig.csv",
     "title": "Rig 1",
@@ -25,17 +28,7 @@ SETTINGS = {
         "t": {"observableId": "time", "unit": "s"},
         "x": {"observableId": "displacement", "unit": "um", "offset": "unknown"},
     },
-    "known": {
-        "max_stiffness": "4e5 N/mm",
-        "stiffness_ratio": 0.5879,
-        "contact_ratio": 1.569,
-        "load": "3.2895396 kN",
-        "backlash": "40 um",
-        "backlash_damping": 3953.7,
-        "teeth": 24,
-        "damping": "unknown",
-        "course": [list(row) for row in COURSE],
-    },
+    "known": KNOWN,
     "fit": {"free": {"material_damping": [1000, 9000], "reduced_mass": ["2600 g", 3.7]}},
 }
 SETTINGS["channels"]["x"]["noise"] = 1e6 * DATA.displacement.noise_std
@@ -55,12 +48,13 @@ def run(tmp_path, monkeypatch):
     return call
 
 
-def test_what_the_file_says_is_fitted_drawn_and_not_replaced(run):
+def test_the_settings_of_the_file_are_fitted_and_results_are_not_replaced(run):
     result = run("-o", "fit.nc", "--plot", "fit.png")
     assert result.exit_code == 0 and "drawn in fit.png" in result.output, result.output
     lines = result.output.splitlines()
     assert lines[1] == "Rig 1, synthetic: computed for this test" and "[[Variables]]" in lines
-    # The middle of its bounds, digit by digit: the number of steps can hang on the last one.
+    # A fit starts from the middle of the bounds, computed as in the library: another last digit may
+    # change its number of steps.
     middle = (2.6 + 3.7) / 2.0
     guess = TRUTH.replace(material_damping=5000.0, reduced_mass=middle, load=3289.5396)
     free = {"material_damping": (1000.0, 9000.0), "reduced_mass": (2.6, 3.7)}
@@ -68,7 +62,7 @@ def test_what_the_file_says_is_fitted_drawn_and_not_replaced(run):
     assert str(expected) in result.output
     stored, computed = xr.load_dataset("fit.nc"), expected.dataset()
     computed["identifiable"] = computed.identifiable.astype(stored.identifiable.dtype)
-    # Units are converted on one way only, and differences make more of the rounding.
+    # The command converts units of the file: its rounding grows in derivatives by differences.
     xr.testing.assert_allclose(stored, computed, rtol=1e-8)
     assert stored.parameter.values.tolist() == [*free]
     assert stored.parameter_units.values.tolist() == ["N s m-1", "kg"]
@@ -90,7 +84,7 @@ REFUSED = [
     (["--free", "weight=1,2", *FIXED], {}, "free = 'weight' is not allowed: it must be one of"),
     (["--free", "load=1 kN,2 kN", *FIXED], {}, "a range that holds load = 3289.54"),
     ([], {"known": {}}, "max_stiffness is missing"),
-    ([], {"known": SETTINGS["known"] | {"course": 2450}}, "known.course: speed = 2450"),
+    ([], {"known": KNOWN | {"course": 2450}}, "known.course: speed = 2450"),
     ([], {"table": TABLE[:, :1].repeat(3, 1)}, "must"),
 ]
 

@@ -24,9 +24,8 @@ def windows():
     return [window(name, to, part) for name in PAIRS for to in cuts for part in cuts[to]]
 
 
-def test_bytes_do_not_depend_on_how_a_sweep_is_cut(tmp_path):
-    # With a jump; several runs side by side where it bounces. The narrowest windows hold one
-    # tuning.
+def test_bytes_do_not_depend_on_the_windows_of_a_sweep(tmp_path):
+    # The motion jumps and bounces in this range. The narrowest windows hold one tuning.
     grid, files = (0.5, 1.4, 0.025), []
     for width in (0.9, 0.3, 0.025):
         shards = []

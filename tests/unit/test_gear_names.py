@@ -60,14 +60,13 @@ def test_targets_that_cannot_take_drawn_gears_are_refused(target, change, words)
     assert target not in load(OWN | {"gears": gears}).computed_targets()
 
 
-def test_drawn_trains_are_wanted_alone_or_beside_a_pair():
-    assert load(overlay_gears(overlay(CONFIG, PLANETS), PLANETS)).computed_targets() == [
-        *TRAIN_TARGETS
-    ]
+def test_default_targets_of_a_drawn_train_with_and_without_a_pair():
+    alone = load(overlay_gears(overlay(CONFIG, PLANETS), PLANETS))
+    assert alone.computed_targets() == [*TRAIN_TARGETS]
     both = PLANETS | {"gear_pair": {"load": 1e3}}
-    wanted = load(overlay_gears(overlay(CONFIG, both), both)).computed_targets()
-    assert {*TRAIN_TARGETS, "resonance"} <= {*wanted} and "reducer" not in wanted
-    # Chosen by name it is refused.
+    targets = load(overlay_gears(overlay(CONFIG, both), both)).computed_targets()
+    assert {*TRAIN_TARGETS, "resonance"} <= {*targets} and "reducer" not in targets
+    # The target "reducer" is refused if it is asked for.
     (words,) = load(CONFIG | PLANETS | {"targets": ["reducer", "campbell"]}).target_errors()
     assert words.startswith("train.kind = 'planetary_set' is not allowed: it must be split_")
     assert words.endswith(", for the target reducer")
@@ -75,24 +74,17 @@ def test_drawn_trains_are_wanted_alone_or_beside_a_pair():
 
 def test_names_of_gears_say_what_was_drawn():
     helical = overlay(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}})
-    for settings, name in (
-        (OWN, NAME),
-        (helical, f"{NAME}, β 15°"),
-        (relieved(), f"{NAME}, tip relief"),
-    ):
+    pairs = (OWN, NAME), (helical, f"{NAME}, β 15°"), (relieved(), f"{NAME}, tip relief")
+    for settings, name in pairs:
         assert gear_names.name_of_pair(load(settings)) == name
     reducer = load(OWN | {"reducer": {"teeth": [23, 61, 23, 61]}, "targets": ["reducer"]})
     assert gear_names.name_of_reducer(reducer) == f"reducer z 23/61/23/61, every mesh: {NAME}"
+    idler = {"kind": "idler", "idler": {"teeth": [23, 61, 40]}}
+    planetary = {"kind": "planetary", "planetary": {"planets": 4, "teeth": [28, 100]}}
     for train, name in (
         (PLANETS["train"], "planetary set z 27/36/99, m 2 mm"),
-        (
-            {"kind": "idler", "idler": {"teeth": [23, 61, 40]}},
-            f"idler train z 23/61/40, both meshes: {NAME}",
-        ),
-        (
-            {"kind": "planetary", "planetary": {"planets": 4, "teeth": [28, 100]}},
-            "user-defined planetary set",
-        ),
+        (idler, f"idler train z 23/61/40, both meshes: {NAME}"),
+        (planetary, "user-defined planetary set"),
     ):
         settings = load(OWN | {"train": train, "targets": ["train_sweep", "campbell"]})
         assert gear_names.name_of_train(settings) == name

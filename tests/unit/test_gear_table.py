@@ -59,7 +59,7 @@ def test_a_body_that_the_energy_method_does_not_take_has_no_values_of_it():
     assert list(gear_table.gear_quantities(Mesh(gear, gear), torque=100.0)[-1].values) == ["iso"]
 
 
-def test_the_command_prints_the_table_of_a_configuration_and_options_come_first(gears):
+def test_command_line_options_override_the_configuration(gears):
     lines = " ".join(gears("--config fzg.yaml").split())
     assert "working_pressure_angle 22.4388 deg alpha_wt" in lines
     options = "--torque '100 N m' --damping-ratio 0.1"

@@ -5,7 +5,6 @@ All sets here are synthetic: written by the tests, measured by nobody.
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +13,12 @@ import yaml
 from gearlib import read_measured
 from gearlib.data.storage import read, write
 
-ROOT = Path(__file__).resolve().parents[2]
 CHANNELS = {
     "t": {"observableId": "time", "unit": "ms"},
     "x": {"observableId": "displacement", "unit": "µm", "noise": "500 nm", "offset": "unknown"},
     "F": {"observableId": "dynamic_force", "unit": "kN", "sensor": "strain gauge", "noise": 0.01},
 }
+X_AND_FORCE = {key: CHANNELS[key] for key in ("x", "F")}
 SETTINGS = {"data": "rig.csv", "source": "synthetic", "licence": "own data", "channels": CHANNELS}
 TABLE = "t,x,F,other\n0,1.5,2,a\n1,2.5,2.5,b\n2,-3,2.75,c\n"
 LONG = (
@@ -86,11 +85,12 @@ def test_units_are_those_of_the_library(rig, unit, observable, factor, units):
     assert column.attrs["units"] == units
 
 
-def test_a_long_table_is_the_same_dataset(rig):
+def test_a_long_table_is_read_in_si(rig):
     speeds = {"jump_down": {"value": "2500 rpm", "noise": "50 Hz"}}
-    of = {"up": {"direction": "up", "speed": "20 Hz"}, "down": {"direction": "down", "speed": 900}}
-    kept = {"x": CHANNELS["x"], "F": CHANNELS["F"]}
-    data = rig(LONG, channels=kept, conditions=of, speeds=speeds)
+    conditions = {"up": {"direction": "up", "speed": "20 Hz"}}
+    conditions["down"] = {"direction": "down", "speed": 900}
+    # LONG has a row for each value of the channels x (um) and F (kN).
+    data = rig(LONG, channels=X_AND_FORCE, conditions=conditions, speeds=speeds)
     assert data.condition.values.tolist() == ["up", "up", "down", "down", "down"]
     assert data.direction.values.tolist() == [1, 1, -1, -1, -1]
     assert data.speed.values.tolist() == [1200.0, 1200.0, 900.0, 900.0, 900.0]
@@ -98,18 +98,18 @@ def test_a_long_table_is_the_same_dataset(rig):
     nan = np.nan
     assert np.allclose(data.displacement * 1e6, [1.5, 1.6, 1.0, nan, nan], equal_nan=True)
     assert np.allclose(data.dynamic_force, [nan, 3e3, nan, 1e3, 2e3], equal_nan=True)
-    # Where a row says no noise, it is that of the channel.
+    # A row without noise has the noise of its channel.
     assert np.allclose(data.dynamic_force_noise_std.values[[1, 3, 4]], [10.0, 200.0, 10.0])
     assert (float(data.jump_down), data.jump_down.noise_std) == (2500.0, 3000.0)
 
 
-def test_samples_are_sorted_by_time_within_conditions_and_that_is_said(rig):
+def test_sorting_by_time_within_conditions_is_recorded_as_a_repair(rig):
     rng = np.random.default_rng(1)
-    rows = [(to, t, 10.0 * t) for to in ("up", "down") for t in range(40)]
+    rows = [(direction, t, 10.0 * t) for direction in ("up", "down") for t in range(40)]
     mixed = [rows[i] for i in rng.permutation(len(rows))]
-    table = "d,t,x\n" + "".join(f"{to},{t},{x}\n" for to, t, x in mixed)
-    of = {"d": {"observableId": "direction", "unit": "1"}, "t": CHANNELS["t"], "x": CHANNELS["x"]}
-    data = rig(table, channels=of)
+    table = "d,t,x\n" + "".join(f"{direction},{t},{x}\n" for direction, t, x in mixed)
+    direction = {"observableId": "direction", "unit": "1"}
+    data = rig(table, channels={"d": direction, "t": CHANNELS["t"], "x": CHANNELS["x"]})
     assert data.repairs == "samples sorted by time, each condition apart"
     first = {"up": 1, "down": -1}[mixed[0][0]]
     assert data.direction.values.tolist() == [first] * 40 + [-first] * 40
@@ -187,29 +187,26 @@ def test_what_is_not_in_order_is_refused_in_one_sentence(rig, tmp_path, sentence
     assert re.match(pattern, text) and "\n" not in text and len(text) < 700, text
 
 
-OTHERS = {key: CHANNELS[key] for key in ("x", "F")}
-
-
 @pytest.mark.parametrize("binary", [0, 1])
-def test_a_universal_file_is_read(rig, tmp_path, binary):
+def test_a_universal_file_with_datasets_58_is_read(rig, tmp_path, binary):
     import pyuff
 
     time = np.arange(50) * 1e-3
     signals = {"x": np.sin(90.0 * time), "F": 2.0 + np.cos(70.0 * time)}
     file = pyuff.UFF(str(tmp_path / "rig.uff"))
     for name, values in signals.items():
-        dataset = pyuff.prepare_58(
-            **{"binary": binary, "func_type": 1, "id1": name, "x": time, "data": values},
-            **{"rsp_node": 1, "rsp_dir": 3, "ref_node": 1, "ref_dir": 3, "abscissa_spacing": 1},
-            **{"abscissa_inc": 1e-3, "abscissa_min": 0.0, "ordinate_spec_data_type": 8},
-            **{"orddenom_spec_data_type": 0, "ord_data_type": 4, "num_pts": time.size},
-        )
-        file.write_sets([dataset], "add")
-    data = rig(None, data="rig.uff", channels=OTHERS)
+        # Codes of the format: a time response (1) in equal steps (1) of displacements (8), no
+        # denominator (0), real numbers of double precision (4).
+        keys = {"binary": binary, "func_type": 1, "id1": name, "x": time, "data": values}
+        keys |= {"rsp_node": 1, "rsp_dir": 3, "ref_node": 1, "ref_dir": 3, "abscissa_spacing": 1}
+        keys |= {"abscissa_inc": 1e-3, "abscissa_min": 0.0, "ordinate_spec_data_type": 8}
+        keys |= {"orddenom_spec_data_type": 0, "ord_data_type": 4, "num_pts": time.size}
+        file.write_sets([pyuff.prepare_58(**keys)], "add")
+    data = rig(None, data="rig.uff", channels=X_AND_FORCE)
     assert data.time.values == pytest.approx(time, rel=1e-6, abs=1e-12)
     assert data.displacement.values == pytest.approx(1e-6 * signals["x"], rel=1e-6, abs=1e-12)
     assert data.dynamic_force.values == pytest.approx(1e3 * signals["F"], rel=1e-6)
     with pytest.raises(ValueError, match="the channel 'y' of rig.uff is missing: .* 'x', 'F'"):
         rig(None, data="rig.uff", channels={"y": CHANNELS["x"]})
     with pytest.raises(ValueError, match="universal file"):
-        rig(b"no\nuff\n", data="rig.uff", channels=OTHERS)
+        rig(b"no\nuff\n", data="rig.uff", channels=X_AND_FORCE)

@@ -41,10 +41,8 @@ def rig(tmp_path):
     def write(channels, *columns, **more):
         settings = {"data": "rig.csv", "source": "synthetic", "licence": "own data"}
         settings |= {"synthetic": True, "channels": channels} | more
-        lines = [
-            ",".join(channels),
-            *(",".join(map(str, row)) for row in zip(*columns, strict=True)),
-        ]
+        rows = [channels, *zip(*columns, strict=True)]
+        lines = [",".join(map(str, row)) for row in rows]
         (tmp_path / "rig.csv").write_text("\n".join(lines) + "\n")
         (tmp_path / "rig.yaml").write_text(yaml.safe_dump(settings))
         return tmp_path / "rig.yaml"
@@ -54,31 +52,32 @@ def rig(tmp_path):
 
 @pytest.fixture
 def curve(rig, resonance):
-    """Return sweeps up and down as a rig would give them, laid over the characteristics."""
+    """Return a function that makes measured response curves of the computed sweeps up and down."""
 
-    def measure(factor=1.0, zero=0.0, noise=0.0, over=resonance, **channel):
-        rng, columns = np.random.default_rng(1), ([], [], [])
-        for to in ("up", "down"):
-            part = resonance.isel(damping=0).sel(direction=to)
-            top = part.displacement_max.values * float(part.static_deflection) * 1e6
-            top = factor * top + zero + noise * rng.normal(size=top.size)
-            rows = part.speed.values.tolist(), [to] * top.size, top.tolist()
-            for column, values in zip(columns, rows, strict=True):
-                column += values
-        top = {"observableId": "displacement_max", "unit": "um", "noise": noise} | channel
-        channels = {"n": SPEED, "to": {"observableId": "direction", "unit": 1}, "top": top}
-        return study.measured_response_curve(rig(channels, *columns), over)
+    def measure(factor=1.0, shift=0.0, **channel):
+        """Measure factor * displacement_max + shift (um); `channel` are further keys of it."""
+        columns = [], [], []
+        for direction in ("up", "down"):
+            part = resonance.isel(damping=0).sel(direction=direction)
+            height = part.displacement_max.values * float(part.static_deflection) * 1e6
+            columns[0].extend(part.speed.values)
+            columns[1].extend([direction] * height.size)
+            columns[2].extend(factor * height + shift)
+        height = {"observableId": "displacement_max", "unit": "um", "noise": 0.0} | channel
+        channels = {"n": SPEED, "to": {"observableId": "direction", "unit": 1}, "top": height}
+        return study.measured_response_curve(rig(channels, *columns), resonance)
 
     return measure
 
 
-def scores(curves, resonance, **more):
-    names, *rows = study.comparison_rows(curves, resonance, **more)
+def scores(curves, resonance):
+    """Return name of a compared quantity -> row of the table, a dict."""
+    names, *rows = study.comparison_rows(curves, resonance)
     return {row[1]: dict(zip(names, row, strict=True)) for row in rows}
 
 
-def test_what_needs_no_calibration_does_not_change_with_it(curve, resonance):
-    plain, scaled = curve(), curve(factor=1.7, zero=-30.0, **UNKNOWN)
+def test_scores_that_need_no_calibration_do_not_change_with_gain_and_offset(curve, resonance):
+    plain, scaled = curve(), curve(factor=1.7, shift=-30.0, **UNKNOWN)
     calibrated, free = (scores([part], resonance) for part in (plain, scaled))
     jumps = calibrated["jump down over jump up"]
     assert jumps["measured"] == free["jump down over jump up"]["measured"] == jumps["computed"]
@@ -87,13 +86,13 @@ def test_what_needs_no_calibration_does_not_change_with_it(curve, resonance):
     assert calibrated[misfit]["computed"] < 1e-12 and free[misfit]["computed"] < 1e-12
     peaks = free["highest displacement_max down over up"]
     assert peaks["measured"] == pytest.approx(peaks["computed"], rel=1e-5)
-    # Nobody said a noise: none is known, which is not 0.
+    # A noise of 0 counts as unknown: the standard deviation is empty, not 0.
     assert peaks["standard_deviation"] == "" == calibrated[misfit]["standard_deviation"]
-    # What needs the sensor is said of the one that has its calibration only.
+    # The misfit "as calibrated" exists for the calibrated sensor only.
     sensor = "misfit of displacement_max over its range, as calibrated"
     assert calibrated[sensor]["computed"] < 1e-12 and sensor not in free
     assert calibrated[sensor]["calibration"] == "sensor"
-    # The picture shows them where the model is.
+    # The figure draws the scaled set in open markers, fitted to the model: at the same points.
     figure = resonance_figure.draw(resonance, measured=[plain, scaled], forces=True)
     lines = [line for axes in figure.axes for line in axes.lines]
     points = [line for line in lines if line.get_marker() in "^v" and line.get_markersize() == 3.0]
@@ -112,23 +111,20 @@ def test_a_jump_is_a_step_that_stands_alone():
     assert math.isnan(study.jump(speed[:3], step[:3])[0])
 
 
-def test_harmonics_of_a_course_are_those_it_was_made_of(rig):
+def test_harmonics_of_a_time_history_are_those_it_was_made_of(rig):
     amplitudes, phases = np.array([5.0, 2.0, 1.0, 0.5, 0.25]), np.array([0.4, 1.0, -0.7, 2.0, 0.1])
     orders, rate = np.arange(1, 6), 2.0 * np.pi * 3333.0 / 60.0 * 24
     time = np.sort(np.random.default_rng(3).uniform(0.0, 1.0, 3000))
     waves = np.cos(np.outer(rate * (time + 0.7), orders) + phases)
-    path = rig(
-        {"t": TIME, "x": DISPLACEMENT},
-        time,
-        7.0 + waves @ amplitudes,
-        conditions={"one": {"speed": "3333 rpm"}},
-    )
+    channels, conditions = {"t": TIME, "x": DISPLACEMENT}, {"one": {"speed": "3333 rpm"}}
+    path = rig(channels, time, 7.0 + waves @ amplitudes, conditions=conditions)
     run = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
     course = study.time_history_harmonics(path, {"k": PAIR.as_dict()}, run).squeeze()
     assert course.amplitude.values == pytest.approx(1e-6 * amplitudes, rel=1e-9)
     shape = np.radians(course.shape_phase.values) - (phases - orders * phases[0])
     assert np.cos(shape) == pytest.approx(1.0, abs=1e-12)
-    # The model against itself: its own course, at any phase, with any gain and offset.
-    wave = np.fft.rfft(course.computed.values[:-1])[1:3] * 2.0 / (course.computed.size - 1)
+    # The computed displacement is drawn over one period, closed, from the top of its first wave.
+    samples = course.computed.values[:-1]
+    wave = np.fft.rfft(samples)[1:3] * 2.0 / samples.size  # harmonics 1 and 2
     assert np.angle(wave[0]) == pytest.approx(0.0, abs=0.05)
     assert np.abs(wave) == pytest.approx(course.computed_amplitude.values[:2], rel=0.03)

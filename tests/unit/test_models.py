@@ -7,31 +7,18 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib import (
-    DeadZoneOscillator,
-    GearPair,
-    Harmonics,
-    OneDegreePair,
-    SixDegreePair,
-    Tabulated,
-    split_power_reducer,
-)
+from gearlib import DeadZoneOscillator, GearPair, Harmonics, OneDegreePair, SixDegreePair, Tabulated
 from gearlib.models.model import Model
 from gearlib.models.profiles import Steps
 from tests.paper import PAPER
 from tests.properties.known_models import TABLE
 
 ONE = OneDegreePair(pair=PAPER, cubic_damping=4e5, deviation=Harmonics((1e-6,)))
-SIX = SixDegreePair(
-    pair=PAPER,
-    base_radii=(0.1, 0.08),
-    inertias=(0.06, 0.05),
-    masses=(17.0, 12.0),
-    bearing_stiffness=(1e8,) * 4,
-    deviation=Harmonics((1e-6,)),
-)
+BODIES = {"base_radii": (0.1, 0.08), "inertias": (0.06, 0.05), "masses": (17.0, 12.0)}
+BEARINGS = {"bearing_stiffness": (1e8,) * 4}
+SIX = SixDegreePair(pair=PAPER, deviation=Harmonics((1e-6,)), **BODIES, **BEARINGS)
 OSCILLATOR = DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, damping=0.1)
-UNEQUAL, TRAIN = SIX.replace(teeth=(30, 24)), split_power_reducer(PAPER)
+UNEQUAL, TRAIN = SIX.replace(teeth=(30, 24)), gearlib.split_power_reducer(PAPER)
 RUN = {"periods": 4, "samples_per_period": 8}
 
 
@@ -63,15 +50,17 @@ def test_a_pair_of_ratios_has_these_ratios(backlash):
 
 @pytest.mark.parametrize("model", [ONE, SIX])
 def test_scales_and_ratios_of_the_pair_are_those_of_the_model(model):
-    # What the pair has and the model has not, or has in its own sense.
-    apart = {"from_geometry", "from_ratios", "RATIOS", "ratio_slopes", *vars(Model), *vars(model)}
+    # Not compared: attributes that models lack, define themselves or inherit from `Model`. Of the
+    # last, speed_scales follow from the pair too.
+    excepted = {"from_geometry", "from_ratios", "RATIOS", "ratio_slopes"}
+    excepted |= {*vars(Model), *vars(model)}
     names = {name for name in dir(PAPER) if not name.startswith("_")}
-    for name in names - apart | {"speed_scales"}:
+    for name in (names - excepted) | {"speed_scales"}:
         value, expected = getattr(model, name), getattr(PAPER, name)
         if callable(value):
             value, expected = value(0.8), expected(0.8)
         assert value == expected, name
-    # Beside the scales stands the torque, which a pair does not know.
+    # A model may have further scales: a torque, which a pair without radii does not know.
     assert PAPER.scales().items() <= model.scales().items()
     assert not hasattr(model, "from_ratios")
 
@@ -98,7 +87,7 @@ def test_a_copy_changes_the_model_or_its_pair(model):
             model.replace(**changes)
 
 
-def test_what_follows_by_default_goes_on_following_and_what_was_set_stays():
+def test_a_copy_computes_derived_defaults_anew_and_keeps_explicit_values():
     heavier = SIX.replace(load=2.0 * PAPER.load)
     assert heavier.torques == tuple(2.0 * torque for torque in SIX.torques)
     assert SIX.replace(base_radii=(0.2, 0.1)).torques == (0.2 * PAPER.load, 0.1 * PAPER.load)
@@ -117,7 +106,7 @@ def test_the_reduced_mass_of_two_gears_is_that_of_two_bodies():
     (r3, r2), (j3, j2), (m3, m2) = SIX.base_radii, SIX.inertias, SIX.masses
     torsional = j3 * j2 / (j2 * r3**2 + j3 * r2**2)
     assert SIX.reduced_mass_torsional == pytest.approx(torsional, rel=1e-14)
-    # A body that is free is pushed away and turned: two springs' worth of inertia in parallel.
+    # A force accelerates free bodies in translation and in rotation: inverse masses add up.
     free = 1.0 / (1.0 / torsional + (m2 + m3) / (m2 * m3))
     assert SIX.reduced_mass_free == pytest.approx(free, rel=1e-14)
 
@@ -153,16 +142,18 @@ def test_torques_where_radii_are_known():
     assert "torque" not in gearlib.simulate(PAPER, 0.7, **RUN)
 
 
-def test_tables_are_read_and_their_last_step_goes_on_at_the_start(tmp_path):
+def test_tables_are_read_and_steps_go_on_periodically(tmp_path):
     path = tmp_path / "table.csv"
     rows = zip(TABLE.phase, TABLE.stiffness, strict=True)
     path.write_text("phase,stiffness\n" + "".join(f"{p},{c}\n" for p, c in rows), encoding="utf-8")
     assert Tabulated.read(path) == TABLE
     with pytest.raises(ValueError, match="no column 'C'"):
         Tabulated.read(path, stiffness="C")
+    # The last step, stiffness 2, holds until the first one begins in the next period.
     pieces = Steps(phase=(1.0, 3.0), stiffness=(5.0, 2.0)).pieces()
     np.testing.assert_array_equal(pieces.breaks, [0.0, 1.0, 3.0, 2.0 * math.pi])
     np.testing.assert_array_equal(pieces.lines, [[2.0, 0.0], [5.0, 0.0], [2.0, 0.0]])
+    # Pieces below the mean stiffness are low.
     np.testing.assert_array_equal(pieces.low, [True, False, True])
 
 

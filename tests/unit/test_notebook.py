@@ -4,6 +4,7 @@ import os
 
 import pytest
 
+#: A call with progress of 9 things, and another call inside; then a call shorter than the delay.
 CELLS = (
     """\
 import threading
@@ -25,7 +26,7 @@ curve = sweep(GearPair.from_ratios(**ratios), [0.5, 0.6, 0.7], periods=99, recor
 )
 
 
-def test_a_bar_counts_and_goes_and_short_calls_show_none():
+def test_a_progress_bar_counts_and_disappears_and_short_calls_show_none():
     nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
     pytest.importorskip("ipykernel")
     displayed = []

@@ -8,7 +8,7 @@ from tests.paper import PAPER
 
 COMMON = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "teeth": 24}
 LOSING = GearPair.from_ratios(damping=0.02, backlash=0.5, backlash_damping=0.01, **COMMON)
-THRICE = PAPER.replace(material_damping=1000.0)
+PERIOD_THREE = PAPER.replace(material_damping=1000.0)
 
 
 def run(pair, tuning=1.0, **more):
@@ -31,10 +31,10 @@ def test_the_balance_of_every_order_holds():
     assert spectrum.force_amplitude.values[0] == pytest.approx(1.0, abs=1e-8)
 
 
-@pytest.mark.parametrize("model", [THRICE, OneDegreePair(pair=THRICE)])
-def test_every_order_is_the_mean_of_the_motion_with_its_wave(model):
-    # Three mesh periods, all phases of contact; the record begins within a revolution. Cosines and
-    # sines by hand, no transform.
+@pytest.mark.parametrize("model", [PERIOD_THREE, OneDegreePair(pair=PERIOD_THREE)])
+def test_every_order_is_the_fourier_coefficient_of_the_motion(model):
+    # From this start the motion repeats after three mesh periods, with contact on both flanks. 1507
+    # is no multiple of 24 teeth: the record begins within a revolution.
     span = {"tuning": 1.055, "periods": 1507, "initial_state": (-2.0, 1.0)}
     spectrum = orders(run(model, **span), count=4)
     fine = run(model, samples_per_period=4096, **span)
@@ -43,9 +43,10 @@ def test_every_order_is_the_mean_of_the_motion_with_its_wave(model):
     amplitudes = spectrum.error_amplitude.values * np.exp(1j * spectrum.error_phase.values)
     for i in range(4 * 24 + 1):
         wave = np.exp(-1j * i / 24.0 * phase)
-        expected = (2.0 if i else 1.0) * np.mean(x * wave) * THRICE.static_deflection
-        assert abs(amplitudes[i] - expected) < 1e-5 * THRICE.static_deflection
-    assert abs(amplitudes[8]) > 0.1 * THRICE.static_deflection
+        expected = (2.0 if i else 1.0) * np.mean(x * wave) * model.static_deflection
+        assert abs(amplitudes[i] - expected) < 1e-5 * model.static_deflection
+    # Order 8 of 24 teeth: a wave of three mesh periods.
+    assert abs(amplitudes[8]) > 0.1 * model.static_deflection
 
 
 def test_errors_fall_with_the_samples_and_are_estimated():

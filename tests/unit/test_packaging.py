@@ -11,7 +11,7 @@ from gearlib import __version__
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-#: Names in conda where they are others: these do without what nothing here needs.
+#: Name of a package in pip -> smaller package in conda.
 CONDA = {"matplotlib": "matplotlib-base", "snakemake": "snakemake-minimal"}
 
 
@@ -26,7 +26,7 @@ def bounds(requirements):
 
 
 def expected(*extras):
-    """Return the same of pyproject.toml, with conda's names."""
+    """Return name in conda -> lower bound of Python, the dependencies and those of the extras."""
     rows = bounds([*PROJECT["dependencies"], *(row for name in extras for row in EXTRAS[name])])
     python = {"python": PROJECT["requires-python"].removeprefix(">=")}
     return python | {CONDA.get(name, name): bound for name, bound in rows.items()}
@@ -39,9 +39,8 @@ def test_the_conda_environment_has_what_pip_installs():
 
 
 def test_the_environment_of_the_jobs_is_part_of_it():
-    assert bounds(load("workflow/envs/gearlib.yaml")["dependencies"]).items() <= (
-        expected("workflow", "proof").items()
-    )
+    packages = bounds(load("workflow/envs/gearlib.yaml")["dependencies"])
+    assert packages.items() <= expected("workflow", "proof").items()
 
 
 def test_everything_that_is_asked_for_is_pinned():

@@ -41,7 +41,7 @@ def test_resonance_holds_both_sweeps_and_their_speeds():
     assert names == {"speed (rpm)", "displacement (µm)"}
 
 
-def test_runs_orbits_harris_maps_and_critical_speeds():
+def test_plots_reach_the_largest_values_and_name_what_they_show():
     run = simulate(PAIR, 0.85, periods=400, record_periods=2)
     assert highest(plot.phase_plane(run)) == pytest.approx(float(run.velocity.max()))
     assert highest(plot.time_course(run)) == pytest.approx(float(run.displacement.max()))
@@ -53,14 +53,14 @@ def test_runs_orbits_harris_maps_and_critical_speeds():
     assert "excited" in labels(plot.campbell(diagram))
 
 
-def test_orders_stand_at_their_amplitudes_and_mesh_orders_have_names():
+def test_orders_are_drawn_with_their_amplitudes_and_mesh_orders_are_named():
     run = simulate(PAIR, 0.45, periods=423, record_periods=23)
     spectrum = gearlib.orders(run, count=3)
     for variable, scale in (("force_amplitude", 1.0), ("error_amplitude", 1e6)):
         axes = plot.orders(spectrum, variable=variable)
         ends = [segment[1] for lines in axes.collections for segment in lines.get_segments()]
         heights = scale * spectrum[variable].sel(order=[23, 46, 69]).values
-        # Of a motion of one mesh period there is nothing between.
+        # A motion that repeats after one mesh period has mesh orders only, multiples of 23 teeth.
         np.testing.assert_allclose(ends, np.column_stack([[23, 46, 69], heights]), rtol=1e-12)
         assert [text.get_text() for text in axes.texts] == ["mesh", "2 × mesh", "3 × mesh"]
     assert axes.get_ylabel() == "transmission error (µm, peak)"
@@ -68,7 +68,7 @@ def test_orders_stand_at_their_amplitudes_and_mesh_orders_have_names():
     assert len(labels(plot.orders(gearlib.orders(train, count=2)))) == train.sizes["mesh"]
 
 
-def test_run_ups_stand_at_their_speeds_those_that_fall_dotted():
+def test_run_ups_are_plotted_over_speed_with_falling_speeds_dotted():
     run = gearlib.run_up(PAIR, speed=[(0.0, 1500.0), (0.5, 2500.0), (1.0, 1500.0)])
     up, down = plot.run_up(run).lines
     rises = run.revolution_time < 0.49

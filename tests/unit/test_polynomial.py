@@ -20,11 +20,11 @@ MATRIX = bernstein_matrix(DEGREE)
 WORK = np.empty((WORK_ROWS, DEGREE + 2))
 
 
-def of_a_step(coefficients):
-    """Return what a Taylor step finds on a polynomial, its bounds and its shape asked first."""
-    h, series = 0.3, np.zeros((ROWS, DEGREE + 1))
-    series[DISPLACEMENT] = coefficients / h ** np.arange(DEGREE + 1)
-    return first_crossing(series, DISPLACEMENT, 0.0, 1.0, h, MATRIX, WORK)
+def crossing_in_a_step(coefficients):
+    """Return the first fall through zero as a Taylor step finds it, which tries bounds first."""
+    step, line, direction, series = 0.3, 0.0, 1.0, np.zeros((ROWS, DEGREE + 1))
+    series[DISPLACEMENT] = coefficients / step ** np.arange(DEGREE + 1)
+    return first_crossing(series, DISPLACEMENT, line, direction, step, MATRIX, WORK)
 
 
 def with_roots(roots, rng):
@@ -37,18 +37,19 @@ def with_roots(roots, rng):
     return np.convolve(c, rest)
 
 
-@pytest.mark.parametrize("find", [lambda c: first_downward_crossing(c, MATRIX, WORK), of_a_step])
+@pytest.mark.parametrize(
+    "find", [lambda c: first_downward_crossing(c, MATRIX, WORK), crossing_in_a_step]
+)
 @pytest.mark.parametrize("seed", range(2))
 def test_the_first_of_many_roots_is_found(seed, find):
     rng = np.random.default_rng(seed)
     for _ in range(2000):
         roots = np.sort(rng.uniform(0.0, 1.0, rng.integers(0, 6)))
-        apart = np.diff(np.append(roots, 2.0)).min() if roots.size else 1.0
-        # Coefficients carry 1e-16; a root near others moves by that over the distance to them.
+        distance = np.diff(np.append(roots, 2.0)).min() if roots.size else 1.0
         expected = roots[0] if roots.size else 2.0
-        assert abs(find(with_roots(roots, rng)) - expected) <= 1e-12 / apart ** max(
-            1, roots.size - 1
-        )
+        # Rounding of coefficients moves a root the more, the closer other roots are.
+        tolerance = 1e-12 / distance ** max(1, roots.size - 1)
+        assert abs(find(with_roots(roots, rng)) - expected) <= tolerance
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -10,13 +10,7 @@ from tests.independent import differences
 from tests.independent.systems import describe
 from tests.physics import test_random_meshes
 from tests.physics import test_sensitivities as derivatives
-from tests.references import (
-    FOLDER,
-    key_of,
-    propagate,
-    row_texts,
-    texts,
-)
+from tests.references import FOLDER, key_of, propagate, row_texts, texts
 
 
 def test_the_independent_program_shares_nothing_with_the_library():
@@ -50,8 +44,9 @@ def test_stored_references_of_random_meshes_are_those_of_50_digits():
 
 
 @pytest.mark.parametrize("name", ["no backlash", "chain"])
-def test_stored_derivatives_are_those_of_many_digits(name):
+def test_stored_derivatives_are_those_of_the_independent_program(name):
     (model, tuning, state, periods), names = derivatives.CASES[name]
     arguments = describe(model), tuning, periods, state
     stored = derivatives.REFERENCES.entries[key_of(("of_run", *arguments, list(names)))]
+    # In 34 digits; the first parameter stands for the others.
     assert row_texts(differences.of_run(*arguments, names[:1])) == stored[:1]

@@ -13,7 +13,10 @@ RATE, SECONDS = 20_000.0, 6.0
 
 
 def chirp(first=600.0, last=1800.0, start=0.0, order=12.0):
-    """Return a signal with waves of orders 3 and `order`, a mean, and the angle of its shaft."""
+    """Return a signal of a mean and waves of orders 3 and `order`, and the revolutions made.
+
+    The speed goes from `first` to `last`, rpm; the signal begins at the time `start`, s.
+    """
     t = start + np.arange(int(RATE * SECONDS)) / RATE
     speed = first + (last - first) * (t - start) / SECONDS
     turns = (first + 0.5 * (last - first) * (t - start) / SECONDS) * (t - start) / 60.0

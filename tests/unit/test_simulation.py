@@ -16,17 +16,19 @@ PAIR = GearPair.from_ratios(
     contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash_damping=0.0617, backlash=4
 )
 CHAOTIC = PAIR.replace(material_damping=0.0, backlash_damping=0.0)
-RUN = {"periods": 60, "record_periods": 4}
+RUN, SAMPLES = {"periods": 60, "record_periods": 4}, 512
 
 
 @pytest.fixture(scope="module")
 def bouncing():
-    return simulate(PAIR, 0.9, samples_per_period=512, **RUN)
+    """A motion with bounces; its last 4 of 60 periods are recorded, 512 samples in each."""
+    return simulate(PAIR, 0.9, samples_per_period=SAMPLES, **RUN)
 
 
-def test_time_course_agrees_with_the_summary(bouncing):
-    assert bouncing.phase[0] == pytest.approx(2 * math.pi * 56, rel=1e-15)
-    np.testing.assert_allclose(np.diff(bouncing.phase), 2 * math.pi / 512, rtol=1e-9)
+def test_time_history_agrees_with_the_summary(bouncing):
+    periods_before_record = RUN["periods"] - RUN["record_periods"]
+    assert bouncing.phase[0] == pytest.approx(2 * math.pi * periods_before_record, rel=1e-15)
+    np.testing.assert_allclose(np.diff(bouncing.phase), 2 * math.pi / SAMPLES, rtol=1e-9)
     # The exact extrema lie beyond the samples by at most acc (d tau / 2)^2 / 2 < 1e-4.
     high, low = bouncing.displacement.max(), bouncing.displacement.min()
     assert 0 <= bouncing.displacement_max - high < 1e-4
@@ -34,9 +36,9 @@ def test_time_course_agrees_with_the_summary(bouncing):
     assert 0 <= bouncing.dynamic_force_max - bouncing.dynamic_force.max() < 1e-4
     # A fraction counted on samples misses at most one sample per event.
     share = float((bouncing.contact == 0).mean())
-    assert float(bouncing.fraction_backlash) == pytest.approx(share, abs=4 / 512)
+    assert float(bouncing.fraction_backlash) == pytest.approx(share, abs=4 / SAMPLES)
     soft = (bouncing.contact != 0) & (bouncing.stiffness < 1.0)
-    assert float(bouncing.fraction_min_stiffness) == pytest.approx(soft.mean(), abs=4 / 512)
+    assert float(bouncing.fraction_min_stiffness) == pytest.approx(soft.mean(), abs=4 / SAMPLES)
     total = bouncing.fraction_normal + bouncing.fraction_backlash + bouncing.fraction_inverse
     assert float(total) == pytest.approx(1.0, abs=1e-13)
 
@@ -57,14 +59,10 @@ def test_units_tell_what_scales_with_load_and_size(call):
     # The same pair in other units of length, mass and time: powers of two change no digit.
     length, mass, time = 2.0, 4.0, 2.0
     pair = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
-    changed = pair.replace(
-        max_stiffness=pair.max_stiffness * mass / time**2,
-        reduced_mass=pair.reduced_mass * mass,
-        load=pair.load * mass * length / time**2,
-        backlash=pair.backlash * length,
-        material_damping=pair.material_damping * mass / time,
-        backlash_damping=pair.backlash_damping * mass / time,
-    )
+    factors = {"max_stiffness": mass / time**2, "reduced_mass": mass, "backlash": length}
+    factors |= {"load": mass * length / time**2}
+    factors |= {"material_damping": mass / time, "backlash_damping": mass / time}
+    changed = pair.replace(**{name: getattr(pair, name) * x for name, x in factors.items()})
     registry, scales = pint.UnitRegistry(), {"[length]": length, "[mass]": mass, "[time]": time}
     first, second = call(pair), call(changed)
     for name, variable in first.variables.items():
@@ -78,7 +76,7 @@ def test_units_tell_what_scales_with_load_and_size(call):
 
 def test_a_file_holds_the_run_and_the_same_run_has_the_same_bytes(bouncing, tmp_path):
     storage.write(bouncing, tmp_path / "a" / "one.nc")
-    storage.write(simulate(PAIR, 0.9, samples_per_period=512, **RUN), tmp_path / "two.nc")
+    storage.write(simulate(PAIR, 0.9, samples_per_period=SAMPLES, **RUN), tmp_path / "two.nc")
     dataset = storage.read(tmp_path / "two.nc")
     # What the file alone says: who wrote it, from which sources.
     del dataset.attrs["history"], dataset.attrs["source_hash"]
@@ -86,9 +84,9 @@ def test_a_file_holds_the_run_and_the_same_run_has_the_same_bytes(bouncing, tmp_
     assert (tmp_path / "a" / "one.nc").read_bytes() == (tmp_path / "two.nc").read_bytes()
 
 
-@pytest.mark.parametrize(("direction", "order"), [("up", 1), ("down", -1)])
-def test_a_carried_sweep_is_a_chain_of_runs(direction, order):
-    tunings = np.linspace(0.78, 0.86, 9)[::order]
+@pytest.mark.parametrize(("direction", "step"), [("up", 1), ("down", -1)])
+def test_each_run_of_a_sweep_up_or_down_starts_where_the_last_ended(direction, step):
+    tunings = np.linspace(0.78, 0.86, 9)[::step]
     curve, state = sweep(PAIR, tunings, direction=direction, **RUN), (0.0, 0.0)
     for tuning in tunings:
         run = simulate(PAIR, tuning, initial_state=state, **RUN)

@@ -12,28 +12,21 @@ import gearlib
 from gearlib.parameters import declared_parameters
 from gearlib.uncertainty import distributions
 from gearlib.uncertainty.designs import Designs, DrawnPair
-from gearlib.uncertainty.quality_classes import (
-    by_class,
-    distance_limits,
-    thickness_limits,
-)
+from gearlib.uncertainty.quality_classes import by_class, distance_limits, thickness_limits
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
 
-KNOWN = declared_parameters(gearlib.GearPair) | {"free": None}
+#: Parameters that may have tolerances; "free" has neither a unit nor limits.
+PARAMETERS = declared_parameters(gearlib.GearPair) | {"free": None}
 PAIR = PAPER.replace(material_damping=3953.7)
-MANY = {
-    "load": {"mean": 3300.0, "std": 150.0},
-    "backlash": {"nominal": 40e-6, "upper": 10e-6, "lower": -4e-6},
-    "damping_ratio": {"min": 0.03, "max": 0.17},
-}
 
 
-def drawn(tolerances, count=4096):
-    """Return tolerances and values that are drawn of them."""
-    read = distributions.read(tolerances, KNOWN)
-    points = stats.qmc.Sobol(len(read.names), rng=1).random(count) + 2.0**-31
-    return read, read.values(points)
+def draw(tolerances, count=4096):
+    """Return (joint distribution, values drawn from it, shape (count, parameters))."""
+    joint = distributions.read(tolerances, PARAMETERS)
+    # Half a step of Sobol' points of 30 bits: none is 0, where a normal value would be infinite.
+    points = stats.qmc.Sobol(len(joint.names), rng=1).random(count) + 2.0**-31
+    return joint, joint.values(points)
 
 
 @pytest.mark.parametrize(
@@ -45,15 +38,15 @@ def drawn(tolerances, count=4096):
         ({"distribution": "lognorm", "s": 0.2, "scale": 3.0}, stats.lognorm(0.2, scale=3.0)),
     ],
 )
-def test_a_marginal_is_that_of_scipy(tolerance, law):
-    read, values = drawn({"free": tolerance})
-    (marginal,) = read.marginals.values()
+def test_a_tolerance_has_the_distribution_of_scipy(tolerance, law):
+    joint, values = draw({"free": tolerance})
+    (marginal,) = joint.marginals.values()
     u = np.linspace(0.01, 0.99, 99)
     assert np.allclose(marginal.distribution.ppf(u), law.ppf(u), rtol=1e-12)
-    # A permutation of strata but for the scrambling: the discrepancy of 4096 points.
+    # About one of 4096 Sobol' points lies in each of as many equal parts of the unit interval.
     assert stats.kstest(values[:, 0], law.cdf).statistic < 1e-3
-    # The nominal value is that of the drawing, not the middle of its limits.
-    assert read.centres == [tolerance.get("nominal", marginal.centre)]
+    # A nominal value is the centre, though it is not in the middle of its limits.
+    assert joint.centres == [tolerance.get("nominal", marginal.centre)]
 
 
 @pytest.mark.parametrize(
@@ -66,7 +59,7 @@ def test_a_marginal_is_that_of_scipy(tolerance, law):
 )
 def test_a_gaussian_copula_has_the_correlations_of_closed_forms(tolerance, expected):
     correlations = [["free", "load", 0.6]]
-    _, values = drawn({"free": tolerance, "load": tolerance, "correlations": correlations})
+    _, values = draw({"free": tolerance, "load": tolerance, "correlations": correlations})
     assert abs(np.corrcoef(values.T)[0, 1] - expected) < 2e-3
 
 
@@ -98,7 +91,7 @@ REFUSED = """
 def test_what_is_no_tolerance_is_refused_in_a_sentence(row):
     tolerances, words = row.split(" | ")
     with pytest.raises(ValueError, match=words):
-        distributions.read(yaml.safe_load(tolerances), KNOWN)
+        distributions.read(yaml.safe_load(tolerances), PARAMETERS)
 
 
 BOTH = {"damping_ratio": {"min": 0.03, "max": 0.05}, "material_damping": {"min": 1e3, "max": 2e3}}
@@ -121,7 +114,7 @@ def test_what_gives_no_designs_is_refused_in_a_sentence(model, tolerances, words
         Designs(model, tolerances)
 
 
-def test_a_drawing_scatters_by_its_own_names():
+def test_backlash_follows_from_tolerances_of_a_drawing():
     gears = DrawnPair(fzg_c(), torque=302.0, damping_ratio=0.06, backlash=None)
     tolerances = {
         "centre_distance": {"nominal": 91.53e-3, "upper": 11e-6, "lower": -11e-6},
@@ -131,19 +124,19 @@ def test_a_drawing_scatters_by_its_own_names():
     designs = Designs(gears, tolerances)
     low, high = designs.model([91.52e-3, -20e-6, 302.0]), designs.model([91.54e-3, -60e-6, 302.0])
     assert high.backlash > low.backlash > 0.0
-    # By geometry: the allowance leaves cos(alpha_n) of itself along the normal, and the centre
-    # distance 2 sin(alpha_wt).
+    # Along the normal of the flanks a change of the tooth thickness counts cos(alpha_n) times, a
+    # change of the centre distance 2 sin(alpha_wt) times.
     angle = fzg_c().working_pressure_angle
     expected = 40e-6 * math.cos(math.radians(20.0)) + 2.0 * math.sin(angle) * 20e-6
     assert math.isclose(high.backlash - low.backlash, expected, rel_tol=0.01)
     assert designs.units("pinion.thickness_allowance")[0] == "m"
 
 
-def test_samples_without_a_model_are_refused_one_by_one():
+def test_each_sample_without_a_model_says_why():
     def model(load):
-        if load > 3070.0:
-            return None
-        return PAIR.replace(load=load / (load > 3030.0))
+        if load <= 3030.0:
+            raise ZeroDivisionError
+        return PAIR.replace(load=load) if load <= 3070.0 else None
 
     scatter = gearlib.scatter(model, LOADS, ("jump_up",), n=4, speeds=[2000.0], directions=["up"])
     texts = scatter.refusal.values
@@ -170,48 +163,53 @@ def test_allowances_of_the_thickness_are_those_of_din_3967(diameter, designation
     assert np.allclose(thickness_limits(diameter, designation), np.array(limits) * 1e-6, rtol=1e-12)
 
 
-def test_degrees_of_centre_distances_are_those_of_the_formula_of_iso_286():
+def test_grades_of_centre_distances_follow_the_formula_of_iso_286():
     assert np.allclose(distance_limits(0.0915, "js7"), (-17.5e-6, 17.5e-6))
     # Of the tolerance factor i, by the geometric mean D of both ends of a range, mm.
     for low, high in itertools.pairwise((10, 18, 30, 50, 80, 120, 180, 250, 315, 400, 500)):
         size = math.sqrt(low * high)
         factor = 0.45 * size ** (1 / 3) + 0.001 * size
-        for degree, times in zip(range(5, 12), (7, 10, 16, 25, 40, 64, 100), strict=True):
-            width = round(2e6 * distance_limits(1e-3 * high - 1e-9, f"js{degree}")[1], 6)
-            # Rounded to 1, 5 or 10 um.
+        for grade, times in zip(range(5, 12), (7, 10, 16, 25, 40, 64, 100), strict=True):
+            # Width of the tolerance in um, for the largest distance of the range.
+            width = round(2e6 * distance_limits(1e-3 * high - 1e-9, f"js{grade}")[1], 6)
+            # The standard rounds to 1, 5 or 10 um, at times to a neighbour of the nearest step.
             step = 1 if width < 100 else 5 if width < 200 else 10
             assert width == pytest.approx(round(width / step) * step)
             allowed = (0.75 if width < 40 else 1.2) * step
-            assert abs(width - times * factor) <= allowed, (high, degree)
+            assert abs(width - times * factor) <= allowed, (high, grade)
 
 
-def test_thicknesses_are_those_of_the_series_of_din_3967():
-    ends, letters = (0.01, 0.05, 0.125, 0.28, 0.56, 1.0, 1.6, 2.5), "a ab b bc c cd d e f g".split()
-    table = [[thickness_limits(end, f"21{letter}")[1] for letter in letters] for end in ends]
+def test_tooth_thicknesses_follow_the_series_of_din_3967():
+    # A designation such as "21cd" has the number of a tolerance and the letters of an allowance.
+    letters = "a ab b bc c cd d e f g".split()
+    diameters = (0.01, 0.05, 0.125, 0.28, 0.56, 1.0, 1.6, 2.5)  # ends of the ranges, m
+    table = [[thickness_limits(d, f"21{letter}")[1] for letter in letters] for d in diameters]
     allowances = np.log(-1e6 * np.array(table))
-    # One series over diameters, one over letters, both rounded: by 5 % at most.
+    # An allowance is a factor of its diameter times a factor of its letters, rounded by 5 % at
+    # most, above 65 um to multiples of 5 um.
     series = allowances.mean(0) + allowances.mean(1)[:, None] - allowances.mean()
     assert np.abs(allowances - series).max() < 0.05
     assert all(round(x) % 5 == 0 for x in np.exp(allowances).flat if x > 65)
-    for end in ends:
-        limits = np.array([thickness_limits(end, f"{number}h") for number in range(21, 31)])
+    for diameter in diameters:
+        limits = np.array([thickness_limits(diameter, f"{number}h") for number in range(21, 31)])
         widths = 1e6 * np.ptp(limits, axis=1)
-        # Preferred numbers R 10 of ISO 3, in two digits; two steps on in a row.
+        # Tolerances are preferred numbers R 10 of ISO 3, ten in a decade, rounded: above 25 um to
+        # multiples of 10 um. From number to number they grow by two steps.
         near = 10.0 ** (np.round(10.0 * np.log10(widths)) / 10.0)
-        assert (limits[:, 1] == 0.0).all() and (np.abs(widths - near) < 0.06 * near).all(), end
+        assert (limits[:, 1] == 0.0).all() and (np.abs(widths - near) < 0.06 * near).all(), diameter
         assert all(w < 25 or round(w, 6) % 10 == 0 or round(w, 6) == 25 for w in widths)
         assert np.diff(np.log10(widths)) == pytest.approx(0.2, abs=0.05)
 
 
-def test_a_drawing_scatters_by_its_classes():
+def test_backlash_and_deviation_scatter_by_the_classes_of_a_drawing():
     mesh = fzg_c(quality=7)
     tolerances = by_class(mesh, thickness=("26cd", "26c"), centre_distance="js8", form=True)
     gears = DrawnPair(mesh, torque=302.0, damping_ratio=0.06, backlash=None)
     designs = Designs(gears, tolerances)
     models = [designs.model(row) for row in designs.values(designs.points(0, 16))]
-    gaps = np.array([model.backlash for model in models])
-    # By the sum of both allowances, 54 + 85 to 60 + 60 um more, and the distance.
-    assert 100e-6 < gaps.min() < gaps.max() < 280e-6
+    backlashes = [model.backlash for model in models]
+    # Both teeth are thinner by 54 + 85 um at least and 60 um more at most; the distance adds to it.
+    assert 100e-6 < min(backlashes) < max(backlashes) < 280e-6
     half = mesh.pinion.form_deviation / 2.0
     waves = [abs(model.deviation.cosines[0]) for model in models]
     assert 0.5 * half < max(waves) <= half
