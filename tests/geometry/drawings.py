@@ -19,16 +19,15 @@ def fzg_c(**changes):
     return Mesh(pinion, SpurGear(teeth=24, shift=0.1715, tip_diameter=0.11836, **common), 0.0915)
 
 
-def twenty(**changes):
-    """z 20/20, m 10 mm, b 30 mm, E 200 GPa of the literature on backlash."""
-    gear = SpurGear(
-        **{"teeth": 20, "module": 0.01, "width": 0.03, "material": Material(young=200e9)} | changes
-    )
+def gears_of_20_teeth(**changes):
+    """Return the mesh z 20/20, m 10 mm, b 30 mm, E 200 GPa, a common example of backlash."""
+    values = {"teeth": 20, "module": 0.01, "width": 0.03, "material": Material(young=200e9)}
+    gear = SpurGear(**values | changes)
     return Mesh(gear, gear)
 
 
-def high():
-    """Slender teeth, of which two or three pairs are in mesh."""
+def high_contact_ratio_mesh():
+    """Return a mesh of slender teeth, of which two or three pairs touch at a time."""
     rack = Rack(addendum=1.35, dedendum=1.6, tip_radius=0.2)
     gear = SpurGear(teeth=50, module=4e-3, width=0.02, rack=rack)
     return Mesh(gear, gear)

@@ -41,16 +41,12 @@ def test_a_planetary_set_has_the_numbers_of_its_drawing():
 def test_a_pair_as_a_train_of_drawn_gears():
     drawn = fzg_c()
     mesh = Mesh(drawn.pinion, drawn.wheel, drawn.centre_distance, backlash=1e-4)
-    options = {"damping_ratio": 0.06, "backlash_damping_ratio": 0.01}
-    pair = GearPair.from_geometry(mesh, torque=302.0, **options)
-    torque = 302.0
-    train = GearTrain(
-        bodies=[
-            Body.from_gear(mesh.pinion, "pinion", torque=torque),
-            Body.from_gear(mesh.wheel, "wheel", torque=torque * 24 / 16),
-        ],
-        meshes=[gearlib.Mesh.from_geometry(mesh, "pinion", "wheel", torque=torque, **options)],
-    )
+    options = {"torque": 302.0, "damping_ratio": 0.06, "backlash_damping_ratio": 0.01}
+    pair = GearPair.from_geometry(mesh, **options)
+    pinion = Body.from_gear(mesh.pinion, "pinion", torque=302.0)
+    wheel = Body.from_gear(mesh.wheel, "wheel", torque=302.0 * 24 / 16)
+    meshes = [gearlib.Mesh.from_geometry(mesh, "pinion", "wheel", **options)]
+    train = GearTrain(bodies=[pinion, wheel], meshes=meshes)
     run, expected = (gearlib.simulate(m, 0.7, periods=20, record_periods=1) for m in (train, pair))
     # A train goes by matrices, a pair by scalar closed forms: rounding of 20 periods.
     np.testing.assert_allclose(

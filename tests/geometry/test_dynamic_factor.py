@@ -7,7 +7,7 @@ import pytest
 
 from gearlib import GearPair
 from gearlib.geometry import Mesh, SpurGear, Web, dynamic_factor, iso_stiffness
-from tests.geometry.drawings import fzg_c, iso_example, twenty
+from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example
 
 
 def test_example_1_of_the_standard_to_its_printed_digits():
@@ -77,14 +77,8 @@ def test_all_ranges_of_speed(mesh, torque, relief):
     mass = mesh.reduced_mass / (1e3 * mesh.width)
     resonance = 30000.0 / (math.pi * mesh.pinion.teeth) * math.sqrt(stiffness.mean / mass)
     ratios = np.array([0.1, 0.5, 0.84, 0.86, 1.0, 1.14, 1.2, 1.4, 1.49, 1.51, 3.0])
-    found = dynamic_factor(
-        mesh,
-        torque,
-        ratios * resonance,
-        pitch_deviation=14e-6,
-        form_deviation=11e-6,
-        tip_relief=1e-6 * relief,
-    )
+    deviations = {"pitch_deviation": 14e-6, "form_deviation": 11e-6, "tip_relief": 1e-6 * relief}
+    found = dynamic_factor(mesh, torque, ratios * resonance, **deviations)
     expected = [by_hand(ratio, mesh.total_contact_ratio, *effects) for ratio in ratios]
     np.testing.assert_allclose(found.factor, expected, rtol=1e-12)
     assert found.resonance_speed == pytest.approx(resonance, rel=1e-12)
@@ -123,4 +117,6 @@ def test_deviations_by_quality():
 
 
 def test_without_speed_there_is_no_dynamics():
-    assert dynamic_factor(twenty(quality=5), 500.0, 1e-3).factor == pytest.approx(1.0, abs=1e-6)
+    assert dynamic_factor(gears_of_20_teeth(quality=5), 500.0, 1e-3).factor == pytest.approx(
+        1.0, abs=1e-6
+    )

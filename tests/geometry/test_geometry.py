@@ -7,14 +7,7 @@ from scipy.integrate import quad
 
 from gearlib.geometry import Mesh, SpurGear, Web
 from gearlib.models.geometry.mesh_stiffness import Tooth
-from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
-
-MESHES = {"iso": iso_example, "fzg": fzg_c, "twenty": twenty, "ring": ring}
-
-
-@pytest.fixture(params=MESHES, name="mesh")
-def drawn(request):
-    return MESHES[request.param]()
+from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example, ring
 
 
 def test_iso_example_1_to_its_printed_digits():
@@ -28,8 +21,8 @@ def test_iso_example_1_to_its_printed_digits():
 
 def test_backlash_by_thickness_allowances_and_distance():
     allowance = -5e-5
-    tight = twenty()
-    loose = twenty(thickness_allowance=allowance)
+    tight = gears_of_20_teeth()
+    loose = gears_of_20_teeth(thickness_allowance=allowance)
     # Two allowances, seen along the line of action.
     assert loose.backlash == pytest.approx(
         -2.0 * allowance * math.cos(math.radians(20.0)), rel=1e-9
@@ -67,18 +60,18 @@ def test_clearance_in_a_ring_gear():
 
 
 def test_pitch_phase_of_equal_gears():
-    mesh = twenty()
-    # Symmetry: the pitch point lies in the middle of the path, half a pitch beside a pair of pairs.
+    mesh = gears_of_20_teeth()
+    # By symmetry the pitch point is the middle of single contact, half a period from phase 0.
     assert mesh.pitch_phase == pytest.approx(math.pi, abs=1e-9)
-    start, end = mesh.path
-    middle = start + (mesh.contact_ratio - 1.0) / 2.0 * mesh.base_pitch
-    assert mesh.phase_of(middle) == pytest.approx(0.0, abs=1e-9)
+    middle_of_double_contact = mesh.path[0] + (mesh.contact_ratio - 1.0) / 2.0 * mesh.base_pitch
+    assert mesh.phase_of(middle_of_double_contact) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_recommended_backlash_of_the_worked_example():
     assert fzg_c().recommended_backlash == pytest.approx(160.5e-6, rel=1e-12)
 
 
+@pytest.mark.parametrize("mesh", [iso_example(), fzg_c(), gears_of_20_teeth(), ring()])
 def test_thickness_is_that_of_the_outline(mesh):
     for gear in (mesh.pinion, mesh.wheel):
         radius = gear.tip_diameter / 2.0

@@ -10,17 +10,12 @@ from scipy.optimize import brentq, nnls
 from gearlib.geometry import PathTable, TipRelief, optimum_relief
 from gearlib.models.geometry.load_sharing import ToothPairs
 from gearlib.models.geometry.mesh_stiffness import energy_stiffness
-from tests.geometry.drawings import fzg_c, ring, twenty
+from tests.geometry.drawings import fzg_c, gears_of_20_teeth, ring
 
-MESHES = {"fzg": fzg_c, "twenty": twenty, "ring": ring}
-C = 2e8  #: N/m, of a pair of teeth where it is constant
-CONSTANT = PathTable((0.0,), (C,))
+MESHES = pytest.mark.parametrize("mesh", [fzg_c(), gears_of_20_teeth(), ring()])
+PAIR_STIFFNESS = 2e8  #: N/m, of a pair of teeth where it is constant
+CONSTANT = PathTable((0.0,), (PAIR_STIFFNESS,))
 TORQUE = 300.0
-
-
-@pytest.fixture(params=MESHES, name="mesh")
-def drawn(request):
-    return MESHES[request.param]()
 
 
 def with_relief(mesh, pinion=None, wheel=None):
@@ -36,8 +31,9 @@ def long_relief(mesh, amount, shape="linear"):
     return TipRelief(amount=amount, length=length, shape=shape)
 
 
-def test_without_relief_it_is_load_over_stiffness(mesh):
-    """The rectangle of ISO 6336-1 and the course of the energy method, each at its own phases."""
+@MESHES
+def test_transmission_error_without_relief_is_load_over_stiffness(mesh):
+    """With the rectangle of ISO 6336-1, and with the stiffness of the energy method."""
     segment = mesh.contact_ratio - 1.0
     iso = mesh.transmission_error([TORQUE, 2.0 * TORQUE], stiffness="iso")
     found = mesh.stiffness("iso")
@@ -53,14 +49,15 @@ def test_without_relief_it_is_load_over_stiffness(mesh):
     energy = mesh.transmission_error(TORQUE)
     pitches = np.mod(energy.phase / math.tau + segment / 2.0, 1.0).values
     for count in (1, 2):
-        own = energy.pairs_in_contact.values[0] == count
-        stiffness = energy_stiffness(mesh, pitches[own], count)
-        np.testing.assert_allclose(energy.mesh_stiffness.values[0, own], stiffness, rtol=1e-12)
+        chosen = energy.pairs_in_contact.values[0] == count
+        stiffness = energy_stiffness(mesh, pitches[chosen], count)
+        np.testing.assert_allclose(energy.mesh_stiffness.values[0, chosen], stiffness, rtol=1e-12)
     np.testing.assert_allclose(energy.load_share.sum("tooth_pair"), 1.0, rtol=1e-12)
 
 
+@MESHES
 def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
-    """Harris: both ways of constant stiffness, and what is left at any other load.
+    """After Harris: with pairs of a constant stiffness c, and with the rectangle of ISO 6336-1.
 
     At a load F and the design load F_d the error is |F - F_d| / (2 c) from peak to peak; below F_d
     only F / F_d of double contact is left.
@@ -68,13 +65,15 @@ def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
     design = mesh.load(TORQUE)
     relieved = optimum_relief(mesh, TORQUE, stiffness=CONSTANT)
     for gear in (relieved.pinion, relieved.wheel):
-        assert gear.tip_relief.amount == pytest.approx(design / C, rel=1e-12)
+        assert gear.tip_relief.amount == pytest.approx(design / PAIR_STIFFNESS, rel=1e-12)
     torques = TORQUE * np.array([0.25, 0.5, 1.0, 2.0, 5.0])
     found = relieved.transmission_error(torques, phases=512, stiffness=CONSTANT)
     loads = found.mesh_force.values
     # Extrema lie in single contact and in the middle of double contact, at phases of the grid.
     np.testing.assert_allclose(
-        found.peak_to_peak_error, np.abs(loads - design) / (2.0 * C), atol=1e-12 * design / C
+        found.peak_to_peak_error,
+        np.abs(loads - design) / (2.0 * PAIR_STIFFNESS),
+        atol=1e-12 * design / PAIR_STIFFNESS,
     )
     extra = (mesh.contact_ratio - 1.0) * np.minimum(loads / design, 1.0)
     # Where a pair comes to touch is found within a phase of the grid, at both ends of its way.
@@ -82,7 +81,8 @@ def test_long_linear_relief_by_the_deflection_of_a_pair_flattens_exactly(mesh):
     iso = optimum_relief(mesh, TORQUE, stiffness="iso")
     flat = iso.transmission_error(TORQUE, stiffness="iso")
     assert flat.peak_to_peak_error < 1e-12 * flat.transmission_error.max()
-    # Of c' 6 / 7 are the teeth's own where two pairs share a body: 1.75 c' together.
+    # Two pairs have the stiffness 1.75 c', a pair alone c': 1/7 of its compliance is the body that
+    # both share, 6/7 are its own.
     single = mesh.stiffness("iso").max_stiffness / 1.75
     assert iso.pinion.tip_relief.amount == pytest.approx(6.0 / 7.0 * design / single, rel=1e-12)
 
@@ -151,6 +151,7 @@ def test_against_root_finding_by_scipy(count, coupled):
             assert not found.force[i, m, ~there].any()
 
 
+@MESHES
 def test_stiffness_is_the_slope_of_the_load(mesh):
     mesh = with_relief(mesh, *2 * [long_relief(mesh, 2e-5, "parabolic")])
     torques = np.array([TORQUE * (1.0 - 1e-7), TORQUE, TORQUE * (1.0 + 1e-7)])
@@ -164,8 +165,9 @@ def test_stiffness_is_the_slope_of_the_load(mesh):
     assert same.mean() > 0.9
 
 
-def test_relief_begins_at_the_own_tip(mesh):
-    """The pinion's at the end of the path, the wheel's at its beginning, over their lengths."""
+@MESHES
+def test_relief_of_a_gear_begins_at_its_own_tip(mesh):
+    """Relief of the pinion lies at the end of the path, of the wheel at its beginning."""
     amounts = {"pinion": 1e-5, "wheel": 2e-5}
     for name, amount in amounts.items():
         relief = long_relief(mesh, amount)
@@ -192,7 +194,7 @@ def test_each_pair_has_its_own_pitch_error():
     mesh, errors = fzg_c(), (0.0, 4e-6, -2e-6)
     found = mesh.transmission_error(TORQUE, stiffness=CONSTANT, pitch_errors=errors)
     assert found.phase.size == 3 * 256
-    deflection = mesh.load(TORQUE) / C
+    deflection = mesh.load(TORQUE) / PAIR_STIFFNESS
     single = found.transmission_error[0].sel(phase=math.pi + math.tau * np.arange(3))
     np.testing.assert_allclose(single, deflection + np.array(errors), rtol=1e-12)
     # In double contact a pair shares with the one before it.
@@ -213,7 +215,7 @@ def test_pitch_errors_of_the_gears_meet_again_after_all_their_teeth():
     found = drawn.transmission_error(TORQUE, phases=8, stiffness=CONSTANT)
     middles = math.pi + math.tau * np.arange(48)
     single = found.transmission_error[0].sel(phase=middles, method="nearest")
-    expected = mesh.load(TORQUE) / C + np.tile(pinion, 3) + np.tile(wheel, 2)
+    expected = mesh.load(TORQUE) / PAIR_STIFFNESS + np.tile(pinion, 3) + np.tile(wheel, 2)
     np.testing.assert_allclose(single, expected, rtol=1e-12)
     one = dataclasses.replace(drawn, wheel=mesh.wheel)
     assert one.pitch_errors == pinion and mesh.pitch_errors == (0.0,)

@@ -9,41 +9,39 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
 
-from gearlib import (
-    GearPair,
-    Harmonics,
-    LoadSharingPair,
-    OneDegreePair,
-    duty_point,
-    simulate,
-)
+from gearlib import GearPair, Harmonics, LoadSharingPair, OneDegreePair, duty_point, simulate
 from gearlib.data.status import JAMMED
 from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.load_sharing import corner_gap, pairs_at, tooth_pairs
-from tests.geometry.drawings import fzg_c, high, ring, twenty
+from tests.geometry.drawings import fzg_c, gears_of_20_teeth, high_contact_ratio_mesh, ring
 
 TORQUE = 300.0
 OPTIONS = {"torque": TORQUE, "damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
 ON_PATH = {"corner_contact": False}  #: the nominal path of contact alone has closed forms
 FAR = 5e-3  #: m of backlash, which no motion crosses
-C = 3e8  #: N/m, of a pair of teeth where it is constant
+PAIR_STIFFNESS = 3e8  #: N/m, of a pair of teeth where it is constant
 
 
 def with_backlash(mesh, backlash):
     return Mesh(mesh.pinion, mesh.wheel, mesh.centre_distance, backlash)
 
 
-def constant(mesh, **changes):
+def constant_stiffness_model(mesh, **changes):
     """Return a model whose pairs of teeth have a constant stiffness, without a shared body."""
-    pair = GearPair.from_geometry(mesh, **OPTIONS)
-    return LoadSharingPair(
-        pair=pair, drawing=mesh, stiffness=PathTable((0.0,), (C,)), phases=8, **ON_PATH, **changes
-    )
+    fields = {"pair": GearPair.from_geometry(mesh, **OPTIONS), "drawing": mesh, "phases": 8}
+    fields["stiffness"] = PathTable((0.0,), (PAIR_STIFFNESS,))
+    return LoadSharingPair(**fields, **ON_PATH, **changes)
 
 
 @pytest.mark.parametrize(
-    "mesh", [fzg_c(), with_backlash(twenty(), 2e-6), high(), ring(outer_diameter=0.44)]
+    "mesh",
+    [
+        fzg_c(),
+        with_backlash(gears_of_20_teeth(), 2e-6),
+        high_contact_ratio_mesh(),
+        ring(outer_diameter=0.44),
+    ],
 )
 def test_without_relief_it_is_the_gear_pair_of_the_standard(mesh):
     """The closed forms of `GearPair`, both flanks included."""
@@ -87,7 +85,7 @@ def test_a_deviation_of_all_pairs_is_that_of_one_degree():
 
 @pytest.mark.parametrize("corners", [False, True])
 def test_pairs_that_share_a_body_against_scipy(corners):
-    """Forces by non-negative least squares at every evaluation, in steps within the segments."""
+    """Forces by non-negative least squares, the motion by steps that end where a pair may enter."""
     torque = TORQUE / (8.0 if corners else 2.0)
     mesh = optimum_relief(with_backlash(fzg_c(), FAR), torque, length="long", stiffness="iso")
     more = {"stiffness": "iso", "phases": 8, "corner_contact": corners}
@@ -99,25 +97,26 @@ def test_pairs_that_share_a_body_against_scipy(corners):
         at = np.array([tau, middle]) / math.tau + shift
         return pairs_at(mesh, *at[:, None], stiffness="iso", corners=corners, load=model.load)
 
-    # By the model's own time, on which the tuning is linear.
+    # Displacement, and its rate by the time in which the eigenfrequency is 1.
     state = np.array([-0.5, 1.5 * tuning])
     for left, right in zip(starts, starts[1:], strict=False):
         middle = (left + right) / 2.0
-        there = pairs(middle, middle).can_touch[0]
-        root = np.linalg.cholesky(pairs(middle, middle).compliance[0][np.ix_(there, there)])
-        ends = [pairs(tau, middle).gap[0, there] / model.static_deflection for tau in (left, right)]
-        slip = (ends[1].min() - ends[0].min()) / (right - left)
+        reached = pairs(middle, middle).can_touch[0]
+        cholesky = np.linalg.cholesky(pairs(middle, middle).compliance[0][np.ix_(reached, reached)])
+        gaps = [pairs(tau, middle).gap[0, reached] for tau in (left, right)]
+        first, last = (gap / model.static_deflection for gap in gaps)
+        gap_rate = (last.min() - first.min()) / (right - left)
 
-        def rhs(tau, z, left=left, right=right, root=root, ends=ends, slip=slip):
+        def rates(tau, z, left=left, right=right, ends=(first, last), law=(cholesky, gap_rate)):
             gap = ends[0] + (ends[1] - ends[0]) * (tau - left) / (right - left)
-            deflection = np.linalg.solve(root, z[0] - gap) * model.static_deflection
-            force = nnls(root.T, deflection)[0].sum() / model.load
+            deflection = np.linalg.solve(law[0], z[0] - gap) * model.static_deflection
+            force = nnls(law[0].T, deflection)[0].sum() / model.load
             ratio = model.damping_ratio if force > 0.0 else model.backlash_damping_ratio
-            push = 1.0 - force - 2.0 * ratio * (z[1] - tuning * slip)
-            return [z[1] / tuning, push / tuning]
+            net_force = 1.0 - force - 2.0 * ratio * (z[1] - tuning * law[1])
+            return [z[1] / tuning, net_force / tuning]
 
-        ran = solve_ivp(rhs, (left, right), state, "DOP853", rtol=1e-9, atol=1e-10)
-        state = ran.y[:, -1]
+        motion = solve_ivp(rates, (left, right), state, "DOP853", rtol=1e-9, atol=1e-10)
+        state = motion.y[:, -1]
     run = simulate(model, tuning, periods=1, initial_state=(-0.5, 1.5))
     end, share = run.final_state.values * [1.0, tuning], run.fraction_backlash
     # Steps across the events of pairs, which the step control makes small.
@@ -134,14 +133,8 @@ def test_slow_motion_follows_the_static_transmission_error(options):
     static = mesh.transmission_error(TORQUE, **options)
     tuning, periods = 0.003, model.repeats
     start = static.transmission_error.values[0, 0] / model.static_deflection
-    run = simulate(
-        model,
-        tuning,
-        periods=periods,
-        record_periods=periods,
-        samples_per_period=256,
-        initial_state=(start, 0.0),
-    )
+    span = {"periods": periods, "record_periods": periods, "samples_per_period": 256}
+    run = simulate(model, tuning, initial_state=(start, 0.0), **span)
     expected = static.transmission_error.values[0] / model.static_deflection
     # Damping and inertia lag behind by 2 beta nu x', some 1e-3; jumps of pitch errors are ramps.
     off = np.abs(run.displacement.values - expected)
@@ -159,7 +152,7 @@ SLOW = {
     "spur": (spur(), 210.0),
     "relieved": (spur(relief=RELIEF), 210.0),
     "ring gear": (ring(outer_diameter=0.44), TORQUE),
-    "high contact ratio": (high(), TORQUE),
+    "high contact ratio": (high_contact_ratio_mesh(), TORQUE),
     "little helix": (spur(helix_angle=0.02, relief=RELIEF), 210.0),
     "helical": (spur(helix_angle=0.3), 400.0),
     "wide": (spur(helix_angle=0.6, width=0.1), 210.0),
@@ -167,6 +160,7 @@ SLOW = {
 
 
 def test_corners_close_as_printed_in_closed_form():
+    """The gap, um, of the wheel's tip corner so many base pitches before the path begins."""
     mesh = spur()
     before = np.array([0.01, 0.02, 0.03, 0.05, 0.08, 0.10, 0.15])
     gap = corner_gap(mesh, mesh.path[0] - before * mesh.base_pitch)
@@ -177,7 +171,11 @@ def test_corners_close_as_printed_in_closed_form():
 @pytest.mark.parametrize("mesh", [fzg_c(), ring(outer_diameter=0.44)])
 @pytest.mark.parametrize("end", [0, 1])
 def test_a_corner_leaves_the_flank_by_the_gap(mesh, end):
-    """Both bodies turn on from the end of the path; points of the plane are complex numbers."""
+    """Both gears turn 0.04 base pitches past an end of the path; complex points of the plane.
+
+    At the first end the tip corner of the wheel leaves the flank of the pinion, at the second the
+    corner of the pinion that of the wheel. Gears 0 and 1 are pinion and wheel.
+    """
     sign, alpha = mesh.wheel.sign, mesh.working_pressure_angle
     radii = [gear.base_diameter / 2.0 for gear in (mesh.pinion, mesh.wheel)]
     centres, rates = (0.0, sign * mesh.centre_distance), (1.0, -sign * radii[0] / radii[1])
@@ -185,17 +183,18 @@ def test_a_corner_leaves_the_flank_by_the_gap(mesh, end):
     def contact(position):
         return (radii[0] + 1j * position) * cmath.exp(-1j * alpha)
 
-    flank, tip = end, 1 - end
-    away = (2 * end - 1) * 0.04 * mesh.base_pitch
-    turned = cmath.exp(1j * rates[tip] * away / radii[0])
-    corner = (contact(mesh.path[end]) - centres[tip]) * turned + centres[tip] - centres[flank]
-    # The point of the flank that is as far from its axis, where it is now.
-    roll = math.sqrt(abs(corner) ** 2 - radii[flank] ** 2)
-    place = sign * (mesh.wheel_roll_length(0.0) - roll) if end else roll
-    back = cmath.exp(1j * rates[flank] * (mesh.path[end] + away - place) / radii[0])
-    angle = cmath.phase(corner / ((contact(place) - centres[flank]) * back))
-    gap = float(corner_gap(mesh, np.array(mesh.path[end] + away)))
-    assert gap == pytest.approx(abs(angle) * radii[flank], rel=1e-9) and gap > 1e-7
+    flank_gear, tip_gear = end, 1 - end
+    beyond = (2 * end - 1) * 0.04 * mesh.base_pitch
+    turned = cmath.exp(1j * rates[tip_gear] * beyond / radii[0])
+    corner = (contact(mesh.path[end]) - centres[tip_gear]) * turned + centres[tip_gear]
+    corner -= centres[flank_gear]
+    # The point of the flank at the radius of the corner: where it touches, and where it is now.
+    roll = math.sqrt(abs(corner) ** 2 - radii[flank_gear] ** 2)
+    position = sign * (mesh.wheel_roll_length(0.0) - roll) if end else roll
+    turn = cmath.exp(1j * rates[flank_gear] * (mesh.path[end] + beyond - position) / radii[0])
+    angle = cmath.phase(corner / ((contact(position) - centres[flank_gear]) * turn))
+    gap = float(corner_gap(mesh, np.array(mesh.path[end] + beyond)))
+    assert gap == pytest.approx(abs(angle) * radii[flank_gear], rel=1e-9) and gap > 1e-7
 
 
 @pytest.mark.parametrize("stiffness", ["iso", "energy"])
@@ -278,7 +277,7 @@ def test_at_small_error_the_stiffness_at_the_load_suffices():
 def test_teeth_too_thick_for_the_backlash_jam(backlash, jams):
     """One tooth in three is 8 um too thick: no force of the coast side is left out."""
     drawing = with_backlash(fzg_c(), backlash)
-    model = constant(drawing, pitch_errors=(0.0, -8e-6, 0.0))
+    model = constant_stiffness_model(drawing, pitch_errors=(0.0, -8e-6, 0.0))
     system = model.system(0.3)
     assert system.may_jam == jams
     loose = dataclasses.replace(model, drawing=with_backlash(fzg_c(), FAR))

@@ -8,19 +8,8 @@ from scipy.integrate import quad
 
 from gearlib import GearPair, OneDegreePair
 from gearlib.geometry import Mesh, SpurGear, Web, iso_stiffness
-from gearlib.models.geometry.mesh_stiffness import (
-    PairCompliance,
-    Tooth,
-    energy_stiffness,
-)
-from tests.geometry.drawings import fzg_c, iso_example, ring, twenty
-
-MESHES = {"iso": iso_example, "fzg": fzg_c, "twenty": twenty, "ring": ring}
-
-
-@pytest.fixture(params=MESHES, name="mesh")
-def drawn(request):
-    return MESHES[request.param]()
+from gearlib.models.geometry.mesh_stiffness import PairCompliance, Tooth, energy_stiffness
+from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example, ring
 
 
 def test_iso_example_1_to_its_printed_digits():
@@ -68,8 +57,8 @@ def test_iso_at_low_load_and_with_a_web():
     assert ratio == pytest.approx(1.0 + math.log(0.3) / 5.0 / math.exp(rim / 5.0), rel=1e-9)
 
 
-def direct(tooth, phi):
-    """Return the compliance of a tooth by adaptive quadrature over its polar outline."""
+def compliance_by_quadrature(tooth, phi):
+    """Return the compliance of a tooth under a force at the roll angle `phi` of its flank."""
     gear, sign = tooth.gear, tooth.sign
     material = gear.material
     shear = material.young / 2.0 / (1.0 + material.poisson)
@@ -85,9 +74,9 @@ def direct(tooth, phi):
         )
 
     def half(radius):
-        """Half the thickness and y on the flank, from the thickness on a circle (ISO 21771)."""
-        turn = gear.thickness_at(2.0 * radius) / (2.0 * radius)
-        return radius * math.sin(turn), radius * math.cos(turn)
+        """Return half the thickness and y on the flank, by the thickness of ISO 21771."""
+        angle = gear.thickness_at(2.0 * radius) / (2.0 * radius)
+        return radius * math.sin(angle), radius * math.cos(angle)
 
     def on_flank(radius):
         step = 1e-6 * radius
@@ -110,6 +99,7 @@ def direct(tooth, phi):
 
 
 @pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
+@pytest.mark.parametrize("mesh", [iso_example(), fzg_c(), gears_of_20_teeth(), ring()])
 def test_the_energy_method_against_quadrature(mesh, share):
     start, end = mesh.path
     position = start + share * (end - start)
@@ -120,7 +110,9 @@ def test_the_energy_method_against_quadrature(mesh, share):
             continue  # the ring's tip reaches 0.03 modules into the fillet
         phi = roll / tooth.base_radius
         # Slopes by differences have 8 digits.
-        assert tooth.compliance(phi) == pytest.approx(direct(tooth, phi), rel=1e-7)
+        assert tooth.compliance(phi) == pytest.approx(
+            compliance_by_quadrature(tooth, phi), rel=1e-7
+        )
 
 
 def test_the_body_after_sainsot():
@@ -148,7 +140,7 @@ def test_the_body_after_sainsot():
 
 
 def test_hertz_contact_logarithmic_in_the_load():
-    mesh = twenty()
+    mesh = gears_of_20_teeth()
     pair = PairCompliance(mesh, "logarithmic")
     position = np.array([mesh.pitch_point])
     # Weber & Banaschek, equal gears at the pitch point: 4 (1 - nu^2) / (pi E b)
@@ -165,18 +157,17 @@ def test_hertz_contact_logarithmic_in_the_load():
     assert stiff[0] < stiff[1] < stiff[2]
 
 
-def course(mesh, u, method, **options):
-    """Return the spur course, of the same transverse section, at positions in base pitches."""
-    u = np.mod(u, 1.0)
-    less = math.floor(mesh.contact_ratio)
-    high = u < mesh.contact_ratio - less
+def spur_stiffness(mesh, pitches, method):
+    """Return the stiffness of a mesh as if spur, at base pitches behind the path's start."""
+    pitches, fewer_pairs = np.mod(pitches, 1.0), math.floor(mesh.contact_ratio)
+    more = pitches < mesh.contact_ratio - fewer_pairs
     if method == "iso":
         single = iso_stiffness(mesh).single * 1e9 * mesh.width
-        return single * np.where(high, 0.25 + 0.75 * (less + 1), 0.25 + 0.75 * less)
-    out = np.empty(u.shape)
-    for mask, count in ((high, less + 1), (~high, less)):
-        out[mask] = energy_stiffness(mesh, u[mask], count, **options)
-    return out
+        return single * (0.25 + 0.75 * np.where(more, fewer_pairs + 1, fewer_pairs))
+    stiffness = np.empty(pitches.shape)
+    for mask, count in ((more, fewer_pairs + 1), (~more, fewer_pairs)):
+        stiffness[mask] = energy_stiffness(mesh, pitches[mask], count)
+    return stiffness
 
 
 @pytest.mark.parametrize("width", [0.02, 0.25])
@@ -184,22 +175,21 @@ def course(mesh, u, method, **options):
 def test_helical_stiffness_is_the_average_over_the_face(method, width):
     mesh = iso_example(width=width)
     table = mesh.stiffness(method).profile
-    # The middles of slices of the face: each step of the course leaves one slice in error.
+    # The middles of slices of the face: each step of the stiffness leaves one slice in error.
     count = 200_000 if method == "iso" else 4000
     slices = (np.arange(count) + 0.5) / count - 0.5
     fraction = mesh.contact_ratio - 1.0
-    for phase, value in list(zip(table.phase, table.stiffness, strict=True))[
-        :: max(len(table.phase) // 6, 1)
-    ]:
-        u = phase / math.tau + fraction / 2.0
-        mean = course(mesh, u + mesh.overlap_ratio * slices, method).mean()
-        # Energy: straight lines between 64 samples instead of the course.
+    rows = list(zip(table.phase, table.stiffness, strict=True))
+    for phase, value in rows[:: max(len(rows) // 6, 1)]:
+        pitches = phase / math.tau + fraction / 2.0
+        mean = spur_stiffness(mesh, pitches + mesh.overlap_ratio * slices, method).mean()
+        # Energy: straight lines between 64 samples instead of the stiffness itself.
         assert value == pytest.approx(mean, rel=2e-5 if method == "iso" else 2e-4)
     if method == "iso":
         assert len(table.phase) == 4
 
 
-def test_the_course_of_a_spur_mesh():
+def test_stiffness_table_of_a_spur_mesh():
     mesh = fzg_c()
     found = mesh.stiffness("energy", samples=200)
     table = found.profile
@@ -207,7 +197,7 @@ def test_the_course_of_a_spur_mesh():
     for turn in (-0.99, -0.5, 0.0, 0.5, 0.99, 1.2):
         phase = turn * math.pi * stretch
         value = np.interp(phase, table.phase, table.stiffness, period=2.0 * math.pi)
-        expected = course(mesh, np.array([phase / math.tau + stretch / 2.0]), "energy")[0]
+        expected = spur_stiffness(mesh, np.array([phase / math.tau + stretch / 2.0]), "energy")[0]
         assert value == pytest.approx(expected, rel=1e-4)
     # Same mean as the rectangle, up to the ramps of 1e-7 of a pitch.
     assert table.mean() == pytest.approx(found.mean_stiffness, rel=1e-6)

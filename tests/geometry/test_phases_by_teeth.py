@@ -9,7 +9,7 @@ import pytest
 import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.geometry import Mesh, SpurGear, planetary_set
-from tests.geometry.teeth import Flanks, Gear, Machine, distance
+from tests.geometry.teeth import Flanks, Gear, Machine, axis_distance
 from tests.independent import equations
 from tests.independent.systems import describe, system_of
 
@@ -17,16 +17,10 @@ WIDTH = 0.02
 
 
 def drawing_of(gear):
-    """Return the `SpurGear` of a `Gear` of the second code."""
+    """Return the `SpurGear` of gearlib for a `Gear` of `tests/geometry/teeth.py`."""
     rim = {"outer_diameter": 2.2 * gear.tip} if gear.internal else {}
-    return SpurGear(
-        teeth=gear.teeth,
-        shift=gear.shift,
-        internal=gear.internal,
-        module=gear.module,
-        width=WIDTH,
-        **rim,
-    )
+    values = {name: getattr(gear, name) for name in ("teeth", "shift", "internal", "module")}
+    return SpurGear(width=WIDTH, **values, **rim)
 
 
 def random_machine(rng):
@@ -51,7 +45,7 @@ def random_machine(rng):
             teeth = max(gears[name].teeth + int(rng.integers(36, 60)), 70)
             new_gear = Gear(teeth, -gears[name].shift, internal=True)
         try:
-            centre_distance = distance(gears[name], new_gear, rng.uniform(0.0, 0.03))
+            centre_distance = axis_distance(gears[name], new_gear, rng.uniform(0.0, 0.03))
             _mesh(gears | {new_name: new_gear}, (name, new_name, centre_distance, 0.0))
         except ValueError:
             continue  # such teeth interfere
@@ -70,33 +64,28 @@ def train_of(machine, rng):
     """Return the train of a `Machine`, whose gears are called pinion and wheel at random."""
     gears, meshes = machine.gears, []
     for i, mesh in enumerate(machine.meshes):
-        driver, driven, apart, ahead = mesh
-        inner = next((name for name in mesh[:2] if gears[name].internal), None)
-        way = 1 if machine.speed[driver] > 0 else -1
+        driver, driven, centre_distance, angle = mesh
+        ring = next((name for name in mesh[:2] if gears[name].internal), None)
+        direction = 1 if machine.speed[driver] > 0 else -1
         pinion = driver if rng.random() < 0.5 else driven
-        begin = pinion
-        if inner:
-            begin, pinion = inner, (driven if inner == driver else driver)
+        #: from whose axis the position of the mesh is seen
+        centre = pinion
+        if ring:
+            centre, pinion = ring, (driven if ring == driver else driver)
             # A ring gear is pressed backwards by what drives it.
-            way = way if inner == driver else -way
+            direction = direction if ring == driver else -direction
         wheel = driven if pinion == driver else driver
-        drawing = Mesh(drawing_of(gears[pinion]), drawing_of(gears[wheel]), apart)
-        said = rng.random() < 0.5 or (i == 0 and pinion != driver)
-        meshes.append(
-            gearlib.Mesh.from_geometry(
-                drawing,
-                pinion,
-                wheel,
-                name=f"mesh {i}",
-                position=ahead if begin == driver else ahead + math.pi,
-                direction=way,
-                driving=driver if said else None,
-            )
-        )
+        drawing = Mesh(drawing_of(gears[pinion]), drawing_of(gears[wheel]), centre_distance)
+        # Where nothing is said the pinion of the first mesh drives.
+        names_driver = rng.random() < 0.5 or (i == 0 and pinion != driver)
+        fields = {"name": f"mesh {i}", "direction": direction}
+        fields["position"] = angle if centre == driver else angle + math.pi
+        fields["driving"] = driver if names_driver else None
+        meshes.append(gearlib.Mesh.from_geometry(drawing, pinion, wheel, **fields))
     bodies = [Body.from_gear(drawing_of(gear), name) for name, gear in gears.items()]
     shafts = [
-        Shaft(bodies=(one, other), stiffness=1e6, keying=angle or None)
-        for one, other, angle in machine.shafts
+        Shaft(bodies=(first, second), stiffness=1e6, keying=angle or None)
+        for first, second, angle in machine.shafts
     ]
     return GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
 
@@ -110,7 +99,7 @@ def phase_difference(phases, others, period=1.0):
 def assert_same_phases(train, machine):
     """Assert that phases and speeds of a train are those of the `Machine`."""
     names = [f"mesh {i}" for i in range(len(machine.meshes))]
-    drive, coast = ([machine.phase(mesh, back) for mesh in machine.meshes] for back in (0, 1))
+    drive, coast = ([machine.phase(mesh, side) for mesh in machine.meshes] for side in (0, 1))
     assert phase_difference([train.phases[name] for name in names], drive) < 1e-9
     assert phase_difference([train.inverse_phases[name] for name in names], coast) < 1e-9
     pitch = [machine.pitch_phase(mesh) for mesh in machine.meshes]
@@ -122,7 +111,9 @@ def assert_same_phases(train, machine):
 def assert_friction_opposes_sliding(train, machine, contacts, rng):
     """Assert that friction, as `tests.independent` has it, opposes the sliding of the teeth.
 
-    On the coast side the model keeps the line of action of the drive side.
+    `contacts` are the meshes of the `Machine` in the order of the train's. A contact of the
+    independent system has the row `across`, along which friction acts on its bodies, and two sides
+    with `friction`, their coefficient, and `turns`, the phase at which sliding changes its sign.
     """
     meshes = [dataclasses.replace(m, friction=(0.05, 0.08), backlash=1e-5) for m in train.meshes]
     supported = {"mass": 1.0, "support_stiffness": 1e8}
@@ -133,17 +124,23 @@ def assert_friction_opposes_sliding(train, machine, contacts, rng):
         rows = np.array(assembled.fixed(driver))
         for side, code in zip(contact["sides"], (1, -1), strict=True):
             flanks = Flanks(machine, mesh, code < 0)
-            begin, pitch, end = machine.passes(mesh, code < 0)
-            # The pair of teeth that is nearest to the pitch point tells the way.
-            for at in rng.uniform(max(begin, pitch - 0.5), min(end, pitch + 0.5), 6):
-                turn = at * math.copysign(machine.gears[driver].pitch, machine.speed[driver])
-                slip = flanks.slip(flanks.point(0, machine.middles[driver] + turn))
-                way = equations.sense(1, side["turns"], math.tau * at)
-                # Pressed by a distance of the sign of its code: force on the driver, over C d.
-                x, y = -code * side["friction"] * way * (rows @ contact["across"])
+            begin, pitch, end = machine.contact_times(mesh, code < 0)
+            # The pair of teeth that is nearest to the pitch point decides the sign.
+            for time in rng.uniform(max(begin, pitch - 0.5), min(end, pitch + 0.5), 6):
+                turn = time * math.copysign(machine.gears[driver].pitch, machine.speed[driver])
+                slip = flanks.slip(flanks.point(0, machine.tooth_angles[driver] + turn))
+                direction = equations.sense(1, side["turns"], math.tau * time)
+                # Force on the driver over the normal force: its distance has the sign of its code.
+                x, y = -code * side["friction"] * direction * (rows @ contact["across"])
+                # On the coast side the model keeps the line of action of the drive side.
                 least = 0.999 * math.hypot(x, y) * abs(slip) if code > 0 else 0.0
                 assert math.hypot(x, y) == pytest.approx(abs(side["friction"]), rel=1e-9)
                 assert x * slip.real + y * slip.imag <= -least
+
+
+def exchanged(meshes):
+    """Return the meshes of a `Machine` with the driven gears driving."""
+    return [(b, a, distance, angle + math.pi) for a, b, distance, angle in meshes]
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -156,7 +153,7 @@ def test_phases_are_those_of_teeth_placed_one_by_one(seed):
     assert_friction_opposes_sliding(train, machine, machine.meshes, rng)
     lines = [dataclasses.replace(m, position=None, line_of_action=m.line) for m in train.meshes]
     assert train.replace(meshes=lines).phases == pytest.approx(train.phases, abs=1e-12)
-    # One machine, one result: by other names, in a mirror, and driven backwards by the same flanks.
+    # The phases are those of the machine whichever gears are called pinions, and in a mirror.
     assert train_of(machine, rng).phases == pytest.approx(train.phases, abs=1e-12)
     mirrored = Machine(
         gears,
@@ -165,16 +162,15 @@ def test_phases_are_those_of_teeth_placed_one_by_one(seed):
         -sense,
     )
     assert train_of(mirrored, rng).phases == pytest.approx(train.phases, abs=1e-12)
+    # Driven backwards by the same flanks, it has the opposite phases.
     turned = math.copysign(1.0, machine.speed[meshes[0][1]])
-    swapped = [(b, a, gap, ahead + math.pi) for a, b, gap, ahead in meshes]
-    reverse = train_of(Machine(gears, swapped, shafts, -turned), rng)
-    for found, backwards in (
-        (train.phases, reverse.phases),
-        (train.inverse_phases, reverse.inverse_phases),
-    ):
-        assert phase_difference(list(found.values()), [-g for g in backwards.values()]) < 1e-9
+    reverse = train_of(Machine(gears, exchanged(meshes), shafts, -turned), rng)
+    for name in ("phases", "inverse_phases"):
+        phases, opposite = (list(getattr(one, name).values()) for one in (train, reverse))
+        assert phase_difference(phases, [-phase for phase in opposite]) < 1e-9
 
 
+#: Teeth and shifts of sun, planet and ring, number of planets, their angles if unequal.
 SETS = {
     "nominal": ((27, 36, 99), (0.0, 0.0, 0.0), 3, None),
     "odd planet": ((28, 35, 98), (0.0, 0.0, 0.0), 3, None),
@@ -192,59 +188,58 @@ def test_planetary_set_driven_by_sun_or_ring(name, driving):
         step = math.tau / (teeth[0] + teeth[2])
         positions = [positions[0] + step * round((p - positions[0]) / step) for p in positions]
     pairs = zip(("sun", "planet", "ring"), teeth, shifts, (False, False, True), strict=True)
-    kinds = {who: Gear(z, x, internal=inner) for who, z, x, inner in pairs}
-    gap = distance(kinds["sun"], kinds["planet"])
+    kinds = {name: Gear(z, x, internal=inner) for name, z, x, inner in pairs}
+    distance = axis_distance(kinds["sun"], kinds["planet"])
     train = planetary_set(
         *(drawing_of(gear) for gear in kinds.values()),
         planets=planets,
         positions=positions,
-        centre_distance=gap,
+        centre_distance=distance,
         torque=100.0,
         driving=driving,
     )
     positions = positions or [math.tau * i / planets for i in range(planets)]
-    gears, meshes = {who: kinds[who] for who in ("sun", "ring")}, []
+    gears, meshes = {name: kinds[name] for name in ("sun", "ring")}, []
     for i, psi in enumerate(positions):
         planet = f"planet {i + 1}"
         gears[planet] = kinds["planet"]
-        meshes += [("sun", planet, gap, psi), (planet, "ring", gap, psi + math.pi)]
+        meshes += [("sun", planet, distance, psi), (planet, "ring", distance, psi + math.pi)]
     meshes.sort(key=lambda mesh: mesh[0] != "sun")
-    if driving == "ring":
-        meshes = [(b, a, gap, ahead + math.pi) for a, b, gap, ahead in meshes]
+    meshes = exchanged(meshes) if driving == "ring" else meshes
     machine = Machine(gears, meshes)
     assert train.speeds["carrier"] == 0
-    numbered = dict(zip(train.mesh_names, meshes, strict=True))
-    for mesh, contact in numbered.items():
-        for coast, found in ((False, train.phases), (True, train.inverse_phases)):
-            assert phase_difference(found[mesh], machine.phase(contact, coast)) < 1e-9, mesh
-        assert (
-            phase_difference(train.pitch_phases[mesh], machine.pitch_phase(contact), math.tau)
-            < 1e-9
-        )
-    assert_friction_opposes_sliding(
-        train, machine, list(numbered.values()), np.random.default_rng(1)
-    )
-    # Parker: z_s psi / 2 pi and -z_r psi / 2 pi, the other way round in time.
-    way = 1 if driving == "sun" else -1
+    for name, mesh in zip(train.mesh_names, meshes, strict=True):
+        for coast, phases in ((False, train.phases), (True, train.inverse_phases)):
+            assert phase_difference(phases[name], machine.phase(mesh, coast)) < 1e-9, name
+        pitch_phase = machine.pitch_phase(mesh)
+        assert phase_difference(train.pitch_phases[name], pitch_phase, math.tau) < 1e-9
+    assert_friction_opposes_sliding(train, machine, meshes, np.random.default_rng(1))
+    # Parker: z_s psi / 2 pi and -z_r psi / 2 pi; driven by the ring, time runs the other way.
+    sign = 1 if driving == "sun" else -1
     for i, psi in enumerate(positions):
         turned = (psi - positions[0]) / math.tau
-        assert phase_difference(train.phases[f"sun {i + 1}"], way * teeth[0] * turned) < 1e-9
+        assert phase_difference(train.phases[f"sun {i + 1}"], sign * teeth[0] * turned) < 1e-9
         ring = train.phases[f"ring {i + 1}"] - train.phases["ring 1"]
-        assert phase_difference(ring, -way * teeth[2] * turned) < 1e-9
+        assert phase_difference(ring, -sign * teeth[2] * turned) < 1e-9
 
 
-def keyed(teeth, places=(0.0, 0.0), sense=1, keying=None, **more):
-    """Return two stages with a shaft, the lines of centres at these angles."""
+FLANK = {"max_stiffness": 4e8, "stiffness_ratio": 0.6, "contact_ratio": 1.6}
+
+
+def two_stages(teeth, angles=(0.0, 0.0), sense=1, keying=None, **more):
+    """Return the train of meshes a-b and c-d, wheel b and pinion c keyed to one shaft.
+
+    `angles` are those of the lines of centres; with the sense 1 gear a turns counterclockwise;
+    `keying` is the angle by which c is ahead of b.
+    """
     bodies = [
         Body(name=name, teeth=z, inertia=1e-3, base_radius=2e-3 * z)
         for name, z in zip("abcd", teeth, strict=True)
     ]
-    flank = dict(max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6)
+    more |= FLANK
     meshes = [
-        gearlib.Mesh(
-            pinion=pinion, wheel=wheel, position=place, direction=way * sense, **flank, **more
-        )
-        for pinion, wheel, place, way in (("a", "b", places[0], 1), ("c", "d", places[1], -1))
+        gearlib.Mesh(pinion="a", wheel="b", position=angles[0], direction=sense, **more),
+        gearlib.Mesh(pinion="c", wheel="d", position=angles[1], direction=-sense, **more),
     ]
     shaft = Shaft(bodies=("b", "c"), stiffness=1e6, keying=keying)
     return GearTrain(bodies=bodies, meshes=meshes, shafts=[shaft])
@@ -256,21 +251,20 @@ def test_keyed_teeth_are_in_line():
     The one of 24 in line with it lies 24/36 as many of its own pitches away, and its flank is at
     the mesh when the tooth has come to 1/4: after 24/36 (18 - 1/4) - 1/4 periods of that mesh.
     """
-    right = (24 / 36 * (18 - 0.25) - 0.25) % 1.0
+    teeth, right = (24, 36, 24, 36), (24 / 36 * (18 - 0.25) - 0.25) % 1.0
     for sense in (1, -1):
-        assert keyed((24, 36, 24, 36), sense=sense).phases["c-d"] == pytest.approx(right, abs=1e-12)
+        phase = two_stages(teeth, sense=sense).phases["c-d"]
+        assert phase == pytest.approx(right, abs=1e-12)
     # Keyed by an angle the second gear is so much ahead; it turns clockwise and drives.
-    ahead = keyed((24, 36, 24, 36), keying=0.1).phases["c-d"]
+    ahead = two_stages(teeth, keying=0.1).phases["c-d"]
     assert phase_difference(ahead, right + 24 * 0.1 / math.tau) < 1e-12
     # By a pitch of either gear the teeth are in line again.
     for pitch, whole in ((math.tau / 24, 1.0), (math.tau / 36, 1.0 / 3.0)):
-        assert (
-            phase_difference(keyed((24, 36, 24, 36), keying=pitch).phases["c-d"], right, whole)
-            < 1e-12
-        )
-    assert loop().phases["second 1"] == pytest.approx(right, abs=1e-12)
+        phase = two_stages(teeth, keying=pitch).phases["c-d"]
+        assert phase_difference(phase, right, whole) < 1e-12
+    assert two_branches().phases["second 1"] == pytest.approx(right, abs=1e-12)
     # Through a body without teeth angles add up, from whichever end they are given.
-    train = keyed((24, 36, 24, 36))
+    train = two_stages(teeth)
     shafts = [
         Shaft(bodies=("b", "flywheel"), stiffness=1e6, keying=0.3),
         Shaft(bodies=("c", "flywheel"), stiffness=1e6, keying=0.2),
@@ -280,36 +274,27 @@ def test_keyed_teeth_are_in_line():
     assert joined.phases["c-d"] == pytest.approx(ahead, abs=1e-12)
 
 
-def test_of_two_teeth_equally_near_a_mirror_image_takes_the_same():
-    """Two teeth of the second gear are as near to the line of centres at the start."""
-    gears, places, pitch = (24, 36, 20, 40), (0.3, 1.1), 1.5 * math.pi
-    one = keyed(gears, places, pitch_phase=pitch)
-    other = keyed(gears, [-place for place in places], sense=-1, pitch_phase=pitch)
-    assert other.phases == pytest.approx(one.phases, abs=1e-12)
-    # It is the one half a pitch to the counterclockwise side, where the drive-side flanks are.
+def test_tie_of_two_teeth_is_broken_alike_in_a_mirror():
+    """At the start two teeth of the second gear are equally near to the line of centres."""
+    teeth, angles, pitch_phase = (24, 36, 20, 40), (0.3, 1.1), 1.5 * math.pi
+    train = two_stages(teeth, angles, pitch_phase=pitch_phase)
+    mirrored = two_stages(teeth, [-x for x in angles], sense=-1, pitch_phase=pitch_phase)
+    assert mirrored.phases == pytest.approx(train.phases, abs=1e-12)
+    # The tooth half a pitch to the counterclockwise side counts, where the drive-side flanks are.
     turned = 36 * (0.3 + math.pi) / math.tau + 0.5
-    away = 20 * 1.1 / math.tau - turned * 20 / 36 + 0.25
-    assert phase_difference(one.phases["c-d"], -away - pitch / math.tau) < 1e-12
+    pitches_behind = 20 * 1.1 / math.tau - turned * 20 / 36 + 0.25
+    expected = -pitches_behind - pitch_phase / math.tau
+    assert phase_difference(train.phases["c-d"], expected) < 1e-12
 
 
-def loop(keyings=(None, None), second=math.tau / 3, teeth=(24, 36, 24, 36)):
-    """Return a reducer of two branches."""
-    train = gearlib.split_power_reducer(
-        gearlib.GearPair(
-            max_stiffness=4e8,
-            stiffness_ratio=0.6,
-            contact_ratio=1.6,
-            reduced_mass=3.0,
-            load=3e3,
-            backlash=4e-5,
-        ),
-        branches=2,
-        teeth=teeth,
-    )
-    places = {"1": 0.0, "2": second}
+def two_branches(keyings=(None, None), second_angle=math.tau / 3):
+    """Return a reducer of two branches, at the angles 0 and `second_angle`, each with a shaft."""
+    pair = gearlib.GearPair(**FLANK, reduced_mass=3.0, load=3e3, backlash=4e-5)
+    train = gearlib.split_power_reducer(pair, branches=2, teeth=(24, 36, 24, 36))
+    angles = {"1": 0.0, "2": second_angle}
     meshes = [
         dataclasses.replace(
-            mesh, position=places[mesh.name[-1]] + (math.pi if "second" in mesh.name else 0.0)
+            mesh, position=angles[mesh.name[-1]] + (math.pi if "second" in mesh.name else 0.0)
         )
         for mesh in train.meshes
     ]
@@ -321,26 +306,25 @@ def loop(keyings=(None, None), second=math.tau / 3, teeth=(24, 36, 24, 36)):
 
 
 def test_keying_in_a_loop_has_to_agree_with_the_positions():
-    assert loop().phases == loop((0.0, 0.0)).phases
-    # Branches at other angles need another angle in one of them.
-    second = math.tau / 3 + 0.05
-    free = loop(second=second)
+    assert two_branches().phases == two_branches((0.0, 0.0)).phases
+    # Branches at other angles need another keying in one branch.
+    angle = math.tau / 3 + 0.05
+    free = two_branches(second_angle=angle)
     with pytest.raises(ValueError, match="keying of shaft satellite 2 a-satel") as refusal:
-        loop((0.0, 0.0), second)
+        two_branches((0.0, 0.0), angle)
     text = str(refusal.value)
     assert "\n" not in text and ". " not in text.replace("0.", "0")
-    asked = float(text.split("must be ")[1].split(",")[0])
-    assert loop((0.0, asked), second).phases == pytest.approx(free.phases, abs=1e-7)
-    # Asked for in the second branch, it is the first that gives way.
-    assert loop((None, 0.0), second).phases != free.phases
+    demanded = float(text.split("must be ")[1].split(",")[0])
+    assert two_branches((0.0, demanded), angle).phases == pytest.approx(free.phases, abs=1e-7)
+    # With a keying in the second branch alone the phases of the first branch follow.
+    assert two_branches((None, 0.0), angle).phases != free.phases
 
 
-def test_a_phase_that_is_given_parts_the_train():
-    """Beyond a mesh whose phase is given no tooth is known; a given start shifts all."""
-    flank = dict(max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6)
+def test_given_phase_decouples_the_phases_on_both_sides_of_a_mesh():
+    """Beyond a mesh whose phase is given no tooth is known; a given first phase shifts all."""
     bodies = [Body(name=name, teeth=24, inertia=1e-3, base_radius=0.045) for name in "abcd"]
     meshes = [
-        gearlib.Mesh(pinion=a, wheel=b, position=0.3 * i * i, direction=(-1) ** i, **flank)
+        gearlib.Mesh(pinion=a, wheel=b, position=0.3 * i * i, direction=(-1) ** i, **FLANK)
         for i, (a, b) in enumerate(("ab", "bc", "cd"))
     ]
     train = GearTrain(bodies=bodies, meshes=meshes)
@@ -360,29 +344,25 @@ def test_a_phase_that_is_given_parts_the_train():
 
 
 def test_driving_gear_of_one_mesh_decides_for_all():
-    train = keyed((24, 36, 20, 40), pitch_phase=0.7)
+    train = two_stages((24, 36, 20, 40), pitch_phase=0.7)
     assert {name: train.pitch_phases[name] for name in train.mesh_names} == {"a-b": 0.7, "c-d": 0.7}
     back = [dataclasses.replace(mesh, driving=mesh.wheel) for mesh in train.meshes]
     backwards = train.replace(meshes=back)
     assert backwards.speeds == {name: -speed for name, speed in train.speeds.items()}
     assert backwards.pitch_phases == {"a-b": -0.7, "c-d": -0.7}
-    # One mesh is enough, and it is believed whichever it is.
-    for one in (0, 1):
-        meshes = [back[i] if i == one else mesh for i, mesh in enumerate(train.meshes)]
+    # The driving gear of either mesh is enough.
+    for meshes in ([back[0], train.meshes[1]], [train.meshes[0], back[1]]):
         assert train.replace(meshes=meshes).phases == backwards.phases
-    against = [back[0], dataclasses.replace(train.meshes[1], driving="c")]
-    with pytest.raises(
-        ValueError, match="driving of mesh c-d = 'c' is not allowed: it must be 'd'"
-    ):
-        train.replace(meshes=against)
-    with pytest.raises(
-        ValueError, match="driving of mesh c-d = 'a' is not allowed: it must be one"
-    ):
+    contradicting = [back[0], dataclasses.replace(train.meshes[1], driving="c")]
+    refusal = "driving of mesh c-d = '{}' is not allowed: it must be {}"
+    with pytest.raises(ValueError, match=refusal.format("c", "'d'")):
+        train.replace(meshes=contradicting)
+    with pytest.raises(ValueError, match=refusal.format("a", "one")):
         dataclasses.replace(train.meshes[1], driving="a")
 
 
-def test_train_turned_as_a_whole_moves_alike():
-    """Run-out of a planet goes by its pin, as its teeth and its misplaced axis do."""
+def test_train_turned_as_a_whole_has_the_same_motion():
+    """The angle of a planet's run-out is measured from its pin, so it does not change."""
 
     def planets(turn):
         train = gearlib.planetary(
@@ -403,9 +383,10 @@ def test_train_turned_as_a_whole_moves_alike():
 
     plain, turned = planets(0.0), planets(1.3)
     assert turned.phases == pytest.approx(plain.phases, abs=1e-12)
-    for one, other in zip(plain.excitation, turned.excitation, strict=True):
-        np.testing.assert_allclose(other, one, rtol=0, atol=1e-20)
-    runs = [gearlib.simulate(train, 0.9, periods=12, record_periods=2) for train in (plain, turned)]
-    np.testing.assert_allclose(
-        runs[1].dynamic_force.values, runs[0].dynamic_force.values, rtol=0, atol=1e-9
+    for expected, found in zip(plain.excitation, turned.excitation, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-20)
+    expected, found = (
+        gearlib.simulate(train, 0.9, periods=12, record_periods=2).dynamic_force.values
+        for train in (plain, turned)
     )
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)

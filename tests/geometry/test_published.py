@@ -20,29 +20,19 @@ HELICAL = {"module": 14e-3, "width": 0.36, "helix_angle": math.radians(10.0), "m
 BLANK = 1.0 + math.log(0.25) / (5.0 * math.exp(0.7))
 
 
-def helical(allowances=(0.0, 0.0), distance=0.861):
-    """Return the third stage, of helical gears."""
-    pinion = SpurGear(
-        teeth=24,
-        shift=0.48,
-        tip_diameter=0.380747,
-        bore=0.1791,
-        thickness_allowance=allowances[0],
-        **HELICAL,
-    )
-    wheel = SpurGear(
-        teeth=95,
-        shift=0.6691,
-        tip_diameter=1.395376,
-        bore=1.19332,
-        thickness_allowance=allowances[1],
-        **HELICAL,
+def third_stage(allowances=(0.0, 0.0), distance=0.861):
+    """Return the helical pair of the gearbox of the NREL 5 MW wind turbine."""
+    numbers = ((24, 0.48, 0.380747, 0.1791), (95, 0.6691, 1.395376, 1.19332))
+    names = ("teeth", "shift", "tip_diameter", "bore")
+    pinion, wheel = (
+        SpurGear(**dict(zip(names, values, strict=True)), thickness_allowance=allowance, **HELICAL)
+        for values, allowance in zip(numbers, allowances, strict=True)
     )
     return Mesh(pinion, wheel, distance)
 
 
-def planetary():
-    """Return sun with planet, planet with ring gear of the first stage."""
+def planetary_meshes():
+    """Return (sun with planet, planet with ring gear) of the first stage of the same gearbox."""
     common = {"module": 45e-3, "width": 0.491, "material": STEEL}
     sun = SpurGear(teeth=19, shift=0.6170, tip_diameter=0.978808, bore=0.48233, **common)
     planet = SpurGear(teeth=17, shift=0.8021, tip_diameter=0.905470, bore=0.40899, **common)
@@ -55,11 +45,11 @@ def form_diameter(gear):
 
 
 def test_where_the_involute_begins():
-    """d_Ff, whose rack has its round tip in the normal section."""
-    mesh = helical()
+    """Root form diameters d_Ff of KISSsoft, mm; the rack tip is round in its normal section."""
+    mesh = third_stage()
     assert form_diameter(mesh.pinion) == pytest.approx(328.991, abs=1e-3)
     assert form_diameter(mesh.wheel) == pytest.approx(1341.487, abs=1e-3)
-    inner, outer = planetary()
+    inner, outer = planetary_meshes()
     assert form_diameter(inner.pinion) == pytest.approx(825.979, abs=1e-3)
     # Half a unit of the fourth digit of x moves the flank by 4 um.
     assert form_diameter(outer.pinion) == pytest.approx(748.795, abs=5e-3)
@@ -67,7 +57,7 @@ def test_where_the_involute_begins():
 
 def test_the_fillet_of_a_helical_gear_is_that_of_its_rack():
     """Points of the rack's tip, carried along by the rolling of the rack, never cut the fillet."""
-    gear = helical().pinion
+    gear = third_stage().pinion
     tooth, beta = Tooth(gear, gear.width), gear.helix_angle
     rolling, module = gear.reference_diameter / 2.0, gear.module
     round_off = gear.fillet_radius
@@ -98,14 +88,14 @@ def test_the_fillet_of_a_helical_gear_is_that_of_its_rack():
 )
 def test_backlash_of_toleranced_gears(allowances, shifted, expected):
     """Circumferential backlash j_tw on the working circle, mm."""
-    mesh = helical(allowances, 0.861 + shifted)
+    mesh = third_stage(allowances, 0.861 + shifted)
     found = 1e3 * mesh.line_backlash / math.cos(mesh.working_pressure_angle)
     assert found == pytest.approx(expected, abs=5e-4)
 
 
 def test_stiffness_after_iso_6336():
     """c', c_gamma_alpha of a helical pair with webs, and of a planet with sun and ring."""
-    mesh = helical()
+    mesh = third_stage()
     web = Web(
         thickness=0.09, rim_diameter=mesh.wheel.root_diameter - 10.0 * 14e-3, hub_diameter=0.5
     )
@@ -113,7 +103,9 @@ def test_stiffness_after_iso_6336():
     assert found.blank_factor == pytest.approx(0.898, abs=5e-4)
     assert found.single == pytest.approx(13.832, abs=5e-4)
     assert found.mean == pytest.approx(18.632, abs=5e-4)
-    for mesh, single, mean in zip(planetary(), (12.362, 13.289), (13.426, 16.063), strict=True):
+    for mesh, single, mean in zip(
+        planetary_meshes(), (12.362, 13.289), (13.426, 16.063), strict=True
+    ):
         found = iso_stiffness(mesh)
         assert found.single * BLANK == pytest.approx(single, abs=5e-4)
         # With eps_alpha of rounded shifts.
@@ -121,7 +113,7 @@ def test_stiffness_after_iso_6336():
 
 
 def test_stiffness_does_not_ask_which_gear_drives():
-    inner, _ = planetary()
+    inner, _ = planetary_meshes()
     turned = Mesh(inner.wheel, inner.pinion, inner.centre_distance)
     assert iso_stiffness(turned) == iso_stiffness(inner)
     equal = [SpurGear(teeth=30, module=3e-3, width=0.02, shift=x) for x in (0.4, 0.1)]
@@ -130,8 +122,8 @@ def test_stiffness_does_not_ask_which_gear_drives():
 
 def test_masses():
     """Reduced masses of bored discs, kg/mm: a pair; sun with three planets; planet in a ring."""
-    assert helical().reduced_mass / 360.0 == pytest.approx(0.36503, abs=1e-5)
-    mesh, _ = planetary()
+    assert third_stage().reduced_mass / 360.0 == pytest.approx(0.36503, abs=1e-5)
+    mesh, _ = planetary_meshes()
     sun, planet = (gear.inertia / 491.0 for gear in (mesh.pinion, mesh.wheel))
     radii = [gear.base_diameter / 2.0 for gear in (mesh.pinion, mesh.wheel)]
     both = sun * planet / (3.0 * planet * radii[0] ** 2 + sun * radii[1] ** 2)

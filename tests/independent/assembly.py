@@ -8,12 +8,12 @@ import numpy as np
 from tests.independent.equations import stiffness_series
 
 
-def number(value, context):
-    """Return a description with numbers of a context; integers and truths stay."""
+def with_numbers_of(context, value):
+    """Return a description with its floats as numbers of a context; integers and booleans stay."""
     if isinstance(value, dict):
-        return {key: number(item, context) for key, item in value.items()}
+        return {key: with_numbers_of(context, item) for key, item in value.items()}
     if isinstance(value, list):
-        return [number(item, context) for item in value]
+        return [with_numbers_of(context, item) for item in value]
     return context.mpf(value) if isinstance(value, (float, mpmath.mpf)) else value
 
 
@@ -31,28 +31,31 @@ def harmonics(wave):
     return list(zip(range(1, count + 1), cosines, sines, strict=True))
 
 
-def course(breaks, lines, whole, waves=(), high=None, shift=0):
-    """Return a stiffness over its phase; low is below its mean where nothing else is said."""
+def stiffness_profile(breaks, lines, period, waves=(), high=None, shift=0):
+    """Return the ``course`` of a stiffness, see `equations`: (value, slope) from each break on.
+
+    `waves` are its harmonics; without `high` a stiffness below the mean counts as low.
+    """
     if high is None:
-        ends = [*breaks[1:], breaks[0] + whole]
+        ends = [*breaks[1:], breaks[0] + period]
         spans = [b - a for a, b in zip(breaks, ends, strict=True)]
-        high = sum(w * (c + k * w / 2) for w, (c, k) in zip(spans, lines, strict=True)) / whole
+        high = sum(w * (c + k * w / 2) for w, (c, k) in zip(spans, lines, strict=True)) / period
     names = {"breaks": breaks, "lines": lines, "harmonics": list(waves)}
     return names | {"high": high, "shift": shift}
 
 
-def rectangle(mesh, context, shift=0):
-    """Return the stiffness of Eq. (1): C_max about phase 0."""
+def rectangular_profile(mesh, context, shift=0):
+    """Return the ``course`` of Eq. (1) of the paper: C_max about a phase, `shift` in periods."""
     half, high = context.pi * (mesh["contact_ratio"] - 1), mesh["max_stiffness"]
-    low, whole = high * mesh["stiffness_ratio"], 2 * context.pi
+    low, period = high * mesh["stiffness_ratio"], 2 * context.pi
+    breaks, lines = [half, period - half], [(low, 0), (high, 0)]
     if half == 0 or half == context.pi:
-        lines = [(low if half == 0 else high, 0)]
-        return course([context.mpf(0)], lines, whole, high=high, shift=shift)
-    return course([half, whole - half], [(low, 0), (high, 0)], whole, high=high, shift=shift)
+        breaks, lines = [context.mpf(0)], [(low if half == 0 else high, 0)]
+    return stiffness_profile(breaks, lines, period, high=high, shift=shift)
 
 
 def contact(sides, film, rate=1, powers=(0, 0), across=None, zero=0):
-    """Return a contact; a last side of None is none."""
+    """Return a contact by its fields, see `equations`; without a coast side the last is falsy."""
     sides = [side for side in sides if side]
     across = sides[0]["row"] * 0 if across is None else across
     names = {"sides": sides, "film": film, "rate": rate, "powers": powers}
@@ -60,13 +63,13 @@ def contact(sides, film, rate=1, powers=(0, 0), across=None, zero=0):
 
 
 def flank(row, stiffness, material, constant=0, waves=(), friction=0, turns=0):
-    """Return one side of a contact, or one edge."""
+    """Return one side of a contact by its fields, see `equations`."""
     names = {"row": row, "course": stiffness, "material": material, "constant": constant}
     return names | {"waves": list(waves), "friction": friction, "turns": turns}
 
 
 class System:
-    """Matrices, loads and contacts to be filled; `json` returns what `equations` take."""
+    """Matrices, loads and contacts to be filled, with the fields and units of `equations`."""
 
     def __init__(self, context, size):
         self.context, self.n = context, size
@@ -83,7 +86,7 @@ class System:
         return row
 
     def spring(self, row, stiffness, damping=0):
-        """Add a spring and damper between what a row of coordinates tells."""
+        """Add a spring and damper that act on the elongation `row @ q`."""
         square = np.outer(row, row)
         self.stiffness = self.stiffness + stiffness * square
         self.damping = self.damping + damping * square

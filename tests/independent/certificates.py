@@ -94,16 +94,18 @@ class Motion:
         return np.concatenate(halves)
 
     def move(self, state, period=None, recorded=0):
-        """Return the motion over a number of mesh periods from kept coordinates and velocities."""
-        whole = [mpf(0)] * (2 * self.system.n)
+        """Return the motion over some mesh periods from kept coordinates and velocities.
+
+        Extrema are those of the last `recorded` periods.
+        """
+        full_state = [mpf(0)] * (2 * self.system.n)
         for place, value in zip(self.places, state, strict=True):
-            whole[place] = value
-        period = period or self.claim["period"]
-        codes = self.claim["contacts"]
-        return program.move(self.equations, period, whole, recorded=recorded, codes=codes)
+            full_state[place] = value
+        options = {"recorded": recorded, "codes": self.claim["contacts"]}
+        return program.move(self.equations, period or self.claim["period"], full_state, **options)
 
     def run(self, state, period=None):
-        """Return (kept coordinates and velocities at the end, events) from a state of such."""
+        """Return (state at the end, events); states are kept coordinates and velocities."""
         motion = self.move(state, period)
         return self.reduced(motion.state), motion.events
 

@@ -14,11 +14,12 @@ from tests.independent.assembly import mean_stiffness
 from tests.independent.systems import equations_of, move
 
 mp.dps = 50
-_STEP, _APART, _SHORT = mpf(10) ** -22, mpf(10) ** -10, mpf(10) ** -16
+#: Differences of states, and of parameters on both sides or on one side, over their sizes.
+_STEP, _TWO_SIDED, _ONE_SIDED = mpf(10) ** -22, mpf(10) ** -10, mpf(10) ** -16
 
 
 def columns(model, tuning, periods, state):
-    """Return what is differentiated, dict of lists: as the variables of a run of the library."""
+    """Return the variables of a run of the library that are differentiated, name -> list."""
     motion = move(model, tuning, periods, state, context=mp, recorded=1)
     record = motion.record
     several = model["kind"] == "GearTrain"
@@ -27,15 +28,15 @@ def columns(model, tuning, periods, state):
         table[f"{name}_max"] = [max(contact) for contact in values]
         table[f"{name}_min"] = [min(contact) for contact in values]
     for i, name in enumerate(("normal", "backlash", "inverse", "min_stiffness")):
-        table[f"fraction_{name}"] = [times[i] / (2 * mp.pi) for times in record.times]
+        table[f"fraction_{name}"] = [times[i] / (2 * mp.pi) for times in record.durations]
     last = [event for event in motion.events if event.phase > 2 * mp.pi * (periods - 1)]
     table["event_phase"] = [event.phase for event in last]
     table["event_velocity"] = [event.rate for event in last]
     return table
 
 
-def paths(model, name):
-    """Return what a parameter of the library moves: path in the description -> by what."""
+def fields_of(model, name):
+    """Return the fields that depend on a parameter: path in the description -> derivative."""
     if " of " in name:
         field, rest = name.split(" of ", 1)
         kind, label = rest.split(" ", 1)
@@ -61,7 +62,7 @@ def changed(model, tuning, name, share):
     if name == "tuning":
         return model, mpf(tuning) * (1 + share), mpf(tuning) * share
     other, step = copy.deepcopy(model), share
-    for path, slope in paths(model, name).items():
+    for path, slope in fields_of(model, name).items():
         inner = other
         for key in path[:-1]:
             inner = inner[key]
@@ -71,11 +72,11 @@ def changed(model, tuning, name, share):
 
 
 def of_run(model, tuning, periods, state, names):
-    """Return the derivatives of `columns` by parameters of the library, a list each."""
+    """Return the derivatives of a run's `columns` by the named parameters, a list for each."""
     with mp.workdps(34):
         base, rows = columns(model, tuning, periods, state), []
         for name in names:
-            other, nu, step = changed(model, tuning, name, _SHORT)
+            other, nu, step = changed(model, tuning, name, _ONE_SIDED)
             moved, row = columns(other, nu, periods, state), []
             for key in sorted(base):
                 same = len(moved[key]) == len(base[key])
@@ -97,47 +98,52 @@ def orbit_of(model, tuning, period, guess, iterations=4):
     return program.orbit(_flow(model, tuning, period), start, _STEP, iterations)
 
 
-def _sides(model, tuning, name, value):
-    """Return the central difference of lists of numbers by a parameter."""
+def _central_difference(model, tuning, name, numbers):
+    """Return the derivatives by a parameter of `numbers(description, tuning)`, a list."""
     both = []
-    for sign in (1, -1):
-        other, nu, step = changed(model, tuning, name, sign * _APART)
-        both.append(value(other, nu))
+    for sign in (-1, 1):
+        other, nu, step = changed(model, tuning, name, sign * _TWO_SIDED)
+        both.append(numbers(other, nu))
     return [(b - a) / (2 * step) for a, b in zip(*both, strict=True)]
 
 
 def of_orbit(model, tuning, period, guess, names):
-    """Return the derivatives of state, real and imaginary parts of both multipliers, a row each."""
+    """Return the derivatives of an orbit by each parameter, a row for each.
 
-    def parts(other, nu):
+    A row has those of the state, and of real and imaginary parts of both multipliers.
+    """
+
+    def orbit_numbers(other, nu):
         state, matrix = orbit_of(other, nu, period, guess)
         # Largest first and with positive imaginary part first.
         roots = program.multipliers(matrix)
         roots.sort(key=lambda mu: (-float(abs(mu)), -mpmath.im(mu)))
         return [*state, *map(mpmath.re, roots), *map(mpmath.im, roots)]
 
-    return [_sides(model, tuning, name, parts) for name in names]
+    return [_central_difference(model, tuning, name, orbit_numbers) for name in names]
 
 
 def _fold(model, period, guess):
     """Return the tuning of a fold: an orbit whose map has the multiplier 1."""
 
-    def miss(unknowns):
+    def residual(unknowns):
         *state, tuning = unknowns
         end, matrix = program.period_map(_flow(model, tuning, period), state, _STEP)
-        away = [a - b for a, b in zip(end, state, strict=True)]
-        return [*away, mpmath.det(matrix - mpmath.eye(2))]
+        change = [a - b for a, b in zip(end, state, strict=True)]
+        return [*change, mpmath.det(matrix - mpmath.eye(2))]
 
     unknowns, step = list(map(mpf, guess)), mpf(10) ** -11
     for _ in range(5):
-        left, jacobian = program.period_map(miss, unknowns, step)
-        change = mpmath.lu_solve(jacobian, mpmath.matrix(left))
+        values, jacobian = program.period_map(residual, unknowns, step)
+        change = mpmath.lu_solve(jacobian, mpmath.matrix(values))
         unknowns = [a - b for a, b in zip(unknowns, change, strict=True)]
     return unknowns[2]
 
 
 def of_fold(model, period, guess, names):
-    """Return the derivatives of the tuning of a fold, one row."""
-    return [
-        _sides(model, 1.0, name, lambda other, _: [_fold(other, period, guess)]) for name in names
-    ]
+    """Return the derivatives of the tuning of a fold by each parameter, a list of one for each."""
+
+    def fold(other, _):
+        return [_fold(other, period, guess)]
+
+    return [_central_difference(model, 1.0, name, fold) for name in names]

@@ -45,18 +45,14 @@ class Piece(NamedTuple):
     slope: object = 0
     push: object = ()  #: accelerations of coordinates, in units, for one of the phase
 
-    def about(self, t):
-        """Return (phase, its rate, half the rate of that)."""
+    def phase_at(self, t):
+        """Return (phase, its rate, half its acceleration) at a time."""
         s, half = t - self.begin, self.acceleration / 2
-        return (
-            self.phase + (self.speed + half * s) * s,
-            self.speed + self.acceleration * s,
-            half,
-        )
+        return (self.phase + (self.speed + half * s) * s, self.speed + self.acceleration * s, half)
 
 
 def wave(context, phase, terms, rate=1, bend=0):
-    """Return Taylor coefficients of cos and of sin of phase + rate t + bend t^2."""
+    """Return Taylor coefficients in t of cos and of sin of phase + rate t + bend t^2."""
     c, s = [context.cos(phase)], [context.sin(phase)]
     for k in range(terms - 1):
         down, up = rate * s[k], rate * c[k]
@@ -68,14 +64,17 @@ def wave(context, phase, terms, rate=1, bend=0):
 
 
 def stiffness_series(context, course, phase, middle, terms=1, rate=1, bend=0):
-    """Return Taylor coefficients of a stiffness at a phase, of the line that holds `middle`."""
-    whole, breaks = 2 * context.pi, course["breaks"]
-    shift = whole * course["shift"]
+    """Return Taylor coefficients in t of a stiffness at phase + rate t + bend t^2.
+
+    `middle`, a phase within the step of the motion, decides which line of the `course` holds.
+    """
+    period, breaks = 2 * context.pi, course["breaks"]
+    shift = period * course["shift"]
     phase, middle = phase - shift, middle - shift
-    at = max((i for i, b in enumerate(breaks) if b <= middle % whole), default=-1)
+    at = max((i for i, b in enumerate(breaks) if b <= middle % period), default=-1)
     value, slope = course["lines"][at]
     # Since the break: one behind the last one may have begun a period before.
-    since = (middle - breaks[at]) % whole + (phase - middle)
+    since = (middle - breaks[at]) % period + (phase - middle)
     straight = [value + slope * since, slope * rate, slope * bend]
     series = [*straight, *[context.mpf(0)] * terms][:terms]
     for order, cosine, sine in course["harmonics"]:
@@ -90,7 +89,11 @@ def sense(rate, turns, phase):
 
 
 class Side:
-    """A side in units: distance, stiffness, and the accelerations by its normal force."""
+    """A side in units, with the fields of the module's text.
+
+    `push` are the accelerations of coordinates by a unit of normal force, `pushes` those with its
+    friction while flanks slide in the direction 1 or -1.
+    """
 
     def __init__(self, equations, contact, values):
         length, sparse = equations.length, equations.sparse
@@ -103,8 +106,10 @@ class Side:
         if self.friction:
             across = equations.accelerations([x * self.friction for x in contact["across"]])
             self.pushes = {
-                way: sparse([p + way * a for p, a in zip(self.push, across, strict=True)])
-                for way in (1, -1)
+                direction: sparse(
+                    [p + direction * a for p, a in zip(self.push, across, strict=True)]
+                )
+                for direction in (1, -1)
             }
         self.push = sparse(self.push)
         self.material = equations.damping_units(values["material"])
@@ -120,7 +125,7 @@ class Side:
 
 
 class Contact:
-    """A contact in units: a drive side and, unless there is none, a coast side."""
+    """A contact in units, with the fields of the module's text; `coast` may be None."""
 
     def __init__(self, equations, values):
         self.rate = values["rate"]
@@ -140,22 +145,26 @@ class Contact:
         """Return the side that touches."""
         return (None, self.drive, self.coast)[code]
 
-    def watched(self, code):
-        """Return (side, sign, next code): met where sign times the distance falls through zero."""
+    def possible_events(self, code):
+        """Return (side, sign, next code) of each: where sign times the distance falls through 0."""
         if code:
             return [(self.side(code), code, -code if self.closed else 0)]
         return [(self.drive, -1, 1), *([(self.coast, 1, -1)] if self.coast else [])]
 
     def dampers(self, code):
-        """Return the damping in effect, (side, coefficients)."""
+        """Return (side, coefficients) of each damper; it takes the rate of the side's distance."""
         side = self.side(code)
         if code and (code > 0 or self.alike):
             return [(side, side.material)]
-        more = [b - a for a, b in zip(self.film, side.material, strict=True)] if code else []
-        return [(self.drive, self.film), *([(side, more)] if code else [])]
+        if not code:
+            return [(self.drive, self.film)]
+        # A coast side that moves apart: oil damps the drive distance throughout, contact adds the
+        # rest of the material damping.
+        rest = [b - a for a, b in zip(self.film, side.material, strict=True)]
+        return [(self.drive, self.film), (side, rest)]
 
     def cuts(self, context):
-        """Return the phases of the stiffness in periods at which it changes, or the sliding."""
+        """Return the phases, in periods, at which stiffness or sliding direction change."""
         cuts = []
         for side in self.sides:
             course = side.course
@@ -181,20 +190,17 @@ class Equations:
         system = numbers(json.loads(system), context)
         self.context, self.n = context, len(system["load"])
         self.speed, self.length, self.force = (system[k] for k in ("speed", "length", "force"))
-        digits = 16.5 if context is mpmath.fp else mpmath.mp.dps
-        self.terms = 26 if context is mpmath.fp else int(digits * 0.9) + 6
-        #: what is rounding beside 1, and below what the last terms of a series have to be
-        self.tiny = 1e-13 if context is mpmath.fp else mpmath.mpf(10) ** (5 - digits)
-        self.last = mpmath.mpf(10) ** -digits
+        is_float = context is mpmath.fp
+        # Floats have 16 digits; more digits need more terms of the series.
+        digits = 16.5 if is_float else mpmath.mp.dps
+        self.terms = 26 if is_float else int(digits * 0.9) + 6
+        #: rounding errors of numbers near 1, and the limit of the last terms of a series
+        self.tiny = 1e-13 if is_float else mpmath.mpf(10) ** (5 - digits)
+        self.last_term = mpmath.mpf(10) ** -digits
         self.inverse = self._inverse(system["mass"])
-        #: for each coordinate its stiffness and damping
-        self.rows = list(
-            zip(
-                self._rows(system["stiffness"], self.speed**2),
-                self._rows(system["damping"], self.speed),
-                strict=True,
-            )
-        )
+        springs = self._rows(system["stiffness"], self.speed**2)
+        #: for each coordinate (stiffness, damping), sparse rows of accelerations
+        self.rows = list(zip(springs, self._rows(system["damping"], self.speed), strict=True))
         unit = self.speed**2 * self.length
         self.load = [x / unit for x in self.solved(system["load"])]
         self.forces = [

@@ -25,25 +25,25 @@ class Event(NamedTuple):
 
 
 class Record:
-    """Extrema and times of each contact from a time on, and samples at times asked for."""
+    """Extrema and durations of each contact from `begin` on, and samples at rising times."""
 
-    def __init__(self, count, begin, times):
-        self.begin, self.pending, self.samples = begin, list(times), []
+    def __init__(self, count, begin, sample_times):
+        self.begin, self.pending, self.samples = begin, list(sample_times), []
         self.heights, self.forces = ([[] for _ in range(count)] for _ in range(2))
-        #: normal, backlash, inverse, in mesh at the lower stiffness
-        self.times = [[0, 0, 0, 0] for _ in range(count)]
+        #: of normal contact (code 1), backlash (0), inverse contact (-1), the lower stiffness
+        self.durations = [[0, 0, 0, 0] for _ in range(count)]
 
-    def note(self, step, t):
-        """Add the extrema and times of a step."""
+    def add_step(self, step, t):
+        """Add the extrema and durations of a step of length t."""
         equations = step.equations
         for j, (contact, code) in enumerate(zip(equations.contacts, step.codes, strict=True)):
-            self.times[j][1 - code] += t
+            self.durations[j][1 - code] += t
             self._extrema(self.heights[j], step, step.displacement(contact), t)
             if not code:
                 self.forces[j].append(0 * t)
                 continue
             self._extrema(self.forces[j], step, step.elastic(contact, code), t)
-            # Of one degree that of the drive side is asked for.
+            # Models of one degree record the stiffness of the drive side.
             side = contact.side(code) if equations.n > 1 else contact.drive
             level = step.stiffness(contact, side, equations.terms)
             high = side.course["high"]
@@ -52,7 +52,7 @@ class Record:
             marks = [0 * t, *zeros(equations, level, t, t * 1e-12, floor), t]
             for a, b in pairwise(marks):
                 low = equations.value(level, (a + b) / 2) < -floor
-                self.times[j][3] += b - a if low else 0
+                self.durations[j][3] += b - a if low else 0
 
     def _extrema(self, into, step, curve, t):
         equations = step.equations
@@ -121,16 +121,16 @@ def _ends(rows, begin, end):
 def cuts_of(equations, piece):
     """Return the times at which stiffness or sliding changes within a piece, and its end."""
     context, least = equations.context, equations.tiny
-    last, a, b = piece.about(piece.end)[0], piece.acceleration, piece.speed
-    times, whole = [], 2 * context.pi
+    last, a, b = piece.phase_at(piece.end)[0], piece.acceleration, piece.speed
+    times, period = [], 2 * context.pi
     for contact in equations.contacts:
-        first = math.floor(piece.phase * contact.rate / whole) - 1
+        first = math.floor(piece.phase * contact.rate / period) - 1
         for cut in contact.cuts(context):
-            for k in range(first, math.ceil(last * contact.rate / whole) + 2):
-                way = whole * (cut % 1 + k) / contact.rate - piece.phase
-                square = b * b + 2 * a * way
-                if way > 0 and square > 0:
-                    times.append(piece.begin + 2 * way / (b + context.sqrt(square)))
+            for k in range(first, math.ceil(last * contact.rate / period) + 2):
+                angle = period * (cut % 1 + k) / contact.rate - piece.phase
+                square = b * b + 2 * a * angle
+                if angle > 0 and square > 0:
+                    times.append(piece.begin + 2 * angle / (b + context.sqrt(square)))
     kept = []
     for t in sorted(times):
         inside = piece.begin + least < t < piece.end - least
@@ -140,7 +140,10 @@ def cuts_of(equations, piece):
 
 
 def first_codes(equations, piece, state, middle):
-    """Return the contacts of a start; on a line those of where the motion goes."""
+    """Return (contact codes of a start, sides on whose flank line it lies).
+
+    On a line the code is that of the side to which the motion goes; `middle` as for `Step`.
+    """
     codes, q, phase = [], state[: equations.n], piece.phase
     sides = [side for contact in equations.contacts for side in contact.sides]
     on_line = {side for side in sides if equations.on_line(side, q, phase)}
@@ -168,7 +171,10 @@ def first_codes(equations, piece, state, middle):
 
 
 def _first_event(step, crossed, longest):
-    """Return (time, (contact, side, next code) or None, whether it turns) of what ends a step."""
+    """Return (time, (contact, side, next code) or None, whether v turns) of what ends a step.
+
+    `crossed` are the sides whose line the motion has just crossed, `longest` is the step at most.
+    """
     equations, event = step.equations, (longest, None, False)
     floor, least = equations.tiny * 1e-3, equations.tiny * 1e-3
     for j, (contact, code) in enumerate(zip(equations.contacts, step.codes, strict=True)):
@@ -179,7 +185,7 @@ def _first_event(step, crossed, longest):
             turn = next(zeros(equations, slope, event[0], least, floor), None)
             if turn is not None and 0 < turn < event[0]:
                 event = turn, None, True
-        for side, sign, after in contact.watched(code):
+        for side, sign, after in contact.possible_events(code):
             curve = step.curve(side)
             curve = curve if sign > 0 else [-c for c in curve]
             if side in crossed:
@@ -196,22 +202,21 @@ def _first_event(step, crossed, longest):
     return event
 
 
-def follow(equations, pieces, state, codes=None, recorded=math.inf, times=()):
-    """Return the `Motion` along pieces from a state, in units, by theta.
+def integrate(equations, pieces, state, codes=None, record_from=math.inf, sample_times=()):
+    """Return the `Motion` along pieces from a state in units; all times are theta of `courses`.
 
     codes : contacts at the start, None for those of the state.
-    recorded : from when on extrema and times are taken; times : rising, of samples.
     """
     state = [equations.context.mpf(x) for x in state]
-    record, events, all_cuts = Record(len(equations.contacts), recorded, times), [], []
+    record, events, all_cuts = Record(len(equations.contacts), record_from, sample_times), [], []
     n, turned, crossed = equations.n, False, None
     for piece in pieces:
         cuts, t = cuts_of(equations, piece), piece.begin
         all_cuts += cuts
-        if piece.begin < recorded < piece.end:
-            cuts = sorted({*cuts, recorded})
+        if piece.begin < record_from < piece.end:
+            cuts = sorted({*cuts, record_from})
         for stop in cuts:
-            middle = piece.about((t + stop) / 2)[0]
+            middle = piece.phase_at((t + stop) / 2)[0]
             if crossed is None:
                 start_codes, crossed = first_codes(equations, piece, state, middle)
                 codes = list(codes or start_codes)
@@ -220,36 +225,37 @@ def follow(equations, pieces, state, codes=None, recorded=math.inf, times=()):
                 h, met, turned = _first_event(step, crossed, step.length(stop - t))
                 whole = h == stop - t
                 after = stop if whole else t + h
-                if stop > recorded + equations.tiny:
-                    record.note(step, h)
+                if stop > record_from + equations.tiny:
+                    record.add_step(step, h)
                 record.sample(step, after)
                 if h:
                     state, crossed = step.at(h), set()
                 t = after
                 if met:
                     j, side, code = met
-                    phase, speed, _ = piece.about(t)
+                    phase, speed, _ = piece.phase_at(t)
                     sides = equations.contacts[j].drive, side
                     rates = (equations.rate(s, state[n:], phase, speed) for s in sides)
                     events.append(Event(t, j, codes[j], code, *rates))
                     codes[j] = code
                     crossed = {*crossed, side}
-    return Motion(state, events, record, all_cuts, equations, pieces[-1].about(t)[0])
+    return Motion(state, events, record, all_cuts, equations, pieces[-1].phase_at(t)[0])
 
 
 def move(equations, periods, state, recorded=0, phases=(), codes=None):
     """Return the `Motion` at constant speed from phase 0 over periods that need not be whole.
 
-    recorded : of how many of the last periods extrema and times are taken.
+    recorded : number of the last periods whose extrema and durations are taken.
+    phases : of samples, rising; codes : contacts at the start, None for those of the state.
     """
-    whole, zero = 2 * equations.context.pi, equations.context.mpf(0)
-    piece = Piece(zero, whole * periods, zero, zero + 1)
-    begin = whole * (periods - recorded) if recorded else math.inf
-    return follow(equations, [piece], state, codes, recorded=begin, times=phases)
+    period, zero = 2 * equations.context.pi, equations.context.mpf(0)
+    piece = Piece(zero, period * periods, zero, zero + 1)
+    begin = period * (periods - recorded) if recorded else math.inf
+    return integrate(equations, [piece], state, codes, begin, phases)
 
 
 def period_map(flow, state, step):
-    """Return (end, matrix): where a flow of states leads, and its derivative by differences."""
+    """Return the end to which a flow leads a state, and the matrix of its derivatives."""
     end, columns = flow(state), []
     for j in range(len(state)):
         other = list(state)

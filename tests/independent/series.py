@@ -9,22 +9,28 @@ from tests.independent.equations import sense, stiffness_series, wave
 
 
 class Step:
-    """The Taylor series of a motion from a state, contacts and the piece of all courses given."""
+    """The Taylor series of a motion from a state at the time t of a `Piece`, with contact codes.
+
+    `middle` is a phase within the step, which decides on stiffness and sliding. `turned`: the last
+    step ended where the drive distance has a turn, so that its rate is 0 but for rounding.
+    """
 
     def __init__(self, equations, piece, t, state, codes, middle, turned=False):
         self.equations, self.t, self.codes, self.turned = equations, t, codes, turned
-        self.phase, self.rate, self.bend = piece.about(t)
-        self.middle, self.waves, self.curves, self.shifts = middle, {}, {}, {}
+        self.phase, self.rate, self.bend = piece.phase_at(t)
+        #: by side the Taylor coefficients of its distance, and of those of constant and waves
+        self.curves, self.shifts = {}, {}
+        self.middle, self.waves = middle, {}
         n, terms = equations.n, equations.terms
         self.series = [list(state[:n]), list(state[n:])]
         laws = self.laws()
         forces = self.forces(piece)
         for k in range(terms):
-            near, next_ = self.series[k], self.series[k + 1]
+            displacements, rates = self.series[k], self.series[k + 1]
             total = forces[k]
             for i, (springs, dampers) in enumerate(equations.rows):
-                total[i] -= equations.dot([(x, near[j]) for j, x in springs])
-                total[i] -= (k + 1) * equations.dot([(x, next_[j]) for j, x in dampers])
+                total[i] -= equations.dot([(x, displacements[j]) for j, x in springs])
+                total[i] -= (k + 1) * equations.dot([(x, rates[j]) for j, x in dampers])
             for push, law in laws:
                 value = law(k)
                 for i, x in push:
@@ -40,13 +46,14 @@ class Step:
         return self.waves[frequency]
 
     def forces(self, piece):
-        """Return Taylor coefficients of the accelerations by all that no motion changes."""
+        """Return Taylor coefficients of the accelerations that do not depend on the state."""
         equations, terms = self.equations, self.equations.terms
         share = piece.load + piece.slope * (self.t - piece.begin)
         factors = [share, piece.slope, *[0] * (terms - 2)]
         total = [[factor * x for x in equations.load] for factor in factors]
         for i, p in enumerate(piece.push):
             total[0][i] += p * piece.acceleration
+        # Of motions of supports the second derivatives count.
         for rows, order in ((equations.forces, 0), (equations.shaking, 2)):
             for f, cosines, sines in rows:
                 c, s = self.wave(f)
@@ -97,7 +104,10 @@ class Step:
         return laws
 
     def damper(self, side, coefficients):
-        """Return the force of a damper, d1 v + d2 |v| v + d3 v^3, term by term."""
+        """Return the force of a damper, d1 v + d2 |v| v + d3 v^3.
+
+        It is a function that returns the k-th Taylor coefficient, to be called for k = 0, 1, ...
+        """
         d1, d2, d3 = coefficients
         if not (d2 or d3):
             return lambda k: d1 * ((k + 1) * self.coefficient(side, k + 1))
@@ -116,7 +126,7 @@ class Step:
         return term
 
     def spring(self, contact, side, code):
-        """Return the elastic force c(tau) (g + p2 sgn(g) g^2 + p3 g^3), term by term."""
+        """Return the elastic force c(tau) (g + p2 sgn(g) g^2 + p3 g^3), as `damper` does."""
         product, (p2, p3) = self.equations.product, contact.powers
         levels = self.stiffness(contact, side, self.equations.terms + 2)
         squares, springs = [], []
@@ -152,7 +162,7 @@ class Step:
             size = max(map(abs, self.series[last]), default=0)
             if size:
                 order = len(self.series) + last
-                reach = (self.equations.last / mpmath.mpf(size)) ** (mpmath.mpf(1) / order)
+                reach = (self.equations.last_term / mpmath.mpf(size)) ** (mpmath.mpf(1) / order)
                 longest = min(longest, self.equations.context.mpf(reach))
         return longest
 

@@ -12,12 +12,12 @@ from tests.independent import program
 from tests.independent.assembly import (
     System,
     contact,
-    course,
     flank,
     harmonics,
     mean_stiffness,
-    number,
-    rectangle,
+    rectangular_profile,
+    stiffness_profile,
+    with_numbers_of,
 )
 from tests.independent.equations import Equations
 from tests.independent.trains import Train
@@ -26,8 +26,7 @@ from tests.independent.trains import Train
 def describe(model):
     """Return a model as dicts, lists and numbers; ``kind`` is the name of its class.
 
-    Of a train also where the stiffness of its meshes begins, which the teeth decide
-    (`tests/geometry/test_phases_by_teeth.py`).
+    With the phases of the meshes of a train, which `tests/geometry/test_phases_by_teeth.py` tests.
     """
     description = _plain(model)
     if description["kind"] == "GearTrain":
@@ -52,7 +51,7 @@ def system_of(model, tuning, context=mpmath.fp):
         "SixDegreePair": _six_degrees,
         "GearTrain": Train,
     }[model["kind"]]
-    return make(number(model, context), context.mpf(tuning), context)
+    return make(with_numbers_of(context, model), context.mpf(tuning), context)
 
 
 def equations_of(model, tuning, context=mpmath.fp):
@@ -61,10 +60,13 @@ def equations_of(model, tuning, context=mpmath.fp):
 
 
 def start_of(model, tuning, state, context=mpmath.fp):
-    """Return all components, in units, for a state of the library: of six degrees by the mesh."""
+    """Return the state of all coordinates, in units, for a state as the library takes it.
+
+    For six degrees that may be displacement and rate of the mesh alone.
+    """
     system = system_of(model, tuning, context)
     if model["kind"] == "SixDegreePair" and len(state) != 2 * system.n:
-        return _from_mesh(system, number(model, context), state)
+        return _from_mesh(system, with_numbers_of(context, model), state)
     return list(state)
 
 
@@ -77,6 +79,7 @@ def move(model, tuning, periods, state=(0.0, 0.0), context=mpmath.fp, **options)
 def _one_degree(model, tuning, context):
     """Return m y'' + k(y) y' + D2 |y'| y' + D3 y'^3 + C(tau) g(y) = F(tau) + m f''."""
     pair, system = model.get("pair", model), System(context, 1)
+    #: what a `OneDegreePair` adds to its pair
     extra = model if "pair" in model else {}
     mean, m, unit = mean_stiffness(pair), pair["reduced_mass"], system.unit(0)
     system.length, system.force = pair["load"] / mean, mean
@@ -92,10 +95,10 @@ def _one_degree(model, tuning, context):
     material = [pair["material_damping"], *(extra.get(name, 0) for name in names)]
     film = [pair["backlash_damping"], *(extra.get(f"backlash_{name}", 0) for name in names)]
     stiffness = profile(pair, extra.get("profile", {"kind": "Rectangular"}), context)
-    far = context.isfinite(pair["backlash"])
+    has_coast_side = context.isfinite(pair["backlash"])
     sides = [
         flank(unit, stiffness, material),
-        far and flank(unit, stiffness, material, constant=pair["backlash"]),
+        has_coast_side and flank(unit, stiffness, material, constant=pair["backlash"]),
     ]
     powers = extra.get("quadratic_stiffness", 0), extra.get("cubic_stiffness", 0)
     system.contacts.append(contact(sides, film, powers=powers))
@@ -104,7 +107,7 @@ def _one_degree(model, tuning, context):
 
 def _oscillator(model, tuning, context):
     """Return x'' + d x' + e x + P(x, t) = F + waves + f''; both edges have their own numbers."""
-    system, whole = System(context, 1), 2 * context.pi
+    system, period = System(context, 1), 2 * context.pi
     unit = system.unit(0)
     system.length, system.speed, system.force = context.mpf(1), tuning, context.mpf(1)
     system.inertia(unit, 1)
@@ -117,12 +120,13 @@ def _oscillator(model, tuning, context):
     def side(which):
         law = model[f"{which}_stiffness"]
         if not isinstance(law, dict):
-            stiffness = course([context.mpf(0)], [(law, 0)], whole)
+            stiffness = stiffness_profile([context.mpf(0)], [(law, 0)], period)
         elif law["kind"] == "Steps":
-            stiffness = course(law["phase"], [(value, 0) for value in law["stiffness"]], whole)
+            lines = [(value, 0) for value in law["stiffness"]]
+            stiffness = stiffness_profile(law["phase"], lines, period)
         else:
-            rows = harmonics(law["harmonics"])
-            stiffness = course([context.mpf(0)], [(law["mean"], 0)], whole, rows)
+            waves = harmonics(law["harmonics"])
+            stiffness = stiffness_profile([context.mpf(0)], [(law["mean"], 0)], period, waves)
         material = [model[f"{which}_damping"], 0, 0]
         return flank(unit, stiffness, material, constant=-model[f"{which}_edge"])
 
@@ -133,7 +137,11 @@ def _oscillator(model, tuning, context):
 
 
 def _six_degrees(model, tuning, context):
-    """Return Eq. (3) and (4): u3, u2 and the bearing motions y3, z3, y2, z2 that are free."""
+    """Return the system of Eq. (3) and (4) of the paper.
+
+    Coordinates are u3, u2 of pinion and wheel (gears 0, 1) and those of y3, z3, y2, z2 (numbers
+    i = 0 ... 3, of gear i // 2) whose bearing is not rigid; y is along the line of action.
+    """
     pair, bearings = model["pair"], model["bearing_stiffness"]
     free = [i for i in range(4) if context.isfinite(bearings[i])]
     system, mean = System(context, 2 + len(free)), mean_stiffness(pair)
@@ -162,14 +170,14 @@ def _six_degrees(model, tuning, context):
         )
         if e
     ]
-    moving, laws = model["moving_backlash"], [rectangle(pair, context)]
-    laws.append([pair["material_damping"], 0, 0])
-    turns = model["pitch_phase"] / (2 * context.pi)
+    moving, laws = model["moving_backlash"], {"stiffness": rectangular_profile(pair, context)}
+    laws |= {"material": [pair["material_damping"], 0, 0]}
+    laws |= {"turns": model["pitch_phase"] / (2 * context.pi)}
     waves, mu = run_out + harmonics(model["deviation"]), model["friction"]
-    sides = [flank(drive, *laws, 0, waves, mu[0], turns)]
+    sides = [flank(drive, waves=waves, friction=mu[0], **laws)]
     waves = ([] if moving else run_out) + harmonics(model["inverse_deviation"])
-    row = coast if moving else drive
-    sides.append(flank(row, *laws, pair["backlash"], waves, mu[1], turns))
+    laws |= {"constant": pair["backlash"], "waves": waves, "friction": mu[1]}
+    sides.append(flank(coast if moving else drive, **laws))
     if not context.isfinite(pair["backlash"]):
         sides.pop()
     system.contacts.append(contact(sides, [pair["backlash_damping"], 0, 0], across=across))
@@ -177,7 +185,11 @@ def _six_degrees(model, tuning, context):
 
 
 def _from_mesh(system, model, state):
-    """Return all components for a displacement and rate of the mesh, all in units."""
+    """Return the state of all coordinates for a displacement and rate of the mesh, in units.
+
+    Bearings rest under the load, if `preload`, in place; the gears turn for the rest, each by its
+    share of the mobility r^2 / J.
+    """
     q, v, n = system.zeros(system.n), system.zeros(system.n), system.n
     if model["preload"]:
         rows = [i for i in range(4) if system.context.isfinite(model["bearing_stiffness"][i])]
@@ -187,33 +199,33 @@ def _from_mesh(system, model, state):
                 q[2 + k] = sign * model["pair"]["load"] / model["bearing_stiffness"][i]
     shares = [r**2 / j for r, j in zip(model["base_radii"], model["inertias"], strict=True)]
     drive = system.contacts[0]["sides"][0]
-    slow = state[1] * system.length - sum(f * b for f, _, b in drive["waves"])
+    missing_rate = state[1] * system.length - sum(f * b for f, _, b in drive["waves"])
     missing = state[0] * system.length - system.distance(drive, q, 0)
     for i in range(2):
         q[i] += shares[i] / sum(shares) * missing
-        v[i] += shares[i] / sum(shares) * slow
+        v[i] += shares[i] / sum(shares) * missing_rate
     return (np.concatenate([q, v]) / system.length).tolist()[: 2 * n]
 
 
 def profile(pair, shape, context):
-    """Return the course of the stiffness of a pair with a profile of Eq. (1), cut or tabulated."""
-    kind, whole = shape["kind"], 2 * context.pi
+    """Return the ``course`` of a pair: Eq. (1), some of its harmonics, or a table of its mean."""
+    kind, period = shape["kind"], 2 * context.pi
     if kind == "Rectangular":
-        return rectangle(pair, context)
+        return rectangular_profile(pair, context)
     if kind == "Fourier":
-        swing = pair["max_stiffness"] * (1 - pair["stiffness_ratio"]) / 2
+        amplitude = pair["max_stiffness"] * (1 - pair["stiffness_ratio"]) / 2
         rows = []
         for n in range(1, shape["harmonics"] + 1):
             sine = context.sin(n * context.pi * (pair["contact_ratio"] - 2))
-            rows.append((n, swing * 4 / (context.pi * n) * (-1) ** n * sine, 0))
-        return course([context.mpf(0)], [(mean_stiffness(pair), 0)], whole, rows)
-    phases = [*shape["phase"], shape["phase"][0] + whole]
+            rows.append((n, amplitude * 4 / (context.pi * n) * (-1) ** n * sine, 0))
+        lines = [(mean_stiffness(pair), 0)]
+        return stiffness_profile([context.mpf(0)], lines, period, rows)
+    phases = [*shape["phase"], shape["phase"][0] + period]
     values = [*shape["stiffness"], shape["stiffness"][0]]
     rows = list(zip(phases, phases[1:], values, values[1:], strict=False))
-    scale = mean_stiffness(pair) * 2 * whole / sum((u - t) * (a + b) for t, u, a, b in rows)
-    return course(
-        phases[:-1], [(a * scale, (b - a) / (u - t) * scale) for t, u, a, b in rows], whole
-    )
+    scale = mean_stiffness(pair) * 2 * period / sum((u - t) * (a + b) for t, u, a, b in rows)
+    lines = [(a * scale, (b - a) / (u - t) * scale) for t, u, a, b in rows]
+    return stiffness_profile(phases[:-1], lines, period)
 
 
 class RunUp:
@@ -244,8 +256,8 @@ class RunUp:
         """
         length, omega = self.system.length, self.system.speed
         state = [x / length for x in (*q, *v)]
-        phases = [self.equations.context.mpf(t) * omega for t in times]
-        motion = program.follow(self.equations, self.pieces, state, times=phases)
+        thetas = [self.equations.context.mpf(t) * omega for t in times]
+        motion = program.integrate(self.equations, self.pieces, state, sample_times=thetas)
         kind = float if self.equations.context is mpmath.fp else object
         moved = np.array([row[1] for row in motion.record.samples], kind) * length
         return moved, [(event.phase / omega, *event[1:4]) for event in motion.events]

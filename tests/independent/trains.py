@@ -16,7 +16,7 @@ from tests.independent.assembly import (
     flank,
     harmonics,
     mean_stiffness,
-    rectangle,
+    rectangular_profile,
 )
 
 
@@ -44,13 +44,13 @@ def speeds_of(model):
 
 def _pinion_drives(mesh, speeds):
     """Return whether the pinion pushes where drive-side flanks touch."""
-    # Pushed counterclockwise the first gear, of an internal mesh the wheel, touches there if 1.
+    # The pinion, or a ring gear, drives with these flanks if it turns in the mesh's `direction`.
     first = mesh["wheel"] if mesh["internal"] else mesh["pinion"]
     return (speeds[first] * mesh["direction"] > 0) != mesh["internal"]
 
 
 class Train(System):
-    """The system of a described train; `still`: stiffness and load without the turning frame."""
+    """The system of a described train; `still` are (stiffness, load) of a carrier at rest."""
 
     def __init__(self, model, tuning, context):
         self.model, self.bodies = model, {body["name"]: body for body in model["bodies"]}
@@ -68,7 +68,7 @@ class Train(System):
         self.still = self.stiffness, self.load
         self.set_units(tuning)
         if model["gyroscopic"]:
-            self.turn()
+            self.add_rotating_frame_forces()
 
     def row(self, name, axis):
         key = (name, axis)
@@ -122,17 +122,20 @@ class Train(System):
         for x, y in zip(self.fixed(a), self.fixed(b), strict=True):
             self.spring(x - y, shaft["bending_stiffness"], shaft["bending_damping"])
 
-    def turn(self):
-        """Add the forces of the frame: Coriolis, centrifugal, and of supports that stand still."""
+    def add_rotating_frame_forces(self):
+        """Add Coriolis and centrifugal forces, and those of dampers of supports at rest."""
         first = self.model["meshes"][self.reference]["pinion"]
         w = self.model["carrier_ratio"] * self.fraction(self.speeds[first]) * self.speed
         for name, body in self.bodies.items():
             (x, y), m = self.axes(name), body["mass"] or 0
             carrier = self.bodies.get(body["carrier"])
-            # m w^2 r out on the pin goes on with the carrier: across it acts on what does not.
-            lag = y - self.row(carrier["name"], "u") if carrier else y
+            # The constant part m w^2 r turns with the carrier: a planet feels its change by the
+            # motion across the radius relative to the carrier.
+            relative = y - self.row(carrier["name"], "u") if carrier else y
             self.damping = self.damping - 2 * m * w * (np.outer(x, y) - np.outer(y, x))
-            self.stiffness = self.stiffness - m * w**2 * (np.outer(x, x) + np.outer(lag, lag))
+            self.stiffness = self.stiffness - m * w**2 * (
+                np.outer(x, x) + np.outer(relative, relative)
+            )
             if carrier:
                 self.load = self.load + m * w**2 * carrier["base_radius"] * x
             else:
@@ -141,52 +144,59 @@ class Train(System):
                 self.stiffness = self.stiffness + w * drag
 
     def line(self, mesh):
-        """Return the unit vector of the line of action, by -sin, cos of psi -+ a."""
-        context, way = self.context, mesh["direction"]
+        """Return the unit vector of the line of action.
+
+        By the angle psi of the line of centres and the pressure angle a it is +-(-sin, cos) of
+        psi -+ a.
+        """
+        context, direction = self.context, mesh["direction"]
         if mesh["line_of_action"] is not None:
             return context.cos(mesh["line_of_action"]), context.sin(mesh["line_of_action"])
         a = mesh["pressure_angle"] * (1 if mesh["internal"] else -1)
-        psi = (mesh["position"] or 0) + way * a
-        return -way * context.sin(psi), way * context.cos(psi)
+        psi = (mesh["position"] or 0) + direction * a
+        return -direction * context.sin(psi), direction * context.cos(psi)
 
     def mesh(self, mesh):
         """Return the contact of a mesh."""
-        context, way = self.context, mesh["direction"]
+        context = self.context
+        #: (body, sign of its motion along the line of action, sign of its turning) in the distance
         ends = (mesh["pinion"], 1, 1), (mesh["wheel"], -1, 1)
         if mesh["internal"]:
             ends = (mesh["wheel"], 1, 1), (mesh["pinion"], -1, -1)
-        (first, _, turn), (second, *_) = ends
-        # A way w past the pitch point the first gear slides on the second by (W1 - W2) k x w;
-        # along the line of action contact goes as the base circle of the first does.
-        leads = 1 if way * turn * self.speeds[first] > 0 else -1
+        (first, *_), (second, *_) = ends
+        # At a vector w from the pitch point the first gear slides on the second by (W1 - W2) k x w;
+        # along the line of action contact moves as the base circle of the first gear does.
+        leads = 1 if mesh["direction"] * self.speeds[first] > 0 else -1
         slides = leads * (1 if self.speeds[first] > self.speeds[second] else -1)
-        row, across, turned, constant, run_out = self.distances(mesh, ends)
+        row, across, turning_row, constant, run_out = self.distances(mesh, ends)
         name, pinion, sides = mesh["name"], mesh["pinion"], []
         rate = self.fraction(abs(self.speeds[pinion]) * self.bodies[pinion]["teeth"])
         shifts = self.model["phases"][name], self.model["inverse_phases"][name]
         pitch = mesh["pitch_phase"] / (2 * context.pi)
         pitch = shifts[0] + (pitch if _pinion_drives(mesh, self.speeds) else -pitch)
-        # The other flank of a leading tooth follows by its thickness, or the space of the other.
-        thick = mesh["tooth_thickness"] or [context.mpf(1) / 2] * 2
-        thick = thick[::-1] if mesh["internal"] else thick
-        pitches = pitch, pitch + leads * (thick[0] + 1 - thick[1]) / 2
+        # The coast flank follows the drive flank by the thickness of the leading tooth, or by the
+        # space of its mate; the pitch point is passed in the middle of both.
+        thickness = mesh["tooth_thickness"] or [context.mpf(1) / 2] * 2
+        thickness = thickness[::-1] if mesh["internal"] else thickness
+        pitches = pitch, pitch + leads * (thickness[0] + 1 - thickness[1]) / 2
         for i, deviation in enumerate(("deviation", "inverse_deviation")):
             waves = []
-            # With phases of the drive side: of cos(n (x - g)) and sin.
+            # Harmonics of both sides begin at the phase of the drive side.
             for n, a, b in harmonics(mesh[deviation]):
                 lag = 2 * context.pi * n * shifts[0]
                 c, s = context.cos(lag), context.sin(lag)
                 waves.append((n * rate, a * c - b * s, a * s + b * c))
-            # What supports give, run-out and offsets of axes may not close the backlash, Eq. (4).
+            # With a moving backlash, Eq. (4), bearings, run-out and offsets do not change it.
             moving = i == 1 and mesh["moving_backlash"]
             edge = mesh["error"] if moving else constant
-            # Friction pushes down the slide: on the coast side, pressed by d < 0, the other way.
+            # Friction opposes the sliding; on the coast side the elastic force has the other sign.
             friction = (1 - 2 * i) * mesh["friction"][i]
             edge = edge + mesh["backlash"] if i else edge
             waves = waves if moving else waves + run_out
-            stiffness, material = rectangle(mesh, context, shifts[i]), mesh["material_damping"]
-            laws = stiffness, [material, 0, 0], edge, waves, friction, pitches[i]
-            sides.append(flank(turned if moving else row, *laws))
+            laws = {"stiffness": rectangular_profile(mesh, context, shifts[i])}
+            laws |= {"material": [mesh["material_damping"], 0, 0], "constant": edge}
+            laws |= {"waves": waves, "friction": friction, "turns": pitches[i]}
+            sides.append(flank(turning_row if moving else row, **laws))
         if not context.isfinite(mesh["backlash"]):
             sides.pop()
         film = [mesh["backlash_damping"], 0, 0]
@@ -196,23 +206,23 @@ class Train(System):
         return self.context.mpf(value.numerator) / value.denominator
 
     def distances(self, mesh, ends):
-        """Return rows along and across the line of action, of the turning alone, and offsets.
+        """Return (row, across, turning_row, constant, run_out) of a mesh with `ends` as in `mesh`.
 
-        The last are the constant of the distance and its waves by run-out.
+        The distance of the flanks is `row @ q + constant` + the waves `run_out`; friction acts on
+        the row `across`; `turning_row` has the turning of gears and carrier only.
         """
-        context, (ex, ey), way = self.context, self.line(mesh), mesh["direction"]
+        context, (ex, ey), direction = self.context, self.line(mesh), mesh["direction"]
         row, across, constant = self.zeros(self.n), self.zeros(self.n), mesh["error"]
-        #: by the turning of the gears, and of a carrier with its pins: a coast side that moves
-        turned, run_out = self.zeros(self.n), []
+        turning_row, run_out = self.zeros(self.n), []
         for name, sign, turn in ends:
             body, (x, y) = self.bodies[name], self.fixed(name)
-            turning = way * turn * self.row(name, "u")
+            turning = direction * turn * self.row(name, "u")
             row = row + sign * (ex * x + ey * y) + turning
             across = across + sign * (ex * y - ey * x)
-            turned = turned + turning
+            turning_row = turning_row + turning
             if body["carrier"]:
                 px, py = self.rotated(body, *self.pin(body))
-                turned = turned + sign * (ex * px + ey * py)
+                turning_row = turning_row + sign * (ex * px + ey * py)
             ox, oy = self.rotated(body, *body["offset"])
             constant += sign * (ex * ox + ey * oy)
             # e (cos, sin)(speed tau + phase + psi) along the line
@@ -221,7 +231,7 @@ class Train(System):
                 c, s = self.rotated(body, size * context.cos(at), size * context.sin(at))
                 rate = self.fraction(self.speeds[name])
                 run_out.append((rate, ex * c + ey * s, ey * c - ex * s))
-        return row, across, turned, constant, run_out
+        return row, across, turning_row, constant, run_out
 
     def modes(self):
         """Return (squared frequencies, shapes as columns, stiffness) at mean stiffness, at rest."""
@@ -243,11 +253,14 @@ class Train(System):
         return squares, root.T @ shapes, stiffness
 
     def set_units(self, tuning):
-        """Set units: the static deflection of the reference mesh, and the tuning's frequency."""
+        """Set the units: static deflection of the reference mesh, frequency of its strongest mode.
+
+        That frequency, or the one that is given, is multiplied by the tuning.
+        """
         model, names = self.model, [mesh["name"] for mesh in self.model["meshes"]]
         self.reference = names.index(model["reference"])
         if "derived" in model:
-            # As a certificate takes them.
+            # A certificate states its units.
             self.length, self.force = model["derived"]["length"], 1
             self.speed = tuning * model["derived"]["omega"]
             return
@@ -258,13 +271,13 @@ class Train(System):
         self.force = mean_stiffness(model["meshes"][self.reference])
         parts = (line @ shapes) * (self.load @ shapes) / squares
         deflection = abs(sum(parts))
-        there = deflection > 1e-9 * sum(abs(part) for part in parts)
-        self.length = deflection if there else self.context.mpf("1e-6")
+        is_loaded = deflection > 1e-9 * sum(abs(part) for part in parts)
+        self.length = deflection if is_loaded else self.context.mpf("1e-6")
         if model["reference_frequency"] is not None:
             self.speed = tuning * 2 * self.context.pi * model["reference_frequency"]
             return
         share = self.force * (line @ shapes) ** 2 / squares
-        # Modes of one frequency count as one.
+        # Modes of one frequency count as one; of equal energies, to rounding, the first.
         energy = [sum(share[abs(squares - w) < 1e-6 * w]) for w in squares]
         best = next(i for i, e in enumerate(energy) if e > 0.999999 * max(energy))
         self.speed = tuning * self.context.sqrt(squares[best])

@@ -8,35 +8,25 @@ from gearlib.analysis.proofs.krawczyk import eigenvalues, stability_verdict
 
 def test_multiple_eigenvalues_are_enclosed():
     with precision(128):
-        # Two of 1/2 to one vector, a pair on the unit circle, and -2.
-        matrix = arb_mat(
-            [
-                [0.5, 1, 0, 0, 0],
-                [0, 0.5, 0, 0, 0],
-                [0, 0, 0.6, -0.8, 0],
-                [0, 0, 0.8, 0.6, 0],
-                [0, 0, 0, 0, -2],
-            ]
-        )
+        # A double eigenvalue 1/2 with one eigenvector, a pair on the unit circle, and -2.
+        rows = [[0.5, 1, 0, 0, 0], [0, 0.5, 0, 0, 0], [0, 0, 0.6, -0.8, 0], [0, 0, 0.8, 0.6, 0]]
+        matrix = arb_mat([*rows, [0, 0, 0, 0, -2]])
         turn = arb_mat([[arb(1) / (i + j + 1) + (i == j) for j in range(5)] for i in range(5)])
         values = eigenvalues(turn.solve(matrix * turn))
     wanted = [-2, complex(0.6, 0.8), complex(0.6, -0.8), 0.5, 0.5]
     exact = [acb(-2), acb(arb(0.6), arb(0.8)), acb(arb(0.6), arb(-0.8)), acb(0.5), acb(0.5)]
-    for ball, value, one in zip(values, wanted, exact, strict=True):
-        assert ball.contains(one) and abs(complex(ball.mid()) - value) < 1e-15
-    # Alone, so real; of the two that meet it is not known.
+    for ball, value, number in zip(values, wanted, exact, strict=True):
+        assert ball.contains(number) and abs(complex(ball.mid()) - value) < 1e-15
+    # A single eigenvalue is known to be real; of the two that meet it is not known.
     assert values[0].imag == 0 and values[3].imag.rad() > 0
-    for part, stability in (
-        (values, "unstable"),
-        (values[3:], "stable"),
-        (values[1:], "undecided"),
-    ):
-        assert stability_verdict(part, matrix, None)[0] == stability
+    verdicts = {0: "unstable", 3: "stable", 1: "undecided"}
+    for first, stability in verdicts.items():
+        assert stability_verdict(values[first:], matrix, None)[0] == stability
 
 
 def test_eigenvalues_of_all_matrices_of_a_ball():
     with precision(128):
         values = eigenvalues(arb_mat([[1, arb(0, 0.1)], [arb(0, 0.1), 2]]))
         for off in (-0.1, 0.0, 0.1):
-            for share, sign in zip(values, (1, -1), strict=True):
-                assert share.contains(acb(1.5 + sign * (arb(0.25) + arb(off) ** 2).sqrt()))
+            for enclosure, sign in zip(values, (1, -1), strict=True):
+                assert enclosure.contains(acb(1.5 + sign * (arb(0.25) + arb(off) ** 2).sqrt()))

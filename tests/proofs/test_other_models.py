@@ -31,7 +31,10 @@ FREE = replace(STOP, ground_stiffness=0.0, damping=0.0, lower_damping=0.15, load
 
 
 def faults_of(certificate):
-    """Return what orbits in 50 digits refute, with the numbers of the model's equation."""
+    """Return the claims of a certificate that an orbit in 50 digits contradicts.
+
+    The orbit is that of a `DeadZoneOscillator` with the numbers of the model's equation.
+    """
     equation = certificate.pair.equation
     coast_damping, gap_damping, drive_damping = equation.damping[:, 0].tolist()
     model = {"kind": "DeadZoneOscillator", "load": equation.load, "damping": gap_damping}

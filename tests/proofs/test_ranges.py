@@ -42,7 +42,7 @@ def test_a_range_ends_where_the_orbit_does(pair, start, to, guess, status, at):
         assert (one.pattern, one.stability) == (proven.pattern, proven.stability)
 
 
-def test_a_range_with_bounces_downwards():
+def test_range_towards_lower_tuning_has_its_ends_in_rising_order():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.9)
     proven = gearlib.certify_range(orbit, to=0.88)
     assert (proven.start, proven.stop, proven.stability) == (0.88, 0.9, "stable")
@@ -50,18 +50,21 @@ def test_a_range_with_bounces_downwards():
     assert json.loads(json.dumps(proven.as_dict()))["start"] == (0.88).hex()
 
 
-def test_ranges_that_are_no_ranges():
+def test_range_without_length_or_orbit_or_proof_is_refused():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.7)
     with pytest.raises(ValueError, match="another tuning"):
         gearlib.certify_range(orbit, to=0.7)
-    # At constant stiffness the mesh rests, whatever the tuning.
-    resting = gearlib.GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.6, damping=0.05)
-    assert gearlib.certify_range(gearlib.periodic_orbit(resting, 0.6), to=0.9).pattern == (1,)
     moved = replace(orbit, state=orbit.state + 1e-6)
     assert gearlib.certify_range(moved, to=0.71).status == "distance"
-    other = gearlib.OneDegreePair(pair=MATERIAL, deviation=gearlib.Harmonics((1e-9,)))
-    refused = gearlib.certify_range(gearlib.periodic_orbit(other, 0.7), to=0.71)
+    deviating = gearlib.OneDegreePair(pair=MATERIAL, deviation=gearlib.Harmonics((1e-9,)))
+    refused = gearlib.certify_range(gearlib.periodic_orbit(deviating, 0.7), to=0.71)
     assert refused.status == "model"
+
+
+def test_range_of_a_mesh_at_rest():
+    """At constant stiffness the mesh rests, whatever the tuning."""
+    resting = gearlib.GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.6, damping=0.05)
+    assert gearlib.certify_range(gearlib.periodic_orbit(resting, 0.6), to=0.9).pattern == (1,)
 
 
 def as_claim(certificate):

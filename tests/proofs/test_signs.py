@@ -20,11 +20,12 @@ from tests.paper import PAPER
 MATERIAL = PAPER.replace(material_damping=3953.7)
 
 
-def arc(coefficients, x, w, t, *crossed, code=1, line=0.0):
+def is_proven_free_of_grazing(coefficients, x, w, t, *crossed, code=1, line=0.0):
     """Return whether an arc is proven to touch no flank line between its ends.
 
-    The arc of x'' + 2 damping x' + stiffness x = load, `coefficients`, begins at (x, w) and takes
-    the time t. `crossed` are two flags: the line is crossed at an end; `code` is the contact code.
+    The arc of x'' + 2 damping x' + stiffness x = load, `coefficients` (stiffness, damping, load),
+    begins at the displacement x with the speed w and takes the time t. `crossed` are two flags, for
+    its begin and its end, whether the line x = `line` is crossed there; `code` is its contact code.
     """
     with precision(160) as arb:
         stiffness, damping, load = coefficients
@@ -56,22 +57,22 @@ LINEAR = 1.0, 0.0, 1.0
 )
 def test_dip_between_the_ends(lowest, proven):
     # From the highest point over the lowest to the next highest point.
-    assert arc(LINEAR, 2.0 - lowest, 0.0, 2.0 * math.pi) == proven
+    assert is_proven_free_of_grazing(LINEAR, 2.0 - lowest, 0.0, 2.0 * math.pi) == proven
 
 
 def test_arc_that_starts_or_ends_on_the_line():
     # From the line with speed 1 to the line again, over the top.
     back = 2.0 * math.pi - 2.0 * math.atan(1.0)
-    assert arc(LINEAR, 0.0, 1.0, 0.5 * back, True, False)
-    assert arc(LINEAR, 0.0, 1.0, back, True, True)
-    assert not arc(LINEAR, 0.0, 1.0, 0.5 * back, False, False)
-    assert not arc(LINEAR, 0.0, 1.0, 0.5 * back, True, False, code=0)
-    assert not arc(LINEAR, 0.0, 1.0, back + 0.1, True, False)
-    assert not arc(LINEAR, 0.0, -1.0, 0.5, True, False)
+    assert is_proven_free_of_grazing(LINEAR, 0.0, 1.0, 0.5 * back, True, False)
+    assert is_proven_free_of_grazing(LINEAR, 0.0, 1.0, back, True, True)
+    assert not is_proven_free_of_grazing(LINEAR, 0.0, 1.0, 0.5 * back, False, False)
+    assert not is_proven_free_of_grazing(LINEAR, 0.0, 1.0, 0.5 * back, True, False, code=0)
+    assert not is_proven_free_of_grazing(LINEAR, 0.0, 1.0, back + 0.1, True, False)
+    assert not is_proven_free_of_grazing(LINEAR, 0.0, -1.0, 0.5, True, False)
     # At rest on the line, which is no crossing.
-    assert not arc(LINEAR, 0.0, 0.0, 1.0, True, False)
-    assert not arc(LINEAR, 0.0, 0.0, 2.0 * math.pi, True, True)
-    assert not arc((1.0, 0.0, 0.0), 0.0, 0.0, 1.0, True, True)
+    assert not is_proven_free_of_grazing(LINEAR, 0.0, 0.0, 1.0, True, False)
+    assert not is_proven_free_of_grazing(LINEAR, 0.0, 0.0, 2.0 * math.pi, True, True)
+    assert not is_proven_free_of_grazing((1.0, 0.0, 0.0), 0.0, 0.0, 1.0, True, True)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1])
@@ -82,23 +83,20 @@ def test_arc_that_nearly_reaches_the_coast_side(damping):
         rate = 2.0 * damping
         depth = 1.0 / rate - math.log1p(rate) / rate**2
     for line, proven in ((-depth - 1e-10, True), (-depth + 1e-10, False)):
-        assert arc((0.0, damping, 1.0), 0.0, -1.0, 1.5, line=line) == proven
+        assert is_proven_free_of_grazing((0.0, damping, 1.0), 0.0, -1.0, 1.5, line=line) == proven
 
 
 def state_without_contact_loss(pair, tuning):
     """Return the state at tau = 0 of the orbit without loss of contact, by matrix exponentials."""
-    k, mean = 1.0 / tuning, 1.0 / (pair.max_stiffness / pair.mean_stiffness)
+    max_stiffness = pair.max_stiffness / pair.mean_stiffness
     half = math.pi * (pair.contact_ratio - 1.0)
-    total = np.eye(3)
-    for c, length in (
-        (1 / mean, half),
-        (pair.stiffness_ratio / mean, 2 * (math.pi - half)),
-        (1 / mean, half),
-    ):
-        a = np.array([[0, 1, 0], [-c, -2 * pair.damping_ratio, 1], [0, 0, 0]])
-        total = expm(a * length * k) @ total
-    x, w = np.linalg.solve(np.eye(2) - total[:2, :2], total[:2, 2])
-    return np.array([x, w * k])
+    begin, total = (max_stiffness, half), np.eye(3)
+    middle = pair.stiffness_ratio * max_stiffness, 2 * (math.pi - half)
+    for stiffness, length in (begin, middle, begin):
+        law = np.array([[0, 1, 0], [-stiffness, -2 * pair.damping_ratio, 1], [0, 0, 0]])
+        total = expm(law * length / tuning) @ total
+    displacement, speed = np.linalg.solve(np.eye(2) - total[:2, :2], total[:2, 2])
+    return np.array([displacement, speed / tuning])
 
 
 def test_contact_loss_that_is_not_listed_is_noticed(monkeypatch):
@@ -120,11 +118,8 @@ def test_contacts_out_of_order_or_at_a_switch_are_noticed():
         arcs, phases = proof.arcs, proof.path.phases(proof.phases)
         check_contacts(proof.path, arcs, proof.ends, proof.phases)
         lost, gained = (i for i, node in enumerate(proof.path.nodes) if node.before != node.after)
-        for phase in (
-            phases[lost + 1],
-            phases[lost + 1] + 0.1,
-            phases[lost].union(phases[lost + 1]),
-        ):
+        after = phases[lost + 1]
+        for phase in (after, after + 0.1, phases[lost].union(after)):
             with pytest.raises(ProofFailed, match="cannot be told apart"):
                 check_contacts(proof.path, arcs, proof.ends, [phase, *proof.phases[1:]])
         # Up through the line where contact is said to be lost, down where gained, or to rest on it.

@@ -21,21 +21,21 @@ from tests.paper import PAPER
 from tests.properties.known_models import EVERYTHING, gears
 
 LIGHT = PAPER.replace(material_damping=1500.0)
+GEAR = {"teeth": 18, "base_radius": 0.036, "inertia": 4e-3}
+FLANK = dict(max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6, backlash=15e-6)
+DAMPED_FLANK = FLANK | {"material_damping": 1500.0, "backlash_damping": 200.0}
 
 
 def chain():
     """Return a train of two meshes and a shaft, with all that a mesh may have."""
-    share = {"teeth": 18, "base_radius": 0.036, "inertia": 4e-3}
     torque = 3000.0 * 0.036
+    support = {"mass": 3.0, "support_stiffness": (2e8, math.inf), "support_damping": 300.0}
     bodies = [
-        gearlib.Body(name="in", torque=torque, **share),
-        gearlib.Body(
-            name="left", mass=3.0, support_stiffness=(2e8, math.inf), support_damping=300.0, **share
-        ),
-        gearlib.Body(name="right", offset=(3e-6, 2e-6), **share),
-        gearlib.Body(name="out", torque=-torque, **share),
+        gearlib.Body(name="in", torque=torque, **GEAR),
+        gearlib.Body(name="left", **support, **GEAR),
+        gearlib.Body(name="right", offset=(3e-6, 2e-6), **GEAR),
+        gearlib.Body(name="out", torque=-torque, **GEAR),
     ]
-    values = dict(max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.6, backlash=15e-6)
     meshes = [
         # The wheel drives.
         gearlib.Mesh(
@@ -47,11 +47,9 @@ def chain():
             friction=(0.06, 0.04),
             pitch_phase=-0.7,
             tooth_thickness=(0.53, 0.46),
-            material_damping=1500.0,
-            backlash_damping=200.0,
             deviation=gearlib.Harmonics((1e-6, 5e-7), (3e-7,)),
             inverse_deviation=gearlib.Harmonics((), (4e-7,)),
-            **values,
+            **DAMPED_FLANK,
         ),
         gearlib.Mesh(
             pinion="right",
@@ -62,7 +60,7 @@ def chain():
             inverse_phase=0.55,
             material_damping=1200.0,
             error=1e-6,
-            **values,
+            **FLANK,
         ),
     ]
     shafts = [gearlib.Shaft(bodies=("left", "right"), stiffness=4e5, damping=1.0)]
@@ -71,22 +69,10 @@ def chain():
 
 def branches():
     """Return a gear that drives two equal gears in phase, whose contacts coincide."""
-    share = {"teeth": 18, "base_radius": 0.036, "inertia": 4e-3}
-    bodies = [gearlib.Body(name="centre", torque=200.0, **share)]
-    bodies += [gearlib.Body(name=name, torque=100.0, **share) for name in ("left", "right")]
+    bodies = [gearlib.Body(name="centre", torque=200.0, **GEAR)]
+    bodies += [gearlib.Body(name=name, torque=100.0, **GEAR) for name in ("left", "right")]
     meshes = [
-        gearlib.Mesh(
-            pinion="centre",
-            wheel=name,
-            position=position,
-            phase=0.0,
-            max_stiffness=4e8,
-            stiffness_ratio=0.6,
-            contact_ratio=1.6,
-            backlash=15e-6,
-            material_damping=1500.0,
-            backlash_damping=200.0,
-        )
+        gearlib.Mesh(pinion="centre", wheel=name, position=position, phase=0.0, **DAMPED_FLANK)
         for name, position in (("left", 0.0), ("right", 2.0))
     ]
     return gearlib.GearTrain(bodies=bodies, meshes=meshes)
@@ -172,19 +158,19 @@ def candidates_of_another_train(orbit):
 
 
 @pytest.mark.parametrize("case", ["idler", "parametric resonance", "chain", "branches"])
-def test_wrong_candidates_are_refused(case):
+def test_wrong_candidates_are_refused_unless_an_orbit_is_near(case):
     orbit = orbit_of(case)
     for statuses, candidate in candidates_without_orbit(orbit):
         refused = gearlib.certify(candidate, digits=10)
         assert not refused and refused.status in statuses, refused
     for candidate in candidates_of_another_train(orbit):
-        refused = gearlib.certify(candidate, digits=10)
-        # Where no coast side is met the backlash says nothing.
-        if refused:
+        certificate = gearlib.certify(candidate, digits=10)
+        if certificate:
+            # An orbit that meets no coast side does not depend on the backlash.
             assert candidate.pair.meshes[0].backlash != orbit.pair.meshes[0].backlash
-            assert refused.moved <= MAX_DISTANCE and -1 not in orbit.pattern
+            assert certificate.moved <= MAX_DISTANCE and -1 not in orbit.pattern
         else:
-            assert refused.status in ("distance", "contacts"), refused
+            assert certificate.status in ("distance", "contacts"), certificate
 
 
 def test_orbits_that_cannot_be_proven_are_refused(monkeypatch):

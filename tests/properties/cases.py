@@ -18,7 +18,7 @@ from gearlib import (
     SixDegreePair,
 )
 from gearlib.models.profiles import Steps
-from tests.geometry.drawings import fzg_c, twenty
+from tests.geometry.drawings import fzg_c, gears_of_20_teeth
 from tests.independent.equations import Piece
 from tests.independent.program import first_codes
 from tests.independent.series import Step
@@ -151,7 +151,7 @@ def six_degrees(draw, rigid=False):
 @st.composite
 def tooth_pairs(draw):
     """Return a `LoadSharingPair` of drawn gears."""
-    drawing = draw(st.sampled_from([fzg_c, twenty]))()
+    drawing = draw(st.sampled_from([fzg_c, gears_of_20_teeth]))()
     return LoadSharingPair.from_geometry(
         drawing, torque=draw(between(50.0, 500.0)), damping_ratio=draw(between(0.0, 0.1))
     )
@@ -202,42 +202,42 @@ def random_trains_case(seed):
     return Case(model, tuning, tuple((state / scale).tolist()))
 
 
-def turning_state(equations, phase, contact, miss, q, v):
-    """Return a start from which a drive side turns at a phase, `miss` over its line; or None.
+def state_grazing_at_phase(equations, phase, contact, depth, q, v):
+    """Return a start whose motion has a turn of a drive side's distance at `phase`, at `depth`.
 
-    Other coordinates are those of (q, v) at that phase, in units. None: it does not turn upwards.
+    At that phase other coordinates are near (q, v), in units. From there the motion is followed
+    back to phase 0. None: the distance does not turn upwards.
     """
-    there, side = Piece(phase, phase, phase, 1.0), equations.contacts[contact].drive
+    instant, side = Piece(phase, phase, phase, 1.0), equations.contacts[contact].drive
     row = np.zeros(q.size)
     for i, x in side.row:
         row[i] = x
-    q = q + row * (miss - equations.distance(side, q, phase)) / (row @ row)
+    q = q + row * (depth - equations.distance(side, q, phase)) / (row @ row)
     v = v - row * equations.rate(side, v, phase) / (row @ row)
     state, t = [*q.tolist(), *v.tolist()], phase
-    codes, _ = first_codes(equations, there, state, phase)
+    codes, _ = first_codes(equations, instant, state, phase)
     codes[contact] = 1
-    if Step(equations, there, t, state, codes, phase).curve(side)[2] <= 0:
+    *_, curvature = Step(equations, instant, t, state, codes, phase).curve(side)[:3]
+    if curvature <= 0:
         return None
     while t > 0:
-        step = Step(equations, there, t, state, codes, phase / 2)
+        middle = phase / 2  # the phase that decides which stiffness and friction hold
+        step = Step(equations, instant, t, state, codes, middle)
         h = step.length(t)
         state, t = step.at(-h), t - h
     return state
 
 
 def grazing_start(rng, train, tuning, state):
-    """Return a start, rates by theta, from which a distance soon turns 1e-10 ... 1e-5 off its line.
-
-    `state` is near which it is looked for.
-    """
+    """Return a start near a state from which a mesh turns 1e-10 ... 1e-5 off its flank line."""
     equations, n = equations_of(describe(train), tuning), train.size // 2
-    at = 0.5 * min(train.segments.starts[1], 0.2)
+    phase = 0.5 * min(train.segments.starts[1], 0.2)
     for _ in range(100):
         depth = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-10.0, -5.0)
         q = state[:n] + rng.normal(0.0, 1.0, n)
         v = rng.normal(0.0, 1.0 / tuning, n)
         j = int(rng.integers(len(train.meshes)))
-        found = turning_state(equations, at, j, depth, q, v)
-        if found is not None:
-            return found * np.repeat([1.0, tuning], n)
+        start = state_grazing_at_phase(equations, phase, j, depth, q, v)
+        if start is not None:
+            return start * np.repeat([1.0, tuning], n)
     raise ValueError("no distance turns upwards")

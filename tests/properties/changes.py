@@ -3,58 +3,30 @@
 import dataclasses
 import math
 
-from gearlib import (
-    DeadZoneOscillator,
-    GearPair,
-    Harmonics,
-    OneDegreePair,
-    Steps,
-)
+from gearlib import DeadZoneOscillator, GearPair, Harmonics, OneDegreePair, Steps
 from gearlib.geometry import Mesh as DrawnMesh
 
 #: Field -> powers of length, mass and time in its unit; what is not here is a number.
 UNITS = {
-    # of pairs
-    "max_stiffness": (0, 1, -2),
-    "reduced_mass": (0, 1, 0),
-    "load": (1, 1, -2),
-    "backlash": (1, 0, 0),
-    "material_damping": (0, 1, -1),
-    "backlash_damping": (0, 1, -1),
-    "quadratic_damping": (-1, 1, 0),
-    "backlash_quadratic_damping": (-1, 1, 0),
-    "cubic_damping": (-2, 1, 1),
-    "backlash_cubic_damping": (-2, 1, 1),
-    "quadratic_stiffness": (-1, 0, 0),
-    "cubic_stiffness": (-2, 0, 0),
-    "excitation": (1, 1, -2),
-    "deviation": (1, 0, 0),
-    "inverse_deviation": (1, 0, 0),
-    # of six degrees
-    "base_radii": (1, 0, 0),
-    "inertias": (2, 1, 0),
-    "masses": (0, 1, 0),
-    "bearing_stiffness": (0, 1, -2),
-    "bearing_damping": (0, 1, -1),
-    "eccentricities": (1, 0, 0),
-    "torques": (2, 1, -2),
-    # of trains
-    "inertia": (2, 1, 0),
-    "base_radius": (1, 0, 0),
-    "mass": (0, 1, 0),
-    "support_stiffness": (0, 1, -2),
-    "support_damping": (0, 1, -1),
-    "torsional_stiffness": (2, 1, -2),
-    "torsional_damping": (2, 1, -1),
-    "torque": (2, 1, -2),
-    "eccentricity": (1, 0, 0),
-    "offset": (1, 0, 0),
-    "stiffness": (2, 1, -2),
-    "damping": (2, 1, -1),
-    "bending_stiffness": (0, 1, -2),
-    "bending_damping": (0, 1, -1),
-    "error": (1, 0, 0),
-    "reference_frequency": (0, 0, -1),
+    field: powers
+    for powers, fields in {
+        (1, 0, 0): "backlash deviation inverse_deviation base_radii base_radius eccentricities "
+        "eccentricity offset error",
+        (0, 1, 0): "reduced_mass masses mass",
+        (2, 1, 0): "inertias inertia",
+        (1, 1, -2): "load excitation",
+        (2, 1, -2): "torques torque torsional_stiffness stiffness",
+        (0, 1, -2): "max_stiffness bearing_stiffness support_stiffness bending_stiffness",
+        (-1, 0, 0): "quadratic_stiffness",
+        (-2, 0, 0): "cubic_stiffness",
+        (0, 1, -1): "material_damping backlash_damping bearing_damping support_damping "
+        "bending_damping",
+        (2, 1, -1): "torsional_damping damping",
+        (-1, 1, 0): "quadratic_damping backlash_quadratic_damping",
+        (-2, 1, 1): "cubic_damping backlash_cubic_damping",
+        (0, 0, -1): "reference_frequency",
+    }.items()
+    for field in fields.split()
 }
 NUMBERS = {
     *("stiffness_ratio", "contact_ratio", "teeth", "run_out_phase", "friction", "pitch_phase"),
@@ -81,7 +53,7 @@ def in_units(value, length=1.0, mass=1.0, time=1.0):
             inner = isinstance(own, GearPair)
             changes[field.name] = in_units(own, length, mass, time) if inner else own
         elif isinstance(own, tuple) and own and dataclasses.is_dataclass(own[0]):
-            changes[field.name] = tuple(in_units(one, length, mass, time) for one in own)
+            changes[field.name] = tuple(in_units(part, length, mass, time) for part in own)
         else:
             assert own in (None, ()) or field.name in NUMBERS, f"{field.name} has no unit"
     return dataclasses.replace(value, **changes)
@@ -91,15 +63,15 @@ def _times(value, factor):
     if isinstance(value, Harmonics):
         return Harmonics(_times(value.cosines, factor), _times(value.sines, factor))
     if isinstance(value, (tuple, list)):
-        return tuple(one * factor for one in value)
+        return tuple(number * factor for number in value)
     return value * factor
 
 
 def mirrored(train):
     """Return the image of a train in a mirror along x, which turns the other way round.
 
-    With it, as of all descriptions of a train below, the function from a coordinate to the one that
-    is the same motion, and its sign.
+    Like the other changes of trains below, return with it the function that maps a coordinate
+    (body, axis) of the train to (coordinate of the image, sign).
     """
     bodies = [
         dataclasses.replace(
@@ -121,10 +93,8 @@ def mirrored(train):
         for mesh in train.meshes
     ]
     shafts = [dataclasses.replace(shaft, keying=_negative(shaft.keying)) for shaft in train.shafts]
-    return train.replace(bodies=bodies, meshes=meshes, shafts=shafts), lambda key: (
-        key,
-        1.0 if key[1] == "x" else -1.0,
-    )
+    image = train.replace(bodies=bodies, meshes=meshes, shafts=shafts)
+    return image, lambda key: (key, 1.0 if key[1] == "x" else -1.0)
 
 
 def _negative(angle):
@@ -180,26 +150,27 @@ def renamed(train):
 def exchanged(train):
     """Return a train with the pinion of each external mesh called its wheel, and the reverse."""
 
-    def of(mesh):
+    def exchange_pinion_and_wheel(mesh):
+        """Return the mesh as it is when its pinion is called wheel, and its wheel pinion."""
         if mesh.internal:
             return mesh
         assert mesh.line_of_action is None
-        unsaid = mesh.name == train.reference and not mesh.driving
+        driven_by_default = mesh.name == train.reference and not mesh.driving
         return dataclasses.replace(
             mesh,
             pinion=mesh.wheel,
             wheel=mesh.pinion,
             position=(mesh.position or 0.0) + math.pi,
-            # Of the reference mesh the pinion drives where nothing is said.
-            driving=mesh.pinion if unsaid else mesh.driving,
+            # By default the pinion of the reference mesh drives.
+            driving=mesh.pinion if driven_by_default else mesh.driving,
             pitch_phase=-mesh.pitch_phase,
             tooth_thickness=mesh.tooth_thickness and mesh.tooth_thickness[::-1],
         )
 
     first = train.reference_mesh
-    changes = {"meshes": [of(mesh) for mesh in train.meshes]}
+    changes = {"meshes": [exchange_pinion_and_wheel(mesh) for mesh in train.meshes]}
     if train.carrier_ratio and not first.internal:
-        # It is counted in the speed of the reference pinion, which is another gear now.
+        # The ratio is counted in the speed of the reference pinion, which is another gear now.
         ratio = train.carrier_ratio * train.speeds[first.pinion] / train.speeds[first.wheel]
         changes["carrier_ratio"] = float(ratio)
     return train.replace(**changes), lambda key: (key, 1.0)

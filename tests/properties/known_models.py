@@ -28,7 +28,7 @@ from tests.trains.random_trains import chain_with_everything
 
 
 class Known(NamedTuple):
-    """A motion."""
+    """A motion over some periods of a model at a tuning, from a state in units of the library."""
 
     model: object
     tuning: float
@@ -85,7 +85,12 @@ OSCILLATOR = DeadZoneOscillator(
 
 
 def gears(bearing, material=0.0, oil=0.0, free=False, share=0.02, **more):
-    """Return equal gears of the paper's reduced mass: torsional, or free with the bodies."""
+    """Return equal gears on bearings, with the paper's reduced mass.
+
+    `bearing` is the stiffness of the bearings, `share` their damping ratio; `material` and `oil`
+    are the damping of the mesh and in the backlash. The reduced mass is that of the turning alone,
+    or, `free`, that of gears which also move freely along the line of action.
+    """
     torsional = 1.0 / (1.0 / 3.123 - 2.0 / BODY) if free else 3.123
     damping = 0.0 if math.isinf(bearing) else 2.0 * share * math.sqrt(bearing * BODY)
     inertia = 2.0 * torsional * RADIUS**2
@@ -179,8 +184,8 @@ def pairs_as_train(pair, count=1):
     )
 
 
-def ring_that_drives():
-    """Return phases of drawn teeth on both sides, run-out of carried gears, wheels that drive."""
+def ring_driven_train():
+    """Return a planetary train that its ring drives, with run-out of the ring and of a planet."""
     train = gearlib.planetary(
         planets=2, teeth=(28, 98), driving="ring", stiffness_ratio=(0.6, 0.6), load=400.0
     )
@@ -265,12 +270,9 @@ KNOWN = {
         )
         for seed in range(3)
     },
-    "ring that drives": Known(ring_that_drives(), 3.0, "static", 4),
+    "ring that drives": Known(ring_driven_train(), 3.0, "static", 4),
     "bouncing planets": Known(
-        gearlib.planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7),
-        1.0,
-        "static",
-        4,
+        gearlib.planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7), 1.0, "static", 4
     ),
     "turning planets": Known(gearlib.planetary(**_TURNING, backlash=1e-6), 0.2, "static", 3),
     "two stages": Known(gearlib.two_stage(PAPER), 0.8, "static", 3),

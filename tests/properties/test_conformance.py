@@ -29,10 +29,9 @@ from tests.properties.known_models import (
     Known,
     gears,
 )
-from tests.properties.test_properties import FEW, allowed
+from tests.properties.test_properties import FEW, comparison_tolerance
 
 SAMPLES = 16
-EXTREMA = ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min")
 TIMES = ("fraction_normal", "fraction_backlash", "fraction_inverse", "fraction_min_stiffness")
 
 
@@ -63,63 +62,58 @@ def events_of(run, count):
     return {j: merged(rows) for j, rows in found.items()}
 
 
-def same_motion(case, run, motion, within):
-    """Assert that a run, recorded from its start, is a motion of the reference."""
+def assert_same_motion(case, run, motion, tolerance):
+    """Assert that a run, recorded from its start, is a motion of the reference.
+
+    `tolerance` is that of states of the size of the static deflection.
+    """
     assert int(run.status) == 0
-    periods, theirs = case.periods, by_mesh(motion)
-    ours = events_of(run, len(theirs))
-    for j in ours:
-        assert [row[:2] for row in ours[j]] == [row[:2] for row in theirs[j]], j
-        for one, other in zip(ours[j], theirs[j], strict=True):
+    expected_events = by_mesh(motion)
+    for j, events in events_of(run, len(expected_events)).items():
+        assert [event[:2] for event in events] == [event[:2] for event in expected_events[j]], j
+        for (*_, phase), (*_, expected) in zip(events, expected_events[j], strict=True):
             # Next to a grazing a phase has half of the digits of the state.
-            assert abs(one[2] - other[2]) < 1e5 * within
-    several = "mesh" in run.dims
-    end = motion.state if several else motion.mesh_state()
+            assert abs(phase - expected) < 1e5 * tolerance
+    end = motion.state if "mesh" in run.dims else motion.mesh_state()
     scale = max(1.0, np.abs(end).max())
-    np.testing.assert_allclose(run.final_state, end, rtol=0, atol=within * scale)
+    np.testing.assert_allclose(run.final_state, end, rtol=0, atol=tolerance * scale)
     assert (run.displacement.values.size > 0) and len(motion.record.samples) > 0
-    rows = {float(sample[0]): sample[1:] for sample in motion.record.samples}
-    # Where a stiffness switches a sample is on either side.
-    cuts = [0.0, *motion.cuts, *(event[2] for every in theirs.values() for event in every)]
-    for name, i in (("displacement", 0), ("velocity", 1), ("dynamic_force", 2)):
+    samples = {float(phase): values for phase, *values in motion.record.samples}
+    atol = 10.0 * tolerance * scale
+    # A sample at which a stiffness or a contact switches may be taken before or after it.
+    switches = [phase for events in expected_events.values() for *_, phase in events]
+    switches = [0.0, *motion.cuts, *switches]
+    for i, name in enumerate(("displacement", "velocity", "dynamic_force")):
         values = run[name].values.reshape(len(run.phase), -1)
         for phase, row in zip(run.phase.values, values, strict=True):
-            if phase in rows and min([abs(phase - at) for at in cuts], default=1.0) > 1e-6:
-                atol = 10.0 * within * scale
-                np.testing.assert_allclose(row, rows[phase][i], rtol=0, atol=atol, err_msg=name)
+            if phase in samples and min(abs(phase - switch) for switch in switches) > 1e-6:
+                np.testing.assert_allclose(row, samples[phase][i], rtol=0, atol=atol, err_msg=name)
     if hasattr(case.model, "flexible"):
-        # What moves across the line of action is felt by no mesh.
+        # Motions across the line of action do not show in the displacement of the mesh.
         bearings = [("y3", "z3", "y2", "z2")[i] for i in case.model.elastic_bearings()]
         names = ["rotation_3", "rotation_2", *(f"bearing_{name}" for name in bearings)]
         for i, name in enumerate(names):
-            expected = [row[3][i] for row in rows.values()]
-            atol = 10.0 * within * scale
+            expected = [coordinates[i] for *_, coordinates in samples.values()]
             np.testing.assert_allclose(run[name], expected, rtol=0, atol=atol, err_msg=name)
-    for name, pick, values in zip(EXTREMA, (max, min) * 2, np.repeat([0, 1], 2), strict=True):
-        expected = [pick(row) for row in (motion.record.heights, motion.record.forces)[values]]
-        atol = 10.0 * within * scale
-        np.testing.assert_allclose(np.ravel(run[name]), expected, rtol=0, atol=atol, err_msg=name)
+    curves = {"displacement": motion.record.heights, "dynamic_force": motion.record.forces}
+    for name, values in curves.items():
+        for extremum in (max, min):
+            expected, found = [extremum(row) for row in values], run[f"{name}_{extremum.__name__}"]
+            np.testing.assert_allclose(np.ravel(found), expected, rtol=0, atol=atol, err_msg=name)
     for i, name in enumerate(TIMES):
-        expected = [one[i] / (2.0 * math.pi * periods) for one in motion.record.times]
-        np.testing.assert_allclose(np.ravel(run[name]), expected, rtol=0, atol=1e5 * within)
+        expected = [times[i] / (2.0 * math.pi * case.periods) for times in motion.record.durations]
+        np.testing.assert_allclose(np.ravel(run[name]), expected, rtol=0, atol=1e5 * tolerance)
 
 
-def of_reference(case, **options):
-    """Return the motion of a case, sampled beside the switches."""
+def reference_motion(case, **options):
+    """Return the motion of a case by the reference, sampled as the run is."""
     phases = 2.0 * math.pi * np.arange(case.periods * SAMPLES) / SAMPLES
     state = case.model.start_state(case.state) if isinstance(case.state, str) else case.state
-    return move(
-        describe(case.model),
-        case.tuning,
-        case.periods,
-        state,
-        recorded=case.periods,
-        phases=phases.tolist(),
-        **options,
-    )
+    options |= {"recorded": case.periods, "phases": phases.tolist()}
+    return move(describe(case.model), case.tuning, case.periods, state, **options)
 
 
-def whole(case, **options):
+def fully_recorded_run(case, **options):
     """Return the run of a case, all periods recorded."""
     given = {"periods": case.periods, "record_periods": case.periods}
     given |= {"initial_state": case.state, "samples_per_period": SAMPLES}
@@ -129,50 +123,49 @@ def whole(case, **options):
 @pytest.mark.parametrize("name", KNOWN)
 def test_a_motion_is_that_of_the_reference(name):
     case = KNOWN[name]
-    motion = of_reference(case)
+    motion, run = reference_motion(case), fully_recorded_run(case)
     for method in case.model.propagators:
         # Rounding of up to eight periods, amplified by bounces.
-        same_motion(case, whole(case, method=method), motion, 1e-11)
-    fast = whole(case, record_periods=1)
-    np.testing.assert_allclose(fast.final_state, whole(case).final_state, rtol=0, atol=1e-10)
+        assert_same_motion(case, fully_recorded_run(case, method=method), motion, 1e-11)
+    fast = fully_recorded_run(case, record_periods=1)
+    np.testing.assert_allclose(fast.final_state, run.final_state, rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("kind", [name for name in CASES if name != "pairs of teeth"])
 @given(data=st.data())
 @settings(FEW, phases=[Phase.generate])
 def test_a_random_motion_is_that_of_the_reference(kind, data):
-    case = data.draw(CASES[kind])
-    _compare(Known(case.model, case.tuning, case.state, 3), case)
+    assert_run_is_that_of_the_reference(data.draw(CASES[kind]))
 
 
-def _compare(known, case):
-    """Compare with the reference, unless a part in 1e12 of the start makes too much."""
-    run = whole(known)
+def assert_run_is_that_of_the_reference(case):
+    """Compare three periods, unless a change of the start by 1e-12 of its size changes too much."""
+    motion = Known(*case, 3)
+    run = fully_recorded_run(motion)
     if int(run.status):
-        return None
-    within, comparable = allowed(case, run, known.periods)
+        return
+    tolerance, comparable = comparison_tolerance(case, run, motion.periods)
     if comparable:
-        same_motion(known, run, of_reference(known), within)
-    return run
+        assert_same_motion(motion, run, reference_motion(motion), tolerance)
 
 
 @pytest.mark.parametrize("seed", range(int(os.environ.get("GEARLIB_TRAINS", "16"))))
 def test_no_event_of_a_random_train_is_missed(seed):
-    case = random_trains_case(seed)
-    _compare(Known(case.model, case.tuning, case.state, 3), case)
+    assert_run_is_that_of_the_reference(random_trains_case(seed))
 
 
-def test_some_of_them_graze_and_some_have_events_at_once():
-    together, shortest = 0, math.inf
+def test_some_random_trains_graze_and_some_have_coinciding_events():
+    coinciding, shortest_contact = 0, math.inf
     for seed in range(16):
         case = random_trains_case(seed)
-        events = of_reference(Known(case.model, case.tuning, case.state, 3)).events
-        apart = [b.phase - a.phase for a, b in pairwise(events) if a.contact != b.contact]
-        together += min(apart, default=1.0) < 1e-11
-        for j in range(len(case.model.meshes)) if seed % 4 == 2 else ():
-            own = [event.phase for event in events if event.contact == j]
-            shortest = min([shortest, *(b - a for a, b in pairwise(own))])
-    assert together >= 2 and shortest < 0.05
+        events = reference_motion(Known(*case, 3)).events
+        intervals = [b.phase - a.phase for a, b in pairwise(events) if a.contact != b.contact]
+        coinciding += min(intervals, default=1.0) < 1e-11
+        if seed % 4 == 2:  # a grazing start
+            for j in range(len(case.model.meshes)):
+                phases = [event.phase for event in events if event.contact == j]
+                shortest_contact = min([shortest_contact, *(b - a for a, b in pairwise(phases))])
+    assert coinciding >= 2 and shortest_contact < 0.05
 
 
 FRICTION = {"friction": (0.06, 0.04), "pitch_phase": 0.7}
@@ -213,77 +206,78 @@ def reference_map(model, tuning, period, state):
 
 
 @pytest.mark.parametrize("name", ORBITS)
-def test_orbits_multipliers_and_certificates(name):
+def test_orbit_and_its_multipliers_and_certificate_are_confirmed_by_the_reference(name):
     model, tuning, guess = ORBITS[name]
     orbit = periodic_orbit(model, tuning, guess=guess, period=model.repeats)
     assert orbit.residual <= 1e-12
-    _closes(model, tuning, orbit)
+    assert_stable_and_consistent_over_two_periods(model, tuning, orbit)
     motion = move(describe(model), tuning, orbit.period, tuple(orbit.state))
     reduce, lift = model.reduction()
-    away = reduce @ (np.array(motion.state) - orbit.state)
-    np.testing.assert_allclose(away, 0.0, atol=1e-10 * max(1.0, np.abs(orbit.state).max()))
+    difference = reduce @ (np.array(motion.state) - orbit.state)
+    np.testing.assert_allclose(difference, 0.0, atol=1e-10 * max(1.0, np.abs(orbit.state).max()))
     differences = reference_map(model, tuning, orbit.period, orbit.state)
-    found = np.linalg.eigvals(reduce @ differences @ lift)
+    monodromy = reduce @ differences @ lift
+    expected = np.linalg.eigvals(monodromy)
     # Truncation of the differences is 1e-9; multipliers that are close move by its root.
-    by_size = [np.sort(np.abs(values)) for values in (orbit.multipliers, found)]
+    by_size = [np.sort(np.abs(values)) for values in (orbit.multipliers, expected)]
     np.testing.assert_allclose(*by_size, rtol=0, atol=1e-4)
-    np.testing.assert_allclose(orbit.multipliers.sum(), found.sum(), atol=1e-6)
-    np.testing.assert_allclose(
-        np.prod(orbit.multipliers), np.linalg.det(reduce @ differences @ lift), rtol=1e-5, atol=1e-9
-    )
+    np.testing.assert_allclose(orbit.multipliers.sum(), expected.sum(), atol=1e-6)
+    product, determinant = np.prod(orbit.multipliers), np.linalg.det(monodromy)
+    np.testing.assert_allclose(product, determinant, rtol=1e-5, atol=1e-9)
     if model.equation is not None and not model.equation.is_piecewise_linear():
         return
     pytest.importorskip("flint")
     proven = gearlib.certify(orbit)
     assert proven, proven
-    _overlaps(model, tuning, orbit, proven)
+    assert_reference_passes_through_the_enclosures(model, tuning, orbit, proven)
 
 
-def _closes(model, tuning, orbit):
-    """Assert that all runs beside a stable orbit settle on it, and what two repeats of it are."""
+def assert_stable_and_consistent_over_two_periods(model, tuning, orbit):
+    """Assert that a run beside a stable orbit settles on it, and that two periods repeat it."""
     reduce, lift = model.reduction()
     if orbit.stable and (abs(orbit.multipliers) ** (2000 / orbit.period) < 1e-12).all():
         run = simulate(model, tuning, periods=2000, initial_state=tuple(orbit.state + 1e-6))
         assert int(run.period) in (1, orbit.period)
         if run.final_state.size == orbit.state.size:
-            away = reduce @ (run.final_state.values - orbit.state)
-            np.testing.assert_allclose(away, 0.0, rtol=0, atol=1e-9)
-    # Twice its period is none of its own.
+            difference = reduce @ (run.final_state.values - orbit.state)
+            np.testing.assert_allclose(difference, 0.0, rtol=0, atol=1e-9)
+    # An orbit of twice the period is not found, but the orbit itself.
     twice = periodic_orbit(model, tuning, guess=orbit.state, period=2 * orbit.period)
     assert twice.period == orbit.period
     np.testing.assert_allclose(reduce @ (twice.state - orbit.state), 0.0, rtol=0, atol=1e-9)
     _, maps, _ = model.propagator(tuning).maps(orbit.state, 2 * orbit.period, 100_000)
     multipliers = floquet_multipliers(compose(reduce @ maps @ lift))
-    # Of a cluster each moves by the root of rounding.
-    squares = [np.sort(np.abs(one)) for one in (multipliers, orbit.multipliers**2)]
+    # Multipliers of a cluster move by the root of rounding.
+    squares = [np.sort(np.abs(values)) for values in (multipliers, orbit.multipliers**2)]
     np.testing.assert_allclose(*squares, rtol=0, atol=1e-7)
     total = np.sum(orbit.multipliers**2)
     assert multipliers.sum() == pytest.approx(total, abs=1e-11 * max(1.0, abs(total)))
     if isinstance(model, gearlib.GearPair):
-        # Liouville: the product is that of the time with each damping.
-        one = simulate(model, tuning, periods=orbit.period, record_periods=orbit.period,
-                       initial_state=tuple(orbit.state))  # fmt: skip
-        lost = float(one.fraction_backlash)
+        # Liouville: the product of the multipliers follows from the time with each damping.
+        span = {"periods": orbit.period, "record_periods": orbit.period}
+        run = simulate(model, tuning, initial_state=tuple(orbit.state), **span)
+        lost = float(run.fraction_backlash)
         rate = model.damping_ratio * (1.0 - lost) + model.backlash_damping_ratio * lost
         expected = math.exp(-4.0 * math.pi * rate * orbit.period / tuning)
         assert np.prod(orbit.multipliers).real == pytest.approx(expected, rel=1e-10)
 
 
-def _overlaps(model, tuning, orbit, proven):
-    """Assert that the reference goes from the middle of an enclosure through all others."""
+def assert_reference_passes_through_the_enclosures(model, tuning, orbit, proven):
+    """Assert that the reference, from the middle of the first enclosure, passes the others."""
 
-    def middle(one):
-        return (mpf(str(one.low)) + mpf(str(one.high))) / 2
+    def middle(enclosure):
+        return (mpf(str(enclosure.low)) + mpf(str(enclosure.high))) / 2
 
-    def inside(value, one, digits=25):
-        room = mpf(10) ** -digits
-        return mpf(str(one.low)) - room <= value <= mpf(str(one.high)) + room
+    def inside(value, enclosure):
+        room = mpf(10) ** -25
+        return mpf(str(enclosure.low)) - room <= value <= mpf(str(enclosure.high)) + room
 
-    several = hasattr(proven, "coordinates")
+    has_coordinates = hasattr(proven, "coordinates")
     description = describe(model)
     with mp.workdps(50):
-        if several:
+        if has_coordinates:
             state = [*map(middle, proven.displacement), *map(middle, proven.velocity)]
+            # A certificate of a train states its units, which the reference takes.
             if "gear" in type(model).__name__.lower() and model.mesh_names:
                 description["derived"] = {
                     "length": model.static_deflection,
@@ -293,11 +287,10 @@ def _overlaps(model, tuning, orbit, proven):
             state = [middle(proven.displacement), middle(proven.velocity)]
         motion = move(description, tuning, orbit.period, state, context=mp)
         events = sorted(motion.events, key=lambda event: (event.phase, event.contact))
-        # At one instant in any order.
-        theirs = sorted(proven.events, key=lambda event: float(event.phase))
-        assert len(events) == len(theirs)
-        for event, other in zip(events, theirs, strict=True):
-            assert inside(event.phase, other.phase)
-        if not several:
-            end = motion.mesh_state()
-            assert inside(end[0], proven.displacement) and inside(end[1], proven.velocity)
+        # Events at one phase may have any order.
+        enclosures = sorted((event.phase for event in proven.events), key=float)
+        for event, enclosure in zip(events, enclosures, strict=True):
+            assert inside(event.phase, enclosure)
+        if not has_coordinates:
+            displacement, velocity = motion.mesh_state()
+            assert inside(displacement, proven.displacement) and inside(velocity, proven.velocity)

@@ -18,8 +18,8 @@ from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
 from tests.trains.test_methods import START, bouncing
 
 
-class Way(NamedTuple):
-    """A method, and the error that it leaves over some periods of a pair, of others, of a train."""
+class Accuracy(NamedTuple):
+    """Options of a method, and its error over some periods of pairs, other models, trains."""
 
     options: dict
     pair: float
@@ -30,10 +30,7 @@ class Way(NamedTuple):
 #: heyoka works to rounding. The others control the error of a step; the sum over the steps, and the
 #: slope of an event, which a root finder leaves at the root of its interpolant, cost a factor of
 #: 1e3. With |x'| x' the right-hand side has a kink, behind which a Runge-Kutta pair loses a digit.
-WAYS = {
-    "scipy": Way(SPLIT, 1e-8, 1e-8),
-    "heyoka": Way({}, 1e-12, 1e-11),
-}
+METHODS = {"scipy": Accuracy(SPLIT, 1e-8, 1e-8), "heyoka": Accuracy({}, 1e-12, 1e-11)}
 THICK = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 FAR = -THICK.backlash_ratio
 MOTIONS = {
@@ -57,15 +54,14 @@ MOTIONS = {
 }
 STATES = ("displacement", "velocity", "acceleration", "dynamic_force", "final_state")
 SHARES = ("normal", "backlash", "inverse", "min_stiffness")
-
-
-INSTALLED = {method for method in WAYS if integrators.describe_method(method).available}
+EXTREMA = ("displacement_max", "displacement_min")
+INSTALLED = {method for method in METHODS if integrators.describe_method(method).available}
 
 
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("method", sorted(INSTALLED))
 def test_a_motion_is_that_of_the_exact_method(method, name):
-    (options, *errors), case = WAYS[method], MOTIONS[name]
+    accuracy, case = METHODS[method], MOTIONS[name]
     span = {"periods": case.periods, "record_periods": case.periods, "samples_per_period": 64}
     span["initial_state"] = case.state
     if not integrators.METHODS[method].supports(case.model):
@@ -73,21 +69,20 @@ def test_a_motion_is_that_of_the_exact_method(method, name):
             simulate(case.model, case.tuning, method=method, **span)
         return
     exact = simulate(case.model, case.tuning, **span)
-    run = simulate(case.model, case.tuning, method=method, options=options, **span)
+    run = simulate(case.model, case.tuning, method=method, options=accuracy.options, **span)
     assert int(run.status) == 0 and int(run.evaluations) > 0
-    several = "mesh" in exact.dims
-    names = ("event_from", "event_to", *["event_mesh"] * several)
-    for one in names:
-        np.testing.assert_array_equal(run[one], exact[one])
+    is_train = "mesh" in exact.dims
+    for column in ("event_from", "event_to", *["event_mesh"] * is_train):
+        np.testing.assert_array_equal(run[column], exact[column])
     assert case.model.repeats > 1 or not name.startswith("random")
-    within = errors[2 if several else not isinstance(case.model, GearPair)]
+    error = accuracy.pair if isinstance(case.model, GearPair) else accuracy.other
+    error = accuracy.train if is_train else error
     columns = [*STATES, "event_phase", "bounces", *(f"fraction_{share}" for share in SHARES)]
-    columns += ["modified_stiffness", "body_motion"] if several else [*case.model.extra_samples]
-    for one in columns:
-        np.testing.assert_allclose(run[one], exact[one], rtol=0, atol=within, err_msg=one)
-    # Those of step ends and samples, 64 to a period: x'' h^2 / 8 = 5e-3.
-    for one in ("displacement_max", "displacement_min"):
-        np.testing.assert_allclose(run[one], exact[one], rtol=0, atol=0.01, err_msg=one)
+    columns += ["modified_stiffness", "body_motion"] if is_train else [*case.model.extra_samples]
+    # Extrema are those of step ends and samples, 64 to a period: x'' h^2 / 8 = 5e-3.
+    tolerances = dict.fromkeys(columns, error) | dict.fromkeys(EXTREMA, 0.01)
+    for column, atol in tolerances.items():
+        np.testing.assert_allclose(run[column], exact[column], rtol=0, atol=atol, err_msg=column)
 
 
 def test_the_motions_meet_all_flanks():

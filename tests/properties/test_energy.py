@@ -1,4 +1,4 @@
-"""Energy: kept by every model where nothing takes it, and in balance where teeth change.
+"""Energy: constant in conservative models, and in balance where the stiffness changes.
 
 The energy of a state of the library is written by the matrices and flanks of `tests.independent`.
 """
@@ -28,7 +28,8 @@ def _undamped(train):
     return train.replace(bodies=bodies, shafts=shafts)
 
 
-#: Neither damping nor what changes with the phase; and from where they meet all flanks.
+#: Name -> model without damping and with constant stiffness; a state, or a distance from rest, from
+#: which it meets all flanks.
 CONSERVATIVE = {
     "gear pair": (CONSTANT, (1.0, -6.0)),
     "powers": (
@@ -68,7 +69,10 @@ CONSERVATIVE = {
 
 
 def energy(system, state):
-    """Return the energy of a state over that of the unit of length, by the matrices of it alone."""
+    """Return the energy of a state, in units, by a `System` of `tests.independent`.
+
+    ``powers`` of a contact are the coefficients of quadratic and cubic elastic force.
+    """
     n = system.n
     q, v = state[:n] * system.length, state[n:] * system.length * system.speed
     total = 0.5 * (v @ system.mass @ v + q @ system.stiffness @ q) - system.load @ q
@@ -82,12 +86,12 @@ def energy(system, state):
 
 
 @pytest.mark.parametrize("name", CONSERVATIVE)
-def test_energy_is_kept_where_nothing_takes_it(name):
+def test_energy_of_a_conservative_model_is_constant(name):
     model, start = CONSERVATIVE[name]
     if isinstance(start, float):
-        # Beside rest, by so much in every coordinate.
-        rng, beside = np.random.default_rng(2), model.start_state("static")
-        start = tuple(beside + start * rng.normal(size=beside.size))
+        # A random state at this distance from rest.
+        rng, rest = np.random.default_rng(2), model.start_state("static")
+        start = tuple(rest + start * rng.normal(size=rest.size))
     nu, system = 0.9, system_of(describe(model), 0.9)
     run = simulate(model, nu, periods=12, record_periods=12, initial_state=start)
     assert set(run.event_to.values) >= {-1, 1} and run.sizes["event"] > 12

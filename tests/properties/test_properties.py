@@ -9,11 +9,7 @@ from hypothesis import strategies as st
 
 from gearlib import simulate
 from tests.properties import changes
-from tests.properties.cases import (
-    CASES,
-    Case,
-    between,
-)
+from tests.properties.cases import CASES, Case, between
 from tests.trains.random_trains import symmetric_problem
 
 #: More with GEARLIB_PROPERTIES; the same ones in every run, so that a failure is one for all.
@@ -36,38 +32,40 @@ def run(case, periods=PERIODS, **options):
     return simulate(case.model, case.tuning, periods=periods, **given | options)
 
 
-def allowed(case, found, periods=PERIODS):
-    """Return by how much two runs may differ, and whether they can be compared.
+def comparison_tolerance(case, found, periods=PERIODS):
+    """Return (by how much another run may differ from `found`, whether runs can be compared).
 
-    What a part in 1e12 of the start, to either side, does to this motion, a hundred times: rounding
-    is some 1e-15 in each of some hundred arcs.
+    Changes of the start by 1e-12 of its size, either way, give the sensitivity; rounding, 1e-15 in
+    each of some hundred arcs, stays below a hundred times that.
     """
     signs = np.where(np.arange(len(case.state)) % 2, -1.0, 1.0)
-    scale, spread, alike = 1.0 + np.abs(found.final_state.values).max(), 0.0, True
+    scale, spread, same_events = 1.0 + np.abs(found.final_state.values).max(), 0.0, True
     for size in (1e-12, -1e-12):
         state = tuple(np.array(case.state) + size * signs * (1.0 + np.abs(case.state)))
         nudged = run(case._replace(state=state), periods)
         for name in ("final_state", "displacement"):
             spread = max(spread, np.abs(nudged[name].values - found[name].values).max().item())
-        alike &= nudged.sizes["event"] == found.sizes["event"]
-    return 1e-10 * scale + 100.0 * spread, alike and spread < 1e-7 * scale
+        same_events &= nudged.sizes["event"] == found.sizes["event"]
+    return 1e-10 * scale + 100.0 * spread, same_events and spread < 1e-7 * scale
 
 
 def compare(case, found, other, state=None, displacement=None):
-    """Assert that two runs are one motion, by their states and by the courses of all meshes.
+    """Assert that two runs are one motion; return whether they could be compared.
 
-    Returns whether they could be compared: the number of events is that of both, too.
+    `state` and `displacement`, the last state and the displacements of all meshes, are given where
+    those of `other` are in other coordinates.
     """
     assert int(found.status) == int(other.status)
     if int(found.status):
         return False
-    within, comparable = allowed(case, found, round(found.sizes["phase"] / SAMPLES))
+    periods = round(found.sizes["phase"] / SAMPLES)
+    tolerance, comparable = comparison_tolerance(case, found, periods)
     if not comparable:
         return False
     state = other.final_state.values if state is None else state
     displacement = other.displacement.values if displacement is None else displacement
-    np.testing.assert_allclose(found.final_state, state, rtol=0, atol=within)
-    np.testing.assert_allclose(found.displacement, displacement, rtol=0, atol=within)
+    np.testing.assert_allclose(found.final_state, state, rtol=0, atol=tolerance)
+    np.testing.assert_allclose(found.displacement, displacement, rtol=0, atol=tolerance)
     assert found.sizes["event"] == other.sizes["event"]
     return True
 
@@ -92,7 +90,7 @@ def test_units_do_not_matter(kind, data):
 
 
 def end_of(case, periods):
-    """Return all components after some periods: of several coordinates results hold two."""
+    """Return the state after some periods in all coordinates, of which runs may record one."""
     propagator = case.model.propagator(case.tuning)
     end, _, code = propagator.maps(propagator.initial_state(case.state), periods, 10**6)
     return tuple(end) if code == 0 else None
@@ -164,8 +162,8 @@ def test_equal_branches_move_alike(seed):
     found = run(case)
     if int(found.status):
         return
-    within, comparable = allowed(case, found)
+    tolerance, comparable = comparison_tolerance(case, found)
     for central in ("sun", "ring") if comparable else ():
         own = [name.startswith(central) for name in train.mesh_names]
         course = found.displacement.values[:, own]
-        assert np.ptp(course, axis=1).max() < within
+        assert np.ptp(course, axis=1).max() < tolerance

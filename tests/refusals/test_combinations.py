@@ -18,7 +18,7 @@ import gearlib
 from gearlib import Body, GearPair, GearTrain, LoadSharingPair, Shaft, Tabulated, planetary
 from gearlib.config import ConfigError, load
 from gearlib.geometry import Mesh, PathTable, Rack, SpurGear, TipRelief, Web, dynamic_factor
-from tests.geometry.drawings import fzg_c, ring, twenty
+from tests.geometry.drawings import fzg_c, gears_of_20_teeth, ring
 from tests.paper import CONFIG, PAPER
 from tests.unit.test_drawn_gears import FZG
 from tests.unit.test_drawn_trains import OWN, SET
@@ -101,7 +101,7 @@ gear = partial(SpurGear, **GEAR)
 inner = partial(SpurGear, **GEAR | {"teeth": 60, "internal": True})
 ring_of_planets = partial(SpurGear, **PLANETS, teeth=99, internal=True)
 web = partial(Web, thickness=0.01, rim_diameter=0.06, hub_diameter=0.04)
-energy = partial(twenty().stiffness, "energy")
+energy = partial(gears_of_20_teeth().stiffness, "energy")
 pair = partial(GearPair.from_geometry, fzg_c())
 factor = partial(dynamic_factor, fzg_c(), 302.0, rpm=100.0)
 error = partial(fzg_c().transmission_error, torque=300.0)
@@ -197,14 +197,14 @@ LIBRARY = {
         fzg_c(), wheel=replace(fzg_c().wheel, tip_relief=TipRelief(amount=1e-5, length=6e-3))
     ),
     # Stiffness and load.
-    "coupling ... torque": lambda: twenty().stiffness("iso", coupling=1.0),
-    "hertz ... torque": lambda: twenty().stiffness(
+    "coupling ... torque": lambda: gears_of_20_teeth().stiffness("iso", coupling=1.0),
+    "hertz ... torque": lambda: gears_of_20_teeth().stiffness(
         Tabulated((0.0, 1.0), (1e8, 2e8)), hertz="constant"
     ),
     "coupling = 2 ... from 0 to 1": lambda: energy(coupling=2),
     "hertz = 'log' ... 'logarithmic'": lambda: energy(hertz="log"),
     "torque = None ... > 0": lambda: energy(hertz="logarithmic"),
-    "bore of the pinion = 0.15 ... 0.125": lambda: twenty(bore=0.15).stiffness("energy"),
+    "bore of the pinion = 0.15 ... 0.125": lambda: gears_of_20_teeth(bore=0.15).stiffness("energy"),
     "options = [1] ... a mapping": lambda: pair(torque=1.0, options=[1]),
     "torque is missing ... power and speed": pair,
     "speed is missing ... where power": lambda: pair(power=1e3),
@@ -226,7 +226,7 @@ LIBRARY = {
     "logarithmic_decrement = inf ... >= 0": lambda: pair(torque=1.0, logarithmic_decrement=inf),
     "quality = None ... deviations": factor,
     "rpm = [100.0, -1.0] ... > 0": lambda: factor(rpm=[100.0, -1.0]),
-    "rpm = [] ": lambda: dynamic_factor(twenty(quality=5), 300.0, []),
+    "rpm = [] ": lambda: dynamic_factor(gears_of_20_teeth(quality=5), 300.0, []),
     "rpm = 'fast' ... > 0": lambda: factor(rpm="fast"),
     "torque = -1.0 ... >= 0": lambda: error(torque=[1.0, -1.0]),
     "torque = [] ... at least one": lambda: error(torque=[]),
