@@ -46,8 +46,11 @@ def gear_rattle(eccentricity=0.1, backlash=0.6, drag=0.6, stiffness=100.0):
     return model, 2.0 * math.pi
 
 
-def gear_pair(frequency=0.5):
-    """Return x'' + 2 zeta x' + k(t) B(x) = F_m + sum F_r (r W)^2 cos r W t, three harmonics."""
+def gear_pair():
+    """Return the model of a gear pair and its mesh frequency W; no source of its values is known.
+
+    x'' + 2 zeta x' + k(t) B(x) = F_m + sum F_r (r W)^2 cos r W t, with harmonics r = 1 to 3.
+    """
     model = DeadZoneOscillator(
         upper_edge=1.0,
         lower_edge=-1.0,
@@ -57,11 +60,14 @@ def gear_pair(frequency=0.5):
         # The support moves by minus the error of the transmission.
         deviation=Harmonics((-0.01, -0.004, -0.002)),
     )
-    return model, frequency
+    return model, 0.5
 
 
 def soft_impact(gap=0.63):
-    """Return y'' + 2 xi y' + y + alpha H(y - g) (y - g) = beta cos omega t."""
+    """Return the model of a soft stop at y = `gap` and the frequency omega of its published chaos.
+
+    y'' + 0.04 y' + y + 20 H(y - gap) (y - gap) = 0.5 cos omega t, with the unit step H.
+    """
     model = DeadZoneOscillator(
         upper_edge=gap,
         upper_stiffness=20.0,

@@ -17,25 +17,23 @@ EVENT_PHASE = 1e-10
 UNDAMPED_STATE = 1e-9
 
 
-def compare(beta, beta_m, gap, nu, periods, state_tolerance, *, state=(0.0, 0.0)):
-    """Compare a run with the reference: events one by one, final state; return the run."""
-    x, v, expected = REFERENCES.propagate(EPS, KAPPA, beta, beta_m, gap, nu, periods, state)
-    pair = GearPair.from_ratios(
-        contact_ratio=EPS,
-        stiffness_ratio=KAPPA,
-        damping=beta,
-        backlash_damping=beta_m,
-        backlash=gap,
-    )
-    recorded = simulate(pair, nu, periods=periods, record_periods=periods, initial_state=state)
+def run_that_matches(
+    damping, backlash_damping, backlash, tuning, periods, state_tolerance, *, state=(0.0, 0.0)
+):
+    """Return a run whose events, one by one, and final state are asserted to be the reference's."""
+    ratios = EPS, KAPPA, damping, backlash_damping, backlash
+    x, v, expected = REFERENCES.propagate(*ratios, tuning, periods, state)
+    names = ("contact_ratio", "stiffness_ratio", "damping", "backlash_damping", "backlash")
+    pair = GearPair.from_ratios(**dict(zip(names, ratios, strict=True)))
+    recorded = simulate(pair, tuning, periods=periods, record_periods=periods, initial_state=state)
     assert recorded.event_from.values.tolist() == [event[1] for event in expected]
     assert recorded.event_to.values.tolist() == [event[2] for event in expected]
     phases = np.array([float(event[0]) for event in expected])
-    # Next to grazing the rounding of the displacement, of order one, counts over the speed.
+    # The rounding of the displacement, of order one, divided by the speed is an error of phase.
     speeds = np.maximum(np.abs(recorded.event_velocity.values), 1e-8)
     tolerance = EVENT_PHASE + 4.0 * np.finfo(float).eps / speeds
     assert (np.abs(recorded.event_phase.values - phases) <= tolerance).all()
-    unrecorded = simulate(pair, nu, periods=periods, initial_state=state)
+    unrecorded = simulate(pair, tuning, periods=periods, initial_state=state)
     for run in (recorded, unrecorded):
         np.testing.assert_allclose(
             run.final_state, [float(x), float(v)], rtol=0, atol=state_tolerance
@@ -44,7 +42,7 @@ def compare(beta, beta_m, gap, nu, periods, state_tolerance, *, state=(0.0, 0.0)
 
 
 @pytest.mark.parametrize(
-    ("beta", "beta_m", "nu"),
+    ("damping", "backlash_damping", "tuning"),
     [
         (0.0617, 0.0617, 0.7),  # smooth
         (0.0617, 0.0, 0.9),  # a bounce in every period
@@ -54,20 +52,24 @@ def compare(beta, beta_m, gap, nu, periods, state_tolerance, *, state=(0.0, 0.0)
         (0.3, 0.001, 0.25),
     ],
 )
-def test_damped_motions_have_the_state_of_50_digits_after_200_periods(beta, beta_m, nu):
-    compare(beta, beta_m, 4.0, nu, 200, DAMPED_STATE)
+def test_damped_motions_have_the_state_of_50_digits_after_200_periods(
+    damping, backlash_damping, tuning
+):
+    run_that_matches(damping, backlash_damping, 4.0, tuning, 200, DAMPED_STATE)
 
 
-@pytest.mark.parametrize("nu", [0.66, 0.82])
-def test_undamped_motions_have_the_state_of_50_digits_after_20_periods(nu):
-    compare(0.0, 0.0, 4.0, nu, 20, UNDAMPED_STATE)
+@pytest.mark.parametrize("tuning", [0.66, 0.82])
+def test_undamped_motions_have_the_state_of_50_digits_after_20_periods(tuning):
+    run_that_matches(0.0, 0.0, 4.0, tuning, 20, UNDAMPED_STATE)
 
 
 @pytest.mark.parametrize("miss", [1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("side", [1, -1])
-def test_a_mesh_that_just_misses_the_far_flank_is_told_from_one_that_hits_it(miss, side):
-    nu, beta_m, gap = 0.8, 0.05, 2.0
-    x, v = from_rest(-beta_m / nu, 0.0, 1 / nu**2, -gap + side * miss, 0.9)
-    run = compare(0.05, beta_m, gap, nu, 3, 1e-8, state=(float(x), -float(v)))
-    # It misses the far flank and lands on the normal one, or the other way round.
+def test_a_mesh_that_just_misses_the_far_flank_is_distinguished_from_one_that_hits_it(miss, side):
+    tuning, damping, gap = 0.8, 0.05, 2.0
+    # Backwards in time from rest beside the far flank.
+    closest = -gap + side * miss
+    x, v = from_rest(decay=-damping / tuning, square=0.0, load=1 / tuning**2, x=closest, t=0.9)
+    run = run_that_matches(damping, damping, gap, tuning, 3, 1e-8, state=(float(x), -float(v)))
+    # It touches the normal flank (1) next if it misses, and the far flank (-1) if not.
     assert int(run.event_to[0]) == side

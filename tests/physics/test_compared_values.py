@@ -1,4 +1,4 @@
-"""What fits compare, against a second code in 50 digits and least squares of numpy."""
+"""What fits compare with data, against a second code in 50 digits and least squares of numpy."""
 
 import mpmath as mp
 import numpy as np
@@ -11,17 +11,17 @@ from tests.independent import differences
 from tests.independent.systems import describe, system_of
 from tests.physics.test_fits import TRUTH
 
-#: What is measured to so many digits.
+#: Largest relative difference.
 CLOSE = 1e-9
 
 
 def rate_of(description):
-    """Return the speed in rpm of the tuning 1."""
+    """Return the speed in rpm of a described pair at tuning 1."""
     return system_of(description, 1.0, mp).speed * 30 / (mp.pi * description["teeth"])
 
 
 @pytest.mark.parametrize("tuning", [0.7, 0.9])
-def test_statistics_at_a_speed_are_those_in_fifty_digits(tuning):
+def test_statistics_of_an_orbit_are_those_of_the_independent_program_in_fifty_digits(tuning):
     # On the upper branch, where contact is lost.
     tunings = np.linspace(tuning, 1.0, 8)
     run = gearlib.sweep(TRUTH, tunings, periods=300, record_periods=1, direction="down")
@@ -31,23 +31,26 @@ def test_statistics_at_a_speed_are_those_in_fifty_digits(tuning):
     with mp.workdps(50):
         pair = describe(TRUTH)
         nu = mp.mpf(speed) / rate_of(pair)
-        z, _ = differences.orbit_of(pair, nu, 1, state)
+        orbit_state, _ = differences.orbit_of(pair, nu, period=1, guess=state)
         system = system_of(pair, nu, mp)
-        table = differences.columns(pair, nu, 1, z)
+        table = differences.columns(pair, nu, periods=1, state=orbit_state)
+        # The table has displacements in static deflections and forces in static loads.
         scale = {"displacement": system.length, "dynamic": system.length * system.force}
         for name in observation.STATISTICS:
             expected = float(table[name][0] * scale.get(name.partition("_")[0], 1))
-            value = observation.mesh_quantity(point, name, 0)
+            value = observation.mesh_quantity(point, name, mesh=0)
             assert value == pytest.approx(expected, rel=CLOSE, abs=1e-30), name
 
 
 @pytest.mark.parametrize("gain", [False, True])
 @pytest.mark.parametrize("offset", [False, True])
-def test_gain_and_offset_are_eliminated(gain, offset):
+def test_gain_and_offset_of_a_sensor_are_those_of_least_squares(gain, offset):
     rng = np.random.default_rng(5)
     measured, predicted = rng.normal(size=(2, 12))
     deviations = rng.uniform(0.5, 2.0, 12)
-    channel = Channel("x", measured, deviations, True, gain, offset)
+    channel = Channel(
+        "x", measured, deviations, noise_known=True, unknown_gain=gain, unknown_offset=offset
+    )
     residuals = (channel.signal_and_gain(predicted)[0] - measured) / deviations
     measured, predicted, basis = measured / deviations, predicted / deviations, 1.0 / deviations
     target = measured if gain else measured - predicted

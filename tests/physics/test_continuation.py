@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from gearlib import (
-    GearPair,
-    continue_orbit,
-    locus,
-    periodic_orbit,
-    simulate,
-    switch_branch,
-)
+from gearlib import GearPair, continue_orbit, locus, periodic_orbit, simulate, switch_branch
 from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
@@ -21,8 +14,8 @@ from gearlib.analysis.tongues import meissner
 from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from tests.paper import PAPER
 
-#: The places asked for are 1e-8; what is found agrees to the rounding of an orbit, 1e-12, over the
-#: slope of the test function, which is above 1e-2 in all cases here.
+#: Special points are searched to 1e-8, but agree to the rounding of an orbit, 1e-12, divided by
+#: the slope of the test function, which is above 1e-2 in all cases here.
 PLACE = 1e-10
 #: Damped in contact only.
 MATERIAL = PAPER.replace(material_damping=3953.7)
@@ -30,6 +23,7 @@ DAMPED = MATERIAL.replace(backlash_damping=800.0)
 
 
 def places(branch, label):
+    """Return the parameter of a branch at its points with a label."""
     return branch[branch.attrs["parameter"]].values[branch.label.values == label]
 
 
@@ -42,10 +36,11 @@ def undamped_branch(start, to):
 
 @pytest.fixture(scope="module")
 def up():
+    """The branch of period-1 orbits over rising tuning, from 0.52 to 1.2."""
     return continue_orbit(periodic_orbit(MATERIAL, 0.52), to=1.2)
 
 
-def test_the_unstable_orbit_between_two_folds_is_left_by_what_starts_beside_it(up):
+def test_a_small_perturbation_leaves_the_unstable_orbit_between_two_folds(up):
     first, second = np.flatnonzero(up.label == FOLD)[:2]
     point = int(first + second) // 2
     tuning = float(up.tuning[point])
@@ -54,28 +49,29 @@ def test_the_unstable_orbit_between_two_folds_is_left_by_what_starts_beside_it(u
     # A saddle: one multiplier beyond 1.
     assert orbit.multipliers[0].real > 1.0 and abs(orbit.multipliers[1]) < 1.0
     start = (orbit.state[0] + 1e-6, orbit.state[1])
-    pushed = simulate(MATERIAL, tuning, periods=200, initial_state=start).final_state.values
-    assert abs(pushed - orbit.state).max() > 0.1
+    end = simulate(MATERIAL, tuning, periods=200, initial_state=start).final_state.values
+    assert abs(end - orbit.state).max() > 0.1
 
 
-def test_the_period_of_an_orbit_is_the_least_one_that_repeats():
+def test_an_orbit_that_repeats_after_two_periods_has_period_two_if_six_are_asked_for():
     pair = GearPair.from_ratios(
         contact_ratio=1.6, stiffness_ratio=0.6, damping=0.02, backlash=math.inf
     )
     orbit = periodic_orbit(pair, 1.7, guess=(0.7, 0.9), period=6)
     assert orbit.period == 2
-    # Beside it lies one of one period, which it is not.
+    # The period-1 orbit nearby is a different orbit.
     single = periodic_orbit(pair, 1.7, guess=orbit.state)
     assert single.period == 1 and np.abs(single.state - orbit.state).max() > 1e-3
 
 
 def smallest_displacement(nu):
-    """Return that of the undamped orbit that never loses contact."""
-    top = meissner.orbit_state(PAPER, nu)
-    # By symmetry it turns in the middle of both stretches: at phase 0 and at pi.
+    """Return the smallest displacement of the undamped orbit that never loses contact."""
+    start = meissner.orbit_state(PAPER, nu)
+    # By symmetry the velocity is 0 in the middle of both segments: at phase 0 and at pi. The first
+    # segment is split at phase 0, so that `segment_lengths` has one half of it.
     (high, low), (half_high, whole_low) = stiffness_levels(1.569, 0.5879), segment_lengths(1.569)
-    edge = meissner.state_after(top, high, 0.0, nu, half_high)
-    return min(top[0], meissner.state_after(edge, low, 0.0, nu, 0.5 * whole_low)[0])
+    switch = meissner.state_after(start, high, 0.0, nu, half_high)
+    return min(start[0], meissner.state_after(switch, low, 0.0, nu, 0.5 * whole_low)[0])
 
 
 @pytest.mark.parametrize(
@@ -98,14 +94,14 @@ def test_doublings_are_the_edges_of_the_tongue():
     assert (branch.stable[inside] == 0).all() and branch.stable[0] == 1
 
 
-def test_a_doubled_branch_repeats_after_two_periods():
+def test_a_branch_from_a_period_doubling_repeats_after_two_periods():
     pair = PAPER.replace(backlash_damping=3953.7)
     branch = continue_orbit(
         periodic_orbit(pair, 0.65, guess=meissner.orbit_state(pair, 0.65)), to=0.67
     )
     point = int(np.flatnonzero(branch.label == DOUBLING)[1])
     doubled = switch_branch(pair, branch, point)
-    # Born in a linear motion, it stands across the tuning until it grazes.
+    # The motion is linear: the branch keeps this tuning until its orbits graze.
     assert doubled.period == 2
     assert doubled.tuning == pytest.approx(float(branch.tuning[point]), abs=PLACE)
     curve = continue_orbit(doubled, to=0.65)
@@ -145,9 +141,10 @@ def test_a_branch_over_another_parameter_ends_at_the_orbit_of_the_changed_pair(n
 
 
 @pytest.mark.parametrize("label", [FOLD, GRAZING])
-def test_points_of_a_locus_are_the_labelled_points_of_branches(up, label):
-    point = int(np.flatnonzero(up.label == label)[int(label == GRAZING)])
-    # From the rim of its range: without damping in the backlash.
+def test_the_end_of_a_locus_is_a_labelled_point_of_the_branch_of_the_changed_pair(up, label):
+    # The locus of the second grazing ends at a tuning between 0.76 and 0.84.
+    point = int(np.flatnonzero(up.label == label)[1 if label == GRAZING else 0])
+    # The locus starts at 0, the lower bound of the damping in the backlash.
     curve = locus(MATERIAL, up, point, "backlash_damping", to=0.03)
     assert float(curve.backlash_damping[-1]) == 0.03 and curve.attrs["ended"] == "at its goal"
     assert float(curve.tuning[0]) == pytest.approx(float(up.tuning[point]), abs=PLACE)

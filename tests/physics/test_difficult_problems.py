@@ -9,7 +9,7 @@ from gearlib.studies.trials import difficult_problems, failures
 from tests.references import propagate_pair
 
 PROBLEMS = difficult_problems.problems()
-#: Those of the linear one-degree mesh that 50 digits finish soon.
+#: Problems of the linear one-degree mesh that take little time in 50 digits.
 LINEAR = [
     name
     for name, problem in PROBLEMS.items()
@@ -25,27 +25,27 @@ def test_both_exact_methods_have_the_state_and_the_events_of_50_digits(name):
     settings = {"periods": periods, "record_periods": periods, "initial_state": state}
     for method in ("exact", "taylor"):
         run = simulate(model, tuning, method=method, **settings)
-        height = max(1.0, float(run.displacement_max - run.displacement_min))
-        error = np.abs(run.final_state.values - [float(x), float(v)]) * [1.0, tuning] / height
+        span = max(1.0, float(run.displacement_max - run.displacement_min))
+        error = np.abs(run.final_state.values - [float(x), float(v)]) * [1.0, tuning] / span
         # Rounding of up to 20 mesh periods.
         assert error.max() < 2e-12
         contacts = zip(run.event_from.values.tolist(), run.event_to.values.tolist(), strict=True)
         assert list(contacts) == [(before, after) for _, before, after, _ in events]
         for phase, (expected, _, _, velocity) in zip(run.event_phase.values, events, strict=True):
-            # A phase is known as well as the rounding of the displacement, 1e-14 of the height
+            # A phase is known as well as the rounding of the displacement, 1e-14 of its range
             # after these mesh periods, and the speed allow.
-            assert abs(phase - expected) < 1e-11 + 1e-14 * height / abs(velocity)
+            assert abs(phase - expected) < 1e-11 + 1e-14 * span / abs(velocity)
 
 
 @pytest.mark.parametrize("method", ["exact", "taylor"])
-def test_own_solvers_are_right_wherever_they_take_the_model(method):
-    column = failures.judge_method(method, method, {})
+def test_exact_methods_are_right_or_refuse_the_model(method):
+    column = failures.judge_method("name in tables", method, options={})
     for i, (name, problem) in enumerate(PROBLEMS.items()):
         cell = column.isel(problem=i, trial=0)
         verdict = failures.VERDICTS[int(cell.verdict)]
         if integrators.METHODS[method].supports(problem.model):
             assert verdict == "right", name
-            # Far below the tolerance, which is made for others; chaos has no common state.
+            # Chaos amplifies rounding; elsewhere the error is far below the tolerance of a problem.
             assert float(cell.error) < (problem.tolerance if name == "chaos" else 1e-6), name
         else:
             assert verdict == "refused", name
@@ -53,8 +53,8 @@ def test_own_solvers_are_right_wherever_they_take_the_model(method):
 
 
 @pytest.mark.parametrize(("rtol", "events"), [(1e-3, False), (1e-12, False), (1e-12, True)])
-def test_no_tolerance_helps_a_sign_test_at_step_ends(rtol, events):
-    # Nor does a terminal event, whose sign is looked at where steps end.
+def test_scipy_misses_a_double_crossing_within_a_step_at_any_tolerance(rtol, events):
+    # A terminal event does not help either: its sign is evaluated at the ends of steps.
     options = {"solver": "DOP853", "rtol": rtol, "atol": rtol, "events": events}
     row = failures.try_method(PROBLEMS["double_crossing"], "scipy", options)
     assert failures.VERDICTS[row["verdict"]] == "missed_event"

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 import gearlib
+from gearlib.analysis.orbits.special_points import FOLD
 from gearlib.uncertainty import observation
 from gearlib.uncertainty.observations import quantities_of
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
@@ -19,41 +20,41 @@ FREE = {
     "reduced_mass": (2.6, 3.7),
     "contact_ratio": (1.4, 1.75),
 }
-#: Of the planetary set below.
+#: Names of parameters of `planetary_set`.
 SUN, RING = "max_stiffness of mesh sun 1", "max_stiffness of mesh ring 1"
 PIN = "offset of body planet 1, y"
 
 
-def course(pair, seconds):
-    """Return a course up through the resonance and down again."""
+def course(pair, seconds=1.0):
+    """Return a speed profile up through the resonance and down again, each for so many seconds."""
     low, high = pair.speed(0.6), pair.speed(1.0)
     return [(0.0, low), (seconds, high), (2.0 * seconds, low)]
 
 
-def assert_found(fit, truth, errors):
-    """Assert that parameters lie within so many standard errors of the truth."""
+def assert_found(fit, truth, standard_errors):
+    """Assert that fitted parameters differ by so many standard errors from the truth at most."""
     for name, parameter in fit.params.items():
-        assert abs(parameter.value - truth.value(name)) < errors * parameter.stderr, name
+        assert abs(parameter.value - truth.value(name)) < standard_errors * parameter.stderr, name
 
 
-def test_intervals_hold_the_truth_that_a_run_up_shows():
+def test_a_fit_to_a_run_up_differs_from_the_truth_by_three_standard_errors_at_most():
     truth = TRUTH.replace(contact_ratio=1.5)
     guess = truth.replace(material_damping=4900.0, contact_ratio=1.7)
     free = {name: FREE[name] for name in ("material_damping", "contact_ratio")}
-    fit = gearlib.fit(guess, synthetic_rig(truth, course(truth, 1.0), 1), free)
+    fit = gearlib.fit(guess, synthetic_rig(truth, course(truth), seed=1), free)
     assert 0.8 < fit.redchi < 1.25 and not fit.unknown
-    assert_found(fit, truth, 3.0)
+    assert_found(fit, truth, standard_errors=3.0)
 
 
-def test_backlash_is_bounded_where_the_far_flank_is_never_struck():
-    data = synthetic_rig(TRUTH, course(TRUTH, 1.0), 3)
+def test_a_lower_bound_of_the_backlash_is_found_where_the_far_flank_is_never_struck():
+    data = synthetic_rig(TRUTH, course(TRUTH), seed=3)
     free = {"material_damping": (1000.0, 9000.0), "backlash": (1e-5, 9e-5)}
     fit = gearlib.fit(TRUTH.replace(backlash=6e-5), data, free)
     (sentence,) = fit.unknown
     assert sentence.startswith("backlash is not identifiable: the coast side is never in contact")
     bound = float(sentence.split("at least ")[1].split(" m")[0])
-    run = gearlib.run_up(TRUTH, speed=course(TRUTH, 1.0))
-    # Less than the way at the jumps, which are left out.
+    run = gearlib.run_up(TRUTH, speed=course(TRUTH))
+    # The bound leaves out the revolutions in which the motion jumps, whose travel is larger.
     assert 0.7 * bound < -float(run.displacement_min.min()) and bound < 1.01 * TRUTH.backlash
     assert not fit.params["backlash"].identifiable and "not known" in str(fit)
     assert fit.params["material_damping"].identifiable
@@ -63,26 +64,26 @@ def test_backlash_is_found_where_the_far_flank_is_struck():
     truth = TRUTH.replace(backlash=1e-5)
     free = {"reduced_mass": FREE["reduced_mass"], "backlash": (2e-6, 6e-5)}
     guess = truth.replace(reduced_mass=3.4, backlash=1.2e-5)
-    fit = gearlib.fit(guess, synthetic_rig(truth, course(truth, 1.0), 0), free)
+    fit = gearlib.fit(guess, synthetic_rig(truth, course(truth), seed=0), free)
     backlash = fit.params["backlash"]
     assert backlash.identifiable
     assert abs(backlash.value - truth.backlash) < 5.0 * backlash.stderr < 1e-7
 
 
-def measured_jumps(pair):
-    """Return a measured set of both speeds of jumps."""
+def jump_speeds(pair):
+    """Return a dataset of the exact speeds at which sweeps down and up jump."""
     branch = gearlib.continue_orbit(gearlib.periodic_orbit(pair, 1.1), to=0.6)
-    down, up = np.sort(branch.tuning.values[branch.label.values == 1]) * pair.speed(1.0)
+    down, up = np.sort(branch.tuning.values[branch.label.values == FOLD]) * pair.speed(1.0)
     attrs = {"units": "min-1", "noise_std": 1.0}
     return xr.Dataset({"jump_down": ((), down, attrs), "jump_up": ((), up, attrs)})
 
 
-def test_jumps_of_sweeps_alone_tell_two_parameters():
+def test_two_jump_speeds_determine_two_parameters():
     free = {name: FREE[name] for name in ("material_damping", "reduced_mass")}
     guess = TRUTH.replace(reduced_mass=3.05, material_damping=4200.0)
-    fit = gearlib.fit(guess, measured_jumps(TRUTH), free)
+    fit = gearlib.fit(guess, jump_speeds(TRUTH), free)
     for name, parameter in fit.params.items():
-        # As many data as parameters: they are met.
+        # There are as many data as parameters: the fit is exact.
         assert parameter.value == pytest.approx(getattr(TRUTH, name), rel=1e-6), name
     assert "[[Variables]]" in str(fit) and fit.ndata == 2
 
@@ -95,13 +96,17 @@ def planetary_set():
     return train.replace(reference_frequency=train.reference_angular_frequency / (2.0 * np.pi))
 
 
-def settled_points(model, speed, names):
-    """Return values of a settled motion with a noise of 0.3 %."""
+def noisy_orbit(model, speed, names):
+    """Return a dataset of named quantities of the periodic orbit at a speed, with 0.3 % of noise.
+
+    Names are those of columns of measured data, such as load_sharing_sun_1.
+    """
     rng = np.random.default_rng(5)
-    point = observation.orbit_quantities(model, speed, None, observation.SAMPLES_PER_PERIOD)
+    samples = observation.SAMPLES_PER_PERIOD
+    orbit = observation.orbit_quantities(model, speed, guess=None, samples_per_period=samples)
     data = xr.Dataset(coords={"speed": ("sample", [speed])})
-    for name, quantity in quantities_of(model, names).items():
-        value = observation.mesh_quantity(point, *quantity)
+    for name, (quantity, mesh) in quantities_of(model, names).items():
+        value = observation.mesh_quantity(orbit, quantity, mesh)
         attrs = {"noise_std": 0.003 * abs(value)}
         data[name] = "sample", value + rng.normal(0.0, attrs["noise_std"], 1), attrs
     return data
@@ -113,9 +118,9 @@ def test_two_stiffnesses_and_a_pin_error_are_found_from_load_sharing_and_orders(
     names += [f"order_amplitude_{mesh}" for mesh in ("1_sun_1", "1_ring_1", "2_sun_1")]
     free = {SUN: (4e8, 1e9), RING: (4e8, 1e9), PIN: (-3e-5, 3e-5)}
     guess = truth.with_values({SUN: 5.5e8, RING: 6.5e8, PIN: 0.0})
-    fit = gearlib.fit(guess, settled_points(truth, 2500.0, names), free)
+    fit = gearlib.fit(guess, noisy_orbit(truth, 2500.0, names), free)
     assert fit.ndata == 6 and fit.redchi < 2.6 and not fit.unknown
-    assert_found(fit, truth, 5.0)
+    assert_found(fit, truth, standard_errors=5.0)
     for name, parameter in fit.params.items():
         low, high = parameter.interval
         assert low <= truth.value(name) <= high, name
@@ -154,7 +159,7 @@ def test_every_settable_parameter_is_read_as_it_was_set():
     ],
 )
 def test_what_cannot_be_fitted_is_refused_in_a_sentence(changes, words):
-    settings = {"model": TRUTH, "data": measured_jumps(TRUTH)}
+    settings = {"model": TRUTH, "data": jump_speeds(TRUTH)}
     settings["free"] = {"reduced_mass": FREE["reduced_mass"]}
     with pytest.raises(ValueError, match="not allowed") as refusal:
         gearlib.fit(**settings | changes)

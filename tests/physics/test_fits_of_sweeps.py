@@ -9,7 +9,7 @@ from gearlib.uncertainty import observation
 from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
-#: Speeds of each direction.
+#: Number of speeds in each direction.
 COUNT = 21
 TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 FREE = {"material_damping": (1000.0, 9000.0), "reduced_mass": (2.6, 3.7), "load": (2e3, 5e3)}
@@ -52,7 +52,8 @@ def test_exact_curves_of_unknown_noise_give_the_truth():
 
 
 def test_an_unknown_gain_hides_the_load():
-    # While the far flank is not struck all lengths go with the load, shares of time do not feel it.
+    # While the far flank is not struck, lengths are proportional to the load, and shares of time do
+    # not depend on it.
     data = resonance(TRUTH, 1, gain=2.5)
     guess = TRUTH.replace(reduced_mass=3.1, load=3200.0)
     fit = gearlib.fit(guess, data, {name: FREE[name] for name in ("reduced_mass", "load")})
@@ -69,15 +70,16 @@ def test_a_speed_that_is_measured_twice_has_the_same_motion_twice():
     np.testing.assert_allclose(both @ both, 2.0 * residuals @ residuals, rtol=1e-9)
 
 
-def test_each_side_of_a_jump_has_its_own_branch():
+def test_points_are_compared_with_the_branch_on_their_side_of_the_jump():
     data = resonance(TRUTH, 2)
     points, jumps = observations_of(TRUTH, data)
-    places = jumps.draw(jumps.predicted_signals(TRUTH))
-    assert {place.name for place in places} == {"jump up", "jump down"}
+    drawn_jumps = jumps.draw(jumps.predicted_signals(TRUTH))
+    assert {jump.name for jump in drawn_jumps} == {"jump up", "jump down"}
     for curve in points.draw(points.predicted_signals(TRUTH)):
         values, fitted = curve.values
         assert np.sqrt(np.mean((fitted - values) ** 2)) < 0.05 * np.ptp(values)
-    # A model that jumps some points later is no large difference at any point.
+    # A model that jumps some points later has no large residual: a point of the data is compared
+    # with the branch that it is on, not with the motion of the model at its speed.
     near = TRUTH.replace(reduced_mass=1.02 * TRUTH.reduced_mass)
     residuals = points.residuals(near).reshape(2, -1)
     curves = resonance(near, 0)
@@ -90,15 +92,15 @@ def test_each_side_of_a_jump_has_its_own_branch():
         assert np.abs(differences).max() < 0.5 * largest
 
 
-def test_the_speed_of_contact_loss_is_a_grazing():
+def test_contact_is_lost_just_above_the_onset_speed_and_not_below():
     pair = TRUTH.replace(material_damping=7e3, backlash_damping=7e3)
     near = {"onset_of_contact_loss": pair.speed(0.83)}
-    (place,) = observation.resonance_speeds(pair, near).values()
-    shares = [
-        gearlib.simulate(pair, factor * place / pair.speed(1.0), periods=4000, record_periods=1)
+    (onset,) = observation.resonance_speeds(pair, near).values()
+    runs = [
+        gearlib.simulate(pair, factor * onset / pair.speed(1.0), periods=4000, record_periods=1)
         for factor in (1.0 - 1e-4, 1.0 + 1e-4)
     ]
-    assert [bool(run.fraction_backlash > 0.0) for run in shares] == [False, True]
+    assert [bool(run.fraction_backlash > 0.0) for run in runs] == [False, True]
 
 
 @pytest.mark.parametrize("name", ["speed", "displacement_max"])

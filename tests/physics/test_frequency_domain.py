@@ -23,7 +23,7 @@ CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_quadratic_damping=2
 CONSTANT = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=1.0, damping=0.1, backlash=4.0)
 
 
-def test_constant_stiffness_and_excitation_are_exact():
+def test_motion_at_constant_stiffness_is_the_closed_form():
     # Linear, one harmonic: x = 1 + amplitude / symbol.
     pair = OneDegreePair(pair=CONSTANT, excitation=Harmonics(cosines=(0.0, 0.3)))
     nu = 0.8
@@ -44,20 +44,20 @@ def test_constant_stiffness_and_excitation_are_exact():
 
 @pytest.mark.parametrize("solve", [harmonic_balance, schmidt])
 @pytest.mark.parametrize(("pair", "nu"), [(BOTH, 0.7), (MATERIAL, 1.0), (CUBIC, 0.9)])
-def test_orbits_events_and_multipliers(solve, pair, nu):
+def test_orbits_events_and_multipliers_are_those_of_exact_orbits(solve, pair, nu):
     result = solve(pair, nu, harmonics=64)
     error = errors(result)
     # Gibbs: 0.25 / h^2 of the displacement, 0.5 / h of dx/dtau, with room of about two; phases
     # of crossings and multipliers as good as the displacement.
     assert error.displacement < 1e-4 and error.velocity < 1.6e-2 and error.state < 2e-4
     assert error.multiplier < 1e-4
-    if nu != 0.7:
+    if nu != 0.7:  # there contact is never lost
         assert error.event < 1e-4
     assert result.residual < 1e-8 and result.stable
 
 
-def test_inverse_mesh():
-    # The upper branch at 0.66, followed down from 1: it reaches the far flank.
+def test_orbits_that_reach_the_far_flank_are_those_of_exact_orbits():
+    # The upper branch at 0.66, followed down from 1, has contact with both flanks, 1 and -1.
     curve = sweep(
         MATERIAL, np.linspace(0.66, 1.0, 18), periods=120, record_periods=1, direction="down"
     )
@@ -69,7 +69,7 @@ def test_inverse_mesh():
         assert error.displacement < 3e-4 and error.event < 1e-4 and error.multiplier < 1e-5
 
 
-def test_gibbs_slopes():
+def test_errors_fall_as_powers_of_the_number_of_harmonics():
     orbit = periodic_orbit(MATERIAL, 1.0)
     guess = exact_motion(orbit, 256)[0]
     result = [
@@ -82,13 +82,13 @@ def test_gibbs_slopes():
 
 
 def ordered(multipliers):
-    """Return multipliers in an order that does not hang on the last digit."""
+    """Return multipliers in an order that does not depend on the last digit."""
     return sorted(multipliers, key=lambda m: (round(m.imag, 6), m.real))
 
 
-# With more damping only their product tells the two from one that is found twice.
+# At the larger damping only the product of the multipliers shows whether one is found twice.
 @pytest.mark.parametrize(("nu", "damping"), [(1.5, 800), (2.0, 800), (2.0, 4000)])
-def test_multipliers_without_loss(nu, damping):
+def test_multipliers_without_loss_of_contact_are_those_of_the_exact_orbit(nu, damping):
     # Inside the tongue around nu = 2 they are real and negative, one beyond -1.
     pair = FREE.replace(backlash=0.0, material_damping=damping, backlash_damping=damping)
     orbit, result = periodic_orbit(pair, nu, guess=(1.0, 0.0)), harmonic_balance(pair, nu)
@@ -101,7 +101,8 @@ def test_multipliers_without_loss(nu, damping):
         assert orbit.multipliers[0].real < -1.0 and abs(orbit.multipliers[1]) < 1.0
 
 
-def test_what_leaves_all_bounds_has_no_multipliers():
+def test_an_iteration_that_diverges_has_no_multipliers():
+    # Without degenerate harmonics the successive approximations diverge here.
     start = 5.0 * np.cos(np.arange(16) * np.pi / 8)
     result = schmidt(CUBIC, 0.95, harmonics=8, degenerate=0, guess=start, max_iterations=200)
     assert result.status == "diverged" and result.iterations < 200
@@ -109,7 +110,7 @@ def test_what_leaves_all_bounds_has_no_multipliers():
     assert np.isnan([result.norm_bound, result.contraction]).all()
 
 
-def test_a_period_of_two():
+def test_an_orbit_of_one_period_is_found_as_one_of_two_periods():
     # The orbit of one period is one of two as well, its multipliers squared.
     one = harmonic_balance(MATERIAL, 1.0, harmonics=32)
     two = harmonic_balance(MATERIAL, 1.0, harmonics=64, samples=1024, period=2)

@@ -17,6 +17,7 @@ from gearlib import (
     simulate,
     sweep,
 )
+from gearlib.analysis.global_dynamics.attractors import CHAOTIC, PERIODIC, UNBOUNDED, UNDECIDED
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.engines.pair.motion import mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
@@ -25,6 +26,7 @@ from tests.unit.test_whole_periods import event_by_event
 
 
 def gear_pair(damping, oil=None, backlash=4.0, **changed):
+    """Return a pair by its damping ratios, in contact and, if another, in the backlash: `oil`."""
     shape = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879} | changed
     oil = damping if oil is None else oil
     return GearPair.from_ratios(**shape, damping=damping, backlash_damping=oil, backlash=backlash)
@@ -44,15 +46,15 @@ def grid(count):
 @pytest.mark.parametrize(
     ("pair", "tuning", "periods"), [(MATERIAL, 0.72, 1), (BOTH, 1.75, 2), (LIGHT, 2.05, 3)]
 )
-def test_labels_are_those_of_runs_event_by_event(pair, tuning, periods):
+def test_basins_have_the_attractors_of_runs_event_by_event(pair, tuning, periods):
     result = basins(pair, tuning, grid(33))
     states = np.stack(np.meshgrid(result.displacement, result.velocity, indexing="ij"), axis=-1)
     # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
     m = mesh_at_tuning(ratios(pair), tuning)
     ends = np.array([event_by_event(m, x, v, 600)[1:] for x, v in states.reshape(-1, 2)])
     points = result.state.values
-    away = np.linalg.norm(ends[:, None, None] - points, axis=-1)
-    nearest = np.where(np.isnan(away), np.inf, away).min(axis=2)
+    distances = np.linalg.norm(ends[:, None, None] - points, axis=-1)
+    nearest = np.where(np.isnan(distances), np.inf, distances).min(axis=2)
     assert result.period.values.max() == periods
     settled = nearest.min(axis=1) < 1e-6
     assert settled.mean() > 0.999
@@ -61,12 +63,11 @@ def test_labels_are_those_of_runs_event_by_event(pair, tuning, periods):
     assert (misplaced & settled).sum() <= 2
 
 
-@pytest.mark.parametrize(("tuning", "period"), [(2.05, 3)])
-def test_every_phase_of_an_orbit_is_the_same_attractor(tuning, period):
-    pair = BOTH if period == 2 else LIGHT
+def test_every_phase_of_an_orbit_is_the_same_attractor():
+    pair, tuning, period = LIGHT, 2.05, 3
     result = basins(pair, tuning, grid(30))
-    (many,) = np.flatnonzero(result.period == period)[:1]
-    points = result.state.values[many, :period]
+    index = np.flatnonzero(result.period == period)[0]
+    points = result.state.values[index, :period]
     assert np.abs(np.diff(points[:, 0])).max() > 0.1
     for x, v in points:
         alone = basins(pair, tuning, ([x], [v]))
@@ -78,22 +79,22 @@ def test_every_phase_of_an_orbit_is_the_same_attractor(tuning, period):
     np.testing.assert_allclose(ends, np.roll(points, -1, axis=0), atol=1e-11)
 
 
-def test_chaos_and_growth_beyond_all_bounds_are_classes():
-    soft = gear_pair(0.0164, backlash=7.2, contact_ratio=1.6, stiffness_ratio=0.35)
+def test_chaotic_and_unbounded_motions_have_their_kinds():
+    soft = gear_pair(damping=0.0164, backlash=7.2, contact_ratio=1.6, stiffness_ratio=0.35)
     result = basins(soft, 0.44, grid(12), periods=200)
-    assert result.attractor_kind.values.tolist() == [1] and float(result.exponent[0]) > 0.5
+    assert result.attractor_kind.values.tolist() == [CHAOTIC] and result.exponent[0] > 0.5
     # The tongue at twice the eigenfrequency, wide open for large motions.
     result = basins(LIGHT, 1.9, grid(16))
-    assert result.attractor_kind.values.tolist() == [0, 2]
+    assert result.attractor_kind.values.tolist() == [PERIODIC, UNBOUNDED]
     run = sweep(LIGHT, [1.9], periods=4000, record_periods=1, initial_state=(6.0, -6.0))
     assert (result.basin.values == 1).mean() > 0.3 and result.basin.values[-1, 0] == 1
     assert abs(run.final_state).max() > 1e9 or int(run.status[0]) != 0
 
 
-def test_contact_without_damping_draws_nothing_on():
+def test_contact_without_damping_has_no_attractor():
     pair = PAPER.replace(stiffness_ratio=1.0, backlash_damping=3000.0)
     data = basins(pair, 1.0, ([-1.0, 0.5], [0.0]))
-    assert data.attractor_kind.values.tolist() == [3]
+    assert data.attractor_kind.values.tolist() == [UNDECIDED]
 
 
 def test_exponents_are_those_of_the_multipliers():
@@ -132,7 +133,7 @@ def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
         np.testing.assert_allclose(diagram.final_state, curve.final_state, atol=1e-9)
 
 
-def test_shares_over_the_tuning():
+def test_shares_of_random_states_are_those_of_a_fine_grid():
     tunings = [0.74, 0.75, 0.76, 1.2]
     shares = basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
     np.testing.assert_allclose(shares.share.sum("attractor_family"), 1.0)

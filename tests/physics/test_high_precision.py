@@ -11,7 +11,7 @@ from tests.independent.systems import describe, move
 from tests.references import propagate_pair
 
 RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.06}
-#: Of 50 digits ten may go to the growth of rounding over six periods of bouncing.
+#: Ten of 50 digits are for the growth of rounding over six periods of bouncing.
 DIGITS = mpmath.mpf(10) ** -40
 
 
@@ -24,16 +24,16 @@ def digits_of(value):
     [
         ({"backlash": 4.0, "damping": 0.0}, 0.9, (0.0, 0.0)),  # reaches the far flank
         ({"backlash": 1.0, "damping": 2.0, "backlash_damping": 1.0}, 0.3, (-3.0, 1.0)),
-        ({"backlash": 0.0, "damping": 0.05}, 0.85, (0.0, -1.5)),  # no way between the flanks
+        ({"backlash": 0.0, "damping": 0.05}, 0.85, (0.0, -1.5)),  # no play between the flanks
         ({"backlash": math.inf}, 0.9, (0.5, -2.0)),
-        ({"backlash": 4.0}, 0.75, (-4.0, 0.0)),  # from rest on it
+        ({"backlash": 4.0}, 0.75, (-4.0, 0.0)),  # from rest on the far flank
         ({"backlash": 2.0, "contact_ratio": 2.0, "stiffness_ratio": 1.0}, 0.9, (2.0, -2.0)),
     ],
 )
-def test_runs_in_many_digits_are_those_of_closed_forms(changes, tuning, state):
+def test_linear_runs_in_many_digits_are_those_of_closed_forms(changes, tuning, state):
     pair = GearPair.from_ratios(**(RATIOS | changes))
-    end, phases, contacts = high_precision.run(pair, tuning, 6, 50, state)
-    x, v, events = propagate_pair(pair, tuning, 6, state)
+    end, phases, contacts = high_precision.run(pair, tuning, periods=6, digits=50, state=state)
+    x, v, events = propagate_pair(pair, tuning, periods=6, state=state)
     assert [*map(tuple, contacts.tolist())] == [event[1:3] for event in events]
     assert max(abs(digits_of(a) - b) for a, b in zip(end, (x, v), strict=True)) < DIGITS
     for phase, event in zip(phases, events, strict=True):
@@ -53,13 +53,15 @@ PAIR = GearPair(
 )
 
 
-def test_nonlinear_damping_against_the_independent_program():
+def test_runs_with_cubic_damping_are_those_of_the_independent_program():
     model = OneDegreePair(pair=PAIR, cubic_damping=0.75, backlash_cubic_damping=0.1875)
     with mpmath.workdps(40):
-        expected = move(describe(model), 0.75, 2, (0.0, -1.0), context=mpmath.mp)
-        end, _, contacts = high_precision.run(model, 0.75, 2, 36, (0.0, -1.0))
+        # `move` integrates the equations with the code of `tests.independent`.
+        tuning, periods, state = 0.75, 2, (0.0, -1.0)
+        expected = move(describe(model), tuning, periods, state, context=mpmath.mp)
+        end, _, contacts = high_precision.run(model, tuning, periods, digits=36, state=state)
         events = [[event.before, event.after] for event in expected.events]
         assert contacts.tolist() == events and events
         pairs = zip(end, expected.mesh_state(), strict=True)
-        # Of 36 digits some go to the growth of rounding.
+        # Some of the 36 digits are for the growth of rounding.
         assert max(abs(digits_of(a) - b) for a, b in pairs) < mpmath.mpf(10) ** -28

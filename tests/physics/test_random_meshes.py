@@ -30,12 +30,12 @@ def random_mesh(rng):
     far = -ratios["backlash"] if math.isfinite(ratios["backlash"]) else 0.0
     state = choose(rng.uniform(-6.0, 4.0), 0.0, far), choose(rng.uniform(-3.0, 3.0), 0.0)
     if rng.random() < 0.25 and ratios["contact_ratio"] > 1.05:
-        # Made to graze the normal flank: backwards from a minimum next to it.
+        # A state that grazes the normal flank: found backwards from a minimum next to it.
         kappa, eps = ratios["stiffness_ratio"], ratios["contact_ratio"]
         mean = kappa + (1 - kappa) * (eps - 1)
-        miss = float(rng.choice([-1, 1]) * 10 ** rng.uniform(-11, -3))
-        law = -ratios["damping"] / tuning, 1 / mean / tuning**2, 1 / tuning**2
-        x, v = from_rest(*law, miss, min(0.9 * math.pi * (eps - 1), 0.5 * tuning))
+        minimum = float(rng.choice([-1, 1]) * 10 ** rng.uniform(-11, -3))
+        decay, square, load = -ratios["damping"] / tuning, 1 / mean / tuning**2, 1 / tuning**2
+        x, v = from_rest(decay, square, load, minimum, min(0.9 * math.pi * (eps - 1), 0.5 * tuning))
         state = float(x), -float(v)
     return ratios, tuning, state
 
@@ -43,7 +43,7 @@ def random_mesh(rng):
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_no_event_missed_or_invented(seed):
     rng = np.random.default_rng(seed)
-    strict = 0
+    compared = 0
     for _ in range(CASES_PER_SEED):
         ratios, tuning, state = random_mesh(rng)
         x, v, expected = REFERENCES.propagate(*ratios.values(), tuning, PERIODS, state)
@@ -53,17 +53,17 @@ def test_no_event_missed_or_invented(seed):
         nudged = simulate(pair, tuning, initial_state=(state[0], state[1] + 1e-12), **options)
         context = (ratios, tuning, state)
         assert int(run.status) == 0, context
-        # What one part in 1e12 does to this orbit: rounding, a few hundred times smaller, cannot
-        # do more. It decides whether the orders of events can be compared at all.
+        # The effect of one part in 1e12, which is larger than that of rounding, a few hundred times
+        # smaller. Where it is large the events of both codes cannot be compared.
         spread = float(abs(nudged.final_state - run.final_state).max())
         scale = 1.0 + abs(float(x)) + abs(float(v))
         error = max(abs(float(run.final_state[0] - x)), abs(float(run.final_state[1] - v)))
         assert error <= 1e-10 * scale + 10.0 * spread, (context, error)
         if spread > 1e-7 * scale or run.sizes["event"] != nudged.sizes["event"]:
             continue
-        strict += 1
-        # Rest on the flank of an undamped mesh of constant stiffness comes back to touch it: the
-        # reference leaves by its own rounding, 1e-50 deep. Slower than 1e-14 is deeper than no ulp.
+        compared += 1
+        # From rest on its flank an undamped mesh of constant stiffness comes back to rest there:
+        # rounding, 1e-50 in the reference, makes events of it. Speeds below 1e-14 are rounding.
         expected = [event for event in expected if abs(event[3]) > 1e-14]
         order = list(zip(run.event_from.values, run.event_to.values, strict=True))
         assert order == [event[1:3] for event in expected], context
@@ -72,4 +72,4 @@ def test_no_event_missed_or_invented(seed):
             allowed = 1e-10 + (1e-12 + spread) / max(1e-9, abs(float(event[3])))
             assert abs(phase - float(event[0])) <= allowed, context
     # Nearly all cases must have been compared event by event.
-    assert strict >= 0.9 * CASES_PER_SEED
+    assert compared >= 0.9 * CASES_PER_SEED

@@ -17,37 +17,41 @@ MANY = {
     "correlations": [["load", "backlash", 0.4]],
 }
 NU = np.linspace(0.6, 1.1, 11)
-BOX = ((-6.0, 6.0), (-6.0, 6.0))
 RUNS = {"tunings": NU, "quantities": (), "directions": ("up", "down", "seeded")}
 
 
 @pytest.fixture(scope="module")
 def whole():
+    """The scatter of all 200 samples at once."""
     return scatter(PAIR, MANY, n=200, **RUNS)
 
 
-def loops(designs, count):
-    """Return heights, K_v and whether contact is lost by plain loops of `sweep`."""
+def plain_sweeps(designs, count):
+    """Return peak-to-peak displacement, dynamic factor and whether contact is lost, by `sweep`.
+
+    The shape is (3, designs, directions, tunings).
+    """
     points = designs.points(0, count)
     speeds, rows = PAIR.replace(load=3300.0, material_damping=0.0).speed(NU), []
     for point, values in zip(points, designs.values(points), strict=True):
         model = designs.model(values)
         for direction in RUNS["directions"]:
-            how = {"direction": direction}
+            start = {"direction": direction}
             if direction == "seeded":
-                how = {"initial_state": tuple(12.0 * point[-2:] - 6.0)}
-            one = gearlib.sweep(model, speeds=speeds, periods=120, record_periods=20, **how)
-            height = (one.displacement_max - one.displacement_min) * one.static_deflection
-            rows.append((height, one.dynamic_force_max, one.bounces > 0.0))
+                # A random state from the default box, -6 to 6 in both coordinates.
+                start = {"initial_state": tuple(12.0 * point[-2:] - 6.0)}
+            run = gearlib.sweep(model, speeds=speeds, periods=120, record_periods=20, **start)
+            height = (run.displacement_max - run.displacement_min) * run.static_deflection
+            rows.append((height, run.dynamic_force_max, run.bounces > 0.0))
     return np.array(rows).reshape(count, 3, 3, NU.size).transpose(2, 0, 1, 3)
 
 
-def test_bands_are_those_of_plain_loops():
+def test_bands_are_quantiles_of_plain_sweeps():
     designs = Designs(PAIR, MANY)
-    height, factor, lost = loops(designs, 24)
+    height, factor, lost = plain_sweeps(designs, 24)
     result = scatter(PAIR, MANY, n=24, **RUNS)
     for name, own in (("height_band", height), ("factor_band", factor)):
-        # Single precision.
+        # Bands are stored in single precision.
         assert np.allclose(result[name], np.quantile(own, QUANTILES, axis=0), rtol=3e-7)
     assert np.array_equal(result.contact_loss_probability, lost.mean(axis=0))
     up, down = height[:, 0], height[:, 1]
@@ -70,22 +74,22 @@ def test_any_shards_give_the_same_bytes(whole, tmp_path):
         join_shards([shard(PAIR, MANY, 200, 0, 3, seed=1, **RUNS), *parts[::2]])
 
 
-def test_probabilities_of_motions_are_shares_of_the_designs(whole):
+def test_random_starts_lead_to_both_motions_where_sweeps_up_and_down_differ(whole):
     two, motion = whole.two_motions_probability, whole.motion_probability
     assert np.allclose(motion.sum("motion"), 1.0)
     assert float(two.max()) > 0.3 and not two[-1]
-    # Starts tell of two motions where up and down do, and go to both.
+    # The starts of seeded runs lead to both motions where the sweeps up and down differ.
     both = motion.sel(motion=["lower", "higher"]).sum("motion")
     assert (both <= two + 1e-12).all() and (both > 0.0)[two > 0.2].all()
     assert (motion.sel(motion="higher") > 0.0)[two > 0.3].all()
     lost = whole.contact_loss_probability
-    # What is carried down from the resonance loses contact at least as often.
+    # Sweeps down, which come from the resonance, lose contact at least as often.
     assert (lost.sel(direction="down") >= lost.sel(direction="up") - 0.02).all()
     assert int(whole.failed_runs.sum()) == 0 and (whole.run_count == 200).all()
 
 
-def test_the_share_of_a_uniform_parameter_is_that_of_its_limits():
-    """Contact is lost above one load or below it: the probability is a length over a length."""
+def test_the_probability_of_contact_loss_is_the_share_of_the_range_below_the_limit_of_damping():
+    """The damping ratio is uniform, and contact is lost below one limit, which is bisected."""
     options = {"damping_ratio": {"min": 0.02, "max": 0.3}}
     result = scatter(PAIR, options, n=1024, tunings=[0.95], quantities=(), directions=("up",))
     low, high = 0.02, 0.3
@@ -95,7 +99,7 @@ def test_the_share_of_a_uniform_parameter_is_that_of_its_limits():
         pair = PAIR.replace(material_damping=beta * unit)
         lost = gearlib.simulate(pair, 0.95, periods=120, record_periods=20).bounces > 0
         low, high = (beta, high) if lost else (low, beta)
-    # However short it is: of all designs just beyond the limit.
+    # All designs of a tiny range just below the limit lose contact.
     near = {"damping_ratio": {"min": (1.0 - 1e-6) * low, "max": (1.0 - 1e-8) * low}}
     lost = scatter(PAIR, near, n=4, tunings=[0.95], quantities=(), directions=("up",))
     assert float(lost.contact_loss_probability.squeeze()) == 1.0
@@ -113,25 +117,25 @@ def test_samples_that_cannot_be_built_are_counted_and_told():
     assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
 
 
-def test_quantities_go_with_the_samples():
+def test_jump_and_onset_speeds_of_samples_are_those_of_their_models():
     options = {"max_stiffness": {"std": "1 %"}, "contact_ratio": {"mean": 1.9, "std": 0.06}}
     names = ("jump_up", "onset_of_contact_loss")
     result = scatter(PAIR, options, names, n=32)
     parts = [shard(PAIR, options, 32, *ends, quantities=names) for ends in ((5, 32), (0, 5))]
     assert join_shards(parts).identical(result)
-    there = result.refusal.values == ""
-    assert 0 < there.sum() < 32
+    can_be_built = result.refusal.values == ""
+    assert 0 < can_be_built.sum() < 32
     for name in names:
-        assert np.array_equal(result[f"{name}_status"].values == -1, ~there)
-    i = int(np.argmax(there))
+        assert np.array_equal(result[f"{name}_status"].values == -1, ~can_be_built)
+    i = int(np.argmax(can_be_built))
     designs = Designs(PAIR, options)
     model = designs.model(designs.values(designs.points(i, i + 1))[0])
-    # Onset: first with contact, then without.
+    # Contact is lost at one of two speeds that are just below and above the onset.
     speed = float(result.onset_of_contact_loss[i])
-    up = [speed * (1.0 - 1e-4), speed * (1.0 + 1e-4)]
-    run = gearlib.sweep(model, speeds=up, periods=600, record_periods=20, direction="down")
+    speeds = [speed * (1.0 - 1e-4), speed * (1.0 + 1e-4)]
+    run = gearlib.sweep(model, speeds=speeds, periods=600, record_periods=20, direction="down")
     assert run.bounces.values.astype(bool).sum() == 1
-    # Of a natural frequency: half the share of the stiffness.
+    # A natural frequency deviates by half the relative deviation of the stiffness, 1 %.
     nominal = scatter(PAIR, {"max_stiffness": {"std": "1 %"}, "load": {"std": "1 %"}}, names, n=64)
     for name in names:
         share = float(nominal[f"{name}_deviation"] / nominal[f"{name}_nominal"])

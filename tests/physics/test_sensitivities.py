@@ -14,6 +14,7 @@ from gearlib import (
     sensitivities,
     simulate,
 )
+from gearlib.analysis.orbits.special_points import FOLD, GRAZING
 from tests.independent import differences
 from tests.independent.systems import describe
 from tests.properties.known_models import (
@@ -61,22 +62,15 @@ CASES = {
 }
 
 
-def final(run):
-    """Return the variables of a run that the references have."""
-    return run[list(VARIABLES)]
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_derivatives_of_runs_against_many_digits(name):
     (model, tuning, state, periods), names = CASES[name]
-    result = sensitivities(
-        lambda model, tuning: final(
-            simulate(model, tuning, periods=periods, initial_state=state, samples_per_period=1)
-        ),
-        model,
-        names,
-        tuning=tuning,
-    )
+    options = {"periods": periods, "initial_state": state, "samples_per_period": 1}
+
+    def variables(model, tuning):
+        return simulate(model, tuning, **options)[list(VARIABLES)]
+
+    result = sensitivities(variables, model, names, tuning=tuning)
     rows = REFERENCES.rows(differences.of_run, describe(model), tuning, periods, state, list(names))
     for parameter, row in zip(names, rows, strict=True):
         row = np.array(row, float)
@@ -95,7 +89,7 @@ def test_derivatives_of_runs_against_many_digits(name):
             assert difference <= estimate + 1e-12 * size + floor, (parameter, variable)
 
 
-def test_derivatives_of_an_orbit_and_its_multipliers():
+def test_derivatives_of_an_orbit_and_its_multipliers_are_those_in_many_digits():
     def orbit(model, tuning):
         result = periodic_orbit(model, tuning, guess=(0.096, -2.833))
         return np.concatenate([result.state, result.multipliers.real, result.multipliers.imag])
@@ -112,12 +106,12 @@ def test_derivatives_of_an_orbit_and_its_multipliers():
         assert difference <= 1e-8 * np.abs(expected).max(), name
 
 
-def test_derivative_of_a_fold():
+def test_derivative_of_a_fold_is_that_in_many_digits():
     pair = DAMPED.replace(backlash_damping=0.0)
 
     def fold(model):
         branch = continue_orbit(periodic_orbit(model, 0.79), to=0.83)
-        point = int(np.flatnonzero(branch.label == 1)[0])
+        point = int(np.flatnonzero(branch.label == FOLD)[0])
         return np.array([*branch.state.values[point], branch.tuning.values[point]])
 
     guess = tuple(round(float(x), 6) for x in fold(pair))
@@ -126,8 +120,8 @@ def test_derivative_of_a_fold():
     assert float(result.d_value_d_material_damping) == pytest.approx(float(rows[0][0]), rel=1e-6)
 
 
-def test_derivative_of_a_run_up_by_its_speed():
-    # Without contact loss the displacement is linear in the load, the time of a course in 1/speed.
+def test_the_derivative_of_a_run_up_by_the_load_is_the_displacement_over_the_load():
+    # Without contact loss the displacement is proportional to the load.
     def largest(model, start):
         return run_up(model, start, start * 1.2, duration=0.05).displacement_max
 
@@ -140,12 +134,12 @@ def test_derivative_of_a_run_up_by_its_speed():
     assert np.isfinite(result.d_displacement_max_d_start).all()
 
 
-def test_a_warning_where_contact_comes_and_goes():
+def test_sensitivities_at_a_grazing_warn_that_events_appear_or_vanish():
     pair = GearPair.from_ratios(
         contact_ratio=1.5, stiffness_ratio=0.6, damping=0.05, backlash_damping=0.05, backlash=4
     )
     orbit = continue_orbit(periodic_orbit(pair, 0.6), to=1.0)
-    grazing = float(orbit.tuning[int(np.flatnonzero(orbit.label == 4)[0])])
+    grazing = float(orbit.tuning[int(np.flatnonzero(orbit.label == GRAZING)[0])])
 
     def largest(model, tuning):
         return simulate(model, tuning, periods=400).displacement_max

@@ -15,11 +15,12 @@ DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_cubic_damping=4e5)
 
 
-def test_exponent_of_constant_damping():
+def test_the_exponent_at_constant_damping_is_that_of_liouville():
     # Multipliers off the real axis have the modulus that Liouville gives: exp(-2 pi beta / nu).
     result = largest_exponent(DAMPED, 0.9, settle=200, periods=2000)
     expected = -2.0 * math.pi * DAMPED.damping_ratio / 0.9
-    # A vector that turns has the modulus in the mean, up to its ellipse over the count.
+    # A deviation turns on an ellipse: the logarithm of its length oscillates, which leaves an error
+    # of the order of one over the number of periods.
     assert result.value == pytest.approx(expected, abs=2e-3)
 
 
@@ -44,6 +45,7 @@ def test_motions_get_their_labels(pair, nu, label):
 
 
 def table(high, low, period, status=0):
+    """Return a dataset of runs: largest, smallest displacement, period (0: none), status code."""
     n = len(high)
     columns = {
         "displacement_max": high,
@@ -76,29 +78,29 @@ def test_a_label_follows_from_the_runs_and_the_exponent(runs, exponent, label, w
     assert result.label == label and words in result.message
 
 
-def test_what_shears_is_no_chaos():
-    # Quasi-periodic: deviations grow in proportion to time, here by up to 500 in the first period.
+def test_an_exponent_of_linear_growth_is_not_positive():
+    # Deviations of quasi-periodic motions grow in proportion to time, here by `rate` per period.
     for rate in (0.1, 1.0, 500.0):
         growth = math.log(rate * 4000)
-        assert not Exponent(growth / 4000, 1e-9, growth, 4000).positive
-    # Exponential growth, known to a tenth, and no better than its own error.
-    assert Exponent(0.02, 0.002, 80.0, 4000).positive
-    assert not Exponent(0.02, 0.02, 80.0, 4000).positive
+        assert not Exponent(growth / 4000, uncertainty=1e-9, growth=growth, periods=4000).positive
+    # Exponential growth, with an uncertainty of a tenth, and one as large as the exponent.
+    assert Exponent(0.02, uncertainty=0.002, growth=80.0, periods=4000).positive
+    assert not Exponent(0.02, uncertainty=0.02, growth=80.0, periods=4000).positive
 
 
-def test_a_scan_holds_the_labels_of_its_points():
+def test_a_scan_has_the_results_of_trust_at_its_tunings():
     options = {"periods": 100, "exponent_periods": 500}
     result = classify_at_tunings(PAPER, [0.7, 0.9], **options)
-    # CF: one word for each value.
+    # The conventions CF ask for one word for each value of a flag.
     words = result.label.attrs["flag_meanings"].split()
     values = result.label.attrs["flag_values"].tolist()
     assert len(words) == len(values) and all(word.isidentifier() for word in words)
     for tuning, label in zip((0.7, 0.9), result.label.values, strict=True):
-        one = trust(PAPER, tuning, **options)
-        assert one.label == LABELS[label]
-        assert words[values.index(label)].replace("_", "-") == one.label
+        single = trust(PAPER, tuning, **options)
+        assert single.label == LABELS[label]
+        assert words[values.index(label)].replace("_", "-") == single.label
         for name in ("period", "digits", "exponent", "uncertainty"):
-            np.testing.assert_equal(float(result[name].sel(tuning=tuning)), getattr(one, name))
-    # What lies beyond is rounding.
+            np.testing.assert_equal(float(result[name].sel(tuning=tuning)), getattr(single, name))
+    # A scan counts ten digits at most: more are rounding.
     settled = trust(DAMPED, 0.7, periods=500, exponent_periods=500)
     assert settled.digits > 10 and classify_at_tunings(DAMPED, [0.7], periods=500).digits == 10.0

@@ -26,14 +26,14 @@ def random_problem(rng):
     if rng.random() < 0.7:
         spread = rng.choice([1.0, 3.0, 8.0])
         squares, shapes = train.linear_modes
-        # So much motion in every mode that distances change by static deflections.
+        # The motion in every mode changes distances of flanks by `spread` static deflections or so.
         unit = shapes / np.maximum(np.abs(train.structure.lines @ shapes).max(axis=0), 1e-3)
         state[:n] += unit @ rng.normal(0.0, spread / math.sqrt(n), squares.size)
     return train, tuning, state
 
 
-def _flank(rng):
-    """Return random parameters of a mesh, with a backlash and deviations of its own."""
+def _random_mesh_parameters(rng):
+    """Return random keyword arguments of a `Mesh`, other than its stiffness and gears."""
     damping = rng.choice([0.0, 500.0, 3000.0], size=2)
     friction = (0.0, 0.0) if rng.random() < 0.7 else tuple(rng.uniform(0.0, 0.08, 2))
     values = dict(
@@ -55,6 +55,7 @@ def _flank(rng):
 
 
 def _pair(rng):
+    """Return a random pair, whose stiffness and load trains get."""
     return gearlib.GearPair(
         max_stiffness=rng.uniform(3e8, 6e8),
         stiffness_ratio=rng.uniform(0.55, 0.95),
@@ -65,13 +66,13 @@ def _pair(rng):
     )
 
 
-def _alike(rng, train):
+def _with_random_meshes(rng, train):
     """Return a train whose meshes have random parameters, all the same or each its own."""
     if rng.random() < 0.4:
-        values = _flank(rng)
+        values = _random_mesh_parameters(rng)
         meshes = [replace(mesh, **values) for mesh in train.meshes]
     else:
-        meshes = [replace(mesh, **_flank(rng)) for mesh in train.meshes]
+        meshes = [replace(mesh, **_random_mesh_parameters(rng)) for mesh in train.meshes]
     bodies = list(train.bodies)
     if rng.random() < 0.3:
         i = next(i for i, body in enumerate(bodies) if body.teeth)
@@ -79,10 +80,10 @@ def _alike(rng, train):
     return train.replace(meshes=meshes, bodies=bodies)
 
 
-def edge_problem(rng):
-    """Return (train, tuning, state) of a train whose flanks hardly have room: what may jam it.
+def jamming_problem(rng):
+    """Return (train, tuning, state) of a random train with little backlash, which may jam.
 
-    Backlashes of nothing to some um, deviations of either flank as large as that, and run-out.
+    Backlashes are 0 to 5 um, deviations of both flanks are as large, and some gears eccentric.
     """
     train, tuning, state = random_problem(rng)
     meshes = []
@@ -94,18 +95,18 @@ def edge_problem(rng):
             for _ in range(2)
         ]
         waves[1] = waves[rng.integers(2)]
-        more = dict(backlash=backlash, deviation=waves[0], inverse_deviation=waves[1])
-        meshes.append(replace(mesh, **more))
+        flanks = {"deviation": waves[0], "inverse_deviation": waves[1]}
+        meshes.append(replace(mesh, backlash=backlash, **flanks))
     bodies = [
         replace(body, eccentricity=float(rng.choice([0.0, 1e-6])), eccentricity_phase=1.0)
         if body.teeth
         else body
         for body in train.bodies
     ]
-    moved = train.replace(meshes=meshes, bodies=bodies)
+    train = train.replace(meshes=meshes, bodies=bodies)
     if rng.random() < 0.5:
-        state = moved.start_state("static")
-    return moved, tuning, state
+        state = train.start_state("static")
+    return train, tuning, state
 
 
 def chain_train(rng):
@@ -117,29 +118,27 @@ def chain_train(rng):
     elastic = rng.random() < 0.6
     force = pair.load
 
-    def add(teeth, torque=0.0):
+    def add_gear(teeth):
+        """Append and return a gear; two of 24 teeth have the reduced mass of the pair together."""
         r = radius * teeth
         reduced = 2.0 * pair.reduced_mass * (teeth / 24.0) ** 2
-        more = {}
+        support = {}
         if elastic and rng.random() < 0.7:
             stiffness = tuple(rng.uniform(1e8, 1e9, 2))
-            more = dict(
+            support = dict(
                 mass=2.0 * reduced,
                 support_stiffness=stiffness,
                 support_damping=tuple(1e-6 * k for k in stiffness),
             )
-        name = f"gear {len(bodies) + 1}"
-        inertia = reduced * r**2
-        body = gearlib.Body(
-            name=name, teeth=teeth, base_radius=r, inertia=inertia, torque=torque, **more
-        )
+        name, inertia = f"gear {len(bodies) + 1}", reduced * r**2
+        body = gearlib.Body(name=name, teeth=teeth, base_radius=r, inertia=inertia, **support)
         bodies.append(body)
         return body
 
-    first = add(int(rng.choice([18, 24])))
+    first = add_gear(int(rng.choice([18, 24])))
     bodies[0] = first = replace(first, torque=force * first.base_radius)
     for _ in range(count):
-        second = add(int(rng.choice([18, 24, 36])))
+        second = add_gear(int(rng.choice([18, 24, 36])))
         position = rng.uniform(0.0, 2.0 * math.pi)
         meshes.append(
             gearlib.Mesh(
@@ -155,7 +154,7 @@ def chain_train(rng):
         sense = -sense
         first = second
         if rng.random() < 0.4 and len(meshes) < count:
-            other = add(int(rng.choice([18, 24])))
+            other = add_gear(int(rng.choice([18, 24])))
             shafts.append(
                 gearlib.Shaft(
                     bodies=(first.name, other.name),
@@ -168,7 +167,7 @@ def chain_train(rng):
             first = other
     # The last gear turns as its mesh drives it; the load holds against that.
     bodies[-1] = replace(bodies[-1], torque=-sense * force * bodies[-1].base_radius)
-    return _alike(rng, gearlib.GearTrain(bodies=bodies, meshes=meshes, shafts=shafts))
+    return _with_random_meshes(rng, gearlib.GearTrain(bodies=bodies, meshes=meshes, shafts=shafts))
 
 
 def planetary_train(rng):
@@ -187,7 +186,7 @@ def planetary_train(rng):
         sun_base_radius=0.0387 * teeth[0] / 27.0,
         pin_errors=None if rng.random() < 0.7 else [(0.0, 5e-6)] + [(0.0, 0.0)] * (planets - 1),
     )
-    return _alike(rng, train)
+    return _with_random_meshes(rng, train)
 
 
 def reducer_train(rng):
@@ -200,7 +199,7 @@ def reducer_train(rng):
         support_stiffness=math.inf if rng.random() < 0.3 else 10.0 ** rng.uniform(8.3, 9.3),
         pin_errors=None if rng.random() < 0.5 else [(0.0, 5e-6)] + [(0.0, 0.0)] * (branches - 1),
     )
-    return _alike(rng, train)
+    return _with_random_meshes(rng, train)
 
 
 def symmetric_problem(rng):
@@ -235,8 +234,8 @@ def symmetric_problem(rng):
 ELASTIC = dict(support_stiffness=(3e8, 5e8), support_damping=(300.0, 500.0))
 
 
-def _mesh_with_everything(rng, pinion, wheel, **more):
-    """Return a mesh with everything that a mesh has, each of its own size."""
+def _mesh_with_all_features(rng, pinion, wheel, **chosen):
+    """Return a mesh with random values, none of them zero, of all its parameters."""
     values = dict(
         max_stiffness=rng.uniform(2e8, 5e8),
         stiffness_ratio=rng.uniform(0.6, 0.9),
@@ -256,11 +255,14 @@ def _mesh_with_everything(rng, pinion, wheel, **more):
         pitch_phase=rng.uniform(0.0, 6.0),
         tooth_thickness=tuple(rng.uniform(0.35, 0.6, 2)),
     )
-    return gearlib.Mesh(pinion=pinion, wheel=wheel, **(values | more))
+    return gearlib.Mesh(pinion=pinion, wheel=wheel, **(values | chosen))
 
 
 def chain_with_everything(rng):
-    """Return three gears and a ring gear in a row, on elastic axes, driven either way."""
+    """Return gears a, b, c and a ring gear d in a row, with all features and elastic supports.
+
+    The first mesh, and with it the load, has a random direction.
+    """
     teeth, bodies = (18, 24, 18, 72), []
     for i, z in enumerate(teeth):
         bodies.append(
@@ -276,13 +278,13 @@ def chain_with_everything(rng):
                 offset=tuple(rng.normal(0.0, 1e-6, 2)),
             )
         )
-    first = _mesh_with_everything(rng, "a", "b")
-    # Seen from b its flanks that touch a and c face the same way round.
-    second = _mesh_with_everything(rng, "b", "c", direction=-first.direction)
-    # c pushes the ring gear, which would touch the same flanks by turning back.
-    third = _mesh_with_everything(rng, "c", "d", internal=True, direction=-first.direction)
+    first = _mesh_with_all_features(rng, "a", "b")
+    # The direction changes from each external mesh in a row to the next.
+    second = _mesh_with_all_features(rng, "b", "c", direction=-first.direction)
+    # An internal mesh has the direction of the mesh before.
+    third = _mesh_with_all_features(rng, "c", "d", internal=True, direction=-first.direction)
     force = rng.uniform(500.0, 3000.0) * first.direction
-    # d turns as a does, at as many pitches.
+    # d turns in the sense of a and has the same tooth force: the torques are in balance.
     bodies[0] = replace(bodies[0], torque=force * bodies[0].base_radius)
     bodies[3] = replace(bodies[3], torque=-force * bodies[3].base_radius)
     return gearlib.GearTrain(bodies=bodies, meshes=[first, second, third], reference="a-b")

@@ -18,10 +18,7 @@ SETTINGS = {
 }
 
 
-TRAINS = [
-    split_power_reducer(PAPER),
-    planetary(turning=True, stiffness_ratio=(0.7, 0.7)),
-]
+TRAINS = [split_power_reducer(PAPER), planetary(turning=True, stiffness_ratio=(0.7, 0.7))]
 
 
 @pytest.mark.parametrize("train", TRAINS, ids=["reducer", "planetary"])
@@ -46,10 +43,14 @@ def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train):
 
 @pytest.fixture(scope="module")
 def diagram():
-    """The reducer's, with sweeps in which one mesh of the second stage parts at one speed."""
+    """The Campbell diagram of a reducer of which one mesh loses contact, at tuning 1.
+
+    Its sweeps are made up: at tunings 0.8, 1 and 1.2 all other meshes keep contact all the time.
+    """
     train = trains.reducer_train(PAPER, SETTINGS)
     tunings = np.array([0.8, 1.0, 1.2])
     normal = np.ones((1, 3, tunings.size, len(train.meshes)))
+    # Of case 0, direction 2 (down), tuning 1.0 and mesh 4.
     normal[0, 2, 1, 4] = 0.9
     characteristics = xr.Dataset(
         {
@@ -64,7 +65,7 @@ def diagram():
             "mesh": list(train.mesh_names),
         },
     )
-    return trains.campbell(characteristics, 2, PAPER.as_dict(), SETTINGS)
+    return trains.campbell(characteristics, orders=2, pair=PAPER.as_dict(), settings=SETTINGS)
 
 
 def test_the_table_has_every_intersection_once(diagram, tmp_path):
@@ -72,18 +73,20 @@ def test_the_table_has_every_intersection_once(diagram, tmp_path):
     speeds = [int(row["critical_speed_rpm"]) for row in rows]
     last = float(diagram.speed[-1])
     assert speeds == sorted(speeds) and max(speeds) <= last
-    both = diagram.critical_speed.values, diagram.natural_frequency.values
-    apart = {
-        (order, round(float(f), 3))
-        for order, line in enumerate(both[0])
-        for speed, f in zip(line, both[1], strict=True)
+    # Modes of one frequency share their intersections.
+    frequencies = diagram.natural_frequency.values.round(3)
+    intersections = {
+        (order, frequency)
+        for order, critical_speeds in enumerate(diagram.critical_speed.values)
+        for speed, frequency in zip(critical_speeds, frequencies, strict=True)
         if speed <= last
     }
-    assert len(rows) == len(apart)
-    nearest = {"0.8": "no", "1": "yes", "1.2": "no"}
+    assert len(rows) == len(intersections)
+    # Below the slowest speed of the sweeps the cell is empty.
+    contact_lost = {"0.8": "no", "1": "yes", "1.2": "no"}
     for row, speed in zip(rows, speeds, strict=True):
         tuning = diagram.tuning.values[np.abs(diagram.speed.values - speed).argmin()]
         below = speed < float(diagram.speed[0])
-        expected = "" if below else nearest[f"{tuning:g}"]
+        expected = "" if below else contact_lost[f"{tuning:g}"]
         assert row["contact_lost_at_the_nearest_speed_swept"] == expected
         assert row["excited"] == ("yes" if row["mode_kind"] == "rotational" else "no")

@@ -18,7 +18,7 @@ NU = 0.85
 
 
 def test_a_train_at_rest_on_its_flanks_begins_in_contact():
-    # The force of the load comes to the ring with the fourth power of time, and in the right order.
+    # The ring meshes are pressed with the fourth power of time; rounding must not open them before.
     train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
     events = train.propagator(0.5).record(train.start_state((0.0, 0.0)), 1, 100).events
     assert (events[:, orbit.EVENT_PHASE] > 1e-9).all()
@@ -45,18 +45,17 @@ def test_a_start_at_rest_on_a_flank_line_has_the_contact_that_the_load_presses_o
     assert not len(events) or events[0, orbit.EVENT_PHASE] > 0.1
 
 
-# Of sixty each those in which sums of parts of a substep round below the event before.
+# Seeds, of sixty, in which the phase of an event would round below that of the event before.
 @pytest.mark.parametrize(
-    ("kind", "seed"),
-    [(symmetric_problem, seed) for seed in (12, 54)] + [(random_problem, 17)],
+    ("kind", "seed"), [(symmetric_problem, seed) for seed in (12, 54)] + [(random_problem, 17)]
 )
 def test_events_are_recorded_in_their_order(kind, seed):
     train, tuning, state = kind(np.random.default_rng(seed))
     events = train.propagator(tuning).record(state, 40, 10**5).events
     same = np.diff(events[:, orbit.EVENT_PERIOD]) == 0.0
-    apart = np.diff(events[:, orbit.EVENT_PHASE])
-    assert (apart[same] >= 0.0).all()
-    assert (np.diff(events[:, EVENT_MESH])[same & (apart == 0.0)] >= 0).all()
+    steps = np.diff(events[:, orbit.EVENT_PHASE])
+    assert (steps[same] >= 0.0).all()
+    assert (np.diff(events[:, EVENT_MESH])[same & (steps == 0.0)] >= 0).all()
     run = gearlib.simulate(train, tuning, periods=40, record_periods=40, initial_state=state)
     assert run.event.size == len(events) > 10 and (np.diff(run.event_phase) >= 0.0).all()
 

@@ -51,12 +51,14 @@ def graded_train(kind, seed):
     return train.replace(bodies=bodies, meshes=meshes, shafts=shafts)
 
 
-def exact(train):
-    """Return the system of `tests.independent` in the digits of mpmath, its radii of one pitch."""
+def precise_system(train):
+    """Return the system of `tests.independent` in the digits of mpmath.
+
+    Gears whose pitches are equal up to rounding get radii that are exact multiples of one pitch.
+    """
     description = describe(train)
     gears = [body for body in description["bodies"] if body["teeth"]]
     pitches = [body["base_radius"] / body["teeth"] for body in gears]
-    # As far as meshes tell; what they do not is exact as it is.
     if np.ptp(pitches) < 1e-12 * pitches[0]:
         for body in gears:
             body["base_radius"] = body["teeth"] * mpf(pitches[0])
@@ -65,38 +67,37 @@ def exact(train):
 
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", KINDS)
-def test_natural_frequencies_have_all_digits(kind, seed):
+def test_natural_frequencies_agree_with_60_digits_to_rounding(kind, seed):
     train = graded_train(kind, seed)
     squares, shapes = train.linear_modes
     with mpmath.workdps(60):
-        expected = exact(train).modes()[0]
+        expected, *_ = precise_system(train).modes()
     free = train.free_motions.shape[1]
     assert free == 1 and abs(float(expected[0])) < 1e-20 * float(expected[1])
-    # Springs and masses have 1e-16, which moves each of these by no more; and n roundings.
+    # Springs and masses are rounded by 1e-16, each of which changes a square by no more than that.
     np.testing.assert_allclose(squares, np.array(expected[1:], float), rtol=1e-13)
-    # Shares of the strain energy: those of a mode, and of a spring in all modes, are at most 1.
+    # Squares of strains are shares of the strain energy of a mode: their sum is 1.
     np.testing.assert_allclose((train.strains**2).sum(axis=0), 1.0, rtol=1e-13)
     mass = train.structure.mass
     scale = 1.0 / np.sqrt(np.diagonal(mass))
-    every = np.concatenate([train.free_motions, shapes], axis=1) / scale[:, None]
-    np.testing.assert_allclose(
-        every.T @ (scale[:, None] * mass * scale) @ every, np.eye(len(mass)), atol=1e-12
-    )
+    motions = np.concatenate([train.free_motions, shapes], axis=1) / scale[:, None]
+    product = motions.T @ (scale[:, None] * mass * scale) @ motions
+    np.testing.assert_allclose(product, np.eye(len(mass)), atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_static_forces_have_all_digits(kind):
+def test_static_forces_agree_with_60_digits(kind):
     train = graded_train(kind, 0)
     with mpmath.workdps(60):
-        system = exact(train)
-        whole = system.modes()[2]
+        system = precise_system(train)
+        *_, stiffness = system.modes()
         torques = [mpf(float(value)) for value in train.structure.load]
-        # One gear held: what its torque lacks to balance is rounding.
-        held = system.names.index((train.reference_mesh.pinion, "u"))
-        kept = [i for i in range(system.n) if i != held]
-        inner = mpmath.matrix(whole[np.ix_(kept, kept)].tolist())
+        # The torques are in balance up to rounding, so that one gear can be fixed.
+        fixed = system.names.index((train.reference_mesh.pinion, "u"))
+        free = [i for i in range(system.n) if i != fixed]
+        free_stiffness = mpmath.matrix(stiffness[np.ix_(free, free)].tolist())
         q = system.zeros(system.n)
-        q[kept] = list(mpmath.lu_solve(inner, mpmath.matrix([torques[i] for i in kept])))
+        q[free] = list(mpmath.lu_solve(free_stiffness, mpmath.matrix([torques[i] for i in free])))
         forces = [
             mesh.mean_stiffness * (contact["sides"][0]["row"] @ q)
             for mesh, contact in zip(train.meshes, system.contacts, strict=True)

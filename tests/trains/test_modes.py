@@ -13,6 +13,7 @@ TRANSLATIONAL = (743.2, 1102.4, 1896.0, 2276.4, 6986.3, 9647.9)
 
 
 def of_kind(modes, *kinds):
+    """Return the natural frequencies of the modes of these kinds, Hz."""
     return modes.natural_frequency.values[np.isin(modes.mode_kind.values, kinds)]
 
 
@@ -25,8 +26,8 @@ def test_frequencies_are_those_printed_by_lin_and_parker():
     )
 
 
-def test_modes_of_planets_are_single_double_and_of_satellites():
-    """Lin & Parker's theorem, also for modes that mix the digits of a common frequency."""
+def test_planetary_trains_have_single_rotational_and_double_translational_modes():
+    """Lin & Parker's theorem; modes of a common frequency, which rounding mixes, get their kind."""
     for planets in (3, 4, 5):
         modes = planetary(planets=planets, teeth=(210, 630)).modes()
         assert of_kind(modes, "rigid").size == 1

@@ -14,47 +14,55 @@ from tests.paper import PAPER
 from tests.trains.random_trains import chain_train, planetary_train, reducer_train
 
 
-def rests(train):
-    """Assert that all forces at phase 0 are in balance, and pressed flanks touch; return contacts.
+def contacts_in_equilibrium(train):
+    """Return contacts at phase 0, after an assertion that forces are in balance where flanks touch.
 
-    Springs only push, so that no other forces do that: their energy is convex.
+    There is no other equilibrium: springs that can only push have a convex energy.
     """
     result, system = equilibrium(train), system_of(describe(train), 1.0)
     assert not result.both_flanks_touch.any()
+    # `still` is the stiffness and load without the forces of a turning frame.
     stiffness, load = system.still
-    left, size = load - stiffness @ result.q, np.abs(load) + np.abs(stiffness) @ np.abs(result.q)
+    balance = load - stiffness @ result.q
+    size = np.abs(load) + np.abs(stiffness) @ np.abs(result.q)
     for contact, force, code in zip(system.contacts, result.force, result.contact, strict=True):
-        near, far = (system.distance(side, result.q, 0.0) for side in contact["sides"])
-        # A flank that just touches fits either way, to a millionth of a millionth of the gaps.
-        assert {1: near >= -1e-17, 0: near < 1e-17 and far > -1e-17, -1: far <= 1e-17}[code]
-        side, way = contact["sides"][int(code < 0)], near if code >= 0 else far
-        level = system.level(contact, side, 1e-12)
-        # Of displacements far larger than the distance.
-        assert force == pytest.approx(level * way if code else 0.0, abs=1e-12 * size.max())
-        left, size = left - force * side["row"], size + abs(force * side["row"])
-    np.testing.assert_allclose(left, 0.0, rtol=0, atol=1e-12 * size.max())
+        drive, coast = (system.distance(side, result.q, 0.0) for side in contact["sides"])
+        # A flank that just touches may count as in contact or not: distances round by 1e-17 m.
+        if code == 1:
+            assert drive >= -1e-17
+        elif code == -1:
+            assert coast <= 1e-17
+        else:
+            assert code == 0 and drive < 1e-17 and coast > -1e-17
+        side, distance = contact["sides"][int(code < 0)], drive if code >= 0 else coast
+        expected = system.level(contact, side, 1e-12) * distance if code else 0.0
+        # Displacements, and what rounds with them, are far larger than the distance.
+        assert force == pytest.approx(expected, abs=1e-12 * size.max())
+        balance, size = balance - force * side["row"], size + abs(force * side["row"])
+    np.testing.assert_allclose(balance, 0.0, rtol=0, atol=1e-12 * size.max())
     return result.contact
 
 
-def test_equilibrium_meets_all_conditions():
-    codes = []
+def test_forces_of_random_trains_are_in_balance_where_flanks_touch():
+    contacts = []
     for seed in range(60):
         rng = np.random.default_rng(seed)
         train = (planetary_train, reducer_train, chain_train)[seed % 3](rng)
-        # Errors of several deflections, so that meshes stay open or touch behind.
+        # Errors of several deflections, so that meshes stay open or touch on the coast side.
         meshes = [
             replace(mesh, error=rng.normal(0.0, 40e-6), backlash=rng.uniform(5e-6, 50e-6))
             for mesh in train.meshes
         ]
         share = rng.choice([1.0, 0.2, -1.0])
         bodies = [replace(body, torque=share * body.torque) for body in train.bodies]
-        codes.append(rests(train.replace(meshes=meshes, bodies=bodies, gyroscopic=False)))
-    assert sum((0 in one) for one in codes) > 10 and sum((-1 in one) for one in codes) > 8
+        train = train.replace(meshes=meshes, bodies=bodies, gyroscopic=False)
+        contacts.append(contacts_in_equilibrium(train))
+    assert sum(0 in codes for codes in contacts) > 10 and sum(-1 in codes for codes in contacts) > 8
 
 
 @pytest.mark.parametrize("internal", [False, True])
-def test_branches_share_as_a_displaced_pin_makes_them(internal):
-    """Three branches of two meshes and a shaft in series, one of which starts closer by e."""
+def test_branches_with_a_displaced_pin_share_the_load_as_by_hand_calculation(internal):
+    """Each of three branches has two meshes and a shaft in series; one pin is displaced."""
     pair = PAPER.replace(backlash=math.inf)
     delta, k = 10e-6, 1e6
     train = split_power_reducer(
@@ -78,18 +86,12 @@ def test_branches_share_as_a_displaced_pin_makes_them(internal):
     np.testing.assert_allclose(static.load_sharing.values[:3], force / pair.load, atol=1e-11)
 
 
-@pytest.mark.parametrize(
-    "train",
-    [
-        planetary(),
-        planetary(planets=5, teeth=(27, 98), planet_teeth=35),
-        split_power_reducer(PAPER),
-    ],
-)
-def test_each_branch_of_a_perfect_train_takes_its_share(train):
-    static = train.static()
-    np.testing.assert_allclose(static.load_sharing.values, 1.0, rtol=1e-11)
-    assert np.all(static.contact.values == 1)
+def test_branches_of_trains_without_errors_carry_equal_loads():
+    five_planets = planetary(planets=5, teeth=(27, 98), planet_teeth=35)
+    for train in (planetary(), five_planets, split_power_reducer(PAPER)):
+        static = train.static()
+        np.testing.assert_allclose(static.load_sharing.values, 1.0, rtol=1e-11)
+        assert np.all(static.contact.values == 1)
 
 
 def test_torques_of_a_planetary_train_are_those_of_willis():
@@ -124,19 +126,19 @@ def test_speeds_are_those_of_willis():
     for internal, ratio in ((False, Fraction(4, 9)), (True, Fraction(-4, 21))):
         train = split_power_reducer(PAPER, internal=internal)
         assert train.speeds["output"] / train.speeds["input"] == ratio
-        # What goes in comes out.
+        # The power of the input is that of the output.
         power = sum(float(train.speeds[b.name]) * b.torque for b in train.bodies)
         assert power == pytest.approx(0.0, abs=1e-12 * abs(train.by_name["input"].torque))
     assert two_stage(PAPER).frequency_ratios == (1, Fraction(2, 3))
     assert idler(PAPER).speeds["wheel"] == idler(PAPER).speeds["pinion"]
 
 
-def test_a_train_that_its_load_opens_for_good_is_refused():
+def test_a_load_against_the_drive_sides_is_refused_with_infinite_backlash():
     train = idler(PAPER.replace(backlash=math.inf))
-    rotation = [replace(body, torque=-body.torque) for body in train.bodies]
+    bodies = [replace(body, torque=-body.torque) for body in train.bodies]
     with pytest.raises(ValueError, match="no static equilibrium"):
-        train.replace(bodies=rotation).static()
-    finite = idler(PAPER).replace(bodies=rotation).static()
+        train.replace(bodies=bodies).static()
+    finite = idler(PAPER).replace(bodies=bodies).static()
     assert list(finite.contact.values) == [-1, -1]
     np.testing.assert_allclose(finite.mesh_force.values, -PAPER.load, rtol=1e-12)
 

@@ -71,14 +71,16 @@ def reduced(train):
 
 
 def lifting(train, small):
-    """Return the state of the train that belongs to one of its reduced train, as a matrix."""
-    first = next(body.name for body in small.bodies if body.carrier)
-    theirs = {name: i for i, name in enumerate(small.structure.coordinates)}
-    matrix = np.zeros((len(train.structure.coordinates), len(theirs)))
+    """Return the matrix that turns a state of the reduced train, `small`, into one of the train."""
+    planet = next(body.name for body in small.bodies if body.carrier)
+    columns = {coordinate: i for i, coordinate in enumerate(small.structure.coordinates)}
+    matrix = np.zeros((len(train.structure.coordinates), len(columns)))
     for i, (body, axis) in enumerate(train.structure.coordinates):
-        place = (first if train.by_name[body].carrier else body), axis
-        if place in theirs:
-            matrix[i, theirs[place]] = 1.0
+        # Every planet moves as the one of the reduced train; sun, ring and carrier only turn.
+        coordinate = (planet if train.by_name[body].carrier else body), axis
+        if coordinate in columns:
+            matrix[i, columns[coordinate]] = 1.0
+    # The same for coordinates and velocities.
     return np.kron(np.eye(2), matrix)
 
 

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib import (
-    simulate,
-    two_stage,
-)
+from gearlib import simulate, two_stage
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
 
@@ -37,7 +34,7 @@ def test_the_excitation_repeats_after_the_least_common_period():
 
 @pytest.mark.parametrize("internal", [False, True])
 @pytest.mark.parametrize("direction", [1, -1])
-def test_a_line_of_action_tells_where_the_gears_lie(internal, direction):
+def test_a_line_of_action_determines_the_line_of_centres(internal, direction):
     rng = np.random.default_rng(17)
     stiffness = {"max_stiffness": 1e8, "stiffness_ratio": 0.7, "contact_ratio": 1.6}
     for position, alpha in zip(rng.uniform(-3.0, 3.0, 5), rng.uniform(0.1, 0.6, 5), strict=True):
@@ -46,22 +43,21 @@ def test_a_line_of_action_tells_where_the_gears_lie(internal, direction):
         again = replace(mesh, position=None, line_of_action=mesh.line)
         assert again.line == mesh.line
         assert again.centre_line_angle == pytest.approx(position, abs=1e-14)
-        # Of a pair outside of each other the pressure parts the axes; a ring gear is pulled along.
-        # Across the line of centres it turns the gear with the drive side.
+        # The components along and across the line of centres.
         rotation = mesh.line - position
-        apart = -math.sin(alpha) if internal else math.sin(alpha)
-        assert math.cos(rotation) == pytest.approx(apart, abs=1e-14)
+        radial = -math.sin(alpha) if internal else math.sin(alpha)
+        assert math.cos(rotation) == pytest.approx(radial, abs=1e-14)
         assert math.sin(rotation) == pytest.approx(direction * math.cos(alpha), abs=1e-14)
 
 
-@pytest.mark.parametrize("apart", [0.0, 1e-10, 1e-4])
-def test_deviations_at_and_beside_an_undamped_resonance(apart):
+@pytest.mark.parametrize("detuning", [0.0, 1e-10, 1e-4])
+def test_deviations_at_an_undamped_resonance_cause_the_motion_of_taylor_steps(detuning):
     pair = PAPER.replace(backlash=math.inf)
     wave = gearlib.Harmonics((1e-6,), (2e-6,))
     train = pairs_as_train(pair)
     train = train.replace(meshes=[replace(train.meshes[0], deviation=wave)])
     # The natural frequency of the upper stiffness level is met exactly.
-    tuning = math.sqrt(pair.max_stiffness / pair.mean_stiffness) * (1.0 + apart)
+    tuning = math.sqrt(pair.max_stiffness / pair.mean_stiffness) * (1.0 + detuning)
     settings = {"periods": 4, "record_periods": 4}
     run = simulate(train, tuning, initial_state=train.start_state((0.0, 0.0)), **settings)
     start = float(run.displacement[0, 0]), float(run.velocity[0, 0])
