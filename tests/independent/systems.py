@@ -239,12 +239,6 @@ class RunUp:
         self.equations = Equations(self.system.json(), context)
         self.pieces = program.courses(self.equations, speed, load, turn, push)
 
-    def end(self, seconds):
-        """End the course early."""
-        last = self.equations.context.mpf(seconds) * self.system.speed
-        kept = [piece for piece in self.pieces if piece.begin < last]
-        self.pieces = [piece._replace(end=min(piece.end, last)) for piece in kept]
-
     def cuts(self, piece):
         """Return the times, in units, at which stiffness or sliding changes, and the end."""
         return program.cuts_of(self.equations, piece)

@@ -64,7 +64,7 @@ EDITS = {
     "gearlib/figures/resonance_figure.py": {"draw_resonance"},
     "gearlib/analysis/global_dynamics/poincare.py": {
         *("compute_basins", "draw_basins", "compute_poincare", "draw_poincare"),
-        *("compute_bifurcation", "bifurcation_branches", "draw_bifurcation"),
+        *("compute_bifurcation", "draw_bifurcation"),
     },
     "gearlib/studies/claims/scene_claims.py": {"compute_claims"},
     "gearlib/config/experiments.py": set(),
