@@ -70,7 +70,12 @@ def table(high, low, period, status=0):
         (table([2.0, 2.0], [0.0, 0.0], [1, 1]), (0.0, 0.01, 0.0), "undecided", "run more"),
         (table([2.0, 2.0], [0.0, 0.0], [1, 1], 2), (-0.1, 0.1, -9.0), "undecided", "run 0"),
         (table([2.0, 2.0], [0.0, 0.0], [0, 0], 2), (0.1, 0.01, 100.0), "unbounded", "bound"),
-        (table([2.0, 2.0], [0.0, 0.0], [1, 1], 1), (-0.1, 0.1, -9.0), "undecided", "go on: run 0"),
+        (
+            table([2.0, 2.0], [0.0, 0.0], [1, 1], 1),
+            (-0.1, 0.1, -9.0),
+            "undecided",
+            "failed runs: run 0",
+        ),
     ],
 )
 def test_a_label_follows_from_the_runs_and_the_exponent(runs, exponent, label, words):
