@@ -16,7 +16,7 @@
 # make clean   remove the results; `make distclean` the environment as well
 #
 # ARGS is handed to what a target calls, as in `make golden ARGS=--drawn`; with SHORT=1 benchmarks
-# call everything once. The test of these targets runs them in such short forms.
+# call everything once.
 
 PYTHON ?= python3
 # All cores, up to four: a worker of the tests takes up to 2 GB.

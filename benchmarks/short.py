@@ -1,4 +1,4 @@
-"""How often benchmarks call: as often as they say, or once, `make bench SHORT=1`, as tests do."""
+"""How often benchmarks call: as often as they say, or once, `make bench SHORT=1`."""
 
 import os
 

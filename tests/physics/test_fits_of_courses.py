@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 import gearlib
 from gearlib.analysis.order_maps import ShaftRotation
-from gearlib.uncertainty.course_observations import regress_mesh_orders
+from gearlib.uncertainty.course_observations import _compared_revolutions, regress_mesh_orders
 from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
 
@@ -106,3 +106,12 @@ def test_revolutions_with_gaps_are_left_out_of_a_run_up():
             assert_found(gearlib.fit(GUESS, part, FREE))
     with pytest.raises(ValueError, match="time = 'of 21 revolutions with gaps' is not allowed"):
         gearlib.fit(GUESS, data.isel(sample=data.time.values % 0.02 > 0.003), FREE)
+
+
+def test_step_in_the_first_revolutions_hides_no_later_jump():
+    orders = np.ones((160, 3), complex)
+    # A transient, larger than the jump, in the revolutions that are not compared.
+    orders[3:] *= 20.0
+    orders[80:] /= 5.0
+    _, _, jumps = _compared_revolutions(orders, np.ones(160))
+    assert jumps == [80]
