@@ -15,7 +15,7 @@
 # make wheel   build wheel and source archive into dist/, and try both in a fresh environment
 # make clean   remove the results; `make distclean` the environment as well
 #
-# ARGS is handed to what a target calls, as in `make golden ARGS=--drawn`; with SHORT=1 benchmarks
+# ARGS is handed to what a target calls, as in `make test ARGS=-x`; with SHORT=1 benchmarks
 # call everything once.
 
 PYTHON ?= python3
@@ -45,7 +45,7 @@ lint: $(TESTING)
 
 # Review what has moved, and why, before it is committed.
 golden: $(TESTING)
-	$(BIN)/python -m tests.golden $(ARGS)
+	$(BIN)/python -m tests.golden
 
 references: $(TESTING)
 	$(BIN)/python -m tests.references $(ARGS)

@@ -1,16 +1,14 @@
 """Renew golden numbers and pictures of figures: `make golden`.
 
 Runs the small workflow of tests/workflow in a temporary folder, prints what has changed and writes
-only that. After a change of nothing but figures, ``--drawn`` draws them again, all or those named,
-from the golden numbers.
+only that.
 """
 
-import argparse
 import tempfile
 from pathlib import Path
 
 from tests.golden import data, figures
-from tests.workflow.project import small_project
+from tests.workflow.project import recorded_run
 
 
 def renew_numbers(results):
@@ -31,18 +29,9 @@ def renew_numbers(results):
             path.unlink()
 
 
-def main():
-    parser = argparse.ArgumentParser(prog="python -m tests.golden", description=__doc__)
-    parser.add_argument("--drawn", nargs="*", metavar="figure", help="renew pictures only")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        if options.drawn is None:
-            project = small_project(Path(folder) / "small")
-            project.snakemake("-j2")
-            renew_numbers(project / "results")
-        pictures = figures.draw(Path(folder) / "drawn", options.drawn or ())
-        print(*figures.renew(pictures), sep="\n")
-
-
 if __name__ == "__main__":
-    main()
+    with tempfile.TemporaryDirectory() as temporary:
+        project, _, records = recorded_run(Path(temporary) / "small")
+        renew_numbers(project / "results")
+        pictures = figures.draw(Path(temporary) / "drawn", records)
+        print(*figures.renew(pictures), sep="\n")

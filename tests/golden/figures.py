@@ -1,20 +1,19 @@
-"""Every figure drawn from golden data by the workflow itself, against the stored pictures.
+"""Every figure of the small workflow drawn from golden data, against the stored pictures.
 
-What a picture shows depends on these data and on the code that draws: no motion is computed, and no
-rounding of chaotic motions comes in between.
+What a picture shows depends on these data, on the parameters of its job and on the code that draws:
+no motion is computed, and no rounding of chaotic motions comes in between.
 """
 
-import os
+import runpy
 import shutil
-import time
+import sys
 from pathlib import Path
 
-import yaml
 from matplotlib.testing.compare import compare_images
 
 from gearlib.data import variables
 from tests.golden import data
-from tests.workflow.project import small_project
+from tests.workflow.project import ROOT
 
 FOLDER = Path(__file__).with_name("figures")
 
@@ -22,35 +21,30 @@ FOLDER = Path(__file__).with_name("figures")
 MAX_DIFFERENCE = 0.5
 
 
-def draw(folder, figures=()):
-    """Draw figures, by default all, in a new project in `folder`; return the folder of pictures."""
-    project = small_project(folder)
-
-    def configure(settings):
-        settings["figures"] |= {"formats": ["png"], "dpi": 60}
-        # A colour that is no default shows whether that of the configuration is taken.
-        settings["figures"]["colours"]["k1"] = "#AA3377"
-
-    project.configure(configure)
-    # Jobs that compute would come first: golden data of a new figure are missing.
-    for script in ("compile_kernels.py", "compile_larger_kernels.py", "compile_train_kernels.py"):
-        message = "golden data of a figure are missing: `make golden` adds them"
-        (project / "workflow/scripts" / script).write_text(f"raise SystemExit({message!r})")
-    targets = [f"results/figures/{name}.png" for name in figures]
-    if not targets:
-        settings = yaml.safe_load((project / "config.yaml").read_text(encoding="utf-8"))
-        targets = [f"results/figures/{name}.png" for name in settings["scenes"]]
-        rules = project.snakemake("--list-rules").split()
+def draw(folder, records):
+    """Draw the figures of all recorded jobs into `folder`, from golden data."""
+    _write_results(folder / "results")
+    scripts = ROOT / "workflow/scripts"
+    sys.path.insert(0, str(scripts))
+    try:
+        draw_figures = runpy.run_path(str(scripts / "draw.py"))["draw_figures"]
+    finally:
+        sys.path.remove(str(scripts))
+    for job in records:
         # There are no golden data of measured sets.
-        drawing = [rule for rule in rules if rule.startswith("draw_") and "measured" not in rule]
-        targets += [rule for rule in drawing if rule != "draw_scene"]
-    _write_results(project / "results")
-    project.snakemake("-j2", *targets)
-    return project / "results/figures"
+        if job["script"] == "draw.py":
+            files = {name: _below(folder, paths) for name, paths in job["input"].items()}
+            draw_figures(files, _below(folder, job["output"]), **job["params"])
+    return folder / "results/figures"
+
+
+def _below(folder, paths):
+    """Return a path, or a list of paths, below a folder."""
+    return str(folder / paths) if isinstance(paths, str) else [str(folder / p) for p in paths]
 
 
 def _write_results(results):
-    """Write the golden data where the rules look for results, newer than all sources."""
+    """Write the golden data where the jobs have their inputs."""
     for path in data.FOLDER.rglob("*.nc"):
         name = path.relative_to(data.FOLDER)
         data.write(data.read(name), results / name)
@@ -64,9 +58,7 @@ def _write_results(results):
         }
         times = variables.describe(errors.assign(times | {"closed_form_time": 1e-6}))
         data.write(times, path.with_name(path.name.replace("errors", "times")))
-    now = time.time()
-    for path in results.rglob("*"):
-        os.utime(path, (now, now))
+    (results / "figures").mkdir()
 
 
 def stored():

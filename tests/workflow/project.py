@@ -1,5 +1,6 @@
 """A small project in a temporary folder, on which the tests run the real Snakemake."""
 
+import json
 import os
 import re
 import shutil
@@ -96,6 +97,21 @@ def small_project(folder):
     small["targets"] = [name for name in TARGETS if name != "measured"]
     project.configure(lambda settings: _merge(settings, small))
     return project
+
+
+def recorded_run(folder):
+    """Run `snakemake -j2` in a new small project; return it, what it printed, and its records."""
+    records = folder / "records"
+    records.mkdir(parents=True)
+    recorder = str(ROOT / "tests/workflow/recorder")
+    environment = {
+        "PYTHONPATH": os.pathsep.join(filter(None, [recorder, os.getenv("PYTHONPATH")])),
+        "GEARLIB_RECORDS": str(records),
+    }
+    project = small_project(folder / "project")
+    printed = project.snakemake("-j2", **environment)
+    jobs = [json.loads(path.read_text(encoding="utf-8")) for path in records.glob("*.json")]
+    return project, printed, jobs
 
 
 def _merge(base, changes):

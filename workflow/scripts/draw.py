@@ -7,15 +7,20 @@ from gearlib.figures import style
 from inputs import datasets
 from joblog import redirect_output
 
-if __name__ == "__main__":
-    redirect_output(snakemake.log[0])
-    draw = resolve_name(f"gearlib.figures.{snakemake.params.draw}")
-    figures = draw(**datasets(snakemake.input), **snakemake.params.settings)
+
+def draw_figures(files, paths, draw, settings, gears, absent, dpi):
+    """Draw the datasets among the named input files, save the figures in all formats."""
+    figures = resolve_name(f"gearlib.figures.{draw}")(**datasets(files), **settings)
     # The function of a rule with several figures returns a dict, name -> figure.
     has_several = isinstance(figures, dict)
     for figure in figures.values() if has_several else [figures]:
-        style.name_gears(figure, snakemake.params.gears)
-        style.note_absent(figure, snakemake.params.absent)
-        figure.set_dpi(snakemake.params.dpi)
-    for path in map(Path, snakemake.output):
+        style.name_gears(figure, gears)
+        style.note_absent(figure, absent)
+        figure.set_dpi(dpi)
+    for path in map(Path, paths):
         style.save(figures[path.stem] if has_several else figures, path)
+
+
+if __name__ == "__main__":
+    redirect_output(snakemake.log[0])
+    draw_figures(snakemake.input, snakemake.output, **dict(snakemake.params.items()))

@@ -1,4 +1,4 @@
-"""Runs at the start of each process of the small workflow: records what a job has loaded."""
+"""Runs at the start of each process of the small workflow: records what a job is and loads."""
 
 import atexit
 import json
@@ -10,7 +10,7 @@ _ENVIRONMENT = dict(os.environ)
 
 
 def write_record():
-    """Write the rule, sources, loaded files and environment of this job to GEARLIB_RECORDS."""
+    """Write what this job is and has loaded to the folder GEARLIB_RECORDS, as JSON."""
     # Snakemake puts this object into the main module of a job.
     job = getattr(sys.modules["__main__"], "snakemake", None)
     if not hasattr(job, "rule"):
@@ -22,11 +22,16 @@ def write_record():
         "rule": job.rule,
         # Snakemake runs a copy of the script, whose name has a random prefix.
         "script": Path(sys.argv[0]).name.partition(".")[2],
+        "input": {name: files for name, files in job.input.items() if name != "sources"},
+        "output": [*job.output],
+        "params": dict(job.params.items()),
         "sources": sources.read(job.input.sources),
         "loaded": sorted(filter(None, files)),
         "environment": _ENVIRONMENT,
     }
-    Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}.json").write_text(json.dumps(record))
+    Path(os.environ["GEARLIB_RECORDS"], f"{os.getpid()}.json").write_text(
+        json.dumps(record, default=list)
+    )
 
 
 atexit.register(write_record)
