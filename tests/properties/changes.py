@@ -3,8 +3,7 @@
 import dataclasses
 import math
 
-from gearlib import DeadZoneOscillator, GearPair, Harmonics, OneDegreePair, Steps
-from gearlib.geometry import Mesh as DrawnMesh
+from gearlib import GearPair, Harmonics
 
 #: Field -> powers of length, mass and time in its unit; what is not here is a number.
 UNITS = {
@@ -48,7 +47,7 @@ def in_units(value, length=1.0, mass=1.0, time=1.0):
         if field.name in UNITS and not (field.name == "bodies" or own is None):
             powers = zip((length, mass, time), UNITS[field.name], strict=True)
             changes[field.name] = _times(own, math.prod(base**power for base, power in powers))
-        elif dataclasses.is_dataclass(own) and not isinstance(own, (Harmonics, DrawnMesh)):
+        elif dataclasses.is_dataclass(own) and not isinstance(own, Harmonics):
             # A profile holds numbers only.
             inner = isinstance(own, GearPair)
             changes[field.name] = in_units(own, length, mass, time) if inner else own
@@ -99,21 +98,6 @@ def mirrored(train):
 
 def _negative(angle):
     return None if angle is None else -angle
-
-
-def as_oscillator(pair, **changes):
-    """Return a `GearPair`, in static deflections, as an oscillator with the same equation."""
-    pieces = OneDegreePair(pair=pair).equation.drive_stiffness
-    steps = Steps(tuple(pieces.breaks[:-1]), tuple(pieces.lines[:, 0]))
-    parameters = {
-        "lower_edge": -pair.backlash_ratio,
-        "upper_stiffness": steps,
-        "damping": 2.0 * pair.backlash_damping_ratio,
-        "upper_damping": 2.0 * pair.damping_ratio,
-        "lower_damping": 2.0 * pair.damping_ratio,
-        "load": 1.0,
-    }
-    return DeadZoneOscillator(**parameters | changes)
 
 
 def renamed(train):

@@ -125,35 +125,21 @@ GEARS = SixDegreePair(
 
 def motor_pinion_idler_wheel():
     """Return a train of six coordinates: a shaft, an elastic bearing, two meshes, errors."""
-    radii, inertias = (0.05, 0.045, 0.0675, 0.09), (0.02, 0.002, 0.01, 0.03)
-    names, torque = ("motor", "pinion", "idler", "wheel"), 2000.0 * 0.045
-    more = (
-        {"torque": torque},
-        {"teeth": 24},
-        {"teeth": 36, "mass": 5.0, "support_stiffness": (5e8, 4e8)}
-        | {"support_damping": (500.0, 700.0)},
-        {"teeth": 48, "torque": -2.0 * torque},
-    )
+    torque = 2000.0 * 0.045
+    bearing = {"mass": 5.0, "support_stiffness": (5e8, 4e8), "support_damping": (500.0, 700.0)}
     bodies = [
-        Body(name=name, inertia=inertia, base_radius=r, **own)
-        for name, inertia, r, own in zip(names, inertias, radii, more, strict=True)
+        Body(name="motor", inertia=0.02, base_radius=0.05, torque=torque),
+        Body(name="pinion", inertia=0.002, base_radius=0.045, teeth=24),
+        Body(name="idler", inertia=0.01, base_radius=0.0675, teeth=36, **bearing),
+        Body(name="wheel", inertia=0.03, base_radius=0.09, teeth=48, torque=-2.0 * torque),
     ]
-    fields = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
-    fields += ("material_damping", "backlash_damping", "error")
-    values = (
-        (3e8, 0.7, 1.6, 20e-6, 2000.0, 300.0, 1e-6),
-        (2.5e8, 0.6, 1.4, 15e-6, 1500.0, 200.0, -2e-6),
-    )
-    meshes = [
-        Mesh(
-            pinion=names[1 + j],
-            wheel=names[2 + j],
-            direction=1 - 2 * j,
-            phase=0.3 * j,
-            **dict(zip(fields, values[j], strict=True)),
-        )
-        for j in range(2)
+    fields = ("pinion", "wheel", "direction", "phase", "max_stiffness", "stiffness_ratio")
+    fields += ("contact_ratio", "backlash", "material_damping", "backlash_damping", "error")
+    rows = [
+        ("pinion", "idler", 1, 0.0, 3e8, 0.7, 1.6, 20e-6, 2000.0, 300.0, 1e-6),
+        ("idler", "wheel", -1, 0.3, 2.5e8, 0.6, 1.4, 15e-6, 1500.0, 200.0, -2e-6),
     ]
+    meshes = [Mesh(**dict(zip(fields, row, strict=True))) for row in rows]
     shafts = [Shaft(bodies=("motor", "pinion"), stiffness=2e5, damping=0.2)]
     return GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
 

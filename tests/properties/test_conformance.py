@@ -5,7 +5,7 @@
 
 import math
 import os
-from itertools import pairwise
+from itertools import chain, pairwise, product
 
 import numpy as np
 import pytest
@@ -35,31 +35,18 @@ SAMPLES = 16
 TIMES = ("fraction_normal", "fraction_backlash", "fraction_inverse", "fraction_min_stiffness")
 
 
-def merged(rows):
-    """Return events (before, after, phase), those through a gap of no width as one."""
-    found = []
-    for row in rows:
-        if found and found[-1][1] == row[0] == 0 and row[2] - found[-1][2] < 1e-10:
-            row = (found.pop()[0], row[1], row[2])
-        found.append(row)
+def by_contact(events, count):
+    """Return rows (before, after, phase) of each contact, one for those through a gap of no width.
+
+    `events` are rows of the contact, then these.
+    """
+    found = [[] for _ in range(count)]
+    for contact, *row in events:
+        rows = found[int(contact)]
+        if rows and rows[-1][1] == row[0] == 0 and row[2] - rows[-1][2] < 1e-10:
+            row[0] = rows.pop()[0]
+        rows.append(row)
     return found
-
-
-def by_mesh(motion):
-    """Return contact -> rows (before, after, phase) of a motion of the reference."""
-    found = {j: [] for j in range(len(motion.equations.contacts))}
-    for event in motion.events:
-        found[event.contact].append((event.before, event.after, float(event.phase)))
-    return {j: merged(rows) for j, rows in found.items()}
-
-
-def events_of(run, count):
-    meshes = run.event_mesh.values if "event_mesh" in run else np.zeros(run.sizes["event"], int)
-    found = {j: [] for j in range(count)}
-    for j, *row in zip(meshes, run.event_from.values, run.event_to.values, run.event_phase.values,
-                       strict=True):  # fmt: skip
-        found[int(j)].append(tuple(row))
-    return {j: merged(rows) for j, rows in found.items()}
 
 
 def assert_same_motion(case, run, motion, tolerance):
@@ -68,40 +55,39 @@ def assert_same_motion(case, run, motion, tolerance):
     `tolerance` is that of states of the size of the static deflection.
     """
     assert int(run.status) == 0
-    expected_events = by_mesh(motion)
-    for j, events in events_of(run, len(expected_events)).items():
-        assert [event[:2] for event in events] == [event[:2] for event in expected_events[j]], j
-        for (*_, phase), (*_, expected) in zip(events, expected_events[j], strict=True):
-            # Next to a grazing a phase has half of the digits of the state.
-            assert abs(phase - expected) < 1e5 * tolerance
+    count = len(motion.equations.contacts)
+    columns = [run[f"event_{name}"].values for name in ("from", "to", "phase")]
+    meshes = run.event_mesh.values if "event_mesh" in run else np.zeros(run.sizes["event"])
+    found = by_contact(zip(meshes, *columns, strict=True), count)
+    rows = [(*event[1:4], float(event.phase)) for event in motion.events]
+    for events, expected in zip(found, by_contact(rows, count), strict=True):
+        assert [event[:2] for event in events] == [event[:2] for event in expected]
+        phases = [[row[2] for row in rows] for rows in (events, expected)]
+        # Next to a grazing a phase has half of the digits of the state.
+        np.testing.assert_allclose(*phases, rtol=0, atol=1e5 * tolerance)
     end = motion.state if "mesh" in run.dims else motion.mesh_state()
     scale = max(1.0, np.abs(end).max())
     np.testing.assert_allclose(run.final_state, end, rtol=0, atol=tolerance * scale)
-    assert (run.displacement.values.size > 0) and len(motion.record.samples) > 0
-    samples = {float(phase): values for phase, *values in motion.record.samples}
     atol = 10.0 * tolerance * scale
+    phases, *curves, q = map(np.array, zip(*motion.record.samples, strict=True))
+    np.testing.assert_array_equal(run.phase, phases)
     # A sample at which a stiffness or a contact switches may be taken before or after it.
-    switches = [phase for events in expected_events.values() for *_, phase in events]
-    switches = [0.0, *motion.cuts, *switches]
-    for i, name in enumerate(("displacement", "velocity", "dynamic_force")):
-        values = run[name].values.reshape(len(run.phase), -1)
-        for phase, row in zip(run.phase.values, values, strict=True):
-            if phase in samples and min(abs(phase - switch) for switch in switches) > 1e-6:
-                np.testing.assert_allclose(row, samples[phase][i], rtol=0, atol=atol, err_msg=name)
+    switches = [0.0, *motion.cuts, *(row[-1] for row in rows)]
+    away = np.abs(phases[:, None] - switches).min(axis=1) > 1e-6
+    for name, values in zip(("displacement", "velocity", "dynamic_force"), curves, strict=True):
+        found = run[name].values.reshape(values.shape)
+        np.testing.assert_allclose(found[away], values[away], rtol=0, atol=atol, err_msg=name)
     if hasattr(case.model, "flexible"):
         # Motions across the line of action do not show in the displacement of the mesh.
         bearings = [("y3", "z3", "y2", "z2")[i] for i in case.model.elastic_bearings()]
         names = ["rotation_3", "rotation_2", *(f"bearing_{name}" for name in bearings)]
-        for i, name in enumerate(names):
-            expected = [coordinates[i] for *_, coordinates in samples.values()]
-            np.testing.assert_allclose(run[name], expected, rtol=0, atol=atol, err_msg=name)
+        np.testing.assert_allclose(np.transpose([run[name] for name in names]), q, 0, atol)
     curves = {"displacement": motion.record.heights, "dynamic_force": motion.record.forces}
-    for name, values in curves.items():
-        for extremum in (max, min):
-            expected, found = [extremum(row) for row in values], run[f"{name}_{extremum.__name__}"]
-            np.testing.assert_allclose(np.ravel(found), expected, rtol=0, atol=atol, err_msg=name)
-    for i, name in enumerate(TIMES):
-        expected = [times[i] / (2.0 * math.pi * case.periods) for times in motion.record.durations]
+    for (name, values), extremum in product(curves.items(), (max, min)):
+        expected, found = [extremum(row) for row in values], run[f"{name}_{extremum.__name__}"]
+        np.testing.assert_allclose(np.ravel(found), expected, rtol=0, atol=atol, err_msg=name)
+    shares = np.array(motion.record.durations).T / (2.0 * math.pi * case.periods)
+    for name, expected in zip(TIMES, shares, strict=True):
         np.testing.assert_allclose(np.ravel(run[name]), expected, rtol=0, atol=1e5 * tolerance)
 
 
@@ -156,19 +142,22 @@ def test_no_event_of_a_random_train_is_missed(seed):
 
 def test_some_random_trains_graze_and_some_have_coinciding_events():
     coinciding, shortest_contact = 0, math.inf
-    for seed in range(16):
-        case = random_trains_case(seed)
-        events = reference_motion(Known(*case, 3)).events
-        intervals = [b.phase - a.phase for a, b in pairwise(events) if a.contact != b.contact]
-        coinciding += min(intervals, default=1.0) < 1e-11
+    for seed in sorted((*range(2, 16, 4), *range(3, 16, 4))):
+        events = reference_motion(Known(*random_trains_case(seed), 3)).events
         if seed % 4 == 2:  # a grazing start
-            for j in range(len(case.model.meshes)):
-                phases = [event.phase for event in events if event.contact == j]
-                shortest_contact = min([shortest_contact, *(b - a for a, b in pairwise(phases))])
+            for contact in {event.contact for event in events}:
+                phases = [event.phase for event in events if event.contact == contact]
+                shortest_contact = min([shortest_contact, *np.diff(phases)])
+        else:
+            intervals = [b.phase - a.phase for a, b in pairwise(events) if a.contact != b.contact]
+            coinciding += min(intervals, default=1.0) < 1e-11
     assert coinciding >= 2 and shortest_contact < 0.05
 
 
 FRICTION = {"friction": (0.06, 0.04), "pitch_phase": 0.7}
+SOFT = gears(3e7, 3953.7, 3953.7, free=True, share=0.2)
+INVERSE = gears(3e9, 1500.0, 300.0, share=0.2, backlash=12e-6, **FRICTION)
+#: Name -> model, tuning, guess of the state.
 ORBITS = {
     "pair": (DAMPED, 0.9, None),
     "pair in contact": (DAMPED, 0.7, None),
@@ -178,31 +167,23 @@ ORBITS = {
     "table": (KNOWN["table"].model.replace(pair=DAMPED), 0.9, None),
     "oscillator": (OSCILLATOR, 0.8, None),
     "cubic damping above": (KNOWN["cubic damping"].model, 1.3, None),
-    "six degrees": (gears(3e7, 3953.7, 3953.7, free=True, share=0.2), 0.9, None),
-    "six degrees in contact": (gears(3e7, 3953.7, 3953.7, free=True, share=0.2), 0.7, None),
-    "inverse mesh": (
-        gears(3e9, 1500.0, 300.0, share=0.2, backlash=12e-6, **FRICTION),
-        0.8,
-        None,
-    ),
+    "six degrees": (SOFT, 0.9, None),
+    "six degrees in contact": (SOFT, 0.7, None),
+    "inverse mesh": (INVERSE, 0.8, None),
     "run-out": (GEARS.replace(teeth=(3, 3)), 0.7, None),
     "planets": (KNOWN["bouncing planets"].model, 1.0, None),
     "chain": (CHAIN, 0.5, None),
-}  # fmt: skip
+}
 
 
 def reference_map(model, tuning, period, state):
     """Return the central differences of the reference over an orbit, all components."""
-    state, columns = np.array(state), []
     equations = equations_of(describe(model), tuning)
-    for j in range(state.size):
-        ends = []
-        for side in (1.0, -1.0):
-            other = state.copy()
-            other[j] += side * 1e-6
-            ends.append(np.array(program.move(equations, period, other).state))
-        columns.append((ends[0] - ends[1]) / 2e-6)
-    return np.stack(columns, axis=1)
+
+    def end(change):
+        return np.array(program.move(equations, period, state + change).state)
+
+    return np.transpose([(end(h) - end(-h)) / 2e-6 for h in 1e-6 * np.eye(len(state))])
 
 
 @pytest.mark.parametrize("name", ORBITS)
@@ -265,26 +246,22 @@ def assert_stable_and_consistent_over_two_periods(model, tuning, orbit):
 def assert_reference_passes_through_the_enclosures(model, tuning, orbit, proven):
     """Assert that the reference, from the middle of the first enclosure, passes the others."""
 
-    def middle(enclosure):
-        return (mpf(str(enclosure.low)) + mpf(str(enclosure.high))) / 2
+    def bounds(enclosure):
+        return mpf(str(enclosure.low)), mpf(str(enclosure.high))
 
     def inside(value, enclosure):
-        room = mpf(10) ** -25
-        return mpf(str(enclosure.low)) - room <= value <= mpf(str(enclosure.high)) + room
+        (low, high), room = bounds(enclosure), mpf(10) ** -25
+        return low - room <= value <= high + room
 
+    description, start = describe(model), (proven.displacement, proven.velocity)
     has_coordinates = hasattr(proven, "coordinates")
-    description = describe(model)
+    if isinstance(model, gearlib.GearTrain):
+        # A certificate of a train states its units, which the reference takes.
+        units = model.static_deflection, model.reference_angular_frequency
+        description["derived"] = dict(zip(("length", "omega"), units, strict=True))
     with mp.workdps(50):
-        if has_coordinates:
-            state = [*map(middle, proven.displacement), *map(middle, proven.velocity)]
-            # A certificate of a train states its units, which the reference takes.
-            if "gear" in type(model).__name__.lower() and model.mesh_names:
-                description["derived"] = {
-                    "length": model.static_deflection,
-                    "omega": model.reference_angular_frequency,
-                }
-        else:
-            state = [middle(proven.displacement), middle(proven.velocity)]
+        first = chain(*start) if has_coordinates else start
+        state = [sum(bounds(enclosure)) / 2 for enclosure in first]
         motion = move(description, tuning, orbit.period, state, context=mp)
         events = sorted(motion.events, key=lambda event: (event.phase, event.contact))
         # Events at one phase may have any order.
@@ -292,5 +269,4 @@ def assert_reference_passes_through_the_enclosures(model, tuning, orbit, proven)
         for event, enclosure in zip(events, enclosures, strict=True):
             assert inside(event.phase, enclosure)
         if not has_coordinates:
-            displacement, velocity = motion.mesh_state()
-            assert inside(displacement, proven.displacement) and inside(velocity, proven.velocity)
+            assert all(map(inside, motion.mesh_state(), start))

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import gearlib
+from gearlib import Body, Harmonics, Mesh, Shaft
 
 
 def random_problem(rng):
@@ -13,45 +14,71 @@ def random_problem(rng):
 
     Chains with shafts, planetary trains and reducers of 2 to 6 meshes.
     """
-    kind = rng.choice(["chain", "planetary", "reducer"])
-    train = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}[kind](
-        rng
-    )
-    squares, _ = train.linear_modes
+    kinds = {"chain": chain_train, "planetary": planetary_train, "reducer": reducer_train}
+    train = kinds[rng.choice([*kinds])](rng)
+    squares, shapes = train.linear_modes
     low, high = math.sqrt(squares[0]), math.sqrt(squares[-1])
     speed = math.exp(rng.uniform(math.log(max(low, high / 12.0)), math.log(1.2 * high)))
-    tuning = float(speed / train.reference_angular_frequency)
-    n = train.size // 2
     state = train.start_state("static")
     if rng.random() < 0.7:
         spread = rng.choice([1.0, 3.0, 8.0])
-        squares, shapes = train.linear_modes
         # The motion in every mode changes distances of flanks by `spread` static deflections or so.
         unit = shapes / np.maximum(np.abs(train.structure.lines @ shapes).max(axis=0), 1e-3)
-        state[:n] += unit @ rng.normal(0.0, spread / math.sqrt(n), squares.size)
-    return train, tuning, state
+        state[: train.size // 2] += unit @ rng.normal(
+            0.0, spread / math.sqrt(train.size // 2), squares.size
+        )
+    return train, float(speed / train.reference_angular_frequency), state
 
 
-def _random_mesh_parameters(rng):
-    """Return random keyword arguments of a `Mesh`, other than its stiffness and gears."""
-    damping = rng.choice([0.0, 500.0, 3000.0], size=2)
-    friction = (0.0, 0.0) if rng.random() < 0.7 else tuple(rng.uniform(0.0, 0.08, 2))
-    values = dict(
-        backlash=float(rng.choice([5e-6, 20e-6, 60e-6, math.inf])),
-        material_damping=float(damping.max()),
-        backlash_damping=float(damping.min()),
-        friction=friction,
-        pitch_phase=rng.uniform(0.0, 6.0),
+def jamming_problem(rng):
+    """Return (train, tuning, state) of a random train with little backlash, which may jam.
+
+    Backlashes are 0 to 5 um, deviations of both flanks are as large, and some gears eccentric.
+    """
+    train, tuning, state = random_problem(rng)
+    meshes = []
+    for mesh in train.meshes:
+        backlash = float(rng.choice([0.0, 1e-7, 1e-6, 5e-6]))
+        size = max(backlash, 2e-7) * rng.choice([0.1, 0.3, 0.6, 1.0, 3.0])
+        drive, other = (
+            Harmonics(tuple(size * rng.uniform(-1.0, 1.0, 2)), (size * rng.normal(),))
+            for _ in range(2)
+        )
+        flanks = {"deviation": drive, "inverse_deviation": (drive, other)[rng.integers(2)]}
+        meshes.append(replace(mesh, backlash=backlash, **flanks))
+    bodies = [
+        replace(body, eccentricity=float(rng.choice([0.0, 1e-6])), eccentricity_phase=1.0)
+        if body.teeth
+        else body
+        for body in train.bodies
+    ]
+    train = train.replace(meshes=meshes, bodies=bodies)
+    return train, tuning, train.start_state("static") if rng.random() < 0.5 else state
+
+
+def symmetric_problem(rng):
+    """Return (train, tuning, state) of planets in phase, all alike, whose flanks move as one.
+
+    A third of the problems starts with one planet 1e-12 static deflections off the others, so that
+    events come that far apart.
+    """
+    planets, kappa = int(rng.choice([2, 3])), rng.uniform(0.6, 0.9)
+    train = gearlib.planetary(
+        planets=planets,
+        teeth=(30, 90) if planets == 2 else (27, 99),
+        stiffness_ratio=(kappa, kappa),
+        contact_ratio=tuple(rng.uniform(1.2, 1.8, 2)),
+        backlash=float(rng.choice([10e-6, 60e-6])),
     )
-    if rng.random() < 0.4:
-        values["deviation"] = gearlib.Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,))
-        if rng.random() < 0.5:
-            values["inverse_deviation"] = gearlib.Harmonics((), tuple(rng.normal(0.0, 1e-6, 2)))
-    if rng.random() < 0.3:
-        values["inverse_phase"] = rng.uniform()
-    if rng.random() < 0.3:
-        values["error"] = rng.normal(0.0, 2e-6)
-    return values
+    tuning, state, unit = float(rng.uniform(0.8, 1.3)), train.start_state("static"), {}
+    for i, (body, axis) in enumerate(train.structure.coordinates):
+        # Symmetric: the central axes stay, planets do the same along and across their radius.
+        name = "planet" if body.startswith("planet") else body
+        if name == "planet" or axis == "u":
+            state[i] += unit.setdefault((name, axis), rng.normal(0.0, 2.0))
+    if rng.random() < 1.0 / 3.0:
+        state[[body for body, _ in train.structure.coordinates].index("planet 1")] += 1e-12
+    return train, tuning, state
 
 
 def _pair(rng):
@@ -66,13 +93,31 @@ def _pair(rng):
     )
 
 
-def _with_random_meshes(rng, train):
-    """Return a train whose meshes have random parameters, all the same or each its own."""
+def _flanks(rng):
+    """Return random arguments of a `Mesh`, other than its stiffness and gears."""
+    damping = rng.choice([0.0, 500.0, 3000.0], size=2)
+    values = dict(
+        friction=(0.0, 0.0) if rng.random() < 0.7 else tuple(rng.uniform(0.0, 0.08, 2)),
+        backlash=float(rng.choice([5e-6, 20e-6, 60e-6, math.inf])),
+        material_damping=float(damping.max()),
+        backlash_damping=float(damping.min()),
+        pitch_phase=rng.uniform(0.0, 6.0),
+    )
     if rng.random() < 0.4:
-        values = _random_mesh_parameters(rng)
-        meshes = [replace(mesh, **values) for mesh in train.meshes]
-    else:
-        meshes = [replace(mesh, **_random_mesh_parameters(rng)) for mesh in train.meshes]
+        values["deviation"] = Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,))
+        if rng.random() < 0.5:
+            values["inverse_deviation"] = Harmonics((), tuple(rng.normal(0.0, 1e-6, 2)))
+    if rng.random() < 0.3:
+        values["inverse_phase"] = rng.uniform()
+    if rng.random() < 0.3:
+        values["error"] = rng.normal(0.0, 2e-6)
+    return values
+
+
+def _with_random_flanks(rng, train):
+    """Return a train whose meshes have random parameters, all the same or each its own."""
+    common = _flanks(rng) if rng.random() < 0.4 else None
+    meshes = [replace(mesh, **(common or _flanks(rng))) for mesh in train.meshes]
     bodies = list(train.bodies)
     if rng.random() < 0.3:
         i = next(i for i, body in enumerate(bodies) if body.teeth)
@@ -80,102 +125,56 @@ def _with_random_meshes(rng, train):
     return train.replace(meshes=meshes, bodies=bodies)
 
 
-def jamming_problem(rng):
-    """Return (train, tuning, state) of a random train with little backlash, which may jam.
-
-    Backlashes are 0 to 5 um, deviations of both flanks are as large, and some gears eccentric.
-    """
-    train, tuning, state = random_problem(rng)
-    meshes = []
-    for mesh in train.meshes:
-        backlash = float(rng.choice([0.0, 1e-7, 1e-6, 5e-6]))
-        size = max(backlash, 2e-7) * rng.choice([0.1, 0.3, 0.6, 1.0, 3.0])
-        waves = [
-            gearlib.Harmonics(tuple(size * rng.uniform(-1.0, 1.0, 2)), (size * rng.normal(),))
-            for _ in range(2)
-        ]
-        waves[1] = waves[rng.integers(2)]
-        flanks = {"deviation": waves[0], "inverse_deviation": waves[1]}
-        meshes.append(replace(mesh, backlash=backlash, **flanks))
-    bodies = [
-        replace(body, eccentricity=float(rng.choice([0.0, 1e-6])), eccentricity_phase=1.0)
-        if body.teeth
-        else body
-        for body in train.bodies
-    ]
-    train = train.replace(meshes=meshes, bodies=bodies)
-    if rng.random() < 0.5:
-        state = train.start_state("static")
-    return train, tuning, state
-
-
 def chain_train(rng):
     """Return gears in a row, 2 to 6 meshes, some on shafts of two gears."""
-    count = int(rng.integers(2, 7))
-    radius, sense = 0.002, 1.0
-    bodies, meshes, shafts = [], [], []
-    pair = _pair(rng)
-    elastic = rng.random() < 0.6
-    force = pair.load
+    count, pair, elastic = int(rng.integers(2, 7)), _pair(rng), rng.random() < 0.6
+    stiffness = ("max_stiffness", "stiffness_ratio", "contact_ratio")
+    stiffness = {name: getattr(pair, name) for name in stiffness}
+    bodies, meshes, shafts, force = [], [], [], pair.load
 
-    def add_gear(teeth):
+    def add_gear(*teeth):
         """Append and return a gear; two of 24 teeth have the reduced mass of the pair together."""
-        r = radius * teeth
-        reduced = 2.0 * pair.reduced_mass * (teeth / 24.0) ** 2
-        support = {}
+        z, support = int(rng.choice(teeth)), {}
+        r, reduced = 0.002 * z, 2.0 * pair.reduced_mass * (z / 24.0) ** 2
         if elastic and rng.random() < 0.7:
-            stiffness = tuple(rng.uniform(1e8, 1e9, 2))
-            support = dict(
-                mass=2.0 * reduced,
-                support_stiffness=stiffness,
-                support_damping=tuple(1e-6 * k for k in stiffness),
-            )
+            k = tuple(rng.uniform(1e8, 1e9, 2))
+            support = {"mass": 2.0 * reduced, "support_stiffness": k}
+            support["support_damping"] = tuple(1e-6 * value for value in k)
         name, inertia = f"gear {len(bodies) + 1}", reduced * r**2
-        body = gearlib.Body(name=name, teeth=teeth, base_radius=r, inertia=inertia, **support)
-        bodies.append(body)
-        return body
+        bodies.append(Body(name=name, teeth=z, base_radius=r, inertia=inertia, **support))
+        return bodies[-1]
 
-    first = add_gear(int(rng.choice([18, 24])))
-    bodies[0] = first = replace(first, torque=force * first.base_radius)
-    for _ in range(count):
-        second = add_gear(int(rng.choice([18, 24, 36])))
-        position = rng.uniform(0.0, 2.0 * math.pi)
-        meshes.append(
-            gearlib.Mesh(
-                pinion=first.name,
-                wheel=second.name,
-                position=position,
-                direction=int(sense),
-                max_stiffness=pair.max_stiffness,
-                stiffness_ratio=pair.stiffness_ratio,
-                contact_ratio=pair.contact_ratio,
-            )
-        )
-        sense = -sense
+    first = add_gear(18, 24)
+    bodies[0] = replace(first, torque=force * first.base_radius)
+    for i in range(count):
+        second = add_gear(18, 24, 36)
+        # The direction changes from each mesh to the next.
+        line = {"position": rng.uniform(0.0, math.tau), "direction": (-1) ** i}
+        meshes.append(Mesh(pinion=first.name, wheel=second.name, **line, **stiffness))
         first = second
         if rng.random() < 0.4 and len(meshes) < count:
-            other = add_gear(int(rng.choice([18, 24])))
-            shafts.append(
-                gearlib.Shaft(
-                    bodies=(first.name, other.name),
-                    stiffness=rng.uniform(3e5, 2e6),
-                    damping=1.0,
-                    bending_stiffness=rng.choice([0.0, 1e8]),
-                )
-            )
-            force *= first.base_radius / other.base_radius
-            first = other
+            first = add_gear(18, 24)
+            shaft = {"stiffness": rng.uniform(3e5, 2e6), "damping": 1.0}
+            shaft["bending_stiffness"] = rng.choice([0.0, 1e8])
+            shafts.append(Shaft(bodies=(second.name, first.name), **shaft))
+            force *= second.base_radius / first.base_radius
     # The last gear turns as its mesh drives it; the load holds against that.
-    bodies[-1] = replace(bodies[-1], torque=-sense * force * bodies[-1].base_radius)
-    return _with_random_meshes(rng, gearlib.GearTrain(bodies=bodies, meshes=meshes, shafts=shafts))
+    bodies[-1] = replace(first, torque=-((-1) ** count) * force * first.base_radius)
+    train = gearlib.GearTrain(bodies=bodies, meshes=meshes, shafts=shafts)
+    return _with_random_flanks(rng, train)
+
+
+def _pin_errors(rng, count, share_without):
+    """Return the errors of so many pins, of which the first has one, or None."""
+    has_none = rng.random() < share_without
+    return None if has_none else [(0.0, 5e-6)] + [(0.0, 0.0)] * (count - 1)
 
 
 def planetary_train(rng):
     """Return a planetary train of 2 or 3 planets."""
     planets = int(rng.choice([2, 3]))
     teeth = [(27, 99), (28, 98), (30, 90)][rng.integers(3)]
-    kappa = rng.uniform(0.6, 0.95)
-    turning = bool(rng.random() < 0.3)
+    kappa, turning = rng.uniform(0.6, 0.95), bool(rng.random() < 0.3)
     train = gearlib.planetary(
         planets=planets,
         teeth=teeth,
@@ -184,9 +183,9 @@ def planetary_train(rng):
         turning=turning,
         gyroscopic=turning,
         sun_base_radius=0.0387 * teeth[0] / 27.0,
-        pin_errors=None if rng.random() < 0.7 else [(0.0, 5e-6)] + [(0.0, 0.0)] * (planets - 1),
+        pin_errors=_pin_errors(rng, planets, 0.7),
     )
-    return _with_random_meshes(rng, train)
+    return _with_random_flanks(rng, train)
 
 
 def reducer_train(rng):
@@ -197,65 +196,9 @@ def reducer_train(rng):
         branches=branches,
         internal=bool(rng.random() < 0.5),
         support_stiffness=math.inf if rng.random() < 0.3 else 10.0 ** rng.uniform(8.3, 9.3),
-        pin_errors=None if rng.random() < 0.5 else [(0.0, 5e-6)] + [(0.0, 0.0)] * (branches - 1),
+        pin_errors=_pin_errors(rng, branches, 0.5),
     )
-    return _with_random_meshes(rng, train)
-
-
-def symmetric_problem(rng):
-    """Return (train, tuning, state) of planets in phase, all alike, whose flanks move as one.
-
-    A third of the problems starts with one planet 1e-12 static deflections off the others, so that
-    events come that far apart.
-    """
-    planets = int(rng.choice([2, 3]))
-    kappa = rng.uniform(0.6, 0.9)
-    train = gearlib.planetary(
-        planets=planets,
-        teeth=(30, 90) if planets == 2 else (27, 99),
-        stiffness_ratio=(kappa, kappa),
-        contact_ratio=tuple(rng.uniform(1.2, 1.8, 2)),
-        backlash=float(rng.choice([10e-6, 60e-6])),
-    )
-    tuning = float(rng.uniform(0.8, 1.3))
-    state = train.start_state("static")
-    unit = {}
-    for i, (body, axis) in enumerate(train.structure.coordinates):
-        # Symmetric: the central axes stay, planets do the same along and across their radius.
-        name = "planet" if body.startswith("planet") else body
-        if name == "planet" or axis == "u":
-            state[i] += unit.setdefault((name, axis), rng.normal(0.0, 2.0))
-    if rng.random() < 1.0 / 3.0:
-        first = [body for body, _ in train.structure.coordinates].index("planet 1")
-        state[first] += 1e-12
-    return train, tuning, state
-
-
-ELASTIC = dict(support_stiffness=(3e8, 5e8), support_damping=(300.0, 500.0))
-
-
-def _mesh_with_all_features(rng, pinion, wheel, **chosen):
-    """Return a mesh with random values, none of them zero, of all its parameters."""
-    values = dict(
-        max_stiffness=rng.uniform(2e8, 5e8),
-        stiffness_ratio=rng.uniform(0.6, 0.9),
-        contact_ratio=rng.uniform(1.2, 1.8),
-        position=rng.uniform(0.0, 6.0),
-        pressure_angle=rng.uniform(0.2, 0.5),
-        direction=int(rng.choice([1, -1])),
-        phase=rng.uniform(),
-        inverse_phase=rng.uniform(),
-        backlash=rng.uniform(3e-6, 12e-6),
-        material_damping=rng.uniform(500.0, 3000.0),
-        backlash_damping=rng.uniform(100.0, 500.0),
-        deviation=gearlib.Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,)),
-        inverse_deviation=gearlib.Harmonics((), tuple(rng.normal(0.0, 1e-6, 2))),
-        error=rng.normal(0.0, 2e-6),
-        friction=tuple(rng.uniform(0.02, 0.1, 2)),
-        pitch_phase=rng.uniform(0.0, 6.0),
-        tooth_thickness=tuple(rng.uniform(0.35, 0.6, 2)),
-    )
-    return gearlib.Mesh(pinion=pinion, wheel=wheel, **(values | chosen))
+    return _with_random_flanks(rng, train)
 
 
 def chain_with_everything(rng):
@@ -263,28 +206,51 @@ def chain_with_everything(rng):
 
     The first mesh, and with it the load, has a random direction.
     """
-    teeth, bodies = (18, 24, 18, 72), []
-    for i, z in enumerate(teeth):
-        bodies.append(
-            gearlib.Body(
-                name="abcd"[i],
-                teeth=z,
-                inertia=2.0 * (0.002 * z) ** 2,
-                base_radius=0.002 * z,
-                mass=rng.uniform(2.0, 6.0),
-                **ELASTIC,
-                eccentricity=1e-6,
-                eccentricity_phase=rng.uniform(0.0, 6.0),
-                offset=tuple(rng.normal(0.0, 1e-6, 2)),
-            )
+    elastic = {"support_stiffness": (3e8, 5e8), "support_damping": (300.0, 500.0)}
+    bodies = [
+        Body(
+            name=name,
+            teeth=z,
+            inertia=2.0 * (0.002 * z) ** 2,
+            base_radius=0.002 * z,
+            mass=rng.uniform(2.0, 6.0),
+            eccentricity=1e-6,
+            eccentricity_phase=rng.uniform(0.0, 6.0),
+            offset=tuple(rng.normal(0.0, 1e-6, 2)),
+            **elastic,
         )
-    first = _mesh_with_all_features(rng, "a", "b")
-    # The direction changes from each external mesh in a row to the next.
-    second = _mesh_with_all_features(rng, "b", "c", direction=-first.direction)
-    # An internal mesh has the direction of the mesh before.
-    third = _mesh_with_all_features(rng, "c", "d", internal=True, direction=-first.direction)
-    force = rng.uniform(500.0, 3000.0) * first.direction
+        for name, z in zip("abcd", (18, 24, 18, 72), strict=True)
+    ]
+    meshes = [
+        Mesh(
+            pinion=pinion,
+            wheel=wheel,
+            internal=wheel == "d",
+            max_stiffness=rng.uniform(2e8, 5e8),
+            stiffness_ratio=rng.uniform(0.6, 0.9),
+            contact_ratio=rng.uniform(1.2, 1.8),
+            position=rng.uniform(0.0, 6.0),
+            pressure_angle=rng.uniform(0.2, 0.5),
+            direction=int(rng.choice([1, -1])),
+            phase=rng.uniform(),
+            inverse_phase=rng.uniform(),
+            backlash=rng.uniform(3e-6, 12e-6),
+            material_damping=rng.uniform(500.0, 3000.0),
+            backlash_damping=rng.uniform(100.0, 500.0),
+            deviation=Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,)),
+            inverse_deviation=Harmonics((), tuple(rng.normal(0.0, 1e-6, 2))),
+            error=rng.normal(0.0, 2e-6),
+            friction=tuple(rng.uniform(0.02, 0.1, 2)),
+            pitch_phase=rng.uniform(0.0, 6.0),
+            tooth_thickness=tuple(rng.uniform(0.35, 0.6, 2)),
+        )
+        for pinion, wheel in ("ab", "bc", "cd")
+    ]
+    # The direction changes from each external mesh to the next; an internal one has that before.
+    sign = meshes[0].direction
+    meshes[1:] = [replace(mesh, direction=-sign) for mesh in meshes[1:]]
     # d turns in the sense of a and has the same tooth force: the torques are in balance.
-    bodies[0] = replace(bodies[0], torque=force * bodies[0].base_radius)
-    bodies[3] = replace(bodies[3], torque=-force * bodies[3].base_radius)
-    return gearlib.GearTrain(bodies=bodies, meshes=[first, second, third], reference="a-b")
+    force = rng.uniform(500.0, 3000.0) * sign
+    for i, way in ((0, 1.0), (3, -1.0)):
+        bodies[i] = replace(bodies[i], torque=way * force * bodies[i].base_radius)
+    return gearlib.GearTrain(bodies=bodies, meshes=meshes, reference="a-b")

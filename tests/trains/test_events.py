@@ -12,9 +12,8 @@ from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
 from tests.trains.random_trains import random_problem, symmetric_problem
 
-#: Bounces once a mesh period.
+#: Bounces once a mesh period at a tuning of 0.85.
 PAIR = PAPER.replace(material_damping=3953.7, backlash_damping=800.0, backlash=120e-6)
-NU = 0.85
 
 
 def test_a_train_at_rest_on_its_flanks_begins_in_contact():
@@ -32,17 +31,15 @@ def test_a_start_at_rest_on_a_flank_line_has_the_contact_that_the_load_presses_o
     train = pairs_as_train(PAIR)
     torques = [replace(body, torque=load * body.base_radius) for body in train.bodies]
     train = train.replace(bodies=torques)
-    state = np.zeros(train.size)
-    if line == -1:
-        state[:2] = -0.5 * PAIR.backlash / train.static_deflection
+    half_gap = 0.5 * PAIR.backlash / train.static_deflection
+    state = np.repeat([-half_gap if line == -1 else 0.0, 0.0], 2)
     # The load presses on one side, and opens the other; without it nothing moves, and the coast
     # side counts as open.
     contact = int(load >= 0.0) if line == 1 else -int(load < 0.0)
     record = train.propagator(0.9).record(state, 1, 100, 64)
-    events = record.events
     assert (record.samples[:2, orbit.SAMPLE_CONTACT] == contact).all()
     # What is pressed on stays in contact for a while; what opens strikes later.
-    assert not len(events) or events[0, orbit.EVENT_PHASE] > 0.1
+    assert (record.events[:, orbit.EVENT_PHASE] > 0.1).all()
 
 
 # Seeds, of sixty, in which the phase of an event would round below that of the event before.
@@ -60,23 +57,8 @@ def test_events_are_recorded_in_their_order(kind, seed):
     assert run.event.size == len(events) > 10 and (np.diff(run.event_phase) >= 0.0).all()
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        dict(method="rk4", options={"steps_per_period": 60}),
-        dict(method="scipy", options={"rtol": 1e-6}),
-        dict(method="scipy", options={"events": True, "rtol": 1e-9, "solver": "DOP853"}),
-    ],
-)
-def test_other_methods_record_events_in_their_order(options):
-    # In phase, all three ring meshes bounce at once.
-    train = gearlib.planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7)
-    run = gearlib.simulate(train, 1.0, periods=12, record_periods=12, **options)
-    assert run.event.size > 6 and (np.diff(run.event_phase) >= 0.0).all()
-
-
 def test_a_crossing_where_the_stiffness_switches_is_not_lost():
-    propagator = pairs_as_train(PAIR).propagator(NU)
+    propagator = pairs_as_train(PAIR).propagator(0.85)
     switch, low, high = propagator.system.starts[1], 1.0, 2.0
 
     def phase(pressed):

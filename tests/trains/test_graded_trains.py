@@ -1,7 +1,7 @@
 """Trains whose stiffnesses and inertias lie twelve decades apart: modes, statics, free rotations.
 
-Natural frequencies are held against those of the same bodies in 60 digits, by the code of
-`tests.independent`, with radii that are exact multiples of their tooth numbers.
+They are held against the same bodies in 60 digits, by the code of `tests.independent`, with radii
+that are exact multiples of their tooth numbers.
 """
 
 from dataclasses import replace
@@ -40,12 +40,9 @@ def graded_train(kind, seed):
         for body in train.bodies
     ]
     meshes = [replace(mesh, max_stiffness=scaled(mesh.max_stiffness)) for mesh in train.meshes]
+    names = ("stiffness", "bending_stiffness")
     shafts = [
-        Shaft(
-            bodies=shaft.bodies,
-            stiffness=scaled(shaft.stiffness),
-            bending_stiffness=scaled(shaft.bending_stiffness),
-        )
+        Shaft(bodies=shaft.bodies, **{name: scaled(getattr(shaft, name)) for name in names})
         for shaft in train.shafts
     ]
     return train.replace(bodies=bodies, meshes=meshes, shafts=shafts)
@@ -65,47 +62,47 @@ def precise_system(train):
     return system_of(description, 1.0, mpmath.mp)
 
 
+def assert_static_forces(train, system, stiffness):
+    """Assert that mean forces are those of the linear train, with its mean stiffness."""
+    torques = [mpf(float(value)) for value in train.structure.load]
+    # The torques are in balance up to rounding, so that one gear can be fixed.
+    fixed = system.names.index((train.reference_mesh.pinion, "u"))
+    free = [i for i in range(system.n) if i != fixed]
+    matrix = mpmath.matrix(stiffness[np.ix_(free, free)].tolist())
+    q = system.zeros(system.n)
+    q[free] = list(mpmath.lu_solve(matrix, mpmath.matrix([torques[i] for i in free])))
+    forces = [
+        float(mesh.mean_stiffness * (contact["sides"][0]["row"] @ q))
+        for mesh, contact in zip(train.meshes, system.contacts, strict=True)
+    ]
+    largest, reference = np.abs(forces).max(), abs(forces[train.mesh_names.index(train.reference)])
+    assert reference > 1e-6 * largest
+    assert train.load == pytest.approx(reference, rel=1e-9)
+    np.testing.assert_allclose(train.mean_forces * train.load, forces, rtol=0, atol=1e-9 * largest)
+
+
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("kind", KINDS)
-def test_natural_frequencies_agree_with_60_digits_to_rounding(kind, seed):
+def test_modes_and_static_forces_agree_with_60_digits_to_rounding(kind, seed):
     train = graded_train(kind, seed)
     squares, shapes = train.linear_modes
     with mpmath.workdps(60):
-        expected, *_ = precise_system(train).modes()
+        system = precise_system(train)
+        expected, expected_shapes, stiffness = system.modes()
+        rows = np.array([contact["sides"][0]["row"] for contact in system.contacts])
+        stretch = (rows @ expected_shapes) ** 2 / np.where(expected == 0, 1, expected)
+        if seed == 0:
+            assert_static_forces(train, system, stiffness)
     free = train.free_motions.shape[1]
     assert free == 1 and abs(float(expected[0])) < 1e-20 * float(expected[1])
     # Springs and masses are rounded by 1e-16, each of which changes a square by no more than that.
     np.testing.assert_allclose(squares, np.array(expected[1:], float), rtol=1e-13)
     # Squares of strains are shares of the strain energy of a mode: their sum is 1.
     np.testing.assert_allclose((train.strains**2).sum(axis=0), 1.0, rtol=1e-13)
+    energy = np.array(stretch.T, float) * [mesh.mean_stiffness for mesh in train.meshes]
+    np.testing.assert_allclose(train.modes().strain_energy[1:], energy[1:], rtol=0, atol=1e-9)
     mass = train.structure.mass
     scale = 1.0 / np.sqrt(np.diagonal(mass))
     motions = np.concatenate([train.free_motions, shapes], axis=1) / scale[:, None]
     product = motions.T @ (scale[:, None] * mass * scale) @ motions
     np.testing.assert_allclose(product, np.eye(len(mass)), atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_static_forces_agree_with_60_digits(kind):
-    train = graded_train(kind, 0)
-    with mpmath.workdps(60):
-        system = precise_system(train)
-        *_, stiffness = system.modes()
-        torques = [mpf(float(value)) for value in train.structure.load]
-        # The torques are in balance up to rounding, so that one gear can be fixed.
-        fixed = system.names.index((train.reference_mesh.pinion, "u"))
-        free = [i for i in range(system.n) if i != fixed]
-        free_stiffness = mpmath.matrix(stiffness[np.ix_(free, free)].tolist())
-        q = system.zeros(system.n)
-        q[free] = list(mpmath.lu_solve(free_stiffness, mpmath.matrix([torques[i] for i in free])))
-        forces = [
-            mesh.mean_stiffness * (contact["sides"][0]["row"] @ q)
-            for mesh, contact in zip(train.meshes, system.contacts, strict=True)
-        ]
-    largest = float(max(abs(force) for force in forces))
-    reference = float(abs(forces[train.mesh_names.index(train.reference)]))
-    assert reference > 1e-6 * largest
-    assert train.load == pytest.approx(reference, rel=1e-9)
-    np.testing.assert_allclose(
-        train.mean_forces * train.load, np.array(forces, float), rtol=0, atol=1e-9 * largest
-    )

@@ -1,0 +1,121 @@
+"""Studies of the reducer: critical speeds, motions from many starts, tables."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from gearlib import GearPair, periodic_orbit, planetary, simulate
+from gearlib.config import load
+from gearlib.studies import many_starts, trains
+from tests.paper import CONFIG as PROJECT
+from tests.tables import read_back
+
+CONFIG = load(PROJECT)
+PAIR = GearPair(**CONFIG.pair_parameters(CONFIG.reducer.damping))
+REDUCER = CONFIG.reducer.model_dump() | {"starts": 4, "first_starts": 2}
+TRAIN = trains.reducer_train(PAIR, REDUCER)
+MANY = {"periods": 120, "record_periods": 12, "starts": 5, "first_starts": 2, "seed": 3}
+MANY |= {"spread": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("train", "orders"),
+    [
+        # Orders of both mesh frequencies of the reducer, 2 to 3.
+        (TRAIN, [2.0 / 3.0, 1.0, 4.0 / 3.0, 2.0]),
+        (planetary(turning=True, stiffness_ratio=(0.7, 0.7)), [1.0, 2.0]),
+    ],
+)
+def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train, orders):
+    result = train.campbell(2)
+    np.testing.assert_allclose(result.stiffness_order, orders, rtol=1e-12)
+    assert result.excites.any()
+    # Teeth per second that pass the mesh, seen from the carrier.
+    passing = result.critical_speed / 60.0 / (1.0 + train.carrier_ratio)
+    passing *= train.reference_pinion.teeth
+    found, natural = xr.broadcast(result.stiffness_order * passing, result.natural_frequency)
+    np.testing.assert_allclose(found, natural, rtol=1e-12)
+
+
+def test_the_table_of_critical_speeds_has_every_intersection_once(tmp_path):
+    # Sweeps are made up: contact is lost at case 0, direction 2 (down), tuning 1.0 and mesh 4 only.
+    tunings = np.array([0.8, 1.0, 1.2])
+    normal = np.ones((1, 3, 3, len(TRAIN.meshes)))
+    normal[0, 2, 1, 4] = 0.9
+    dims = ("case", "direction", "tuning", "mesh")
+    sweeps = xr.Dataset(
+        {
+            "fraction_normal_high": (dims, normal),
+            "settled": (dims[:3], np.ones((1, 3, 3), np.int8)),
+            "speed": ("tuning", TRAIN.speed(tunings)),
+        },
+        {"case": ["alike"], "tuning": tunings, "mesh": list(TRAIN.mesh_names)},
+    )
+    diagram = trains.campbell(sweeps, orders=2, pair=PAIR.as_dict(), settings=REDUCER)
+    rows = read_back(trains.campbell_rows(diagram), tmp_path)
+    speeds = [int(row["critical_speed_rpm"]) for row in rows]
+    swept = diagram.speed.values
+    assert speeds == sorted(speeds) and speeds[0] < swept[0] and speeds[-1] <= swept[-1]
+    # Modes of one frequency share their intersections.
+    frequencies = np.unique(diagram.natural_frequency.values.round(3), return_index=True)[1]
+    assert len(rows) == (diagram.critical_speed[:, frequencies] <= swept[-1]).sum()
+    for row, speed in zip(rows, speeds, strict=True):
+        # Below the slowest speed of the sweeps the cell is empty.
+        lost = ["no", "yes", "no"][np.abs(swept - speed).argmin()] if speed >= swept[0] else ""
+        assert row["contact_lost_at_the_nearest_speed_swept"] == lost
+        assert row["excited"] == ("yes" if row["mode_kind"] == "rotational" else "no")
+
+
+def test_the_table_of_the_reducer_holds_a_row_for_each_mesh(tmp_path):
+    settings = REDUCER | {"periods": 84, "record_periods": 42}
+    sweeps = trains.reducer(PAIR.as_dict(), [0.84, 0.96], settings)
+    rows = read_back(trains.reducer_rows(sweeps), tmp_path)
+    cases, directions, meshes = 3, 3, 6
+    assert len(rows) == cases * directions * meshes
+    for row in rows:
+        # The branch 1, which has an error in one case, loses contact alone; at 0.96 all do.
+        error = row["case"] == "pin_error" and row["mesh"] in ("first 1", "second 1")
+        assert row["contact_lost_in_its_branch_only_at"] == ("0.84" if error else "")
+
+
+def test_settled_motions_are_the_periodic_orbit():
+    (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.2], MANY)
+    assert result.settled and (result.period == TRAIN.repeats).all()
+    orbit = periodic_orbit(TRAIN, 1.2, guess=result.state[0], period=TRAIN.repeats)
+    exact = simulate(TRAIN, 1.2, periods=12, record_periods=12, initial_state=tuple(orbit.state))
+    summary = many_starts.summarise(TRAIN, [result], MANY, ["dynamic_factor"])
+    factors = summary.dynamic_factor.isel(tuning=0)
+    np.testing.assert_allclose(factors, [exact.dynamic_factor] * MANY["starts"], rtol=1e-11)
+    assert float(summary.settled_share[0]) == float(summary.largest_share[0]) == 1.0
+
+
+def test_motions_that_do_not_settle_are_summarised_by_a_range():
+    # At this tuning motions in which all branches of the train move alike are unstable.
+    (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.6], MANY)
+    summary = many_starts.summarise(TRAIN, [result], MANY, ["dynamic_factor"])
+    assert not result.settled and int(summary.settled[0]) == 0 and int(summary.period[0]) == 0
+    # The orbit -1 stands for a motion that has not settled.
+    unsettled = result.orbit < 0
+    assert unsettled.any() and not result.period[unsettled].any()
+    ranges = many_starts.ranges_over_starts(summary, ["dynamic_factor"])
+    assert (ranges["dynamic_factor_high"] > 1.1 * ranges["dynamic_factor_low"]).all()
+
+
+def test_shares_of_motions_are_those_of_the_starts_that_lead_to_them():
+    # Between the two jumps of the main resonance one motion keeps contact, another loses it.
+    keeps, loses = (simulate(PAIR, nu, periods=400, record_periods=1) for nu in (0.80, 0.82))
+    assert float(keeps.fraction_normal) == 1.0 > float(loses.fraction_normal)
+    low, high = keeps.final_state.values, loses.final_state.values
+    states = np.array([low, high, low, low])
+    result = many_starts.final_motions(PAIR, 0.81, states, MANY | {"first_starts": 4})
+    summary = many_starts.summarise(PAIR, [result], MANY, ["displacement_max"])
+    assert result.orbit.tolist() == [0, 1, 0, 0]
+    assert float(summary.largest_share[0]) == 0.75 and int(summary.motion_count[0]) == 2
+    assert float(summary.settled_share[0]) == 1.0 and int(summary.settled[0]) == 0
+    # On the boundary of the basins, to rounding, the start alone decides: that counts as neither.
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        motions = many_starts.final_motions(PAIR, 0.81, [states[0], middle], MANY)
+        low, high = (middle, high) if motions.orbit[1] == 0 else (low, middle)
+    result = many_starts.final_motions(PAIR, 0.81, [*states[:2], low], MANY | {"first_starts": 3})
+    assert result.orbit.tolist() == [0, 1, -1] and result.period[2] == 0
