@@ -46,18 +46,18 @@ def test_no_project_can_have_the_name_of_a_folder_of_results(paper):
     assert {path[1] for path in paths if len(path) > 2} <= RESULT_FOLDERS
 
 
-@pytest.mark.parametrize("name", ["mesh_stiffness", "harris_map"])
-def test_gears_of_the_user_reach_the_studies_of_drawn_gears(project, paper, name):
+def test_gears_of_the_user_reach_the_studies_of_drawn_gears(project, paper):
     quality = {"pinion": {**OWN["gears"]["pinion"], "quality": 6}}
     quality["wheel"] = {"teeth": 61, "quality": 6}
     mine = rules_of(project, OWN | {"gears": OWN["gears"] | quality})
-    computation = repr(mine.rules[f"compute_{name}"]["params"])
-    assert "'teeth': 23" in computation and "'torque': 85.0" in computation
-    assert "'teeth': 16" not in computation
-    assert NAME in repr(mine.rules[f"draw_{name}"]["params"])
-    # The sections of the paper's configuration draw gears of type C, which are named.
-    assert "'teeth': 16" in repr(paper.rules[f"compute_{name}"]["params"])
-    assert "FZG type C" in paper.rules[f"draw_{name}"]["params"]["gears"]
+    for name in ("mesh_stiffness", "harris_map"):
+        computation = repr(mine.rules[f"compute_{name}"]["params"])
+        assert "'teeth': 23" in computation and "'torque': 85.0" in computation
+        assert "'teeth': 16" not in computation
+        assert NAME in repr(mine.rules[f"draw_{name}"]["params"])
+        # The sections of the paper's configuration draw gears of type C, which are named.
+        assert "'teeth': 16" in repr(paper.rules[f"compute_{name}"]["params"])
+        assert "FZG type C" in paper.rules[f"draw_{name}"]["params"]["gears"]
 
 
 def test_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
