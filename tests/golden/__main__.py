@@ -7,7 +7,7 @@ only that.
 import tempfile
 from pathlib import Path
 
-from tests.golden import data, figures
+from tests.golden import data, figures, plots
 from tests.workflow.project import recorded_run
 
 
@@ -33,5 +33,7 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as temporary:
         project, _, records = recorded_run(Path(temporary) / "small")
         renew_numbers(project / "results")
-        pictures = figures.draw(Path(temporary) / "drawn", records)
-        print(*figures.renew(pictures), sep="\n")
+        figures.renew(figures.draw(Path(temporary) / "drawn", records))
+        for name in plots.PLOTS:
+            plots.draw(name, Path(temporary))
+        figures.renew(Path(temporary), plots.FOLDER)

@@ -61,24 +61,22 @@ def _write_results(results):
     (results / "figures").mkdir()
 
 
-def stored():
+def stored(folder=FOLDER):
     """Return the names of the stored pictures."""
-    return sorted(path.stem for path in FOLDER.glob("*.png"))
+    return sorted(path.stem for path in folder.glob("*.png"))
 
 
-def difference(name, pictures):
-    """Return how the picture of a figure differs from the stored one, None where it does not."""
-    stored_picture = FOLDER / f"{name}.png"
-    if not stored_picture.exists():
+def difference(name, pictures, folder=FOLDER):
+    """Return how a picture differs from the one stored in a folder, None where it does not."""
+    if name not in stored(folder):
         return f"{name}: new"
-    return compare_images(stored_picture, pictures / f"{name}.png", tol=MAX_DIFFERENCE)
+    return compare_images(folder / f"{name}.png", pictures / f"{name}.png", tol=MAX_DIFFERENCE)
 
 
-def renew(pictures):
-    """Store pictures that differ from the stored ones; return what has changed."""
-    names = sorted(path.stem for path in pictures.glob("*.png"))
-    changes = {name: change for name in names if (change := difference(name, pictures))}
-    FOLDER.mkdir(exist_ok=True)
-    for name in changes:
-        shutil.copy(pictures / f"{name}.png", FOLDER)
-    return list(changes.values())
+def renew(pictures, folder=FOLDER):
+    """Store pictures that differ from the stored ones of a folder, and print what has changed."""
+    folder.mkdir(exist_ok=True)
+    for name in stored(pictures):
+        if change := difference(name, pictures, folder):
+            print(change)
+            shutil.copy(pictures / f"{name}.png", folder)

@@ -1,0 +1,113 @@
+"""Pictures of all functions of `gearlib.plot`."""
+
+import functools
+from pathlib import Path
+
+import numpy as np
+from matplotlib import pyplot
+
+import gearlib
+from gearlib import plot, simulate, sweep
+from gearlib.figures import style
+from tests.geometry.drawings import own
+
+MESH = own()
+PAIR = gearlib.GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.12)
+FOLDER = Path(__file__).with_name("plots")
+
+FREE = gearlib.GearPair.from_ratios(contact_ratio=1.4, stiffness_ratio=0.6, damping=0.05)
+PLANETS = gearlib.planetary(turning=True)
+
+
+def resonance():
+    span = {"periods": 400, "record_periods": 8}
+    tunings = np.linspace(0.6, 1.3, 36)
+    return plot.resonance(*(sweep(PAIR, tunings, direction=to, **span) for to in ("up", "down")))
+
+
+def phase_plane():
+    runs = [simulate(FREE, nu, periods=400, record_periods=2) for nu in (0.7, 0.85)]
+    return plot.phase_plane(*runs)
+
+
+def time_course():
+    return plot.time_course(simulate(PAIR, 0.85, periods=400, record_periods=2))
+
+
+def time_course_of_meshes():
+    run = simulate(PLANETS, 0.9, periods=300, record_periods=2)
+    return plot.time_course(run, variable="dynamic_force")
+
+
+def orbit():
+    return plot.orbit(*(gearlib.periodic_orbit(PAIR, nu) for nu in (0.7, 0.9)))
+
+
+def harris_map():
+    return plot.harris_map(MESH.transmission_error(torque=[20.0, 85.0]))
+
+
+def campbell():
+    return plot.campbell(gearlib.split_power_reducer(PAIR).campbell())
+
+
+def schematic():
+    train = gearlib.split_power_reducer(PAIR, internal=True)
+    return plot.schematic(train, run=simulate(train, 0.8, periods=100, record_periods=2))
+
+
+def schematic_of_planets():
+    return plot.schematic(PLANETS, phase=7.0)
+
+
+def values():
+    return plot.values(PLANETS.modes(), "natural_frequency")
+
+
+def orders():
+    spectrum = gearlib.orders(simulate(PAIR, 0.45, periods=423, record_periods=23), count=3)
+    return plot.orders(spectrum, variable="error_amplitude")
+
+
+def orders_of_meshes():
+    run = simulate(PLANETS, 0.9, periods=321, record_periods=21)
+    return plot.orders(gearlib.orders(run, count=2))
+
+
+@functools.cache
+def course():
+    """Return a run-up through the main resonance and back."""
+    speeds = [(0.0, PAIR.speed(0.7)), (0.5, PAIR.speed(1.0)), (1.0, PAIR.speed(0.7))]
+    return gearlib.run_up(PAIR, speed=speeds, samples_per_period=64)
+
+
+def run_up():
+    return plot.run_up(course())
+
+
+def order_map():
+    return plot.order_map(gearlib.order_map(course(), variable="dynamic_force", highest=60))
+
+
+def order_map_over_frequency():
+    levels = gearlib.order_map(course(), variable="acceleration", highest=60)
+    return plot.order_map(levels, vertical="frequency")
+
+
+_PLOTS = (
+    *(resonance, phase_plane, time_course, time_course_of_meshes, orbit, harris_map, campbell),
+    *(schematic, schematic_of_planets, values, orders, orders_of_meshes),
+    *(run_up, order_map, order_map_over_frequency),
+)
+PLOTS = {function.__name__: function for function in _PLOTS}
+
+
+def draw(name, folder):
+    """Draw a picture of PLOTS into a folder."""
+    pyplot.switch_backend("Agg")
+    drawn = PLOTS[name]()
+    # Some functions return axes, some a figure.
+    figure = getattr(drawn, "figure", drawn)
+    figure.set_dpi(60)
+    style.save(figure, folder / f"{name}.png")
+    pyplot.close("all")

@@ -1,0 +1,11 @@
+"""Each function of `gearlib.plot` draws its stored picture."""
+
+import pytest
+
+from tests.golden import figures, plots
+
+
+@pytest.mark.parametrize("name", plots.PLOTS)
+def test_plot_is_the_stored_one(name, tmp_path):
+    plots.draw(name, tmp_path)
+    assert figures.difference(name, tmp_path, plots.FOLDER) is None

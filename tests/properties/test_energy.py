@@ -1,0 +1,100 @@
+"""Energy is constant in conservative models.
+
+The energy of a state of the library is written by the matrices and flanks of `tests.independent`.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib import DeadZoneOscillator, OneDegreePair, simulate
+from tests.independent.systems import describe, system_of
+from tests.properties.known_models import UNDAMPED, gears
+
+CONSTANT = UNDAMPED.replace(contact_ratio=2.0, backlash=12e-6)
+_FREE = {"structural_damping": 0.0, "material_damping": 0.0, "backlash_damping": 0.0}
+
+
+def _undamped(train):
+    bodies = [replace(body, support_damping=0.0, torsional_damping=0.0) for body in train.bodies]
+    shafts = [replace(shaft, damping=0.0, bending_damping=0.0) for shaft in train.shafts]
+    return train.replace(bodies=bodies, shafts=shafts)
+
+
+#: Name -> model without damping and with constant stiffness; a state, or a distance from rest, from
+#: which it meets all flanks.
+CONSERVATIVE = {
+    "gear pair": (CONSTANT, (1.0, -6.0)),
+    "powers": (
+        OneDegreePair(pair=CONSTANT, quadratic_stiffness=5e3, cubic_stiffness=2e9),
+        (1.0, -6.0),
+    ),
+    "oscillator": (
+        DeadZoneOscillator(
+            upper_edge=0.2,
+            lower_edge=-0.9,
+            upper_stiffness=1.3,
+            lower_stiffness=0.8,
+            ground_stiffness=0.1,
+            load=0.1,
+        ),
+        (0.3, -3.0),
+    ),
+    **{
+        f"six degrees, backlash that moves: {moving}": (
+            gears(1e9, share=0.0, backlash=12e-6, moving_backlash=moving).replace(pair=CONSTANT),
+            (5.0, 0.0),
+        )
+        for moving in (False, True)
+    },
+    **{
+        f"planets, turning: {turning}": (
+            gearlib.planetary(backlash=1e-6, turning=turning, gyroscopic=turning, **_FREE),
+            3.0,
+        )
+        for turning in (False, True)
+    },
+    "reducer": (
+        _undamped(gearlib.split_power_reducer(CONSTANT.replace(backlash=2e-6), internal=True)),
+        3.0,
+    ),
+}
+
+
+def energy(system, state):
+    """Return the energy of a state, in units, by a `System` of `tests.independent`.
+
+    ``powers`` of a contact are the coefficients of quadratic and cubic elastic force.
+    """
+    n = system.n
+    q, v = state[:n] * system.length, state[n:] * system.length * system.speed
+    total = 0.5 * (v @ system.mass @ v + q @ system.stiffness @ q) - system.load @ q
+    for contact in system.contacts:
+        for side, sign in zip(contact["sides"], (1.0, -1.0), strict=True):
+            pressed = max(sign * system.distance(side, q, 0.0), 0.0)
+            square, cube = contact["powers"]
+            c = system.level(contact, side, 0.0)
+            total += c * pressed**2 * (1 / 2 + square * pressed / 3 + cube * pressed**2 / 4)
+    return total / (system.force * system.length**2)
+
+
+@pytest.mark.parametrize("name", CONSERVATIVE)
+def test_energy_of_a_conservative_model_is_constant(name):
+    model, start = CONSERVATIVE[name]
+    if isinstance(start, float):
+        # A random state at this distance from rest.
+        rng, rest = np.random.default_rng(2), model.start_state("static")
+        start = tuple(rest + start * rng.normal(size=rest.size))
+    nu, system = 0.9, system_of(describe(model), 0.9)
+    run = simulate(model, nu, periods=12, record_periods=12, initial_state=start)
+    assert set(run.event_to.values) >= {-1, 1} and run.sizes["event"] > 12
+    propagator = model.propagator(nu)
+    state, energies = propagator.initial_state(start), []
+    for _ in range(13):
+        energies.append(energy(system, state))
+        state = propagator.maps(state, 1, 10**5)[0]
+    # Some hundred events, each placed to rounding times the energies of the parts.
+    size = max(1.0, np.abs(energies).max())
+    np.testing.assert_allclose(energies, energies[0], rtol=0, atol=1e-12 * size)
