@@ -9,6 +9,7 @@ from matplotlib import pyplot
 import gearlib
 from gearlib import plot, simulate, sweep
 from gearlib.figures import style
+from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.geometry.drawings import own
 
 MESH = own()
@@ -94,10 +95,17 @@ def order_map_over_frequency():
     return plot.order_map(levels, vertical="frequency")
 
 
+def fit():
+    rig = synthetic_rig(PAIR, [(0.0, PAIR.speed(0.6)), (0.1, PAIR.speed(0.72))], 1)
+    guess = PAIR.replace(reduced_mass=1.05 * PAIR.reduced_mass)
+    free = {"reduced_mass": (0.9 * PAIR.reduced_mass, 1.1 * PAIR.reduced_mass)}
+    return plot.fit(gearlib.fit(guess, rig, free))
+
+
 _PLOTS = (
     *(resonance, phase_plane, time_course, time_course_of_meshes, orbit, harris_map, campbell),
     *(schematic, schematic_of_planets, values, orders, orders_of_meshes),
-    *(run_up, order_map, order_map_over_frequency),
+    *(run_up, order_map, order_map_over_frequency, fit),
 )
 PLOTS = {function.__name__: function for function in _PLOTS}
 
