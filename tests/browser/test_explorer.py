@@ -53,6 +53,13 @@ def pair_of(settings, damping):
     return gearlib.GearPair(**config.load(settings).pair_parameters(damping))
 
 
+@pytest.mark.parametrize(("settings", "damping"), [(CONFIG, "k1"), (RELIEVED, "d")])
+def test_the_initial_value_of_each_slider_is_within_its_limits(settings, damping):
+    for name, slider in sliders.Sliders(settings, damping).sliders.items():
+        initial = slider.initial / slider.unit
+        assert slider.low <= initial <= slider.high - slider.step, name
+
+
 def test_untouched_sliders_keep_the_configuration_and_the_first_tuning():
     first_tuning = CONFIG["phase_planes"]["tunings"][0]
     unchanged = CONFIG | {"phase_planes": CONFIG["phase_planes"] | {"tunings": [first_tuning]}}
