@@ -69,18 +69,6 @@ def test_orbits_that_reach_the_far_flank_are_those_of_exact_orbits():
         assert error.displacement < 3e-4 and error.event < 1e-4 and error.multiplier < 1e-5
 
 
-def test_errors_fall_as_powers_of_the_number_of_harmonics():
-    orbit = periodic_orbit(MATERIAL, 1.0)
-    guess = exact_motion(orbit, 256)[0]
-    result = [
-        errors(schmidt(MATERIAL, 1.0, harmonics=h, guess=guess), orbit) for h in (16, 64, 256)
-    ]
-    x, v = np.array([e.displacement for e in result]), np.array([e.velocity for e in result])
-    # x'' jumps, coefficients fall as h^-3: errors as h^-2 and h^-1, slopes over factors of 16.
-    assert np.log(x[0] / x[2]) / np.log(16.0) == pytest.approx(2.0, abs=0.2)
-    assert np.log(v[0] / v[2]) / np.log(16.0) == pytest.approx(1.0, abs=0.2)
-
-
 def ordered(multipliers):
     """Return multipliers in an order that does not depend on the last digit."""
     return sorted(multipliers, key=lambda m: (round(m.imag, 6), m.real))

@@ -10,7 +10,7 @@ from tests.independent import differences
 from tests.independent.systems import describe
 from tests.physics import test_random_meshes
 from tests.physics import test_sensitivities as derivatives
-from tests.references import FOLDER, key_of, propagate, row_texts, texts
+from tests.references import FOLDER, key_of, propagate, texts
 
 
 def test_the_independent_program_shares_nothing_with_the_library():
@@ -35,7 +35,7 @@ def test_stored_references_of_random_meshes_are_those_of_50_digits():
     for seed in range(test_random_meshes.SEEDS):
         ratios, tuning, state = test_random_meshes.random_mesh(np.random.default_rng(seed))
         arguments = (*ratios.values(), tuning, test_random_meshes.PERIODS, state)
-        stored = test_random_meshes.REFERENCES.entries.get(key_of(arguments))
+        stored = test_random_meshes.REFERENCES.entries.get(key_of(propagate, *arguments))
         if stored is not None:
             entries += 1
             assert stored == texts(propagate(*arguments)), arguments
@@ -47,6 +47,6 @@ def test_stored_references_of_random_meshes_are_those_of_50_digits():
 def test_stored_derivatives_are_those_of_the_independent_program(name):
     (model, tuning, state, periods), names = derivatives.CASES[name]
     arguments = describe(model), tuning, periods, state
-    stored = derivatives.REFERENCES.entries[key_of(("of_run", *arguments, list(names)))]
+    stored = derivatives.REFERENCES.entries[key_of(differences.of_run, *arguments, list(names))]
     # In 34 digits; the first parameter stands for the others.
-    assert row_texts(differences.of_run(*arguments, names[:1])) == stored[:1]
+    assert texts(differences.of_run(*arguments, names[:1])) == stored[:1]
