@@ -5,18 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import (
-    GearPair,
-    OneDegreePair,
-    basin_stability,
-    basins,
-    bifurcation_diagram,
-    lyapunov_exponents,
-    periodic_orbit,
-    poincare_section,
-    simulate,
-    sweep,
-)
+import gearlib
+from gearlib import GearPair, OneDegreePair, basins, periodic_orbit, simulate, sweep
 from gearlib.analysis.global_dynamics.attractors import CHAOTIC, PERIODIC, UNBOUNDED, UNDECIDED
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.engines.pair.motion import mesh_at_tuning
@@ -88,8 +78,10 @@ def test_contact_without_damping_has_no_attractor():
 
 def test_exponents_are_those_of_the_multipliers():
     tunings = np.array([0.62, 0.66, 0.7, 1.0, 1.2])
-    diagram = bifurcation_diagram(LIGHT, tunings)
-    rates = lyapunov_exponents(LIGHT, tunings, states=diagram.final_state.values, periods=4000)
+    diagram = gearlib.bifurcation_diagram(LIGHT, tunings)
+    rates = gearlib.lyapunov_exponents(
+        LIGHT, tunings, states=diagram.final_state.values, periods=4000
+    )
     for nu, rate, state, n in zip(
         tunings, rates.exponent, diagram.final_state.values, diagram.period, strict=True
     ):
@@ -107,7 +99,7 @@ def test_sections_are_samples_of_the_time_course():
     for i in (0, 3):
         phase = 2.0 * math.pi * i / 8
         for pair in (BOTH, OneDegreePair(pair=BOTH)):
-            cut = poincare_section(pair, nu, [state], periods=10, settle=20, phase=phase)
+            cut = gearlib.poincare_section(pair, nu, [state], periods=10, settle=20, phase=phase)
             np.testing.assert_allclose(cut.displacement[0], run.displacement[i::8], atol=1e-10)
             np.testing.assert_allclose(cut.velocity[0], run.velocity[i::8], atol=1e-10)
             np.testing.assert_allclose(cut.final_state[0], run.final_state, atol=1e-10)
@@ -116,7 +108,9 @@ def test_sections_are_samples_of_the_time_course():
 def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
     tunings = np.linspace(0.6, 1.0, 41)
     for direction in ("up", "down"):
-        diagram = bifurcation_diagram(BOTH, tunings, direction=direction, settle=200, strobes=40)
+        diagram = gearlib.bifurcation_diagram(
+            BOTH, tunings, direction=direction, settle=200, strobes=40
+        )
         curve = sweep(BOTH, tunings, periods=240, record_periods=40, direction=direction)
         np.testing.assert_array_equal(diagram.period, curve.period)
         np.testing.assert_allclose(diagram.final_state, curve.final_state, atol=1e-9)
@@ -124,7 +118,7 @@ def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
 
 def test_shares_of_random_states_are_those_of_a_fine_grid():
     tunings = [0.74, 0.75, 0.76, 1.2]
-    shares = basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
+    shares = gearlib.basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
     np.testing.assert_allclose(shares.share.sum("attractor_family"), 1.0)
     np.testing.assert_allclose((shares.share > 0).sum("attractor_family"), [2, 2, 2, 1])
     exact = basins(BOTH, 0.75, grid(80))
@@ -135,5 +129,5 @@ def test_shares_of_random_states_are_those_of_a_fine_grid():
         assert float(result.displacement_max) == pytest.approx(
             float(exact.displacement_max[family])
         )
-    again = basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
+    again = gearlib.basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
     assert shares.identical(again)
