@@ -1,7 +1,5 @@
 """The main resonance, quantities of designs, Sobol' indices: against branches, sweeps, moments."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -16,15 +14,14 @@ from tests.paper import PAPER
 from tests.properties.known_models import gears
 
 DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)
-FIELDS = [field.name for field in dataclasses.fields(PAPER) if field.name != "teeth"]
 NAMES = tuple(name for name in QUANTITIES if "load_sharing" not in name)
 JUMPS = ("jump_up", "jump_down")
 
 
-def planetary_set(error, **more):
+def planetary_set(error):
     """Return a planetary set with a tangential error of its first pin, m."""
     errors = [(0.0, error), (0.0, 0.0), (0.0, 0.0)]
-    return gearlib.planetary(stiffness_ratio=(0.7, 0.8), pin_errors=errors, **more)
+    return gearlib.planetary(stiffness_ratio=(0.7, 0.8), pin_errors=errors)
 
 
 @pytest.fixture(scope="module")
@@ -33,10 +30,9 @@ def search():
 
 
 def test_jumps_and_onset_are_those_of_a_whole_branch(search):
-    # All numbers of the design a little off.
-    factors = 1.0 + 0.03 * np.random.default_rng(3).standard_normal(len(FIELDS))
-    changes = {name: getattr(DAMPED, name) * x for name, x in zip(FIELDS, factors, strict=True)}
-    model = DAMPED.replace(**changes)
+    # Numbers of the design are a little off.
+    changes = {"max_stiffness": 1.02, "contact_ratio": 0.97, "load": 1.03, "backlash": 0.98}
+    model = DAMPED.replace(**{name: x * getattr(DAMPED, name) for name, x in changes.items()})
     values = dict(zip(NAMES, search.evaluate(model)[0], strict=True))
     down = gearlib.continue_orbit(gearlib.periodic_orbit(model, 1.3), to=0.55)
     orbit = gearlib.periodic_orbit(model, 0.75)

@@ -16,7 +16,7 @@ FEW = PAPER.replace(teeth=3, material_damping=700.0, backlash_damping=300.0)
 #: Pairs and trains in which all meshes turn by whole teeth in a few mesh periods.
 OTHERS = {
     "pair": FEW,
-    "six": SIX.replace(pair=FEW),
+    "six": SIX.replace(pair=FEW.replace(backlash=120e-6)),
     "run-out": RUN_OUT.replace(pair=FEW, teeth=(3, 5)),
     "idler": gearlib.idler(FEW),
     "waves": gearlib.OneDegreePair(pair=FEW, **WAVES),

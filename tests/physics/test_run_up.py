@@ -10,18 +10,10 @@ import gearlib
 from gearlib.models import acceleration
 from tests.independent.systems import RunUp, describe
 from tests.paper import PAPER
+from tests.properties.known_models import GEARS
 from tests.trains.random_trains import chain_with_everything
 
 TRAIN = gearlib.planetary(stiffness_ratio=(0.7, 0.7), turning=True)
-SIX = gearlib.SixDegreePair(
-    pair=PAPER,
-    base_radii=(0.06, 0.09),
-    inertias=(0.01, 0.04),
-    masses=(5.0, 9.0),
-    bearing_stiffness=(3e8, 4e8, 2e8, 5e8),
-    bearing_damping=(300.0, 400.0, 200.0, 500.0),
-    friction=(0.05, 0.05),
-)
 DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=2000.0)
 #: Waves that have no closed form while the speed changes.
 WAVES = {
@@ -29,13 +21,10 @@ WAVES = {
     "deviation": gearlib.Harmonics((1e-6,), (0.0, 5e-7)),
 }
 WAVY = gearlib.OneDegreePair(pair=DAMPED, **WAVES)
-RUN_OUT = SIX.replace(
-    pair=DAMPED,
+SIX = GEARS.replace(eccentricities=(0.0, 0.0))
+RUN_OUT = GEARS.replace(
     moving_backlash=False,
-    eccentricities=(2e-6, 3e-6),
-    run_out_phase=0.3,
-    teeth=(24, 31),
-    deviation=gearlib.Harmonics((1e-6,), (0.0, 5e-7)),
+    deviation=WAVES["deviation"],
     inverse_deviation=gearlib.Harmonics((5e-7,)),
 )
 #: Errors of the pins, so that no two planets have events at once.
@@ -53,20 +42,11 @@ PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
     ],
 )
 def test_a_run_up_without_acceleration_is_a_run_at_constant_speed(model, tuning, start):
-    periods, samples = 24, 16
-    run = gearlib.simulate(
-        model,
-        tuning,
-        periods=periods,
-        record_periods=periods,
-        samples_per_period=samples,
-        initial_state=start,
-    )
+    periods, options = 24, {"samples_per_period": 16, "initial_state": start}
+    run = gearlib.simulate(model, tuning, periods=periods, record_periods=periods, **options)
     speed, length = float(run.speed), float(run.static_deflection)
     seconds = periods * math.tau / float(run.mesh_frequency)
-    run_up = gearlib.run_up(
-        model, speed, speed, duration=seconds, samples_per_period=samples, initial_state=start
-    )
+    run_up = gearlib.run_up(model, speed, speed, duration=seconds, **options)
     # The roundings of a run, larger where contact is lost.
     assert np.abs(run_up.displacement / length - run.displacement.values).max() < 1e-10
     for name in ("velocity", "acceleration", "dynamic_force"):
