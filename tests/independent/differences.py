@@ -1,7 +1,7 @@
-"""Derivatives of motions, orbits and folds by differences of motions in many digits.
+"""Derivatives of motions and orbits by differences of motions in many digits.
 
-Of a step of 1e-16 in 34 digits one difference keeps 16. Orbits and folds are solved for on both
-sides, in 50 digits.
+Of a step of 1e-16 in 34 digits one difference keeps 16. Orbits are solved for on both sides, in 50
+digits.
 """
 
 import copy
@@ -121,29 +121,3 @@ def of_orbit(model, tuning, period, guess, names):
         return [*state, *map(mpmath.re, roots), *map(mpmath.im, roots)]
 
     return [_central_difference(model, tuning, name, orbit_numbers) for name in names]
-
-
-def _fold(model, period, guess):
-    """Return the tuning of a fold: an orbit whose map has the multiplier 1."""
-
-    def residual(unknowns):
-        *state, tuning = unknowns
-        end, matrix = program.period_map(_flow(model, tuning, period), state, _STEP)
-        change = [a - b for a, b in zip(end, state, strict=True)]
-        return [*change, mpmath.det(matrix - mpmath.eye(2))]
-
-    unknowns, step = list(map(mpf, guess)), mpf(10) ** -11
-    for _ in range(5):
-        values, jacobian = program.period_map(residual, unknowns, step)
-        change = mpmath.lu_solve(jacobian, mpmath.matrix(values))
-        unknowns = [a - b for a, b in zip(unknowns, change, strict=True)]
-    return unknowns[2]
-
-
-def of_fold(model, period, guess, names):
-    """Return the derivatives of the tuning of a fold by each parameter, a list of one for each."""
-
-    def fold(other, _):
-        return [_fold(other, period, guess)]
-
-    return [_central_difference(model, 1.0, name, fold) for name in names]

@@ -1,24 +1,7 @@
 """Published oscillators with a dead zone: equations and parameters.
 
-===============  ===================================================================================
-problem          source, and what was checked of it
-===============  ===================================================================================
-gear_rattle      Mason, Piiroinen, Wilson, Homer: Basins of attraction in nonsmooth models of gear
-                 rattle, International Journal of Bifurcation and Chaos 19 (2009) 203-224,
-                 doi:10.1142/S021812740902283X: title, journal and DOI; equation and parameters as
-                 A. Wagemakers' collection of basins (github.com/awage/BasinsCollection) has them.
-gear_pair        Kahraman, Singh: Interactions between time-varying mesh stiffness and clearance
-                 non-linearities in a geared system, Journal of Sound and Vibration 146 (1991)
-                 135-156: the form of the equation is theirs; the origin of this set of parameters
-                 could not be opened.
-soft_impact      de Souza, Wiercigroch, Caldas, Balthazar: Suppressing grazing chaos in impacting
-                 system by structural nonlinearity, Chaos, Solitons & Fractals 38 (2008) 864-869,
-                 doi:10.1016/j.chaos.2007.01.022: DOI, equation and parameters as in the same
-                 collection, for chaos beside a motion without impact.
-===============  ===================================================================================
-
-No article could be opened, so no number of theirs is compared, but the motion by the program
-of `tests.independent` and the closed form of the motion without impact.
+Those of gear rattle and of the soft stop are as A. Wagemakers' collection of basins has them
+(github.com/awage/BasinsCollection). No article could be opened: no number of theirs is compared.
 """
 
 import math
@@ -29,6 +12,8 @@ from gearlib import DeadZoneOscillator, Harmonics, Series
 def gear_rattle(eccentricity=0.1, backlash=0.6, drag=0.6, stiffness=100.0):
     """Return the model of rattling gears and the frequency of its forcing, whose period is 1.
 
+    Mason, Piiroinen, Wilson, Homer: Basins of attraction in nonsmooth models of gear rattle,
+    International Journal of Bifurcation and Chaos 19 (2009) 203-224, doi:10.1142/S021812740902283X:
     theta'' + d theta' + 2 k B(theta) = 4 pi d - 4 pi^2 e cos 2 pi t - 2 pi e d sin 2 pi t, with the
     backlash function B, 0 in |theta| < `backlash`.
     """
@@ -49,6 +34,8 @@ def gear_rattle(eccentricity=0.1, backlash=0.6, drag=0.6, stiffness=100.0):
 def gear_pair():
     """Return the model of a gear pair and its mesh frequency W; no source of its values is known.
 
+    Kahraman, Singh: Interactions between time-varying mesh stiffness and clearance non-linearities
+    in a geared system, Journal of Sound and Vibration 146 (1991) 135-156, have the equation
     x'' + 2 zeta x' + k(t) B(x) = F_m + sum F_r (r W)^2 cos r W t, with harmonics r = 1 to 3.
     """
     model = DeadZoneOscillator(
@@ -66,6 +53,9 @@ def gear_pair():
 def soft_impact(gap=0.63):
     """Return the model of a soft stop at y = `gap` and the frequency omega of its published chaos.
 
+    de Souza, Wiercigroch, Caldas, Balthazar: Suppressing grazing chaos in impacting system by
+    structural nonlinearity, Chaos, Solitons & Fractals 38 (2008) 864-869,
+    doi:10.1016/j.chaos.2007.01.022:
     y'' + 0.04 y' + y + 20 H(y - gap) (y - gap) = 0.5 cos omega t, with the unit step H.
     """
     model = DeadZoneOscillator(

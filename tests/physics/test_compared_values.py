@@ -15,22 +15,16 @@ from tests.physics.test_fits import TRUTH
 CLOSE = 1e-9
 
 
-def rate_of(description):
-    """Return the speed in rpm of a described pair at tuning 1."""
-    return system_of(description, 1.0, mp).speed * 30 / (mp.pi * description["teeth"])
-
-
-@pytest.mark.parametrize("tuning", [0.7, 0.9])
-def test_statistics_of_an_orbit_are_those_of_the_independent_program_in_fifty_digits(tuning):
+def test_statistics_of_an_orbit_are_those_of_the_independent_program_in_fifty_digits():
     # On the upper branch, where contact is lost.
-    tunings = np.linspace(tuning, 1.0, 8)
+    tunings = np.linspace(0.7, 1.0, 8)
     run = gearlib.sweep(TRUTH, tunings, periods=300, record_periods=1, direction="down")
-    speed, state = float(TRUTH.speed(tuning)), run.final_state.values[0]
+    speed, state = float(run.speed[0]), run.final_state.values[0]
     point = observation.orbit_quantities(TRUTH, speed, state)
     assert point["displacement_min"] < 0.0
     with mp.workdps(50):
         pair = describe(TRUTH)
-        nu = mp.mpf(speed) / rate_of(pair)
+        nu = mp.mpf(speed) * mp.pi * pair["teeth"] / 30 / system_of(pair, 1.0, mp).speed
         orbit_state, _ = differences.orbit_of(pair, nu, period=1, guess=state)
         system = system_of(pair, nu, mp)
         table = differences.columns(pair, nu, periods=1, state=orbit_state)

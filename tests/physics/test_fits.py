@@ -21,29 +21,13 @@ FREE = {
     "contact_ratio": (1.4, 1.75),
 }
 #: Names of parameters of `planetary_set`.
-SUN, RING = "max_stiffness of mesh sun 1", "max_stiffness of mesh ring 1"
-PIN = "offset of body planet 1, y"
+SUN, PIN = "max_stiffness of mesh sun 1", "offset of body planet 1, y"
 
 
-def course(pair, seconds=1.0):
-    """Return a speed profile up through the resonance and down again, each for so many seconds."""
+def course(pair):
+    """Return a speed profile up through the resonance in half a second, and down again."""
     low, high = pair.speed(0.6), pair.speed(1.0)
-    return [(0.0, low), (seconds, high), (2.0 * seconds, low)]
-
-
-def assert_found(fit, truth, standard_errors):
-    """Assert that fitted parameters differ by so many standard errors from the truth at most."""
-    for name, parameter in fit.params.items():
-        assert abs(parameter.value - truth.value(name)) < standard_errors * parameter.stderr, name
-
-
-def test_a_fit_to_a_run_up_differs_from_the_truth_by_three_standard_errors_at_most():
-    truth = TRUTH.replace(contact_ratio=1.5)
-    guess = truth.replace(material_damping=4900.0, contact_ratio=1.7)
-    free = {name: FREE[name] for name in ("material_damping", "contact_ratio")}
-    fit = gearlib.fit(guess, synthetic_rig(truth, course(truth), seed=1), free)
-    assert 0.8 < fit.redchi < 1.25 and not fit.unknown
-    assert_found(fit, truth, standard_errors=3.0)
+    return [(0.0, low), (0.5, high), (1.0, low)]
 
 
 def test_a_lower_bound_of_the_backlash_is_found_where_the_far_flank_is_never_struck():
@@ -62,9 +46,8 @@ def test_a_lower_bound_of_the_backlash_is_found_where_the_far_flank_is_never_str
 
 def test_backlash_is_found_where_the_far_flank_is_struck():
     truth = TRUTH.replace(backlash=1e-5)
-    free = {"reduced_mass": FREE["reduced_mass"], "backlash": (2e-6, 6e-5)}
-    guess = truth.replace(reduced_mass=3.4, backlash=1.2e-5)
-    fit = gearlib.fit(guess, synthetic_rig(truth, course(truth), seed=0), free)
+    data = synthetic_rig(truth, course(truth), seed=0)
+    fit = gearlib.fit(truth.replace(backlash=1.2e-5), data, {"backlash": (2e-6, 6e-5)})
     backlash = fit.params["backlash"]
     assert backlash.identifiable
     assert abs(backlash.value - truth.backlash) < 5.0 * backlash.stderr < 1e-7
@@ -88,11 +71,10 @@ def test_two_jump_speeds_determine_two_parameters():
     assert "[[Variables]]" in str(fit) and fit.ndata == 2
 
 
-def planetary_set():
+def planetary_set(**options):
     """Return a planetary set whose first pin lies 10 um behind its place."""
-    train = gearlib.planetary(
-        stiffness_ratio=(0.6, 0.7), pin_errors=((0.0, 1e-5), (0.0, 0.0), (0.0, 0.0))
-    )
+    pins = (0.0, 1e-5), (0.0, 0.0), (0.0, 0.0)
+    train = gearlib.planetary(stiffness_ratio=(0.6, 0.7), pin_errors=pins, **options)
     return train.replace(reference_frequency=train.reference_angular_frequency / (2.0 * np.pi))
 
 
@@ -112,16 +94,16 @@ def noisy_orbit(model, speed, names):
     return data
 
 
-def test_two_stiffnesses_and_a_pin_error_are_found_from_load_sharing_and_orders():
-    truth = planetary_set()
-    names = [f"load_sharing_sun_{i}" for i in (1, 2, 3)]
-    names += [f"order_amplitude_{mesh}" for mesh in ("1_sun_1", "1_ring_1", "2_sun_1")]
-    free = {SUN: (4e8, 1e9), RING: (4e8, 1e9), PIN: (-3e-5, 3e-5)}
-    guess = truth.with_values({SUN: 5.5e8, RING: 6.5e8, PIN: 0.0})
+def test_a_stiffness_and_a_pin_error_are_found_from_load_sharing_and_orders():
+    # Ring and carrier do not move sideways.
+    truth = planetary_set(support_stiffness=(1e8, math.inf, math.inf, 1e8))
+    names = [*(f"load_sharing_sun_{i}" for i in (1, 2, 3)), "order_amplitude_1_sun_1"]
+    guess = truth.with_values({SUN: 5.5e8, PIN: 0.0})
+    free = {SUN: (4e8, 1e9), PIN: (-3e-5, 3e-5)}
     fit = gearlib.fit(guess, noisy_orbit(truth, 2500.0, names), free)
-    assert fit.ndata == 6 and fit.redchi < 2.6 and not fit.unknown
-    assert_found(fit, truth, standard_errors=5.0)
+    assert fit.ndata == 4 and fit.redchi < 2.6 and not fit.unknown
     for name, parameter in fit.params.items():
+        assert abs(parameter.value - truth.value(name)) < 5.0 * parameter.stderr, name
         low, high = parameter.interval
         assert low <= truth.value(name) <= high, name
     # The pin error shows in the load sharing: 5 % of a load for 10 um.
@@ -151,8 +133,6 @@ def test_every_settable_parameter_is_read_as_it_was_set():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"free": {"mass": (1.0, 2.0)}}, "free = 'mass' is not allowed: it must be one of"),
-        ({"free": {"reduced_mass": (1.0, 2.0)}}, "a range that holds reduced_mass = 3.123"),
         ({"free": {"contact_ratio": (1.5, 2.5)}}, "contact_ratio = 2.5"),
         ({"data": xr.Dataset()}, "it must have a displacement over time, one of"),
         ({"free": FREE}, "2 observations for 3 parameters; there must be at least"),

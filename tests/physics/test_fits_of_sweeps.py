@@ -1,24 +1,25 @@
 """Fits to slow sweeps of synthetic rigs: statistics over speed, jumps, onset of contact loss."""
 
+import math
+
 import numpy as np
 import pytest
 import xarray as xr
 
 import gearlib
-from gearlib.uncertainty import observation
+from gearlib.uncertainty.observation import resonance_speeds
 from gearlib.uncertainty.observations import observations_of
 from tests.paper import PAPER
+from tests.properties.known_models import gears
 
-#: Number of speeds in each direction.
-COUNT = 21
 TRUTH = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 FREE = {"material_damping": (1000.0, 9000.0), "reduced_mass": (2.6, 3.7), "load": (2e3, 5e3)}
 HEIGHT = ("displacement_max",)
 
 
-def resonance(pair, seed, names=(*HEIGHT, "fraction_backlash"), gain=1.0):
-    """Return a synthetic resonance curve, up and down, with noise; without, if seed is None."""
-    rng, tunings = np.random.default_rng(seed), np.linspace(0.6, 1.0, COUNT)
+def resonance(pair, seed, names=(*HEIGHT, "fraction_backlash"), gain=1.0, count=11):
+    """Return a resonance curve at so many speeds, up and down, with noise; none if seed is None."""
+    rng, tunings = np.random.default_rng(seed), np.linspace(0.6, 1.0, count)
     runs = [
         gearlib.sweep(pair, tunings, periods=300, record_periods=1, direction=direction)
         for direction in ("up", "down")
@@ -26,7 +27,7 @@ def resonance(pair, seed, names=(*HEIGHT, "fraction_backlash"), gain=1.0):
     data = xr.Dataset(
         coords={
             "speed": ("sample", np.tile(tunings * pair.speed(1.0), 2)),
-            "direction": ("sample", np.repeat([1, -1], COUNT)),
+            "direction": ("sample", np.repeat([1, -1], count)),
         }
     )
     for name in names:
@@ -34,21 +35,17 @@ def resonance(pair, seed, names=(*HEIGHT, "fraction_backlash"), gain=1.0):
         values = scale * np.hstack([run[name].values for run in runs])
         noise = 0.0 if seed is None else 0.02 * values.std()
         attrs = {"noise_std": gain * noise, "unknown_gain": int(gain != 1.0)}
-        data[name] = "sample", gain * (values + rng.normal(0.0, noise, 2 * COUNT)), attrs
+        data[name] = "sample", gain * (values + rng.normal(0.0, noise, 2 * count)), attrs
     return data
 
 
 def test_exact_curves_of_unknown_noise_give_the_truth():
     # Jumps are known to half a step only: with one scale for all they would pull damping by 12 %.
-    data = resonance(TRUTH, None)
-    guess = TRUTH.replace(material_damping=4200.0, reduced_mass=3.1)
-    fit = gearlib.fit(
-        guess, data, {name: FREE[name] for name in ("material_damping", "reduced_mass")}
-    )
-    for name, parameter in fit.params.items():
-        # The orbits of data and model settle to some 1e-9 of each other.
-        assert parameter.value == pytest.approx(getattr(TRUTH, name), rel=1e-7), name
-    assert not fit.unknown
+    guess, free = TRUTH.replace(material_damping=4200.0), FREE["material_damping"]
+    fit = gearlib.fit(guess, resonance(TRUTH, None), {"material_damping": free})
+    # The orbits of data and model settle to some 1e-9 of each other.
+    found = fit.params["material_damping"].value
+    assert found == pytest.approx(TRUTH.material_damping, rel=1e-7) and not fit.unknown
 
 
 def test_an_unknown_gain_hides_the_load():
@@ -71,7 +68,7 @@ def test_a_speed_that_is_measured_twice_has_the_same_motion_twice():
 
 
 def test_points_are_compared_with_the_branch_on_their_side_of_the_jump():
-    data = resonance(TRUTH, 2)
+    data = resonance(TRUTH, 2, count=21)
     points, jumps = observations_of(TRUTH, data)
     drawn_jumps = jumps.draw(jumps.predicted_signals(TRUTH))
     assert {jump.name for jump in drawn_jumps} == {"jump up", "jump down"}
@@ -82,25 +79,23 @@ def test_points_are_compared_with_the_branch_on_their_side_of_the_jump():
     # with the branch that it is on, not with the motion of the model at its speed.
     near = TRUTH.replace(reduced_mass=1.02 * TRUTH.reduced_mass)
     residuals = points.residuals(near).reshape(2, -1)
-    curves = resonance(near, 0)
+    curves = resonance(near, 0, count=21)
     for name, differences in zip(data.data_vars, residuals, strict=True):
         pointwise = [
             np.interp(data.speed[half], curves.speed[half], curves[name][half]) - data[name][half]
-            for half in (slice(0, COUNT), slice(COUNT, None))
+            for half in (slice(0, 21), slice(21, None))
         ]
         largest = np.abs(pointwise).max() / data[name].noise_std
         assert np.abs(differences).max() < 0.5 * largest
 
 
-def test_contact_is_lost_just_above_the_onset_speed_and_not_below():
-    pair = TRUTH.replace(material_damping=7e3, backlash_damping=7e3)
-    near = {"onset_of_contact_loss": pair.speed(0.83)}
-    (onset,) = observation.resonance_speeds(pair, near).values()
-    runs = [
-        gearlib.simulate(pair, factor * onset / pair.speed(1.0), periods=4000, record_periods=1)
-        for factor in (1.0 - 1e-4, 1.0 + 1e-4)
-    ]
-    assert [bool(run.fraction_backlash > 0.0) for run in runs] == [False, True]
+def test_gears_on_rigid_bearings_have_the_jumps_and_the_onset_of_their_pair():
+    # Found near the measured speeds, in sweeps and on branches of all coordinates.
+    model = gears(math.inf, 3953.7, 3953.7)
+    tunings = {"jump_down": 0.7, "jump_up": 0.82, "onset_of_contact_loss": 0.8}
+    measured = {name: float(model.speed(tuning)) for name, tuning in tunings.items()}
+    result, expected = (resonance_speeds(one, measured) for one in (model, model.pair))
+    assert result == pytest.approx(expected, rel=1e-11) and result.keys() == tunings.keys()
 
 
 @pytest.mark.parametrize("name", ["speed", "displacement_max"])

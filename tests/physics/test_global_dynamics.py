@@ -5,18 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gearlib import (
-    GearPair,
-    OneDegreePair,
-    basin_stability,
-    basins,
-    bifurcation_diagram,
-    lyapunov_exponents,
-    periodic_orbit,
-    poincare_section,
-    simulate,
-    sweep,
-)
+import gearlib
+from gearlib import GearPair, OneDegreePair, basins, periodic_orbit, simulate, sweep
 from gearlib.analysis.global_dynamics.attractors import CHAOTIC, PERIODIC, UNBOUNDED, UNDECIDED
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.engines.pair.motion import mesh_at_tuning
@@ -47,44 +37,33 @@ def grid(count):
     ("pair", "tuning", "periods"), [(MATERIAL, 0.72, 1), (BOTH, 1.75, 2), (LIGHT, 2.05, 3)]
 )
 def test_basins_have_the_attractors_of_runs_event_by_event(pair, tuning, periods):
-    result = basins(pair, tuning, grid(33))
+    result = basins(pair, tuning, grid(17))
     states = np.stack(np.meshgrid(result.displacement, result.velocity, indexing="ij"), axis=-1)
     # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
     m = mesh_at_tuning(ratios(pair), tuning)
     ends = np.array([event_by_event(m, x, v, 600)[1:] for x, v in states.reshape(-1, 2)])
-    points = result.state.values
-    distances = np.linalg.norm(ends[:, None, None] - points, axis=-1)
+    distances = np.linalg.norm(ends[:, None, None] - result.state.values, axis=-1)
     nearest = np.where(np.isnan(distances), np.inf, distances).min(axis=2)
-    assert result.period.values.max() == periods
-    settled = nearest.min(axis=1) < 1e-6
-    assert settled.mean() > 0.999
-    misplaced = nearest.argmin(axis=1) != result.basin.values.ravel()
-    # On a boundary of two basins rounding decides.
-    assert (misplaced & settled).sum() <= 2
-
-
-def test_every_phase_of_an_orbit_is_the_same_attractor():
-    pair, tuning, period = LIGHT, 2.05, 3
-    result = basins(pair, tuning, grid(30))
-    index = np.flatnonzero(result.period == period)[0]
-    points = result.state.values[index, :period]
-    assert np.abs(np.diff(points[:, 0])).max() > 0.1
+    assert (nearest.min(axis=1) < 1e-6).all()
+    np.testing.assert_array_equal(nearest.argmin(axis=1), result.basin.values.ravel())
+    # Every point of the orbit of most periods belongs to it, and is mapped into the next one.
+    longest = int(np.argmax(result.period.values))
+    assert result.period[longest] == periods
+    points = result.state.values[longest, :periods]
     for x, v in points:
-        alone = basins(pair, tuning, ([x], [v]))
-        assert int(alone.period[0]) == period
+        assert int(basins(pair, tuning, ([x], [v])).period[0]) == periods
         run = sweep(pair, [tuning], periods=64, record_periods=16, initial_state=(x, v))
-        assert int(run.period[0]) == period
-    # The map carries each point into the next and the last into the first.
+        assert int(run.period[0]) == periods
     ends, _ = Stroboscope(pair, tuning)(points, 1)
     np.testing.assert_allclose(ends, np.roll(points, -1, axis=0), atol=1e-11)
 
 
 def test_chaotic_and_unbounded_motions_have_their_kinds():
     soft = gear_pair(damping=0.0164, backlash=7.2, contact_ratio=1.6, stiffness_ratio=0.35)
-    result = basins(soft, 0.44, grid(12), periods=200)
+    result = basins(soft, 0.44, grid(4), periods=200)
     assert result.attractor_kind.values.tolist() == [CHAOTIC] and result.exponent[0] > 0.5
     # The tongue at twice the eigenfrequency, wide open for large motions.
-    result = basins(LIGHT, 1.9, grid(16))
+    result = basins(LIGHT, 1.9, grid(8))
     assert result.attractor_kind.values.tolist() == [PERIODIC, UNBOUNDED]
     run = sweep(LIGHT, [1.9], periods=4000, record_periods=1, initial_state=(6.0, -6.0))
     assert (result.basin.values == 1).mean() > 0.3 and result.basin.values[-1, 0] == 1
@@ -99,8 +78,10 @@ def test_contact_without_damping_has_no_attractor():
 
 def test_exponents_are_those_of_the_multipliers():
     tunings = np.array([0.62, 0.66, 0.7, 1.0, 1.2])
-    diagram = bifurcation_diagram(LIGHT, tunings)
-    rates = lyapunov_exponents(LIGHT, tunings, states=diagram.final_state.values, periods=4000)
+    diagram = gearlib.bifurcation_diagram(LIGHT, tunings)
+    rates = gearlib.lyapunov_exponents(
+        LIGHT, tunings, states=diagram.final_state.values, periods=4000
+    )
     for nu, rate, state, n in zip(
         tunings, rates.exponent, diagram.final_state.values, diagram.period, strict=True
     ):
@@ -118,7 +99,7 @@ def test_sections_are_samples_of_the_time_course():
     for i in (0, 3):
         phase = 2.0 * math.pi * i / 8
         for pair in (BOTH, OneDegreePair(pair=BOTH)):
-            cut = poincare_section(pair, nu, [state], periods=10, settle=20, phase=phase)
+            cut = gearlib.poincare_section(pair, nu, [state], periods=10, settle=20, phase=phase)
             np.testing.assert_allclose(cut.displacement[0], run.displacement[i::8], atol=1e-10)
             np.testing.assert_allclose(cut.velocity[0], run.velocity[i::8], atol=1e-10)
             np.testing.assert_allclose(cut.final_state[0], run.final_state, atol=1e-10)
@@ -127,7 +108,9 @@ def test_sections_are_samples_of_the_time_course():
 def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
     tunings = np.linspace(0.6, 1.0, 41)
     for direction in ("up", "down"):
-        diagram = bifurcation_diagram(BOTH, tunings, direction=direction, settle=200, strobes=40)
+        diagram = gearlib.bifurcation_diagram(
+            BOTH, tunings, direction=direction, settle=200, strobes=40
+        )
         curve = sweep(BOTH, tunings, periods=240, record_periods=40, direction=direction)
         np.testing.assert_array_equal(diagram.period, curve.period)
         np.testing.assert_allclose(diagram.final_state, curve.final_state, atol=1e-9)
@@ -135,10 +118,10 @@ def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
 
 def test_shares_of_random_states_are_those_of_a_fine_grid():
     tunings = [0.74, 0.75, 0.76, 1.2]
-    shares = basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
+    shares = gearlib.basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
     np.testing.assert_allclose(shares.share.sum("attractor_family"), 1.0)
     np.testing.assert_allclose((shares.share > 0).sum("attractor_family"), [2, 2, 2, 1])
-    exact = basins(BOTH, 0.75, grid(200))
+    exact = basins(BOTH, 0.75, grid(80))
     for family in range(2):
         result = shares.isel(attractor_family=family).sel(tuning=0.75)
         error = 3.0 * float(result.share_error)
@@ -146,5 +129,5 @@ def test_shares_of_random_states_are_those_of_a_fine_grid():
         assert float(result.displacement_max) == pytest.approx(
             float(exact.displacement_max[family])
         )
-    again = basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
+    again = gearlib.basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
     assert shares.identical(again)

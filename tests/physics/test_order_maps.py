@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib.models import acceleration
 from tests.paper import PAPER
 from tests.physics.test_run_up import RUN_OUT, SIX, WAVES, reference
 
@@ -17,7 +16,7 @@ FEW = PAPER.replace(teeth=3, material_damping=700.0, backlash_damping=300.0)
 #: Pairs and trains in which all meshes turn by whole teeth in a few mesh periods.
 OTHERS = {
     "pair": FEW,
-    "six": SIX.replace(pair=FEW),
+    "six": SIX.replace(pair=FEW.replace(backlash=120e-6)),
     "run-out": RUN_OUT.replace(pair=FEW, teeth=(3, 5)),
     "idler": gearlib.idler(FEW),
     "waves": gearlib.OneDegreePair(pair=FEW, **WAVES),
@@ -29,12 +28,7 @@ def by_quadrature(model, run, speed, load, orders):
 
     The displacement is that of the code of `tests.independent`, integrated by Gauss's quadrature.
     """
-    train, teeth = model.train or model, float(model.periods_per_revolution)
-    # Accelerations of the coordinates per angular acceleration of the shaft; a pair has none here.
-    accelerations = [0.0]
-    if model.size != 2:
-        accelerations = acceleration.train_accelerations(train) * model.static_deflection
-    code = reference(model, speed, load, accelerations)
+    code, teeth = reference(model, speed, load), float(model.periods_per_revolution)
     (_, first), (end, last) = speed[:2]
     turn = float(model.mesh_frequency(1.0)) / float(model.speed(1.0))
     rate, slope = first * turn, (last - first) * turn / end
@@ -78,40 +72,39 @@ def test_orders_of_a_speed_ramp_are_integrals_of_the_independent_motion(name, tu
     assert result.amplitude_error.max() < 1e-4 * expected.max()
 
 
-def test_a_run_up_at_constant_speed_has_the_spectrum_of_a_run():
-    tuning = 0.9
-    rpm = PAPER.speed(tuning)
+def assert_block_has(block, amplitudes, rpm):
+    """Assert that a block of an order map has these amplitudes and this speed."""
+    # What has not died out in nine revolutions is far smaller.
+    assert np.abs(block.amplitude.values - amplitudes).max() < 1e-7 * amplitudes.max()
+    assert float(block.rpm) == pytest.approx(rpm, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("variable", "name"), [("displacement", "error"), ("dynamic_force", "force")]
+)
+def test_blocks_at_constant_speed_have_the_spectrum_of_their_revolutions(variable, name):
     pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
-    once = gearlib.simulate(pair, tuning, periods=240, record_periods=24, samples_per_period=256)
-    spectrum = gearlib.orders(once, count=5)
+    once = gearlib.simulate(pair, 0.9, periods=240, record_periods=24, samples_per_period=256)
+    rpm = float(once.speed)
     run = gearlib.run_up(pair, rpm, rpm, duration=600.02 / rpm, samples_per_period=256)
-    for variable, name in (("displacement", "error"), ("dynamic_force", "force")):
-        result = gearlib.order_map(run, variable=variable, amplitude="peak").isel(time=-1)
-        exact = spectrum[f"{name}_amplitude"].values
-        # What has not died out in nine revolutions is far smaller.
-        assert np.abs(result.amplitude.values - exact).max() < 1e-7 * exact.max()
-        assert float(result.rpm) == pytest.approx(rpm, rel=1e-12)
-
-
-def test_a_block_at_constant_speed_has_the_spectrum_of_its_revolutions():
-    pair = PAPER.replace(material_damping=1000.0)
+    result = gearlib.order_map(run, variable=variable, amplitude="peak")
+    exact = gearlib.orders(once, count=5)[f"{name}_amplitude"].values
+    assert_block_has(result.isel(time=-1), exact, rpm)
     # Three mesh periods with all phases of contact, from the first period of the record on.
     settings = {"periods": 1507, "record_periods": 48, "samples_per_period": 256}
-    run = gearlib.simulate(pair, 1.055, initial_state=(-2.0, 1.0), **settings)
+    run = gearlib.simulate(
+        PAPER.replace(material_damping=1000.0), 1.055, initial_state=(-2.0, 1.0), **settings
+    )
     spectrum = gearlib.orders(run, count=4)
-    for variable, name in (("displacement", "error"), ("dynamic_force", "force")):
-        orders = gearlib.order_map(
-            run, variable=variable, amplitude="peak", resolution=0.5, highest=96
-        )
-        assert orders.order.values == pytest.approx(spectrum.order.values, rel=1e-14)
-        exact = spectrum[f"{name}_amplitude"].values
-        assert np.abs(orders.amplitude[0].values - exact).max() < 1e-7 * exact.max()
-        # The spectrum counts phases from the mesh phase 0, the map from the first sample.
-        begin = orders.order.values / pair.teeth * float(run.phase[0])
-        rotation = np.exp(1j * (orders.phase[0].values - spectrum[f"{name}_phase"].values - begin))
-        assert np.abs(exact * (rotation - 1.0)).max() < 1e-7 * exact.max()
-        assert float(orders.rpm[0]) == pytest.approx(float(run.speed), rel=1e-12)
+    orders = gearlib.order_map(run, variable=variable, amplitude="peak", resolution=0.5, highest=96)
+    assert orders.order.values == pytest.approx(spectrum.order.values, rel=1e-14)
+    exact = spectrum[f"{name}_amplitude"].values
+    assert_block_has(orders.isel(time=0), exact, float(run.speed))
+    # The spectrum counts phases from the mesh phase 0, the map from the first sample.
+    begin = orders.order.values / PAPER.teeth * float(run.phase[0])
+    rotation = np.exp(1j * (orders.phase[0].values - spectrum[f"{name}_phase"].values - begin))
+    assert np.abs(exact * (rotation - 1.0)).max() < 1e-7 * exact.max()
     # Of each revolution there is a block; both are the same motion.
-    halves = gearlib.order_map(run, orders=[24, 48], variable="dynamic_force")
+    halves = gearlib.order_map(run, orders=[24, 48], variable=variable)
     assert halves.sizes == {"time": 2, "order": 2}
     assert halves.amplitude[0].values == pytest.approx(halves.amplitude[1].values, rel=1e-9)

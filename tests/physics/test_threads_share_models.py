@@ -13,7 +13,7 @@ THREADS, PERIODS = 8, 30
 MODELS = [KNOWN[name].model for name in ("unequal sides", "free bearings", "idler that deviates")]
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def frequent_switches():
     """The interpreter switches threads after a microsecond."""
     before = sys.getswitchinterval()
@@ -23,10 +23,9 @@ def frequent_switches():
 
 
 @pytest.mark.parametrize("model", MODELS)
-@pytest.mark.usefixtures("frequent_switches")
 def test_threads_that_share_a_model_record_the_bytes_of_one_thread(model):
     rng, tunings = np.random.default_rng(1), (0.7, 0.9, 1.1)
-    for _ in range(4):
+    for _ in range(2):
         # Copies, whose bases and tables are still to be computed.
         shared_model, serial_model = model.replace(), model.replace()
         starts = rng.uniform(-2.0, 2.0, (3 * THREADS, 2))

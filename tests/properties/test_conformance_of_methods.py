@@ -12,7 +12,7 @@ import pytest
 import gearlib
 from gearlib import Fourier, GearPair, OneDegreePair, integrators, simulate, sweep
 from tests.paper import PAPER
-from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SIX, SPLIT, VARIANTS
+from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SPLIT, VARIANTS
 from tests.properties.cases import random_trains_case
 from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
 from tests.trains.test_methods import START, bouncing
@@ -47,7 +47,7 @@ MOTIONS = {
     "quadratic": Known(
         OneDegreePair(pair=THICK, profile=Fourier(3), quadratic_damping=3e4), 0.9, (0.0, 0.0), 10
     ),
-    "six degrees": Known(SIX, 0.8, (1.0, -3.0)),
+    "six degrees": Known(KNOWN["free bearings"].model, 0.8, (1.0, -3.0)),
     "train": Known(bouncing(), 0.9, START, 6),
     # Run-out, deviations of both flanks, friction; a common period of many mesh periods.
     **{f"random train {seed}": Known(*random_trains_case(seed), 2) for seed in (0, 5)},

@@ -24,9 +24,9 @@ def propagate(
     contact_ratio, stiffness_ratio, damping_ratio, backlash_damping_ratio, backlash_ratio,
     tuning, periods, state=(0.0, 0.0),
 ):  # fmt: skip
-    """Return (x, v, events) of a pair after some mesh periods from a state (x, v), in 50 digits.
+    """Return the motion of a pair over some mesh periods from a state (x, v), in 50 digits.
 
-    `events` is a list of (phase, contact before, contact after, v).
+    It is a list of the last state (x, v) and of events (phase, contact before, contact after, v).
     """
     with mpmath.workdps(50):
         epsilon, kappa = mpmath.mpf(contact_ratio), mpmath.mpf(stiffness_ratio)
@@ -43,11 +43,11 @@ def propagate(
         }
         motion = move(pair, tuning, periods, state, context=mpmath.mp)
         events = [(event.phase, event.before, event.after, event.rate) for event in motion.events]
-        return (*motion.mesh_state(), events)
+        return [motion.mesh_state(), *events]
 
 
 def propagate_pair(pair, tuning, periods, state=(0.0, 0.0)):
-    """Return (x, v, events) of a `GearPair` in 50 digits, see `propagate`."""
+    """Return the motion of a `GearPair` in 50 digits, see `propagate`."""
     names = ("contact_ratio", "stiffness_ratio", "damping_ratio", "backlash_damping_ratio")
     ratios = [getattr(pair, name) for name in (*names, "backlash_ratio")]
     return propagate(*ratios, tuning, periods, state)
@@ -90,8 +90,8 @@ def from_rest(decay, square, load, x, t):
 class Stored:
     """The references of one test module, a file of their own."""
 
-    #: All of them, by name.
-    known: dict = {}
+    #: All of them.
+    known: list = []
     #: Whether everything is computed and kept, for `python -m tests.references`.
     recording = False
 
@@ -99,24 +99,13 @@ class Stored:
         self.path = FOLDER / f"{name}.json"
         self.entries = json.loads(self.path.read_text("utf-8")) if self.path.exists() else {}
         self.recorded: dict = {}
-        Stored.known[name] = self
-
-    def propagate(self, *arguments):
-        """Return (x, v, events), see `propagate`."""
-        key = key_of(arguments)
-        if Stored.recording:
-            self.recorded[key] = texts(propagate(*arguments))
-            return numbers(self.recorded[key])
-        if key not in self.entries:
-            warnings.warn(f"{self.path.name} lacks {arguments}: make references", stacklevel=2)
-            return propagate(*arguments)
-        return numbers(self.entries[key])
+        Stored.known.append(self)
 
     def rows(self, function, *arguments):
         """Return the rows of numbers, tuples, that a function of 50 digits returns."""
-        key = key_of((function.__name__, *arguments))
+        key = key_of(function, *arguments)
         if Stored.recording:
-            self.recorded[key] = row_texts(function(*arguments))
+            self.recorded[key] = texts(function(*arguments))
         known = self.recorded if Stored.recording else self.entries
         if key not in known:
             warnings.warn(f"{self.path.name} lacks {arguments}: make references", stacklevel=2)
@@ -130,32 +119,11 @@ class Stored:
         self.path.write_text(f"{{\n{text}\n}}\n", encoding="utf-8")
 
 
-def key_of(arguments):
+def key_of(function, *arguments):
     """Return the key of a reference: a digest of the very floats."""
-    return hashlib.sha256(repr(arguments).encode()).hexdigest()[:16]
+    return hashlib.sha256(repr((function.__name__, *arguments)).encode()).hexdigest()[:16]
 
 
-def texts(motion):
-    """Return (x, v, events) as texts."""
-    x, v, events = motion
-    rows = [f"{_text(at)} {before} {after} {_text(speed)}" for at, before, after, speed in events]
-    return [f"{_text(x)} {_text(v)}", *rows]
-
-
-def row_texts(rows):
+def texts(rows):
     """Return rows of numbers as texts."""
-    return [" ".join(map(_text, row)) for row in rows]
-
-
-def _text(value):
-    return mpmath.nstr(value, _DIGITS)
-
-
-def numbers(rows):
-    """Return (x, v, events) of texts."""
-    (x, v), *events = (row.split() for row in rows)
-    return (
-        mpmath.mpf(x),
-        mpmath.mpf(v),
-        [(mpmath.mpf(a), int(b), int(c), mpmath.mpf(d)) for a, b, c, d in events],
-    )
+    return [" ".join(mpmath.nstr(value, _DIGITS) for value in row) for row in rows]
