@@ -26,6 +26,7 @@ PAIR = (
 UNDAMPED = "--teeth 23 61 --module 2.5mm --width 18mm --torque 85Nm --backlash 80um"
 DRAWN = f"{UNDAMPED} --damping-ratio 0.05"
 K1 = PAPER.replace(material_damping=3953.7)
+FROM_FILE = "--config mine.yaml"
 CONFIG_FILE = Path(__file__).parents[2] / "config.yaml"
 
 
@@ -55,23 +56,20 @@ def with_train(section):
     return {"gear_pair": gears, "dampings": dampings, "train": section}
 
 
-def test_simulate_writes_what_the_library_computes(run):
-    output = run("simulate PAIR --tuning 0.9 --periods 50 -o run.nc")
-    assert "displacement_max" in output
+def test_runs_write_what_the_library_computes(run):
+    assert "displacement_max" in run("simulate PAIR --tuning 0.9 --periods 50 -o run.nc")
     expected, dataset = gearlib.simulate(K1, 0.9, periods=50), xr.load_dataset("run.nc")
     assert {"history", "source_hash"} == dataset.attrs.keys() - expected.attrs.keys()
     del dataset.attrs["history"], dataset.attrs["source_hash"]
     xr.testing.assert_identical(dataset, expected)
-
-
-@pytest.mark.parametrize("direction", ["cold", "up"])
-def test_sweep_writes_what_the_library_computes(run, direction):
-    grid = "--start 0.7 --stop 0.9 --points 51 --periods 60"
-    run(f"sweep PAIR {grid} --direction {direction} -o curve.nc")
-    options = {"periods": 60, "record_periods": 10, "direction": direction}
-    expected = gearlib.sweep(K1, np.linspace(0.7, 0.9, 51), **options)
-    # The command splits a sweep from rest ("cold") into other batches: results differ by rounding.
-    xr.testing.assert_allclose(xr.load_dataset("curve.nc"), expected, rtol=1e-12)
+    for direction in ("cold", "up"):
+        grid = "--start 0.7 --stop 0.9 --points 51 --periods 60"
+        run(f"sweep PAIR {grid} --direction {direction} -o {direction}.nc")
+        options = {"periods": 60, "record_periods": 10, "direction": direction}
+        expected = gearlib.sweep(K1, np.linspace(0.7, 0.9, 51), **options)
+        # The command splits a sweep from rest ("cold") into other batches: results differ by
+        # rounding.
+        xr.testing.assert_allclose(xr.load_dataset(f"{direction}.nc"), expected, rtol=1e-12)
 
 
 def test_a_run_up_with_back_returns_to_its_first_speed(run):
@@ -111,8 +109,8 @@ def test_orbit_and_trust_print_their_results(run):
     ],
 )
 def test_the_suffix_decides_the_format_of_the_file(run, command, options):
-    for suffix in ("nc", "csv"):
-        run(f"{command} PAIR {options} -o data.{suffix} --plot picture.png --force")
+    run(f"{command} PAIR {options} -o data.nc --plot picture.png")
+    run(f"{command} PAIR {options} -o data.csv")
     data = xr.load_dataset("data.nc")
     heads, *rows = csv.reader(Path("data.csv").read_text(encoding="utf-8").splitlines())
     dimension = heads[0].partition(" [")[0]
@@ -134,16 +132,16 @@ def test_drawn_gears_come_from_options_or_a_saved_file(run):
     assert Path("stiffness.svg").exists()
     pair = gearlib.GearPair.from_geometry(drawings.own(), torque=85.0, damping_ratio=0.05)
     expected = gearlib.simulate(pair, speed=4000.0, periods=200)
-    for gears in ("DRAWN", "--config mine.yaml"):
-        output = run(f"simulate {gears} --speed 4000 -o run.nc --force")
-        assert "gear pair z 23/61, m 2.5 mm\n" in output
-        dataset = xr.load_dataset("run.nc")
-        np.testing.assert_allclose(dataset.displacement, expected.displacement, rtol=1e-9)
+    outputs = {gears: run(f"simulate {gears} --speed 4000") for gears in ("DRAWN", FROM_FILE)}
+    run(f"simulate {FROM_FILE} --speed 4000 -o run.nc")
+    displacement = xr.load_dataset("run.nc").displacement
+    np.testing.assert_allclose(displacement, expected.displacement, rtol=1e-9)
+    assert outputs["DRAWN"].startswith("gear pair z 23/61, m 2.5 mm\n")
     # A speed saved with the gears is the speed of runs that name none.
     run("gears DRAWN --speed 4000 --save fast.yaml")
-    assert run("simulate --config fast.yaml") == run("simulate DRAWN --speed 4000") != ""
+    assert run("simulate --config fast.yaml") == outputs["DRAWN"] == outputs[FROM_FILE]
     # Options replace values of the saved file: here the static deflection at twice the torque.
-    output = run("simulate --config mine.yaml --torque '170 Nm' --speed 4000")
+    output = run(f"simulate {FROM_FILE} --torque '170 Nm' --speed 4000")
     assert " 1.719953376e-05 m " in output
     # Gears that are not drawn have one number of teeth, that of the pinion.
     assert " 1500 rpm " in run("simulate PAIR --teeth 48 --speed 1500")
@@ -168,7 +166,6 @@ def test_a_new_project_can_be_used_without_changes(run):
 #: Wrong command line | part of the error message.
 REFUSED = """
 simulate PAIR | tuning = None with speed = None is not allowed
-orbit PAIR --tuning 1 --speed 1 | tuning = 1.0 with speed = 1 is not
 trust PAIR --speed '50 Hz' | speed = '50 Hz' is not allowed: it must be
 sweep PAIR --start 1/min | or a speed in rpm such as 1500rpm
 simulate --tuning 1 | max_stiffness is missing
@@ -177,7 +174,6 @@ simulate PAIR --tuning 1 -o run.h5 | it must end with one of .nc, .csv
 sweep PAIR --plot curve.jpg | it must end with one of .png, .svg, .pdf
 simulate PAIR --tuning 1 --damping k1 | give --config
 simulate PAIR --tuning 1 --case a | --case and --damping need a configuration
-simulate PAIR --tuning 1 --samples 1000000000 | within 2 GB of memory
 orbit --config binary.yaml --tuning 1 | binary.yaml is not YAML
 orbit --config twice.yaml --tuning 1 | a is given twice, again in line 3
 orbit --config syntax.yaml --tuning 1 | syntax.yaml is not YAML, line 2, col
@@ -187,8 +183,6 @@ simulate --config four_planets.yaml --damping k9 --tuning 1 | one of k1
 gears --teeth 23 --module '2 mm' | --teeth = 23 is not allowed: it must be
 gears --shift 0.2 --module '2 mm' | --module is not allowed as a value
 gears DRAWN --pressure-angle 70deg | pressure_angle = '70deg' is not allowed
-gears DRAWN --teeth 40 30 --internal | teeth = 30 is not allowed
-simulate DRAWN --speed 1e9rpm | speed = 1000000000.0 is not allowed
 sweep DRAWN --stop 1e9rpm | stop = 1000000000.0 is not allowed
 simulate DRAWN --model six_degrees --speed 4000 | bearing_stiffness is missing
 simulate --tuning 1 UNDAMPED | damping_ratio is missing
@@ -197,7 +191,6 @@ modes DRAWN | train is missing
 campbell PAIR | train is missing
 scatter PAIR -t load | must have keys, each once, as 'load std=5%'
 scatter PAIR -t 'load std=1% std=2%' | must have keys
-scatter PAIR -t 'load std=3um' | must be a finite number in N or a text with its unit
 scatter PAIR -t 'torque std=5%' | need drawn gears
 scatter PAIR --distance-class js7 | need drawn gears
 scatter DRAWN --distance-class js77 | js7'
@@ -216,21 +209,19 @@ def test_invalid_command_lines_exit_with_code_2(run):
         assert message in " ".join(run(line, code=2).split()), line
 
 
-def test_no_file_is_replaced_unasked(run):
+def test_no_file_is_replaced_unasked_and_what_cannot_be_written_ends_with_code_1(run, monkeypatch):
     Path("run.nc").write_text("mine", encoding="utf-8")
     run("simulate PAIR --tuning 0.7 -o run.nc", code=2)
     assert Path("run.nc").read_text(encoding="utf-8") == "mine"
     run("simulate PAIR --tuning 0.7 -o run.nc --force")
     assert xr.load_dataset("run.nc").tuning == 0.7
 
-
-def test_a_file_that_cannot_be_written_ends_with_code_1(run, monkeypatch):
     def refuse(dataset, path):
         raise OSError(f"{path} cannot be written: the disk is full")
 
     monkeypatch.setattr(storage, "write", refuse)
-    output = run("simulate PAIR --tuning 0.7 -o run.nc", code=1)
-    assert "Error: run.nc cannot be written: the disk" in output
+    output = run("simulate PAIR --tuning 0.7 -o new.nc", code=1)
+    assert "Error: new.nc cannot be written: the disk" in output
 
 
 def cells(text, first):
@@ -250,6 +241,13 @@ def reducer(run):
     return gearlib.split_power_reducer(K1, pin_errors=errors)
 
 
+def assert_rows(output, data, columns):
+    """Assert that a row for each mesh is printed, of these variables of a dataset."""
+    for name in data.mesh.values:
+        row = [data[column].sel(mesh=name).item() for column in columns]
+        np.testing.assert_allclose(cells(output, name), row, rtol=5e-6, atol=1e-9)
+
+
 def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
     train_options = "--config train.yaml --model train --periods 30"
     columns = ["displacement_max", "displacement_min", "dynamic_force_max", "dynamic_factor"]
@@ -260,44 +258,36 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
     assert f"{expected.speed.item():.10g} rpm" in output
     # Where a pin is displaced, the branches differ.
     assert float(expected.load_sharing.std()) > 0.01
-    for name in reducer.mesh_names:
-        row = [float(f"{expected[key].sel(mesh=name).item():.6g}") for key in columns]
-        assert cells(output, name) == row
+    assert_rows(output, expected, columns)
     # The mesh that moves most here is neither the first one nor the one that moves least.
     output = run(f"sweep {train_options} --start 0.3 --stop 0.5 --points 3")
     curve = gearlib.sweep(reducer, np.linspace(0.3, 0.5, 3), periods=30, record_periods=10)
     top = curve.isel(tuning=int(curve.displacement_max.max("mesh").argmax("tuning")))
     assert f"{top.tuning.item():.10g} " in output
-    for name in reducer.mesh_names:
-        row = [top[key].sel(mesh=name).item() for key in columns]
-        np.testing.assert_allclose(cells(output, name), row, rtol=1e-5, atol=1e-9)
+    assert_rows(output, top, columns)
 
 
 def test_modes_static_phasing_and_campbell_print_what_the_library_computes(run, reducer):
-    options = {"modes": "", "static": "--phase 1.0", "phasing": "--count 3"}
-    options["campbell"] = "--count 2"
-    outputs = {
-        name: run(f"{name} --config train.yaml {text} -o {name}.nc")
-        for name, text in options.items()
-    }
     modes, static = reducer.modes(), reducer.static(1.0)
     phasing, campbell = reducer.phasing(3), reducer.campbell(2)
-    for name, dataset in zip(outputs, (modes, static, phasing, campbell), strict=True):
-        xr.testing.assert_allclose(xr.load_dataset(f"{name}.nc"), dataset)
-    # Two lines of titles stand above the rows.
-    _, _, *rows = outputs["modes"].splitlines()
-    kinds = modes.mode_kind.values.tolist()
-    expected = zip((f"{x:.6g}" for x in modes.natural_frequency.values), kinds, strict=True)
-    assert [row.split()[1:] for row in rows[: len(kinds)]] == [list(row) for row in expected]
-    for name in reducer.mesh_names:
-        keys = ("load_sharing", "mesh_force", "contact")
-        row = [static[key].sel(mesh=name).item() for key in keys]
-        np.testing.assert_allclose(cells(outputs["static"], name), row, rtol=1e-5)
+    outputs = []
+    for command, dataset in {
+        "modes": modes, "static --phase 1.0": static,
+        "phasing --count 3": phasing, "campbell --count 2": campbell,
+    }.items():  # fmt: skip
+        outputs.append(run(f"{command} --config train.yaml -o data.nc --force"))
+        xr.testing.assert_allclose(xr.load_dataset("data.nc"), dataset)
+    assert_rows(outputs[1], static, ("load_sharing", "mesh_force", "contact"))
     # Branches in phase excite rotational modes alone.
     excited = phasing.excites.sel(stiffness_order=2.0).values
     assert (excited == (phasing.mode_kind.values == "rotational")).all()
-    assert f"{sum(excited)} of {sum(excited)}" in outputs["phasing"]
+    assert f"{sum(excited)} of {sum(excited)}" in outputs[2]
+    # Two lines of titles stand above the rows.
+    rows = [row.split() for row in outputs[0].splitlines()[2:]]
+    expected = zip(modes.natural_frequency.values, modes.mode_kind.values, strict=True)
+    assert [row[1:] for row in rows[: modes.mode.size]] == [
+        [f"{x:.6g}", kind] for x, kind in expected
+    ]
     speeds = np.sort(campbell.critical_speed.values[campbell.excites.values])
-    _, _, *rows = outputs["campbell"].splitlines()
-    printed = [float(row.split()[0]) for row in rows[: speeds.size]]
+    printed = [float(row.split()[0]) for row in outputs[3].splitlines()[2:][: speeds.size]]
     np.testing.assert_allclose(printed, speeds, rtol=1e-5)

@@ -1,37 +1,13 @@
-"""The duty point of drawn gears, models and trains, and the commands that tell it."""
+"""The duty point of drawn gears, models and trains."""
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from gearlib import GearPair, LoadSharingPair, SixDegreePair, duty_point, simulate, two_stage
-from gearlib.cli import main
 from gearlib.geometry import Mesh, SpurGear, TipRelief, dynamic_factor
 from tests.geometry.drawings import own
 
 MESH = own(quality=5)
-RELIEF = TipRelief(amount=8e-6, length=2e-3)
-OWN = """
-gears:
-  pinion: {teeth: 23, module: 2.5mm, width: 18 mm, quality: 5RELIEF}
-  wheel: {teeth: 61, quality: 5RELIEF}
-  torque: 85 Nm
-  backlash: 80µm
-dampings:
-  ratio: {damping_ratio: 0.05, backlash_damping_ratio: 0.0}
-"""
-
-
-@pytest.fixture
-def command(tmp_path):
-    """Call a command with the drawing, which has tip relief or not."""
-
-    def call(*arguments, relief=""):
-        path = tmp_path / "own.yaml"
-        path.write_text(OWN.replace("RELIEF", relief), encoding="utf-8")
-        return CliRunner().invoke(main, [*arguments, "--config", str(path)]).output
-
-    return call
 
 
 def test_a_duty_point_is_the_settled_run_in_si_units():
@@ -53,7 +29,8 @@ def test_a_duty_point_is_the_settled_run_in_si_units():
 
 
 def test_gears_with_tip_relief_are_computed_by_load_sharing():
-    mesh, options = MESH.with_reliefs(RELIEF, RELIEF), {"torque": 85.0, "damping_ratio": 0.1}
+    relief, options = TipRelief(amount=8e-6, length=2e-3), {"torque": 85.0, "damping_ratio": 0.1}
+    mesh = MESH.with_reliefs(relief, relief)
     relieved = duty_point(mesh, 3000.0, stiffness="energy", **options)
     # `at_load` keeps stiffness and deviation of the static load while the force varies: 5 % apart.
     at_load = duty_point(LoadSharingPair.from_geometry(mesh, **options).at_load(), 3000.0)

@@ -72,9 +72,9 @@ def test_limits_are_numbers(case):
         assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
 
 
-@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
-def test_same_data_same_bytes(suffix, tmp_path):
-    paths = [tmp_path / f"{name}.{suffix}" for name in "ab"]
+def test_same_data_same_bytes(tmp_path):
+    # tests/robustness compares those of png and pdf.
+    paths = [tmp_path / f"{name}.svg" for name in "ab"]
     for path in paths:
         style.save(phase_planes_figure.draw(planes()), path)
     assert paths[0].read_bytes() == paths[1].read_bytes()

@@ -1,12 +1,8 @@
-"""Files: whole or none, tables as pages, when provenance is written."""
-
-import json
-import os
+"""Files: whole or none, tables as pages."""
 
 import pytest
 
 from gearlib.data.files import remove_leftovers, replacing, write_table_page
-from workflow.provenance import write
 
 
 def test_a_file_appears_whole_or_stays_as_it_was(tmp_path):
@@ -33,21 +29,3 @@ def test_a_table_shows_what_the_csv_holds(tmp_path, cell):
     text = path.read_text(encoding="utf-8")
     escaped = cell.replace("&", "&amp;").replace("<", "&lt;")
     assert f"<td>{escaped}</td><td>2</td>" in text and "<th>first column</th>" in text
-
-
-def test_provenance_is_written_where_a_job_is_newer(tmp_path):
-    results = tmp_path / "results"
-    job, target = results / "benchmarks/cold/k1.tsv", results / "provenance.json"
-    job.parent.mkdir(parents=True)
-    job.write_text("s\tmax_rss\n1.5\t-\n")
-    # A table of results is no job.
-    (results / "table.tsv").write_text("nu\n0.5\n")
-    assert write(results, tmp_path)
-    entries = json.loads(target.read_text())
-    assert entries["jobs"] == [{"job": "cold/k1", "seconds": 1.5, "megabytes": None}]
-    assert {"gearlib", "numpy", "scipy", "snakemake", "xarray"} <= set(entries["versions"])
-    written = target.stat().st_mtime
-    for later, again in ((-1.0, False), (0.0, False), (1.0, True)):
-        os.utime(target, (written, written))
-        os.utime(job, (written + later, written + later))
-        assert write(results, tmp_path) == again

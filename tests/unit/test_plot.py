@@ -19,14 +19,20 @@ def no_window():
     pyplot.close("all")
 
 
+@pytest.fixture(scope="module")
+def run_up():
+    """A run-up through the main resonance and back."""
+    course = [(0.0, PAIR.speed(0.7)), (0.5, PAIR.speed(1.0)), (1.0, PAIR.speed(0.7))]
+    return gearlib.run_up(PAIR, speed=course, samples_per_period=64)
+
+
 def labels(axes):
     return {text.get_text() for text in axes.get_legend().get_texts()}
 
 
 def highest(axes):
     """Return the largest height of all lines."""
-    heights = [np.asarray(line.get_ydata(), float) for line in axes.lines]
-    return np.nanmax(np.concatenate([height for height in heights if height.size]))
+    return np.nanmax(np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines]))
 
 
 def test_resonance_holds_both_sweeps_and_their_speeds():
@@ -68,23 +74,41 @@ def test_orders_are_drawn_with_their_amplitudes_and_mesh_orders_are_named():
     assert len(labels(plot.orders(gearlib.orders(train, count=2)))) == train.sizes["mesh"]
 
 
-def test_run_ups_are_plotted_over_speed_with_falling_speeds_dotted():
-    run = gearlib.run_up(PAIR, speed=[(0.0, 1500.0), (0.5, 2500.0), (1.0, 1500.0)])
-    up, down = plot.run_up(run).lines
-    rises = run.revolution_time < 0.49
+def test_run_ups_are_plotted_over_speed_with_falling_speeds_dotted(run_up):
+    up, down = plot.run_up(run_up).lines
     assert (up.get_linestyle(), down.get_linestyle()) == ("-", ":")
-    speeds, forces = run.revolution_speed.values, run.dynamic_force_max.values
-    np.testing.assert_array_equal(up.get_xdata(), speeds)
+    forces = run_up.dynamic_force_max.values
+    rises, falls = run_up.revolution_time < 0.49, run_up.revolution_time > 0.51
+    np.testing.assert_array_equal(up.get_xdata(), run_up.revolution_speed)
     np.testing.assert_array_equal(up.get_ydata()[rises], forces[rises])
-    assert np.isnan(up.get_ydata()[run.revolution_time > 0.51]).all()
+    assert np.isnan(up.get_ydata()[falls]).all()
     both = np.where(np.isnan(up.get_ydata()), down.get_ydata(), up.get_ydata())
     np.testing.assert_array_equal(both, forces)
-    axes = plot.run_up(run, variable="displacement_max")
+    axes = plot.run_up(run_up, variable="displacement_max")
     assert axes.get_ylabel() == "largest displacement in the revolution (µm)"
-    heights = 1e6 * run.displacement_max[rises]
+    heights = 1e6 * run_up.displacement_max[rises]
     np.testing.assert_allclose(axes.lines[0].get_ydata()[rises], heights, rtol=1e-12)
     with pytest.raises(ValueError, match="phase over revolution is missing"):
-        plot.run_up(run, variable="phase")
+        plot.run_up(run_up, variable="phase")
+
+
+def test_an_order_map_holds_levels_lines_and_the_overall_level(run_up):
+    levels = gearlib.order_map(run_up, variable="dynamic_force", highest=60)
+    up, down, low_up, low_down, *_ = plot.order_map(levels).axes
+    assert [axes.get_title() for axes in (up, down)] == ["speed goes up", "speed goes down"]
+    rises = np.gradient(levels.rpm.values) >= 0.0
+    for axes, below, mask in ((up, low_up, rises), (down, low_down, ~rises)):
+        part = levels.isel(time=np.flatnonzero(mask)).sortby("rpm")
+        (mesh,) = axes.collections
+        level = 20.0 * np.log10(part.amplitude.values[:, 1:])
+        lowest = np.maximum(level, mesh.get_clim()[1] - 80.0)
+        np.testing.assert_allclose(mesh.get_array().reshape(level.shape), lowest, 0.0, 1e-9)
+        (line,) = below.lines
+        np.testing.assert_allclose(line.get_xdata(), part.rpm)
+        np.testing.assert_allclose(10.0 ** (line.get_ydata() / 20.0), part.overall, rtol=1e-12)
+    axes = plot.order_map(levels, vertical="frequency").axes[0]
+    line = next(line for line in axes.lines if line.get_label() == "z")
+    np.testing.assert_allclose(line.get_ydata(), 23.0 * line.get_xdata() / 60.0)
 
 
 @pytest.mark.parametrize(

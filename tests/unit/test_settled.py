@@ -7,13 +7,11 @@ import pytest
 
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
 from gearlib.engines import orbit
-from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
-from gearlib.engines.pair.pair_run import run_unrecorded
+from gearlib.engines.pair.motion import mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
-from gearlib.engines.pair.whole_periods import new_work, set_mesh, set_start
 from tests.geometry.drawings import own
 from tests.paper import PAPER
-from tests.unit.test_whole_periods import MAX_ARCS, bouncing_case, ratios_of, whole_periods
+from tests.unit.test_whole_periods import whole_periods
 
 PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
 #: The small motion of the pair with equal damping ends here in a fold, by bisection over runs of a
@@ -21,45 +19,18 @@ PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
 FOLD, AT_FOLD = 0.81685037334556, (-0.16062993275504864, -0.3277925734167014)
 
 
-def run(mesh, x, v, periods):
-    """Return (x, v, period): the end of a run of so many mesh periods, and its period if settled.
-
-    The period of a run that does not settle is 0.
-    """
-    work, contact = new_work(), contact_of(mesh.backlash, x, v)
-    set_mesh(work, mesh)
-    set_start(work, x, v)
-    _, x, v, _, period, _ = run_unrecorded(mesh, work, contact, x, v, periods, MAX_ARCS)
-    return x, v, period
-
-
-def test_settled_runs_end_where_propagating_them_does():
-    rng, found = np.random.default_rng(1), []
-    for _ in range(200):
-        pair, tuning, x, v = bouncing_case(rng)
-        pair[4:6] = 10 ** rng.uniform(-2.5, -0.5, 2)  # both damping ratios
-        mesh, periods = mesh_at_tuning(pair, tuning), int(rng.integers(100, 4000))
-        *end, period = run(mesh, x, v, periods)
-        found.append(period)
-        _, *exact, _ = whole_periods(mesh, x, v, periods)
-        # The linearised map errs by the square of the distance from the orbit, below 1e-10, over
-        # the least speed at an event; rounding errors add up where the orbit attracts slowly.
-        is_close = np.abs(np.subtract(end, exact)).max() < 2e-12 * (1.0 + abs(exact[0]))
-        assert is_close or period == 0, (mesh, x, v)
-    assert np.count_nonzero(found) > 150 and np.count_nonzero(np.array(found) > 1) > 5
-
-
 @pytest.mark.parametrize("distance", [1e-8, 1e-11])
 def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
     # Beyond the fold a run passes the place of the orbit, x = -0.16, by 1e-10 or less in a period,
     # for up to 1e6 periods, and then goes to another orbit, at x > 0.28.
-    pair = ratios_of(**PAIR, damping=0.0617, backlash_damping=0.0617)
-    mesh, creeping_runs = mesh_at_tuning(pair, FOLD + distance), 0
+    pair = GearPair.from_ratios(**PAIR, damping=0.0617, backlash_damping=0.0617)
+    tuning, creeping_runs = FOLD + distance, 0
     for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
-        x, v, period = run(mesh, *AT_FOLD, periods)
-        _, *exact, _ = whole_periods(mesh, *AT_FOLD, periods)
+        run = simulate(pair, tuning, periods=periods, initial_state=AT_FOLD)
+        _, *exact, _ = whole_periods(mesh_at_tuning(ratios(pair), tuning), *AT_FOLD, periods)
+        x, v = run.final_state.values
         assert abs(x - exact[0]) + abs(v - exact[1]) < 1e-12
-        assert period == 0 or x > 0.28
+        assert int(run.period) == 0 or x > 0.28
         creeping_runs += x < 0.0
     assert creeping_runs > 1 and x > 0.28
 

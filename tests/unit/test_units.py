@@ -15,14 +15,12 @@ from gearlib.geometry import SpurGear
     [
         *((text, "N m", 85.0) for text in ("85Nm", "85 N·m", "85 N⋅m", "85 N*m", "85 N m")),
         *((text, "m", 0.0025) for text in ("2500um", "2500 µm", "2500 μm", "2.5mm", "0.25 cm")),
-        ("4e+5 N / mm", "N/m", 4e8),
-        ("400 N/um", "N/m", 4e8),
+        *((text, "N/m", 4e8) for text in ("4e+5 N / mm", "400 N/um")),
         ("3.9537 N s/mm", "N s/m", 3953.7),
         ("0.003123 N s^2/mm", "kg", 3.123),
         ("978.52 kg·cm^2", "kg m^2", 0.097852),
         ("-1 inch", "m", -0.0254),
-        *((text, "rpm", 2000.0) for text in ("2000 min^-1", "2e3rpm")),
-        *(("50 Hz", "rpm", 3000.0), ("2 turn/s", "rpm", 120.0)),
+        *((text, "rpm", 3000.0) for text in ("3000 min^-1", "3e3rpm", "50 Hz", "50 turn/s")),
     ],
 )
 def test_a_text_is_the_number_that_it_says(text, unit, value):
@@ -48,17 +46,12 @@ def test_texts_of_another_kind_are_refused(text):
 
 
 @pytest.mark.parametrize(
-    ("changes", "likely"),
-    [
-        ({"module": 2.5}, "2.5 mm"),
-        ({"width": 18}, "18 mm"),
-        ({"bore": 30}, "30 mm"),
-        ({"pressure_angle": 20}, "20 deg"),
-    ],
+    "key, likely",
+    [("module", "2.5 mm"), ("width", "18 mm"), ("bore", "30 mm"), ("pressure_angle", "20 deg")],
 )
-def test_a_bare_number_too_large_is_asked_about(changes, likely):
-    gear = {"teeth": 23, "module": 2.5e-3, "width": 0.018}
+def test_a_bare_number_too_large_is_asked_about(key, likely):
+    gear = {"teeth": 23, "module": 2.5e-3, "width": 0.018} | {key: float(likely.split()[0])}
     with pytest.raises(ValueError, match=f"did you mean {likely}"):
-        SpurGear(**gear | changes)
+        SpurGear(**gear)
     with pytest.raises(ConfigError, match=f"did you mean {likely}"):
-        load({"gears": {"pinion": gear | changes, "wheel": {"teeth": 61}, "torque": 85.0}})
+        load({"gears": {"pinion": gear, "wheel": {"teeth": 61}, "torque": 85.0}})
