@@ -1,14 +1,17 @@
 """Claims: verdicts follow the data, whatever the data are."""
 
 from collections import namedtuple
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gearlib import config, sweep
+from gearlib import sweep
+from gearlib.data.files import write_table
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.data.motions import describe_steadiness
-from gearlib.studies import certificates, claims, jump, paper, resonance, scenes
+from gearlib.studies import certificates, claims, jump, paper, resonance
+from tests.golden import data as golden
 from tests.paper import CONFIG, PAPER
 from tests.tables import read_back
 
@@ -45,23 +48,6 @@ def phase_lag(*dampings):
     return paper.phase_lag(PAPER.as_dict(), list(dampings), 0.72, [0.7], **options)
 
 
-def configured_scenes():
-    """Return the scenes of config.yaml."""
-    settings, result = config.load(CONFIG), {}
-    six_degrees, run = settings.six_degrees.model_dump(), RUN | {"samples_per_period": 16}
-    # Initial states near rest, where rounding decides a motion.
-    random_states = {"starts": 4, "seed": 1, "spread": 0.02}
-    for name, scene in settings.scenes.items():
-        cases = [
-            {"title": case.title, "tuning": case.tuning, "pair": settings.case_parameters(case)}
-            for case in scene.cases
-        ]
-        # The smallest model; test_model_comparison.py tests the choice of the model.
-        model = settings.candidate_models(scene)[0]
-        result[name] = scenes.scene(cases, model, six_degrees, run, random_states)
-    return result
-
-
 @pytest.fixture(scope="module")
 def jumps():
     """The jump of the motion from rest, and its shift by a start at a displacement of 0.1."""
@@ -75,7 +61,8 @@ def jumps():
 def data(jumps):
     """The `Data` that the statements of the paper are about."""
     tables = resonance_and_planes(np.arange(0.5, 1.4001, 0.002), PLANES, DAMPINGS)
-    return Data(*tables, phase_lag(4000.0, 40.0), jumps, configured_scenes())
+    scenes = {name: golden.read(f"scenes/{name}.nc") for name in CONFIG["scenes"]}
+    return Data(*tables, phase_lag(4000.0, 40.0), jumps, scenes)
 
 
 def verdicts(table):
@@ -103,18 +90,14 @@ def test_verdicts_on_the_paper(data, tmp_path):
     assert [row.split()[1] for row in rows] == IDS
 
 
-def displacements(*amplitudes, periods=24, samples_per_period=32):
-    """Return samples of a cosine with these amplitudes in turn, one for each mesh period."""
-    phase = 2.0 * np.pi * np.arange(periods * samples_per_period) / samples_per_period
-    return np.resize(amplitudes, periods).repeat(samples_per_period) * np.cos(phase)
-
-
 def test_steadiness_is_judged_strictly_and_at_plot_resolution(data):
     planes = data.phase_planes.copy(deep=True)
-    none, oil = {"damping": "none", "tuning": 0.6}, {"damping": "k1m", "tuning": 0.8}
+    wave = np.cos(planes.phase.values).reshape(24, -1)
     # A motion with three different loops that repeats, and a motion that does not repeat.
-    planes.displacement.loc[none] = displacements(1.0, 1.1, 1.2)
-    planes.displacement.loc[oil] = displacements(*np.linspace(1.0, 1.1, 24))
+    loops = np.tile([[1.0], [1.1], [1.2]], (8, 1)) * wave
+    planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = loops.ravel()
+    drift = np.linspace([1.0], [1.1], 24) * wave
+    planes.displacement.loc[{"damping": "k1m", "tuning": 0.8}] = drift.ravel()
     table = verdicts(claims.evaluate(PAPER, DAMPINGS, *data._replace(phase_planes=planes)))
     assert table["P9"] == "holds at plot resolution; strictly none at 0.60 repeats after 3 periods"
     # The loops no longer look like a single line: the motion is unsteady by both criteria.
@@ -149,26 +132,13 @@ def test_missing_data_are_named_not_guessed(jumps):
     assert verdicts(table) == expected and all(claim.computed for claim in table)
 
 
-def test_the_table_of_certificates_lists_the_proofs(tmp_path):
-    pairs = {name: PAPER.replace(**DAMPINGS[name]) for name in ("k1", "k1m")}
-    step = {"step": 0.2, "max_height": 20.0, "max_points": 2000}
-    branches = {name: resonance.branches_of(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
-    pairs = {name: pair.as_dict() for name, pair in pairs.items()}
-    proofs = certificates.certify_branches(pairs, branches, PLANES)
-    rows = read_back(certificates.certificate_rows(proofs), tmp_path)
-    proven = [proof["claim"] for proof in proofs if proof["claim"] not in ("count", "refusal")]
-    assert [row["claim"] for row in rows] == proven
-
-    def select(*values):
-        keys = "damping", "claim", "contacts"
-        return [row for row in rows if tuple(row[key] for key in keys) == values]
-
-    # Contacts of a mesh period: N is normal mesh, B backlash.
-    ranges = [(row["tuning"], row["until"], row["stability"]) for row in select("k1", "range", "N")]
-    assert ranges == [("0.5502", "0.8019", "stable"), ("1.1139", "1.4", "stable")]
-    neutral, unstable, *_ = select("k1m", "orbit", "N")
-    assert "on the unit circle, exactly" in neutral["reason"]
-    assert (unstable["tuning"], unstable["stability"]) == ("0.66", "unstable")
-    orbits = select("k1", "orbit", "BNB")
-    for nu, lowest in (("0.815", "-0.127"), ("0.8151", "-0.1299")):
-        assert lowest in [f"{float(row['lowest']):.4g}" for row in orbits if row["tuning"] == nu]
+def test_the_table_of_certificates_is_that_of_the_documentation(tmp_path, monkeypatch):
+    # Those of the reducer take a minute.
+    monkeypatch.setattr(certificates, "REDUCER_TUNINGS", ())
+    pair, step = PAPER.replace(**DAMPINGS["k1"]), {"step": 0.2, "max_height": 20.0}
+    branches = {"k1": resonance.branches_of(pair, 0.5, 1.4, max_points=2000, **step)}
+    proofs = certificates.certify_branches({"k1": pair.as_dict()}, branches, PLANES)
+    write_table(certificates.certificate_rows(proofs), tmp_path / "table.csv")
+    documented = Path("docs/claims/certificates.csv").read_text(encoding="utf-8").splitlines()
+    expected = [line for line in documented if line.startswith(("damping,", "k1,"))]
+    assert (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines() == expected

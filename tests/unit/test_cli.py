@@ -50,10 +50,8 @@ def write(name, settings):
 
 def with_train(section):
     """Return a configuration of the paper's pair with a train."""
-    gears = {"max_stiffness": 4e8, "stiffness_ratio": 0.5879, "contact_ratio": 1.569}
-    gears |= {"reduced_mass": 3.123, "load": 3289.5396, "backlash": "40 um", "teeth": 24}
     dampings = {"k1": {"material_damping": 3953.7, "backlash_damping": 0.0}}
-    return {"gear_pair": gears, "dampings": dampings, "train": section}
+    return {"gear_pair": CONFIG["gear_pair"], "dampings": dampings, "train": section}
 
 
 def test_runs_write_what_the_library_computes(run):

@@ -4,7 +4,7 @@ import inspect
 import math
 import re
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -65,12 +65,11 @@ MODELS = {
     ),
     "linear stop": Stop(stiffness=1.0),
     "hard stop": Stop(stiffness=1.0, hardening=0.2),
-    "number": 7,  # no model: every call refuses it
 }
 
 
 def orbit(pair):
-    return periodic_orbit(pair, NU, period=1 if pair == 7 else pair.repeats)
+    return periodic_orbit(pair, NU, period=pair.repeats)
 
 
 def turns(pair):
@@ -122,7 +121,7 @@ CALLS = {
     "schmidt": lambda pair: gearlib.schmidt(pair, NU, harmonics=16, max_iterations=20).dataset(),
     "harmonic_balance": lambda pair: gearlib.harmonic_balance(pair, NU, harmonics=16).dataset(),
 }
-#: Call -> models that it refuses, beside the number.
+#: Call -> models that it refuses; tests/refusals has what is no model.
 NO_GEARS = {"oscillator", "linear stop", "hard stop"}
 REFUSED = {
     "basins": {"train"},
@@ -156,13 +155,12 @@ def test_no_public_call_is_left_out():
 @pytest.mark.parametrize("call", CALLS)
 def test_a_call_works_or_names_the_model_that_it_refuses(call, model):
     pair = MODELS[model]
-    if model == "number" or model in REFUSED.get(call, ()):
+    if model in REFUSED.get(call, ()):
         with pytest.raises(ValueError, match="not allowed") as error:
             CALLS[call](pair)
         message = str(error.value)
         # By its class, its values or the noun of its titles, in one sentence.
-        names = type(pair).__name__, repr(pair), getattr(pair, "title_noun", repr(pair))
-        assert any(name in message for name in names)
+        assert any(name in message for name in (type(pair).__name__, repr(pair), pair.title_noun))
         assert "\n" not in message and ". " not in message
         return
     result = CALLS[call](pair)
@@ -171,15 +169,6 @@ def test_a_call_works_or_names_the_model_that_it_refuses(call, model):
         texts = [dataset.attrs.get("title", "")]
         texts += [str(variable.attrs.get("long_name")) for variable in dataset.variables.values()]
         assert not [text for text in texts if GEAR_WORDS.search(text)]
-
-
-@pytest.mark.parametrize("model", ["oscillator", "number"])
-def test_branches_of_other_models_than_gear_pairs_are_refused(model):
-    branch = continue_orbit(orbit(DAMPED), to=NU + 0.01, max_points=3)
-    branch.label[0] = 2  # period doubling
-    for call in (gearlib.switch_branch, partial(gearlib.locus, parameter="damping", to=0.1)):
-        with pytest.raises(ValueError, match="pair = .* is not allowed: it must be a GearPair"):
-            call(MODELS[model], branch, point=0)
 
 
 def test_a_new_model_moves_as_its_equation_says():

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from gearlib.figures import (
     jump_figure,
@@ -18,16 +17,8 @@ from gearlib.figures import (
 )
 from tests.golden import data as golden
 
-EXTREMA = ("displacement_max", "displacement_min")
-
-
-def curves(**changes):
-    return golden.read("resonance.nc").assign(changes)
-
-
-def planes(**changes):
-    data = golden.read("phase_planes.nc")
-    return data.assign({"followed": xr.full_like(data.period, 115)} | changes)
+EXTREMA = ["displacement_max", "displacement_min"]
+CURVES, PLANES = golden.read("resonance.nc"), golden.read("phase_planes.nc")
 
 
 def gone(data, *names):
@@ -45,22 +36,20 @@ def powers():
     return [gone(golden.read(name), *EXTREMA, "displacement", "velocity") for name in names]
 
 
-def no_result():
-    data = planes()
-    data.displacement[0, 0] = np.nan
-    return data
-
-
 #: Figures of which no limit may be lost.
 ODD = {
-    "no backlash": lambda: resonance_figure.draw(curves(backlash_ratio=0.0)),
-    "no far flank": lambda: resonance_figure.draw(curves(backlash_ratio=math.inf)),
-    "planes without a far flank": lambda: phase_planes_figure.draw(planes(backlash_ratio=math.inf)),
-    "a plane without a result": lambda: phase_planes_figure.draw(no_result()),
-    "no result at a tuning": lambda: resonance_figure.draw(
-        curves(**{name: curves()[name].where(curves().tuning > 0.6) for name in EXTREMA})
+    "no backlash": lambda: resonance_figure.draw(CURVES.assign(backlash_ratio=0.0)),
+    "no far flank": lambda: resonance_figure.draw(CURVES.assign(backlash_ratio=math.inf)),
+    "planes without a far flank": lambda: phase_planes_figure.draw(
+        PLANES.assign(backlash_ratio=math.inf)
     ),
-    "one tuning": lambda: resonance_figure.draw(curves().isel(tuning=[4])),
+    "a plane without a result": lambda: phase_planes_figure.draw(
+        PLANES.assign(displacement=PLANES.displacement.where(PLANES.damping != "k1"))
+    ),
+    "no result at a tuning": lambda: resonance_figure.draw(
+        CURVES.assign(CURVES[EXTREMA].where(CURVES.tuning > 0.6))
+    ),
+    "one tuning": lambda: resonance_figure.draw(CURVES.isel(tuning=[4])),
     "no jump": lambda: jump_figure.draw(jumps()),
     "no results": lambda: nonlinear_damping_figure.draw(powers()),
 }
@@ -76,7 +65,7 @@ def test_same_data_same_bytes(tmp_path):
     # tests/robustness compares those of png and pdf.
     paths = [tmp_path / f"{name}.svg" for name in "ab"]
     for path in paths:
-        style.save(phase_planes_figure.draw(planes()), path)
+        style.save(phase_planes_figure.draw(PLANES), path)
     assert paths[0].read_bytes() == paths[1].read_bytes()
     with pytest.raises(ValueError, match="must end in"):
-        style.save(phase_planes_figure.draw(planes()), tmp_path / "figure.tiff")
+        style.save(phase_planes_figure.draw(PLANES), tmp_path / "figure.tiff")

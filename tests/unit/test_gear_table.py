@@ -1,7 +1,6 @@
 """The table of drawn gears: its numbers, and the command that prints it."""
 
 import json
-import shlex
 
 import pytest
 import yaml
@@ -15,23 +14,9 @@ from tests.geometry.drawings import fzg_c
 from tests.unit.test_drawn_gears import FZG
 
 
-@pytest.fixture
-def gears(tmp_path, monkeypatch):
-    """Call the command beside a configuration with FZG type C and return what it prints."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "fzg.yaml").write_text(yaml.safe_dump(FZG), encoding="utf-8")
-
-    def call(line, code=0):
-        result = CliRunner().invoke(main, ["gears", *shlex.split(line)])
-        assert result.exit_code == code, result.output
-        return result.output
-
-    return call
-
-
 def values(rows):
-    """Return name -> values of a table or of its JSON."""
-    return {row["name"]: row["values"] for row in (json.loads(rows) if rows[0] == "[" else rows)}
+    """Return name -> values of a table."""
+    return {row["name"]: row["values"] for row in rows}
 
 
 def test_published_numbers_stand_in_the_table():
@@ -59,12 +44,16 @@ def test_a_body_that_the_energy_method_does_not_take_has_no_values_of_it():
     assert list(gear_table.gear_quantities(Mesh(gear, gear), torque=100.0)[-1].values) == ["iso"]
 
 
-def test_command_line_options_override_the_configuration(gears):
-    lines = " ".join(gears("--config fzg.yaml").split())
-    assert "working_pressure_angle 22.4388 deg alpha_wt" in lines
-    options = "--torque '100 N m' --damping-ratio 0.1"
-    for line, torque, damping in (("", 302.0, 0.06), (options, 100.0, 0.1)):
-        table = values(gears(f"--config fzg.yaml --format json {line}"))
+def test_command_line_options_override_the_configuration(tmp_path):
+    (tmp_path / "fzg.yaml").write_text(yaml.safe_dump(FZG), encoding="utf-8")
+
+    def call(*options):
+        return CliRunner().invoke(main, ["gears", "--config", str(tmp_path / "fzg.yaml"), *options])
+
+    assert "working_pressure_angle 22.4388 deg alpha_wt" in " ".join(call().output.split())
+    options = ("--torque", "100 N m", "--damping-ratio", "0.1")
+    for changes, torque, damping in (((), 302.0, 0.06), (options, 100.0, 0.1)):
+        table = values(json.loads(call("--format", "json", *changes).output))
         assert table["backlash"]["mesh"] == pytest.approx(160.5, rel=1e-12)
         assert table["damping_ratio"]["iso"] == pytest.approx(damping, rel=1e-10)
         assert table["torque"]["mesh"] == pytest.approx(torque, rel=1e-12)
