@@ -1,15 +1,21 @@
-"""Whole periods follow the orbit of events one by one: thousands of random meshes and states."""
+"""Fast runs of a pair: whole periods and settled orbits against events one by one; crossings."""
+
+import math
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
-from gearlib import GearPair
+from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
 from gearlib.engines.jit import kernel
 from gearlib.engines.orbit import orbit_period
 from gearlib.engines.pair.events import ARC_COLUMNS, march_period
 from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
 from gearlib.engines.pair.whole_periods import advance_periods, new_work, set_mesh, set_start
+from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix, first_downward_crossing
+from tests.geometry.drawings import own
+from tests.paper import PAPER
 from tests.physics.test_random_meshes import random_mesh
 
 MAX_ARCS = 10**6
@@ -61,3 +67,99 @@ def test_a_motion_repeats_if_both_displacement_and_velocity_do(component):
         assert orbit_period(strobes, tuning, displacement_range) == period
         strobes[:, component] += np.arange(32)
         assert orbit_period(strobes, tuning, displacement_range) == 0
+
+
+PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
+#: The small motion of the pair with equal damping ends here in a fold, by bisection over runs of a
+#: million periods that start from the state below.
+FOLD, AT_FOLD = 0.81685037334556, (-0.16062993275504864, -0.3277925734167014)
+
+
+@pytest.mark.parametrize("distance", [1e-8, 1e-11])
+def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
+    # Beyond the fold a run passes the place of the orbit, x = -0.16, by 1e-10 or less in a period,
+    # for up to 1e6 periods, and then goes to another orbit, at x > 0.28.
+    pair = GearPair.from_ratios(**PAIR, damping=0.0617, backlash_damping=0.0617)
+    tuning, creeping_runs = FOLD + distance, 0
+    for periods in (300, 3_000, 30_000, 300_000, 1_000_000):
+        run = simulate(pair, tuning, periods=periods, initial_state=AT_FOLD)
+        _, *exact, _ = whole_periods(mesh_at_tuning(ratios(pair), tuning), *AT_FOLD, periods)
+        x, v = run.final_state.values
+        assert abs(x - exact[0]) + abs(v - exact[1]) < 1e-12
+        assert int(run.period) == 0 or x > 0.28
+        creeping_runs += x < 0.0
+    assert creeping_runs > 1 and x > 0.28
+
+
+def test_the_record_of_a_settled_orbit_is_that_of_a_run_to_its_end():
+    # The last periods are run again by another engine: summary, events and samples.
+    periods = set()
+    # Damping, first and last tuning: the last ranges have motions of three and five mesh periods.
+    cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
+    span = {"record_periods": 24, "samples_per_period": 8}
+    names = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
+    names += ["fraction_min_stiffness", "displacement", "final_state"]
+    for damping, first, last in cases:
+        pair = GearPair.from_ratios(**PAIR, damping=damping, backlash_damping=damping)
+        for nu in np.linspace(first, last, 10):
+            settled = simulate(pair, nu, periods=3000, **span)
+            state = tuple(simulate(pair, nu, periods=2976).final_state.values)
+            exact = simulate(OneDegreePair(pair=pair), nu, periods=24, initial_state=state, **span)
+            for name in names:
+                np.testing.assert_allclose(settled[name], exact[name], rtol=0, atol=1e-11)
+            phase = 2976 * 2.0 * math.pi + exact.event_phase
+            np.testing.assert_allclose(settled.event_phase, phase, rtol=0, atol=1e-9)
+            # One recorded period tells the period too, though the run skips the periods before.
+            assert simulate(pair, nu, periods=3000, record_periods=1).period == settled.period
+            periods.add(int(settled.period))
+    assert {1, 2, 3, 5} <= periods
+
+
+@pytest.mark.parametrize("damping", [0.01, 0.03])
+def test_a_period_is_that_of_the_settled_motion(damping):
+    # After five revolutions, 115 mesh periods, many motions still differ from one period to the
+    # next by more than the tolerance, but less over two: a period of 2 would be wrong.
+    pair = GearPair.from_geometry(own(), torque=85.0, damping_ratio=damping)
+    span = {"periods": 115, "record_periods": 23}
+    tunings = [0.66, *np.linspace(0.5, 1.4, 31)]
+    # Another engine computes each of 20,000 mesh periods.
+    full = OneDegreePair(pair=pair)
+    expected = [int(simulate(full, nu, periods=20_000, record_periods=23).period) for nu in tunings]
+    runs = [simulate(pair, nu, samples_per_period=1, until_settled=True, **span) for nu in tunings]
+    single = np.array([int(run.period) for run in runs])
+    for periods in (single, sweep(pair, tunings, **span).period.values):
+        assert ((periods == expected) | (periods == 0)).all()
+    # Some single runs are followed beyond the 115 periods until they settle.
+    assert (single > 0).mean() > 0.95 and any(int(run.followed) != 115 for run in runs)
+
+
+def test_an_orbit_that_does_not_attract_is_not_reported_as_settled():
+    # From a state on the orbit the motion repeats, but any disturbance stays or grows.
+    for tuning, pair in ((0.7, PAPER), (1.95, PAPER.replace(material_damping=600.0))):
+        pair = OneDegreePair(pair=pair)
+        exact = periodic_orbit(pair, tuning, guess=(1.0, 0.0))
+        assert np.abs(exact.multipliers[0]) > 1.0 - 1e-6
+        run = simulate(pair, tuning, periods=8, initial_state=tuple(exact.state))
+        assert int(run.period) == 0
+
+
+DEGREE = 20
+MATRIX = bernstein_matrix(DEGREE)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_first_of_many_roots_is_found(seed):
+    rng, work = np.random.default_rng(seed), np.empty((WORK_ROWS, DEGREE + 2))
+    for _ in range(2000):
+        roots = np.sort(rng.uniform(0.0, 1.0, rng.integers(0, 6)))
+        # The other factor has no root in [0, 1].
+        rest = rng.normal(size=DEGREE - roots.size + 1) * 0.5 ** np.arange(DEGREE - roots.size + 1)
+        rest[0] = 1.0 + np.abs(rest).sum()
+        # Below its smallest root the polynomial is positive.
+        curve = math.prod((Polynomial([root, -1.0]) for root in roots), start=Polynomial(rest))
+        distance = np.diff(np.append(roots, 2.0)).min() if roots.size else 1.0
+        expected = roots[0] if roots.size else 2.0
+        # Rounding of coefficients moves a root the more, the closer other roots are.
+        tolerance = 1e-12 / distance ** max(1, roots.size - 1)
+        found = first_downward_crossing(curve.coef, MATRIX, work)
+        assert abs(found - expected) <= tolerance
