@@ -54,62 +54,45 @@ def with_train(section):
     return {"gear_pair": CONFIG["gear_pair"], "dampings": dampings, "train": section}
 
 
-def test_runs_write_what_the_library_computes(run):
-    assert "displacement_max" in run("simulate PAIR --tuning 0.9 --periods 50 -o run.nc")
-    expected, dataset = gearlib.simulate(K1, 0.9, periods=50), xr.load_dataset("run.nc")
-    assert {"history", "source_hash"} == dataset.attrs.keys() - expected.attrs.keys()
-    del dataset.attrs["history"], dataset.attrs["source_hash"]
-    xr.testing.assert_identical(dataset, expected)
-    for direction in ("cold", "up"):
-        grid = "--start 0.7 --stop 0.9 --points 51 --periods 60"
-        run(f"sweep PAIR {grid} --direction {direction} -o {direction}.nc")
-        options = {"periods": 60, "record_periods": 10, "direction": direction}
-        expected = gearlib.sweep(K1, np.linspace(0.7, 0.9, 51), **options)
-        # The command splits a sweep from rest ("cold") into other batches: results differ by
-        # rounding.
-        xr.testing.assert_allclose(xr.load_dataset(f"{direction}.nc"), expected, rtol=1e-12)
+REDUCER = gearlib.split_power_reducer(K1)
+SPAN = {"periods": 60, "record_periods": 10}
+#: Command line -> what the library computes, options for trains behind `--config`.
+COMMANDS = {
+    "simulate --tuning 0.9 --periods 50": lambda: gearlib.simulate(K1, 0.9, periods=50),
+    "sweep --start 0.7 --stop 0.9 --points 51 --periods 60": lambda: gearlib.sweep(
+        K1, np.linspace(0.7, 0.9, 51), **SPAN
+    ),
+    "sweep --points 5 --periods 60 --direction up": lambda: gearlib.sweep(
+        K1, np.linspace(0.5, 1.4, 5), direction="up", **SPAN
+    ),
+    "orbit --tuning 0.7": lambda: gearlib.periodic_orbit(K1, 0.7).dataset(),
+    "run-up --start 2000rpm --stop 2500 --acceleration 1000 --back": lambda: gearlib.run_up(
+        K1, speed=[(0.0, 2000.0), (0.5, 2500.0), (1.0, 2000.0)]
+    ),
+    "scatter -t 'load std=5%' --samples 4 --points 3 --quantity peak": lambda: gearlib.scatter(
+        K1, {"load": {"std": "5%"}}, ("peak",), 4,
+        tunings=np.linspace(0.5, 1.4, 3), directions=("up", "down", "seeded"),
+    ),
+    "trust --tuning 0.7 --periods 500": lambda: gearlib.trust(K1, 0.7, periods=500).runs,
+    f"modes --config {CONFIG_FILE}": REDUCER.modes,
+    f"static --phase 1.0 --config {CONFIG_FILE}": lambda: REDUCER.static(1.0),
+    f"phasing --count 3 --config {CONFIG_FILE}": lambda: REDUCER.phasing(3),
+    f"campbell --count 2 --config {CONFIG_FILE}": lambda: REDUCER.campbell(2),
+}  # fmt: skip
 
 
-def test_a_run_up_with_back_returns_to_its_first_speed(run):
-    line = "run-up PAIR --start 2000rpm --stop 2500 --acceleration 1000 --back"
-    # Below this line stands the revolution with the largest force.
-    assert "revolutions; that of the largest force" in run(f"{line} -o run.nc")
-    speed = [(0.0, 2000.0), (0.5, 2500.0), (1.0, 2000.0)]
-    xr.testing.assert_equal(xr.load_dataset("run.nc"), gearlib.run_up(K1, speed=speed))
-    assert "acceleration = 1000.0 is not allowed" in run(f"{line} --duration 1", code=2)
-
-
-def test_orbit_and_trust_print_their_results(run):
-    output = run("orbit PAIR --tuning 0.7 -o orbit.nc")
-    orbit = gearlib.periodic_orbit(K1, 0.7)
-    assert "stable orbit of period 1" in output and xr.load_dataset("orbit.nc").residual < 1e-12
-    assert all(f"{x:.6g}" in output for x in orbit.state)
-    assert all(f"{x.real:.6g} " in output for x in orbit.multipliers)
-    output = run("trust PAIR --tuning 0.7 --periods 500")
-    assert output.startswith("paper's pair\nperiodic: ")
-    write("train.yaml", with_train({"kind": "planetary"}))
-    output = run("orbit --config train.yaml --model train --tuning 2.5")
-    # The table of the state of a train counts its rows from 0.
-    last_row = gearlib.planetary().size - 1
-    assert "orbit of period 1" in output and f"\n{last_row} " in output
-
-
-@pytest.mark.parametrize(
-    ("command", "options"),
-    [
-        ("simulate", "--tuning 0.8"),
-        ("sweep", "--points 5"),
-        ("orbit", "--tuning 0.8"),
-        ("run-up", "--start 1500rpm --stop 2000 --duration 0.2"),
-        ("scatter", "-t 'load std=5%' --samples 4 --points 3"),
-        ("trust", "--tuning 0.8 --periods 100"),
-        *((name, f"--config {CONFIG_FILE}") for name in ("modes", "static", "phasing", "campbell")),
-    ],
-)
-def test_the_suffix_decides_the_format_of_the_file(run, command, options):
-    run(f"{command} PAIR {options} -o data.nc --plot picture.png")
-    run(f"{command} PAIR {options} -o data.csv")
-    data = xr.load_dataset("data.nc")
+@pytest.mark.parametrize("command", COMMANDS)
+def test_files_hold_what_the_library_computes_in_the_format_of_their_suffix(run, command):
+    run(f"{command} PAIR -o data.nc --plot picture.png")
+    run(f"{command} PAIR -o data.csv")
+    data, expected = xr.load_dataset("data.nc"), COMMANDS[command]()
+    # The command splits a sweep from rest into other batches: results differ by rounding.
+    xr.testing.assert_allclose(data, expected, rtol=1e-12)
+    if command.startswith("simulate"):
+        xr.testing.assert_identical(data.drop_attrs(deep=False), expected.drop_attrs(deep=False))
+    assert data.attrs.items() - expected.attrs.items() == {
+        (name, data.attrs[name]) for name in ("history", "source_hash")
+    }
     heads, *rows = csv.reader(Path("data.csv").read_text(encoding="utf-8").splitlines())
     dimension = heads[0].partition(" [")[0]
     # A table of an orbit has no column for its dimension; the state of a pair has two entries.
@@ -121,8 +104,26 @@ def test_the_suffix_decides_the_format_of_the_file(run, command, options):
             column = columns[f"{variable.name} [{unit}]" if unit else variable.name]
             assert [*map(float, column)] == variable.values.tolist()
     # A variable with further dimensions has a column for each of their entries.
-    assert command != "modes" or "mode_shape input rotation" in heads
+    assert "modes" not in command or "mode_shape input rotation" in heads
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_up_an_orbit_and_trust_print_their_results(run):
+    # Below this line stands the revolution with the largest force.
+    line = "run-up PAIR --start 2000rpm --stop 2500 --acceleration 1000"
+    assert "revolutions; that of the largest force" in run(line)
+    assert "acceleration = 1000.0 is not allowed" in run(f"{line} --duration 1", code=2)
+    output, orbit = run("orbit PAIR --tuning 0.7"), gearlib.periodic_orbit(K1, 0.7)
+    assert "stable orbit of period 1" in output
+    assert all(f"{x:.6g}" in output for x in orbit.state)
+    assert all(f"{x.real:.6g} " in output for x in orbit.multipliers)
+    output = run("trust PAIR --tuning 0.7 --periods 500")
+    assert output.startswith("paper's pair\nperiodic: ")
+    write("train.yaml", with_train({"kind": "planetary"}))
+    output = run("orbit --config train.yaml --model train --tuning 2.5")
+    # The table of the state of a train counts its rows from 0.
+    last_row = gearlib.planetary().size - 1
+    assert "orbit of period 1" in output and f"\n{last_row} " in output
 
 
 def test_drawn_gears_come_from_options_or_a_saved_file(run):
@@ -148,17 +149,14 @@ def test_drawn_gears_come_from_options_or_a_saved_file(run):
     assert "has not settled" in run(f"gears {UNDAMPED} --damping-ratio 0 --speed 4000", code=1)
 
 
-def test_a_new_project_can_be_used_without_changes(run):
+def test_optional_keys_of_a_new_project_stand_in_their_place_as_comments(run):
     run("init")
     run("init", code=2)
     text = Path("gears.yaml").read_text(encoding="utf-8")
-    gears = config.load(yaml.safe_load(text)).gears
-    assert gears.torque == 85.0 and gears.pinion.module == 2.5e-3
-    # Optional keys stand in their place as comments; the first "shift" is that of the pinion.
+    # The first "shift" is that of the pinion.
     line = next(line for line in text.splitlines() if line.strip().startswith("# shift:"))
-    settings = config.load(yaml.safe_load(text.replace(line, "    shift: 0.3", 1)))
-    assert settings.gears.pinion.shift == 0.3
-    assert "z 23/61" in run("gears --config gears.yaml")
+    gears = config.load(yaml.safe_load(text.replace(line, "    shift: 0.3", 1))).gears
+    assert (gears.pinion.shift, gears.pinion.module, gears.torque) == (0.3, 2.5e-3, 85.0)
 
 
 #: Wrong command line | part of the error message.
@@ -266,26 +264,22 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
 
 
 def test_modes_static_phasing_and_campbell_print_what_the_library_computes(run, reducer):
-    modes, static = reducer.modes(), reducer.static(1.0)
-    phasing, campbell = reducer.phasing(3), reducer.campbell(2)
-    outputs = []
-    for command, dataset in {
-        "modes": modes, "static --phase 1.0": static,
-        "phasing --count 3": phasing, "campbell --count 2": campbell,
-    }.items():  # fmt: skip
-        outputs.append(run(f"{command} --config train.yaml -o data.nc --force"))
-        xr.testing.assert_allclose(xr.load_dataset("data.nc"), dataset)
-    assert_rows(outputs[1], static, ("load_sharing", "mesh_force", "contact"))
+    modes, static, phasing, campbell = (
+        run(f"{command} --config train.yaml")
+        for command in ("modes", "static --phase 1.0", "phasing --count 3", "campbell --count 2")
+    )
+    assert_rows(static, reducer.static(1.0), ("load_sharing", "mesh_force", "contact"))
     # Branches in phase excite rotational modes alone.
-    excited = phasing.excites.sel(stiffness_order=2.0).values
-    assert (excited == (phasing.mode_kind.values == "rotational")).all()
-    assert f"{sum(excited)} of {sum(excited)}" in outputs[2]
+    excitations = reducer.phasing(3)
+    excited = excitations.excites.sel(stiffness_order=2.0).values
+    assert (excited == (excitations.mode_kind.values == "rotational")).all()
+    assert f"{sum(excited)} of {sum(excited)}" in phasing
     # Two lines of titles stand above the rows.
-    rows = [row.split() for row in outputs[0].splitlines()[2:]]
-    expected = zip(modes.natural_frequency.values, modes.mode_kind.values, strict=True)
-    assert [row[1:] for row in rows[: modes.mode.size]] == [
-        [f"{x:.6g}", kind] for x, kind in expected
-    ]
-    speeds = np.sort(campbell.critical_speed.values[campbell.excites.values])
-    printed = [float(row.split()[0]) for row in outputs[3].splitlines()[2:][: speeds.size]]
+    rows, expected = [row.split() for row in modes.splitlines()[2:]], reducer.modes()
+    pairs = zip(expected.natural_frequency.values, expected.mode_kind.values, strict=True)
+    table = [[f"{frequency:.6g}", kind] for frequency, kind in pairs]
+    assert [row[1:] for row in rows[: len(table)]] == table
+    diagram = reducer.campbell(2)
+    speeds = np.sort(diagram.critical_speed.values[diagram.excites.values])
+    printed = [float(row.split()[0]) for row in campbell.splitlines()[2:][: speeds.size]]
     np.testing.assert_allclose(printed, speeds, rtol=1e-5)

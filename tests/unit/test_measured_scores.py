@@ -17,9 +17,6 @@ from tests.paper import PAPER
 
 PAIR = PAPER.replace(material_damping=3953.7)
 UNKNOWN = {"gain": "unknown", "offset": "unknown"}
-TIME = {"observableId": "time", "unit": "s"}
-SPEED = {"observableId": "speed", "unit": "rpm"}
-DISPLACEMENT = {"observableId": "displacement", "unit": "um"}
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +39,8 @@ def rig(tmp_path):
         settings = {"data": "rig.csv", "source": "synthetic", "licence": "own data"}
         settings |= {"synthetic": True, "channels": channels} | more
         rows = [channels, *zip(*columns, strict=True)]
-        lines = [",".join(map(str, row)) for row in rows]
-        (tmp_path / "rig.csv").write_text("\n".join(lines) + "\n")
+        text = "".join(",".join(map(str, row)) + "\n" for row in rows)
+        (tmp_path / "rig.csv").write_text(text)
         (tmp_path / "rig.yaml").write_text(yaml.safe_dump(settings))
         return tmp_path / "rig.yaml"
 
@@ -56,16 +53,15 @@ def curve(rig, resonance):
 
     def measure(factor=1.0, shift=0.0, **channel):
         """Measure factor * displacement_max + shift (um); `channel` are further keys of it."""
-        columns = [], [], []
-        for direction in ("up", "down"):
-            part = resonance.isel(damping=0).sel(direction=direction)
-            height = part.displacement_max.values * float(part.static_deflection) * 1e6
-            columns[0].extend(part.speed.values)
-            columns[1].extend([direction] * height.size)
-            columns[2].extend(factor * height + shift)
-        height = {"observableId": "displacement_max", "unit": "um", "noise": 0.0} | channel
-        channels = {"n": SPEED, "to": {"observableId": "direction", "unit": 1}, "top": height}
-        return study.measured_response_curve(rig(channels, *columns), resonance)
+        sweeps = resonance.isel(damping=0).sel(direction=["up", "down"])
+        height = 1e6 * (sweeps.displacement_max * sweeps.static_deflection).values
+        count = height.shape[1]
+        columns = np.tile(sweeps.speed.values, 2), np.repeat(["up", "down"], count), height.ravel()
+        top = {"observableId": "displacement_max", "unit": "um", "noise": 0.0} | channel
+        channels = {"n": {"observableId": "speed", "unit": "rpm"}}
+        channels |= {"to": {"observableId": "direction", "unit": 1}, "top": top}
+        path = rig(channels, *columns[:2], factor * columns[2] + shift)
+        return study.measured_response_curve(path, resonance)
 
     return measure
 
@@ -116,7 +112,9 @@ def test_harmonics_of_a_time_history_are_those_it_was_made_of(rig):
     orders, rate = np.arange(1, 6), 2.0 * np.pi * 3333.0 / 60.0 * 24
     time = np.sort(np.random.default_rng(3).uniform(0.0, 1.0, 3000))
     waves = np.cos(np.outer(rate * (time + 0.7), orders) + phases)
-    channels, conditions = {"t": TIME, "x": DISPLACEMENT}, {"one": {"speed": "3333 rpm"}}
+    channels = {"t": {"observableId": "time", "unit": "s"}}
+    channels["x"] = {"observableId": "displacement", "unit": "um"}
+    conditions = {"one": {"speed": "3333 rpm"}}
     path = rig(channels, time, 7.0 + waves @ amplitudes, conditions=conditions)
     run = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
     course = study.time_history_harmonics(path, {"k": PAIR.as_dict()}, run).squeeze()
