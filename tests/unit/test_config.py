@@ -1,10 +1,14 @@
-"""The configuration: numbers, speeds, cases and defaults as documented; see tests/refusals too."""
+"""The configuration: numbers, speeds, cases, defaults and schema; see tests/refusals too."""
 
+import copy
+import json
 import math
 import re
 
+import jsonschema
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 
 import gearlib
@@ -13,6 +17,7 @@ from gearlib.cli import main
 from gearlib.config import ConfigError, cases, load, overlay
 from gearlib.removed import REMOVED
 from tests.paper import CONFIG
+from tests.workflow.project import ROOT
 
 
 def changed(**sections):
@@ -181,3 +186,33 @@ def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
     pair = GearPair(**settings.pair_parameters(next(iter(dampings))))
     six = SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     assert six.reduced_mass_free == pytest.approx(GEARS["reduced_mass"], rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def schema():
+    schema = json.loads(CliRunner().invoke(main, ["schema"]).stdout)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "gallery.yaml"])
+def test_editors_find_the_schema_which_accepts_the_configurations_of_the_project(schema, name):
+    target = re.search(r"^SCHEMA := (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
+    text = (ROOT / name).read_text(encoding="utf-8")
+    assert text.startswith(f"# yaml-language-server: $schema={target[1]}\n")
+    schema.validate(yaml.safe_load(text))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda settings: settings.pop("dampings"),
+        lambda settings: settings.update(damping={}),
+        lambda settings: settings["gear_pair"].update(load=-1.0),
+        lambda settings: settings["targets"].append("published"),
+    ],
+)
+def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, change):
+    settings = copy.deepcopy(CONFIG)
+    change(settings)
+    assert not schema.is_valid(settings)
