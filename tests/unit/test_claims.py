@@ -31,20 +31,6 @@ IDS = [f"P{number}" for number in range(1, 14)]
 Data = namedtuple("Data", "resonance phase_planes phase_lag jump scenes")
 
 
-def resonance_and_planes(tunings, plane_tunings, dampings):
-    """Return (resonance, phase planes) of the pair in tests/paper.py, all runs from rest ("cold").
-
-    `dampings` maps names to changes of the pair.
-    """
-    curves, runs, options = [], [], RUN | {"samples_per_period": 32}
-    for name, damping in dampings.items():
-        pair = PAPER.replace(**damping)
-        curves.append(sweep(pair, tunings, **RUN).assign_coords(damping=name, direction="cold"))
-        arguments = pair.as_dict()
-        runs += [paper.phase_plane_run(arguments, nu, options, name) for nu in plane_tunings]
-    return gather_resonance(curves), gather_phase_planes(runs)
-
-
 def phase_lag(*dampings):
     """Return the phase lag at a tuning of 0.72 for material dampings in N s/m."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
@@ -52,19 +38,21 @@ def phase_lag(*dampings):
 
 
 @pytest.fixture(scope="module")
-def jumps():
-    """The jump of the motion from rest, and its shift by a start at a displacement of 0.1."""
+def data():
+    """The `Data` that the statements of the paper are about, all runs from rest ("cold")."""
+    curves, runs, options = [], [], RUN | {"samples_per_period": 32}
+    for name, damping in DAMPINGS.items():
+        pair = PAPER.replace(**damping)
+        curve = sweep(pair, np.arange(0.5, 1.4001, 0.002), **RUN)
+        curves.append(curve.assign_coords(damping=name, direction="cold"))
+        runs += [paper.phase_plane_run(pair.as_dict(), nu, options, name) for nu in PLANES]
+    # The jump of the motion from rest, and its shift by a start at a displacement of 0.1.
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
     pair = PAPER.replace(**DAMPINGS["k1"]).as_dict()
-    return jump.jump_and_shifts(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
-
-
-@pytest.fixture(scope="module")
-def data(jumps):
-    """The `Data` that the statements of the paper are about."""
-    tables = resonance_and_planes(np.arange(0.5, 1.4001, 0.002), PLANES, DAMPINGS)
+    jumps = jump.jump_and_shifts(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
     scenes = {name: golden.read(f"scenes/{name}.nc") for name in CONFIG["scenes"]}
+    tables = gather_resonance(curves), gather_phase_planes(runs)
     return Data(*tables, phase_lag(4000.0, 40.0), jumps, scenes)
 
 
@@ -127,10 +115,11 @@ def test_verdicts_follow_the_data(data):
     assert table["P1"] == table["P2"] == "differs"
 
 
-def test_missing_data_are_named_not_guessed(jumps):
-    k1 = {"k1": DAMPINGS["k1"]}
-    tables = resonance_and_planes(np.arange(0.9, 1.0, 0.05), [0.7], k1)
-    table = claims.evaluate(PAPER, k1, *tables, phase_lag(4000.0), jumps, {})
+def test_missing_data_are_named_not_guessed(data):
+    curves = data.resonance.sel(damping=["k1"], tuning=slice(0.9, 0.95))
+    planes = data.phase_planes.sel(damping=["k1"]).isel(tuning=[0]).assign_coords(tuning=[0.7])
+    missing = Data(curves, planes, data.phase_lag.isel(damping=[0]), data.jump, {})
+    table = claims.evaluate(PAPER, {"k1": DAMPINGS["k1"]}, *missing)
     expected = dict.fromkeys(IDS, "not evaluated") | {"P1": "holds", "P2": "holds"}
     assert verdicts(table) == expected and all(claim.computed for claim in table)
 

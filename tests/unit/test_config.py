@@ -74,9 +74,8 @@ def test_speeds_in_rpm_become_tunings():
     assert values[-1] == section.stop
     # The start of a branch lies on no grid of tunings; its stop is the default.
     (first, second), branches = settings.phase_planes.tunings, settings.branches
-    assert pair.speed(np.array([first, branches.start])) == pytest.approx(
-        [3000.0, 1500.0], rel=1e-12
-    )
+    speeds = pair.speed(np.array([first, branches.start]))
+    assert speeds == pytest.approx([3000.0, 1500.0], rel=1e-12)
     assert (second, branches.stop) == (0.8, 1.4)
     # The third case of `basins` changes the gears, and its tuning refers to the changed gears.
     case = settings.basins.cases[2]

@@ -140,47 +140,37 @@ def test_what_cannot_be_drawn_is_refused(call, words):
         call(simulate(PAIR, 0.85, periods=4))
 
 
+def gone(name, *variables):
+    """Return golden data of which variables have no numbers."""
+    data = golden.read(name)
+    return data.assign({variable: data[variable] * np.nan for variable in variables})
+
+
 EXTREMA = ["displacement_max", "displacement_min"]
-CURVES, PLANES = golden.read("resonance.nc"), golden.read("phase_planes.nc")
-
-
-def gone(data, *names):
-    """Return data of which variables have no numbers."""
-    return data.assign({name: data[name] * np.nan for name in names})
-
-
-def jumps():
-    data = gone(golden.read("jump.nc"), "jump")
-    return data.isel(variation=np.isin(data.kind.values, ["base", "damping"]))
-
-
-def powers():
-    names = [f"nonlinear_damping/{place}_cubic.nc" for place in ("material", "oil")]
-    return [gone(golden.read(name), *EXTREMA, "displacement", "velocity") for name in names]
-
-
+CURVES, PLANES, JUMPS = map(gone, ("resonance.nc", "phase_planes.nc", "jump.nc"))
+SHORT = CURVES.assign(CURVES[EXTREMA].where(CURVES.tuning > 0.6))
+NO_PLANE = PLANES.assign(displacement=PLANES.displacement.where(PLANES.damping != "k1"))
+NO_JUMPS = gone("jump.nc", "jump").isel(variation=JUMPS.kind.isin(["base", "damping"]))
+NO_RESULTS = [
+    gone(f"nonlinear_damping/{place}_cubic.nc", *EXTREMA, "displacement", "velocity")
+    for place in ("material", "oil")
+]
 #: Figures of which no limit may be lost.
 ODD = {
-    "no backlash": lambda: resonance_figure.draw(CURVES.assign(backlash_ratio=0.0)),
-    "no far flank": lambda: resonance_figure.draw(CURVES.assign(backlash_ratio=math.inf)),
-    "planes without a far flank": lambda: phase_planes_figure.draw(
-        PLANES.assign(backlash_ratio=math.inf)
-    ),
-    "a plane without a result": lambda: phase_planes_figure.draw(
-        PLANES.assign(displacement=PLANES.displacement.where(PLANES.damping != "k1"))
-    ),
-    "no result at a tuning": lambda: resonance_figure.draw(
-        CURVES.assign(CURVES[EXTREMA].where(CURVES.tuning > 0.6))
-    ),
-    "one tuning": lambda: resonance_figure.draw(CURVES.isel(tuning=[4])),
-    "no jump": lambda: jump_figure.draw(jumps()),
-    "no results": lambda: nonlinear_damping_figure.draw(powers()),
+    "no backlash": (resonance_figure, CURVES.assign(backlash_ratio=0.0)),
+    "no far flank": (resonance_figure, CURVES.assign(backlash_ratio=math.inf)),
+    "planes without a far flank": (phase_planes_figure, PLANES.assign(backlash_ratio=math.inf)),
+    "a plane without a result": (phase_planes_figure, NO_PLANE),
+    "no result at a tuning": (resonance_figure, SHORT),
+    "one tuning": (resonance_figure, CURVES.isel(tuning=[4])),
+    "no jump": (jump_figure, NO_JUMPS),
+    "no results": (nonlinear_damping_figure, NO_RESULTS),
 }
 
 
-@pytest.mark.parametrize("case", ODD)
-def test_limits_are_numbers(case):
-    for axes in ODD[case]().axes:
+@pytest.mark.parametrize(("figure", "data"), ODD.values(), ids=ODD)
+def test_limits_are_numbers(figure, data):
+    for axes in figure.draw(data).axes:
         assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
 
 
