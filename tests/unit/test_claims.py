@@ -185,17 +185,12 @@ def measured(method, solver, errors, times):
     Each has an entry for each setting ("rung") from coarse to fine, named "solver = 0" and so on.
     """
     count = len(errors)
-    names = {"line": ("rung", [solver] * count)}
+    names = {"line": ("rung", [solver] * count), "problem": ["smooth"]}
     names["knob"] = ("rung", [f"{solver} = {k}" for k in range(count)])
     errors = {"state_error": errors, "period_evaluations": 10.0 * np.arange(count)}
-    return [
-        xr.Dataset(
-            names | {name: (("problem", "rung"), [values]) for name, values in part.items()},
-            {"problem": ["smooth"]},
-            {"method": method},
-        )
-        for part in (errors, {"period_time": times})
-    ]
+    for values in (errors, {"period_time": times}):
+        rows = {name: (("problem", "rung"), [value]) for name, value in values.items()}
+        yield xr.Dataset(rows, names, {"method": method})
 
 
 def test_the_table_names_the_fastest_method_of_the_library_and_of_other_packages(tmp_path):

@@ -163,7 +163,6 @@ def test_optional_keys_of_a_new_project_stand_in_their_place_as_comments(run):
 REFUSED = """
 simulate PAIR | tuning = None with speed = None is not allowed
 trust PAIR --speed '50 Hz' | speed = '50 Hz' is not allowed: it must be
-sweep PAIR --start 1/min | or a speed in rpm such as 1500rpm
 simulate --tuning 1 | max_stiffness is missing
 simulate PAIR --tuning 1 -o no/run.nc | run.nc cannot be written: No such file
 simulate PAIR --tuning 1 -o run.h5 | it must end with one of .nc, .csv

@@ -17,25 +17,14 @@ from tests.paper import CONFIG
 REGISTRY = pint.UnitRegistry()
 EVERY = yaml.safe_load(Path("tests/every_train.yaml").read_text(encoding="utf-8"))
 SET = yaml.safe_load("""
-sun: {teeth: 24, module: 3 mm, width: 25 mm, shift: 0.3, bore: 20 mm}
-planet: {teeth: 37, shift: 0.25}
-ring: {teeth: 99, shift: -0.55, outer_diameter: 340 mm}
-planets: 3
-torque: 200 N m
-backlashes: [60 um, 80 um]
-damping_ratio: 0.05
-backlash_damping_ratio: 0.01
-support_stiffness: [100000000.0, .inf, 100000000.0, 100000000.0]
-torsional_stiffness: [0.0, 1000000000.0, 0.0]
-structural_damping: 1 us
-carrier_mass: 5.0
-carrier_inertia: 0.05
-centre_distance: 93.132 mm
-positions: [0.0, 120 deg, 240 deg]
-pin_errors: [[0.0, 10 um], [0.0, 0.0], [0.0, 0.0]]
-turning: true
-driving: ring
-gyroscopic: true
+{sun: {teeth: 24, module: 3 mm, width: 25 mm, shift: 0.3, bore: 20 mm},
+ planet: {teeth: 37, shift: 0.25}, ring: {teeth: 99, shift: -0.55, outer_diameter: 340 mm},
+ planets: 3, torque: 200 N m, backlashes: [60 um, 80 um], centre_distance: 93.132 mm,
+ damping_ratio: 0.05, backlash_damping_ratio: 0.01, structural_damping: 1 us,
+ support_stiffness: [100000000.0, .inf, 100000000.0, 100000000.0],
+ torsional_stiffness: [0.0, 1000000000.0, 0.0], carrier_mass: 5.0, carrier_inertia: 0.05,
+ positions: [0.0, 120 deg, 240 deg], pin_errors: [[0.0, 10 um], [0.0, 0.0], [0.0, 0.0]],
+ turning: true, driving: ring, gyroscopic: true}
 """)
 OWN = yaml.safe_load("""
 bodies:

@@ -111,11 +111,7 @@ def test_the_last_revolution_counts_and_powers_have_squared_units():
     [
         ({}, {"highest": 1e4}, "highest = 10000.0 is not allowed: it must be at most"),
         ({}, {"variable": "x"}, "variable = 'x' is not allowed"),
-        (
-            {},
-            {"tacho": [0.0, 1.0]},
-            "tacho is not allowed: it must be at least four increasing times",
-        ),
+        ({}, {"tacho": [0.0, 1.0]}, "tacho is not allowed: it must be at least four increasing"),
         ({"speed": -1.0}, {}, "speed is not allowed: it must be > 0 at all samples"),
         ({"acceleration": math.nan}, {}, "acceleration is not allowed"),
         ({"time": 0.0}, {}, "time is not allowed: it must "),

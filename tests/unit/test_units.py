@@ -69,7 +69,7 @@ def test_a_name_holds_the_tuning_exactly(tuning, text):
 def test_windows_hold_the_grid_once_in_the_floats_that_a_reader_would_type():
     assert grid(0.5, 0.6, 0.01) == [float(f"0.{i}") for i in range(50, 60)] + [0.6]
     parts = windows(0.5, 1.4, 0.0005, 0.1)
-    joined = [tuning for first, last in parts for tuning in grid(first, last, 0.0005)]
+    joined = [tuning for ends in parts for tuning in grid(*ends, 0.0005)]
     assert joined == grid(0.5, 1.4, 0.0005) and len(parts) == 9
     # A raised stop keeps the windows before it; the last one may be shorter.
     assert windows(0.5, 1.4, 0.05, 0.45) == windows(0.5, 1.85, 0.05, 0.45)[:2]
