@@ -121,10 +121,8 @@ def test_the_last_revolution_counts_and_powers_have_squared_units():
 def test_what_has_no_orders_is_refused(change, options, words):
     data, _ = chirp()
     for name, value in change.items():
-        if value is None:
-            data = data.drop_vars(name)
-            continue
-        data = data.assign({name: ("sample", data[name].values.copy())})
-        data[name].values[100] = value
+        data = data.drop_vars(name) if value is None else data.copy(deep=True)
+        if value is not None:
+            data[name][100] = value
     with pytest.raises(ValueError, match=words):
         gearlib.order_map(data, **{"variable": "acceleration"} | options)
