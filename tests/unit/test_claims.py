@@ -1,15 +1,21 @@
-"""Claims: verdicts follow the data, whatever the data are."""
+"""Claims and tables of studies: verdicts follow the data, whatever the data are."""
 
 from collections import namedtuple
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
-from gearlib import config, sweep
+from gearlib import sweep
+from gearlib.data.files import write_table
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 from gearlib.data.motions import describe_steadiness
-from gearlib.studies import certificates, claims, jump, paper, resonance, scenes
-from tests.paper import CONFIG, PAPER
+from gearlib.studies import certificates, claims, jump, paper, resonance, scenes, stability
+from gearlib.studies.trials import fastest, problems
+from gearlib.studies.trials.work_precision import event_error
+from tests.golden import data as golden
+from tests.paper import CONFIG, PAPER, PARAMETERS
 from tests.tables import read_back
 
 DAMPINGS = {
@@ -25,57 +31,29 @@ IDS = [f"P{number}" for number in range(1, 14)]
 Data = namedtuple("Data", "resonance phase_planes phase_lag jump scenes")
 
 
-def resonance_and_planes(tunings, plane_tunings, dampings):
-    """Return (resonance, phase planes) of the pair in tests/paper.py, all runs from rest ("cold").
-
-    `dampings` maps names to changes of the pair.
-    """
-    curves, runs, options = [], [], RUN | {"samples_per_period": 32}
-    for name, damping in dampings.items():
-        pair = PAPER.replace(**damping)
-        curves.append(sweep(pair, tunings, **RUN).assign_coords(damping=name, direction="cold"))
-        arguments = pair.as_dict()
-        runs += [paper.phase_plane_run(arguments, nu, options, name) for nu in plane_tunings]
-    return gather_resonance(curves), gather_phase_planes(runs)
-
-
 def phase_lag(*dampings):
     """Return the phase lag at a tuning of 0.72 for material dampings in N s/m."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
     return paper.phase_lag(PAPER.as_dict(), list(dampings), 0.72, [0.7], **options)
 
 
-def configured_scenes():
-    """Return the scenes of config.yaml."""
-    settings, result = config.load(CONFIG), {}
-    six_degrees, run = settings.six_degrees.model_dump(), RUN | {"samples_per_period": 16}
-    # Initial states near rest, where rounding decides a motion.
-    random_states = {"starts": 4, "seed": 1, "spread": 0.02}
-    for name, scene in settings.scenes.items():
-        cases = [
-            {"title": case.title, "tuning": case.tuning, "pair": settings.case_parameters(case)}
-            for case in scene.cases
-        ]
-        # The smallest model; test_model_comparison.py tests the choice of the model.
-        model = settings.candidate_models(scene)[0]
-        result[name] = scenes.scene(cases, model, six_degrees, run, random_states)
-    return result
-
-
 @pytest.fixture(scope="module")
-def jumps():
-    """The jump of the motion from rest, and its shift by a start at a displacement of 0.1."""
+def data():
+    """The `Data` that the statements of the paper are about, all runs from rest ("cold")."""
+    curves, runs, options = [], [], RUN | {"samples_per_period": 32}
+    for name, damping in DAMPINGS.items():
+        pair = PAPER.replace(**damping)
+        curve = sweep(pair, np.arange(0.5, 1.4001, 0.002), **RUN)
+        curves.append(curve.assign_coords(damping=name, direction="cold"))
+        runs += [paper.phase_plane_run(pair.as_dict(), nu, options, name) for nu in PLANES]
+    # The jump of the motion from rest, and its shift by a start at a displacement of 0.1.
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
     pair = PAPER.replace(**DAMPINGS["k1"]).as_dict()
-    return jump.jump_and_shifts(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
-
-
-@pytest.fixture(scope="module")
-def data(jumps):
-    """The `Data` that the statements of the paper are about."""
-    tables = resonance_and_planes(np.arange(0.5, 1.4001, 0.002), PLANES, DAMPINGS)
-    return Data(*tables, phase_lag(4000.0, 40.0), jumps, configured_scenes())
+    jumps = jump.jump_and_shifts(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
+    scenes = {name: golden.read(f"scenes/{name}.nc") for name in CONFIG["scenes"]}
+    tables = gather_resonance(curves), gather_phase_planes(runs)
+    return Data(*tables, phase_lag(4000.0, 40.0), jumps, scenes)
 
 
 def verdicts(table):
@@ -103,18 +81,14 @@ def test_verdicts_on_the_paper(data, tmp_path):
     assert [row.split()[1] for row in rows] == IDS
 
 
-def displacements(*amplitudes, periods=24, samples_per_period=32):
-    """Return samples of a cosine with these amplitudes in turn, one for each mesh period."""
-    phase = 2.0 * np.pi * np.arange(periods * samples_per_period) / samples_per_period
-    return np.resize(amplitudes, periods).repeat(samples_per_period) * np.cos(phase)
-
-
 def test_steadiness_is_judged_strictly_and_at_plot_resolution(data):
     planes = data.phase_planes.copy(deep=True)
-    none, oil = {"damping": "none", "tuning": 0.6}, {"damping": "k1m", "tuning": 0.8}
+    wave = np.cos(planes.phase.values).reshape(24, -1)
     # A motion with three different loops that repeats, and a motion that does not repeat.
-    planes.displacement.loc[none] = displacements(1.0, 1.1, 1.2)
-    planes.displacement.loc[oil] = displacements(*np.linspace(1.0, 1.1, 24))
+    loops = np.tile([[1.0], [1.1], [1.2]], (8, 1)) * wave
+    planes.displacement.loc[{"damping": "none", "tuning": 0.6}] = loops.ravel()
+    drift = np.linspace([1.0], [1.1], 24) * wave
+    planes.displacement.loc[{"damping": "k1m", "tuning": 0.8}] = drift.ravel()
     table = verdicts(claims.evaluate(PAPER, DAMPINGS, *data._replace(phase_planes=planes)))
     assert table["P9"] == "holds at plot resolution; strictly none at 0.60 repeats after 3 periods"
     # The loops no longer look like a single line: the motion is unsteady by both criteria.
@@ -141,34 +115,103 @@ def test_verdicts_follow_the_data(data):
     assert table["P1"] == table["P2"] == "differs"
 
 
-def test_missing_data_are_named_not_guessed(jumps):
-    k1 = {"k1": DAMPINGS["k1"]}
-    tables = resonance_and_planes(np.arange(0.9, 1.0, 0.05), [0.7], k1)
-    table = claims.evaluate(PAPER, k1, *tables, phase_lag(4000.0), jumps, {})
+def test_missing_data_are_named_not_guessed(data):
+    curves = data.resonance.sel(damping=["k1"], tuning=slice(0.9, 0.95))
+    planes = data.phase_planes.sel(damping=["k1"]).isel(tuning=[0]).assign_coords(tuning=[0.7])
+    missing = Data(curves, planes, data.phase_lag.isel(damping=[0]), data.jump, {})
+    table = claims.evaluate(PAPER, {"k1": DAMPINGS["k1"]}, *missing)
     expected = dict.fromkeys(IDS, "not evaluated") | {"P1": "holds", "P2": "holds"}
     assert verdicts(table) == expected and all(claim.computed for claim in table)
 
 
-def test_the_table_of_certificates_lists_the_proofs(tmp_path):
-    pairs = {name: PAPER.replace(**DAMPINGS[name]) for name in ("k1", "k1m")}
-    step = {"step": 0.2, "max_height": 20.0, "max_points": 2000}
-    branches = {name: resonance.branches_of(pair, 0.5, 1.4, **step) for name, pair in pairs.items()}
-    pairs = {name: pair.as_dict() for name, pair in pairs.items()}
-    proofs = certificates.certify_branches(pairs, branches, PLANES)
-    rows = read_back(certificates.certificate_rows(proofs), tmp_path)
-    proven = [proof["claim"] for proof in proofs if proof["claim"] not in ("count", "refusal")]
-    assert [row["claim"] for row in rows] == proven
+def test_the_table_of_certificates_is_that_of_the_documentation(tmp_path, monkeypatch):
+    # Those of the reducer take a minute.
+    monkeypatch.setattr(certificates, "REDUCER_TUNINGS", ())
+    pair, step = PAPER.replace(**DAMPINGS["k1"]), {"step": 0.2, "max_height": 20.0}
+    branches = {"k1": resonance.branches_of(pair, 0.5, 1.4, max_points=2000, **step)}
+    proofs = certificates.certify_branches({"k1": pair.as_dict()}, branches, PLANES)
+    write_table(certificates.certificate_rows(proofs), tmp_path / "table.csv")
+    documented = Path("docs/claims/certificates.csv").read_text(encoding="utf-8").splitlines()
+    expected = [line for line in documented if line.startswith(("damping,", "k1,"))]
+    assert (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines() == expected
 
-    def select(*values):
-        keys = "damping", "claim", "contacts"
-        return [row for row in rows if tuple(row[key] for key in keys) == values]
 
-    # Contacts of a mesh period: N is normal mesh, B backlash.
-    ranges = [(row["tuning"], row["until"], row["stability"]) for row in select("k1", "range", "N")]
-    assert ranges == [("0.5502", "0.8019", "stable"), ("1.1139", "1.4", "stable")]
-    neutral, unstable, *_ = select("k1m", "orbit", "N")
-    assert "on the unit circle, exactly" in neutral["reason"]
-    assert (unstable["tuning"], unstable["stability"]) == ("0.66", "unstable")
-    orbits = select("k1", "orbit", "BNB")
-    for nu, lowest in (("0.815", "-0.127"), ("0.8151", "-0.1299")):
-        assert lowest in [f"{float(row['lowest']):.4g}" for row in orbits if row["tuning"] == nu]
+def test_numbers_that_rounding_decides_are_left_out_of_the_table_of_models(tmp_path):
+    names = ["fig7_damping", "fig8_six_degrees"]
+    comparisons = [golden.read(f"models/{name}.nc") for name in names]
+    table = [[*row.values()] for row in read_back(scenes.rows(comparisons, names), tmp_path)]
+    assert table == [
+        ["fig7_damping", "one_degree", "0.004844", "0.05", "10", "yes"],
+        ["fig7_damping", "six_degrees_plain", "0.002237", "0.05", "65", "no"],
+        ["fig7_damping", "six_degrees", "nan", "0.05", "75", "no"],
+        ["fig7_damping", "one_degree_harmonics", "0.00156", "0.05", "2000", "no"],
+        ["fig8_six_degrees", "one_degree", "differs", "0.05", "differs", "no"],
+        ["fig8_six_degrees", "six_degrees_plain", "differs", "0.05", "differs", "no"],
+        ["fig8_six_degrees", "six_degrees", "nan", "0.05", "differs", "yes"],
+        ["fig8_six_degrees", "one_degree_harmonics", "differs", "0.05", "differs", "no"],
+    ]
+
+
+def test_the_table_of_lost_contact_is_that_of_the_documentation(tmp_path):
+    write_table(stability.rows(golden.read("tongues.nc")), tmp_path / "table.csv")
+    expected = Path("docs/claims/parametric_resonance.csv").read_text(encoding="utf-8")
+    assert (tmp_path / "table.csv").read_text(encoding="utf-8") == expected
+    # Contact is also lost in a forced motion; the scan ends before it lasts again.
+    run = {"periods": 120, "initial_state": [0.0, 0.0]}
+    losses = stability.contact_loss({"free": PARAMETERS}, 0.82, 0.6, 1.1, run)
+    (row,) = read_back(stability.rows(losses), tmp_path)
+    assert (row["tuning"], row["cause"], row["lost"]) == ("0.82", "forced response", "yes")
+    assert row["loss_from"] != "" == row["loss_to"]
+
+
+def motion(phases, *codes):
+    """Return a `Motion` with events at these phases, codes of the contact before and after."""
+    codes = np.array(codes, np.int8).reshape(-1, 2)
+    return problems.Motion(np.zeros(2), np.array(phases, float), codes)
+
+
+def test_the_error_of_events_is_that_of_their_phases_or_nan():
+    exact = motion([1.0, 2.0], (1, 0), (0, 1))
+    assert event_error(motion([1.1, 1.7], (1, 0), (0, 1)), exact) == pytest.approx(0.3)
+    # Events that differ in number or kind, or no events, cannot be compared.
+    assert np.isnan(event_error(motion([1.0], (1, 0)), exact))
+    assert np.isnan(event_error(motion([1.0, 2.0], (1, 0), (0, -1)), exact))
+    assert np.isnan(event_error(motion([]), motion([])))
+
+
+def measured(method, solver, errors, times):
+    """Return datasets of the errors, and of the times (s), of a solver on one problem.
+
+    Each has an entry for each setting ("rung") from coarse to fine, named "solver = 0" and so on.
+    """
+    count = len(errors)
+    names = {"line": ("rung", [solver] * count), "problem": ["smooth"]}
+    names["knob"] = ("rung", [f"{solver} = {k}" for k in range(count)])
+    errors = {"state_error": errors, "period_evaluations": 10.0 * np.arange(count)}
+    for values in (errors, {"period_time": times}):
+        rows = {name: (("problem", "rung"), [value]) for name, value in values.items()}
+        yield xr.Dataset(rows, names, {"method": method})
+
+
+def test_the_table_names_the_fastest_method_of_the_library_and_of_other_packages(tmp_path):
+    pairs = [
+        measured("exact", "exact", [2e-12], [1e-6]),
+        measured("rk4", "rk4", [1e-4, 1e-13], [5e-7, 1.0]),
+        measured("heyoka", "heyoka", [3e-6, 3e-15], [4e-6, 7e-6]),
+        measured("scipy", "scipy RK45", [5e-2, 1e-7], [3e-6, 9e-6]),
+    ]
+    table = read_back(fastest.rows(*zip(*pairs, strict=True)), tmp_path)
+    assert [(row["problem"], row["accuracy_in_static_deflections"]) for row in table] == [
+        ("smooth", f"1e-{decade:02d}") for decade in range(1, 16)
+    ]
+    ours, others = "no method of this library reaches it", "no solver of another package reaches it"
+    # How many times the library is faster; then of both, name, setting, us, evaluations, error.
+    for decade, expected in {
+        1: "6,rk4,rk4 = 0,0.5,0,0.0001,scipy RK45,scipy RK45 = 0,3,0,0.05",
+        3: "8,rk4,rk4 = 0,0.5,0,0.0001,heyoka,heyoka = 0,4,0,3e-06",
+        6: "7,exact,exact = 0,1,0,2e-12,heyoka,heyoka = 1,7,10,3e-15",
+        12: "7e-06,rk4,rk4 = 1,1e+06,10,1e-13,heyoka,heyoka = 1,7,10,3e-15",
+        14: f",{ours},,,,,heyoka,heyoka = 1,7,10,3e-15",
+        15: f",{ours},,,,,{others},,,,",
+    }.items():
+        assert ",".join([*table[decade - 1].values()][2:]) == expected

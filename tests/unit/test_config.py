@@ -1,18 +1,23 @@
-"""The configuration: numbers, speeds and cases as documented; see `tests/refusals` too."""
+"""The configuration: numbers, speeds, cases, defaults and schema; see tests/refusals too."""
 
+import copy
+import json
 import math
 import re
 
+import jsonschema
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 
 import gearlib
-from gearlib import GearPair, tunings
+from gearlib import GearPair, SixDegreePair, tunings
 from gearlib.cli import main
 from gearlib.config import ConfigError, cases, load, overlay
 from gearlib.removed import REMOVED
 from tests.paper import CONFIG
+from tests.workflow.project import ROOT
 
 
 def changed(**sections):
@@ -24,8 +29,7 @@ def test_numbers_strings_and_booleans_are_converted():
     for text in ("4e8", "+4E+8", ".4e9", "4.e8", "400000000", 400000000):
         value = changed(gear_pair={"max_stiffness": text}).gear_pair.max_stiffness
         assert value == 4e8 and isinstance(value, float)
-    for value in (math.inf, ".inf"):
-        assert changed(gear_pair={"backlash": value}).gear_pair.backlash == math.inf
+    assert changed(gear_pair={"backlash": ".inf"}).gear_pair.backlash == math.inf
     # As `--config section={key: value}` on the command line hands them on.
     settings = changed(run={"revolutions": "6"}, six_degrees={"moving_backlash": "false"})
     assert settings.run.revolutions == 6 and settings.six_degrees.moving_backlash is False
@@ -41,26 +45,22 @@ def test_a_configuration_in_other_units_is_the_same():
     pair = {"max_stiffness": "4e5 N/mm", "reduced_mass": "3123 g", "backlash": "40 um"}
     dampings = paper.model_dump()["dampings"]["k1"]
     in_mm = {key: f"{value / 1e3!r} N s/mm" for key, value in dampings.items()}
+    light = CONFIG["scenes"]["fig7_damping"]["cases"][0] | {"change": {"load": "1 kN"}}
     settings = changed(
         gear_pair=pair | {"load": "3.2895396 kN"},
         dampings={"k1": in_mm},
-        train={"reference_frequency": "2 kHz", "planetary": {"pressure_angle": "24 deg"}},
+        scenes={"fig7_damping": {"cases": [light]}},
     )
     assert settings.gear_pair == paper.gear_pair and settings.dampings == paper.dampings
-    assert settings.train.reference_frequency == 2000.0
-    assert settings.train.planetary.pressure_angle == pytest.approx(np.radians(24.0))
-    light = CONFIG["scenes"]["fig7_damping"]["cases"][0] | {"change": {"load": "1 kN"}}
-    settings = changed(scenes={"fig7_damping": {"cases": [light]}})
-    case = settings.scenes["fig7_damping"].cases[0]
+    (case,) = settings.scenes["fig7_damping"].cases
     assert settings.case_parameters(case)["load"] == 1000.0
 
 
 def test_speeds_in_rpm_become_tunings():
-    grid = {"start": "2000 rpm", "stop": "5000rpm", "step": "20 rpm", "window": "1500 rpm"}
     basins = [*CONFIG["basins"]["cases"]]
     basins[2] = basins[2] | {"tuning": "2000 rpm"}
     settings = changed(
-        resonance=grid,
+        resonance={"start": "2000 rpm", "stop": "5000rpm", "step": "20 rpm", "window": "1500 rpm"},
         phase_planes={"tunings": ["3000 rpm", 0.8]},
         branches={"start": "1500 rpm"},
         basins={"cases": basins},
@@ -72,23 +72,16 @@ def test_speeds_in_rpm_become_tunings():
     # Start and step are rounded to 12 decimals of the tuning; the errors of the steps add up.
     np.testing.assert_allclose(pair.speed(np.array(values)), np.arange(2000, 5001, 20), rtol=1e-9)
     assert values[-1] == section.stop
-    first, second = settings.phase_planes.tunings
-    assert pair.speed(first) == pytest.approx(3000.0, rel=1e-12) and second == 0.8
     # The start of a branch lies on no grid of tunings; its stop is the default.
-    assert pair.speed(settings.branches.start) == pytest.approx(1500.0, rel=1e-12)
-    assert settings.branches.stop == 1.4
+    (first, second), branches = settings.phase_planes.tunings, settings.branches
+    speeds = pair.speed(np.array([first, branches.start]))
+    assert speeds == pytest.approx([3000.0, 1500.0], rel=1e-12)
+    assert (second, branches.stop) == (0.8, 1.4)
     # The third case of `basins` changes the gears, and its tuning refers to the changed gears.
     case = settings.basins.cases[2]
     gears = settings.case_parameters(case)
     assert gears["stiffness_ratio"] == 0.35
     assert GearPair(**gears).speed(case.tuning) == pytest.approx(2000.0, rel=1e-12)
-
-
-def test_each_case_lays_its_keys_over_the_others():
-    mappings = cases(CONFIG | {"cases": {"plain": {}, "heavy": {"gear_pair": {"load": "6 kN"}}}})
-    paper, heavy = load(CONFIG), load(mappings["heavy"])
-    assert load(mappings["plain"]) == paper and heavy.gear_pair.load == 6000.0
-    assert heavy.gear_pair.backlash == paper.gear_pair.backlash and heavy.figures == paper.figures
 
 
 @pytest.mark.parametrize(
@@ -117,10 +110,10 @@ def test_a_removed_name_raises_an_error_that_names_its_replacement(name):
         result = CliRunner().invoke(main, [*name.split(), "1"])
         assert result.exit_code == 2 and words in " ".join(result.output.split())
         return
+    section, _, key = name.partition(".")
     if name not in gearlib.__all__:
         with pytest.raises(AttributeError, match=re.escape(words)):
             getattr(gearlib, name)
-    section, _, key = name.partition(".")
     # These two are sections of measured data sets, not of the configuration.
     if section not in ("fit", "channels"):
         with pytest.raises(ConfigError, match=re.escape(words)):
@@ -129,3 +122,96 @@ def test_a_removed_name_raises_an_error_that_names_its_replacement(name):
     if not key:
         with pytest.raises(ConfigError, match=re.escape(words)):
             changed(targets=["phase_lag", name])
+
+
+GEARS = {"max_stiffness": 3.1e8, "stiffness_ratio": 0.62, "contact_ratio": 1.47}
+GEARS |= {"reduced_mass": 0.85, "load": 2400.0, "backlash": 60e-6, "teeth": 31}
+#: Keys and sections whose values in config.yaml suit the paper's gears only: not the defaults.
+PAPER_SPECIFIC = set(
+    """
+    phase_lag.material_dampings jump.marked six_degrees.inertias six_degrees.masses
+    six_degrees.bearing_damping six_degrees.eccentricities work_precision.methods
+    work_precision.cubic_damping basins.cases basins.periods bifurcation.damping poincare.cases
+    scenes
+    """.split()
+)
+
+
+def coefficients(material, backlash):
+    """Return a damping of the configuration."""
+    return {"material_damping": material, "backlash_damping": backlash}
+
+
+def test_config_yaml_shows_the_defaults():
+    defaults = load({key: CONFIG[key] for key in ("gear_pair", "dampings")}).model_dump()
+    different = set()
+    for name, section in load(CONFIG).model_dump().items():
+        if isinstance(section, dict) and name != "scenes":
+            other = defaults[name]
+            different |= {f"{name}.{key}" for key in section if section[key] != other[key]}
+        elif section != defaults[name]:
+            different.add(name)
+    assert different == PAPER_SPECIFIC
+    # The methods differ from the default in their order only.
+    methods = CONFIG["work_precision"]["methods"]
+    assert sorted(methods) == sorted(defaults["work_precision"]["methods"])
+
+
+@pytest.mark.parametrize("backlash", [0.0, 60e-6, float("inf")])
+@pytest.mark.parametrize(
+    "dampings",
+    [
+        {"none": coefficients(0.0, 0.0)},
+        {"none": coefficients(0.0, 0.0), "oil": coefficients(0.0, 20.0)},
+        {f"k{i}": coefficients(100.0 * (i + 1), 1.0) for i in range(30)},
+    ],
+)
+def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
+    settings = load({"gear_pair": GEARS | {"backlash": backlash}, "dampings": dampings})
+    assert load(settings.model_dump()) == settings
+    damped = [name for name, k in dampings.items() if any(k.values())]
+    assert settings.jump.damping == (damped or ["none"])[0]
+    largest = settings.nonlinear_damping.damping
+    highest = max(max(k.values()) for k in dampings.values())
+    assert largest == highest or highest == 0.0 < largest
+    assert settings.phase_lag.material_dampings == [largest, largest / 100.0]
+    # Motions settle where contact is damped: the diagram takes the first such damping, or its own.
+    settling = [k["material_damping"] for k in dampings.values() if k["material_damping"]]
+    damping = settings.bifurcation.damping.material_damping
+    assert damping == settling[0] if settling else damping > 0.0
+    assert set(settings.figures.colours) == set(dampings)
+    assert len(set(settings.figures.colours.values())) == min(8, len(dampings))
+    # The default bodies of six degrees of freedom have the reduced mass of the pair.
+    pair = GearPair(**settings.pair_parameters(next(iter(dampings))))
+    six = SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
+    assert six.reduced_mass_free == pytest.approx(GEARS["reduced_mass"], rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def schema():
+    schema = json.loads(CliRunner().invoke(main, ["schema"]).stdout)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "gallery.yaml"])
+def test_editors_find_the_schema_which_accepts_the_configurations_of_the_project(schema, name):
+    target = re.search(r"^SCHEMA := (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
+    text = (ROOT / name).read_text(encoding="utf-8")
+    assert text.startswith(f"# yaml-language-server: $schema={target[1]}\n")
+    schema.validate(yaml.safe_load(text))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda settings: settings.pop("dampings"),
+        lambda settings: settings.update(damping={}),
+        lambda settings: settings["gear_pair"].update(load=-1.0),
+        lambda settings: settings["targets"].append("published"),
+    ],
+)
+def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, change):
+    settings = copy.deepcopy(CONFIG)
+    change(settings)
+    assert not schema.is_valid(settings)

@@ -1,15 +1,19 @@
-"""Gears by their drawing in the configuration: what is derived of them."""
+"""Gears by their drawing: what a configuration derives of them, and the table of their numbers."""
 
+import json
 import math
 
 import pytest
 import yaml
+from click.testing import CliRunner
 
 from gearlib import GearPair
+from gearlib.cli import main
 from gearlib.config import cases, load, overlay, overlay_gears
 from gearlib.config.gears_section import DrawnPair, PinionSection
-from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web
-from tests.geometry.drawings import fzg_c, iso_example, ring
+from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web, iso_stiffness
+from gearlib.studies import gear_table
+from tests.geometry.drawings import fzg_c, ring
 from tests.paper import CONFIG
 
 FZG = yaml.safe_load("""
@@ -23,22 +27,6 @@ gears:
 dampings:
   k: {damping_ratio: 0.06, backlash_damping: 0.0}
 """)
-ENERGY = {"stiffness": "energy", "stiffness_options": {"hertz": "logarithmic"}}
-ENERGY_ARGUMENTS = {"stiffness": "energy", "options": {"hertz": "logarithmic"}}
-POWER = {"power": "60 kW", "speed": "2170 rpm"}
-HELICAL = yaml.safe_load("""
-pinion:
-  {teeth: 17, module: 8 mm, width: 100 mm, helix_angle: 15.8 deg, shift: 0.145,
-   tip_diameter: 159.66 mm, rack: D}
-wheel: {teeth: 103, tip_diameter: 872.35 mm}
-centre_distance: 500 mm
-torque: 9 kN m
-""")
-RING = yaml.safe_load("""
-pinion: {teeth: 36, module: 4 mm, width: 30 mm}
-wheel: {teeth: 99, internal: true, outer_diameter: 440 mm}
-torque: 100.0
-""")
 EVERY_KEY = yaml.safe_load("""
 {teeth: 40, module: 4 mm, width: 30 mm, shift: 0.1, pressure_angle: 22 deg, helix_angle: 5 deg,
  tip_diameter: 168.5 mm, rack: C, addendum: 0.9, dedendum: 1.3, fillet_radius: 0.2,
@@ -49,33 +37,24 @@ EVERY_KEY = yaml.safe_load("""
 """) | {"pitch_errors": ["5 um"] + [0.0] * 39}
 
 
-def with_gears(*without, **changes):
-    """Return FZG type C with changes of its gears."""
-    gears = {key: value for key, value in FZG["gears"].items() if key not in without}
-    return FZG | {"gears": gears | changes}
-
-
 def fzg():
     gears = fzg_c()
     return Mesh(gears.pinion, gears.wheel, gears.centre_distance, backlash=160.5e-6)
 
 
-@pytest.mark.parametrize(
-    ("settings", "mesh", "load_and_stiffness"),
-    [
-        (FZG, fzg(), {"torque": 302.0}),
-        (with_gears(**ENERGY), fzg(), {"torque": 302.0, **ENERGY_ARGUMENTS}),
-        (with_gears("torque", **POWER), fzg(), {"power": 60e3, "speed": 2170.0}),
-        (FZG | {"gears": HELICAL}, iso_example(), {"torque": 9000.0}),
-        (FZG | {"gears": RING}, ring(), {"torque": 100.0}),
-    ],
-    ids=["torque", "energy", "power", "helical", "ring"],
-)
-def test_the_pair_is_that_of_the_library(settings, mesh, load_and_stiffness):
-    expected = GearPair.from_geometry(mesh, damping_ratio=0.06, **load_and_stiffness).as_dict()
-    # 12 digits are kept.
-    for name, value in load(settings).pair_parameters("k").items():
-        assert value == pytest.approx(expected[name], rel=1e-11), name
+def test_the_pair_is_that_of_the_library():
+    drawn = {key: value for key, value in FZG["gears"].items() if key != "torque"}
+    drawn |= {"power": "60 kW", "speed": "2170 rpm", "stiffness": "energy"}
+    drawn["stiffness_options"] = {"hertz": "logarithmic"}
+    energy = {"stiffness": "energy", "options": drawn["stiffness_options"]}
+    for settings, arguments in (
+        (FZG, {"torque": 302.0}),
+        (FZG | {"gears": drawn}, {"power": 60e3, "speed": 2170.0, **energy}),
+    ):
+        expected = GearPair.from_geometry(fzg(), damping_ratio=0.06, **arguments).as_dict()
+        # 12 digits are kept.
+        for name, value in load(settings).pair_parameters("k").items():
+            assert value == pytest.approx(expected[name], rel=1e-11), name
 
 
 def test_every_key_is_passed_to_the_gear():
@@ -100,6 +79,9 @@ def test_every_key_is_passed_to_the_gear():
     )
     # What gears of one mesh share passes to the wheel, a bore or a web does not.
     assert mesh.wheel == SpurGear(teeth=50, **common)
+    wheel = {"teeth": 99, "internal": True, "outer_diameter": "440 mm"}
+    pinion = {"teeth": 36, "module": "4 mm", "width": "30 mm"}
+    assert DrawnPair(pinion=pinion, wheel=wheel, torque=100.0).mesh() == ring()
 
 
 def test_a_configuration_is_updated_with_another_one():
@@ -117,3 +99,47 @@ def test_a_configuration_is_updated_with_another_one():
     assert overlay_gears(CONFIG | in_cases, in_cases) == in_cases
     for base, changes in ((CONFIG, {"gear_pair": {"load": 1.0}}), (FZG, smaller_load)):
         assert overlay_gears(overlay(base, changes), changes) == overlay(base, changes)
+
+
+def values(rows):
+    """Return name -> values of a table."""
+    return {row["name"]: row["values"] for row in rows}
+
+
+def test_published_numbers_stand_in_the_table():
+    mesh = fzg()
+    table = values([row._asdict() for row in gear_table.gear_quantities(mesh, torque=302.0)])
+    # docs/worked_example.md has the sources.
+    assert table["working_pressure_angle"]["mesh"] == pytest.approx(22.44, abs=5e-3)
+    assert table["transverse_contact_ratio"]["mesh"] == pytest.approx(1.44, abs=5e-3)
+    assert table["tip_diameter"] == pytest.approx({"pinion": 82.46, "wheel": 118.36}, rel=1e-12)
+    # a - (d_a1 + d_f2) / 2, by hand from the drawing: d_f = m (z + 2 x - 2.5).
+    roots = 4.5 * (24 + 2 * 0.1715 - 2.5), 4.5 * (16 + 2 * 0.1817 - 2.5)
+    gaps = [91.5 - (tip + root) / 2 for tip, root in zip((82.46, 118.36), roots, strict=True)]
+    assert list(table["clearance"].values()) == pytest.approx(gaps, rel=1e-9)
+    stiffness = 1e9 * 0.014 * iso_stiffness(mesh, torque=302.0).mean
+    assert table["mean_stiffness"]["iso"] == pytest.approx(stiffness, rel=1e-12)
+    for method in gear_table.METHODS:
+        pair = GearPair.from_geometry(mesh, torque=302.0, stiffness=method)
+        assert table["max_stiffness"][method] == pair.max_stiffness
+        assert table["resonance_speed"][method] == pair.speed(1.0)
+
+
+def test_a_body_that_the_energy_method_does_not_take_has_no_values_of_it():
+    gear = SpurGear(teeth=20, module=0.01, width=0.03, bore=0.15)
+    assert list(gear_table.gear_quantities(Mesh(gear, gear), torque=100.0)[-1].values) == ["iso"]
+
+
+def test_command_line_options_override_the_configuration(tmp_path):
+    (tmp_path / "fzg.yaml").write_text(yaml.safe_dump(FZG), encoding="utf-8")
+
+    def call(*options):
+        return CliRunner().invoke(main, ["gears", "--config", str(tmp_path / "fzg.yaml"), *options])
+
+    assert "working_pressure_angle 22.4388 deg alpha_wt" in " ".join(call().output.split())
+    options = ("--torque", "100 N m", "--damping-ratio", "0.1")
+    for changes, torque, damping in (((), 302.0, 0.06), (options, 100.0, 0.1)):
+        table = values(json.loads(call("--format", "json", *changes).output))
+        assert table["backlash"]["mesh"] == pytest.approx(160.5, rel=1e-12)
+        assert table["damping_ratio"]["iso"] == pytest.approx(damping, rel=1e-10)
+        assert table["torque"]["mesh"] == pytest.approx(torque, rel=1e-12)

@@ -1,8 +1,9 @@
-"""Drawn gears in the section `train`: what the library makes of them, and what is refused."""
+"""The section `train` of a configuration: it says all that the library takes, and builds that."""
 
 import inspect
-import math
+from pathlib import Path
 
+import pint
 import pytest
 import yaml
 
@@ -13,26 +14,17 @@ from gearlib.geometry import Mesh, SpurGear, planetary_set
 from gearlib.models.from_values import train_from_description
 from tests.paper import CONFIG
 
+REGISTRY = pint.UnitRegistry()
+EVERY = yaml.safe_load(Path("tests/every_train.yaml").read_text(encoding="utf-8"))
 SET = yaml.safe_load("""
-sun: {teeth: 24, module: 3 mm, width: 25 mm, shift: 0.3, bore: 20 mm}
-planet: {teeth: 37, shift: 0.25}
-ring: {teeth: 99, shift: -0.55, outer_diameter: 340 mm}
-planets: 3
-torque: 200 N m
-backlashes: [60 um, 80 um]
-damping_ratio: 0.05
-backlash_damping_ratio: 0.01
-support_stiffness: [100000000.0, .inf, 100000000.0, 100000000.0]
-torsional_stiffness: [0.0, 1000000000.0, 0.0]
-structural_damping: 1 us
-carrier_mass: 5.0
-carrier_inertia: 0.05
-centre_distance: 93.132 mm
-positions: [0.0, 120 deg, 240 deg]
-pin_errors: [[0.0, 10 um], [0.0, 0.0], [0.0, 0.0]]
-turning: true
-driving: ring
-gyroscopic: true
+{sun: {teeth: 24, module: 3 mm, width: 25 mm, shift: 0.3, bore: 20 mm},
+ planet: {teeth: 37, shift: 0.25}, ring: {teeth: 99, shift: -0.55, outer_diameter: 340 mm},
+ planets: 3, torque: 200 N m, backlashes: [60 um, 80 um], centre_distance: 93.132 mm,
+ damping_ratio: 0.05, backlash_damping_ratio: 0.01, structural_damping: 1 us,
+ support_stiffness: [100000000.0, .inf, 100000000.0, 100000000.0],
+ torsional_stiffness: [0.0, 1000000000.0, 0.0], carrier_mass: 5.0, carrier_inertia: 0.05,
+ positions: [0.0, 120 deg, 240 deg], pin_errors: [[0.0, 10 um], [0.0, 0.0], [0.0, 0.0]],
+ turning: true, driving: ring, gyroscopic: true}
 """)
 OWN = yaml.safe_load("""
 bodies:
@@ -52,9 +44,39 @@ meshes:
 """)
 
 
+def compare(text, value):
+    """Assert that values are those of texts with units, all through a section."""
+    if isinstance(text, (dict, list)):
+        assert len(text) == len(value)
+        for key in text if isinstance(text, dict) else range(len(text)):
+            compare(text[key], value[key])
+    elif isinstance(value, float) and isinstance(text, str):
+        # SI is the base of pint's units; rounding of its factors.
+        expected = REGISTRY.Quantity(text).to_base_units().magnitude
+        assert value == pytest.approx(expected, rel=1e-14), text
+
+
 def read(kind, section):
-    settings = load({**CONFIG, "train": {"kind": kind, kind: section}})
+    settings = load(CONFIG | {"train": {"kind": kind, kind: section}})
     return train_from_description(**settings.train_parameters("k1"))
+
+
+@pytest.mark.parametrize("kind", ["split_power_reducer", "planetary", "idler", "two_stage"])
+def test_a_ready_made_train_is_that_of_the_library(kind):
+    settings = load(CONFIG | {"train": EVERY | {"kind": kind}})
+    section = getattr(settings.train, kind)
+    assert section.model_dump().keys() == EVERY[kind].keys() == type(section).model_fields.keys()
+    pair = () if kind == "planetary" else (gearlib.GearPair(**settings.pair_parameters("k1")),)
+    assert read(kind, EVERY[kind]) == getattr(gearlib, kind)(*pair, **section.model_dump())
+
+
+def test_texts_are_read_in_si_units():
+    compare(EVERY, load(CONFIG | {"train": EVERY}).train.model_dump())
+    # The example has all keys of parts; OWN has those of drawn gears.
+    drawn = {"gear", "line_of_action", *train_section.DRAWN_MESH_KEYS} - {"material_damping"}
+    for part, keys in (("Body", "bodies"), ("Shaft", "shafts"), ("Mesh", "meshes")):
+        fields = getattr(train_section, f"{part}Part").model_fields
+        assert fields.keys() - EVERY["own"][keys][0].keys() <= drawn
 
 
 def test_a_planetary_set_is_that_of_the_library():
@@ -63,27 +85,18 @@ def test_a_planetary_set_is_that_of_the_library():
     assert keys - set(SET) == instead | {"stiffness", "stiffness_options"}
     arguments = set(inspect.signature(planetary_set).parameters) - {"options", "train_options"}
     assert arguments == keys - {"power", "speed", "stiffness_options"}
-    common = {"module": 3e-3, "width": 0.025}
-    expected = planetary_set(
-        SpurGear(teeth=24, shift=0.3, bore=0.02, **common),
-        SpurGear(teeth=37, shift=0.25, **common),
-        SpurGear(teeth=99, shift=-0.55, outer_diameter=0.34, internal=True, **common),
-        torque=200.0,
-        backlashes=(60e-6, 80e-6),
-        damping_ratio=0.05,
-        backlash_damping_ratio=0.01,
-        support_stiffness=(1e8, math.inf, 1e8, 1e8),
-        torsional_stiffness=(0.0, 1e9, 0.0),
-        structural_damping=1e-6,
-        carrier_mass=5.0,
-        carrier_inertia=0.05,
-        centre_distance=93.132e-3,
-        # 120 and 240 degrees, rounded once.
-        positions=[0.0, 2.0943951023931957, 4.188790204786391],
-        pin_errors=[(0.0, 10e-6), (0.0, 0.0), (0.0, 0.0)],
-        driving="ring",
-        gyroscopic=True,
+    values = load(CONFIG | {"train": {"planetary_set": SET}}).train.planetary_set.model_dump()
+    gears = {name: values.pop(name) for name in ("sun", "planet", "ring")}
+    compare({key: text for key, text in SET.items() if key not in gears}, values)
+    sun, planet, ring = (
+        SpurGear(teeth=teeth, shift=shift, module=3e-3, width=0.025, **more)
+        for teeth, shift, more in (
+            (24, 0.3, {"bore": 0.02}),
+            (37, 0.25, {}),
+            (99, -0.55, {"internal": True, "outer_diameter": 0.34}),
+        )
     )
+    expected = planetary_set(sun, planet, ring, **values)
     assert read("planetary_set", SET) == expected
     # 200 N m at 3000 / pi rpm, to the 12 digits that are kept.
     power = {key: value for key, value in SET.items() if key != "torque"}
@@ -117,9 +130,9 @@ def test_a_train_of_drawn_gears_is_that_of_the_library():
 def test_simulations_need_a_damping_and_modes_and_statics_do_not():
     section = {key: value for key, value in SET.items() if "damping_ratio" not in key}
     train = {"kind": "planetary_set", "planetary_set": section}
-    settings = load(CONFIG | {"train": train, "targets": ["train_sweep"]})
-    assert "train.planetary_set.damping_ratio is missing" in settings.train_damping_errors()[0]
-    undamped = train_from_description(**settings.train_parameters("k1"))
+    (error,) = load(CONFIG | {"train": train, "targets": ["train_sweep"]}).train_damping_errors()
+    assert error.startswith("train.planetary_set.damping_ratio is missing")
+    undamped = read("planetary_set", section)
     assert undamped.modes().mode.size and undamped.campbell(1).mode.size
     assert not undamped.static(0.0).status
     with pytest.raises(ValueError, match="damping_ratio of mesh sun 1 is missing"):

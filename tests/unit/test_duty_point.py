@@ -1,37 +1,13 @@
-"""The duty point of drawn gears, models and trains, and the commands that tell it."""
+"""The duty point of drawn gears, models and trains."""
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from gearlib import GearPair, LoadSharingPair, SixDegreePair, duty_point, simulate, two_stage
-from gearlib.cli import main
 from gearlib.geometry import Mesh, SpurGear, TipRelief, dynamic_factor
 from tests.geometry.drawings import own
 
 MESH = own(quality=5)
-RELIEF = TipRelief(amount=8e-6, length=2e-3)
-OWN = """
-gears:
-  pinion: {teeth: 23, module: 2.5mm, width: 18 mm, quality: 5RELIEF}
-  wheel: {teeth: 61, quality: 5RELIEF}
-  torque: 85 Nm
-  backlash: 80µm
-dampings:
-  ratio: {damping_ratio: 0.05, backlash_damping_ratio: 0.0}
-"""
-
-
-@pytest.fixture
-def command(tmp_path):
-    """Call a command with the drawing, which has tip relief or not."""
-
-    def call(*arguments, relief=""):
-        path = tmp_path / "own.yaml"
-        path.write_text(OWN.replace("RELIEF", relief), encoding="utf-8")
-        return CliRunner().invoke(main, [*arguments, "--config", str(path)]).output
-
-    return call
 
 
 def test_a_duty_point_is_the_settled_run_in_si_units():
@@ -53,28 +29,24 @@ def test_a_duty_point_is_the_settled_run_in_si_units():
 
 
 def test_gears_with_tip_relief_are_computed_by_load_sharing():
-    mesh, options = MESH.with_reliefs(RELIEF, RELIEF), {"torque": 85.0, "damping_ratio": 0.1}
+    relief, options = TipRelief(amount=8e-6, length=2e-3), {"torque": 85.0, "damping_ratio": 0.1}
+    mesh = MESH.with_reliefs(relief, relief)
     relieved = duty_point(mesh, 3000.0, stiffness="energy", **options)
-    # `at_load` keeps stiffness and deviation of the static load while the force varies: 5 % apart.
-    at_load = duty_point(LoadSharingPair.from_geometry(mesh, **options).at_load(), 3000.0)
-    for name in ("error_peak_to_peak", "mesh_order_error"):
-        first, second = (point[name].values.flat[0] for point in (relieved, at_load))
-        assert first == pytest.approx(second, rel=0.05)
-    plain = duty_point(MESH, 3000.0, **options)
+    expected = duty_point(LoadSharingPair.from_geometry(mesh, **options), 3000.0)
+    for name in ("dynamic_factor", "error_peak_to_peak", "mesh_order_error"):
+        np.testing.assert_allclose(relieved[name], expected[name], rtol=1e-12)
     # The relief matters: its effect is larger than 2 %.
+    plain = duty_point(MESH, 3000.0, **options)
     assert abs(relieved.dynamic_factor / plain.dynamic_factor - 1.0) > 0.02
 
 
 def test_mesh_orders_that_cannot_be_told_from_free_vibrations_are_nan():
     # Undamped free vibrations go on; at low speeds they are too fast for the samples of a period.
     mesh = Mesh(*(SpurGear(teeth=z, module=4e-3, width=0.032) for z in (19, 47)))
-    nan_count = 0
-    for speed in np.linspace(300.0, 900.0, 4):
-        duty = duty_point(mesh, speed, torque=210.0, damping_ratio=0.0)
-        assert duty.settled == 0 and duty.dynamic_factor > 1.5
-        nan_count += np.isnan(duty.mesh_order_force.values).sum()
+    duty = duty_point(mesh, 700.0, torque=210.0, damping_ratio=0.0)
+    assert duty.settled == 0 and duty.dynamic_factor > 1.5
     # The other orders have values.
-    assert 0 < nan_count < 10
+    assert 0 < np.isnan(duty.mesh_order_force.values).sum() < 3
 
 
 def test_bearings_of_six_degrees_and_trains_carry_the_load():

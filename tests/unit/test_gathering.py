@@ -1,10 +1,11 @@
-"""Shards become one dataset, whatever the numbers in them."""
+"""Files, whole or none; shards become one dataset, whatever the numbers in them."""
 
 import numpy as np
 import pytest
 
 from gearlib import GearPair, simulate, sweep, tunings
 from gearlib.data import storage
+from gearlib.data.files import remove_leftovers, replacing, write_table_page
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 
 TUNINGS = [0.6, 0.7, 0.8, 0.9]
@@ -12,35 +13,28 @@ RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
 PAIRS = {name: GearPair.from_ratios(**RATIOS, damping=k) for name, k in (("a", 0.06), ("b", 0.0))}
 
 
-def window(damping, direction, tunings):
-    run = {"periods": 20, "record_periods": 4, "threads": 1}
+def window(damping, direction, tunings, periods=20):
+    run = {"periods": periods, "record_periods": 4, "threads": 1}
     shard = sweep(PAIRS[damping], tunings, direction=direction, **run)
     return shard.assign_coords(damping=damping, direction=direction)
 
 
-@pytest.fixture(scope="module")
-def windows():
-    cuts = {"cold": [TUNINGS[2:], TUNINGS[:2]], "up": [TUNINGS]}
-    return [window(name, to, part) for name in PAIRS for to in cuts for part in cuts[to]]
-
-
 def test_bytes_do_not_depend_on_the_windows_of_a_sweep(tmp_path):
     # The motion jumps and bounces in this range. The narrowest windows hold one tuning.
-    grid, files = (0.5, 1.4, 0.025), []
-    for width in (0.9, 0.3, 0.025):
+    start, stop, step = 0.5, 1.4, 0.05
+    files = []
+    for width in (0.9, 0.3, step):
         shards = []
-        for first, last in tunings.windows(*grid, width):
-            run = {"periods": 120, "record_periods": 24, "threads": 1}
-            shard = sweep(PAIRS["a"], tunings.grid(first, last, grid[2]), **run)
-            path = tmp_path / f"{first}-{last}.nc"
-            storage.write(shard.assign_coords(damping="k1", direction="cold"), path)
-            shards.append(storage.read(path))
+        for i, ends in enumerate(tunings.windows(start, stop, step, width)):
+            shard = window("a", "cold", tunings.grid(*ends, step), periods=120)
+            storage.write(shard, tmp_path / f"{i}.nc")
+            shards.append(storage.read(tmp_path / f"{i}.nc"))
         storage.write(gather_resonance(shards), tmp_path / "whole.nc")
         files.append((tmp_path / "whole.nc").read_bytes())
     assert files[0] == files[1] == files[2]
 
 
-def test_shards_that_do_not_match_are_refused(windows):
+def test_shards_that_do_not_match_are_refused():
     run = {"periods": 6, "record_periods": 2, "samples_per_period": 8}
     planes = [
         simulate(pair, tuning, **run).assign_coords(damping=name)
@@ -50,8 +44,36 @@ def test_shards_that_do_not_match_are_refused(windows):
     whole = gather_phase_planes(planes)
     np.testing.assert_array_equal(whole.sel(damping="a", tuning=0.8).velocity, planes[2].velocity)
     with pytest.raises(ValueError):
-        gather_resonance(windows[1:])
-    with pytest.raises(ValueError):
         gather_phase_planes(planes[1:])
     with pytest.raises(ValueError, match="differ in their scales"):
         gather_phase_planes([*planes[:-1], planes[-1].assign(force_scale=2.0)])
+    cuts = {"cold": [TUNINGS[2:], TUNINGS[:2]], "up": [TUNINGS]}
+    windows = [window(name, to, part) for name in PAIRS for to in cuts for part in cuts[to]]
+    with pytest.raises(ValueError):
+        gather_resonance(windows[1:])
+
+
+def test_a_file_appears_whole_or_stays_as_it_was(tmp_path):
+    path = tmp_path / "new folder/result.txt"
+    with replacing(path) as temporary:
+        temporary.write_text("first")
+        assert not path.exists() and temporary.suffix == path.suffix
+    with pytest.raises(RuntimeError), replacing(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "first" and list(path.parent.iterdir()) == [path]
+    # What a killed process left is removed.
+    for name in (".123.result.nc", ".hidden"):
+        (path.parent / name).touch()
+    remove_leftovers(path.parent)
+    assert {entry.name for entry in path.parent.iterdir()} == {".hidden", path.name}
+
+
+@pytest.mark.parametrize("cell", ["a, b", "x < 1 & y", "line\nbreak"])
+def test_a_table_shows_what_the_csv_holds(tmp_path, cell):
+    source, path = tmp_path / "some_table.csv", tmp_path / "some_table.html"
+    source.write_text(f'first_column,second\n"{cell}",2\n', encoding="utf-8")
+    write_table_page(source, path)
+    text = path.read_text(encoding="utf-8")
+    escaped = cell.replace("&", "&amp;").replace("<", "&lt;")
+    assert f"<td>{escaped}</td><td>2</td>" in text and "<th>first column</th>" in text

@@ -1,7 +1,5 @@
 """What a notebook shows, in a kernel of Jupyter: bars of long calls, which go."""
 
-import os
-
 import pytest
 
 #: A call with progress of 9 things, and another call inside; then a call shorter than the delay.
@@ -38,8 +36,7 @@ def test_a_progress_bar_counts_and_disappears_and_short_calls_show_none():
             return super().process_message(message, cell, index)
 
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in CELLS])
-    environment = {name: text for name, text in os.environ.items() if name != "MPLBACKEND"}
-    Client(book, timeout=600).execute(env=environment)
+    Client(book, timeout=600).execute()
     texts = [text for index, text in displayed if index == 0]
     assert [text.rpartition(",")[0] for text in texts[:3]] == [f"{i} of 9 things" for i in range(3)]
     assert texts[-1] == "" and not any("inner" in text for text in texts)

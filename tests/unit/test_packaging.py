@@ -1,5 +1,6 @@
 """Files that repeat others: conda environments, pins, citation, the page of the architecture."""
 
+import itertools
 import re
 import tomllib
 from pathlib import Path
@@ -9,7 +10,8 @@ import yaml
 from gearlib import __version__
 
 ROOT = Path(__file__).resolve().parents[2]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = SETTINGS["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 #: Name of a package in pip -> smaller package in conda.
 CONDA = {"matplotlib": "matplotlib-base", "snakemake": "snakemake-minimal"}
@@ -32,24 +34,16 @@ def expected(*extras):
     return python | {CONDA.get(name, name): bound for name, bound in rows.items()}
 
 
-def test_the_conda_environment_has_what_pip_installs():
+def test_conda_environments_have_what_pip_installs_and_everything_is_pinned():
     packages = bounds(load("environment.yml")["dependencies"])
     assert packages.pop("pip") is None
     assert packages == expected("workflow", "explore", "proof")
-
-
-def test_the_environment_of_the_jobs_is_part_of_it():
     packages = bounds(load("workflow/envs/gearlib.yaml")["dependencies"])
     assert packages.items() <= expected("workflow", "proof").items()
-
-
-def test_everything_that_is_asked_for_is_pinned():
     text = (ROOT / "requirements/constraints.txt").read_text(encoding="utf-8")
     pinned = set(re.findall(r"^([\w.-]+)==", text.lower().replace("_", "-"), re.M))
-    required = bounds(
-        [*PROJECT["dependencies"], *(row for rows in EXTRAS.values() for row in rows)]
-    )
-    assert {name.replace("_", "-") for name in required} - pinned - {"gearlib"} == set()
+    required = bounds([*PROJECT["dependencies"], *itertools.chain(*EXTRAS.values())])
+    assert {name.replace("_", "-") for name in required} - pinned == {"gearlib"}
 
 
 def test_the_citation_has_the_version():
@@ -57,8 +51,7 @@ def test_the_citation_has_the_version():
 
 
 def test_every_folder_of_tests_is_run():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    run = settings["tool"]["pytest"]["ini_options"]["testpaths"]
+    run = SETTINGS["tool"]["pytest"]["ini_options"]["testpaths"]
     paths = (ROOT / "tests").rglob("test_*.py")
     assert {str(path.parent.relative_to(ROOT)) for path in paths} == set(run)
 
@@ -66,5 +59,4 @@ def test_every_folder_of_tests_is_run():
 def test_every_file_on_the_page_of_the_architecture_is_there():
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     names = {name for name in re.findall(r"`([\w./-]+/[\w./-]+)`", page) if "results/" not in name}
-    assert len(names) > 15
-    assert [name for name in sorted(names) if not (ROOT / name).exists()] == []
+    assert len(names) > 15 and {name for name in names if not (ROOT / name).exists()} == set()

@@ -14,7 +14,5 @@ def test_processors_of_x86_64_v3_or_above_get_the_same_settings_and_others_none(
     # As words of a shell they need no quotes.
     assert not any(set(value) & set(" \t'\"$&;") for value in settings.values())
     assert not any(processor.settings({}, V3 - {flag}) for flag in processor.V3_FEATURES)
-
-
-def test_this_process_runs_under_the_settings():
+    # The tests run under them.
     assert processor.settings().items() <= os.environ.items()
