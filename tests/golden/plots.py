@@ -1,20 +1,25 @@
-"""Pictures of all functions of `gearlib.plot`."""
+"""Pictures of all functions of `gearlib.plot`, and of models beside measured motions."""
 
 import functools
+import tempfile
 from pathlib import Path
 
 import numpy as np
+import yaml
 from matplotlib import pyplot
 
 import gearlib
 from gearlib import plot, simulate, sweep
-from gearlib.figures import style
+from gearlib.figures import measured_figure, style
+from gearlib.studies import measured as study
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
 from tests.geometry.drawings import own
+from tests.paper import PAPER as PAPER_PAIR
 
 MESH = own()
 PAIR = gearlib.GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.12)
 FOLDER = Path(__file__).with_name("plots")
+PAPER = PAPER_PAIR.replace(material_damping=3953.7)
 
 FREE = gearlib.GearPair.from_ratios(contact_ratio=1.4, stiffness_ratio=0.6, damping=0.05)
 PLANETS = gearlib.planetary(turning=True)
@@ -102,10 +107,45 @@ def fit():
     return plot.fit(gearlib.fit(guess, rig, free))
 
 
+def _written(data, columns, **more):
+    """Write columns of a dataset as a measured set; return the path of its description."""
+    folder = Path(tempfile.mkdtemp())
+    table = np.column_stack([data[name].values for name in columns])
+    np.savetxt(folder / "rig.csv", table, delimiter=",", header=",".join(columns), comments="")
+    channels = {name: {"observableId": name, "unit": unit} for name, unit in columns.items()}
+    description = {"data": "rig.csv", "title": "rig", "source": "computed", "licence": "own data"}
+    description |= {"synthetic": True, "channels": channels} | more
+    (folder / "rig.yaml").write_text(yaml.safe_dump(description), encoding="utf-8")
+    return str(folder / "rig.yaml")
+
+
+def measured_orders():
+    """Orders of a measured run-up beside those of two models, one of which is that of the data."""
+    rig = synthetic_rig(PAPER, [(0.0, PAPER.speed(0.6)), (0.4, PAPER.speed(0.72))], 1)
+    path = _written(rig, {"time": "s", "speed": "rpm", "displacement": "m"})
+    pairs = {"true": PAPER, "damped": PAPER.replace(material_damping=8e3)}
+    orders = study.run_up_orders(path, {name: pair.as_dict() for name, pair in pairs.items()})
+    return measured_figure.draw_orders([orders], colours={"true": "#AA3377"})
+
+
+def measured_courses():
+    """A measured course at a constant speed beside that of its model."""
+    run = simulate(PAPER, 0.7, periods=248, record_periods=8, samples_per_period=40)
+    time = run.phase / (2.0 * np.pi * run.mesh_frequency)
+    data = {"time": time, "displacement": run.displacement * run.static_deflection}
+    speed = {"speed": f"{PAPER.speed(0.7)} rpm"}
+    path = _written(data, {"time": "s", "displacement": "m"}, conditions={"one": speed})
+    span = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
+    return measured_figure.draw_courses(
+        [study.time_history_harmonics(path, {"true": PAPER.as_dict()}, span)]
+    )
+
+
 _PLOTS = (
     *(resonance, phase_plane, time_course, time_course_of_meshes, orbit, harris_map, campbell),
     *(schematic, schematic_of_planets, values, orders, orders_of_meshes),
     *(run_up, order_map, order_map_over_frequency, fit),
+    *(measured_orders, measured_courses),
 )
 PLOTS = {function.__name__: function for function in _PLOTS}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, simulate, sweep, tunings
-from gearlib.data import storage
+from gearlib.data import status, storage
 from gearlib.data.files import remove_leftovers, replacing, write_table_page
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 
@@ -51,6 +51,20 @@ def test_shards_that_do_not_match_are_refused():
     windows = [window(name, to, part) for name in PAIRS for to in cuts for part in cuts[to]]
     with pytest.raises(ValueError):
         gather_resonance(windows[1:])
+
+
+def test_other_directions_are_empty_at_tunings_that_only_a_downward_sweep_reaches():
+    shards = [window("a", "cold", TUNINGS[2:]), window("a", "down", TUNINGS)]
+    whole = gather_resonance(shards)
+    cold = whole.sel(damping="a", direction="cold")
+    np.testing.assert_array_equal(cold.displacement_max[2:], shards[0].displacement_max)
+    assert np.isnan(cold.displacement_max[:2]).all()
+    assert (cold.status[:2] == status.NO_START).all() and (cold.period[:2] == 0).all()
+    np.testing.assert_array_equal(whole.mesh_frequency, shards[1].mesh_frequency)
+    # Tunings beyond the upper end are another grid.
+    for other in (TUNINGS[:2], [0.8, 0.95]):
+        with pytest.raises(ValueError):
+            gather_resonance([window("a", "cold", other), shards[1]])
 
 
 def test_a_file_appears_whole_or_stays_as_it_was(tmp_path):
