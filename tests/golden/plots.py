@@ -131,7 +131,7 @@ def measured_orders():
 def measured_courses():
     """A measured course at a constant speed beside that of its model."""
     run = simulate(PAPER, 0.7, periods=248, record_periods=8, samples_per_period=40)
-    time = run.phase / (2.0 * np.pi * run.mesh_frequency)
+    time = run.phase / run.mesh_frequency
     data = {"time": time, "displacement": run.displacement * run.static_deflection}
     speed = {"speed": f"{PAPER.speed(0.7)} rpm"}
     path = _written(data, {"time": "s", "displacement": "m"}, conditions={"one": speed})
