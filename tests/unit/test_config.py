@@ -141,11 +141,6 @@ PAPER_SPECIFIC = set(
 )
 
 
-def coefficients(material, backlash):
-    """Return a damping of the configuration."""
-    return {"material_damping": material, "backlash_damping": backlash}
-
-
 def test_config_yaml_shows_the_defaults():
     defaults = load({key: CONFIG[key] for key in ("gear_pair", "dampings")}).model_dump()
     different = set()
@@ -165,12 +160,14 @@ def test_config_yaml_shows_the_defaults():
 @pytest.mark.parametrize(
     "dampings",
     [
-        {"none": coefficients(0.0, 0.0)},
-        {"none": coefficients(0.0, 0.0), "oil": coefficients(0.0, 20.0)},
-        {f"k{i}": coefficients(100.0 * (i + 1), 1.0) for i in range(30)},
+        {"none": (0.0, 0.0)},
+        {"none": (0.0, 0.0), "oil": (0.0, 20.0)},
+        {f"k{i}": (100.0 * (i + 1), 1.0) for i in range(30)},
     ],
 )
 def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
+    keys = "material_damping", "backlash_damping"
+    dampings = {name: dict(zip(keys, pair, strict=True)) for name, pair in dampings.items()}
     settings = load({"gear_pair": GEARS | {"backlash": backlash}, "dampings": dampings})
     assert load(settings.model_dump()) == settings
     damped = [name for name, k in dampings.items() if any(k.values())]
