@@ -177,7 +177,6 @@ simulate --config misspelt.yaml --tuning 1 | did you mean resonance
 simulate --config four_planets.yaml --damping k9 --tuning 1 | one of k1
 gears --teeth 23 --module '2 mm' | --teeth = 23 is not allowed: it must be
 gears --shift 0.2 --module '2 mm' | --module is not allowed as a value
-gears DRAWN --pressure-angle 70deg | pressure_angle = '70deg' is not allowed
 sweep DRAWN --stop 1e9rpm | stop = 1000000000.0 is not allowed
 simulate DRAWN --model six_degrees --speed 4000 | bearing_stiffness is missing
 simulate --tuning 1 UNDAMPED | damping_ratio is missing
@@ -188,7 +187,6 @@ scatter PAIR -t load | must have keys, each once, as 'load std=5%'
 scatter PAIR -t 'load std=1% std=2%' | must have keys
 scatter PAIR -t 'torque std=5%' | need drawn gears
 scatter PAIR --distance-class js7 | need drawn gears
-scatter DRAWN --distance-class js77 | js7'
 scatter DRAWN | --tolerance is missing
 """
 

@@ -65,18 +65,11 @@ def test_every_key_is_passed_to_the_gear():
     common = {"module": 4e-3, "width": 0.03, "rack": rack, "material": material, **angles}
     # No model simulates tip relief of helical gears, but a drawing may have all keys.
     mesh = DrawnPair(pinion=EVERY_KEY, wheel={"teeth": 50}, torque=50.0).mesh()
-    assert mesh.pinion == SpurGear(
-        teeth=40,
-        shift=0.1,
-        tip_diameter=0.1685,
-        thickness_allowance=-4e-5,
-        bore=0.04,
-        web=Web(thickness=0.01, rim_diameter=0.13, hub_diameter=0.06),
-        quality=6,
-        tip_relief=TipRelief(amount=2e-5, length=3e-3, shape="parabolic"),
-        pitch_errors=(5e-6,) + (0.0,) * 39,
-        **common,
-    )
+    own = {"teeth": 40, "shift": 0.1, "tip_diameter": 0.1685, "thickness_allowance": -4e-5}
+    own |= {"bore": 0.04, "web": Web(thickness=0.01, rim_diameter=0.13, hub_diameter=0.06)}
+    own |= {"quality": 6, "pitch_errors": (5e-6,) + (0.0,) * 39}
+    own["tip_relief"] = TipRelief(amount=2e-5, length=3e-3, shape="parabolic")
+    assert mesh.pinion == SpurGear(**own, **common)
     # What gears of one mesh share passes to the wheel, a bore or a web does not.
     assert mesh.wheel == SpurGear(teeth=50, **common)
     wheel = {"teeth": 99, "internal": True, "outer_diameter": "440 mm"}

@@ -88,14 +88,10 @@ def test_a_planetary_set_is_that_of_the_library():
     values = load(CONFIG | {"train": {"planetary_set": SET}}).train.planetary_set.model_dump()
     gears = {name: values.pop(name) for name in ("sun", "planet", "ring")}
     compare({key: text for key, text in SET.items() if key not in gears}, values)
-    sun, planet, ring = (
-        SpurGear(teeth=teeth, shift=shift, module=3e-3, width=0.025, **more)
-        for teeth, shift, more in (
-            (24, 0.3, {"bore": 0.02}),
-            (37, 0.25, {}),
-            (99, -0.55, {"internal": True, "outer_diameter": 0.34}),
-        )
-    )
+    common = {"module": 3e-3, "width": 0.025}
+    sun = SpurGear(teeth=24, shift=0.3, bore=0.02, **common)
+    planet = SpurGear(teeth=37, shift=0.25, **common)
+    ring = SpurGear(teeth=99, shift=-0.55, internal=True, outer_diameter=0.34, **common)
     expected = planetary_set(sun, planet, ring, **values)
     assert read("planetary_set", SET) == expected
     # 200 N m at 3000 / pi rpm, to the 12 digits that are kept.

@@ -1,7 +1,5 @@
 """Whose gears: own ones reach every study that can take them, and all say which they show."""
 
-import json
-
 import pytest
 import yaml
 
@@ -30,13 +28,10 @@ train:
 """)
 
 
-def relieved(**more):
+def relieved():
     """Return the configuration with 8 um of tip relief at both gears."""
-    settings = json.loads(json.dumps(OWN))
-    settings["gears"] |= more
-    for gear in ("pinion", "wheel"):
-        settings["gears"][gear]["tip_relief"] = {"amount": "8 um", "length": "2 mm"}
-    return settings
+    relief = {"tip_relief": {"amount": "8 um", "length": "2 mm"}}
+    return overlay(OWN, {"gears": {"pinion": relief, "wheel": relief}})
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,4 @@
-"""Measured sets: what was written is read, in SI, or refused; how they are compared with a model.
-
-All sets here are synthetic: written by the tests, measured by nobody.
-"""
+"""Measured sets, all synthetic here: read, in SI, or refused; how a model is compared with them."""
 
 import json
 import math
@@ -243,10 +240,9 @@ def csv(heads, *columns):
 
 @pytest.fixture
 def curve(written, resonance):
-    """Return a function that makes measured response curves of the computed sweeps up and down."""
+    """Return a function that measures factor * displacement_max + shift (um), up and down."""
 
     def measure(factor=1.0, shift=0.0, **channel):
-        """Measure factor * displacement_max + shift (um); `channel` are further keys of it."""
         sweeps = resonance.isel(damping=0).sel(direction=["up", "down"])
         height = 1e6 * (sweeps.displacement_max * sweeps.static_deflection).values
         count = height.shape[1]

@@ -1,25 +1,33 @@
-"""Models: the border to SI, what they offer of their pair, copies, speeds and torques."""
+"""Models and runs: the border to SI, copies, speeds, torques, units, words for motions, limits."""
 
 import dataclasses
 import math
+import re
 
 import numpy as np
+import pint
 import pytest
 
 import gearlib
-from gearlib import DeadZoneOscillator, Harmonics, OneDegreePair, SixDegreePair, Tabulated
+from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair, Tabulated, simulate, sweep
+from gearlib.data.motions import contact_loss_fraction, describe, mask_unbounded
 from gearlib.models.model import Model
 from gearlib.models.profiles import Steps
 from tests.paper import PAPER
-from tests.properties.known_models import TABLE
+from tests.properties.changes import in_units
+from tests.properties.known_models import TABLE, pairs_as_train
 
 ONE = OneDegreePair(pair=PAPER, cubic_damping=4e5, deviation=Harmonics((1e-6,)))
 BODIES = {"base_radii": (0.1, 0.08), "inertias": (0.06, 0.05), "masses": (17.0, 12.0)}
 BEARINGS = {"bearing_stiffness": (1e8,) * 4}
 SIX = SixDegreePair(pair=PAPER, deviation=Harmonics((1e-6,)), **BODIES, **BEARINGS)
-OSCILLATOR = DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, damping=0.1)
+OSCILLATOR = gearlib.DeadZoneOscillator(lower_edge=-1.0, upper_stiffness=2.0, damping=0.1)
 UNEQUAL, TRAIN = SIX.replace(teeth=(30, 24)), gearlib.split_power_reducer(PAPER)
-RUN = {"periods": 4, "samples_per_period": 8}
+RUN, SPAN = {"periods": 4, "samples_per_period": 8}, {"periods": 60, "record_periods": 4}
+#: Damped in contact and in the backlash.
+PAIR = GearPair.from_ratios(
+    contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash_damping=0.0617, backlash=4
+)
 
 
 @pytest.mark.parametrize("model", [ONE, SIX])
@@ -83,13 +91,13 @@ def test_the_reduced_mass_of_two_gears_is_that_of_two_bodies():
 
 @pytest.mark.parametrize(("model", "teeth"), [(PAPER, 24), (UNEQUAL, 30), (TRAIN, 24)])
 def test_a_run_at_a_speed_is_that_at_its_tuning_and_has_torques_where_radii_are_known(model, teeth):
-    run = gearlib.simulate(model, speed=2000.0, **RUN)
+    run = simulate(model, speed=2000.0, **RUN)
     # So many mesh periods in a second.
     per_second = float(run.mesh_frequency) / (2.0 * math.pi)
     assert per_second == pytest.approx(2000.0 / 60.0 * teeth, rel=1e-12)
     assert float(run.speed) == pytest.approx(2000.0, rel=1e-12)
     assert run.speed.attrs["units"] == "min-1"
-    same = gearlib.simulate(model, model.tuning_at(2000.0), **RUN)
+    same = simulate(model, model.tuning_at(2000.0), **RUN)
     assert same.displacement.equals(run.displacement)
     # A pair knows the force alone.
     assert ("torque" in run) == (model is not PAPER)
@@ -118,9 +126,81 @@ def test_tables_are_read_and_steps_go_on_periodically(tmp_path):
 
 
 def test_harmonics_of_a_table_are_those_it_was_made_of():
-    harmonics = Harmonics((1.0, -0.5), (0.25, 0.0))
     phase = 0.3 + 2 * math.pi * np.arange(16) / 16
-    n, a, b = harmonics.table().T[:, :, None]
-    values = (a * np.cos(n * phase) + b * np.sin(n * phase)).sum(0)
-    fitted = Harmonics.from_table(phase, values, 2)
-    np.testing.assert_allclose(fitted.table(), harmonics.table(), atol=1e-15)
+    values = np.cos(phase) - 0.5 * np.cos(2 * phase) + 0.25 * np.sin(phase)
+    fitted = Harmonics.from_table(phase, values, 2).table()
+    np.testing.assert_allclose(fitted, [[1, 1.0, 0.25], [2, -0.5, 0.0]], atol=1e-15)
+
+
+def test_equation_of_motion_holds_at_every_sample():
+    run = simulate(PAIR, 0.9, samples_per_period=512, **SPAN)
+    damping = np.where(run.contact == 0, PAIR.backlash_damping_ratio, PAIR.damping_ratio)
+    residual = run.acceleration + 2 * damping / 0.9 * run.velocity + (run.dynamic_force - 1) / 0.81
+    # Rounding of a sum of terms of order one.
+    assert float(abs(residual).max()) < 1e-13 and float(run.bounces) > 0.0
+    assert np.array_equal(run.modified_stiffness, run.stiffness * (run.contact != 0))
+
+
+@pytest.mark.parametrize(
+    "call", [lambda pair: simulate(pair, 0.9, **SPAN), lambda pair: sweep(pair, [0.7, 0.9], **SPAN)]
+)
+def test_units_tell_what_scales_with_load_and_size(call):
+    # The same pair in other units of length, mass and time: powers of two change no digit.
+    length, mass, time = 2.0, 4.0, 2.0
+    pair = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
+    changed = in_units(pair, length, mass, time)
+    registry, scales = pint.UnitRegistry(), {"[length]": length, "[mass]": mass, "[time]": time}
+    first, second = call(pair), call(changed)
+    for name, variable in first.variables.items():
+        if variable.dtype.kind in "fi":
+            # CF writes powers without a sign for them.
+            text = re.sub(r"(?<=[a-z])(-?[0-9])", r"**\1", variable.attrs["units"])
+            unit = registry.Unit(text).dimensionality
+            factor = math.prod(scales[part] ** power for part, power in unit.items())
+            np.testing.assert_array_equal(second[name], factor * variable, err_msg=name)
+
+
+def test_event_limit_is_a_status_not_a_number():
+    chaotic = PAIR.replace(material_damping=0.0, backlash_damping=0.0)
+    stuck = simulate(chaotic, 0.05, periods=3, max_events=5)
+    assert int(stuck.status) == 1 and "raise max_events" in stuck.status.attrs["message"]
+    assert stuck.displacement.isnull().all() and stuck.final_state.isnull().all()
+    assert stuck.sizes["event"] == 0
+    table = sweep(chaotic, [0.05], periods=300, record_periods=1, max_events=5)
+    assert table.status.values.tolist() == [1] and table.displacement_max.isnull().all()
+
+
+STEEP = PAPER.replace(stiffness_ratio=0.2)
+
+
+@pytest.mark.parametrize(
+    ("period", "inverse", "bounces", "words"),
+    [
+        (0, 0.0, 0.0, "has not settled after 2 mesh periods; the flanks never part"),
+        (1, 0.0, 1.0, "repeats every mesh period; it loses contact once per mesh period"),
+        (2, 0.0, 0.5, "repeats every 2 mesh periods; it loses contact 0.5 times per mesh period"),
+        (16, 0.01, 2.0, "repeats every 16 mesh periods; it strikes both flanks"),
+    ],
+)
+def test_a_motion_in_words(period, inverse, bounces, words):
+    run = simulate(PAPER, 0.7, periods=2)
+    run = run.assign(period=period, fraction_inverse=inverse, bounces=bounces)
+    assert describe(run) == f"The motion from rest {words}."
+
+
+def test_rounding_of_times_is_no_loss_of_contact():
+    losses = contact_loss_fraction(np.array([1.0, 1.0 - 1e-12, 1.0 + 1e-12, 0.999, 0.0]))
+    assert losses == pytest.approx([0.0, 0.0, 0.0, 0.001, 1.0], rel=1e-12, abs=0.0)
+
+
+@pytest.mark.parametrize("model", [STEEP, pairs_as_train(STEEP)])
+def test_curves_end_where_motions_grow(model):
+    # Without damping it grows in wide tongues, to some millions and beyond 1e8.
+    curve = sweep(model, np.linspace(0.5, 1.4, 60), periods=70, record_periods=1)
+    reach = np.abs(curve.displacement_max.values.reshape(60, -1)).max(axis=1)
+    grown, shown = ~(reach <= 1e3 * model.extent), mask_unbounded(curve, model.extent)
+    assert grown.any() and not grown.all() and np.nanmax(shown.displacement_max) < 1e4
+    for name in ("displacement_min", "dynamic_force_max", "final_state"):
+        gone = np.isnan(shown[name].values.reshape(60, -1)).all(axis=1)
+        np.testing.assert_array_equal(gone, grown)
+    assert shown.period.equals(curve.period) and shown.status.equals(curve.status)

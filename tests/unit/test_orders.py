@@ -1,4 +1,4 @@
-"""Orders of runs and of sampled signals: balances, known waves, errors, a tacho, wrong ones."""
+"""Orders of runs and of sampled signals; duty points of drawn gears, models and trains."""
 
 import math
 
@@ -7,7 +7,9 @@ import pytest
 import xarray as xr
 
 import gearlib
-from gearlib import DeadZoneOscillator, GearPair, orders, simulate
+from gearlib import GearPair, LoadSharingPair, duty_point, orders, simulate
+from gearlib.geometry import Mesh, SpurGear, TipRelief, dynamic_factor
+from tests.geometry.drawings import own
 
 COMMON = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "teeth": 24}
 LOSING = GearPair.from_ratios(damping=0.02, backlash=0.5, backlash_damping=0.01, **COMMON)
@@ -49,30 +51,26 @@ def test_what_has_no_revolutions_is_refused():
     with pytest.raises(ValueError, match="multiple of 24"):
         orders(run(periods=3, record_periods=3))
     with pytest.raises(ValueError, match="gears that turn"):
-        model = DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
+        model = gearlib.DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
         orders(simulate(model, 1.0, periods=3))
     assert orders(run(record_periods=2)).order.values[1] == 12.0
 
 
-RATE, SECONDS = 20_000.0, 6.0
+def chirp():
+    """Return a signal of a mean and waves of orders 3 and 12, and the revolutions made.
 
-
-def chirp(first=600.0, last=1800.0, start=0.0, order=12.0):
-    """Return a signal of a mean and waves of orders 3 and `order`, and the revolutions made.
-
-    The speed goes from `first` to `last`, rpm; the signal begins at the time `start`, s.
+    It begins after 2 s; the speed goes from 600 to 1800 rpm in 6 s.
     """
-    t = start + np.arange(int(RATE * SECONDS)) / RATE
-    speed = first + (last - first) * (t - start) / SECONDS
-    turns = (first + 0.5 * (last - first) * (t - start) / SECONDS) * (t - start) / 60.0
-    x = 0.5 + 2.0 * np.cos(math.tau * 3.0 * turns + 0.4) + np.sin(math.tau * order * turns)
+    t = 2.0 + np.arange(120_000) / 20_000.0
+    speed = 600.0 + 200.0 * (t - 2.0)
+    turns = (600.0 + 100.0 * (t - 2.0)) * (t - 2.0) / 60.0
+    x = 0.5 + 2.0 * np.cos(math.tau * 3.0 * turns + 0.4) + np.sin(math.tau * 12.0 * turns)
     data = {"acceleration": ("sample", x, {"units": "m s-2"})}
-    coords = {"time": ("sample", t), "speed": ("sample", speed)}
-    return xr.Dataset(data, coords), turns
+    return xr.Dataset(data, {"time": ("sample", t), "speed": ("sample", speed)}), turns
 
 
 def test_a_chirp_has_its_orders_by_its_speed_or_a_tacho():
-    data, turns = chirp(start=2.0)
+    data, turns = chirp()
     options = {"variable": "acceleration", "amplitude": "peak", "highest": 20, "teeth": 24}
     levels = gearlib.order_map(data, **options)
     assert levels.sizes["time"] == int(turns[-1]) and float(levels.teeth) == 24.0
@@ -126,3 +124,62 @@ def test_what_has_no_orders_is_refused(change, options, words):
             data[name][100] = value
     with pytest.raises(ValueError, match=words):
         gearlib.order_map(data, **{"variable": "acceleration"} | options)
+
+
+MESH = own(quality=5)
+
+
+def test_a_duty_point_is_the_settled_run_in_si_units():
+    duty = duty_point(MESH, 6000.0, torque=85.0, damping_ratio=0.05)
+    pair = LoadSharingPair.from_geometry(MESH, torque=85.0, damping_ratio=0.05)
+    run = simulate(pair, speed=6000.0, periods=1000)
+    assert duty.mesh_frequency_hertz == pytest.approx(6000.0 / 60.0 * 23, rel=1e-12)
+    assert duty.static_force == pytest.approx(85.0 / (MESH.pinion.base_diameter / 2), rel=1e-12)
+    assert duty.dynamic_factor == pytest.approx(float(run.dynamic_force_max), rel=1e-9)
+    assert duty.mesh_force_max == pytest.approx(duty.dynamic_factor * duty.static_force)
+    height = float(run.displacement_max - run.displacement_min) * pair.static_deflection
+    assert duty.error_peak_to_peak == pytest.approx(height, rel=1e-9)
+    power = (duty.mesh_order_error.values**2).sum() / 2.0
+    assert duty.error_rms.item() ** 2 == pytest.approx(power, rel=1e-4)
+    assert duty.iso_dynamic_factor == dynamic_factor(MESH, 85.0, 6000.0).factor
+    # The motion repeats and is never without drive-side contact.
+    assert duty.settled == 1 and duty.lost_share == pytest.approx(0.0, abs=1e-12)
+    assert all({"units", "long_name"} <= value.attrs.keys() for value in duty.data_vars.values())
+
+
+def test_gears_with_tip_relief_are_computed_by_load_sharing():
+    relief, options = TipRelief(amount=8e-6, length=2e-3), {"torque": 85.0, "damping_ratio": 0.1}
+    mesh = MESH.with_reliefs(relief, relief)
+    relieved = duty_point(mesh, 3000.0, stiffness="energy", **options)
+    expected = duty_point(LoadSharingPair.from_geometry(mesh, **options), 3000.0)
+    for name in ("dynamic_factor", "error_peak_to_peak", "mesh_order_error"):
+        np.testing.assert_allclose(relieved[name], expected[name], rtol=1e-12)
+    # The relief matters: its effect is larger than 2 %.
+    plain = duty_point(MESH, 3000.0, **options)
+    assert abs(relieved.dynamic_factor / plain.dynamic_factor - 1.0) > 0.02
+
+
+def test_mesh_orders_that_cannot_be_told_from_free_vibrations_are_nan():
+    # Undamped free vibrations go on; at low speeds they are too fast for the samples of a period.
+    mesh = Mesh(*(SpurGear(teeth=z, module=4e-3, width=0.032) for z in (19, 47)))
+    duty = duty_point(mesh, 700.0, torque=210.0, damping_ratio=0.0)
+    assert duty.settled == 0 and duty.dynamic_factor > 1.5
+    # The other orders have values.
+    assert 0 < np.isnan(duty.mesh_order_force.values).sum() < 3
+
+
+def test_bearings_of_six_degrees_and_trains_carry_the_load():
+    pair = GearPair.from_geometry(MESH, torque=85.0, damping_ratio=0.05)
+    bodies = {"base_radii": (0.027, 0.0716), "inertias": (1e-4, 5e-3), "masses": (0.4, 2.5)}
+    bearings = {"bearing_stiffness": (1e8,) * 4, "bearing_damping": (500.0,) * 4}
+    six_degrees = gearlib.SixDegreePair(pair=pair.replace(contact_ratio=2.0), **bodies, **bearings)
+    # Constant stiffness: the bearings carry the static mesh force.
+    forces = duty_point(six_degrees, 3000.0).bearing_force_max.values
+    assert forces == pytest.approx([pair.load] * 2, rel=1e-6)
+    train = duty_point(gearlib.two_stage(pair), 3000.0)
+    assert train.mesh_force_max.dims == ("mesh",) and train.bearing_force_max.dims == ("body",)
+    # A model has its load, a drawing needs a torque.
+    with pytest.raises(ValueError, match="torque = 1"):
+        duty_point(pair, 3000.0, torque=1.0)
+    with pytest.raises(ValueError, match="torque is missing"):
+        duty_point(MESH, 3000.0)

@@ -7,13 +7,13 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
+from gearlib.engines import polynomial
 from gearlib.engines.jit import kernel
 from gearlib.engines.orbit import orbit_period
 from gearlib.engines.pair.events import ARC_COLUMNS, march_period
 from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
 from gearlib.engines.pair.whole_periods import advance_periods, new_work, set_mesh, set_start
-from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix, first_downward_crossing
 from tests.geometry.drawings import own
 from tests.paper import PAPER
 from tests.physics.test_random_meshes import random_mesh
@@ -137,14 +137,18 @@ def test_an_orbit_that_does_not_attract_is_not_reported_as_settled():
         assert int(run.period) == 0
 
 
+DEGREE = 20
+MATRIX = polynomial.bernstein_matrix(DEGREE)
+WORK = np.empty((polynomial.WORK_ROWS, DEGREE + 2))
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_the_first_of_many_roots_is_found(seed):
-    degree, rng = 20, np.random.default_rng(seed)
-    matrix, work = bernstein_matrix(degree), np.empty((WORK_ROWS, degree + 2))
+    rng = np.random.default_rng(seed)
     for _ in range(2000):
         roots = np.sort(rng.uniform(0.0, 1.0, rng.integers(0, 6)))
         # The other factor has no root in [0, 1].
-        rest = rng.normal(size=degree - roots.size + 1) * 0.5 ** np.arange(degree - roots.size + 1)
+        rest = rng.normal(size=DEGREE - roots.size + 1) * 0.5 ** np.arange(DEGREE - roots.size + 1)
         rest[0] = 1.0 + np.abs(rest).sum()
         # Below its smallest root the polynomial is positive.
         curve = math.prod((Polynomial([root, -1.0]) for root in roots), start=Polynomial(rest))
@@ -152,5 +156,15 @@ def test_the_first_of_many_roots_is_found(seed):
         expected = roots[0] if roots.size else 2.0
         # Rounding of coefficients moves a root the more, the closer other roots are.
         tolerance = 1e-12 / distance ** max(1, roots.size - 1)
-        found = first_downward_crossing(curve.coef, matrix, work)
+        found = polynomial.first_downward_crossing(curve.coef, MATRIX, WORK)
         assert abs(found - expected) <= tolerance
+
+
+def test_the_largest_value_is_that_between_the_ends_too():
+    for values in np.random.default_rng(0).normal(size=(20, 6)):
+        curve = Polynomial(values)
+        tops = [s.real for s in curve.deriv().roots() if abs(s.imag) < 1e-12 and 0 < s.real < 1]
+        expected = max(curve(s) for s in (0.0, 1.0, *tops))
+        coefficients = np.append(values, np.zeros(DEGREE - 5))
+        found = polynomial.polynomial_maximum(coefficients, MATRIX, WORK, -math.inf)
+        assert found == pytest.approx(expected, abs=1e-13)
