@@ -1,10 +1,10 @@
 """Motions of a system in any number of digits, from event to event: courses, orbits, multipliers.
 
-`equations` describes a system; the context of its numbers decides how many digits are computed.
+The context of the numbers of `Equations` decides how many digits are computed.
 """
 
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import mpmath
@@ -14,7 +14,7 @@ from tests.independent.series import Step, slope_of, zeros
 
 
 class Event(NamedTuple):
-    """A change of contact at a phase; rates by phase, in units of length."""
+    """A change of contact at a phase, in a run-up a time theta; rates in units of length."""
 
     phase: object
     contact: int
@@ -36,41 +36,37 @@ class Record:
     def add_step(self, step, t):
         """Add the extrema and durations of a step of length t."""
         equations = step.equations
-        for j, (contact, code) in enumerate(zip(equations.contacts, step.codes, strict=True)):
+        for j, (contact, code) in enumerate(step.contacts):
             self.durations[j][1 - code] += t
             self._extrema(self.heights[j], step, step.displacement(contact), t)
-            if not code:
-                self.forces[j].append(0 * t)
-                continue
             self._extrema(self.forces[j], step, step.elastic(contact, code), t)
             # Models of one degree record the stiffness of the drive side.
             side = contact.side(code) if equations.n > 1 else contact.drive
-            level = step.stiffness(contact, side, equations.terms)
-            high = side.course["high"]
-            level[0] -= high
-            floor = high * equations.tiny
-            marks = [0 * t, *zeros(equations, level, t, t * 1e-12, floor), t]
-            for a, b in pairwise(marks):
-                low = equations.value(level, (a + b) / 2) < -floor
-                self.durations[j][3] += b - a if low else 0
+            if code:
+                level, high = step.stiffness(contact, side), side.course["high"]
+                level[0] -= high
+                floor = high * equations.tiny
+                marks = [0 * t, *zeros(equations, level, t, t * 1e-12, floor), t]
+                for begin, end in pairwise(marks):
+                    is_low = equations.value(level, (begin + end) / 2) < -floor
+                    self.durations[j][3] += is_low * (end - begin)
 
     def _extrema(self, into, step, curve, t):
-        equations = step.equations
-        floor = equations.tiny * max(map(abs, curve))
+        equations, floor = step.equations, step.equations.tiny * max(map(abs, curve))
         turns = zeros(equations, slope_of(curve), t, t * 1e-12, floor)
         into += [equations.value(curve, place) for place in (0 * t, *turns, t)]
 
     def sample(self, step, until):
         """Add the samples of a step before a time: (time, displacements, rates, forces, q)."""
+        value, n = step.equations.value, step.equations.n
         while self.pending and self.pending[0] < until:
             time = self.pending.pop(0)
-            t, equations, rows = time - step.t, step.equations, []
-            for contact, code in zip(equations.contacts, step.codes, strict=True):
+            t, rows = time - step.t, []
+            for contact, code in step.contacts:
                 curve = step.displacement(contact)
-                force = equations.value(step.elastic(contact, code), t) if code else 0
-                rate = equations.value(slope_of(curve), t)
-                rows.append((equations.value(curve, t), rate, force))
-            self.samples.append((time, *zip(*rows, strict=True), step.at(t)[: equations.n]))
+                curves = curve, slope_of(curve), step.elastic(contact, code)
+                rows.append([value(c, t) for c in curves])
+            self.samples.append((time, *zip(*rows, strict=True), step.at(t)[:n]))
 
 
 class Motion(NamedTuple):
@@ -83,12 +79,12 @@ class Motion(NamedTuple):
     equations: Equations
     phase: object
 
-    def mesh_state(self, contact=0):
-        """Return displacement and rate of a contact at the end."""
-        equations, drive = self.equations, self.equations.contacts[contact].drive
+    def mesh_state(self):
+        """Return displacement and rate of the first contact at the end."""
+        equations, contact = self.equations, self.equations.contacts[0]
         q, v = self.state[: equations.n], self.state[equations.n :]
-        rate = equations.rate(drive, v, self.phase)
-        return equations.distance(drive, q, self.phase) - equations.contacts[contact].zero, rate
+        displacement = equations.distance(contact.drive, q, self.phase) - contact.zero
+        return displacement, equations.rate(contact.drive, v, self.phase)
 
 
 def courses(equations, speed, load, turn, push):
@@ -112,31 +108,25 @@ def courses(equations, speed, load, turn, push):
 
 def _ends(rows, begin, end):
     """Return the values of a piecewise linear course at both ends of an interval within a line."""
-    for (t, v), (u, w) in pairwise(rows):
-        if t <= begin and end <= u and t < u:
-            return tuple(v + (w - v) * (at - t) / (u - t) for at in (begin, end))
-    return (rows[0][1],) * 2 if end <= rows[0][0] else (rows[-1][1],) * 2
+    for (t, v), (u, w) in pairwise([(begin, rows[0][1]), *rows, (end, rows[-1][1])]):
+        if t <= begin and end <= u:
+            return [v + (w - v) * (at - t) / (u - t) for at in (begin, end)]
+    raise AssertionError("the interval is not within a line")
 
 
 def cuts_of(equations, piece):
     """Return the times at which stiffness or sliding changes within a piece, and its end."""
-    context, least = equations.context, equations.tiny
-    last, a, b = piece.phase_at(piece.end)[0], piece.acceleration, piece.speed
-    times, period = [], 2 * context.pi
+    context, a, b = equations.context, piece.acceleration, piece.speed
+    last, period, times = piece.phase_at(piece.end)[0], 2 * context.pi, set()
     for contact in equations.contacts:
         first = math.floor(piece.phase * contact.rate / period) - 1
-        for cut in contact.cuts(context):
-            for k in range(first, math.ceil(last * contact.rate / period) + 2):
-                angle = period * (cut % 1 + k) / contact.rate - piece.phase
-                square = b * b + 2 * a * angle
-                if angle > 0 and square > 0:
-                    times.append(piece.begin + 2 * angle / (b + context.sqrt(square)))
-    kept = []
-    for t in sorted(times):
-        inside = piece.begin + least < t < piece.end - least
-        if inside and (not kept or t - kept[-1] > least):
-            kept.append(t)
-    return [*kept, piece.end]
+        turns = range(first, math.ceil(last * contact.rate / period) + 2)
+        for cut, k in product(contact.cuts(context), turns):
+            angle = period * (cut % 1 + k) / contact.rate - piece.phase
+            square = b * b + 2 * a * angle
+            if angle > 0 and square > 0:
+                times.add(piece.begin + 2 * angle / (b + context.sqrt(square)))
+    return [*sorted(t for t in times if t < piece.end), piece.end]
 
 
 def first_codes(equations, piece, state, middle):
@@ -146,20 +136,14 @@ def first_codes(equations, piece, state, middle):
     """
     codes, q, phase = [], state[: equations.n], piece.phase
     sides = [side for contact in equations.contacts for side in contact.sides]
-    on_line = {side for side in sides if equations.on_line(side, q, phase)}
+    gaps = {side: equations.distance(side, q, phase) for side in sides}
+    on_line = {side for side, gap in gaps.items() if abs(gap) <= equations.tiny}
+    gaps |= dict.fromkeys(on_line, 0)
     for contact in equations.contacts:
-        drive, coast = (
-            0 if side in on_line else side and equations.distance(side, q, phase)
-            for side in (contact.drive, contact.coast)
-        )
-        if drive > 0 or (drive == 0 and coast is not None and coast <= 0):
-            codes.append(1)
-        else:
-            codes.append(-1 if coast is not None and coast < 0 else 0)
+        drive, coast = gaps[contact.drive], gaps.get(contact.coast, 1)
+        codes.append(1 if drive > 0 or drive == 0 >= coast else -1 if coast < 0 else 0)
     for j, contact in enumerate(equations.contacts):
-        for side in contact.sides:
-            if side not in on_line:
-                continue
+        for side in filter(on_line.__contains__, contact.sides):
             curve = Step(equations, piece, piece.begin, state, codes, middle).curve(side)
             least = equations.tiny * max(map(abs, curve[1:4]))
             first = next((c for c in curve[1:] if abs(c) > least), 0)
@@ -171,35 +155,35 @@ def first_codes(equations, piece, state, middle):
 
 
 def _first_event(step, crossed, longest):
-    """Return (time, (contact, side, next code) or None, whether v turns) of what ends a step.
+    """Return (time, what ends a step): (side or "turn" of the rate, contact, next code), or None.
 
-    `crossed` are the sides whose line the motion has just crossed, `longest` is the step at most.
+    `crossed` has the sides whose line the motion has just crossed, and "turn" where its rate is 0;
+    `longest` is the step at most.
     """
-    equations, event = step.equations, (longest, None, False)
-    floor, least = equations.tiny * 1e-3, equations.tiny * 1e-3
-    for j, (contact, code) in enumerate(zip(equations.contacts, step.codes, strict=True)):
+    equations, first = step.equations, (longest, None)
+    least = equations.tiny * 1e-3
+    for j, (contact, code) in enumerate(step.contacts):
+        ends = [
+            ((side, j, after), [sign * c for c in step.curve(side)])
+            for side, sign, after in contact.possible_events(code)
+        ]
         if contact.has_kink:
             # |v| v has a kink: the series ends where v turns.
             slope = slope_of(step.curve(contact.drive))
-            slope = slope[1:] if step.turned or not slope[0] else slope
-            turn = next(zeros(equations, slope, event[0], least, floor), None)
-            if turn is not None and 0 < turn < event[0]:
-                event = turn, None, True
-        for side, sign, after in contact.possible_events(code):
-            curve = step.curve(side)
-            curve = curve if sign > 0 else [-c for c in curve]
-            if side in crossed:
+            sign = 1 if slope["turn" in crossed] > 0 else -1
+            ends.append((("turn", j, code), [sign * c for c in slope]))
+        for end, curve in ends:
+            if end[0] in crossed:
                 # From the line on: the zero at the start is divided out.
                 curve = curve[1:]
             elif curve[0] <= 0 and curve[1] < 0:
-                return 0 * longest, (j, side, after), False
+                return 0 * longest, end
             slope = slope_of(curve)
-            for zero in zeros(equations, curve, event[0], least, floor):
-                falls = equations.value(slope, zero) < 0
-                if falls and (zero or side not in crossed):
-                    event = min(event, (zero, (j, side, after), False), key=lambda pair: pair[0])
+            for zero in zeros(equations, curve, first[0], least, least):
+                if equations.value(slope, zero) < 0 and (zero or end[0] not in crossed):
+                    first = min(first, (zero, end), key=lambda pair: pair[0])
                     break
-    return event
+    return first
 
 
 def integrate(equations, pieces, state, codes=None, record_from=math.inf, sample_times=()):
@@ -209,7 +193,7 @@ def integrate(equations, pieces, state, codes=None, record_from=math.inf, sample
     """
     state = [equations.context.mpf(x) for x in state]
     record, events, all_cuts = Record(len(equations.contacts), record_from, sample_times), [], []
-    n, turned, crossed = equations.n, False, None
+    crossed = None
     for piece in pieces:
         cuts, t = cuts_of(equations, piece), piece.begin
         all_cuts += cuts
@@ -221,24 +205,22 @@ def integrate(equations, pieces, state, codes=None, record_from=math.inf, sample
                 start_codes, crossed = first_codes(equations, piece, state, middle)
                 codes = list(codes or start_codes)
             while t < stop:
-                step = Step(equations, piece, t, state, codes, middle, turned)
-                h, met, turned = _first_event(step, crossed, step.length(stop - t))
-                whole = h == stop - t
-                after = stop if whole else t + h
+                step = Step(equations, piece, t, state, codes, middle, "turn" in crossed)
+                h, end = _first_event(step, crossed, step.length(stop - t))
+                t = stop if h == stop - t else t + h
                 if stop > record_from + equations.tiny:
                     record.add_step(step, h)
-                record.sample(step, after)
+                record.sample(step, t)
                 if h:
                     state, crossed = step.at(h), set()
-                t = after
-                if met:
-                    j, side, code = met
-                    phase, speed, _ = piece.phase_at(t)
-                    sides = equations.contacts[j].drive, side
-                    rates = (equations.rate(s, state[n:], phase, speed) for s in sides)
-                    events.append(Event(t, j, codes[j], code, *rates))
-                    codes[j] = code
-                    crossed = {*crossed, side}
+                if end:
+                    side, j, code = end
+                    crossed.add(side)
+                    if side != "turn":
+                        curves = step.curve(equations.contacts[j].drive), step.curve(side)
+                        rates = (equations.value(slope_of(curve), h) for curve in curves)
+                        events.append(Event(t, j, codes[j], code, *rates))
+                        codes[j] = code
     return Motion(state, events, record, all_cuts, equations, pieces[-1].phase_at(t)[0])
 
 
@@ -254,26 +236,19 @@ def move(equations, periods, state, recorded=0, phases=(), codes=None):
     return integrate(equations, [piece], state, codes, begin, phases)
 
 
-def period_map(flow, state, step):
-    """Return the end to which a flow leads a state, and the matrix of its derivatives."""
-    end, columns = flow(state), []
-    for j in range(len(state)):
-        other = list(state)
-        other[j] += step
-        columns.append([(a - b) / step for a, b in zip(flow(other), end, strict=True)])
-    return end, mpmath.matrix(columns).T
+def derivatives(function, point, step):
+    """Return a function of numbers at a point, a list, and the matrix of its derivatives."""
+    values, columns = function(point), []
+    for j in range(len(point)):
+        other = [x + step * (i == j) for i, x in enumerate(point)]
+        columns.append([(a - b) / step for a, b in zip(function(other), values, strict=True)])
+    return values, mpmath.matrix(columns).T
 
 
-def orbit(flow, state, step, iterations):
-    """Return (state, matrix) of the periodic orbit of a flow near a state, by Newton's method."""
+def newton(function, point, step, iterations):
+    """Return a zero of a function by Newton's method, and the derivatives before the last step."""
     for _ in range(iterations):
-        end, matrix = period_map(flow, state, step)
-        away = mpmath.matrix([a - b for a, b in zip(end, state, strict=True)])
-        change = mpmath.lu_solve(mpmath.eye(len(state)) - matrix, away)
-        state = [a + b for a, b in zip(state, change, strict=True)]
-    return state, period_map(flow, state, step)[1]
-
-
-def multipliers(matrix):
-    """Return the eigenvalues of a monodromy matrix."""
-    return mpmath.eig(matrix, left=False, right=False)
+        values, slopes = derivatives(function, point, step)
+        change = mpmath.lu_solve(slopes, mpmath.matrix(values))
+        point = [a - b for a, b in zip(point, change, strict=True)]
+    return point, slopes

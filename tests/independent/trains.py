@@ -9,6 +9,7 @@ from fractions import Fraction
 
 import mpmath
 import numpy as np
+import scipy.linalg
 
 from tests.independent.assembly import (
     System,
@@ -16,7 +17,7 @@ from tests.independent.assembly import (
     flank,
     harmonics,
     mean_stiffness,
-    rectangular_profile,
+    rectangular_course,
 )
 
 
@@ -90,11 +91,14 @@ class Train(System):
                     rows[i] = pin
         return rows
 
+    def turn(self, body):
+        """Return e^(i angle) of the frame of a body."""
+        return self.context.expj(body["angle"] if body["carrier"] else 0)
+
     def rotated(self, body, x, y):
         """Return the components along x and y of the frame of what a body has along its own."""
-        angle = body["angle"] if body["carrier"] else self.context.mpf(0)
-        c, s = self.context.cos(angle), self.context.sin(angle)
-        return c * x - s * y, s * x + c * y
+        turn = self.turn(body)
+        return turn.real * x - turn.imag * y, turn.imag * x + turn.real * y
 
     def fixed(self, name):
         """Return the rows of an axis along x and y of the frame."""
@@ -144,32 +148,29 @@ class Train(System):
                 self.stiffness = self.stiffness + w * drag
 
     def line(self, mesh):
-        """Return the unit vector of the line of action.
+        """Return the line of action as a complex number of size 1.
 
-        By the angle psi of the line of centres and the pressure angle a it is +-(-sin, cos) of
-        psi -+ a.
+        By the angle psi of the line of centres and the pressure angle a it is +-i e^(i(psi -+ a)).
         """
         context, direction = self.context, mesh["direction"]
         if mesh["line_of_action"] is not None:
-            return context.cos(mesh["line_of_action"]), context.sin(mesh["line_of_action"])
+            return context.expj(mesh["line_of_action"])
         a = mesh["pressure_angle"] * (1 if mesh["internal"] else -1)
-        psi = (mesh["position"] or 0) + direction * a
-        return -direction * context.sin(psi), direction * context.cos(psi)
+        return direction * context.j * context.expj((mesh["position"] or 0) + direction * a)
 
     def mesh(self, mesh):
         """Return the contact of a mesh."""
-        context = self.context
+        context, name, pinion = self.context, mesh["name"], mesh["pinion"]
         #: (body, sign of its motion along the line of action, sign of its turning) in the distance
-        ends = (mesh["pinion"], 1, 1), (mesh["wheel"], -1, 1)
+        ends = (pinion, 1, 1), (mesh["wheel"], -1, 1)
         if mesh["internal"]:
-            ends = (mesh["wheel"], 1, 1), (mesh["pinion"], -1, -1)
-        (first, *_), (second, *_) = ends
+            ends = (mesh["wheel"], 1, 1), (pinion, -1, -1)
+        first, second = (self.speeds[end[0]] for end in ends)
         # At a vector w from the pitch point the first gear slides on the second by (W1 - W2) k x w;
         # along the line of action contact moves as the base circle of the first gear does.
-        leads = 1 if mesh["direction"] * self.speeds[first] > 0 else -1
-        slides = leads * (1 if self.speeds[first] > self.speeds[second] else -1)
+        leads = 1 if mesh["direction"] * first > 0 else -1
+        slides = leads * (1 if first > second else -1)
         row, across, turning_row, constant, run_out = self.distances(mesh, ends)
-        name, pinion, sides = mesh["name"], mesh["pinion"], []
         rate = self.fraction(abs(self.speeds[pinion]) * self.bodies[pinion]["teeth"])
         shifts = self.model["phases"][name], self.model["inverse_phases"][name]
         pitch = mesh["pitch_phase"] / (2 * context.pi)
@@ -179,28 +180,27 @@ class Train(System):
         thickness = mesh["tooth_thickness"] or [context.mpf(1) / 2] * 2
         thickness = thickness[::-1] if mesh["internal"] else thickness
         pitches = pitch, pitch + leads * (thickness[0] + 1 - thickness[1]) / 2
+        sides = []
         for i, deviation in enumerate(("deviation", "inverse_deviation")):
-            waves = []
             # Harmonics of both sides begin at the phase of the drive side.
-            for n, a, b in harmonics(mesh[deviation]):
-                lag = 2 * context.pi * n * shifts[0]
-                c, s = context.cos(lag), context.sin(lag)
-                waves.append((n * rate, a * c - b * s, a * s + b * c))
+            lag = 2 * context.pi * shifts[0]
+            rows = [
+                (n, (a + b * context.j) * context.expj(n * lag))
+                for n, a, b in harmonics(mesh[deviation])
+            ]
+            waves = [(n * rate, z.real, z.imag) for n, z in rows]
             # With a moving backlash, Eq. (4), bearings, run-out and offsets do not change it.
             moving = i == 1 and mesh["moving_backlash"]
-            edge = mesh["error"] if moving else constant
+            edge = (mesh["error"] if moving else constant) + (mesh["backlash"] if i else 0)
+            laws = {"course": rectangular_course(mesh, context, shifts[i])}
+            laws |= {"material": [mesh["material_damping"], 0, 0], "constant": edge}
+            laws |= {"waves": waves if moving else waves + run_out, "turns": pitches[i]}
             # Friction opposes the sliding; on the coast side the elastic force has the other sign.
             friction = (1 - 2 * i) * mesh["friction"][i]
-            edge = edge + mesh["backlash"] if i else edge
-            waves = waves if moving else waves + run_out
-            laws = {"stiffness": rectangular_profile(mesh, context, shifts[i])}
-            laws |= {"material": [mesh["material_damping"], 0, 0], "constant": edge}
-            laws |= {"waves": waves, "friction": friction, "turns": pitches[i]}
-            sides.append(flank(turning_row if moving else row, **laws))
+            sides.append(flank(turning_row if moving else row, friction=friction, **laws))
         if not context.isfinite(mesh["backlash"]):
             sides.pop()
-        film = [mesh["backlash_damping"], 0, 0]
-        return contact(sides, film, rate, across=across * slides)
+        return contact(sides, [mesh["backlash_damping"], 0, 0], rate, across=across * slides)
 
     def fraction(self, value):
         return self.context.mpf(value.numerator) / value.denominator
@@ -211,26 +211,24 @@ class Train(System):
         The distance of the flanks is `row @ q + constant` + the waves `run_out`; friction acts on
         the row `across`; `turning_row` has the turning of gears and carrier only.
         """
-        context, (ex, ey), direction = self.context, self.line(mesh), mesh["direction"]
-        row, across, constant = self.zeros(self.n), self.zeros(self.n), mesh["error"]
-        turning_row, run_out = self.zeros(self.n), []
+        line, constant, run_out = self.line(mesh), mesh["error"], []
+        row, across, turning_row = self.zeros(3, self.n)
         for name, sign, turn in ends:
             body, (x, y) = self.bodies[name], self.fixed(name)
-            turning = direction * turn * self.row(name, "u")
-            row = row + sign * (ex * x + ey * y) + turning
-            across = across + sign * (ex * y - ey * x)
-            turning_row = turning_row + turning
+            turning = mesh["direction"] * turn * self.row(name, "u")
+            row += sign * (line.real * x + line.imag * y) + turning
+            across += sign * (line.real * y - line.imag * x)
+            turning_row += turning
             if body["carrier"]:
-                px, py = self.rotated(body, *self.pin(body))
-                turning_row = turning_row + sign * (ex * px + ey * py)
-            ox, oy = self.rotated(body, *body["offset"])
-            constant += sign * (ex * ox + ey * oy)
+                x, y = self.rotated(body, *self.pin(body))
+                turning_row += sign * (line.real * x + line.imag * y)
+            x, y = self.rotated(body, *body["offset"])
+            constant += sign * (line.real * x + line.imag * y)
             # e (cos, sin)(speed tau + phase + psi) along the line
-            size, at = sign * body["eccentricity"], body["eccentricity_phase"]
-            if size:
-                c, s = self.rotated(body, size * context.cos(at), size * context.sin(at))
-                rate = self.fraction(self.speeds[name])
-                run_out.append((rate, ex * c + ey * s, ey * c - ex * s))
+            if body["eccentricity"]:
+                start = self.context.expj(-body["eccentricity_phase"]) / self.turn(body)
+                z = sign * body["eccentricity"] * line * start
+                run_out.append((self.fraction(self.speeds[name]), z.real, z.imag))
         return row, across, turning_row, constant, run_out
 
     def modes(self):
@@ -240,17 +238,10 @@ class Train(System):
             row = gears["sides"][0]["row"]
             stiffness = stiffness + mean_stiffness(mesh) * np.outer(row, row)
         if context is mpmath.fp:
-            root = np.linalg.inv(np.linalg.cholesky(self.mass))
-            squares, shapes = np.linalg.eigh(root @ stiffness @ root.T)
-        else:
-            root = mpmath.cholesky(mpmath.matrix(self.mass.tolist())) ** -1
-            root = np.array(root.tolist(), object)
-            pair = mpmath.eigsy(mpmath.matrix((root @ stiffness @ root.T).tolist()))
-            squares, shapes = (np.array(part.tolist(), object) for part in pair)
-            squares = squares.ravel()
-            order = np.argsort(squares)
-            squares, shapes = squares[order], shapes[:, order]
-        return squares, root.T @ shapes, stiffness
+            return *scipy.linalg.eigh(stiffness, self.mass), stiffness
+        root = np.array((context.cholesky(context.matrix(self.mass.tolist())) ** -1).tolist())
+        squares, shapes = context.eigsy(context.matrix((root @ stiffness @ root.T).tolist()))
+        return np.array(list(squares)), root.T @ np.array(shapes.tolist()), stiffness
 
     def set_units(self, tuning):
         """Set the units: static deflection of the reference mesh, frequency of its strongest mode.
