@@ -91,7 +91,7 @@ class Side:
         self.pushes = {sense: sparse(push) for sense, push in pushes.items()}
         self.material = equations.damping(side["material"])
         slopes = [slope for _, slope in self.course["lines"]]
-        self.constant_stiffness = not self.course["harmonics"] and not any(slopes)
+        self.is_constant = not self.course["harmonics"] and not any(slopes)
 
 
 class Contact:
@@ -103,6 +103,8 @@ class Contact:
         self.film = equations.damping(contact["film"])
         self.sides = [Side(equations, contact, side) for side in contact["sides"]]
         self.drive, self.coast = (*self.sides, None)[:2]
+        #: each side and the code of its contact
+        self.touching = list(zip(self.sides, (1, -1), strict=False))
         self.powers = [p * equations.length**k for k, p in enumerate(contact["powers"], start=1)]
         self.has_kink = bool(self.film[1]) or any(side.material[1] for side in self.sides)
         near, far = self.sides[0], self.sides[-1]
@@ -118,7 +120,7 @@ class Contact:
         """Return (side, sign, next code) of each: where sign times the distance falls through 0."""
         if code:
             return [(self.side(code), code, -code if self.closed else 0)]
-        return [(self.drive, -1, 1), *([(self.coast, 1, -1)] if self.coast else [])]
+        return [(side, -code, code) for side, code in self.touching]
 
     def dampers(self, code):
         """Return (side, coefficients) of each damper; it takes the rate of the side's distance."""

@@ -46,14 +46,14 @@ class Record:
                 level, high = step.stiffness(contact, side), side.course["high"]
                 level[0] -= high
                 floor = high * equations.tiny
-                marks = [0 * t, *zeros(equations, level, t, t * 1e-12, floor), t]
+                marks = [0 * t, *zeros(equations, level, t, floor), t]
                 for begin, end in pairwise(marks):
                     is_low = equations.value(level, (begin + end) / 2) < -floor
                     self.durations[j][3] += is_low * (end - begin)
 
     def _extrema(self, into, step, curve, t):
         equations, floor = step.equations, step.equations.tiny * max(map(abs, curve))
-        turns = zeros(equations, slope_of(curve), t, t * 1e-12, floor)
+        turns = zeros(equations, slope_of(curve), t, floor)
         into += [equations.value(curve, place) for place in (0 * t, *turns, t)]
 
     def sample(self, step, until):
@@ -134,23 +134,18 @@ def first_codes(equations, piece, state, middle):
 
     On a line the code is that of the side to which the motion goes; `middle` as for `Step`.
     """
-    codes, q, phase = [], state[: equations.n], piece.phase
-    sides = [side for contact in equations.contacts for side in contact.sides]
-    gaps = {side: equations.distance(side, q, phase) for side in sides}
-    on_line = {side for side, gap in gaps.items() if abs(gap) <= equations.tiny}
-    gaps |= dict.fromkeys(on_line, 0)
-    for contact in equations.contacts:
-        drive, coast = gaps[contact.drive], gaps.get(contact.coast, 1)
-        codes.append(1 if drive > 0 or drive == 0 >= coast else -1 if coast < 0 else 0)
-    for j, contact in enumerate(equations.contacts):
-        for side in filter(on_line.__contains__, contact.sides):
-            curve = Step(equations, piece, piece.begin, state, codes, middle).curve(side)
+    codes, on_line, q = [0] * len(equations.contacts), set(), state[: equations.n]
+    sides = [(j, *row) for j, contact in enumerate(equations.contacts) for row in contact.touching]
+    for j, side, code in sides:
+        distance = code * equations.distance(side, q, piece.phase)
+        codes[j] = code if distance > equations.tiny else codes[j]
+        on_line |= {side} if abs(distance) <= equations.tiny else set()
+    for j, side, code in sides:
+        if side in on_line:
+            curve = Step(equations, piece, piece.begin, state, codes, middle).curves[side]
             least = equations.tiny * max(map(abs, curve[1:4]))
-            first = next((c for c in curve[1:] if abs(c) > least), 0)
-            if side is contact.drive:
-                codes[j] = 1 if first >= 0 else min(codes[j], 0)
-            elif first < 0:
-                codes[j] = -1
+            first = next((code * c for c in curve[1:] if abs(c) > least), 0)
+            codes[j] = code if first > 0 or first == 0 < code else codes[j]
     return codes, on_line
 
 
@@ -161,15 +156,14 @@ def _first_event(step, crossed, longest):
     `longest` is the step at most.
     """
     equations, first = step.equations, (longest, None)
-    least = equations.tiny * 1e-3
     for j, (contact, code) in enumerate(step.contacts):
         ends = [
-            ((side, j, after), [sign * c for c in step.curve(side)])
+            ((side, j, after), [sign * c for c in step.curves[side]])
             for side, sign, after in contact.possible_events(code)
         ]
         if contact.has_kink:
             # |v| v has a kink: the series ends where v turns.
-            slope = slope_of(step.curve(contact.drive))
+            slope = slope_of(step.curves[contact.drive])
             sign = 1 if slope["turn" in crossed] > 0 else -1
             ends.append((("turn", j, code), [sign * c for c in slope]))
         for end, curve in ends:
@@ -179,7 +173,7 @@ def _first_event(step, crossed, longest):
             elif curve[0] <= 0 and curve[1] < 0:
                 return 0 * longest, end
             slope = slope_of(curve)
-            for zero in zeros(equations, curve, first[0], least, least):
+            for zero in zeros(equations, curve, first[0], equations.tiny * 1e-3):
                 if equations.value(slope, zero) < 0 and (zero or end[0] not in crossed):
                     first = min(first, (zero, end), key=lambda pair: pair[0])
                     break
@@ -217,7 +211,7 @@ def integrate(equations, pieces, state, codes=None, record_from=math.inf, sample
                     side, j, code = end
                     crossed.add(side)
                     if side != "turn":
-                        curves = step.curve(equations.contacts[j].drive), step.curve(side)
+                        curves = step.curves[equations.contacts[j].drive], step.curves[side]
                         rates = (equations.value(slope_of(curve), h) for curve in curves)
                         events.append(Event(t, j, codes[j], code, *rates))
                         codes[j] = code

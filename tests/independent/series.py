@@ -3,7 +3,7 @@
 import math
 from functools import cache
 from itertools import accumulate, pairwise, repeat
-from operator import mul
+from operator import add, mul
 
 import mpmath
 
@@ -21,14 +21,15 @@ class Step:
         self.equations, self.t, self.middle, self.turned = equations, t, middle, turned
         self.contacts = list(zip(equations.contacts, codes, strict=True))
         self.phase, self.rate, self.bend = piece.phase_at(t)
-        self.wave = cache(self.wave)
-        #: by side Taylor coefficients of its distance, and of the sum of its constant and waves
-        self.curves = {}
-        n, dot = equations.n, equations.dot
-        self.series = [list(state[:n]), list(state[n:])]
+        self.wave, dot, n = cache(self.wave), equations.dot, equations.n
+        #: Taylor coefficients of coordinates, and of the distances of sides, first of their waves
+        self.series = []
+        self.curves = {side: self.shift(side) for one in equations.contacts for side in one.sides}
+        self._add(state[:n])
+        self._add(state[n:])
         laws = self.laws()
         for k, total in enumerate(self.forces(piece)):
-            displacements, rates = self.series[k], self.series[k + 1]
+            displacements, rates = self.series[k:]
             for i, (springs, dampers) in enumerate(equations.rows):
                 total[i] -= dot([(x, displacements[j]) for j, x in springs])
                 total[i] -= (k + 1) * dot([(x, rates[j]) for j, x in dampers])
@@ -36,7 +37,14 @@ class Step:
                 value = law(k)
                 for i, x in push:
                     total[i] -= x * value
-            self.series.append([x / ((k + 1) * (k + 2)) for x in total])
+            self._add([x / ((k + 1) * (k + 2)) for x in total])
+
+    def _add(self, coefficients):
+        """Add the next Taylor coefficients of the coordinates."""
+        for side, curve in self.curves.items():
+            products = [(x, coefficients[j]) for j, x in side.row]
+            curve[len(self.series)] += self.equations.dot(products)
+        self.series.append(coefficients)
 
     def wave(self, frequency):
         """Return Taylor coefficients of cos and sin of a frequency times the phase."""
@@ -58,23 +66,12 @@ class Step:
                     row[i] += factor * (a * c[k + order] + b * s[k + order])
         return total
 
-    def coefficient(self, side, k):
-        """Return a Taylor coefficient of the distance of a side; those before it are known."""
-        if side not in self.curves:
-            shift = [side.constant, *[0] * (self.equations.terms + 1)]
-            for f, a, b in side.waves:
-                shift = [x + a * c + b * s for x, c, s in zip(shift, *self.wave(f), strict=True)]
-            self.curves[side] = [], shift
-        curve, shift = self.curves[side]
-        for i in range(len(curve), k + 1):
-            values = self.series[i]
-            curve.append(shift[i] + self.equations.dot([(x, values[j]) for j, x in side.row]))
-        return curve[k]
-
-    def curve(self, side):
-        """Return the Taylor coefficients of the distance of a side."""
-        self.coefficient(side, self.equations.terms + 1)
-        return self.curves[side][0]
+    def shift(self, side):
+        """Return the Taylor coefficients of the constant and the waves of a side."""
+        shift = [side.constant, *[0] * (self.equations.terms + 1)]
+        for f, a, b in side.waves:
+            shift = [x + a * c + b * s for x, c, s in zip(shift, *self.wave(f), strict=True)]
+        return shift
 
     def stiffness(self, contact, side):
         """Return Taylor coefficients of the stiffness of a side."""
@@ -100,10 +97,10 @@ class Step:
 
         It is a function that returns the k-th Taylor coefficient, to be called for k = 0, 1, ...
         """
-        rates, squares, product = [], [], self.equations.product
+        curve, product, rates, squares = self.curves[side], self.equations.product, [], []
 
         def term(k):
-            rate = (k + 1) * self.coefficient(side, k + 1)
+            rate = (k + 1) * curve[k + 1]
             if not (d2 or d3):
                 return d1 * rate
             # Where the motion turns its rate is rounding.
@@ -117,16 +114,14 @@ class Step:
     def spring(self, contact, code):
         """Return the elastic force c(tau) (g + p2 sgn(g) g^2 + p3 g^3), as `damper` does."""
         side, product, (p2, p3) = contact.side(code), self.equations.product, contact.powers
-        levels, squares, springs = self.stiffness(contact, side), [], []
+        curve, levels, squares, springs = self.curves[side], self.stiffness(contact, side), [], []
 
         def term(k):
-            value = self.coefficient(side, k)
+            springs.append(curve[k])
             if p2 or p3:
-                curve, _ = self.curves[side]
                 squares.append(product(curve, curve, k))
-                value += p2 * code * squares[k] + p3 * product(squares, curve, k)
-            springs.append(value)
-            return levels[0] * value if side.constant_stiffness else product(levels, springs, k)
+                springs[k] += p2 * code * squares[k] + p3 * product(squares, curve, k)
+            return levels[0] * springs[k] if side.is_constant else product(levels, springs, k)
 
         return term
 
@@ -139,17 +134,15 @@ class Step:
 
     def displacement(self, contact):
         """Return the Taylor coefficients of the displacement of a contact."""
-        first, *others = self.curve(contact.drive)
+        first, *others = self.curves[contact.drive]
         return [first - contact.zero, *others]
 
     def length(self, longest):
         """Return for how long the series holds: the last terms are below the last digit."""
-        for last in (-1, -2):
-            size = max(map(abs, self.series[last]), default=0)
-            if size:
-                order = len(self.series) + last
-                reach = (self.equations.last_term / mpmath.mpf(size)) ** (mpmath.mpf(1) / order)
-                longest = min(longest, self.equations.context.mpf(reach))
+        for order in (len(self.series) - 1, len(self.series) - 2):
+            if size := max(map(abs, self.series[order]), default=0):
+                share = self.equations.last_term / mpmath.mpf(size)
+                longest = min(longest, self.equations.context.mpf(mpmath.root(share, order)))
         return longest
 
     def at(self, t):
@@ -162,57 +155,53 @@ def slope_of(curve):
     return [k * c for k, c in enumerate(curve)][1:]
 
 
-def _bernstein(scaled):
+def zeros(equations, curve, end, floor):
+    """Return the zeros of odd order of a polynomial on (0, end), in order.
+
+    What stays below `floor` is rounding.
+    """
+    scaled = list(map(mul, curve, accumulate(repeat(end), mul, initial=1)))
+    size = sum(map(abs, scaled))
+    if size <= floor or 2 * abs(scaled[0]) > size:
+        return []
+    # Floats rule out most of them.
+    rough = _bernstein([float(c / size) for c in scaled])
+    if min(rough) > 1e-12 or max(rough) < -1e-12:
+        return []
+    marks = _brackets(_bernstein(scaled), 0 * end, 1 + 0 * end, equations.tiny * 1e-3)
+    return [_polished(equations, scaled, *ends) * end for ends in marks]
+
+
+def _bernstein(curve):
     """Return the Bernstein coefficients on (0, 1) of a polynomial."""
-    degree = len(scaled) - 1
-    values = [c / math.comb(degree, k) for k, c in enumerate(scaled)]
-    for first in range(degree):
-        values[first + 1 :] = [a + b for a, b in pairwise(values[first:])]
+    values = [c / math.comb(len(curve) - 1, k) for k, c in enumerate(curve)]
+    for k in range(1, len(curve)):
+        values[k:] = map(add, values[k:], values[k - 1 :])
     return values
 
 
-def _brackets(values, low, width, least):
+def _brackets(values, low, high, least):
     """Yield (low, high) around zeros of odd order, by signs of Bernstein coefficients."""
     changes = sum((a > 0) != (b > 0) for a, b in pairwise(values))
     if changes == 1:
-        yield low, low + width
-    elif changes and width > least:
-        left, right = [], []
-        while values:
-            left.append(values[0])
-            right.insert(0, values[-1])
-            values = [(a + b) / 2 for a, b in pairwise(values)]
-        yield from _brackets(left, low, width / 2, least)
-        yield from _brackets(right, low + width / 2, width / 2, least)
-
-
-def zeros(equations, curve, end, least, floor):
-    """Yield the zeros of odd order of a polynomial on (0, end], in order.
-
-    What stays below `floor` is rounding; zeros closer than `least` count as a touch.
-    """
-    scaled = list(map(mul, curve, accumulate(repeat(end), mul, initial=1)))
-    first, others = abs(scaled[0]), sum(map(abs, scaled[1:]))
-    if first > others or first + others <= floor or not end > least:
-        return
-    # Floats rule out most of them.
-    rough = _bernstein([float(c / (first + others)) for c in scaled])
-    if min(rough) > 1e-12 or max(rough) < -1e-12:
-        return
-    for low, high in _brackets(_bernstein(scaled), 0 * end, 1 + 0 * end, least / end):
-        yield _polished(equations, curve, low * end, high * end)
+        yield low, high
+    elif changes and high - low > least:
+        rows, middle = [values], (low + high) / 2
+        while len(rows[-1]) > 1:
+            rows.append([(a + b) / 2 for a, b in pairwise(rows[-1])])
+        yield from _brackets([row[0] for row in rows], low, middle, least)
+        yield from _brackets([row[-1] for row in rows[::-1]], middle, high, least)
 
 
 def _polished(equations, curve, low, high):
     """Return the zero between two places by Newton's method kept inside."""
-    value_at, slope, t = equations.value, slope_of(curve), (low + high) / 2
-    rises, close = value_at(curve, low) <= 0, equations.tiny * 3e-3 * high
+    slope, rises, t = slope_of(curve), equations.value(curve, low) <= 0, (low + high) / 2
     for _ in range(200):
-        value, rate = value_at(curve, t), value_at(slope, t)
+        value, rate = equations.value(curve, t), equations.value(slope, t)
         low, high = (low, t) if (value > 0) == rises else (t, high)
         new = t - value / rate if rate else low
         new = new if low <= new <= high else (low + high) / 2
-        if abs(new - t) <= close:
+        if abs(new - t) <= equations.tiny * 3e-3 * high:
             break
         t = new
     return new
