@@ -191,15 +191,10 @@ class Equations:
         """Return a polynomial at t."""
         return reduce(lambda total, coefficient: total * t + coefficient, reversed(curve))
 
-    def distance(self, side, q, phase):
-        """Return the distance of a side at coordinates and a phase."""
-        waves = wave_sum(self.context, side.waves, phase)
-        return side.constant + self.dot([(x, q[i]) for i, x in side.row]) + waves
-
-    def rate(self, side, v, phase):
-        """Return the rate of the distance of a side by the phase."""
-        waves = wave_sum(self.context, side.waves, phase, order=1)
-        return self.dot([(x, v[i]) for i, x in side.row]) + waves
+    def distance(self, side, q, phase, order=0):
+        """Return the distance of a side at coordinates, or, of order 1, its rate at their rates."""
+        waves = wave_sum(self.context, side.waves, phase, order)
+        return self.dot([(x, q[i]) for i, x in side.row]) + waves + (0 if order else side.constant)
 
 
 def _float_dot(pairs):

@@ -4,12 +4,13 @@ The context of the numbers of `Equations` decides how many digits are computed.
 """
 
 import math
+from functools import cache
 from itertools import pairwise, product
 from typing import NamedTuple
 
-import mpmath
+from mpmath import mp
 
-from tests.independent.equations import Equations, Piece
+from tests.independent.equations import Piece
 from tests.independent.series import Step, slope_of, zeros
 
 
@@ -25,10 +26,13 @@ class Event(NamedTuple):
 
 
 class Record:
-    """Extrema and durations of each contact from `begin` on, and samples at rising times."""
+    """What is recorded of a motion from `begin` on, and samples at rising times."""
 
     def __init__(self, count, begin, sample_times):
-        self.begin, self.pending, self.samples = begin, list(sample_times), []
+        self.begin, self.pending = begin, list(sample_times)
+        #: rows (time, displacements, rates, forces, coordinates)
+        self.samples = []
+        #: by contact values among which are the extrema
         self.heights, self.forces = ([[] for _ in range(count)] for _ in range(2))
         #: of normal contact (code 1), backlash (0), inverse contact (-1), the lower stiffness
         self.durations = [[0, 0, 0, 0] for _ in range(count)]
@@ -38,53 +42,31 @@ class Record:
         equations = step.equations
         for j, (contact, code) in enumerate(step.contacts):
             self.durations[j][1 - code] += t
-            self._extrema(self.heights[j], step, step.displacement(contact), t)
-            self._extrema(self.forces[j], step, step.elastic(contact, code), t)
-            # Models of one degree record the stiffness of the drive side.
-            side = contact.side(code) if equations.n > 1 else contact.drive
+            curves = step.displacement(contact), step.elastic(contact, code)
+            for curve, values in zip(curves, (self.heights[j], self.forces[j]), strict=True):
+                floor = equations.tiny * max(map(abs, curve))
+                turns = zeros(equations, slope_of(curve), t, floor)
+                values += [equations.value(curve, place) for place in (0 * t, *turns, t)]
             if code:
+                # Models of one degree record the stiffness of the drive side.
+                side = contact.side(code) if equations.n > 1 else contact.drive
                 level, high = step.stiffness(contact, side), side.course["high"]
                 level[0] -= high
                 floor = high * equations.tiny
-                marks = [0 * t, *zeros(equations, level, t, floor), t]
-                for begin, end in pairwise(marks):
+                for begin, end in pairwise([0 * t, *zeros(equations, level, t, floor), t]):
                     is_low = equations.value(level, (begin + end) / 2) < -floor
                     self.durations[j][3] += is_low * (end - begin)
 
-    def _extrema(self, into, step, curve, t):
-        equations, floor = step.equations, step.equations.tiny * max(map(abs, curve))
-        turns = zeros(equations, slope_of(curve), t, floor)
-        into += [equations.value(curve, place) for place in (0 * t, *turns, t)]
-
     def sample(self, step, until):
-        """Add the samples of a step before a time: (time, displacements, rates, forces, q)."""
+        """Add the samples of a step before a time."""
         value, n = step.equations.value, step.equations.n
         while self.pending and self.pending[0] < until:
-            time = self.pending.pop(0)
-            t, rows = time - step.t, []
+            time, rows = self.pending.pop(0), []
             for contact, code in step.contacts:
                 curve = step.displacement(contact)
                 curves = curve, slope_of(curve), step.elastic(contact, code)
-                rows.append([value(c, t) for c in curves])
-            self.samples.append((time, *zip(*rows, strict=True), step.at(t)[:n]))
-
-
-class Motion(NamedTuple):
-    """A motion: last state, events, record, times of switches, and the equations."""
-
-    state: list
-    events: list
-    record: Record
-    cuts: list
-    equations: Equations
-    phase: object
-
-    def mesh_state(self):
-        """Return displacement and rate of the first contact at the end."""
-        equations, contact = self.equations, self.equations.contacts[0]
-        q, v = self.state[: equations.n], self.state[equations.n :]
-        displacement = equations.distance(contact.drive, q, self.phase) - contact.zero
-        return displacement, equations.rate(contact.drive, v, self.phase)
+                rows.append([value(c, time - step.t) for c in curves])
+            self.samples.append((time, *zip(*rows, strict=True), step.at(time - step.t)[:n]))
 
 
 def courses(equations, speed, load, turn, push):
@@ -108,10 +90,10 @@ def courses(equations, speed, load, turn, push):
 
 def _ends(rows, begin, end):
     """Return the values of a piecewise linear course at both ends of an interval within a line."""
-    for (t, v), (u, w) in pairwise([(begin, rows[0][1]), *rows, (end, rows[-1][1])]):
-        if t <= begin and end <= u:
-            return [v + (w - v) * (at - t) / (u - t) for at in (begin, end)]
-    raise AssertionError("the interval is not within a line")
+    rows = [(begin, rows[0][1]), *rows, (end, rows[-1][1])]
+    line = next((*a, *b) for a, b in pairwise(rows) if a[0] <= begin and end <= b[0])
+    t, v, u, w = line
+    return [v + (w - v) * (at - t) / (u - t) for at in (begin, end)]
 
 
 def cuts_of(equations, piece):
@@ -180,42 +162,59 @@ def _first_event(step, crossed, longest):
     return first
 
 
-def integrate(equations, pieces, state, codes=None, record_from=math.inf, sample_times=()):
-    """Return the `Motion` along pieces from a state in units; all times are theta of `courses`.
+class Motion:
+    """A motion along pieces from a state in units; all times are theta of `courses`.
 
-    codes : contacts at the start, None for those of the state.
+    codes : contacts at the start, None for those of the state. `cuts` are the times at which a
+    stiffness or the sliding may switch.
     """
-    state = [equations.context.mpf(x) for x in state]
-    record, events, all_cuts = Record(len(equations.contacts), record_from, sample_times), [], []
-    crossed = None
-    for piece in pieces:
-        cuts, t = cuts_of(equations, piece), piece.begin
-        all_cuts += cuts
-        if piece.begin < record_from < piece.end:
-            cuts = sorted({*cuts, record_from})
-        for stop in cuts:
-            middle = piece.phase_at((t + stop) / 2)[0]
-            if crossed is None:
-                start_codes, crossed = first_codes(equations, piece, state, middle)
-                codes = list(codes or start_codes)
-            while t < stop:
-                step = Step(equations, piece, t, state, codes, middle, "turn" in crossed)
-                h, end = _first_event(step, crossed, step.length(stop - t))
-                t = stop if h == stop - t else t + h
-                if stop > record_from + equations.tiny:
-                    record.add_step(step, h)
-                record.sample(step, t)
-                if h:
-                    state, crossed = step.at(h), set()
-                if end:
-                    side, j, code = end
-                    crossed.add(side)
-                    if side != "turn":
-                        curves = step.curves[equations.contacts[j].drive], step.curves[side]
-                        rates = (equations.value(slope_of(curve), h) for curve in curves)
-                        events.append(Event(t, j, codes[j], code, *rates))
-                        codes[j] = code
-    return Motion(state, events, record, all_cuts, equations, pieces[-1].phase_at(t)[0])
+
+    def __init__(self, equations, pieces, state, codes=None, record_from=math.inf, sample_times=()):
+        self.equations, self.events, self.cuts = equations, [], []
+        self.record = Record(len(equations.contacts), record_from, sample_times)
+        self.state, crossed = [equations.context.mpf(x) for x in state], None
+        for piece in pieces:
+            cuts, t = cuts_of(equations, piece), piece.begin
+            self.cuts += cuts
+            if piece.begin < record_from < piece.end:
+                cuts = sorted({*cuts, record_from})
+            for stop in cuts:
+                middle = piece.phase_at((t + stop) / 2)[0]
+                if crossed is None:
+                    start_codes, crossed = first_codes(equations, piece, self.state, middle)
+                    self.codes = list(codes or start_codes)
+                while t < stop:
+                    t, crossed = self._step(piece, t, stop, middle, crossed)
+        self.phase = pieces[-1].phase_at(t)[0]
+
+    def _step(self, piece, t, stop, middle, crossed):
+        """Make a step; return (time, what it has crossed at its end), see `_first_event`."""
+        step = Step(self.equations, piece, t, self.state, self.codes, middle, "turn" in crossed)
+        h, end = _first_event(step, crossed, step.length(stop - t))
+        t = stop if h == stop - t else t + h
+        if stop > self.record.begin + self.equations.tiny:
+            self.record.add_step(step, h)
+        self.record.sample(step, t)
+        if h:
+            self.state, crossed = step.at(h), set()
+        if end:
+            side, j, code = end
+            crossed.add(side)
+            if side != "turn":
+                curves = step.curves[self.equations.contacts[j].drive], step.curves[side]
+                rates = (self.equations.value(slope_of(curve), h) for curve in curves)
+                self.events.append(Event(t, j, self.codes[j], code, *rates))
+                self.codes[j] = code
+        return t, crossed
+
+    def mesh_state(self):
+        """Return displacement and rate of the first contact at the end."""
+        equations, contact = self.equations, self.equations.contacts[0]
+        displacement, rate = (
+            equations.distance(contact.drive, self.state[k * equations.n :], self.phase, k)
+            for k in (0, 1)
+        )
+        return displacement - contact.zero, rate
 
 
 def move(equations, periods, state, recorded=0, phases=(), codes=None):
@@ -227,22 +226,14 @@ def move(equations, periods, state, recorded=0, phases=(), codes=None):
     period, zero = 2 * equations.context.pi, equations.context.mpf(0)
     piece = Piece(zero, period * periods, zero, zero + 1)
     begin = period * (periods - recorded) if recorded else math.inf
-    return integrate(equations, [piece], state, codes, begin, phases)
+    return Motion(equations, [piece], state, codes, begin, phases)
 
 
-def derivatives(function, point, step):
-    """Return a function of numbers at a point, a list, and the matrix of its derivatives."""
-    values, columns = function(point), []
-    for j in range(len(point)):
-        other = [x + step * (i == j) for i, x in enumerate(point)]
-        columns.append([(a - b) / step for a, b in zip(function(other), values, strict=True)])
-    return values, mpmath.matrix(columns).T
-
-
-def newton(function, point, step, iterations):
+def newton(function, point, iterations):
     """Return a zero of a function by Newton's method, and the derivatives before the last step."""
+    function = cache(function)
     for _ in range(iterations):
-        values, slopes = derivatives(function, point, step)
-        change = mpmath.lu_solve(slopes, mpmath.matrix(values))
+        slopes = mp.jacobian(function, point)
+        change = mp.lu_solve(slopes, mp.matrix(function(*point)))
         point = [a - b for a, b in zip(point, change, strict=True)]
     return point, slopes
