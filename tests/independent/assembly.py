@@ -1,9 +1,9 @@
 """A system in parts, in SI units and in the numbers of a context of mpmath.
 
-    M q'' + C q' + K q + sum of contact forces = load + forces + M (shaking)''
+    M q'' + C q' + K q + sum of contact forces = load + forces
 
 The phase tau runs with the constant `speed`, rad/s; `length`, m, and `force`, N/m, are its units.
-`forces` and `shaking` are rows (frequency, cosines (n), sines (n)) over the phase, N and m.
+`forces` have a row (n), and the order of a derivative by time of waves (frequency, cosine, sine).
 
 A contact has ``rate`` (periods of its stiffness per period of the phase), ``film`` and, on each
 side, ``material`` damping (linear, quadratic, cubic), ``powers`` of the elastic force (quadratic,
@@ -21,7 +21,7 @@ from itertools import pairwise, zip_longest
 import mpmath
 import numpy as np
 
-from tests.independent.equations import stiffness_series, wave_sum
+from tests.independent.equations import stiffness_series, wave_series
 
 _HEXADECIMAL = re.compile(r"-?(0x[0-9a-f.]+p[+-]\d+|inf)")
 
@@ -83,7 +83,7 @@ class System:
     def __init__(self, context, size):
         self.context, self.n = context, size
         self.mass, self.stiffness, self.damping = (self.zeros(size, size) for _ in range(3))
-        self.load, self.contacts, self.forces, self.shaking = self.zeros(size), [], [], []
+        self.load, self.contacts, self.forces = self.zeros(size), [], []
 
     def zeros(self, *shape):
         return np.full(shape, self.context.mpf(0), float if self.context is mpmath.fp else object)
@@ -103,7 +103,8 @@ class System:
 
     def distance(self, side, q, phase):
         """Return the distance of a side in m."""
-        return side["row"] @ q + side["constant"] + wave_sum(self.context, side["waves"], phase)
+        (waves,) = wave_series(self.context, side["waves"], phase, terms=1)
+        return side["row"] @ q + side["constant"] + waves
 
     def level(self, contact, side, phase):
         """Return the stiffness of a side at a phase."""

@@ -31,19 +31,19 @@ class Piece(NamedTuple):
         return (self.phase + (self.speed + half * s) * s, self.speed + self.acceleration * s, half)
 
 
-def wave_sum(context, waves, phase, order=0):
-    """Return the sum of waves at a phase, or its derivative of an order by the phase."""
-    turned = ((f**order, a, b, f * phase + order * context.pi / 2) for f, a, b in waves)
-    return sum(r * (a * context.cos(x) + b * context.sin(x)) for r, a, b, x in turned)
+def wave_series(context, waves, phase, terms, rate=1, bend=0):
+    """Return Taylor coefficients in t of waves (frequency, cosine, sine) of a phase.
 
-
-def wave(context, phase, terms, rate=1, bend=0):
-    """Return Taylor coefficients in t of cos and of sin of phase + rate t + bend t^2."""
-    series = [context.expj(phase)]
-    for k in range(terms - 1):
-        slope = rate * series[k] + (2 * bend * series[k - 1] if k and bend else 0)
-        series.append(slope * context.j / (k + 1))
-    return [z.real for z in series], [z.imag for z in series]
+    It is phase + rate t + bend t^2.
+    """
+    total = [context.mpf(0)] * terms
+    for f, a, b in waves:
+        last, current = 0, (a - context.j * b) * context.expj(f * phase)
+        turn = context.j * f
+        for k in range(terms):
+            total[k] += current.real
+            last, current = current, turn * (rate * current + 2 * bend * last) / (k + 1)
+    return total
 
 
 def stiffness_series(context, course, phase, middle, terms=1, rate=1, bend=0):
@@ -57,11 +57,9 @@ def stiffness_series(context, course, phase, middle, terms=1, rate=1, bend=0):
     value, slope = course["lines"][at]
     # Since the break: one behind the last one may have begun a period before.
     since = (middle - breaks[at]) % period + (phase - middle)
-    series = [value + slope * since, slope * rate, slope * bend, *[context.mpf(0)] * terms][:terms]
-    for order, cosine, sine in course["harmonics"]:
-        c, s = wave(context, order * phase, terms, order * rate, order * bend)
-        series = [a + cosine * b + sine * d for a, b, d in zip(series, c, s, strict=True)]
-    return series
+    line = [value + slope * since, slope * rate, slope * bend, *[0] * terms]
+    waves = wave_series(context, course["harmonics"], phase, terms, rate, bend)
+    return [a + b for a, b in zip(line, waves, strict=False)]
 
 
 def sense(rate, turns, phase):
@@ -85,7 +83,7 @@ class Side:
         length, across = equations.length, side["friction"] * contact["across"]
         self.row = sparse(side["row"])
         self.constant = side["constant"] / length
-        self.waves = [(f, a / length, b / length) for f, a, b in side["waves"]]
+        self.waves = tuple((f, a / length, b / length) for f, a, b in side["waves"])
         self.course, self.has_friction, self.turns = side["course"], across.any(), side["turns"]
         pushes = {sense: equations.inverse @ (side["row"] + sense * across) for sense in (-1, 0, 1)}
         self.pushes = {sense: sparse(push) for sense, push in pushes.items()}
@@ -169,12 +167,10 @@ class Equations:
             (sparse(k), sparse(self.speed * c)) for k, c in zip(springs, dampers, strict=True)
         ]
         self.load = (self.inverse @ system.load / self.length).tolist()
-        forces = [(f, self.inverse @ a, self.inverse @ b) for f, a, b in system.forces]
-        #: rows (order of the derivative by time, frequency, cosines, sines) of accelerations
-        self.waves = [
-            (order, f, (a / self.length).tolist(), (b / self.length).tolist())
-            for order, rows in ((0, forces), (2, system.shaking))
-            for f, a, b in rows
+        #: rows (accelerations, order of the derivative by time, waves)
+        self.forces = [
+            (sparse(self.inverse @ row * self.speed**order / self.length), order, tuple(waves))
+            for row, order, waves in system.forces
         ]
         self.contacts = [Contact(self, contact) for contact in system.contacts]
 
@@ -193,7 +189,7 @@ class Equations:
 
     def distance(self, side, q, phase, order=0):
         """Return the distance of a side at coordinates, or, of order 1, its rate at their rates."""
-        waves = wave_sum(self.context, side.waves, phase, order)
+        waves = wave_series(self.context, side.waves, phase, terms=2)[order]
         return self.dot([(x, q[i]) for i, x in side.row]) + waves + (0 if order else side.constant)
 
 

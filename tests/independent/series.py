@@ -7,7 +7,7 @@ from operator import add, mul
 
 import mpmath
 
-from tests.independent.equations import sense, stiffness_series, wave
+from tests.independent.equations import sense, stiffness_series, wave_series
 
 
 class Step:
@@ -24,12 +24,14 @@ class Step:
         self.wave, dot, n = cache(self.wave), equations.dot, equations.n
         #: Taylor coefficients of coordinates, and of the distances of sides, first of their waves
         self.series = []
-        self.curves = {side: self.shift(side) for one in equations.contacts for side in one.sides}
+        self.curves = {
+            side: list(self.wave(side.waves)) for c in equations.contacts for side in c.sides
+        }
         self._add(state[:n])
         self._add(state[n:])
-        laws = self.laws()
-        for k, total in enumerate(self.forces(piece)):
-            displacements, rates = self.series[k:]
+        laws, share = self.laws(piece), piece.load + piece.slope * (t - piece.begin)
+        for k, factor in enumerate([share, piece.slope, *[0] * (equations.terms - 2)]):
+            (displacements, rates), total = self.series[k:], [factor * x for x in equations.load]
             for i, (springs, dampers) in enumerate(equations.rows):
                 total[i] -= dot([(x, displacements[j]) for j, x in springs])
                 total[i] -= (k + 1) * dot([(x, rates[j]) for j, x in dampers])
@@ -41,37 +43,16 @@ class Step:
 
     def _add(self, coefficients):
         """Add the next Taylor coefficients of the coordinates."""
+        order = len(self.series)
         for side, curve in self.curves.items():
             products = [(x, coefficients[j]) for j, x in side.row]
-            curve[len(self.series)] += self.equations.dot(products)
+            curve[order] += self.equations.dot(products) + (0 if order else side.constant)
         self.series.append(coefficients)
 
-    def wave(self, frequency):
-        """Return Taylor coefficients of cos and sin of a frequency times the phase."""
-        phase, rate, bend = (frequency * x for x in (self.phase, self.rate, self.bend))
-        return wave(self.equations.context, phase, self.equations.terms + 2, rate, bend)
-
-    def forces(self, piece):
-        """Return Taylor coefficients of the accelerations that do not depend on the state."""
-        equations, share = self.equations, piece.load + piece.slope * (self.t - piece.begin)
-        factors = [share, piece.slope, *[0] * (equations.terms - 2)]
-        total = [[factor * x for x in equations.load] for factor in factors]
-        for i, p in enumerate(piece.push):
-            total[0][i] += p * piece.acceleration
-        for order, f, cosines, sines in equations.waves:
-            c, s = self.wave(f)
-            for k, row in enumerate(total):
-                factor = math.perm(k + order, order)
-                for i, (a, b) in enumerate(zip(cosines, sines, strict=True)):
-                    row[i] += factor * (a * c[k + order] + b * s[k + order])
-        return total
-
-    def shift(self, side):
-        """Return the Taylor coefficients of the constant and the waves of a side."""
-        shift = [side.constant, *[0] * (self.equations.terms + 1)]
-        for f, a, b in side.waves:
-            shift = [x + a * c + b * s for x, c, s in zip(shift, *self.wave(f), strict=True)]
-        return shift
+    def wave(self, waves):
+        """Return Taylor coefficients of the sum of waves of the phase."""
+        context, terms = self.equations.context, self.equations.terms + 2
+        return wave_series(context, waves, self.phase, terms, self.rate, self.bend)
 
     def stiffness(self, contact, side):
         """Return Taylor coefficients of the stiffness of a side."""
@@ -79,9 +60,13 @@ class Step:
         about = r * self.phase, r * self.middle, terms, r * self.rate, r * self.bend
         return stiffness_series(context, side.course, *about)
 
-    def laws(self):
+    def laws(self, piece):
         """Return (accelerations, function of k that returns the next coefficient of the force)."""
-        laws = []
+        inertia = [-piece.acceleration, *[0] * self.equations.terms]
+        laws = [(list(enumerate(piece.push)), inertia.__getitem__)]
+        for push, order, waves in self.equations.forces:
+            forces = [-math.perm(k, order) * c for k, c in enumerate(self.wave(waves))]
+            laws.append((push, forces[order:].__getitem__))
         for contact, code in self.contacts:
             for side, coefficients in contact.dampers(code):
                 if any(coefficients):
@@ -97,7 +82,7 @@ class Step:
 
         It is a function that returns the k-th Taylor coefficient, to be called for k = 0, 1, ...
         """
-        curve, product, rates, squares = self.curves[side], self.equations.product, [], []
+        curve, times, rates, squares = self.curves[side], self.equations.product, [], []
 
         def term(k):
             rate = (k + 1) * curve[k + 1]
@@ -105,23 +90,23 @@ class Step:
                 return d1 * rate
             # Where the motion turns its rate is rounding.
             rates.append(0 * rate if self.turned and k == 0 else rate)
-            squares.append(product(rates, rates, k))
+            squares.append(times(rates, rates, k))
             sign = -1 if next(filter(None, rates), 0) < 0 else 1
-            return d1 * rate + d2 * sign * squares[k] + d3 * product(squares, rates, k)
+            return d1 * rate + d2 * sign * squares[k] + d3 * times(squares, rates, k)
 
         return term
 
     def spring(self, contact, code):
         """Return the elastic force c(tau) (g + p2 sgn(g) g^2 + p3 g^3), as `damper` does."""
-        side, product, (p2, p3) = contact.side(code), self.equations.product, contact.powers
+        side, times, (p2, p3) = contact.side(code), self.equations.product, contact.powers
         curve, levels, squares, springs = self.curves[side], self.stiffness(contact, side), [], []
 
         def term(k):
             springs.append(curve[k])
             if p2 or p3:
-                squares.append(product(curve, curve, k))
-                springs[k] += p2 * code * squares[k] + p3 * product(squares, curve, k)
-            return levels[0] * springs[k] if side.is_constant else product(levels, springs, k)
+                squares.append(times(curve, curve, k))
+                springs[k] += p2 * code * squares[k] + p3 * times(squares, curve, k)
+            return levels[0] * springs[k] if side.is_constant else times(levels, springs, k)
 
         return term
 

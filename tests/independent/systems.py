@@ -20,7 +20,7 @@ from tests.independent.assembly import (
     rectangular_course,
     with_numbers_of,
 )
-from tests.independent.equations import Equations, wave_sum
+from tests.independent.equations import Equations, wave_series
 from tests.independent.trains import Train
 
 
@@ -71,16 +71,14 @@ def move(model, tuning, periods, state=(0.0, 0.0), context=mpmath.fp, **options)
     return program.move(Equations(system), periods, state, **options)
 
 
-def _one_coordinate(context, units, mass, load, forces, shaking):
+def _one_coordinate(context, units, mass, load, force, shaking):
     """Return a system without contacts, in units of length, speed and force."""
     system = System(context, 1)
     system.length, system.speed, system.force = units
     unit = system.unit(0)
     system.inertia(unit, mass)
     system.load = unit * load
-    system.forces, system.shaking = (
-        [(n, unit * a, unit * b) for n, a, b in harmonics(wave)] for wave in (forces, shaking)
-    )
+    system.forces = [(unit, 0, harmonics(force)), (unit * mass, 2, harmonics(shaking))]
     return system
 
 
@@ -205,7 +203,7 @@ def _from_mesh(system, model, state):
     mobility[:2] = [r**2 / j for r, j in zip(model["base_radii"], model["inertias"], strict=True)]
     share, drive = mobility / sum(mobility), system.contacts[0]["sides"][0]
     q += share * (state[0] * system.length - system.distance(drive, q, 0))
-    rate = wave_sum(system.context, drive["waves"], 0, order=1)
+    _, rate = wave_series(system.context, drive["waves"], 0, terms=2)
     v += share * (state[1] * system.length - rate)
     return (np.concatenate([q, v]) / system.length).tolist()
 
