@@ -15,8 +15,7 @@ import numpy as np
 from mpmath import mp, mpf, nstr
 
 from tests.independent import program
-from tests.independent.assembly import with_numbers_of
-from tests.independent.equations import Equations
+from tests.independent.equations import Equations, with_numbers_of
 from tests.independent.systems import system_of
 
 mp.dps = 50

@@ -9,7 +9,7 @@ import copy
 from mpmath import mp, mpf
 
 from tests.independent import program
-from tests.independent.assembly import mean_stiffness
+from tests.independent.equations import mean_stiffness
 from tests.independent.systems import equations_of, move
 
 mp.dps = 50

@@ -1,16 +1,112 @@
-"""The equations of a system in its units, for any number of digits.
+"""A system in parts, and its equations in units, for any number of digits.
 
-The context of the system is one of mpmath: `mpmath.fp` computes in floats, `mpmath.mp` in as many
-digits as it is set to.
+    M q'' + C q' + K q + sum of contact forces = load + forces
+
+All is in SI units, in the numbers of a context of mpmath: `mpmath.fp` computes in floats,
+`mpmath.mp` in as many digits as it is set to. The phase tau runs with the constant `speed`, rad/s;
+`length`, m, and `force`, N/m, are units. `forces` have a row (n), and the order of a derivative by
+time of waves (frequency, cosine, sine).
+
+A contact has ``rate`` (periods of its stiffness per period of the phase), ``film`` and, on each
+side, ``material`` damping (linear, quadratic, cubic), ``powers`` of the elastic force (quadratic,
+cubic), ``across`` (n, direction of friction), ``zero`` (distance of displacement zero) and
+``sides``: the drive side touches where its distance row . q + constant + waves is positive, the
+coast side, if there is one, where its own is negative. A side has ``row``, ``constant``, ``waves``,
+``friction``, ``turns`` (periods at which the sliding turns to 1) and ``course``, its stiffness:
+``breaks`` in [0, 2 pi), ``lines`` (value, slope) from each on, ``waves``, ``shift`` in periods,
+``high``: below it counts as low.
 """
 
 import math
+import re
 from bisect import bisect
 from functools import reduce
+from itertools import zip_longest
 from typing import NamedTuple
 
 import mpmath
 import numpy as np
+
+_HEXADECIMAL = re.compile(r"-?(0x[0-9a-f.]+p[+-]\d+|inf)")
+
+
+def with_numbers_of(context, value):
+    """Return a description with its floats, or their hexadecimal texts, as numbers of a context."""
+    if isinstance(value, dict):
+        return {key: with_numbers_of(context, item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [with_numbers_of(context, item) for item in value]
+    if isinstance(value, str) and _HEXADECIMAL.fullmatch(value):
+        value = float.fromhex(value)
+    return context.mpf(value) if isinstance(value, (float, mpmath.mpf)) else value
+
+
+def mean_stiffness(mesh):
+    """Return C_s, Eq. (2), of a pair or mesh."""
+    kappa = mesh["stiffness_ratio"]
+    return mesh["max_stiffness"] * (kappa + (1 - kappa) * (mesh["contact_ratio"] - 1))
+
+
+def harmonics(wave):
+    """Return rows (order, cosine, sine) of described harmonics."""
+    rows = zip_longest(wave["cosines"], wave["sines"], fillvalue=0)
+    return [(order, *row) for order, row in enumerate(rows, start=1)]
+
+
+class System:
+    """Matrices, loads and contacts to be filled."""
+
+    def __init__(self, context, size):
+        self.context, self.n = context, size
+        self.mass, self.stiffness, self.damping = (self.zeros(size, size) for _ in range(3))
+        self.load, self.contacts, self.forces = self.zeros(size), [], []
+
+    def zeros(self, *shape):
+        return np.full(shape, self.context.mpf(0), float if self.context is mpmath.fp else object)
+
+    def unit(self, i):
+        row = self.zeros(self.n)
+        row[i] += 1
+        return row
+
+    def spring(self, row, stiffness, damping=0):
+        """Add a spring and damper that act on the elongation `row @ q`."""
+        self.stiffness = self.stiffness + stiffness * np.outer(row, row)
+        self.damping = self.damping + damping * np.outer(row, row)
+
+    def inertia(self, row, mass):
+        self.mass = self.mass + mass * np.outer(row, row)
+
+    def course(self, breaks, lines, waves=(), high=None, shift=0):
+        """Return a ``course``; without `high` a stiffness below the mean counts as low."""
+        if high is None:
+            ends, period = [*breaks[1:], breaks[0] + 2 * self.context.pi], 2 * self.context.pi
+            rows = zip(breaks, ends, lines, strict=True)
+            high = sum((u - t) * (c + k * (u - t) / 2) for t, u, (c, k) in rows) / period
+        return dict(breaks=breaks, lines=lines, waves=waves, high=high, shift=shift)
+
+    def rectangular_course(self, mesh, shift=0):
+        """Return the ``course`` of Eq. (1) of the paper: C_max about `shift` in periods."""
+        half, high = self.context.pi * (mesh["contact_ratio"] - 1), mesh["max_stiffness"]
+        lines = [(high * mesh["stiffness_ratio"], 0), (high, 0)]
+        return self.course([half, 2 * self.context.pi - half], lines, high=high, shift=shift)
+
+    def add_contact(self, sides, film, **fields):
+        """Add a contact by its fields; without a coast side the last of `sides` is falsy."""
+        nothing = {"constant": 0, "waves": [], "friction": 0, "turns": 0}
+        sides = [nothing | side for side in sides if side]
+        nothing = {"rate": 1, "powers": (0, 0), "across": self.zeros(self.n), "zero": 0}
+        self.contacts.append({"sides": sides, "film": film} | nothing | fields)
+
+    def distance(self, side, q, phase):
+        """Return the distance of a side in m."""
+        (waves,) = wave_series(self.context, side["waves"], phase, terms=1)
+        return side["row"] @ q + side["constant"] + waves
+
+    def level(self, contact, side, phase):
+        """Return the stiffness of a side at a phase."""
+        phase = contact["rate"] * phase
+        return stiffness_series(self.context, side["course"], phase, phase)[0]
 
 
 class Piece(NamedTuple):
@@ -58,7 +154,7 @@ def stiffness_series(context, course, phase, middle, terms=1, rate=1, bend=0):
     # Since the break: one behind the last one may have begun a period before.
     since = (middle - breaks[at]) % period + (phase - middle)
     line = [value + slope * since, slope * rate, slope * bend, *[0] * terms]
-    waves = wave_series(context, course["harmonics"], phase, terms, rate, bend)
+    waves = wave_series(context, course["waves"], phase, terms, rate, bend)
     return [a + b for a, b in zip(line, waves, strict=False)]
 
 
@@ -73,7 +169,7 @@ def sparse(row):
 
 
 class Side:
-    """A side with the fields of `assembly`; its distance is in units of length.
+    """A side with the fields of a `System`; its distance is in units of length.
 
     `pushes` are accelerations of coordinates by a unit of normal force, without friction, 0, or
     with that while flanks slide in the direction 1 or -1.
@@ -89,11 +185,11 @@ class Side:
         self.pushes = {sense: sparse(push) for sense, push in pushes.items()}
         self.material = equations.damping(side["material"])
         slopes = [slope for _, slope in self.course["lines"]]
-        self.is_constant = not self.course["harmonics"] and not any(slopes)
+        self.is_constant = not self.course["waves"] and not any(slopes)
 
 
 class Contact:
-    """A contact in units, with the fields of `assembly`; `coast` may be None."""
+    """A contact in units, with the fields of a `System`; `coast` may be None."""
 
     def __init__(self, equations, contact):
         self.rate = contact["rate"]

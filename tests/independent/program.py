@@ -69,33 +69,6 @@ class Record:
             self.samples.append((time, *zip(*rows, strict=True), step.at(time - step.t)[:n]))
 
 
-def courses(equations, speed, load, turn, push):
-    """Return the pieces of a run-up over theta = speed of the system times the time in s.
-
-    speed: rows of s and rpm; load: rows of s and shares; turn: rad/s of the phase for 1 rpm;
-    push: accelerations of coordinates, m/s^2 for 1 rad/s^2.
-    """
-    number, omega = equations.context.mpf, equations.speed
-    push = [number(x) / equations.length for x in push]
-    speeds = [(number(t) * omega, number(v) * turn / omega) for t, v in speed]
-    loads = [(number(t) * omega, number(v)) for t, v in load]
-    marks = sorted({t for t, _ in loads if t < speeds[-1][0]} | {t for t, _ in speeds})
-    pieces, phase = [], number(0)
-    for begin, end in pairwise(marks):
-        (v, w), (a, b), span = _ends(speeds, begin, end), _ends(loads, begin, end), end - begin
-        pieces.append(Piece(begin, end, phase, v, (w - v) / span, a, (b - a) / span, push))
-        phase += (v + w) / 2 * span
-    return pieces
-
-
-def _ends(rows, begin, end):
-    """Return the values of a piecewise linear course at both ends of an interval within a line."""
-    rows = [(begin, rows[0][1]), *rows, (end, rows[-1][1])]
-    line = next((*a, *b) for a, b in pairwise(rows) if a[0] <= begin and end <= b[0])
-    t, v, u, w = line
-    return [v + (w - v) * (at - t) / (u - t) for at in (begin, end)]
-
-
 def cuts_of(equations, piece):
     """Return the times at which stiffness or sliding changes within a piece, and its end."""
     context, a, b = equations.context, piece.acceleration, piece.speed
@@ -163,7 +136,7 @@ def _first_event(step, crossed, longest):
 
 
 class Motion:
-    """A motion along pieces from a state in units; all times are theta of `courses`.
+    """A motion along `Piece`s from a state in units; all times are their theta.
 
     codes : contacts at the start, None for those of the state. `cuts` are the times at which a
     stiffness or the sliding may switch.

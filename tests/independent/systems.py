@@ -10,17 +10,15 @@ import mpmath
 import numpy as np
 
 from tests.independent import program
-from tests.independent.assembly import (
+from tests.independent.equations import (
+    Equations,
+    Piece,
     System,
-    contact,
-    course,
-    flank,
     harmonics,
     mean_stiffness,
-    rectangular_course,
+    wave_series,
     with_numbers_of,
 )
-from tests.independent.equations import Equations, wave_series
 from tests.independent.trains import Train
 
 
@@ -84,47 +82,45 @@ def _one_coordinate(context, units, mass, load, force, shaking):
 
 def _one_degree(model, tuning, context):
     """Return m y'' + k(y) y' + D2 |y'| y' + D3 y'^3 + C(tau) g(y) = F(tau) + m f''."""
+    # A `GearPair` has no more than its pair.
     pair, none = model.get("pair", model), {"cosines": [], "sines": []}
-    #: what a `OneDegreePair` adds to its pair
-    extra = model if "pair" in model else {}
     mean, m, load = mean_stiffness(pair), pair["reduced_mass"], pair["load"]
     units = load / mean, tuning * context.sqrt(mean / m), mean
-    waves = (extra.get(name, none) for name in ("excitation", "deviation"))
+    waves = (model.get(name, none) for name in ("excitation", "deviation"))
     system = _one_coordinate(context, units, m, load, *waves)
+    course = _course_of_pair(system, pair, model.get("profile", {"kind": "Rectangular"}))
     names = ("quadratic_damping", "cubic_damping")
-    laws = {"row": system.unit(0), "course": _course_of_pair(pair, extra.get("profile"), context)}
-    laws["material"] = [pair["material_damping"], *(extra.get(name, 0) for name in names)]
-    film = [pair["backlash_damping"], *(extra.get(f"backlash_{name}", 0) for name in names)]
-    has_coast_side = context.isfinite(pair["backlash"])
-    sides = flank(**laws), has_coast_side and flank(**laws, constant=pair["backlash"])
-    powers = extra.get("quadratic_stiffness", 0), extra.get("cubic_stiffness", 0)
-    system.contacts.append(contact(sides, film, powers=powers))
+    material = [pair["material_damping"], *(model.get(name, 0) for name in names)]
+    film = [pair["backlash_damping"], *(model.get(f"backlash_{name}", 0) for name in names)]
+    drive = {"row": system.unit(0), "course": course, "material": material}
+    coast = context.isfinite(pair["backlash"]) and drive | {"constant": pair["backlash"]}
+    powers = model.get("quadratic_stiffness", 0), model.get("cubic_stiffness", 0)
+    system.add_contact([drive, coast], film, powers=powers)
     return system
 
 
-def _course_of_pair(pair, shape, context):
+def _course_of_pair(system, pair, shape):
     """Return the ``course`` of a pair: Eq. (1), some of its harmonics, or a table of its mean."""
-    if shape is None or shape["kind"] == "Rectangular":
-        return rectangular_course(pair, context)
-    period, mean = 2 * context.pi, mean_stiffness(pair)
+    if shape["kind"] == "Rectangular":
+        return system.rectangular_course(pair)
+    pi, mean = system.context.pi, mean_stiffness(pair)
     if shape["kind"] == "Fourier":
         waves = []
         for n in range(1, shape["harmonics"] + 1):
-            sine = context.sin(n * context.pi * (pair["contact_ratio"] - 2)) * (-1) ** n
-            size = 2 * pair["max_stiffness"] * (1 - pair["stiffness_ratio"]) / (context.pi * n)
+            sine = system.context.sin(n * pi * (pair["contact_ratio"] - 2)) * (-1) ** n
+            size = 2 * pair["max_stiffness"] * (1 - pair["stiffness_ratio"]) / (pi * n)
             waves.append((n, size * sine, 0))
-        return course([context.mpf(0)], [(mean, 0)], period, waves)
+        return system.course([0 * pi], [(mean, 0)], waves)
     rows = list(zip(shape["phase"], shape["stiffness"], strict=True))
-    rows = list(pairwise([*rows, (rows[0][0] + period, rows[0][1])]))
-    scale = mean * 2 * period / sum((u - t) * (a + b) for (t, a), (u, b) in rows)
+    rows = list(pairwise([*rows, (rows[0][0] + 2 * pi, rows[0][1])]))
+    scale = mean * 4 * pi / sum((u - t) * (a + b) for (t, a), (u, b) in rows)
     lines = [(a * scale, (b - a) / (u - t) * scale) for (t, a), (u, b) in rows]
-    return course(shape["phase"], lines, period)
+    return system.course(shape["phase"], lines)
 
 
 def _oscillator(model, tuning, context):
     """Return x'' + d x' + e x + P(x, t) = F + waves + f''; both edges have their own numbers."""
-    one, period = context.mpf(1), 2 * context.pi
-    waves = model["forcing"], model["deviation"]
+    one, waves = context.mpf(1), (model["forcing"], model["deviation"])
     system = _one_coordinate(context, (one, tuning, one), one, model["load"], *waves)
     system.spring(system.unit(0), model["ground_stiffness"])
 
@@ -135,13 +131,16 @@ def _oscillator(model, tuning, context):
             breaks, values = law["phase"], law["stiffness"]
         elif isinstance(law, dict):
             values, waves = [law["mean"]], harmonics(law["harmonics"])
-        stiffness = course(breaks, [(value, 0) for value in values], period, waves)
-        material = [model[f"{which}_damping"], 0, 0]
-        return flank(system.unit(0), stiffness, material, constant=-model[f"{which}_edge"])
+        return {
+            "row": system.unit(0),
+            "course": system.course(breaks, [(value, 0) for value in values], waves),
+            "material": [model[f"{which}_damping"], 0, 0],
+            "constant": -model[f"{which}_edge"],
+        }
 
     sides = [side("upper"), context.isfinite(model["lower_edge"]) and side("lower")]
     # The displacement counts from 0, not from the edge.
-    system.contacts.append(contact(sides, [model["damping"], 0, 0], zero=-model["upper_edge"]))
+    system.add_contact(sides, [model["damping"], 0, 0], zero=-model["upper_edge"])
     return system
 
 
@@ -164,29 +163,27 @@ def _six_degrees(model, tuning, context):
         gear, sign = i // 2, 1 - 2 * (i // 2)
         system.inertia(row, model["masses"][gear])
         system.spring(row, model["bearing_stiffness"][i], model["bearing_damping"][i])
-        drive, across = (drive, across + sign * row) if i % 2 else (drive + sign * row, across)
+        drive, across = drive + sign * (1 - i % 2) * row, across + sign * (i % 2) * row
     (e3, e2), (z3, z2), delta = model["eccentricities"], model["teeth"], model["run_out_phase"]
     # e3 sin(phi3) - e2 sin(Delta - phi2)
     run_out = [(context.mpf(1) / z3, 0, e3)] if e3 else []
     if e2:
         run_out.append((context.mpf(1) / z2, -e2 * context.sin(delta), e2 * context.cos(delta)))
-    moving, mu = model["moving_backlash"], model["friction"]
-    laws = {"course": rectangular_course(pair, context)}
-    laws |= {"material": [pair["material_damping"], 0, 0]}
-    laws |= {"turns": model["pitch_phase"] / (2 * context.pi)}
-    sides = [flank(drive, waves=run_out + harmonics(model["deviation"]), friction=mu[0], **laws)]
+    moving, friction = model["moving_backlash"], model["friction"]
+    laws = {"course": system.rectangular_course(pair), "material": [pair["material_damping"], 0, 0]}
+    laws["turns"] = model["pitch_phase"] / (2 * context.pi)
+    waves = run_out + harmonics(model["deviation"])
+    sides = [laws | {"row": drive, "waves": waves, "friction": friction[0]}]
     if context.isfinite(pair["backlash"]):
         waves = ([] if moving else run_out) + harmonics(model["inverse_deviation"])
-        laws |= {"constant": pair["backlash"], "waves": waves, "friction": mu[1]}
-        sides.append(flank(coast if moving else drive, **laws))
-    system.contacts.append(contact(sides, [pair["backlash_damping"], 0, 0], across=across))
+        laws |= {"waves": waves, "friction": friction[1], "constant": pair["backlash"]}
+        sides.append(laws | {"row": coast if moving else drive})
+    system.add_contact(sides, [pair["backlash_damping"], 0, 0], across=across)
     return system
 
 
 def _elastic_bearings(model, context):
-    return [
-        i for i, stiffness in enumerate(model["bearing_stiffness"]) if context.isfinite(stiffness)
-    ]
+    return [i for i, k in enumerate(model["bearing_stiffness"]) if context.isfinite(k)]
 
 
 def _from_mesh(system, model, state):
@@ -209,15 +206,24 @@ def _from_mesh(system, model, state):
 
 
 class RunUp:
-    """A described model along a course: rows of s and rpm, rows of s and shares of the load.
+    """A described model along courses of speed, rows of s and rpm, and load, of s and shares.
 
     `turn`: rad/s of the mesh for 1 rpm; `push`: accelerations of coordinates, m/s^2 for 1 rad/s^2.
     """
 
     def __init__(self, model, speed, load, turn, push, context=mpmath.fp):
         self.system = system_of(model, 1.0, context)
-        self.equations = Equations(self.system)
-        self.pieces = program.courses(self.equations, speed, load, turn, push)
+        self.equations, self.pieces = Equations(self.system), []
+        number, omega, phase = context.mpf, self.system.speed, context.mpf(0)
+        push = [number(x) / self.system.length for x in push]
+        speeds = [(number(t) * omega, number(v) * turn / omega) for t, v in speed]
+        loads = [(number(t) * omega, number(v)) for t, v in load]
+        marks = sorted({t for t, _ in loads if t < speeds[-1][0]} | {t for t, _ in speeds})
+        for begin, end in pairwise(marks):
+            (v, w), (a, b), span = _ends(speeds, begin, end), _ends(loads, begin, end), end - begin
+            slopes = {"acceleration": (w - v) / span, "slope": (b - a) / span}
+            self.pieces.append(Piece(begin, end, phase, v, load=a, push=push, **slopes))
+            phase += (v + w) / 2 * span
 
     def cuts(self, piece):
         """Return the times, in units, at which stiffness or sliding changes, and the end."""
@@ -229,10 +235,15 @@ class RunUp:
         Displacements are in m, shape (times, contacts); events (time, contact, before, after).
         """
         length, omega = self.system.length, self.system.speed
-        state, thetas = (
-            np.array([*q, *v]) / length,
-            [self.system.context.mpf(t) * omega for t in times],
-        )
-        motion = program.integrate(self.equations, self.pieces, state, sample_times=thetas)
+        state, thetas = np.array([*q, *v]) / length, [omega * t for t in np.array(times).tolist()]
+        motion = program.Motion(self.equations, self.pieces, state, sample_times=thetas)
         moved = np.array([row[1] for row in motion.record.samples]) * length
         return moved, [(event.phase / omega, *event[1:4]) for event in motion.events]
+
+
+def _ends(rows, begin, end):
+    """Return the values of a piecewise linear course at both ends of an interval within a line."""
+    rows = [(begin, rows[0][1]), *rows, (end, rows[-1][1])]
+    line = next((*a, *b) for a, b in pairwise(rows) if a[0] <= begin and end <= b[0])
+    t, v, u, w = line
+    return [v + (w - v) * (at - t) / (u - t) for at in (begin, end)]

@@ -11,14 +11,7 @@ import mpmath
 import numpy as np
 import scipy.linalg
 
-from tests.independent.assembly import (
-    System,
-    contact,
-    flank,
-    harmonics,
-    mean_stiffness,
-    rectangular_course,
-)
+from tests.independent.equations import System, harmonics, mean_stiffness
 
 
 def speeds_of(model):
@@ -64,7 +57,8 @@ class Train(System):
         self.add_bodies()
         for shaft in model["shafts"]:
             self.add_shaft(shaft)
-        self.contacts = [self.mesh(mesh) for mesh in model["meshes"]]
+        for mesh in model["meshes"]:
+            self.add_mesh(mesh)
         self.still = self.stiffness, self.load
         self.set_units(tuning)
         if model["gyroscopic"]:
@@ -147,8 +141,7 @@ class Train(System):
         a = mesh["pressure_angle"] * (1 if mesh["internal"] else -1)
         return direction * context.j * context.expj((mesh["position"] or 0) + direction * a)
 
-    def mesh(self, mesh):
-        """Return the contact of a mesh."""
+    def add_mesh(self, mesh):
         context, name, pinion = self.context, mesh["name"], mesh["pinion"]
         #: (body, sign of its motion along the line of action, sign of its turning) in the distance
         ends = (pinion, 1, 1), (mesh["wheel"], -1, 1)
@@ -176,20 +169,21 @@ class Train(System):
                 # Harmonics of both sides begin at the phase of the drive side.
                 z = (a + b * context.j) * context.expj(2 * context.pi * n * shifts[0])
                 waves = [*waves, (n * rate, z.real, z.imag)]
-            laws = {"course": rectangular_course(mesh, context, shifts[i]), "turns": pitches[i]}
-            laws |= {"constant": constant + (mesh["backlash"] if i else 0), "waves": waves}
             # Friction opposes the sliding; on the coast side the elastic force has the other sign.
-            laws |= {"friction": (1 - 2 * i) * mesh["friction"][i]}
-            sides.append(flank(row, material=[mesh["material_damping"], 0, 0], **laws))
+            laws = {"friction": (1 - 2 * i) * mesh["friction"][i], "turns": pitches[i]}
+            laws |= {"row": row, "course": self.rectangular_course(mesh, shifts[i])}
+            laws |= {"constant": constant + (mesh["backlash"] if i else 0), "waves": waves}
+            sides.append(laws | {"material": [mesh["material_damping"], 0, 0]})
         if not context.isfinite(mesh["backlash"]):
             sides.pop()
-        return contact(sides, [mesh["backlash_damping"], 0, 0], rate, across=across * slides)
+        film = [mesh["backlash_damping"], 0, 0]
+        self.add_contact(sides, film, rate=rate, across=across * slides)
 
     def fraction(self, value):
         return self.context.mpf(value.numerator) / value.denominator
 
     def distances(self, mesh, ends):
-        """Return the row of friction of a mesh with `ends` as in `mesh`, and distances of flanks.
+        """Return the row of friction of a mesh, `ends` as in `add_mesh`, and distances of flanks.
 
         They are (row, constant, waves of run-out): all, and those that a moving backlash, Eq. (4),
         counts from, without bearings, run-out and offsets.
