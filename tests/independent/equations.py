@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
+from mpmath import mp
 
 _HEXADECIMAL = re.compile(r"-?(0x[0-9a-f.]+p[+-]\d+|inf)")
 
@@ -181,6 +182,10 @@ class Side:
         self.constant = side["constant"] / length
         self.waves = tuple((f, a / length, b / length) for f, a, b in side["waves"])
         self.course, self.has_friction, self.turns = side["course"], across.any(), side["turns"]
+        breaks, period = self.course["breaks"], 2 * equations.context.pi
+        #: phases, in periods, at which stiffness or sliding direction change
+        self.cuts = {b / period + self.course["shift"] for b in breaks if len(breaks) > 1}
+        self.cuts |= {self.turns, self.turns + 0.5} if self.has_friction else set()
         pushes = {sense: equations.inverse @ (side["row"] + sense * across) for sense in (-1, 0, 1)}
         self.pushes = {sense: sparse(push) for sense, push in pushes.items()}
         self.material = equations.damping(side["material"])
@@ -189,36 +194,30 @@ class Side:
 
 
 class Contact:
-    """A contact in units, with the fields of a `System`; `coast` may be None."""
+    """A contact in units, with the fields of a `System`; `side` are its sides by their codes."""
 
     def __init__(self, equations, contact):
         self.rate = contact["rate"]
         self.zero = contact["zero"] / equations.length
         self.film = equations.damping(contact["film"])
-        self.sides = [Side(equations, contact, side) for side in contact["sides"]]
-        self.drive, self.coast = (*self.sides, None)[:2]
-        #: each side and the code of its contact
-        self.touching = list(zip(self.sides, (1, -1), strict=False))
+        sides = [Side(equations, contact, side) for side in contact["sides"]]
+        self.drive, self.side = sides[0], dict(zip((1, -1), sides, strict=False))
         self.powers = [p * equations.length**k for k, p in enumerate(contact["powers"], start=1)]
-        self.has_kink = bool(self.film[1]) or any(side.material[1] for side in self.sides)
-        near, far = self.sides[0], self.sides[-1]
+        self.has_kink = bool(self.film[1]) or any(side.material[1] for side in sides)
+        near, *_, far = sides[0], *sides
         #: whether both sides move alike, and whether there is no backlash
         self.alike = (near.row, near.waves) == (far.row, far.waves)
-        self.closed = self.coast is not None and self.alike and near.constant == far.constant
-
-    def side(self, code):
-        """Return the side that touches."""
-        return (None, self.drive, self.coast)[code]
+        self.closed = near is not far and self.alike and near.constant == far.constant
 
     def possible_events(self, code):
         """Return (side, sign, next code) of each: where sign times the distance falls through 0."""
         if code:
-            return [(self.side(code), code, -code if self.closed else 0)]
-        return [(side, -code, code) for side, code in self.touching]
+            return [(self.side[code], code, -code if self.closed else 0)]
+        return [(side, -code, code) for code, side in self.side.items()]
 
     def dampers(self, code):
         """Return (side, coefficients) of each damper; it takes the rate of the side's distance."""
-        side, oil = self.side(code), [(self.drive, self.film)]
+        side, oil = self.side.get(code), [(self.drive, self.film)]
         if not code:
             return oil
         if side is self.drive or self.alike:
@@ -226,15 +225,6 @@ class Contact:
         # A coast side that moves apart: oil damps the drive distance throughout, contact adds the
         # rest of the material damping.
         return [*oil, (side, [b - a for a, b in zip(self.film, side.material, strict=True)])]
-
-    def cuts(self, context):
-        """Return the phases, in periods, at which stiffness or sliding direction change."""
-        cuts = set()
-        for side in self.sides:
-            breaks, shift = side.course["breaks"], side.course["shift"]
-            cuts |= {b / (2 * context.pi) + shift for b in breaks if len(breaks) > 1}
-            cuts |= {side.turns, side.turns + 0.5} if side.has_friction else set()
-        return cuts
 
 
 class Equations:
@@ -246,22 +236,18 @@ class Equations:
     def __init__(self, system):
         self.context, self.n = system.context, system.n
         self.speed, self.length, self.force = system.speed, system.length, system.force
-        is_float = self.context is mpmath.fp
         # Floats have 16 digits; more digits need more terms of the series.
-        digits = 16.5 if is_float else mpmath.mp.dps
-        self.terms = 26 if is_float else int(digits * 0.9) + 6
-        #: rounding errors of numbers near 1, and the limit of the last terms of a series
-        self.tiny = 1e-13 if is_float else mpmath.mpf(10) ** (5 - digits)
-        self.last_term = mpmath.mpf(10) ** -digits
-        #: the sum of the products of pairs
-        self.dot = _float_dot if is_float else mpmath.fdot
+        floats = 16.5, 26, 1e-13, lambda pairs: sum([a * b for a, b in pairs])
+        many = mp.dps, int(mp.dps * 0.9) + 6, mp.mpf(10) ** (5 - mp.dps), mp.fdot
+        #: terms of series, rounding errors of numbers near 1, and the sum of the products of pairs
+        digits, self.terms, self.tiny, self.dot = floats if self.context is mpmath.fp else many
+        #: the limit of the last terms of a series
+        self.last_term = mp.mpf(10) ** -digits
         mass = self.context.matrix(system.mass.tolist())
         self.inverse = np.array((mass**-1).tolist()) / self.speed**2
-        springs, dampers = self.inverse @ system.stiffness, self.inverse @ system.damping
         #: for each coordinate (stiffness, damping), sparse rows of accelerations
-        self.rows = [
-            (sparse(k), sparse(self.speed * c)) for k, c in zip(springs, dampers, strict=True)
-        ]
+        matrices = self.inverse @ system.stiffness, self.inverse @ system.damping * self.speed
+        self.rows = [tuple(map(sparse, rows)) for rows in zip(*matrices, strict=True)]
         self.load = (self.inverse @ system.load / self.length).tolist()
         #: rows (accelerations, order of the derivative by time, waves)
         self.forces = [
@@ -287,7 +273,3 @@ class Equations:
         """Return the distance of a side at coordinates, or, of order 1, its rate at their rates."""
         waves = wave_series(self.context, side.waves, phase, terms=2)[order]
         return self.dot([(x, q[i]) for i, x in side.row]) + waves + (0 if order else side.constant)
-
-
-def _float_dot(pairs):
-    return sum([a * b for a, b in pairs])

@@ -4,25 +4,18 @@ The context of the numbers of `Equations` decides how many digits are computed.
 """
 
 import math
+from collections import namedtuple
 from functools import cache
 from itertools import pairwise, product
-from typing import NamedTuple
 
 from mpmath import mp
 
 from tests.independent.equations import Piece
 from tests.independent.series import Step, slope_of, zeros
 
-
-class Event(NamedTuple):
-    """A change of contact at a phase, in a run-up a time theta; rates in units of length."""
-
-    phase: object
-    contact: int
-    before: int
-    after: int
-    rate: object  #: of the drive-side distance
-    own_rate: object  #: of the distance from the side that is met or left
+#: A change of contact at a phase, in a run-up a time theta; rates in units of length: of the
+#: drive-side distance, and of that from the side that is met or left.
+Event = namedtuple("Event", "phase contact before after rate own_rate")
 
 
 class Record:
@@ -49,7 +42,7 @@ class Record:
                 values += [equations.value(curve, place) for place in (0 * t, *turns, t)]
             if code:
                 # Models of one degree record the stiffness of the drive side.
-                side = contact.side(code) if equations.n > 1 else contact.drive
+                side = contact.side[code] if equations.n > 1 else contact.drive
                 level, high = step.stiffness(contact, side), side.course["high"]
                 level[0] -= high
                 floor = high * equations.tiny
@@ -74,9 +67,10 @@ def cuts_of(equations, piece):
     context, a, b = equations.context, piece.acceleration, piece.speed
     last, period, times = piece.phase_at(piece.end)[0], 2 * context.pi, set()
     for contact in equations.contacts:
+        cuts = set().union(*(side.cuts for side in contact.side.values()))
         first = math.floor(piece.phase * contact.rate / period) - 1
         turns = range(first, math.ceil(last * contact.rate / period) + 2)
-        for cut, k in product(contact.cuts(context), turns):
+        for cut, k in product(cuts, turns):
             angle = period * (cut % 1 + k) / contact.rate - piece.phase
             square = b * b + 2 * a * angle
             if angle > 0 and square > 0:
@@ -90,12 +84,12 @@ def first_codes(equations, piece, state, middle):
     On a line the code is that of the side to which the motion goes; `middle` as for `Step`.
     """
     codes, on_line, q = [0] * len(equations.contacts), set(), state[: equations.n]
-    sides = [(j, *row) for j, contact in enumerate(equations.contacts) for row in contact.touching]
-    for j, side, code in sides:
+    sides = [(j, *row) for j, one in enumerate(equations.contacts) for row in one.side.items()]
+    for j, code, side in sides:
         distance = code * equations.distance(side, q, piece.phase)
         codes[j] = code if distance > equations.tiny else codes[j]
         on_line |= {side} if abs(distance) <= equations.tiny else set()
-    for j, side, code in sides:
+    for j, code, side in sides:
         if side in on_line:
             curve = Step(equations, piece, piece.begin, state, codes, middle).curves[side]
             least = equations.tiny * max(map(abs, curve[1:4]))

@@ -24,9 +24,8 @@ class Step:
         self.wave, dot, n = cache(self.wave), equations.dot, equations.n
         #: Taylor coefficients of coordinates, and of the distances of sides, first of their waves
         self.series = []
-        self.curves = {
-            side: list(self.wave(side.waves)) for c in equations.contacts for side in c.sides
-        }
+        sides = [side for contact in equations.contacts for side in contact.side.values()]
+        self.curves = {side: list(self.wave(side.waves)) for side in sides}
         self._add(state[:n])
         self._add(state[n:])
         laws, share = self.laws(piece), piece.load + piece.slope * (t - piece.begin)
@@ -72,7 +71,7 @@ class Step:
                 if any(coefficients):
                     laws.append((side.pushes[0], self.damper(side, *coefficients)))
             if code:
-                side = contact.side(code)
+                side = contact.side[code]
                 slides = side.has_friction and sense(contact.rate, side.turns, self.middle)
                 laws.append((side.pushes[slides], self.spring(contact, code)))
         return laws
@@ -98,7 +97,7 @@ class Step:
 
     def spring(self, contact, code):
         """Return the elastic force c(tau) (g + p2 sgn(g) g^2 + p3 g^3), as `damper` does."""
-        side, times, (p2, p3) = contact.side(code), self.equations.product, contact.powers
+        side, times, (p2, p3) = contact.side[code], self.equations.product, contact.powers
         curve, levels, squares, springs = self.curves[side], self.stiffness(contact, side), [], []
 
         def term(k):

@@ -27,18 +27,13 @@ def describe(model):
 
     With the phases of the meshes of a train, which `tests/geometry/test_phases_by_teeth.py` tests.
     """
-    description = _plain(model)
-    if description["kind"] == "GearTrain":
-        description |= {name: dict(getattr(model, name)) for name in ("phases", "inverse_phases")}
-    return description
-
-
-def _plain(value):
-    if dataclasses.is_dataclass(value):
-        names = [field.name for field in dataclasses.fields(value)]
-        fields = {name: _plain(getattr(value, name)) for name in names}
-        return {"kind": type(value).__name__, **fields}
-    return [_plain(item) for item in value] if isinstance(value, (tuple, list)) else value
+    if isinstance(model, (tuple, list)):
+        return [describe(item) for item in model]
+    if not dataclasses.is_dataclass(model):
+        return model
+    kind, names = type(model).__name__, [field.name for field in dataclasses.fields(model)]
+    names += ["phases", "inverse_phases"] if kind == "GearTrain" else []
+    return {"kind": kind} | {name: describe(getattr(model, name)) for name in names}
 
 
 def system_of(model, tuning, context=mpmath.fp):
