@@ -15,7 +15,7 @@ import numpy as np
 from mpmath import mp, mpf, nstr
 
 from tests.independent import program
-from tests.independent.equations import Equations, with_numbers_of
+from tests.independent.equations import Equations, exact
 from tests.independent.systems import system_of
 
 mp.dps = 50
@@ -25,14 +25,14 @@ _ROUNDING = mpf(10) ** -17
 
 def model_of(claim):
     """Return the description of the model of a claim, with exact numbers."""
-    model = with_numbers_of(mp, claim["pair"])
+    model = exact(mp, claim["pair"])
     for mesh in model.get("meshes", [model]):
         if "pitch_phase" in mesh:
             # Angles in turns are rounded once.
             mesh["pitch_phase"] = 2 * mp.pi * mpf(float(mesh["pitch_phase"]) / (2.0 * math.pi))
     if "bodies" not in model:
         return {"kind": "SixDegreePair" if "inertias" in model else "GearPair"} | model
-    derived = with_numbers_of(mp, claim["derived"])
+    derived = exact(mp, claim["derived"])
     omega = derived["reference_angular_frequency"]
     units = {"length": derived["static_deflection"], "omega": omega}
     return {"kind": "GearTrain", **model, **derived, "derived": units}
@@ -47,7 +47,7 @@ class Motion:
             boxes = {name: [claim[name]] for name in ("displacement", "velocity")}
             boxes |= {"coordinates": ["x"], "fixed": [], "contacts": claim["pattern"][:1]}
             claim = claim | boxes
-        self.claim, tuning = claim, with_numbers_of(mp, claim["tuning"])
+        self.claim, tuning = claim, exact(mp, claim["tuning"])
         system = system_of(model_of(claim), tuning, mp)
         self.equations, names = Equations(system), claim["coordinates"]
         assert len(names) == system.n
@@ -135,7 +135,7 @@ def _holds(box, value, room=_ROUNDING):
 
 def _range_faults(claim):
     """Return the faults of a range of tunings: at both ends of each piece."""
-    claim = claim | {name: with_numbers_of(mp, claim[name]) for name in ("pieces", "start", "stop")}
+    claim = claim | {name: exact(mp, claim[name]) for name in ("pieces", "start", "stop")}
     ends = [(piece["start"], piece["stop"]) for piece in claim["pieces"]]
     joined = all(left[1] == right[0] for left, right in pairwise(ends))
     if not joined or (ends[0][0], ends[-1][1]) != (claim["start"], claim["stop"]):

@@ -31,12 +31,12 @@ from mpmath import mp
 _HEXADECIMAL = re.compile(r"-?(0x[0-9a-f.]+p[+-]\d+|inf)")
 
 
-def with_numbers_of(context, value):
-    """Return a description with its floats, or their hexadecimal texts, as numbers of a context."""
+def exact(context, value):
+    """Return a description with floats, also of hexadecimal digits, as numbers of a context."""
     if isinstance(value, dict):
-        return {key: with_numbers_of(context, item) for key, item in value.items()}
+        return {key: exact(context, item) for key, item in value.items()}
     if isinstance(value, list):
-        return [with_numbers_of(context, item) for item in value]
+        return [exact(context, item) for item in value]
     if isinstance(value, str) and _HEXADECIMAL.fullmatch(value):
         value = float.fromhex(value)
     return context.mpf(value) if isinstance(value, (float, mpmath.mpf)) else value

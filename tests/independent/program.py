@@ -7,6 +7,7 @@ import math
 from collections import namedtuple
 from functools import cache
 from itertools import pairwise, product
+from types import SimpleNamespace
 
 from mpmath import mp
 
@@ -16,50 +17,6 @@ from tests.independent.series import Step, slope_of, zeros
 #: A change of contact at a phase, in a run-up a time theta; rates in units of length: of the
 #: drive-side distance, and of that from the side that is met or left.
 Event = namedtuple("Event", "phase contact before after rate own_rate")
-
-
-class Record:
-    """What is recorded of a motion from `begin` on, and samples at rising times."""
-
-    def __init__(self, count, begin, sample_times):
-        self.begin, self.pending = begin, list(sample_times)
-        #: rows (time, displacements, rates, forces, coordinates)
-        self.samples = []
-        #: by contact values among which are the extrema
-        self.heights, self.forces = ([[] for _ in range(count)] for _ in range(2))
-        #: of normal contact (code 1), backlash (0), inverse contact (-1), the lower stiffness
-        self.durations = [[0, 0, 0, 0] for _ in range(count)]
-
-    def add_step(self, step, t):
-        """Add the extrema and durations of a step of length t."""
-        equations = step.equations
-        for j, (contact, code) in enumerate(step.contacts):
-            self.durations[j][1 - code] += t
-            curves = step.displacement(contact), step.elastic(contact, code)
-            for curve, values in zip(curves, (self.heights[j], self.forces[j]), strict=True):
-                floor = equations.tiny * max(map(abs, curve))
-                turns = zeros(equations, slope_of(curve), t, floor)
-                values += [equations.value(curve, place) for place in (0 * t, *turns, t)]
-            if code:
-                # Models of one degree record the stiffness of the drive side.
-                side = contact.side[code] if equations.n > 1 else contact.drive
-                level, high = step.stiffness(contact, side), side.course["high"]
-                level[0] -= high
-                floor = high * equations.tiny
-                for begin, end in pairwise([0 * t, *zeros(equations, level, t, floor), t]):
-                    is_low = equations.value(level, (begin + end) / 2) < -floor
-                    self.durations[j][3] += is_low * (end - begin)
-
-    def sample(self, step, until):
-        """Add the samples of a step before a time."""
-        value, n = step.equations.value, step.equations.n
-        while self.pending and self.pending[0] < until:
-            time, rows = self.pending.pop(0), []
-            for contact, code in step.contacts:
-                curve = step.displacement(contact)
-                curves = curve, slope_of(curve), step.elastic(contact, code)
-                rows.append([value(c, time - step.t) for c in curves])
-            self.samples.append((time, *zip(*rows, strict=True), step.at(time - step.t)[:n]))
 
 
 def cuts_of(equations, piece):
@@ -124,7 +81,7 @@ def _first_event(step, crossed, longest):
             slope = slope_of(curve)
             for zero in zeros(equations, curve, first[0], equations.tiny * 1e-3):
                 if equations.value(slope, zero) < 0 and (zero or end[0] not in crossed):
-                    first = min(first, (zero, end), key=lambda pair: pair[0])
+                    first = zero, end
                     break
     return first
 
@@ -132,13 +89,24 @@ def _first_event(step, crossed, longest):
 class Motion:
     """A motion along `Piece`s from a state in units; all times are their theta.
 
-    codes : contacts at the start, None for those of the state. `cuts` are the times at which a
-    stiffness or the sliding may switch.
+    codes : contacts at the start, None for those of the state; record_from : from when on extrema
+    and durations are taken; sample_times : rising. `cuts` are the times at which a stiffness or the
+    sliding may switch.
     """
 
     def __init__(self, equations, pieces, state, codes=None, record_from=math.inf, sample_times=()):
         self.equations, self.events, self.cuts = equations, [], []
-        self.record = Record(len(equations.contacts), record_from, sample_times)
+        self.record_from, self.pending = record_from, list(sample_times)
+        contacts = equations.contacts
+        self.record = SimpleNamespace(
+            #: rows (time, displacements, rates, forces, coordinates)
+            samples=[],
+            #: by contact values among which are the extrema
+            heights=[[] for _ in contacts],
+            forces=[[] for _ in contacts],
+            #: of normal contact (code 1), backlash (0), inverse contact (-1), the lower stiffness
+            durations=[[0, 0, 0, 0] for _ in contacts],
+        )
         self.state, crossed = [equations.context.mpf(x) for x in state], None
         for piece in pieces:
             cuts, t = cuts_of(equations, piece), piece.begin
@@ -159,9 +127,9 @@ class Motion:
         step = Step(self.equations, piece, t, self.state, self.codes, middle, "turn" in crossed)
         h, end = _first_event(step, crossed, step.length(stop - t))
         t = stop if h == stop - t else t + h
-        if stop > self.record.begin + self.equations.tiny:
-            self.record.add_step(step, h)
-        self.record.sample(step, t)
+        if stop > self.record_from + self.equations.tiny:
+            self._record(step, h)
+        self._sample(step, t)
         if h:
             self.state, crossed = step.at(h), set()
         if end:
@@ -174,21 +142,50 @@ class Motion:
                 self.codes[j] = code
         return t, crossed
 
+    def _record(self, step, t):
+        """Add the extrema and durations of a step of length t."""
+        equations, record = self.equations, self.record
+        for j, (contact, code) in enumerate(step.contacts):
+            record.durations[j][1 - code] += t
+            curves = step.displacement(contact), step.elastic(contact, code)
+            for curve, values in zip(curves, (record.heights[j], record.forces[j]), strict=True):
+                floor = equations.tiny * max(map(abs, curve))
+                turns = zeros(equations, slope_of(curve), t, floor)
+                values += [equations.value(curve, place) for place in (0 * t, *turns, t)]
+            if code:
+                # Models of one degree record the stiffness of the drive side.
+                side = contact.side[code] if equations.n > 1 else contact.drive
+                level, high = step.stiffness(contact, side), side.course["high"]
+                level[0] -= high
+                floor = high * equations.tiny
+                for begin, end in pairwise([0 * t, *zeros(equations, level, t, floor), t]):
+                    is_low = equations.value(level, (begin + end) / 2) < -floor
+                    record.durations[j][3] += is_low * (end - begin)
+
+    def _sample(self, step, until):
+        """Add the samples of a step before a time."""
+        value, n = self.equations.value, self.equations.n
+        while self.pending and self.pending[0] < until:
+            time, rows = self.pending.pop(0), []
+            for contact, code in step.contacts:
+                curve = step.displacement(contact)
+                curves = curve, slope_of(curve), step.elastic(contact, code)
+                rows.append([value(c, time - step.t) for c in curves])
+            row = *zip(*rows, strict=True), step.at(time - step.t)[:n]
+            self.record.samples.append((time, *row))
+
     def mesh_state(self):
         """Return displacement and rate of the first contact at the end."""
-        equations, contact = self.equations, self.equations.contacts[0]
-        displacement, rate = (
-            equations.distance(contact.drive, self.state[k * equations.n :], self.phase, k)
-            for k in (0, 1)
-        )
-        return displacement - contact.zero, rate
+        n, contact = self.equations.n, self.equations.contacts[0]
+        halves = enumerate((self.state[:n], self.state[n:]))
+        x, v = (self.equations.distance(contact.drive, half, self.phase, k) for k, half in halves)
+        return x - contact.zero, v
 
 
 def move(equations, periods, state, recorded=0, phases=(), codes=None):
     """Return the `Motion` at constant speed from phase 0 over periods that need not be whole.
 
-    recorded : number of the last periods whose extrema and durations are taken.
-    phases : of samples, rising; codes : contacts at the start, None for those of the state.
+    The last `recorded` ones are recorded; `phases` are those of samples.
     """
     period, zero = 2 * equations.context.pi, equations.context.mpf(0)
     piece = Piece(zero, period * periods, zero, zero + 1)
