@@ -1,36 +1,113 @@
-"""The equations of a system of contacts in its units, for any number of digits.
+"""A system in parts, and its equations in units, for any number of digits.
 
-The system is plain JSON, in SI units; the phase tau runs with the constant `speed`:
+    M q'' + C q' + K q + sum of contact forces = load + forces
 
-    M q'' + C q' + K q + sum of contact forces = load + forces + M (shaking)''
-
-=========================  ===================================================================
-``mass`` ...               ``mass``, ``damping``, ``stiffness``: n x n; ``load``: n
-``speed``                  rad/s, rate of the phase
-``length``, ``force``      units: m of coordinates; N/m, of a force over a length
-``forces``, ``shaking``    rows [frequency, cosines (n), sines (n)] over the phase, N and m
-``contacts``               see below
-=========================  ===================================================================
+All is in SI units, in the numbers of a context of mpmath: `mpmath.fp` computes in floats,
+`mpmath.mp` in as many digits as it is set to. The phase tau runs with the constant `speed`, rad/s;
+`length`, m, and `force`, N/m, are units. `forces` have a row (n), and the order of a derivative by
+time of waves (frequency, cosine, sine).
 
 A contact has ``rate`` (periods of its stiffness per period of the phase), ``film`` and, on each
 side, ``material`` damping (linear, quadratic, cubic), ``powers`` of the elastic force (quadratic,
 cubic), ``across`` (n, direction of friction), ``zero`` (distance of displacement zero) and
 ``sides``: the drive side touches where its distance row . q + constant + waves is positive, the
-coast side, if there is one, where its own is negative. A side has ``row``, ``constant``, ``waves``
-[frequency, cosine, sine], ``friction``, ``turns`` (periods at which the sliding turns to 1) and
-``course``, its stiffness: ``breaks`` in [0, 2 pi), ``lines`` [value, slope] from each on,
-``harmonics`` [order, cosine, sine], ``shift`` in periods, ``high``: below it counts as low.
-
-Numbers may be texts of many digits. The context is that of mpmath: `mpmath.fp` computes in floats,
-`mpmath.mp` in as many digits as it is set to.
+coast side, if there is one, where its own is negative. A side has ``row``, ``constant``, ``waves``,
+``friction``, ``turns`` (periods at which the sliding turns to 1) and ``course``, its stiffness:
+``breaks`` in [0, 2 pi), ``lines`` (value, slope) from each on, ``waves``, ``shift`` in periods,
+``high``: below it counts as low.
 """
 
-import json
 import math
-from operator import mul
+import re
+from bisect import bisect
+from functools import reduce
+from itertools import zip_longest
 from typing import NamedTuple
 
 import mpmath
+import numpy as np
+from mpmath import mp
+
+_HEXADECIMAL = re.compile(r"-?(0x[0-9a-f.]+p[+-]\d+|inf)")
+
+
+def exact(context, value):
+    """Return a description with floats, also of hexadecimal digits, as numbers of a context."""
+    if isinstance(value, dict):
+        return {key: exact(context, item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [exact(context, item) for item in value]
+    if isinstance(value, str) and _HEXADECIMAL.fullmatch(value):
+        value = float.fromhex(value)
+    return context.mpf(value) if isinstance(value, (float, mpmath.mpf)) else value
+
+
+def mean_stiffness(mesh):
+    """Return C_s, Eq. (2), of a pair or mesh."""
+    kappa = mesh["stiffness_ratio"]
+    return mesh["max_stiffness"] * (kappa + (1 - kappa) * (mesh["contact_ratio"] - 1))
+
+
+def harmonics(wave):
+    """Return rows (order, cosine, sine) of described harmonics."""
+    rows = zip_longest(wave["cosines"], wave["sines"], fillvalue=0)
+    return [(order, *row) for order, row in enumerate(rows, start=1)]
+
+
+class System:
+    """Matrices, loads and contacts to be filled."""
+
+    def __init__(self, context, size):
+        self.context, self.n = context, size
+        self.mass, self.stiffness, self.damping = (self.zeros(size, size) for _ in range(3))
+        self.load, self.contacts, self.forces = self.zeros(size), [], []
+
+    def zeros(self, *shape):
+        return np.full(shape, self.context.mpf(0), float if self.context is mpmath.fp else object)
+
+    def unit(self, i):
+        row = self.zeros(self.n)
+        row[i] += 1
+        return row
+
+    def spring(self, row, stiffness, damping=0):
+        """Add a spring and damper that act on the elongation `row @ q`."""
+        self.stiffness = self.stiffness + stiffness * np.outer(row, row)
+        self.damping = self.damping + damping * np.outer(row, row)
+
+    def inertia(self, row, mass):
+        self.mass = self.mass + mass * np.outer(row, row)
+
+    def course(self, breaks, lines, waves=(), high=None, shift=0):
+        """Return a ``course``; without `high` a stiffness below the mean counts as low."""
+        if high is None:
+            ends, period = [*breaks[1:], breaks[0] + 2 * self.context.pi], 2 * self.context.pi
+            rows = zip(breaks, ends, lines, strict=True)
+            high = sum((u - t) * (c + k * (u - t) / 2) for t, u, (c, k) in rows) / period
+        return dict(breaks=breaks, lines=lines, waves=waves, high=high, shift=shift)
+
+    def rectangular_course(self, mesh, shift=0):
+        """Return the ``course`` of Eq. (1) of the paper: C_max about `shift` in periods."""
+        half, high = self.context.pi * (mesh["contact_ratio"] - 1), mesh["max_stiffness"]
+        lines = [(high * mesh["stiffness_ratio"], 0), (high, 0)]
+        return self.course([half, 2 * self.context.pi - half], lines, high=high, shift=shift)
+
+    def add_contact(self, sides, film, **fields):
+        """Add a contact by its fields; without a coast side the last of `sides` is falsy."""
+        nothing = {"constant": 0, "waves": [], "friction": 0, "turns": 0}
+        sides = [nothing | side for side in sides if side]
+        nothing = {"rate": 1, "powers": (0, 0), "across": self.zeros(self.n), "zero": 0}
+        self.contacts.append({"sides": sides, "film": film} | nothing | fields)
+
+    def distance(self, side, q, phase):
+        """Return the distance of a side in m."""
+        (waves,) = wave_series(self.context, side["waves"], phase, terms=1)
+        return side["row"] @ q + side["constant"] + waves
+
+    def level(self, contact, side, phase):
+        """Return the stiffness of a side at a phase."""
+        phase = contact["rate"] * phase
+        return stiffness_series(self.context, side["course"], phase, phase)[0]
 
 
 class Piece(NamedTuple):
@@ -51,16 +128,19 @@ class Piece(NamedTuple):
         return (self.phase + (self.speed + half * s) * s, self.speed + self.acceleration * s, half)
 
 
-def wave(context, phase, terms, rate=1, bend=0):
-    """Return Taylor coefficients in t of cos and of sin of phase + rate t + bend t^2."""
-    c, s = [context.cos(phase)], [context.sin(phase)]
-    for k in range(terms - 1):
-        down, up = rate * s[k], rate * c[k]
-        if k and bend:
-            down, up = down + 2 * bend * s[k - 1], up + 2 * bend * c[k - 1]
-        c.append(-down / (k + 1))
-        s.append(up / (k + 1))
-    return c, s
+def wave_series(context, waves, phase, terms, rate=1, bend=0):
+    """Return Taylor coefficients in t of waves (frequency, cosine, sine) of a phase.
+
+    It is phase + rate t + bend t^2.
+    """
+    total = [context.mpf(0)] * terms
+    for f, a, b in waves:
+        last, current = 0, (a - context.j * b) * context.expj(f * phase)
+        turn = context.j * f
+        for k in range(terms):
+            total[k] += current.real
+            last, current = current, turn * (rate * current + 2 * bend * last) / (k + 1)
+    return total
 
 
 def stiffness_series(context, course, phase, middle, terms=1, rate=1, bend=0):
@@ -69,18 +149,14 @@ def stiffness_series(context, course, phase, middle, terms=1, rate=1, bend=0):
     `middle`, a phase within the step of the motion, decides which line of the `course` holds.
     """
     period, breaks = 2 * context.pi, course["breaks"]
-    shift = period * course["shift"]
-    phase, middle = phase - shift, middle - shift
-    at = max((i for i, b in enumerate(breaks) if b <= middle % period), default=-1)
+    phase, middle = (x - period * course["shift"] for x in (phase, middle))
+    at = bisect(breaks, middle % period) - 1
     value, slope = course["lines"][at]
     # Since the break: one behind the last one may have begun a period before.
     since = (middle - breaks[at]) % period + (phase - middle)
-    straight = [value + slope * since, slope * rate, slope * bend]
-    series = [*straight, *[context.mpf(0)] * terms][:terms]
-    for order, cosine, sine in course["harmonics"]:
-        c, s = wave(context, order * phase, terms, order * rate, order * bend)
-        series = [a + cosine * b + sine * d for a, b, d in zip(series, c, s, strict=True)]
-    return series
+    line = [value + slope * since, slope * rate, slope * bend, *[0] * terms]
+    waves = wave_series(context, course["waves"], phase, terms, rate, bend)
+    return [a + b for a, b in zip(line, waves, strict=False)]
 
 
 def sense(rate, turns, phase):
@@ -88,190 +164,112 @@ def sense(rate, turns, phase):
     return 1 if (rate * phase / (2 * math.pi) - turns) % 1 < 0.5 else -1
 
 
-class Side:
-    """A side in units, with the fields of the module's text.
+def sparse(row):
+    """Return (index, value) of the entries of an array that are not zero."""
+    return [(i, x) for i, x in enumerate(row.tolist()) if x]
 
-    `push` are the accelerations of coordinates by a unit of normal force, `pushes` those with its
-    friction while flanks slide in the direction 1 or -1.
+
+class Side:
+    """A side with the fields of a `System`; its distance is in units of length.
+
+    `pushes` are accelerations of coordinates by a unit of normal force, without friction, 0, or
+    with that while flanks slide in the direction 1 or -1.
     """
 
-    def __init__(self, equations, contact, values):
-        length, sparse = equations.length, equations.sparse
-        row = values["row"]
-        self.row = sparse(row)
-        self.constant = values["constant"] / length
-        self.waves = [[f, a / length, b / length] for f, a, b in values["waves"]]
-        self.push = equations.accelerations(row)
-        self.friction, self.turns = values["friction"], values["turns"]
-        if self.friction:
-            across = equations.accelerations([x * self.friction for x in contact["across"]])
-            self.pushes = {
-                direction: sparse(
-                    [p + direction * a for p, a in zip(self.push, across, strict=True)]
-                )
-                for direction in (1, -1)
-            }
-        self.push = sparse(self.push)
-        self.material = equations.damping_units(values["material"])
-        course = values["course"]
-        self.course = course | {
-            "lines": [[x / equations.force for x in line] for line in course["lines"]],
-            "harmonics": [
-                [n, a / equations.force, b / equations.force] for n, a, b in course["harmonics"]
-            ],
-            "high": course["high"] / equations.force,
-        }
-        self.constant_stiffness = not course["harmonics"] and not any(k for _, k in course["lines"])
+    def __init__(self, equations, contact, side):
+        length, across = equations.length, side["friction"] * contact["across"]
+        self.row = sparse(side["row"])
+        self.constant = side["constant"] / length
+        self.waves = tuple((f, a / length, b / length) for f, a, b in side["waves"])
+        self.course, self.has_friction, self.turns = side["course"], across.any(), side["turns"]
+        breaks, period = self.course["breaks"], 2 * equations.context.pi
+        #: phases, in periods, at which stiffness or sliding direction change
+        self.cuts = {b / period + self.course["shift"] for b in breaks if len(breaks) > 1}
+        self.cuts |= {self.turns, self.turns + 0.5} if self.has_friction else set()
+        pushes = {sense: equations.inverse @ (side["row"] + sense * across) for sense in (-1, 0, 1)}
+        self.pushes = {sense: sparse(push) for sense, push in pushes.items()}
+        self.material = equations.damping(side["material"])
+        slopes = [slope for _, slope in self.course["lines"]]
+        self.is_constant = not self.course["waves"] and not any(slopes)
 
 
 class Contact:
-    """A contact in units, with the fields of the module's text; `coast` may be None."""
+    """A contact in units, with the fields of a `System`; `side` are its sides by their codes."""
 
-    def __init__(self, equations, values):
-        self.rate = values["rate"]
-        self.zero = values["zero"] / equations.length
-        self.film = equations.damping_units(values["film"])
-        self.sides = [Side(equations, values, side) for side in values["sides"]]
-        self.drive, self.coast = (*self.sides, None)[:2]
-        p2, p3 = values["powers"]
-        self.powers = p2 * equations.length, p3 * equations.length**2
-        self.has_kink = bool(self.film[1]) or any(side.material[1] for side in self.sides)
-        near, far = self.sides[0], self.sides[-1]
+    def __init__(self, equations, contact):
+        self.rate = contact["rate"]
+        self.zero = contact["zero"] / equations.length
+        self.film = equations.damping(contact["film"])
+        sides = [Side(equations, contact, side) for side in contact["sides"]]
+        self.drive, self.side = sides[0], dict(zip((1, -1), sides, strict=False))
+        self.powers = [p * equations.length**k for k, p in enumerate(contact["powers"], start=1)]
+        self.has_kink = bool(self.film[1]) or any(side.material[1] for side in sides)
+        near, *_, far = sides[0], *sides
         #: whether both sides move alike, and whether there is no backlash
         self.alike = (near.row, near.waves) == (far.row, far.waves)
-        self.closed = self.coast is not None and self.alike and near.constant == far.constant
-
-    def side(self, code):
-        """Return the side that touches."""
-        return (None, self.drive, self.coast)[code]
+        self.closed = near is not far and self.alike and near.constant == far.constant
 
     def possible_events(self, code):
         """Return (side, sign, next code) of each: where sign times the distance falls through 0."""
         if code:
-            return [(self.side(code), code, -code if self.closed else 0)]
-        return [(self.drive, -1, 1), *([(self.coast, 1, -1)] if self.coast else [])]
+            return [(self.side[code], code, -code if self.closed else 0)]
+        return [(side, -code, code) for code, side in self.side.items()]
 
     def dampers(self, code):
         """Return (side, coefficients) of each damper; it takes the rate of the side's distance."""
-        side = self.side(code)
-        if code and (code > 0 or self.alike):
-            return [(side, side.material)]
+        side, oil = self.side.get(code), [(self.drive, self.film)]
         if not code:
-            return [(self.drive, self.film)]
+            return oil
+        if side is self.drive or self.alike:
+            return [(side, side.material)]
         # A coast side that moves apart: oil damps the drive distance throughout, contact adds the
         # rest of the material damping.
-        rest = [b - a for a, b in zip(self.film, side.material, strict=True)]
-        return [(self.drive, self.film), (side, rest)]
-
-    def cuts(self, context):
-        """Return the phases, in periods, at which stiffness or sliding direction change."""
-        cuts = []
-        for side in self.sides:
-            course = side.course
-            inner = course["breaks"] if len(course["breaks"]) > 1 else []
-            cuts += [b / (2 * context.pi) + course["shift"] for b in inner]
-            cuts += [side.turns, side.turns + 0.5] if side.friction else []
-        return cuts
-
-
-def numbers(value, context):
-    """Return a system with numbers of a context."""
-    if isinstance(value, dict):
-        return {key: numbers(item, context) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [numbers(item, context) for item in value]
-    return context.mpf(value)
+        return [*oil, (side, [b - a for a, b in zip(self.film, side.material, strict=True)])]
 
 
 class Equations:
-    """The equations of a system in units of its length, by phase, solved for accelerations."""
+    """The equations of a `System` in units of its length, by phase, solved for accelerations.
 
-    def __init__(self, system, context=mpmath.fp):
-        system = numbers(json.loads(system), context)
-        self.context, self.n = context, len(system["load"])
-        self.speed, self.length, self.force = (system[k] for k in ("speed", "length", "force"))
-        is_float = context is mpmath.fp
+    Forces and stiffness are in SI units.
+    """
+
+    def __init__(self, system):
+        self.context, self.n = system.context, system.n
+        self.speed, self.length, self.force = system.speed, system.length, system.force
         # Floats have 16 digits; more digits need more terms of the series.
-        digits = 16.5 if is_float else mpmath.mp.dps
-        self.terms = 26 if is_float else int(digits * 0.9) + 6
-        #: rounding errors of numbers near 1, and the limit of the last terms of a series
-        self.tiny = 1e-13 if is_float else mpmath.mpf(10) ** (5 - digits)
-        self.last_term = mpmath.mpf(10) ** -digits
-        self.inverse = self._inverse(system["mass"])
-        springs = self._rows(system["stiffness"], self.speed**2)
+        floats = 16.5, 26, 1e-13, lambda pairs: sum([a * b for a, b in pairs])
+        many = mp.dps, int(mp.dps * 0.9) + 6, mp.mpf(10) ** (5 - mp.dps), mp.fdot
+        #: terms of series, rounding errors of numbers near 1, and the sum of the products of pairs
+        digits, self.terms, self.tiny, self.dot = floats if self.context is mpmath.fp else many
+        #: the limit of the last terms of a series
+        self.last_term = mp.mpf(10) ** -digits
+        mass = self.context.matrix(system.mass.tolist())
+        self.inverse = np.array((mass**-1).tolist()) / self.speed**2
         #: for each coordinate (stiffness, damping), sparse rows of accelerations
-        self.rows = list(zip(springs, self._rows(system["damping"], self.speed), strict=True))
-        unit = self.speed**2 * self.length
-        self.load = [x / unit for x in self.solved(system["load"])]
+        matrices = self.inverse @ system.stiffness, self.inverse @ system.damping * self.speed
+        self.rows = [tuple(map(sparse, rows)) for rows in zip(*matrices, strict=True)]
+        self.load = (self.inverse @ system.load / self.length).tolist()
+        #: rows (accelerations, order of the derivative by time, waves)
         self.forces = [
-            (f, *([x / unit for x in self.solved(part)] for part in (a, b)))
-            for f, a, b in system["forces"]
+            (sparse(self.inverse @ row * self.speed**order / self.length), order, tuple(waves))
+            for row, order, waves in system.forces
         ]
-        self.shaking = [
-            (f, [x / self.length for x in a], [x / self.length for x in b])
-            for f, a, b in system["shaking"]
-        ]
-        self.contacts = [Contact(self, values) for values in system["contacts"]]
+        self.contacts = [Contact(self, contact) for contact in system.contacts]
 
-    def _inverse(self, mass):
-        if any(x for i, row in enumerate(mass) for j, x in enumerate(row) if i != j):
-            inverse = self.context.matrix(mass) ** -1
-            return [[(j, x) for j, x in enumerate(row) if x] for row in inverse.tolist()]
-        return [[(i, 1 / row[i])] for i, row in enumerate(mass)]
-
-    def sparse(self, row):
-        """Return (index, value) of the entries of a row that are not zero."""
-        return [(i, x) for i, x in enumerate(row) if x]
-
-    def solved(self, column):
-        """Return the inverse mass times a column."""
-        return [self.dot([(x, column[j]) for j, x in row]) for row in self.inverse]
-
-    def _rows(self, matrix, unit):
-        """Return the sparse rows of the inverse mass times a matrix."""
-        columns = [self.solved(column) for column in zip(*matrix, strict=True)]
-        return [self.sparse([x / unit for x in row]) for row in zip(*columns, strict=True)]
-
-    def accelerations(self, row):
-        """Return the accelerations for a unit of force along a row."""
-        return [x * self.force / self.speed**2 for x in self.solved(row)]
-
-    def damping_units(self, coefficients):
+    def damping(self, coefficients):
+        """Return coefficients for the rate of a distance in units, by phase."""
         speed = self.speed * self.length
-        return [d * self.speed * speed**k / self.force for k, d in enumerate(coefficients)]
-
-    def dot(self, pairs):
-        """Return the sum of products."""
-        if self.context is mpmath.fp:
-            return sum([a * b for a, b in pairs])
-        return mpmath.mp.fdot(pairs)
+        return [d * self.speed * speed**k for k, d in enumerate(coefficients)]
 
     def product(self, a, b, k):
         """Return the k-th coefficient of the product of two series."""
-        if self.context is mpmath.fp:
-            return sum(map(mul, a[: k + 1], b[k::-1]))
-        return mpmath.mp.fdot(zip(a[: k + 1], b[k::-1], strict=True))
+        return self.dot(zip(a, b[k::-1], strict=False))
 
     def value(self, curve, t):
         """Return a polynomial at t."""
-        total = curve[-1]
-        for coefficient in curve[-2::-1]:
-            total = total * t + coefficient
-        return total
+        return reduce(lambda total, coefficient: total * t + coefficient, reversed(curve))
 
-    def distance(self, side, q, phase):
-        """Return the distance of a side at coordinates and a phase."""
-        total = side.constant + self.dot([(x, q[i]) for i, x in side.row])
-        for f, a, b in side.waves:
-            total += a * self.context.cos(f * phase) + b * self.context.sin(f * phase)
-        return total
-
-    def rate(self, side, v, phase, speed=1):
-        """Return the rate of the distance of a side."""
-        total = self.dot([(x, v[i]) for i, x in side.row])
-        for f, a, b in side.waves:
-            total += speed * f * (b * self.context.cos(f * phase) - a * self.context.sin(f * phase))
-        return total
-
-    def on_line(self, side, q, phase):
-        return abs(self.distance(side, q, phase)) <= self.tiny
+    def distance(self, side, q, phase, order=0):
+        """Return the distance of a side at coordinates, or, of order 1, its rate at their rates."""
+        waves = wave_series(self.context, side.waves, phase, terms=2)[order]
+        return self.dot([(x, q[i]) for i, x in side.row]) + waves + (0 if order else side.constant)

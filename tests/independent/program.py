@@ -1,142 +1,38 @@
 """Motions of a system in any number of digits, from event to event: courses, orbits, multipliers.
 
-`equations` describes a system; the context of its numbers decides how many digits are computed.
+The context of the numbers of `Equations` decides how many digits are computed.
 """
 
 import math
-from itertools import pairwise
-from typing import NamedTuple
+from collections import namedtuple
+from functools import cache
+from itertools import pairwise, product
+from types import SimpleNamespace
 
-import mpmath
+from mpmath import mp
 
-from tests.independent.equations import Equations, Piece
+from tests.independent.equations import Piece
 from tests.independent.series import Step, slope_of, zeros
 
-
-class Event(NamedTuple):
-    """A change of contact at a phase; rates by phase, in units of length."""
-
-    phase: object
-    contact: int
-    before: int
-    after: int
-    rate: object  #: of the drive-side distance
-    own_rate: object  #: of the distance from the side that is met or left
-
-
-class Record:
-    """Extrema and durations of each contact from `begin` on, and samples at rising times."""
-
-    def __init__(self, count, begin, sample_times):
-        self.begin, self.pending, self.samples = begin, list(sample_times), []
-        self.heights, self.forces = ([[] for _ in range(count)] for _ in range(2))
-        #: of normal contact (code 1), backlash (0), inverse contact (-1), the lower stiffness
-        self.durations = [[0, 0, 0, 0] for _ in range(count)]
-
-    def add_step(self, step, t):
-        """Add the extrema and durations of a step of length t."""
-        equations = step.equations
-        for j, (contact, code) in enumerate(zip(equations.contacts, step.codes, strict=True)):
-            self.durations[j][1 - code] += t
-            self._extrema(self.heights[j], step, step.displacement(contact), t)
-            if not code:
-                self.forces[j].append(0 * t)
-                continue
-            self._extrema(self.forces[j], step, step.elastic(contact, code), t)
-            # Models of one degree record the stiffness of the drive side.
-            side = contact.side(code) if equations.n > 1 else contact.drive
-            level = step.stiffness(contact, side, equations.terms)
-            high = side.course["high"]
-            level[0] -= high
-            floor = high * equations.tiny
-            marks = [0 * t, *zeros(equations, level, t, t * 1e-12, floor), t]
-            for a, b in pairwise(marks):
-                low = equations.value(level, (a + b) / 2) < -floor
-                self.durations[j][3] += b - a if low else 0
-
-    def _extrema(self, into, step, curve, t):
-        equations = step.equations
-        floor = equations.tiny * max(map(abs, curve))
-        turns = zeros(equations, slope_of(curve), t, t * 1e-12, floor)
-        into += [equations.value(curve, place) for place in (0 * t, *turns, t)]
-
-    def sample(self, step, until):
-        """Add the samples of a step before a time: (time, displacements, rates, forces, q)."""
-        while self.pending and self.pending[0] < until:
-            time = self.pending.pop(0)
-            t, equations, rows = time - step.t, step.equations, []
-            for contact, code in zip(equations.contacts, step.codes, strict=True):
-                curve = step.displacement(contact)
-                force = equations.value(step.elastic(contact, code), t) if code else 0
-                rate = equations.value(slope_of(curve), t)
-                rows.append((equations.value(curve, t), rate, force))
-            self.samples.append((time, *zip(*rows, strict=True), step.at(t)[: equations.n]))
-
-
-class Motion(NamedTuple):
-    """A motion: last state, events, record, times of switches, and the equations."""
-
-    state: list
-    events: list
-    record: Record
-    cuts: list
-    equations: Equations
-    phase: object
-
-    def mesh_state(self, contact=0):
-        """Return displacement and rate of a contact at the end."""
-        equations, drive = self.equations, self.equations.contacts[contact].drive
-        q, v = self.state[: equations.n], self.state[equations.n :]
-        rate = equations.rate(drive, v, self.phase)
-        return equations.distance(drive, q, self.phase) - equations.contacts[contact].zero, rate
-
-
-def courses(equations, speed, load, turn, push):
-    """Return the pieces of a run-up over theta = speed of the system times the time in s.
-
-    speed: rows of s and rpm; load: rows of s and shares; turn: rad/s of the phase for 1 rpm;
-    push: accelerations of coordinates, m/s^2 for 1 rad/s^2.
-    """
-    number, omega = equations.context.mpf, equations.speed
-    push = [number(x) / equations.length for x in push]
-    speeds = [(number(t) * omega, number(v) * turn / omega) for t, v in speed]
-    loads = [(number(t) * omega, number(v)) for t, v in load]
-    marks = sorted({t for t, _ in loads if t < speeds[-1][0]} | {t for t, _ in speeds})
-    pieces, phase = [], number(0)
-    for begin, end in pairwise(marks):
-        (v, w), (a, b), span = _ends(speeds, begin, end), _ends(loads, begin, end), end - begin
-        pieces.append(Piece(begin, end, phase, v, (w - v) / span, a, (b - a) / span, push))
-        phase += (v + w) / 2 * span
-    return pieces
-
-
-def _ends(rows, begin, end):
-    """Return the values of a piecewise linear course at both ends of an interval within a line."""
-    for (t, v), (u, w) in pairwise(rows):
-        if t <= begin and end <= u and t < u:
-            return tuple(v + (w - v) * (at - t) / (u - t) for at in (begin, end))
-    return (rows[0][1],) * 2 if end <= rows[0][0] else (rows[-1][1],) * 2
+#: A change of contact at a phase, in a run-up a time theta; rates in units of length: of the
+#: drive-side distance, and of that from the side that is met or left.
+Event = namedtuple("Event", "phase contact before after rate own_rate")
 
 
 def cuts_of(equations, piece):
     """Return the times at which stiffness or sliding changes within a piece, and its end."""
-    context, least = equations.context, equations.tiny
-    last, a, b = piece.phase_at(piece.end)[0], piece.acceleration, piece.speed
-    times, period = [], 2 * context.pi
+    context, a, b = equations.context, piece.acceleration, piece.speed
+    last, period, times = piece.phase_at(piece.end)[0], 2 * context.pi, set()
     for contact in equations.contacts:
+        cuts = set().union(*(side.cuts for side in contact.side.values()))
         first = math.floor(piece.phase * contact.rate / period) - 1
-        for cut in contact.cuts(context):
-            for k in range(first, math.ceil(last * contact.rate / period) + 2):
-                angle = period * (cut % 1 + k) / contact.rate - piece.phase
-                square = b * b + 2 * a * angle
-                if angle > 0 and square > 0:
-                    times.append(piece.begin + 2 * angle / (b + context.sqrt(square)))
-    kept = []
-    for t in sorted(times):
-        inside = piece.begin + least < t < piece.end - least
-        if inside and (not kept or t - kept[-1] > least):
-            kept.append(t)
-    return [*kept, piece.end]
+        turns = range(first, math.ceil(last * contact.rate / period) + 2)
+        for cut, k in product(cuts, turns):
+            angle = period * (cut % 1 + k) / contact.rate - piece.phase
+            square = b * b + 2 * a * angle
+            if angle > 0 and square > 0:
+                times.add(piece.begin + 2 * angle / (b + context.sqrt(square)))
+    return [*sorted(t for t in times if t < piece.end), piece.end]
 
 
 def first_codes(equations, piece, state, middle):
@@ -144,136 +40,164 @@ def first_codes(equations, piece, state, middle):
 
     On a line the code is that of the side to which the motion goes; `middle` as for `Step`.
     """
-    codes, q, phase = [], state[: equations.n], piece.phase
-    sides = [side for contact in equations.contacts for side in contact.sides]
-    on_line = {side for side in sides if equations.on_line(side, q, phase)}
-    for contact in equations.contacts:
-        drive, coast = (
-            0 if side in on_line else side and equations.distance(side, q, phase)
-            for side in (contact.drive, contact.coast)
-        )
-        if drive > 0 or (drive == 0 and coast is not None and coast <= 0):
-            codes.append(1)
-        else:
-            codes.append(-1 if coast is not None and coast < 0 else 0)
-    for j, contact in enumerate(equations.contacts):
-        for side in contact.sides:
-            if side not in on_line:
-                continue
-            curve = Step(equations, piece, piece.begin, state, codes, middle).curve(side)
+    codes, on_line, q = [0] * len(equations.contacts), set(), state[: equations.n]
+    sides = [(j, *row) for j, one in enumerate(equations.contacts) for row in one.side.items()]
+    for j, code, side in sides:
+        distance = code * equations.distance(side, q, piece.phase)
+        codes[j] = code if distance > equations.tiny else codes[j]
+        on_line |= {side} if abs(distance) <= equations.tiny else set()
+    for j, code, side in sides:
+        if side in on_line:
+            curve = Step(equations, piece, piece.begin, state, codes, middle).curves[side]
             least = equations.tiny * max(map(abs, curve[1:4]))
-            first = next((c for c in curve[1:] if abs(c) > least), 0)
-            if side is contact.drive:
-                codes[j] = 1 if first >= 0 else min(codes[j], 0)
-            elif first < 0:
-                codes[j] = -1
+            first = next((code * c for c in curve[1:] if abs(c) > least), 0)
+            codes[j] = code if first > 0 or first == 0 < code else codes[j]
     return codes, on_line
 
 
 def _first_event(step, crossed, longest):
-    """Return (time, (contact, side, next code) or None, whether v turns) of what ends a step.
+    """Return (time, what ends a step): (side or "turn" of the rate, contact, next code), or None.
 
-    `crossed` are the sides whose line the motion has just crossed, `longest` is the step at most.
+    `crossed` has the sides whose line the motion has just crossed, and "turn" where its rate is 0;
+    `longest` is the step at most.
     """
-    equations, event = step.equations, (longest, None, False)
-    floor, least = equations.tiny * 1e-3, equations.tiny * 1e-3
-    for j, (contact, code) in enumerate(zip(equations.contacts, step.codes, strict=True)):
+    equations, first = step.equations, (longest, None)
+    for j, (contact, code) in enumerate(step.contacts):
+        ends = [
+            ((side, j, after), [sign * c for c in step.curves[side]])
+            for side, sign, after in contact.possible_events(code)
+        ]
         if contact.has_kink:
             # |v| v has a kink: the series ends where v turns.
-            slope = slope_of(step.curve(contact.drive))
-            slope = slope[1:] if step.turned or not slope[0] else slope
-            turn = next(zeros(equations, slope, event[0], least, floor), None)
-            if turn is not None and 0 < turn < event[0]:
-                event = turn, None, True
-        for side, sign, after in contact.possible_events(code):
-            curve = step.curve(side)
-            curve = curve if sign > 0 else [-c for c in curve]
-            if side in crossed:
+            slope = slope_of(step.curves[contact.drive])
+            sign = 1 if slope["turn" in crossed] > 0 else -1
+            ends.append((("turn", j, code), [sign * c for c in slope]))
+        for end, curve in ends:
+            if end[0] in crossed:
                 # From the line on: the zero at the start is divided out.
                 curve = curve[1:]
             elif curve[0] <= 0 and curve[1] < 0:
-                return 0 * longest, (j, side, after), False
+                return 0 * longest, end
             slope = slope_of(curve)
-            for zero in zeros(equations, curve, event[0], least, floor):
-                falls = equations.value(slope, zero) < 0
-                if falls and (zero or side not in crossed):
-                    event = min(event, (zero, (j, side, after), False), key=lambda pair: pair[0])
+            for zero in zeros(equations, curve, first[0], equations.tiny * 1e-3):
+                if equations.value(slope, zero) < 0 and (zero or end[0] not in crossed):
+                    first = zero, end
                     break
-    return event
+    return first
 
 
-def integrate(equations, pieces, state, codes=None, record_from=math.inf, sample_times=()):
-    """Return the `Motion` along pieces from a state in units; all times are theta of `courses`.
+class Motion:
+    """A motion along `Piece`s from a state in units; all times are their theta.
 
-    codes : contacts at the start, None for those of the state.
+    codes : contacts at the start, None for those of the state; record_from : from when on extrema
+    and durations are taken; sample_times : rising. `cuts` are the times at which a stiffness or the
+    sliding may switch.
     """
-    state = [equations.context.mpf(x) for x in state]
-    record, events, all_cuts = Record(len(equations.contacts), record_from, sample_times), [], []
-    n, turned, crossed = equations.n, False, None
-    for piece in pieces:
-        cuts, t = cuts_of(equations, piece), piece.begin
-        all_cuts += cuts
-        if piece.begin < record_from < piece.end:
-            cuts = sorted({*cuts, record_from})
-        for stop in cuts:
-            middle = piece.phase_at((t + stop) / 2)[0]
-            if crossed is None:
-                start_codes, crossed = first_codes(equations, piece, state, middle)
-                codes = list(codes or start_codes)
-            while t < stop:
-                step = Step(equations, piece, t, state, codes, middle, turned)
-                h, met, turned = _first_event(step, crossed, step.length(stop - t))
-                whole = h == stop - t
-                after = stop if whole else t + h
-                if stop > record_from + equations.tiny:
-                    record.add_step(step, h)
-                record.sample(step, after)
-                if h:
-                    state, crossed = step.at(h), set()
-                t = after
-                if met:
-                    j, side, code = met
-                    phase, speed, _ = piece.phase_at(t)
-                    sides = equations.contacts[j].drive, side
-                    rates = (equations.rate(s, state[n:], phase, speed) for s in sides)
-                    events.append(Event(t, j, codes[j], code, *rates))
-                    codes[j] = code
-                    crossed = {*crossed, side}
-    return Motion(state, events, record, all_cuts, equations, pieces[-1].phase_at(t)[0])
+
+    def __init__(self, equations, pieces, state, codes=None, record_from=math.inf, sample_times=()):
+        self.equations, self.events, self.cuts = equations, [], []
+        self.record_from, self.pending = record_from, list(sample_times)
+        contacts = equations.contacts
+        self.record = SimpleNamespace(
+            #: rows (time, displacements, rates, forces, coordinates)
+            samples=[],
+            #: by contact values among which are the extrema
+            heights=[[] for _ in contacts],
+            forces=[[] for _ in contacts],
+            #: of normal contact (code 1), backlash (0), inverse contact (-1), the lower stiffness
+            durations=[[0, 0, 0, 0] for _ in contacts],
+        )
+        self.state, crossed = [equations.context.mpf(x) for x in state], None
+        for piece in pieces:
+            cuts, t = cuts_of(equations, piece), piece.begin
+            self.cuts += cuts
+            if piece.begin < record_from < piece.end:
+                cuts = sorted({*cuts, record_from})
+            for stop in cuts:
+                middle = piece.phase_at((t + stop) / 2)[0]
+                if crossed is None:
+                    start_codes, crossed = first_codes(equations, piece, self.state, middle)
+                    self.codes = list(codes or start_codes)
+                while t < stop:
+                    t, crossed = self._step(piece, t, stop, middle, crossed)
+        self.phase = pieces[-1].phase_at(t)[0]
+
+    def _step(self, piece, t, stop, middle, crossed):
+        """Make a step; return (time, what it has crossed at its end), see `_first_event`."""
+        step = Step(self.equations, piece, t, self.state, self.codes, middle, "turn" in crossed)
+        h, end = _first_event(step, crossed, step.length(stop - t))
+        t = stop if h == stop - t else t + h
+        if stop > self.record_from + self.equations.tiny:
+            self._record(step, h)
+        self._sample(step, t)
+        if h:
+            self.state, crossed = step.at(h), set()
+        if end:
+            side, j, code = end
+            crossed.add(side)
+            if side != "turn":
+                curves = step.curves[self.equations.contacts[j].drive], step.curves[side]
+                rates = (self.equations.value(slope_of(curve), h) for curve in curves)
+                self.events.append(Event(t, j, self.codes[j], code, *rates))
+                self.codes[j] = code
+        return t, crossed
+
+    def _record(self, step, t):
+        """Add the extrema and durations of a step of length t."""
+        equations, record = self.equations, self.record
+        for j, (contact, code) in enumerate(step.contacts):
+            record.durations[j][1 - code] += t
+            curves = step.displacement(contact), step.elastic(contact, code)
+            for curve, values in zip(curves, (record.heights[j], record.forces[j]), strict=True):
+                floor = equations.tiny * max(map(abs, curve))
+                turns = zeros(equations, slope_of(curve), t, floor)
+                values += [equations.value(curve, place) for place in (0 * t, *turns, t)]
+            if code:
+                # Models of one degree record the stiffness of the drive side.
+                side = contact.side[code] if equations.n > 1 else contact.drive
+                level, high = step.stiffness(contact, side), side.course["high"]
+                level[0] -= high
+                floor = high * equations.tiny
+                for begin, end in pairwise([0 * t, *zeros(equations, level, t, floor), t]):
+                    is_low = equations.value(level, (begin + end) / 2) < -floor
+                    record.durations[j][3] += is_low * (end - begin)
+
+    def _sample(self, step, until):
+        """Add the samples of a step before a time."""
+        value, n = self.equations.value, self.equations.n
+        while self.pending and self.pending[0] < until:
+            time, rows = self.pending.pop(0), []
+            for contact, code in step.contacts:
+                curve = step.displacement(contact)
+                curves = curve, slope_of(curve), step.elastic(contact, code)
+                rows.append([value(c, time - step.t) for c in curves])
+            row = *zip(*rows, strict=True), step.at(time - step.t)[:n]
+            self.record.samples.append((time, *row))
+
+    def mesh_state(self):
+        """Return displacement and rate of the first contact at the end."""
+        n, contact = self.equations.n, self.equations.contacts[0]
+        halves = enumerate((self.state[:n], self.state[n:]))
+        x, v = (self.equations.distance(contact.drive, half, self.phase, k) for k, half in halves)
+        return x - contact.zero, v
 
 
 def move(equations, periods, state, recorded=0, phases=(), codes=None):
     """Return the `Motion` at constant speed from phase 0 over periods that need not be whole.
 
-    recorded : number of the last periods whose extrema and durations are taken.
-    phases : of samples, rising; codes : contacts at the start, None for those of the state.
+    The last `recorded` ones are recorded; `phases` are those of samples.
     """
     period, zero = 2 * equations.context.pi, equations.context.mpf(0)
     piece = Piece(zero, period * periods, zero, zero + 1)
     begin = period * (periods - recorded) if recorded else math.inf
-    return integrate(equations, [piece], state, codes, begin, phases)
+    return Motion(equations, [piece], state, codes, begin, phases)
 
 
-def period_map(flow, state, step):
-    """Return the end to which a flow leads a state, and the matrix of its derivatives."""
-    end, columns = flow(state), []
-    for j in range(len(state)):
-        other = list(state)
-        other[j] += step
-        columns.append([(a - b) / step for a, b in zip(flow(other), end, strict=True)])
-    return end, mpmath.matrix(columns).T
-
-
-def orbit(flow, state, step, iterations):
-    """Return (state, matrix) of the periodic orbit of a flow near a state, by Newton's method."""
+def newton(function, point, iterations):
+    """Return a zero of a function by Newton's method, and the derivatives before the last step."""
+    function = cache(function)
     for _ in range(iterations):
-        end, matrix = period_map(flow, state, step)
-        away = mpmath.matrix([a - b for a, b in zip(end, state, strict=True)])
-        change = mpmath.lu_solve(mpmath.eye(len(state)) - matrix, away)
-        state = [a + b for a, b in zip(state, change, strict=True)]
-    return state, period_map(flow, state, step)[1]
-
-
-def multipliers(matrix):
-    """Return the eigenvalues of a monodromy matrix."""
-    return mpmath.eig(matrix, left=False, right=False)
+        slopes = mp.jacobian(function, point)
+        change = mp.lu_solve(slopes, mp.matrix(function(*point)))
+        point = [a - b for a, b in zip(point, change, strict=True)]
+    return point, slopes

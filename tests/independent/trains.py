@@ -9,33 +9,25 @@ from fractions import Fraction
 
 import mpmath
 import numpy as np
+import scipy.linalg
 
-from tests.independent.assembly import (
-    System,
-    contact,
-    flank,
-    harmonics,
-    mean_stiffness,
-    rectangular_profile,
-)
+from tests.independent.equations import System, harmonics, mean_stiffness
 
 
 def speeds_of(model):
     """Return name -> speed in radians per radian of reference mesh phase, by tooth numbers."""
     teeth = {body["name"]: body["teeth"] for body in model["bodies"]}
     first = next(mesh for mesh in model["meshes"] if mesh["name"] == model["reference"])
-    speeds = {first["pinion"]: Fraction(1, teeth[first["pinion"]])}
-    links = [
-        (a, b, Fraction(teeth[a], teeth[b]) * (1 if mesh["internal"] else -1))
-        for mesh in model["meshes"]
-        for a, b in [(mesh["pinion"], mesh["wheel"])]
-    ] + [(*shaft["bodies"], Fraction(1)) for shaft in model["shafts"]]
-    for _ in links:
-        for a, b, ratio in links:
-            if a in speeds:
-                speeds.setdefault(b, speeds[a] * ratio)
-            elif b in speeds:
-                speeds[a] = speeds[b] / ratio
+    speeds, links = {first["pinion"]: Fraction(1, teeth[first["pinion"]])}, []
+    for mesh in model["meshes"]:
+        a, b = mesh["pinion"], mesh["wheel"]
+        links.append((a, b, Fraction(teeth[a], teeth[b]) * (1 if mesh["internal"] else -1)))
+    links += [(*shaft["bodies"], Fraction(1)) for shaft in model["shafts"]]
+    for a, b, ratio in links * len(links):
+        if a in speeds:
+            speeds.setdefault(b, speeds[a] * ratio)
+        elif b in speeds:
+            speeds[a] = speeds[b] / ratio
     driving = next((mesh for mesh in model["meshes"] if mesh["driving"]), first)
     if _pinion_drives(driving, speeds) != (driving["driving"] in (None, driving["pinion"])):
         speeds = {name: -speed for name, speed in speeds.items()}
@@ -61,10 +53,12 @@ class Train(System):
             self.names += [(name, axis) for axis, k in axes if context.isfinite(k)]
         super().__init__(context, len(self.names))
         self.speeds = speeds_of(model)
+        self.reference = next(m for m in model["meshes"] if m["name"] == model["reference"])
         self.add_bodies()
         for shaft in model["shafts"]:
             self.add_shaft(shaft)
-        self.contacts = [self.mesh(mesh) for mesh in model["meshes"]]
+        for mesh in model["meshes"]:
+            self.add_mesh(mesh)
         self.still = self.stiffness, self.load
         self.set_units(tuning)
         if model["gyroscopic"]:
@@ -75,41 +69,37 @@ class Train(System):
         return self.unit(self.names.index(key)) if key in self.names else self.zeros(self.n)
 
     def pin(self, body):
-        """Return the rows of the pin of a planet, radial and tangential."""
+        """Return the rows of the pin of a planet, radial and tangential; zeros for other bodies."""
         c, s = self.context.cos(body["angle"]), self.context.sin(body["angle"])
         x, y, u = (self.row(body["carrier"], axis) for axis in "xyu")
         return c * x + s * y, c * y - s * x + u
 
-    def axes(self, name):
+    def axes(self, body):
         """Return the rows of an axis along its own x and y; of rigid pins those of the pin."""
-        body = self.bodies[name]
-        rows = [self.row(name, axis) for axis in "xy"]
-        if body["carrier"]:
-            for i, pin in enumerate(self.pin(body)):
-                if not self.context.isfinite(body["support_stiffness"][i]):
-                    rows[i] = pin
-        return rows
+        rows = zip("xy", body["support_stiffness"], self.pin(body), strict=True)
+        return [
+            self.row(body["name"], axis) if self.context.isfinite(stiffness) else pin
+            for axis, stiffness, pin in rows
+        ]
 
-    def rotated(self, body, x, y):
-        """Return the components along x and y of the frame of what a body has along its own."""
-        angle = body["angle"] if body["carrier"] else self.context.mpf(0)
-        c, s = self.context.cos(angle), self.context.sin(angle)
-        return c * x - s * y, s * x + c * y
+    def turn(self, body):
+        """Return e^(i angle) of the frame of a body."""
+        return self.context.expj(body["angle"] if body["carrier"] else 0)
 
     def fixed(self, name):
         """Return the rows of an axis along x and y of the frame."""
-        return self.rotated(self.bodies[name], *self.axes(name))
+        (x, y), turn = self.axes(self.bodies[name]), self.turn(self.bodies[name])
+        return turn.real * x - turn.imag * y, turn.imag * x + turn.real * y
 
     def add_bodies(self):
         for name, body in self.bodies.items():
-            r, rows, turn = body["base_radius"], self.axes(name), self.row(name, "u")
-            pins = self.pin(body) if body["carrier"] else (0, 0)
-            for i, row in enumerate(rows):
-                if body["mass"] is not None:
-                    self.inertia(row, body["mass"])
-                if self.context.isfinite(body["support_stiffness"][i]):
-                    values = body["support_stiffness"][i], body["support_damping"][i]
-                    self.spring(row - pins[i], *values)
+            r, turn = body["base_radius"], self.row(name, "u")
+            rows = zip(self.axes(body), self.pin(body), strict=True)
+            springs = zip(body["support_stiffness"], body["support_damping"], strict=True)
+            for (row, pin), spring in zip(rows, springs, strict=True):
+                self.inertia(row, body["mass"] or 0)
+                if self.context.isfinite(spring[0]):
+                    self.spring(row - pin, *spring)
             self.inertia(turn, body["inertia"] / r**2)
             if self.context.isfinite(body["torsional_stiffness"]):
                 self.spring(turn / r, body["torsional_stiffness"], body["torsional_damping"])
@@ -124,52 +114,45 @@ class Train(System):
 
     def add_rotating_frame_forces(self):
         """Add Coriolis and centrifugal forces, and those of dampers of supports at rest."""
-        first = self.model["meshes"][self.reference]["pinion"]
-        w = self.model["carrier_ratio"] * self.fraction(self.speeds[first]) * self.speed
-        for name, body in self.bodies.items():
-            (x, y), m = self.axes(name), body["mass"] or 0
-            carrier = self.bodies.get(body["carrier"])
+        pinion = self.reference["pinion"]
+        w = self.model["carrier_ratio"] * self.fraction(self.speeds[pinion]) * self.speed
+        for body in self.bodies.values():
+            (x, y), m, (cx, cy) = self.axes(body), body["mass"] or 0, body["support_damping"]
             # The constant part m w^2 r turns with the carrier: a planet feels its change by the
             # motion across the radius relative to the carrier.
-            relative = y - self.row(carrier["name"], "u") if carrier else y
+            relative = y - self.row(body["carrier"], "u")
+            pulled = np.outer(x, x) + np.outer(relative, relative)
             self.damping = self.damping - 2 * m * w * (np.outer(x, y) - np.outer(y, x))
-            self.stiffness = self.stiffness - m * w**2 * (
-                np.outer(x, x) + np.outer(relative, relative)
-            )
-            if carrier:
-                self.load = self.load + m * w**2 * carrier["base_radius"] * x
+            self.stiffness = self.stiffness - m * w**2 * pulled
+            if body["carrier"]:
+                radius = self.bodies[body["carrier"]]["base_radius"]
+                self.load = self.load + m * w**2 * radius * x
             else:
-                cx, cy = body["support_damping"]
-                drag = cy * np.outer(y, x) - cx * np.outer(x, y)
-                self.stiffness = self.stiffness + w * drag
+                self.stiffness += w * (cy * np.outer(y, x) - cx * np.outer(x, y))
 
     def line(self, mesh):
-        """Return the unit vector of the line of action.
+        """Return the line of action as a complex number of size 1.
 
-        By the angle psi of the line of centres and the pressure angle a it is +-(-sin, cos) of
-        psi -+ a.
+        By the angle psi of the line of centres and the pressure angle a it is +-i e^(i(psi -+ a)).
         """
         context, direction = self.context, mesh["direction"]
         if mesh["line_of_action"] is not None:
-            return context.cos(mesh["line_of_action"]), context.sin(mesh["line_of_action"])
+            return context.expj(mesh["line_of_action"])
         a = mesh["pressure_angle"] * (1 if mesh["internal"] else -1)
-        psi = (mesh["position"] or 0) + direction * a
-        return -direction * context.sin(psi), direction * context.cos(psi)
+        return direction * context.j * context.expj((mesh["position"] or 0) + direction * a)
 
-    def mesh(self, mesh):
-        """Return the contact of a mesh."""
-        context = self.context
+    def add_mesh(self, mesh):
+        context, name, pinion = self.context, mesh["name"], mesh["pinion"]
         #: (body, sign of its motion along the line of action, sign of its turning) in the distance
-        ends = (mesh["pinion"], 1, 1), (mesh["wheel"], -1, 1)
+        ends = (pinion, 1, 1), (mesh["wheel"], -1, 1)
         if mesh["internal"]:
-            ends = (mesh["wheel"], 1, 1), (mesh["pinion"], -1, -1)
-        (first, *_), (second, *_) = ends
+            ends = (mesh["wheel"], 1, 1), (pinion, -1, -1)
+        first, second = (self.speeds[end[0]] for end in ends)
         # At a vector w from the pitch point the first gear slides on the second by (W1 - W2) k x w;
         # along the line of action contact moves as the base circle of the first gear does.
-        leads = 1 if mesh["direction"] * self.speeds[first] > 0 else -1
-        slides = leads * (1 if self.speeds[first] > self.speeds[second] else -1)
-        row, across, turning_row, constant, run_out = self.distances(mesh, ends)
-        name, pinion, sides = mesh["name"], mesh["pinion"], []
+        leads = 1 if mesh["direction"] * first > 0 else -1
+        slides = leads * (1 if first > second else -1)
+        across, *distances = self.distances(mesh, ends)
         rate = self.fraction(abs(self.speeds[pinion]) * self.bodies[pinion]["teeth"])
         shifts = self.model["phases"][name], self.model["inverse_phases"][name]
         pitch = mesh["pitch_phase"] / (2 * context.pi)
@@ -179,59 +162,51 @@ class Train(System):
         thickness = mesh["tooth_thickness"] or [context.mpf(1) / 2] * 2
         thickness = thickness[::-1] if mesh["internal"] else thickness
         pitches = pitch, pitch + leads * (thickness[0] + 1 - thickness[1]) / 2
+        sides = []
         for i, deviation in enumerate(("deviation", "inverse_deviation")):
-            waves = []
-            # Harmonics of both sides begin at the phase of the drive side.
+            row, constant, waves = distances[i == 1 and mesh["moving_backlash"]]
             for n, a, b in harmonics(mesh[deviation]):
-                lag = 2 * context.pi * n * shifts[0]
-                c, s = context.cos(lag), context.sin(lag)
-                waves.append((n * rate, a * c - b * s, a * s + b * c))
-            # With a moving backlash, Eq. (4), bearings, run-out and offsets do not change it.
-            moving = i == 1 and mesh["moving_backlash"]
-            edge = mesh["error"] if moving else constant
+                # Harmonics of both sides begin at the phase of the drive side.
+                z = (a + b * context.j) * context.expj(2 * context.pi * n * shifts[0])
+                waves = [*waves, (n * rate, z.real, z.imag)]
             # Friction opposes the sliding; on the coast side the elastic force has the other sign.
-            friction = (1 - 2 * i) * mesh["friction"][i]
-            edge = edge + mesh["backlash"] if i else edge
-            waves = waves if moving else waves + run_out
-            laws = {"stiffness": rectangular_profile(mesh, context, shifts[i])}
-            laws |= {"material": [mesh["material_damping"], 0, 0], "constant": edge}
-            laws |= {"waves": waves, "friction": friction, "turns": pitches[i]}
-            sides.append(flank(turning_row if moving else row, **laws))
+            laws = {"friction": (1 - 2 * i) * mesh["friction"][i], "turns": pitches[i]}
+            laws |= {"row": row, "course": self.rectangular_course(mesh, shifts[i])}
+            laws |= {"constant": constant + (mesh["backlash"] if i else 0), "waves": waves}
+            sides.append(laws | {"material": [mesh["material_damping"], 0, 0]})
         if not context.isfinite(mesh["backlash"]):
             sides.pop()
         film = [mesh["backlash_damping"], 0, 0]
-        return contact(sides, film, rate, across=across * slides)
+        self.add_contact(sides, film, rate=rate, across=across * slides)
 
     def fraction(self, value):
         return self.context.mpf(value.numerator) / value.denominator
 
     def distances(self, mesh, ends):
-        """Return (row, across, turning_row, constant, run_out) of a mesh with `ends` as in `mesh`.
+        """Return the row of friction of a mesh, `ends` as in `add_mesh`, and distances of flanks.
 
-        The distance of the flanks is `row @ q + constant` + the waves `run_out`; friction acts on
-        the row `across`; `turning_row` has the turning of gears and carrier only.
+        They are (row, constant, waves of run-out): all, and those that a moving backlash, Eq. (4),
+        counts from, without bearings, run-out and offsets.
         """
-        context, (ex, ey), direction = self.context, self.line(mesh), mesh["direction"]
-        row, across, constant = self.zeros(self.n), self.zeros(self.n), mesh["error"]
-        turning_row, run_out = self.zeros(self.n), []
+        row, across, turning_row = self.zeros(3, self.n)
+        constant, run_out = mesh["error"], []
         for name, sign, turn in ends:
-            body, (x, y) = self.bodies[name], self.fixed(name)
-            turning = direction * turn * self.row(name, "u")
-            row = row + sign * (ex * x + ey * y) + turning
-            across = across + sign * (ex * y - ey * x)
-            turning_row = turning_row + turning
-            if body["carrier"]:
-                px, py = self.rotated(body, *self.pin(body))
-                turning_row = turning_row + sign * (ex * px + ey * py)
-            ox, oy = self.rotated(body, *body["offset"])
-            constant += sign * (ex * ox + ey * oy)
-            # e (cos, sin)(speed tau + phase + psi) along the line
-            size, at = sign * body["eccentricity"], body["eccentricity_phase"]
-            if size:
-                c, s = self.rotated(body, size * context.cos(at), size * context.sin(at))
-                rate = self.fraction(self.speeds[name])
-                run_out.append((rate, ex * c + ey * s, ey * c - ex * s))
-        return row, across, turning_row, constant, run_out
+            body = self.bodies[name]
+            # The line of action as seen from the frame of the body.
+            line = sign * self.line(mesh) / self.turn(body)
+            turning = mesh["direction"] * turn * self.row(name, "u")
+            x, y = self.axes(body)
+            row += line.real * x + line.imag * y + turning
+            across += line.real * y - line.imag * x
+            x, y = self.pin(body)
+            turning_row += line.real * x + line.imag * y + turning
+            x, y = body["offset"]
+            constant += line.real * x + line.imag * y
+            # e (cos, sin)(speed tau + phase) along the line
+            if body["eccentricity"]:
+                z = line * body["eccentricity"] * self.context.expj(-body["eccentricity_phase"])
+                run_out.append((self.fraction(self.speeds[name]), z.real, z.imag))
+        return across, (row, constant, run_out), (turning_row, mesh["error"], [])
 
     def modes(self):
         """Return (squared frequencies, shapes as columns, stiffness) at mean stiffness, at rest."""
@@ -240,44 +215,35 @@ class Train(System):
             row = gears["sides"][0]["row"]
             stiffness = stiffness + mean_stiffness(mesh) * np.outer(row, row)
         if context is mpmath.fp:
-            root = np.linalg.inv(np.linalg.cholesky(self.mass))
-            squares, shapes = np.linalg.eigh(root @ stiffness @ root.T)
-        else:
-            root = mpmath.cholesky(mpmath.matrix(self.mass.tolist())) ** -1
-            root = np.array(root.tolist(), object)
-            pair = mpmath.eigsy(mpmath.matrix((root @ stiffness @ root.T).tolist()))
-            squares, shapes = (np.array(part.tolist(), object) for part in pair)
-            squares = squares.ravel()
-            order = np.argsort(squares)
-            squares, shapes = squares[order], shapes[:, order]
-        return squares, root.T @ shapes, stiffness
+            return *scipy.linalg.eigh(stiffness, self.mass), stiffness
+        root = np.array((context.cholesky(context.matrix(self.mass.tolist())) ** -1).tolist())
+        squares, shapes = context.eigsy(context.matrix((root @ stiffness @ root.T).tolist()))
+        return np.array(list(squares)), root.T @ np.array(shapes.tolist()), stiffness
 
     def set_units(self, tuning):
         """Set the units: static deflection of the reference mesh, frequency of its strongest mode.
 
         That frequency, or the one that is given, is multiplied by the tuning.
         """
-        model, names = self.model, [mesh["name"] for mesh in self.model["meshes"]]
-        self.reference = names.index(model["reference"])
+        model, context = self.model, self.context
         if "derived" in model:
             # A certificate states its units.
             self.length, self.force = model["derived"]["length"], 1
             self.speed = tuning * model["derived"]["omega"]
             return
         squares, shapes, _ = self.modes()
-        elastic = np.array([abs(w) > 1e-9 * max(squares) for w in squares], bool)
+        elastic = abs(squares) > 1e-9 * max(squares)
         squares, shapes = squares[elastic], shapes[:, elastic]
-        line = self.contacts[self.reference]["sides"][0]["row"]
-        self.force = mean_stiffness(model["meshes"][self.reference])
+        line = self.contacts[model["meshes"].index(self.reference)]["sides"][0]["row"]
+        self.force = mean_stiffness(self.reference)
         parts = (line @ shapes) * (self.load @ shapes) / squares
-        deflection = abs(sum(parts))
-        is_loaded = deflection > 1e-9 * sum(abs(part) for part in parts)
-        self.length = deflection if is_loaded else self.context.mpf("1e-6")
+        is_loaded = abs(sum(parts)) > 1e-9 * sum(abs(parts))
+        self.length = abs(sum(parts)) if is_loaded else context.mpf("1e-6")
         if model["reference_frequency"] is not None:
-            self.speed = tuning * 2 * self.context.pi * model["reference_frequency"]
+            self.speed = tuning * 2 * context.pi * model["reference_frequency"]
             return
         share = self.force * (line @ shapes) ** 2 / squares
         # Modes of one frequency count as one; of equal energies, to rounding, the first.
         energy = [sum(share[abs(squares - w) < 1e-6 * w]) for w in squares]
-        best = next(i for i, e in enumerate(energy) if e > 0.999999 * max(energy))
-        self.speed = tuning * self.context.sqrt(squares[best])
+        best = next(w for w, e in zip(squares, energy, strict=True) if e > 0.999999 * max(energy))
+        self.speed = tuning * context.sqrt(best)

@@ -213,11 +213,11 @@ def state_grazing_at_phase(equations, phase, contact, depth, q, v):
     for i, x in side.row:
         row[i] = x
     q = q + row * (depth - equations.distance(side, q, phase)) / (row @ row)
-    v = v - row * equations.rate(side, v, phase) / (row @ row)
+    v = v - row * equations.distance(side, v, phase, order=1) / (row @ row)
     state, t = [*q.tolist(), *v.tolist()], phase
     codes, _ = first_codes(equations, instant, state, phase)
     codes[contact] = 1
-    *_, curvature = Step(equations, instant, t, state, codes, phase).curve(side)[:3]
+    *_, curvature = Step(equations, instant, t, state, codes, phase).curves[side][:3]
     if curvature <= 0:
         return None
     while t > 0:
