@@ -177,6 +177,7 @@ simulate --config misspelt.yaml --tuning 1 | did you mean resonance
 simulate --config four_planets.yaml --damping k9 --tuning 1 | one of k1
 gears --teeth 23 --module '2 mm' | --teeth = 23 is not allowed: it must be
 gears --shift 0.2 --module '2 mm' | --module is not allowed as a value
+run-up PAIR --start 2000 --stop '5 kg' --acceleration 9 | stop = '5 kg' is not allowed
 sweep DRAWN --stop 1e9rpm | stop = 1000000000.0 is not allowed
 simulate DRAWN --model six_degrees --speed 4000 | bearing_stiffness is missing
 simulate --tuning 1 UNDAMPED | damping_ratio is missing

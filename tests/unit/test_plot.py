@@ -1,10 +1,26 @@
-"""What `gearlib.plot` refuses, and where it draws; tests/golden/plots has its pictures."""
+"""What `gearlib.plot` refuses; figures of odd data; schematics. tests/golden has pictures."""
 
+import math
+
+import numpy as np
 import pytest
 from matplotlib import pyplot
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
+import gearlib
 from gearlib import plot, run_up, simulate
+from gearlib.figures import (
+    jump_figure,
+    nonlinear_damping_figure,
+    phase_planes_figure,
+    resonance_figure,
+    schematic,
+    style,
+)
+from tests.golden import data as golden
 from tests.paper import PAPER
+from tests.trains import random_trains
 
 
 @pytest.fixture(autouse=True)
@@ -37,3 +53,93 @@ def test_variables_that_a_run_up_does_not_have_are_refused():
     run = run_up(PAPER, start=PAPER.speed(0.5), stop=PAPER.speed(0.51), duration=0.1)
     with pytest.raises(ValueError, match="phase over revolution is missing"):
         plot.run_up(run, variable="phase")
+
+
+def gone(name, *variables):
+    """Return golden data of which variables have no numbers."""
+    data = golden.read(name)
+    return data.assign({variable: data[variable] * np.nan for variable in variables})
+
+
+EXTREMA = ["displacement_max", "displacement_min"]
+CURVES, PLANES, JUMPS = map(gone, ("resonance.nc", "phase_planes.nc", "jump.nc"))
+SHORT = CURVES.assign(CURVES[EXTREMA].where(CURVES.tuning > 0.6))
+NO_PLANE = PLANES.assign(displacement=PLANES.displacement.where(PLANES.damping != "k1"))
+NO_JUMPS = gone("jump.nc", "jump").isel(variation=JUMPS.kind.isin(["base", "damping"]))
+NO_RESULTS = [
+    gone(f"nonlinear_damping/{place}_cubic.nc", *EXTREMA, "displacement", "velocity")
+    for place in ("material", "oil")
+]
+#: Figures of which no limit may be lost.
+ODD = {
+    "no backlash": (resonance_figure, CURVES.assign(backlash_ratio=0.0)),
+    "no far flank": (resonance_figure, CURVES.assign(backlash_ratio=math.inf)),
+    "planes without a far flank": (phase_planes_figure, PLANES.assign(backlash_ratio=math.inf)),
+    "a plane without a result": (phase_planes_figure, NO_PLANE),
+    "no result at a tuning": (resonance_figure, SHORT),
+    "one tuning": (resonance_figure, CURVES.isel(tuning=[4])),
+    "no jump": (jump_figure, NO_JUMPS),
+    "no results": (nonlinear_damping_figure, NO_RESULTS),
+}
+
+
+@pytest.mark.parametrize(("figure", "data"), ODD.values(), ids=ODD)
+def test_limits_are_numbers(figure, data):
+    for axes in figure.draw(data).axes:
+        assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
+
+
+def test_same_data_same_bytes(tmp_path):
+    # tests/robustness compares those of png and pdf.
+    paths = [tmp_path / f"{name}.svg" for name in "ab"]
+    for path in paths:
+        style.save(phase_planes_figure.draw(PLANES), path)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    with pytest.raises(ValueError, match="must end in"):
+        style.save(phase_planes_figure.draw(PLANES), tmp_path / "figure.tiff")
+
+
+TRAINS = {
+    "planetary": gearlib.planetary(),
+    "turning": gearlib.planetary(turning=True, planets=4, teeth=(28, 100)),
+    "ring at the output": gearlib.split_power_reducer(PAPER, internal=True),
+    "idler": gearlib.idler(PAPER, angle=2.0),
+    "two stages": gearlib.two_stage(PAPER, modules=(0.003, 0.005)),
+    "chain": random_trains.chain_train(np.random.default_rng(0)),
+}
+
+
+def axes_of(train, mesh):
+    """Return the axes of pinion and wheel in m, seen from the pitch point."""
+    angle = mesh.centre_line_angle
+    direction = np.array([math.cos(angle), math.sin(angle)])
+    pinion, wheel = (
+        train.by_name[name].base_radius / math.cos(mesh.pressure_angle) * direction
+        for name in (mesh.pinion, mesh.wheel)
+    )
+    # The axes lie on both sides of the pitch point, those of a planet and a ring gear on one side.
+    return -pinion, -wheel if mesh.internal else wheel
+
+
+@pytest.mark.parametrize("name", TRAINS)
+@pytest.mark.parametrize("phase", [0.0, 7.0])
+def test_pitch_circles_touch_at_the_pitch_points(name, phase):
+    train, axes, matched = TRAINS[name], Figure().add_subplot(), set()
+    schematic.draw(axes, train.layout(), phase=phase)
+    hubs = [patch for patch in axes.patches if patch.get_fill()]
+    circles = [patch for patch in axes.patches if isinstance(patch, Circle) and patch not in hubs]
+    # Carriers turn the meshes, seen from the housing, by this angle.
+    angle = train.carrier_ratio * float(train.speeds[train.reference_mesh.pinion]) * phase
+    rotation = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    # The marks of meshes are lines of one point.
+    dots = [line for line in axes.lines if len(line.get_xdata()) == 1]
+    for mesh, dot in zip(train.meshes, dots, strict=True):
+        for arm in axes_of(train, mesh):
+            expected = [*(dot.get_xydata()[0] + rotation @ arm), math.hypot(*arm)]
+            found = {c for c in circles if math.dist([*c.center, c.radius], expected) < 1e-9}
+            assert found, mesh.name
+            matched |= found
+    assert {*circles} == matched
+    # A hub for each shaft, where both of its bodies have their axis.
+    assert len(hubs) == len(train.shafts) and float(train.layout().misfit) == 0.0
+    assert all(any(math.dist(hub.center, c.center) < 1e-9 for c in circles) for hub in hubs)
