@@ -3,7 +3,7 @@
 Statements, numbers and verdicts are those of `docs/claims/claims.csv`, a copy of what the workflow
 writes. The reasons are prose, in `docs/claims/why.yaml`, with numbers from the copies of
 `parametric_resonance.csv` and `certificates.csv`, and from `branches.csv`, the folds and grazings
-of the branches. `labels.csv` says which motions from rest settle. After a run of the workflow,
+of the branches. After a run of the workflow,
 
     python -m docs.hooks.reproduction results
 
