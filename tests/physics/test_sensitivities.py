@@ -14,7 +14,7 @@ from gearlib import (
     sensitivities,
     simulate,
 )
-from gearlib.analysis.orbits.special_points import FOLD, GRAZING
+from gearlib.analysis.orbits.special_points import GRAZING
 from tests.independent import differences
 from tests.independent.systems import describe
 from tests.properties.known_models import (
@@ -104,20 +104,6 @@ def test_derivatives_of_an_orbit_and_its_multipliers_are_those_in_many_digits():
         expected = np.array(row, float)
         difference = np.abs(result[f"d_value_d_{name}"].values - expected).max()
         assert difference <= 1e-8 * np.abs(expected).max(), name
-
-
-def test_derivative_of_a_fold_is_that_in_many_digits():
-    pair = DAMPED.replace(backlash_damping=0.0)
-
-    def fold(model):
-        branch = continue_orbit(periodic_orbit(model, 0.79), to=0.83)
-        point = int(np.flatnonzero(branch.label == FOLD)[0])
-        return np.array([*branch.state.values[point], branch.tuning.values[point]])
-
-    guess = tuple(round(float(x), 6) for x in fold(pair))
-    result = sensitivities(lambda model: fold(model)[-1], pair, "material_damping")
-    rows = REFERENCES.rows(differences.of_fold, describe(pair), 1, guess, ["material_damping"])
-    assert float(result.d_value_d_material_damping) == pytest.approx(float(rows[0][0]), rel=1e-6)
 
 
 def test_the_derivative_of_a_run_up_by_the_load_is_the_displacement_over_the_load():
