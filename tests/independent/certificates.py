@@ -33,8 +33,8 @@ def model_of(claim):
     if "bodies" not in model:
         return {"kind": "SixDegreePair" if "inertias" in model else "GearPair"} | model
     derived = exact(mp, claim["derived"])
-    omega = derived["reference_angular_frequency"]
-    units = {"length": derived["static_deflection"], "omega": omega}
+    length, omega = derived["static_deflection"], derived["reference_angular_frequency"]
+    units = {"length": length, "omega": omega}
     return {"kind": "GearTrain", **model, **derived, "derived": units}
 
 

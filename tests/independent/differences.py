@@ -13,19 +13,15 @@ from tests.independent.equations import mean_stiffness
 from tests.independent.systems import equations_of, move
 
 mp.dps = 50
-#: Differences of parameters on both sides or on one side, over their sizes.
-_TWO_SIDED, _ONE_SIDED = mpf(10) ** -10, mpf(10) ** -16
 
 
 def columns(model, tuning, periods, state):
     """Return the variables of a run of the library that are differentiated, name -> list."""
     motion = move(model, tuning, periods, state, context=mp, recorded=1)
-    record = motion.record
-    several = model["kind"] == "GearTrain"
-    table = {"final_state": list(motion.state if several else motion.mesh_state())}
+    record, several = motion.record, model["kind"] == "GearTrain"
+    table = {"final_state": motion.state if several else motion.mesh_state()}
     for name, values in (("displacement", record.heights), ("dynamic_force", record.forces)):
-        table[f"{name}_max"] = list(map(max, values))
-        table[f"{name}_min"] = list(map(min, values))
+        table |= {f"{name}_max": list(map(max, values)), f"{name}_min": list(map(min, values))}
     for i, name in enumerate(("normal", "backlash", "inverse", "min_stiffness")):
         table[f"fraction_{name}"] = [times[i] / (2 * mp.pi) for times in record.durations]
     last = [event for event in motion.events if event.phase > 2 * mp.pi * (periods - 1)]
@@ -70,11 +66,10 @@ def of_run(model, tuning, periods, state, names):
     with mp.workdps(34):
         base, rows = columns(model, tuning, periods, state), []
         for name in names:
-            other, nu, step = _changed(model, tuning, name, _ONE_SIDED)
-            moved, row = columns(other, nu, periods, state), []
-            for key in sorted(base):
-                row += [(b - a) / step for a, b in zip(base[key], moved[key], strict=True)]
-            rows.append(row)
+            other, nu, step = _changed(model, tuning, name, mpf(10) ** -16)
+            moved = columns(other, nu, periods, state)
+            pairs = ((base[key], moved[key]) for key in sorted(base))
+            rows.append([(b - a) / step for pair in pairs for a, b in zip(*pair, strict=True)])
     return rows
 
 
@@ -97,8 +92,8 @@ def of_orbit(model, tuning, period, guess, names):
     rows = []
     for name in names:
         both = []
-        for share in (-_TWO_SIDED, _TWO_SIDED):
-            other, nu, step = _changed(model, tuning, name, share)
+        for sign in (-1, 1):
+            other, nu, step = _changed(model, tuning, name, sign * mpf(10) ** -10)
             state, slopes = orbit_of(other, nu, period, guess)
             roots = mp.eig(slopes + mp.eye(2), left=False, right=False)
             # Largest first and with positive imaginary part first.

@@ -221,10 +221,7 @@ class Train(System):
         return np.array(list(squares)), root.T @ np.array(shapes.tolist()), stiffness
 
     def set_units(self, tuning):
-        """Set the units: static deflection of the reference mesh, frequency of its strongest mode.
-
-        That frequency, or the one that is given, is multiplied by the tuning.
-        """
+        """Set units: the static deflection of the reference mesh, its strongest mode."""
         model, context = self.model, self.context
         if "derived" in model:
             # A certificate states its units.
