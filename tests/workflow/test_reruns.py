@@ -153,7 +153,8 @@ def test_new_scene_runs_beside_the_others(project):
         "periods_shown": 2,
     }
     project.configure(lambda settings: settings["scenes"].update(mine=scene))
-    assert project.jobs("-j2", "results/figures/mine.png") == {"scene": 1, "draw_scene": 1}
+    expected = {"scene": 1, "compare_models": 1, "draw_scene": 1}
+    assert project.jobs("-j2", "results/figures/mine.png") == expected
     assert (project / "results/figures/mine.png").stat().st_size > 1000
     for path, modified in before.items():
         assert (project / path).stat().st_mtime_ns == modified, path
