@@ -1,30 +1,19 @@
 """A wrong derivative proves nothing: entries of the matrix in Krawczyk's test are changed."""
 
-import itertools
-from functools import cache
-
 import numpy as np
 import pytest
 
 import gearlib
 from gearlib.analysis.proofs.path import Path, Windows
-from tests.paper import PAPER
-from tests.proofs import test_train_certificates
-from tests.proofs.test_other_models import STOP
+from tests.proofs.claims import MATERIAL, STOP
+from tests.proofs.test_train_certificates import orbit_of
 
-MATERIAL = PAPER.replace(material_damping=3953.7)
-
-
-#: Model, tuning, guess; the others are trains.
-CASES = {"two contacts": (MATERIAL, 0.815, None), "stops": (STOP, 0.5, (1.0, 0.0))}
-
-
-@cache
-def orbit_of(case):
-    if case not in CASES:
-        return test_train_certificates.orbit_of(case)
-    model, tuning, guess = CASES[case]
-    return gearlib.periodic_orbit(model, tuning, guess=guess)
+ORBITS = {
+    "two contacts": lambda: gearlib.periodic_orbit(MATERIAL, 0.815),
+    "stops": lambda: gearlib.periodic_orbit(STOP, 0.5, guess=(1.0, 0.0)),
+    "idler": lambda: orbit_of("idler"),
+    "branches": lambda: orbit_of("branches"),
+}
 
 
 def change_derivative(monkeypatch, owner, row, column, change):
@@ -47,7 +36,7 @@ def change_derivative(monkeypatch, owner, row, column, change):
 )  # fmt: skip
 def test_wrong_derivative_proves_no_orbit(monkeypatch, owner, case, size, count):
     """A change far below what Krawczyk's test would notice, and one as large as a missing term."""
-    orbit, entries = orbit_of(case), list(itertools.product(range(size), repeat=2))
+    orbit, entries = ORBITS[case](), list(np.ndindex(size, size))
     for k in np.random.default_rng(size).choice(len(entries), count, replace=False):
         for change in (1e-9, 0.3):
             with monkeypatch.context() as patch:
@@ -57,6 +46,6 @@ def test_wrong_derivative_proves_no_orbit(monkeypatch, owner, case, size, count)
 
 
 def test_wrong_derivative_proves_no_range(monkeypatch):
-    orbit = orbit_of("two contacts")
+    orbit = ORBITS["two contacts"]()
     change_derivative(monkeypatch, Path, 2, 3, 1e-9)
     assert gearlib.certify_range(orbit, to=0.8151).status == "derivative"
