@@ -286,6 +286,14 @@ def test_scores_that_need_no_calibration_do_not_change_with_gain_and_offset(curv
     assert np.allclose(points[0].get_ydata(), points[2].get_ydata(), rtol=1e-9)
 
 
+def test_differences_are_told_in_standard_deviations_where_the_noise_is_known(curve, resonance):
+    other = resonance.assign(displacement_max=resonance.displacement_max**1.1)
+    row = scores([curve(noise=2.0)], other)["highest displacement_max down over up"]
+    difference = row["computed"] - row["measured"]
+    assert row["difference"] == pytest.approx(difference, abs=1e-4) and difference > 0.1
+    assert row["deviations"] == pytest.approx(difference / row["standard_deviation"], rel=1e-4)
+
+
 def test_a_jump_is_a_step_that_stands_alone():
     speed = np.linspace(1000.0, 2000.0, 101)
     step = np.where(speed < 1503.0, 1.0, 3.0) + 0.3 * np.sin(speed / 100.0)
