@@ -142,6 +142,8 @@ def _range_faults(claim):
         return ["cuts"]
     if not all(low < high for low, high in ends):
         return ["order"]
+    if any(len(piece["centre"]) != len(claim["pattern"]) + 1 for piece in claim["pieces"]):
+        return ["contacts"]
     wrong, states = set(), []
     for piece, end in product(claim["pieces"], ("start", "stop")):
         motion = Motion(claim | _point(claim["pattern"], piece, piece[end]))
