@@ -103,16 +103,16 @@ class Motion:
         held = [(name, _holds(box, value, room=0)) for name, box, value in rows]
         for (*_, event), (*_, box) in zip(events, listed, strict=True):
             held.append(("phase", _holds(box["phase"], event.phase)))
-            if "velocity" in box:
-                held.append(("speed", _holds(box["velocity"], event.own_rate)))
+            held.append(("speed", _holds(box["velocity"], event.own_rate)))
         for name, extremum in (("displacement_min", min), ("displacement_max", max)):
             if name in claim:
                 held.append((name, _holds(claim[name], extremum(motion.record.heights[0]))))
         inside = [
             [all(map(_holds, box, (root.real, root.imag))) for root in multipliers]
-            for box in claim.get("multipliers", ())
+            for box in claim["multipliers"]
         ]
-        held += [("multiplier", any(row)) for row in (*inside, *zip(*inside, strict=True))]
+        # Each box holds a multiplier, and each multiplier lies in a box.
+        held += [("multiplier", np.any(inside, axis=axis).all()) for axis in (0, 1)]
         shorter = [p for p in range(1, claim["period"]) if claim["period"] % p == 0]
         repeats = [max(abs(self.move(state, p)[0] - state)) < 1e-9 for p in shorter]
         held += [("period", not any(repeats))]
@@ -142,6 +142,8 @@ def _range_faults(claim):
         return ["cuts"]
     if not all(low < high for low, high in ends):
         return ["order"]
+    if any(len(piece["centre"]) != len(claim["pattern"]) + 1 for piece in claim["pieces"]):
+        return ["contacts"]
     wrong, states = set(), []
     for piece, end in product(claim["pieces"], ("start", "stop")):
         motion = Motion(claim | _point(claim["pattern"], piece, piece[end]))
@@ -158,12 +160,12 @@ def _point(pattern, piece, tuning):
     """Return what is claimed of the orbit at one tuning of a piece."""
     rows = zip(piece["centre"], piece["radii"], strict=True)
     x, (low, high), *phases = [(c - r, c + r) for c, r in rows]
-    events = [
-        {"phase": phase, "before": before, "after": after}
-        for phase, (before, after) in zip(phases, pairwise(pattern), strict=True)
-    ]
-    velocity = low / tuning, high / tuning
-    return {"tuning": tuning, "displacement": x, "velocity": velocity, "events": events}
+    velocity, anything = (low / tuning, high / tuning), (-math.inf, math.inf)
+    point = {"tuning": tuning, "displacement": x, "velocity": velocity, "events": []}
+    for phase, (before, after) in zip(phases, pairwise(pattern), strict=True):
+        event = {"phase": phase, "velocity": anything, "before": before, "after": after}
+        point["events"].append(event)
+    return point | {"multipliers": [(anything, anything)]}
 
 
 def faults(claim):
