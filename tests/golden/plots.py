@@ -37,7 +37,7 @@ def phase_plane():
 
 
 def time_course():
-    return plot.time_course(simulate(PAIR, 0.85, periods=400, record_periods=2))
+    return plot.time_course(simulate(PAPER, 0.85, periods=400, record_periods=2))
 
 
 def time_course_of_meshes():
@@ -67,7 +67,7 @@ def schematic_of_planets():
 
 
 def values():
-    return plot.values(PLANETS.modes(), "natural_frequency")
+    return plot.values(gearlib.idler(PAIR).modes(), "strain_energy")
 
 
 def orders():
