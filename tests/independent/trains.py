@@ -115,7 +115,7 @@ class Train(System):
     def add_rotating_frame_forces(self):
         """Add Coriolis and centrifugal forces, and those of dampers of supports at rest."""
         pinion = self.reference["pinion"]
-        w = self.model["carrier_ratio"] * self.fraction(self.speeds[pinion]) * self.speed
+        w = self.model["carrier_ratio"] * self.context.mpf(self.speeds[pinion]) * self.speed
         for body in self.bodies.values():
             (x, y), m, (cx, cy) = self.axes(body), body["mass"] or 0, body["support_damping"]
             # The constant part m w^2 r turns with the carrier: a planet feels its change by the
@@ -145,15 +145,14 @@ class Train(System):
         context, name, pinion = self.context, mesh["name"], mesh["pinion"]
         #: (body, sign of its motion along the line of action, sign of its turning) in the distance
         ends = (pinion, 1, 1), (mesh["wheel"], -1, 1)
-        if mesh["internal"]:
-            ends = (mesh["wheel"], 1, 1), (pinion, -1, -1)
+        ends = ((mesh["wheel"], 1, 1), (pinion, -1, -1)) if mesh["internal"] else ends
         first, second = (self.speeds[end[0]] for end in ends)
         # At a vector w from the pitch point the first gear slides on the second by (W1 - W2) k x w;
         # along the line of action contact moves as the base circle of the first gear does.
         leads = 1 if mesh["direction"] * first > 0 else -1
         slides = leads * (1 if first > second else -1)
         across, *distances = self.distances(mesh, ends)
-        rate = self.fraction(abs(self.speeds[pinion]) * self.bodies[pinion]["teeth"])
+        rate = self.context.mpf(abs(self.speeds[pinion]) * self.bodies[pinion]["teeth"])
         shifts = self.model["phases"][name], self.model["inverse_phases"][name]
         pitch = mesh["pitch_phase"] / (2 * context.pi)
         pitch = shifts[0] + (pitch if _pinion_drives(mesh, self.speeds) else -pitch)
@@ -179,9 +178,6 @@ class Train(System):
         film = [mesh["backlash_damping"], 0, 0]
         self.add_contact(sides, film, rate=rate, across=across * slides)
 
-    def fraction(self, value):
-        return self.context.mpf(value.numerator) / value.denominator
-
     def distances(self, mesh, ends):
         """Return the row of friction of a mesh, `ends` as in `add_mesh`, and distances of flanks.
 
@@ -205,7 +201,7 @@ class Train(System):
             # e (cos, sin)(speed tau + phase) along the line
             if body["eccentricity"]:
                 z = line * body["eccentricity"] * self.context.expj(-body["eccentricity_phase"])
-                run_out.append((self.fraction(self.speeds[name]), z.real, z.imag))
+                run_out.append((self.context.mpf(self.speeds[name]), z.real, z.imag))
         return across, (row, constant, run_out), (turning_row, mesh["error"], [])
 
     def modes(self):
