@@ -2,8 +2,6 @@
 
 import math
 import re
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import yaml
@@ -16,49 +14,28 @@ _HIGHEST = re.compile(rf"(to less than|to below|to|<=|<) {_NUMBER}")
 _MULTIPLES_OF_PI = {f"pi / {part}": math.pi / part for part in (2, 3, 4)} | {"2 pi": 2.0 * math.pi}
 
 
-@dataclass(frozen=True)
 class Range:
     """A range in words: a number or a list of numbers, its bounds, whether it may be infinite."""
 
-    words: str
-
-    @cached_property
-    def count(self):
-        """The number of entries of a list, None for any number; 0 if the value is no list."""
-        match = _LIST.fullmatch(self.words)
-        return 0 if match is None else int(match[1]) if match[1].isdigit() else None
-
-    @cached_property
-    def entry(self):
-        """The range of the entries of a list; of a single value the range itself."""
-        return self if self.count == 0 else Range(_LIST.fullmatch(self.words)[2])
-
-    @property
-    def numeric(self):
-        """Whether the value is a number."""
-        return bool(self.integer or re.search("number|finite|from|>|<", self.words))
-
-    @property
-    def integer(self):
-        """Whether the value is an integer."""
-        return "integer" in self.words
-
-    @property
-    def infinite(self):
-        """Whether infinity is allowed."""
-        return "inf" in self.words.replace("finite", "")
-
-    @cached_property
-    def bounds(self):
-        """List of (bound, whether it is itself allowed, sign of the direction out of the range)."""
-        bounds = []
+    def __init__(self, words):
+        self.words, match = words, _LIST.fullmatch(words)
+        #: The number of entries of a list, None for any number; 0 if the value is no list.
+        self.count = 0 if match is None else int(match[1]) if match[1].isdigit() else None
+        #: The range of the entries of a list; of a single value the range itself.
+        self.entry = Range(match[2]) if match else self
+        self.integer = "integer" in words
+        #: Whether the value is a number.
+        self.numeric = self.integer or re.search("number|finite|from|>|<", words) is not None
+        #: Whether infinity is allowed.
+        self.infinite = "inf" in words.replace("finite", "")
+        #: (bound, whether it is itself allowed, sign of the direction out of the range).
+        self.bounds = []
         for pattern, outward in ((_LOWEST, -1), (_HIGHEST, 1)):
-            if match := pattern.search(self.words):
+            if match := pattern.search(words):
                 relation, text = match.groups()
                 bound = _MULTIPLES_OF_PI.get(text) or float(text)
                 allowed = relation in ("from", ">=", "to", "<=")
-                bounds.append((int(bound) if self.integer else bound, allowed, outward))
-        return bounds
+                self.bounds.append((int(bound) if self.integer else bound, allowed, outward))
 
     def outside(self):
         """Return numbers just outside, and those that no range allows."""
@@ -87,17 +64,14 @@ def _next_number(bound, sign):
     return sign * 1e-12 if bound == 0.0 else math.nextafter(bound, sign * math.inf)
 
 
-class Ranges:
-    """The rows of some parts of `ranges.yaml`, such as "library" or "units"."""
+#: Part of the table -> end of the path of a parameter -> words of its range.
+_ROWS = {
+    part: {name: words for words, row in rows.items() for name in row.split()}
+    for part, rows in TABLE.items()
+}
 
-    def __init__(self, *parts):
-        #: End of the path of a parameter -> words of its range.
-        self.rows = {
-            name: words for part in parts for words, row in TABLE[part].items()
-            for name in row.split()
-        }  # fmt: skip
 
-    def of(self, path):
-        """Return the `Range` in the row of the longest end of a path, None without a row."""
-        ends = [f"/{'.'.join(path)}", *(".".join(path[i:]) for i in range(len(path)))]
-        return next((Range(self.rows[end]) for end in ends if end in self.rows), None)
+def range_of(part, path):
+    """Return the `Range` in the row of the longest end of a path, None without a row."""
+    ends = (".".join(path[i:]) for i in range(len(path)))
+    return next((Range(_ROWS[part][end]) for end in ends if end in _ROWS[part]), None)

@@ -6,6 +6,7 @@ as well.
 
 import math
 import re
+from functools import partial
 from itertools import zip_longest
 
 import pytest
@@ -20,10 +21,9 @@ SCHEMA = schema()
 NAME = "k1"
 #: The node of a damping, where one of two keys is required, which the schema does not say.
 DAMPING = SCHEMA["$defs"]["Damping"]
-
-
-def resolve(node):
-    return validation.resolve(node, SCHEMA)
+resolve = partial(validation.resolve, schema=SCHEMA)
+#: The words of a refusal for what a node may be.
+allowed = partial(validation.allowed_text, schema=SCHEMA)
 
 
 def children(node):
@@ -40,11 +40,6 @@ def spell(path):
     """Return a path of keys and indices as refusals spell it, such as `scenes.k1.cases[0]`."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return text.removeprefix(".") or "the configuration"
-
-
-def allowed(node):
-    """Return the words of a refusal for what a node may be."""
-    return validation.allowed_text(node, SCHEMA)
 
 
 def minimal_value(node):

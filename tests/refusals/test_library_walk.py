@@ -14,9 +14,8 @@ from gearlib import Body, GearPair, Harmonics, LoadSharingPair
 from gearlib.parameters import Number, declared_parameters
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER, PARAMETERS
-from tests.refusals.ranges import Ranges
+from tests.refusals.ranges import range_of
 
-RANGES, UNITS = Ranges("library"), Ranges("units")
 NU = 0.9
 DAMPED = PAPER.replace(material_damping=4e3)
 ORBIT = gearlib.periodic_orbit(DAMPED, NU)
@@ -123,11 +122,9 @@ HANDED_ON = {
 UNCHECKED = """
 locus.limits locus.max_points locus.to continue_orbit.to tongues.values
 sensitivities.call sensitivities.parameters sensitivities.arguments
-SpurGear.tip_diameter planetary_set.ring schmidt.degenerate
-dynamic_factor.rpm lyapunov_exponents.states
-order_map.tacho
-scatter.speed scatter.box scatter.progress
-sobol_indices.speed sobol_indices.progress
+SpurGear.tip_diameter planetary_set.ring schmidt.degenerate dynamic_factor.rpm
+lyapunov_exponents.states order_map.tacho
+scatter.speed scatter.box scatter.progress sobol_indices.speed sobol_indices.progress
 run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius
 """.split()
 
@@ -181,7 +178,7 @@ def required_words(allowed):
 @pytest.mark.parametrize(("call", "valid", "parameter"), parameters(MADE | CALLED))
 def test_each_wrong_value_is_refused_in_one_sentence(call, valid, parameter):
     key = f"{owner(call)}.{parameter.name}"
-    row = RANGES.of(key.split("."))
+    row = range_of("library", key.split("."))
     assert row, "no row of ranges.yaml"
     replaced = REPLACES.get(parameter.name)
     others = {name: value for name, value in valid.items() if name != replaced}
@@ -198,7 +195,7 @@ def test_each_wrong_value_is_refused_in_one_sentence(call, valid, parameter):
 
 @pytest.mark.parametrize(("call", "valid", "parameter"), parameters(MADE))
 def test_values_just_inside_are_not_refused_for_their_range(call, valid, parameter):
-    allowed = RANGES.of([owner(call), parameter.name])
+    allowed = range_of("library", [owner(call), parameter.name])
     entry, words = allowed.entry, required_words(allowed.entry)
     for value in entry.inside() if entry.numeric else ():
         argument = value if allowed.count == 0 else (value,) * (allowed.count or 1)
@@ -226,7 +223,7 @@ def test_declared_units_are_those_of_the_table():
     ]
     assert len(declared) > 100
     for call_name, name, unit in declared:
-        row = UNITS.of([call_name, name])
+        row = range_of("units", [call_name, name])
         assert row and unit == row.words, (call_name, name)
     with pytest.raises(TypeError, match="unit"):
         Number(gt=0)  # type: ignore[call-arg]
