@@ -3,7 +3,7 @@
 Statements, numbers and verdicts are those of `docs/claims/claims.csv`, a copy of what the workflow
 writes. The reasons are prose, in `docs/claims/why.yaml`, with numbers from the copies of
 `parametric_resonance.csv` and `certificates.csv`, and from `branches.csv`, the folds and grazings
-of the branches. After a run of the workflow,
+of the branches. `labels.csv` says which motions from rest settle. After a run of the workflow,
 
     python -m docs.hooks.reproduction results
 
@@ -26,7 +26,7 @@ IMAGES = FOLDER.with_name("images")
 CLAIMS = "claims.csv"
 #: Tables of the numbers in the reasons.
 TONGUES, CERTIFICATES = "parametric_resonance.csv", "certificates.csv"
-BRANCHES = "branches.csv"
+BRANCHES, LABELS = "branches.csv", "labels.csv"
 #: Place of the table on the page; plain files have a sentence there.
 PAGE, MARK = "reproduction.md", re.compile("<!-- claims -->.*?<!-- end -->", re.S)
 #: Figures shown on the page, and on those of gear trains and of drawn gears.
@@ -127,24 +127,34 @@ def take_over(results):
     claims(results)
     for name in (CLAIMS, TONGUES, CERTIFICATES):
         (FOLDER / name).write_bytes((Path(results) / name).read_bytes())
-    write_branches(Path(results))
+    write_motions(Path(results))
     reasons()
     copy_pictures(results, PICTURES)
 
 
-def write_branches(results):
-    """Write the folds and grazings of the branches."""
+def write_motions(results):
+    """Write the folds and grazings of the branches, and the labels of the motions from rest.
+
+    Labels only at tunings that the certificates name.
+    """
+    from gearlib.analysis import trust
     from gearlib.analysis.orbits.special_points import FOLD, GRAZING
     from gearlib.data import storage
     from gearlib.data.files import write_table
 
-    points = [["damping", "point", "tuning"]]
+    points, labels = [["damping", "point", "tuning"]], [["damping", "tuning", "label", "period"]]
+    tunings = {float(row["tuning"]) for row in _rows(FOLDER / CERTIFICATES)}
     for path in sorted((results / "branches").glob("*.nc")):
         branch = storage.read(path).sortby("tuning")
         for name, label in (("fold", FOLD), ("grazing", GRAZING)):
             chosen = (branch.label == label) & (branch.period == 1)
             points += [[path.stem, name, f"{nu:.10g}"] for nu in branch.tuning.values[chosen]]
+        motions = storage.read(results / "labels" / path.name)
+        for nu, label, period in zip(motions.tuning, motions.label, motions.period, strict=True):
+            if round(float(nu), 6) in tunings:
+                labels.append([path.stem, f"{nu:.6g}", trust.LABELS[int(label)], int(period)])
     write_table(points, FOLDER / BRANCHES)
+    write_table(labels, FOLDER / LABELS)
 
 
 def copy_pictures(results, names):

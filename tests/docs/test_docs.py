@@ -199,6 +199,57 @@ def test_instability_in_the_reason_of_p4_is_what_the_library_computes(hook):
     assert f"from {third.start:.4f} to {third.stop:.4f}" in reason
 
 
+def test_proven_ranges_end_where_the_branches_graze(hook):
+    """The reasons of P4 to P7; the word N of a certificate means contact without a loss."""
+    tongue, branches, proven = hook("reproduction").tables().values()
+    assert tongue["k1m"]["cause"] == "parametric instability"  # P10
+    # P6 says of k1+k1m what holds of k1.
+    ranges = [[row["tuning"] for row in proven[k]["range N"]] for k in ("k1", "k1+k1m")]
+    assert ranges[0] == ranges[1]
+    assert branches["k1"]["grazing"][-2:] == branches["k1+k1m"]["grazing"][-2:]
+    for damping in ("conservative", "k1", "k1m"):
+        *_, grazing, next_grazing = branches[damping]["grazing"]
+        *_, below, above = proven[damping]["range N"]
+        assert 0.0 < grazing - below["until"] < 2e-4
+        assert 0.0 < above["tuning"] - next_grazing < 2e-4
+
+
+def test_proven_stability_is_that_of_the_reasons(hook):
+    proven = hook("reproduction").tables()["proven"]
+    assert {row["stability"] for row in proven["k1"]["range N"]} == {"stable"}
+    # P4, P7, P10: all orbits but the second have both multipliers on the unit circle.
+    for damping, kinds in (
+        ("conservative", ["range N"]),
+        ("k1m", ["orbit 0.6", "orbit 0.66", "orbit 0.78", "orbit 1.14"]),
+    ):
+        rows = [row for kind in kinds for row in proven[damping][kind] if row["contacts"] == "N"]
+        assert [row["stability"] == "unstable" for row in rows] == [False, True, False, False]
+        assert sum("on the unit circle, exactly" in row["reason"] for row in rows) == 3
+    for damping in ("k1", "k1+k1m"):
+        (orbit,) = proven[damping]["orbit 1.14"]
+        assert (orbit["contacts"], orbit["stability"]) == ("N", "stable")
+
+
+def test_motions_from_rest_reach_the_orbits_of_the_reasons(hook):
+    reproduction = hook("reproduction")
+    labels, claims = (
+        reproduction._rows(reproduction.FOLDER / name) for name in ("labels.csv", "claims.csv")
+    )
+    motions = {(row["damping"], float(row["tuning"])): row for row in labels}
+    for nu in (0.6, 0.66, 0.78, 0.8, 0.81, 0.82, 1.14):
+        for damping in ("k1", "k1+k1m", "k1m"):
+            motion = motions[damping, nu]
+            is_periodic = (motion["label"], motion["period"]) == ("periodic", "1")
+            assert is_periodic == (damping != "k1m" or 0.8 <= nu < 1.0)
+    # P11: of two stable orbits the motion from rest tends to the small one.
+    (computed,) = [row["computed"] for row in claims if row["id"] == "P11"]
+    for nu in (0.815, 0.8151):
+        small, _, large = reproduction.tables()["proven"]["k1"][f"orbit {nu}"]
+        assert small["stability"] == large["stability"] == "stable"
+        assert small["lowest"] > large["lowest"]
+        assert f"{nu}: y_min {small['lowest']:.4g}," in computed
+
+
 @needs_mkdocs
 def test_every_key_of_the_configuration_is_on_its_page(hook):
     from gearlib.config import schema

@@ -31,7 +31,6 @@ def draw(folder, records):
     finally:
         sys.path.remove(str(scripts))
     for job in records:
-        # There are no golden data of measured sets.
         if job["script"] == "draw.py":
             files = {name: _below(folder, paths) for name, paths in job["input"].items()}
             draw_figures(files, _below(folder, job["output"]), **job["params"])

@@ -107,9 +107,9 @@ def fit():
     return plot.fit(gearlib.fit(guess, rig, free))
 
 
-def _written(data, columns, **more):
+def _write_set(folder, data, columns, **more):
     """Write columns of a dataset as a measured set; return the path of its description."""
-    folder = Path(tempfile.mkdtemp())
+    folder = Path(folder)
     table = np.column_stack([data[name].values for name in columns])
     np.savetxt(folder / "rig.csv", table, delimiter=",", header=",".join(columns), comments="")
     channels = {name: {"observableId": name, "unit": unit} for name, unit in columns.items()}
@@ -122,9 +122,11 @@ def _written(data, columns, **more):
 def measured_orders():
     """Orders of a measured run-up beside those of two models, one of which is that of the data."""
     rig = synthetic_rig(PAPER, [(0.0, PAPER.speed(0.6)), (0.4, PAPER.speed(0.72))], 1)
-    path = _written(rig, {"time": "s", "speed": "rpm", "displacement": "m"})
+    columns = {"time": "s", "speed": "rpm", "displacement": "m"}
     pairs = {"true": PAPER, "damped": PAPER.replace(material_damping=8e3)}
-    orders = study.run_up_orders(path, {name: pair.as_dict() for name, pair in pairs.items()})
+    with tempfile.TemporaryDirectory() as folder:
+        path = _write_set(folder, rig, columns)
+        orders = study.run_up_orders(path, {name: pair.as_dict() for name, pair in pairs.items()})
     return measured_figure.draw_orders([orders], colours={"true": "#AA3377"})
 
 
@@ -134,11 +136,12 @@ def measured_courses():
     time = run.phase / run.mesh_frequency
     data = {"time": time, "displacement": run.displacement * run.static_deflection}
     speed = {"speed": f"{PAPER.speed(0.7)} rpm"}
-    path = _written(data, {"time": "s", "displacement": "m"}, conditions={"one": speed})
+    columns = {"time": "s", "displacement": "m"}
     span = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
-    return measured_figure.draw_courses(
-        [study.time_history_harmonics(path, {"true": PAPER.as_dict()}, span)]
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = _write_set(folder, data, columns, conditions={"one": speed})
+        courses = study.time_history_harmonics(path, {"true": PAPER.as_dict()}, span)
+    return measured_figure.draw_courses([courses])
 
 
 _PLOTS = (

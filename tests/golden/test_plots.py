@@ -5,6 +5,10 @@ import pytest
 from tests.golden import figures, plots
 
 
+def test_each_stored_picture_belongs_to_a_plot():
+    assert figures.stored(plots.FOLDER) == sorted(plots.PLOTS)
+
+
 @pytest.mark.parametrize("name", plots.PLOTS)
 def test_plot_is_the_stored_one(name, tmp_path):
     plots.draw(name, tmp_path)

@@ -1,17 +1,22 @@
-"""Energy is constant in conservative models.
+"""Energy: constant in conservative models, and in balance where the stiffness changes.
 
 The energy of a state of the library is written by the matrices and flanks of `tests.independent`.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gearlib
 from gearlib import DeadZoneOscillator, OneDegreePair, simulate
 from tests.independent.systems import describe, system_of
+from tests.properties.cases import CASES
 from tests.properties.known_models import UNDAMPED, gears
+from tests.properties.test_properties import FEW
 
 CONSTANT = UNDAMPED.replace(contact_ratio=2.0, backlash=12e-6)
 _FREE = {"structural_damping": 0.0, "material_damping": 0.0, "backlash_damping": 0.0}
@@ -98,3 +103,31 @@ def test_energy_of_a_conservative_model_is_constant(name):
     # Some hundred events, each placed to rounding times the energies of the parts.
     size = max(1.0, np.abs(energies).max())
     np.testing.assert_allclose(energies, energies[0], rtol=0, atol=1e-12 * size)
+
+
+@given(data=st.data())
+@FEW
+def test_power_balance_of_pairs_of_teeth_closes(data):
+    """What the load and the changing stiffness put in, motion and damping take.
+
+    The force between the flanks is that of the dataset; the rest is written anew.
+    """
+    (model, nu, state), count = data.draw(CASES["pairs of teeth"]), 16 * 1024
+    span = {"periods": 1, "record_periods": 1, "samples_per_period": count}
+    run = simulate(model, nu, initial_state=state, **span)
+    if int(run.status):
+        return
+    x, v = (
+        np.append(run[name].values, end)
+        for name, end in zip(("displacement", "velocity"), run.final_state.values, strict=True)
+    )
+    ratio = np.where(run.contact == 0, model.backlash_damping_ratio, model.damping_ratio)
+    power = ((1.0 - run.dynamic_force.values) / nu**2 - 2.0 * ratio * v[:-1] / nu) * v[:-1]
+    step = 2.0 * math.pi / count
+    # By the rule of rectangles: a step of the largest power at each event and each switch, and at
+    # both ends.
+    jumps = run.sizes["event"] + 8
+    within = jumps * step * (np.abs(power).max() + np.abs(v).max() * 1e-9)
+    assert abs(power.sum() * step - 0.5 * (v[-1] ** 2 - v[0] ** 2)) <= within
+    fastest = np.abs(run.acceleration.values).max() + 1.0
+    assert np.abs(np.diff(x) / step - v[:-1]).max() < step * fastest

@@ -9,7 +9,12 @@ from joblog import redirect_output
 
 
 def draw_figures(files, paths, draw, settings, gears, absent, dpi):
-    """Draw the datasets among the named input files, save the figures in all formats."""
+    """Draw the figures of a rule and save each in all formats.
+
+    `files` are the named inputs of the rule, `paths` its outputs. `draw`, module and function of
+    `gearlib.figures`, gets the datasets and the `settings`. A figure names drawn `gears`, "" for
+    none, and the methods whose packages are `absent`.
+    """
     figures = resolve_name(f"gearlib.figures.{draw}")(**datasets(files), **settings)
     # The function of a rule with several figures returns a dict, name -> figure.
     has_several = isinstance(figures, dict)
