@@ -4,7 +4,6 @@ Each of `cases` lays its keys over the others, and its results go to results/<ca
 project with a name go to results/<project>/.
 """
 
-import gc
 import os
 import sys
 from pathlib import Path
@@ -26,9 +25,6 @@ min_version("9.12")
 
 # All jobs read this file, also on other nodes; before anything loads numpy.
 os.environ.update(processor.settings())
-
-# Jobs and their files are many objects that stay: garbage collection takes an eighth of a start.
-gc.set_threshold(200_000)
 
 # Ctrl-C prints a sentence while Snakemake plans, and ends a job at once.
 sys.excepthook = interrupted

@@ -120,7 +120,7 @@ def starts():
     yield "memory of a job without points", alone(nothing)[2], "MiB"
 
 
-_SCRIPT = "from gearlib import core, gathering, storage, sweep; core.warm_up()"
+_SCRIPT = "from gearlib import engines, sweep; engines.warm_up()"
 
 
 def main(points=1_000_000):

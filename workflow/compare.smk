@@ -7,6 +7,8 @@ from gearlib.config.experiments import Figures
 from workflow import projects
 from workflow.sources import listed, sources
 
+SCRIPT = Path(workflow.basedir, "workflow/scripts/draw.py")
+LIBRARY = Path(gearlib.__file__).parents[1]
 DRAWN = Figures.model_validate(config.get("figures", {}) | {"colours": {}})
 #: Label -> folder: those of this run, then others, which it does not compute.
 COMPARED = {folder.name if folder.name != "results" else "paper": folder for folder in MACHINES}
@@ -18,14 +20,7 @@ OTHERS = {
 rule compare:
     input:
         curves=lambda wildcards: projects.compared(COMPARED, OTHERS),
-        sources=listed(
-            Path(workflow.basedir, "workflow/scripts/draw.py"),
-            sources(
-                Path(workflow.basedir, "workflow/scripts/draw.py"),
-                Path(gearlib.__file__).parents[1],
-                ["gearlib.figures.resonance_figure"],
-            ),
-        ),
+        sources=listed(SCRIPT, sources(SCRIPT, LIBRARY, ["gearlib.figures.resonance_figure"])),
     output:
         [f"{RESULTS}/figures/compare.{form}" for form in DRAWN.formats],
     log:

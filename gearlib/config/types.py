@@ -210,27 +210,15 @@ Amount = custom_type(
 )
 
 
-def _sections_to_dicts(value):
-    """Return `value`, a dict, list or scalar, with all sections in it converted to dicts."""
-    if isinstance(value, dict):
-        return {key: _sections_to_dicts(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_sections_to_dicts(item) for item in value]
-    return value.model_dump() if isinstance(value, Section) else value
-
-
 class Section(pydantic.BaseModel):
     """Base class of all sections: immutable, without unknown keys and implicit conversions."""
 
     # Building the validators once, with the whole configuration, is faster.
     model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
-    def model_dump(self, *, include=None, exclude=(), **_):
-        """Return the section as a dict without keys whose value is None; faster than pydantic."""
-        excluded = {*exclude, *(key for key, x in type(self).model_fields.items() if x.exclude)}
-        keys = (type(self).model_fields.keys() if include is None else {*include}) - excluded
-        values = ((key, value) for key, value in self if key in keys and value is not None)
-        return {key: _sections_to_dicts(value) for key, value in values}
+    def model_dump(self, **options):
+        """Return the section as a dict without keys whose value is None."""
+        return super().model_dump(exclude_none=True, **options)
 
 
 @cache

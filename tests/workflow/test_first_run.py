@@ -50,7 +50,7 @@ def test_sources_of_a_job_are_all_it_loads(first_run, records):
     for job in records:
         paths = map(os.path.normpath, job["loaded"])
         loaded = {path.removeprefix(folder) for path in paths if path.startswith(folder)}
-        assert "workflow/scripts/joblog.py" in loaded
+        assert "workflow/scripts/job.py" in loaded
         loaded = {path for path in loaded if path.startswith(("gearlib/", "workflow/"))}
         loaded |= {f"workflow/scripts/{job['script']}"}
         missing |= {(job["rule"], path) for path in loaded - NO_SOURCES - {*job["sources"]}}

@@ -114,16 +114,11 @@ def grid(section, step_key="step"):
     return tunings.grid(section["start"], section["stop"], section[step_key])
 
 
-def global_cases(section):
-    """Return the cases of basins or Poincaré sections, with the parameters of their gear pairs."""
+def with_pairs(cases):
+    """Return title, tuning and the like of cases, and the parameters of their gear pairs."""
+    without_pair = {"damping", "change"}
     return canonical(
-        [
-            {
-                **case.model_dump(exclude={"damping", "change"}),
-                "pair": CONFIG.case_parameters(case),
-            }
-            for case in section.cases
-        ]
+        [x.model_dump(exclude=without_pair) | {"pair": CONFIG.case_parameters(x)} for x in cases]
     )
 
 
@@ -219,12 +214,7 @@ def if_wanted(target, files):
 
 def cases_of_scene(wildcards):
     """Return the cases of a scene, with the parameters of their gear pairs."""
-    return canonical(
-        [
-            {"title": case.title, "tuning": case.tuning, "pair": CONFIG.case_parameters(case)}
-            for case in CONFIG.scenes[wildcards.scene].cases
-        ]
-    )
+    return with_pairs(CONFIG.scenes[wildcards.scene].cases)
 
 
 def criteria_of_scene(wildcards):
@@ -249,11 +239,6 @@ def files_of_set(wildcards):
     """Return the files of a measured set: its description and its tables."""
     path, description = MEASURED_SETS[wildcards.measured]
     return [path, *description.files(path)]
-
-
-def path_of_set(wildcards):
-    """Return the YAML file of a measured set."""
-    return MEASURED_SETS[wildcards.measured][0]
 
 
 # Methods, drawings, designs.
@@ -302,7 +287,12 @@ config["captions"] = {
     "drawn": CONFIG.gears is not None,
     "paper": gear_names.is_paper(CONFIG),
     "forces": force_note(CONFIG.gear_pair.stiffness_ratio) if CONFIG.gears else "",
-    "own_train": targets.has_custom_train(CONFIG),
+    "train": (
+        f"the train of the section ``train``, {CONFIG.train.kind.replace('_', ' ')}"
+        if targets.has_custom_train(CONFIG)
+        else "the reducer with equal branches, in which every mesh has the damping "
+        f"{CONFIG.reducer.damping}"
+    ),
     "missing": ", ".join(not_installed(CONFIG.work_precision.methods)),
     "stiffness_pairs": " and ".join(drawn_pairs(CONFIG, "mesh_stiffness")),
     "reliefs_left_out": bool(

@@ -395,7 +395,7 @@ use rule _compute as compute_basins with:
     priority: LONG
     params:
         function="gearlib.studies.global_picture:basin_cases",
-        cases=global_cases(CONFIG.basins),
+        cases=with_pairs(CONFIG.basins.cases),
         settings=without(config["basins"], "cases"),
 
 
@@ -483,7 +483,7 @@ use rule _compute as compute_poincare with:
         "results/poincare.nc",
     params:
         function="gearlib.studies.global_picture:sections",
-        cases=global_cases(CONFIG.poincare),
+        cases=with_pairs(CONFIG.poincare.cases),
         settings=without(config["poincare"], "cases"),
 
 

@@ -12,7 +12,7 @@ use rule _compute as measured_curve with:
         "results/measured/{measured}.nc",
     params:
         function="gearlib.studies.measured:measured_response_curve",
-        path=path_of_set,
+        path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
 
 
 use rule _compute as measured_course with:
@@ -26,7 +26,7 @@ use rule _compute as measured_course with:
         "results/measured/courses/{measured}.nc",
     params:
         function="gearlib.studies.measured:time_history_harmonics",
-        path=path_of_set,
+        path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
         pairs=PAIRS,
         run=SAMPLED_RUN,
 
@@ -42,7 +42,7 @@ use rule _compute as measured_orders with:
         "results/measured/orders/{measured}.nc",
     params:
         function="gearlib.studies.measured:run_up_orders",
-        path=path_of_set,
+        path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
         pairs=PAIRS,
 
 

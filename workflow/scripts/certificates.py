@@ -5,7 +5,7 @@ from pathlib import Path
 from gearlib.data import storage
 from gearlib.data.files import write_table, write_table_page
 from gearlib.studies import certificates
-from joblog import redirect_output
+from job import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

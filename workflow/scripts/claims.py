@@ -2,23 +2,18 @@
 
 from pathlib import Path
 
-from gearlib.data import storage
 from gearlib.data.files import write_table, write_table_page
 from gearlib.models.pair import GearPair
 from gearlib.studies import claims
-from joblog import redirect_output
+from job import datasets, redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    table = claims.evaluate(
-        GearPair(**snakemake.params.pair),
-        snakemake.params.dampings,
-        storage.read(snakemake.input.resonance),
-        storage.read(snakemake.input.phase_planes),
-        storage.read(snakemake.input.phase_lag),
-        storage.read(snakemake.input.jump),
-        {Path(path).stem: storage.read(path) for path in snakemake.input.scenes},
-    )
+    data = datasets(snakemake.input)
+    names = [Path(path).stem for path in snakemake.input.scenes]
+    data["scenes"] = dict(zip(names, data["scenes"], strict=True))
+    pair = GearPair(**snakemake.params.pair)
+    table = claims.evaluate(pair, snakemake.params.dampings, **data)
     write_table(claims.rows(table), snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)
     write_table_page(snakemake.output.csv, snakemake.output.page, snakemake.params.gears)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gearlib import engines
-from joblog import redirect_output
+from job import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -5,7 +5,7 @@ from pathlib import Path
 from compile_larger_kernels import run
 from gearlib.engines.cache import source_hash
 from gearlib.models.trains.planetary import planetary
-from joblog import redirect_output
+from job import redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

@@ -4,8 +4,7 @@ import inspect
 from pkgutil import resolve_name
 
 from gearlib.data import storage
-from inputs import datasets
-from joblog import redirect_output
+from job import datasets, redirect_output
 
 
 def main(job):

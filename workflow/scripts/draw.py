@@ -4,8 +4,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 
 from gearlib.figures import style
-from inputs import datasets
-from joblog import redirect_output
+from job import datasets, redirect_output
 
 
 def draw_figures(files, paths, draw, settings, gears, absent, dpi):

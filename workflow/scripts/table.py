@@ -3,8 +3,7 @@
 from pkgutil import resolve_name
 
 from gearlib.data.files import write_table, write_table_page
-from inputs import datasets
-from joblog import redirect_output
+from job import datasets, redirect_output
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])

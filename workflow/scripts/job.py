@@ -1,4 +1,4 @@
-"""The log of a job: the output of its process, and the checksums of its results."""
+"""What all scripts do: read the datasets of a job, log its output and checksums of its results."""
 
 import atexit
 import contextlib
@@ -8,9 +8,22 @@ import traceback
 from pathlib import Path
 
 import __main__
+from gearlib.data import storage
 from gearlib.data.files import declare_sources
 from workflow import sources
 from workflow.checksums import record
+
+
+def datasets(files):
+    """Return input name -> dataset, or list of datasets, of the netCDF files among the inputs.
+
+    `files` are the named inputs of a Snakemake job, paths or lists of paths.
+    """
+    return {
+        name: storage.read(paths) if isinstance(paths, str) else [*map(storage.read, paths)]
+        for name, paths in files.items()
+        if "".join(paths).endswith(".nc")
+    }
 
 
 def redirect_output(path):
