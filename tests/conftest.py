@@ -30,26 +30,10 @@ def pytest_sessionstart(session):
                 done.result()
 
 
-def _trains():
+def _matrices():
     from gearlib import planetary, simulate
 
     simulate(planetary(stiffness_ratio=(0.8, 0.8)), 1.0, **RUN)
-
-
-def _matrices():
-    from gearlib import Harmonics, OneDegreePair, SixDegreePair, simulate
-    from tests.paper import PAPER
-
-    gears = SixDegreePair(
-        pair=PAPER,
-        base_radii=(0.1, 0.1),
-        inertias=(0.1, 0.1),
-        masses=(17.0, 17.0),
-        bearing_stiffness=(1e7,) * 4,
-        bearing_damping=(500.0,) * 4,
-    )
-    simulate(gears, 0.9, **RUN)
-    simulate(OneDegreePair(pair=PAPER, deviation=Harmonics((1e-6,))), 0.9, **RUN)
 
 
 def _pair():
@@ -74,4 +58,4 @@ def _steps():
 
 
 #: Those that take longest come first; what shares kernels is one.
-FAMILIES = (_trains, _matrices, _pair, _taylor, _steps)
+FAMILIES = (_matrices, _pair, _taylor, _steps)
