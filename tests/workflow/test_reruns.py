@@ -136,7 +136,7 @@ def test_targets_and_the_command_line_choose_the_jobs(shared, tmp_path):
         "fzg_c_compile_kernels": 1,
         "fzg_c_sweep_window": 3,
         "fzg_c_gather_resonance": 1,
-        "planetary_compile_train_kernels": 1,
+        "planetary_compile_matrix_kernels": 1,
         "planetary_compute_train_sweep": 1,
     }
 

@@ -1,4 +1,4 @@
-"""Compilation of the kernels of gear pairs, larger models and gear trains before their use.
+"""Compilation of the kernels of each engine before the jobs that need most of them.
 
 Without these rules each of the first jobs would compile them. The stamps are ordinary inputs: with
 "ancient" ones Snakemake would miss edits of sources that both rules have in common.
@@ -20,39 +20,34 @@ rule compile_kernels:
         "../scripts/compile_kernels.py"
 
 
-rule compile_train_kernels:
+# Models with several coordinates, such as gear trains.
+rule compile_matrix_kernels:
+    pathvars:
+        engine="matrix",
     input:
-        sources=sources_of("compile_train_kernels"),
+        sources=sources_of("compile_model_kernels"),
     output:
-        stamp="results/train_kernels.sha256",
+        stamp="results/<engine>_kernels.sha256",
     log:
-        "results/logs/compile_train_kernels.log",
+        "results/logs/compile_<engine>_kernels.log",
     benchmark:
-        "results/benchmarks/compile_train_kernels.tsv"
+        "results/benchmarks/compile_<engine>_kernels.tsv"
+    params:
+        engine="matrix",
     conda:
         "../envs/gearlib.yaml"
     script:
-        "../scripts/compile_train_kernels.py"
+        "../scripts/compile_model_kernels.py"
 
 
-# Jobs that need most of these kernels wait for them.
-rule compile_larger_kernels:
-    input:
-        # Models with six degrees of freedom have the kernels of trains. Changes do not count.
-        after=ancient("results/train_kernels.sha256"),
-        sources=sources_of("compile_larger_kernels"),
-    output:
-        stamp="results/larger_kernels.sha256",
-    log:
-        "results/logs/compile_larger_kernels.log",
-    benchmark:
-        "results/benchmarks/compile_larger_kernels.tsv"
-    conda:
-        "../envs/gearlib.yaml"
-    script:
-        "../scripts/compile_larger_kernels.py"
+# Nonlinear damping and smooth stiffness.
+use rule compile_matrix_kernels as compile_taylor_kernels with:
+    pathvars:
+        engine="taylor",
+    params:
+        engine="taylor",
 
 
 KERNELS = rules.compile_kernels.output.stamp
-LARGER_KERNELS = rules.compile_larger_kernels.output.stamp
-TRAIN_KERNELS = rules.compile_train_kernels.output.stamp
+MATRIX_KERNELS = rules.compile_matrix_kernels.output.stamp
+TAYLOR_KERNELS = rules.compile_taylor_kernels.output.stamp

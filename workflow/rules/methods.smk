@@ -87,7 +87,8 @@ use rule _compute as trial with:
         job="failures/{trial}",
     input:
         kernels=KERNELS,
-        larger_kernels=LARGER_KERNELS,
+        matrix_kernels=MATRIX_KERNELS,
+        taylor_kernels=TAYLOR_KERNELS,
         sources=lambda wildcards: TRIAL_SOURCES[TRIALS[wildcards.trial]["method"]],
     output:
         "results/failures/{trial}.nc",
@@ -152,7 +153,8 @@ use rule _compute as work_precision_references with:
         job="work_precision_references",
     input:
         kernels=KERNELS,
-        larger_kernels=LARGER_KERNELS,
+        matrix_kernels=MATRIX_KERNELS,
+        taylor_kernels=TAYLOR_KERNELS,
         sources=sources_of("compute", "studies.trials.references"),
     output:
         "results/work_precision/references.nc",

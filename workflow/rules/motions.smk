@@ -8,6 +8,7 @@ use rule _compute as compute_run_ups with:
         job="run_ups",
     input:
         kernels=KERNELS,
+        matrix_kernels=MATRIX_KERNELS,
         sources=sources_of("compute", "studies.run_ups"),
     output:
         "results/run_ups.nc",
@@ -197,6 +198,7 @@ use rule _compute as compute_nonlinear_damping with:
         job="nonlinear_damping/{place}_{power}",
     input:
         kernels=KERNELS,
+        taylor_kernels=TAYLOR_KERNELS,
         sources=sources_of("compute", "studies.nonlinear_damping"),
     output:
         "results/nonlinear_damping/{place}_{power}.nc",
@@ -260,7 +262,8 @@ use rule _compute as compare_models with:
         job="models/{scene}",
     input:
         kernels=KERNELS,
-        larger_kernels=LARGER_KERNELS,
+        matrix_kernels=MATRIX_KERNELS,
+        taylor_kernels=TAYLOR_KERNELS,
         sources=sources_of("compute", "studies.scenes"),
     output:
         "results/models/{scene}.nc",

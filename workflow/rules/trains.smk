@@ -9,7 +9,7 @@ use rule _compute as compute_reducer with:
     pathvars:
         job="reducer",
     input:
-        train_kernels=TRAIN_KERNELS,
+        matrix_kernels=MATRIX_KERNELS,
         sources=sources_of("compute", "studies.trains"),
     output:
         "results/reducer.nc",
@@ -62,7 +62,7 @@ use rule _compute as compute_train_sweep with:
     pathvars:
         job="train_sweep",
     input:
-        train_kernels=TRAIN_KERNELS,
+        matrix_kernels=MATRIX_KERNELS,
         sources=sources_of("compute", "studies.trains"),
     output:
         "results/train_sweep.nc",

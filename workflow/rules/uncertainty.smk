@@ -37,6 +37,7 @@ use rule _compute as measured_orders with:
     input:
         measured=files_of_set,
         kernels=KERNELS,
+        matrix_kernels=MATRIX_KERNELS,
         sources=sources_of("compute", "studies.measured"),
     output:
         "results/measured/orders/{measured}.nc",

@@ -282,7 +282,7 @@ def seconds_per_period(run: Callable, short_periods: int, max_periods: int, repe
             yield min(timeit(partial(run, periods, calls), number=1, repeat=repeats))
 
     short_time, long_time = shortest_times(1)
-    while long_time - short_time < max(MIN_SPAN, short_time) and calls < MAX_CALLS:
+    while long_time - short_time < max(MIN_SPAN, 0.5 * short_time) and calls < MAX_CALLS:
         if long_periods < max_periods:
             long_periods = min(4 * long_periods, max_periods)
         else:
