@@ -462,15 +462,15 @@ def _block_sums(phase, values, jumps, block_length, blocks, step, count) -> tupl
 
     If the jumps are unknown, the samples are integrated by the trapezoidal rule.
     """
-    table, inner_shape = values.reshape(len(values), -1), values.shape[1:]
-    sums = np.zeros((blocks, count, table.shape[1]), complex)
-    squares = np.zeros((blocks, table.shape[1]))
+    table, inner_shape = values.reshape(len(values), -1).T, values.shape[1:]
+    sums = np.zeros((blocks, count, len(table)), complex)
+    squares = np.zeros((blocks, len(table)))
     if jumps is not None:
         # A sample at a jump may belong to either side, so it is omitted.
         ends = np.concatenate([[-np.inf], jumps, [np.inf]])
         segments = np.searchsorted(jumps, phase)
         distances = np.minimum(phase - ends[segments], ends[segments + 1] - phase)
-        phase, table = phase[distances > PHASE_TOLERANCE], table[distances > PHASE_TOLERANCE]
+        phase, table = phase[distances > PHASE_TOLERANCE], table[:, distances > PHASE_TOLERANCE]
     for b in range(blocks):
         start = b * block_length
         bounds = start - PHASE_TOLERANCE, (b + 1) * block_length - PHASE_TOLERANCE
@@ -485,14 +485,13 @@ def _block_sums(phase, values, jumps, block_length, blocks, step, count) -> tupl
             indices = np.arange(max(first - STENCIL, 0), min(last + STENCIL, len(phase)))
             block_phase = phase[indices] - start
             weights = _integration_weights(block_phase, jumps - start, block_length)
-        samples, weights = table[indices], weights / block_length
-        weighted, rotation = weights[:, None] * samples, np.exp(-1j * step * block_phase)
-        wave = np.ones(block_phase.size, complex)
+        samples = table[:, indices]
+        weighted, rotation = weights / block_length * samples, np.exp(-1j * step * block_phase)
+        waves = weighted.astype(complex)
         for n in range(count):
-            # A matrix product would start the threads of BLAS for small sums.
-            sums[b, n] = np.einsum("i,im->m", wave, weighted)
-            wave *= rotation
-        squares[b] = np.einsum("im,im->m", weighted, samples)
+            sums[b, n] = waves.sum(axis=1)
+            waves *= rotation
+        squares[b] = (weighted * samples).sum(axis=1)
     return sums.reshape(blocks, count, *inner_shape), squares.reshape(blocks, *inner_shape)
 
 
