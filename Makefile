@@ -89,7 +89,7 @@ report: all
 # Jobs that measure wall times run alone anyway.
 speed-and-accuracy: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS) draw_failures draw_stability_chart draw_models model_table \
-	    draw_work_precision draw_work_precision_time
+	    draw_work_precision
 	$(BIN)/python -m docs.hooks.speed_and_accuracy results
 
 docs: $(TESTING)

@@ -24,7 +24,7 @@ PACKAGES = (
 
 
 def write(results, root):
-    """Write provenance.json into `results` if a job is newer; return whether it was written.
+    """Write provenance.json into `results` if a job is newer.
 
     `root` is the folder of the git repository.
     """
@@ -32,7 +32,7 @@ def write(results, root):
     jobs = sorted((results / "benchmarks").rglob("*.tsv"))
     newest = max((path.stat().st_mtime for path in jobs), default=0.0)
     if target.exists() and target.stat().st_mtime >= newest:
-        return False
+        return
     record = {
         "finished": datetime.fromtimestamp(newest, UTC).isoformat(timespec="seconds"),
         "commit": _git(root, "rev-parse", "HEAD"),
@@ -48,7 +48,6 @@ def write(results, root):
     }
     with replacing(target) as temporary:
         temporary.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-    return True
 
 
 def _git(root, *arguments):

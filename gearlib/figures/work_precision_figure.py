@@ -42,58 +42,31 @@ _LINE_OPTIONS = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5}
 _LINE_OPTIONS["markeredgecolor"] = "white"
 
 
-def draw(errors: list[xr.Dataset]) -> dict[str, Figure]:
-    """Return the figures of errors over evaluations: of the final state, and of other measures.
-
-    `errors` are results of `gearlib.studies.trials.work_precision.errors`, one for each method. The
-    other measures are phases of events and Floquet multipliers.
-    """
-    return {
-        "work_precision_evaluations": draw_evaluations(errors),
-        "work_precision_measures": draw_measures(errors),
-    }
-
-
 @style.styled()
-def draw_evaluations(errors: list[xr.Dataset]):
-    """Return a figure of the error of the final state over evaluations of the right-hand side.
-
-    `errors` are results of `gearlib.studies.trials.work_precision.errors`, one for each method.
-    Methods without evaluations of the right-hand side are at the left edge.
-    """
-    data = _concatenate(errors)
-    panel_errors = _panels_with_errors(data, "state")
-    return _draw_panels(data, "period_evaluations", panel_errors, "rounding of the state")
-
-
-@style.styled()
-def draw_time(errors: list[xr.Dataset], times: list[xr.Dataset]):
-    """Return a figure of the error of the final state over the wall time.
+def draw(errors: list[xr.Dataset], times: list[xr.Dataset]) -> dict[str, Figure]:
+    """Return figures of errors over evaluations of the right-hand side and over wall time.
 
     `errors` and `times` are results of the functions of `gearlib.studies.trials.work_precision` of
-    the same name, one for each method. Times below that of one evaluation of the solution in closed
-    form, which holds during contact, are grey.
+    the same name, one for each method. The figures "work_precision_evaluations" and "_time" have
+    errors of the final state, "_measures" those of event phases and Floquet multipliers. Methods
+    without evaluations are at the left edge; times below that of one evaluation of the solution in
+    closed form, which holds during contact, are grey.
     """
     data = _concatenate(errors).assign(period_time=_concatenate(times).period_time)
+    states = _panels_with_errors(data, "state")
+    measures = _panels_with_errors(data, "event") + _panels_with_errors(data, "multiplier")
+    evaluations = "period_evaluations"
+    figures = {
+        "evaluations": _draw_panels(data, evaluations, states, "rounding of the state"),
+        "measures": _draw_panels(data, evaluations, measures, "rounding"),
+        "time": _draw_panels(data, "period_time", states, "rounding; less than one closed form"),
+    }
     # The shortest of the measured times is the least disturbed one.
     closed_form_time = min(float(method.closed_form_time) for method in times)
-    label = "rounding; less than one closed form"
-    figure = _draw_panels(data, "period_time", _panels_with_errors(data, "state"), label)
-    for axes in figure.axes:
+    for axes in figures["time"].axes:
         axes.set_xlim(left=0.3 * closed_form_time)
         axes.axvspan(0.3 * closed_form_time, closed_form_time, **_GREY_AREA)
-    return figure
-
-
-@style.styled()
-def draw_measures(errors: list[xr.Dataset]):
-    """Return a figure of errors of event phases and Floquet multipliers over evaluations.
-
-    `errors` are results of `gearlib.studies.trials.work_precision.errors`, one for each method.
-    """
-    data = _concatenate(errors)
-    panel_errors = _panels_with_errors(data, "event") + _panels_with_errors(data, "multiplier")
-    return _draw_panels(data, "period_evaluations", panel_errors, "rounding")
+    return {f"work_precision_{name}": figure for name, figure in figures.items()}
 
 
 def _concatenate(datasets: list[xr.Dataset]) -> xr.Dataset:

@@ -30,9 +30,6 @@ EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
 TRAINS, DRAWN = "5 Gear trains", "6 From the drawing"
 MEASURED, TOLERANCES = "7 Measured", "8 Tolerances"
 
-#: Formats of a figure in order of preference; the report shows one.
-REPORT_FORMATS = ["png", "svg", "pdf"]
-
 #: Keys of sections that describe a grid of tunings, and seeded initial states.
 GRID = ["start", "stop", "step"]
 STARTS = ["starts", "first_starts", "seed", "spread"]
@@ -165,19 +162,16 @@ def per_damping(pattern):
 def figure_files(name, label, part, caption=None):
     """Return the files of a figure, one for each format, of which the report shows one.
 
-    `label` is a text or a function of wildcards; `caption` is the name of a file in
-    `workflow/report`, by default that of the figure. Only figures of the paper's gears have the
-    numbers of its figures.
+    `label` is a text or a function of wildcards that returns labels; `caption` is the name of a
+    file in `workflow/report`, by default that of the figure. Only figures of the paper's gears have
+    the numbers of its figures.
     """
     caption = caption or name
-    labels = {"figure": label}
-    if callable(label):
-        labels = lambda wildcards: {"figure": label(wildcards)}
-    elif not gear_names.is_paper(CONFIG):
-        labels = {"figure": re.sub(r"^(Beside )?Fig. \d+: ", "", label)}
     if not gear_names.is_paper(CONFIG):
         name = re.sub(r"^fig\d+_", "", name)
-    report_format = min(CONFIG.figures.formats, key=REPORT_FORMATS.index)
+        label = label if callable(label) else re.sub(r"^(Beside )?Fig. \d+: ", "", label)
+    labels = label if callable(label) else {"figure": label}
+    report_format = min(CONFIG.figures.formats, key=["png", "svg", "pdf"].index)
     options = {"caption": f"../report/{caption}.rst", "category": part, "labels": labels}
     paths = [f"results/figures/{name}.{suffix}" for suffix in CONFIG.figures.formats]
     return [report(p, **options) if p.endswith(f".{report_format}") else p for p in paths]
@@ -225,10 +219,10 @@ def criteria_of_scene(wildcards):
 
 
 def label_of_scene(wildcards):
-    """Return the label of a scene in the report: its name with spaces, and its dampings."""
+    """Return the labels of a scene in the report: its name with spaces, and its dampings."""
     title = re.sub(r"^fig(\d+)_", r"Fig. \1: ", wildcards.scene).replace("_", " ")
     dampings = dict.fromkeys(case["damping"] for case in config["scenes"][wildcards.scene]["cases"])
-    return f"{title}, damping {', '.join(dampings)}"
+    return {"figure": f"{title}, damping {', '.join(dampings)}"}
 
 
 #: Name of a measured set -> (YAML file, description).
@@ -261,25 +255,18 @@ def names_of_drawings(section):
     return " and ".join(dict.fromkeys(map(gear_names.name_of_drawing, pairs)))
 
 
-def designs():
-    """Return the arguments of the study of tolerances that describe the designs."""
-    section, tolerances = CONFIG.tolerances, {}
-    if not targets.refusal("tolerances", CONFIG):
-        tolerances = CONFIG.tolerance_distributions()
-    has_drawing = section.concern_drawing() and CONFIG.gears
-    return canonical(
-        {
-            "pair": CONFIG.pair_parameters(section.damping),
-            "tolerances": tolerances,
-            "seed": section.seed,
-            "quantities": section.quantities,
-            **({"drawing": CONFIG.gears.drawing_dict()} if has_drawing else {}),
-        }
-    )
-
-
-DESIGNS = designs()
-
+#: Arguments of the study of tolerances that describe the designs.
+DESIGNS = canonical(
+    {
+        "pair": CONFIG.pair_parameters(CONFIG.tolerances.damping),
+        "tolerances": (
+            {} if targets.refusal("tolerances", CONFIG) else CONFIG.tolerance_distributions()
+        ),
+        **pick(config["tolerances"], "seed", "quantities"),
+    }
+)
+if CONFIG.tolerances.concern_drawing() and CONFIG.gears:
+    DESIGNS["drawing"] = canonical(CONFIG.gears.drawing_dict())
 
 #: Values for captions that the configuration does not contain.
 config["captions"] = {

@@ -181,8 +181,8 @@ use rule _compute as work_precision_errors with:
         method="{method}",
 
 
-# Wall times differ between runs, so that only the figure and the table of times may depend on this
-# dataset. No other job runs at the same time, because its load would change the times.
+# Wall times differ between runs, so that only figures and a table may depend on this dataset. No
+# other job runs at the same time, because its load would change the times.
 use rule _compute_alone as work_precision_times with:
     pathvars:
         job="work_precision/times_{method}",
@@ -218,26 +218,14 @@ use rule _draw as draw_work_precision with:
         job="draw_work_precision",
     input:
         errors=rules.work_precision_table.input.errors,
+        times=rules.work_precision_table.input.times,
         sources=sources_of("draw", "figures.work_precision_figure"),
     output:
         figure_files("work_precision_evaluations", "Work and precision: evaluations", METHODS),
         figure_files("work_precision_measures", "Work and precision: events, multipliers", METHODS),
-    params:
-        draw="work_precision_figure.draw",
-        absent=not_installed(config["work_precision"]["methods"]),
-
-
-use rule _draw as draw_work_precision_time with:
-    pathvars:
-        job="draw_work_precision_time",
-    input:
-        errors=rules.work_precision_table.input.errors,
-        times=rules.work_precision_table.input.times,
-        sources=sources_of("draw", "figures.work_precision_figure"),
-    output:
         figure_files("work_precision_time", "Work and precision: wall time", METHODS),
     params:
-        draw="work_precision_figure.draw_time",
+        draw="work_precision_figure.draw",
         absent=not_installed(config["work_precision"]["methods"]),
 
 
@@ -246,6 +234,5 @@ rule work_precision:
         target_files(
             "work_precision",
             rules.draw_work_precision.output,
-            rules.draw_work_precision_time.output,
             rules.work_precision_table.output.csv,
         ),
