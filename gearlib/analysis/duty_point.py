@@ -80,7 +80,14 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         checks.gear_mesh(gears, "gears", " or a model")
         torque = torque_of(torque, options.pop("power", None), speed)
         model, is_truncated = _load_sharing_model(gears, torque, options)
-        data = _iso_dynamic_factor(gears, torque, speed) | {"torque": float(torque)}
+        if gears.pinion.quality is not None and gears.wheel.quality is not None:
+            checks.finite_positive("speed", speed)
+            # ISO 6336 takes the smaller tip relief of the two gears.
+            reliefs = gears.pinion.tip_relief, gears.wheel.tip_relief
+            tip_relief = min(relief.amount if relief else 0.0 for relief in reliefs)
+            factor = dynamic_factor(gears, torque, speed, tip_relief=tip_relief).factor
+            data["iso_dynamic_factor"] = factor
+        data["torque"] = float(torque)
     if model.speed is None:
         raise ValueError(f"gears = {model!r} is not allowed: nothing turns in this model")
     tuning = tuning_at_speed(model, "speed", speed)
@@ -95,21 +102,14 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         data |= {"tuning": tuning, "mesh_frequency_hertz": hertz}
     data["speed"] = float(speed)
     meshes = {name: values for name, values in model.coordinates().items() if name == "mesh"}
-    return result(
-        "Duty point of a gear mesh",
-        model,
-        data,
-        meshes | coords,
-        method="settled run",
-        speed=float(speed),
-    )
+    options = {"method": "settled run", "speed": float(speed)}
+    return result("Duty point of a gear mesh", model, data, meshes | coords, **options)
 
 
 def _load_sharing_model(mesh: Any, torque: float, options: dict) -> tuple:
     """Return (`LoadSharingPair` of a geometric mesh, whether its pitch errors were truncated).
 
-    `torque` is that of the pinion in N m, `options` are those of `duty_point`. The pitch errors are
-    truncated if thousands of mesh periods pass until the same teeth meet again.
+    They are truncated if thousands of mesh periods pass until the same teeth meet again.
     """
     model = default_load_sharing_pair(mesh, torque=torque, **options)
     # In each mesh period there is a stiffness table for each subset of the tooth pairs in mesh.
@@ -120,26 +120,10 @@ def _load_sharing_model(mesh: Any, torque: float, options: dict) -> tuple:
     return model.replace(pitch_errors=model.pitch_errors[:max_periods]), True
 
 
-def _iso_dynamic_factor(mesh: Any, torque: float, speed: float) -> dict:
-    """Return {"iso_dynamic_factor": dynamic factor by ISO 6336}, empty without gear qualities.
-
-    `mesh` is a `gearlib.geometry.Mesh`; torque (N m) and speed (rpm) are those of its pinion.
-    """
-    gears = mesh.pinion, mesh.wheel
-    if any(gear.quality is None for gear in gears):
-        return {}
-    # The standard takes the smaller tip relief of the two gears.
-    tip_relief = min(gear.tip_relief.amount if gear.tip_relief else 0.0 for gear in gears)
-    checks.finite_positive("speed", speed)
-    return {"iso_dynamic_factor": dynamic_factor(mesh, torque, speed, tip_relief=tip_relief).factor}
-
-
 def settled_run(model: Any, tuning: float, initial_state: tuple = (0.0, 0.0)) -> xr.Dataset:
     """Return a run of `simulate` that records one period of an orbit, or else whole revolutions.
 
-    The motion of the `model` at a tuning, mesh frequency over natural frequency, starts at
-    `initial_state` (displacement, velocity); its length is doubled until it repeats, at most to the
-    limits `_MAX_PERIODS` and `_MAX_STEPS`. Only the record is sampled finely.
+    Its length is doubled until the motion repeats, within `_MAX_PERIODS` and `_MAX_STEPS`.
     """
     max_periods = min(_MAX_PERIODS, int(_MAX_STEPS / model.steps_per_period(tuning)))
     excitation_periods = model.repeats  # mesh periods after which the excitation repeats
@@ -172,11 +156,7 @@ def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **option
 
 
 def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
-    """Return (variables, coordinates) of the dataset of `duty_point` for a run, in SI units.
-
-    They include amplitudes of the first mesh orders of force and transmission error; `settled` is 1
-    if the run is periodic.
-    """
+    """Return (variables, coordinates) of the dataset of `duty_point` for a run, in SI units."""
     mesh_orders, order_forces, order_errors = mesh_order_amplitudes(run)
     dims = ("mesh_order", *run.displacement.dims[1:])  # "mesh" is a dimension of trains only
     data = si_variables(run, model)

@@ -74,9 +74,8 @@ class Perturbation:
     def propagate(self, propagator, state: np.ndarray, periods: int, first_period=0) -> tuple:
         """Propagate the perturbation along the motion that starts at a full state.
 
-        The run starts with the mesh period `first_period` of an excitation that repeats after
-        several of them. Return (final state, logarithm of the growth in each of the mesh periods,
-        status code); the logarithms are -inf where the perturbation has vanished.
+        Return (final state, logarithm of the growth in each of the mesh periods, status code); the
+        logarithms are -inf where the perturbation has vanished.
         """
         log_growths = np.full(periods, -math.inf)
         reduction, lift = self.model.reduction()
@@ -96,11 +95,7 @@ class Perturbation:
         return state, log_growths, status.OK
 
     def exceeds_limit(self, tuning: float, state: Any, periods: int, first_period: int) -> bool:
-        """Return whether a rounding error grows beyond `MAX_LOG_GROWTH` in the next mesh periods.
-
-        The motion starts at `state`, with the mesh period `first_period` of the excitation. The
-        perturbation continues from the end of the last run, unless it is a new rounding error.
-        """
+        """Return whether a rounding error grows beyond `MAX_LOG_GROWTH` in the next periods."""
         propagator = self.model.propagator(tuning)
         if self.log_length == 0.0:
             # The perturbation has decayed to a rounding error, whose direction is arbitrary.
@@ -118,9 +113,8 @@ def largest_exponent(
 ) -> Exponent:
     """Return the largest Lyapunov exponent of the motion from a state at tau = 0.
 
-    The tuning is the mesh frequency over the natural frequency, the state (displacement, velocity).
-    The exponent is averaged over `periods` mesh periods after a transient of `settle` mesh periods.
-    The run stops if a mesh period has more than `max_events` contact events.
+    It is averaged over `periods` mesh periods after a transient of `settle` mesh periods. The run
+    stops if a mesh period has more than `max_events` contact events.
     """
     stroboscope = Stroboscope(model, tuning, max_events=max_events)
     propagator = stroboscope.propagator
@@ -145,20 +139,18 @@ def largest_exponent(
 
 
 def rounding_grows(model, tunings, start: tuple, periods: int, final_states=None) -> np.ndarray:
-    """Return a mask, shape (n,), of the tunings at which rounding errors grow to a visible size.
+    """Return a mask of the tunings at which rounding errors grow to a visible size.
 
-    At each tuning a run over `periods` mesh periods starts at the state `start`. If the final
-    states of a sweep are given, shape (n, components), each run starts from the final state of the
-    previous one, or from `start` if that is NaN.
+    Runs start at the state `start`, or at the last of the `final_states` of a sweep, shape
+    (n, components), unless that is NaN.
     """
-    perturbation, is_sensitive = Perturbation(model), np.zeros(len(tunings), bool)
+    is_sensitive = np.zeros(len(tunings), bool)
     for i, tuning in enumerate(tunings):
-        state, first_period = start, 0 if final_states is None else i * periods
+        first_period = 0 if final_states is None else i * periods
         if i and final_states is not None and np.isfinite(final_states[i - 1]).all():
-            state = final_states[i - 1]
+            state = tuple(final_states[i - 1])
         else:
-            perturbation = Perturbation(model)
-        state = tuple(state)
+            state, perturbation = tuple(start), Perturbation(model)
         is_sensitive[i] = perturbation.exceeds_limit(float(tuning), state, periods, first_period)
     return is_sensitive
 
@@ -166,10 +158,9 @@ def rounding_grows(model, tunings, start: tuple, periods: int, final_states=None
 def reproducible_orbits(model: Any, diagrams: list, directions: list, starts: list) -> np.ndarray:
     """Return a mask, shape (diagram, tuning), of periodic motions independent of rounding errors.
 
-    `diagrams` are results of `gearlib.bifurcation_diagram` over the same tunings, `directions` and
-    `starts` are the direction and initial state of each. A warm-started sweep that has passed
-    through chaos arrives on an orbit that depends on rounding errors, until a tuning at which all
-    cold runs are reproducible and settle on the same orbit.
+    The results of `gearlib.bifurcation_diagram` have the same tunings. A warm-started sweep that
+    has passed through chaos arrives on an orbit that depends on rounding errors, until a tuning at
+    which all cold runs are reproducible and settle on the same orbit.
     """
     periods = np.array([diagram.period.values for diagram in diagrams])
     displacements = np.array([diagram.displacement.values for diagram in diagrams])
@@ -181,9 +172,8 @@ def reproducible_orbits(model: Any, diagrams: list, directions: list, starts: li
         final_states = diagram.final_state.values[order] if is_warm_started[k] else None
         # The coordinate `strobe` numbers the mesh periods of a run from 0, with the transient.
         run_periods, tunings = int(diagram.strobe.values[-1]) + 1, diagram.tuning.values[order]
-        is_sensitive[k, order] = rounding_grows(
-            model, tunings, starts[k], run_periods, final_states
-        )
+        sensitive = rounding_grows(model, tunings, starts[k], run_periods, final_states)
+        is_sensitive[k, order] = sensitive
     is_reproducible = (periods > 0) & ~is_sensitive
     cold_reproducible = np.all(is_reproducible[~is_warm_started], axis=0) & ~is_warm_started.all()
     for k in np.flatnonzero(is_warm_started):
@@ -260,33 +250,22 @@ def lyapunov_exponents(
             f"{values.size} values"
         )
     starts = np.broadcast_to(starts, (values.size, starts.shape[-1]))
-    settings = {"settle": settle, "periods": periods, "max_events": max_events}
 
     def exponent_row(i: int) -> tuple:
         """Return (exponent, standard error, status code) at the parameter value of index i."""
         model, tuning_of_case = cases[i]
         if not np.isfinite(starts[i]).all():
             return np.nan, np.nan, status.NO_START
-        exponent = largest_exponent(model, tuning_of_case, state=tuple(starts[i]), **settings)
+        lengths = {"settle": settle, "periods": periods, "max_events": max_events}
+        exponent = largest_exponent(model, tuning_of_case, state=tuple(starts[i]), **lengths)
         return exponent.value, exponent.uncertainty, exponent.status
 
     with ThreadPoolExecutor(threads) as pool:
         rows = pool.map(exponent_row, range(values.size))
         table = np.array(list(notebook.with_bar("values", rows, values.size)))
-    data = {
-        "exponent": (parameter, table[:, 0]),
-        "uncertainty": (parameter, table[:, 1]),
-        "status": (parameter, table[:, 2].astype(np.int8)),
-    }
-    dataset = result(
-        "Largest Lyapunov exponents of a gear mesh",
-        pair,
-        data,
-        {parameter: values},
-        method="variational maps",
-        parameter=parameter,
-        tuning=tuning,
-        settle=settle,
-        periods=periods,
-    )
+    data = {name: (parameter, table[:, i]) for i, name in enumerate(("exponent", "uncertainty"))}
+    data["status"] = parameter, table[:, 2].astype(np.int8)
+    settings = {"parameter": parameter, "tuning": tuning, "settle": settle, "periods": periods}
+    title, coords = "Largest Lyapunov exponents of a gear mesh", {parameter: values}
+    dataset = result(title, pair, data, coords, method="variational maps", **settings)
     return set_backlash_long_name(dataset, parameter)

@@ -212,26 +212,20 @@ def order_map(
 
 
 def _motion(run: Any, variable: str, highest: float | None, tacho: Any, teeth: int) -> Motion:
-    """Return the samples of a variable of a run-up, a run at constant speed or a signal.
-
-    The arguments are those of `order_map`, `highest` being the highest order; invalid ones raise
-    ValueError.
-    """
+    """Return the samples of a variable of a run or a signal for the arguments of `order_map`."""
     names = set(getattr(run, "variables", ()))  # empty unless `run` is a dataset
     if "time" in names and "phase" not in names:
         return _motion_of_signal(run, variable, highest, tacho, teeth)
     checks.one_of("variable", variable, tuple(_VARIABLES))
     if tacho is not None:
         raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
-    required_names = {"mesh_frequency", "static_deflection", "force_scale", "contact", *_VARIABLES}
-    if required_names <= names and run.displacement.dims[0] == "phase":
-        _check_status(run)
-        return _motion_of_simulation(run, variable)
-    if not (names >= {variable, "time", "speed", "phase"} and "time" in run.sizes):
+    simulated_names = {"mesh_frequency", "static_deflection", "force_scale", "contact", *_VARIABLES}
+    is_simulation = simulated_names <= names and run.displacement.dims[0] == "phase"
+    is_run_up = names >= {variable, "time", "speed", "phase"} and "time" in run.sizes
+    if not (is_simulation or is_run_up):
         expected = "a dataset of gearlib.run_up with samples_per_period, or of gearlib.simulate"
         raise checks.refusal("run", _name_of_run(run), expected)
-    _check_status(run)
-    return _motion_of_run_up(run, variable)
+    return _motion_of_run(run, variable)
 
 
 def _name_of_run(run: Any) -> Any:
@@ -245,50 +239,41 @@ def _check_status(run: xr.Dataset) -> None:
         raise ValueError(f"run is not allowed: {run.status.attrs['message']}")
 
 
-def _motion_of_run_up(run: xr.Dataset, variable: str) -> Motion:
-    """Return the samples of a variable in a dataset of `gearlib.run_up`."""
-    speed, time, phase = (run[name].values for name in ("speed", "time", "phase"))
-    profiles = json.loads(run.attrs["parameters"])
-    # The variable or its slope may jump at corners of the profiles and at contact events.
-    jump_times = [row[0] for row in (*profiles["speed"], *profiles["load"])]
-    if "event_time" in run:
-        jump_times.extend(run.event_time.values)
-    # Shaft angle in rad from speeds in rpm, by the trapezoidal rule.
-    angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
-    teeth = _periods_per_revolution(phase, angle)
-    phases = math.tau * teeth * ShaftRotation(profiles["speed"]).revolutions(np.array(jump_times))
+def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
+    """Return the samples of a variable of `gearlib.run_up` or `gearlib.simulate`, in SI units."""
+    _check_status(run)
+    parameters, phase = json.loads(run.attrs["parameters"]), run.phase.values
+    if "time" in run.sizes:
+        speed, time, speeds = run.speed.values, run.time.values, np.array(parameters["speed"])
+        # Shaft angle in rad from speeds in rpm, by the trapezoidal rule.
+        angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
+        scale, units, profiles = 1.0, run[variable].attrs["units"], run.attrs["parameters"]
+    else:
+        phase, rpm, omega = phase - phase[0], float(run.speed), float(run.mesh_frequency)
+        speeds = np.array([[0.0, rpm], [math.tau * parameters["record_periods"] / omega, rpm]])
+        angle = math.pi / 30.0 * rpm * phase[-1] / omega
+        scale, units = _VARIABLES[variable]
+        scale, profiles = float(scale(run)), _profiles_json(speeds)
+    teeth = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
+    # Mesh periods per revolution are an integer, apart from rounding errors.
+    teeth = float(round(teeth)) if abs(teeth - round(teeth)) < 1e-6 * teeth else teeth
+    if "time" in run.sizes:
+        # The variable or its slope may jump at corners of the profiles and at contact events.
+        times = [row[0] for row in (*parameters["speed"], *parameters["load"])]
+        times.extend(run.event_time.values if "event_time" in run else ())
+        event_phases = math.tau * teeth * ShaftRotation(speeds).revolutions(np.array(times))
+    else:
+        event_phases = _event_phases(run)
     return Motion(
         phase=phase,
-        values=run[variable].values,
-        jumps=_jumps(run, variable, phases),
-        speeds=np.array(profiles["speed"]),
-        teeth=teeth,
-        default_max_order=_DEFAULT_MESH_ORDERS * teeth,
-        units=run[variable].attrs["units"],
-        coords={name: run[name].variable for name in run[variable].dims[1:]},
-        attrs=_attributes(run, "references", "gear_pair", "model", "parameters"),
-    )
-
-
-def _motion_of_simulation(run: xr.Dataset, variable: str) -> Motion:
-    """Return the samples of a variable in a dataset of `gearlib.simulate`, in SI units."""
-    phase, rpm = run.phase.values - run.phase.values[0], float(run.speed)
-    omega, phases = float(run.mesh_frequency), _event_phases(run)
-    end_phase = phases[1]  # the phases are those of the start, the end and the contact events
-    scale, units = _VARIABLES[variable]
-    teeth = _periods_per_revolution(phase, math.pi / 30.0 * rpm * phase[-1] / omega)
-    speeds = np.array([[0.0, rpm], [end_phase / omega, rpm]])
-    attrs = _attributes(run, "references", "model", "gear_pair")
-    return Motion(
-        phase=phase,
-        values=run[variable].values * float(scale(run)),
-        jumps=_jumps(run, variable, phases),
+        values=run[variable].values * scale,
+        jumps=_jumps(run, variable, event_phases),
         speeds=speeds,
         teeth=teeth,
         default_max_order=_DEFAULT_MESH_ORDERS * teeth,
         units=units,
         coords={name: run[name].variable for name in run[variable].dims[1:]},
-        attrs=attrs | {"parameters": _profiles_json(speeds)},
+        attrs=_attributes(run, "references", "gear_pair", "model") | {"parameters": profiles},
     )
 
 
@@ -296,16 +281,6 @@ def _event_phases(run: xr.Dataset) -> np.ndarray:
     """Return [start, end, *contact events] of a run as phases (rad) since the first sample."""
     end = math.tau * json.loads(run.attrs["parameters"])["record_periods"]
     return np.array([0.0, end, *(run.event_phase.values - run.phase.values[0])])
-
-
-def _periods_per_revolution(phase: np.ndarray, angle: float) -> float:
-    """Return the mesh periods per revolution, rounded to an integer if they are close to one.
-
-    `phase` are the mesh phases of the samples, `angle` is the rotation of the shaft from the first
-    to the last sample, rad.
-    """
-    ratio = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
-    return float(round(ratio)) if abs(ratio - round(ratio)) < 1e-6 * ratio else ratio
 
 
 def _attributes(run: xr.Dataset, *names: str) -> dict:
@@ -319,13 +294,9 @@ def _profiles_json(speeds: np.ndarray) -> str:
 
 
 def _motion_of_signal(data: xr.Dataset, variable: str, highest, tacho, teeth: int) -> Motion:
-    """Resample a signal over time at equal angles of the shaft.
-
-    The angle follows from the speed in the dataset, or from the times of tacho pulses. `highest` is
-    the highest required order, `teeth` the mesh periods per revolution.
-    """
+    """Resample a signal over time at equal angles of the shaft, for arguments of `order_map`."""
     time, values = _signal(data, variable)
-    angle_at, profile = _angle_by_speed(data, time) if tacho is None else _angle_by_tacho(tacho)
+    angle_at, profile = _shaft_angle(data, time, tacho)
     in_profile = (time >= profile[0, 0]) & (time <= profile[-1, 0])
     if in_profile.sum() < 4:  # not with a speed profile, which covers all samples
         raise ValueError("tacho is not allowed: it must have at least four samples between pulses")
@@ -371,19 +342,25 @@ def _signal(data: xr.Dataset, variable: str) -> tuple:
     time = np.asarray(data["time"].values, float)
     values = np.asarray(data[variable].values, float)
     if not (time.ndim == 1 and time.size > 3 and np.isfinite(values).all()):
-        raise ValueError(
-            f"{variable} is not allowed: it must have at least four samples, all finite"
-        )
+        text = "is not allowed: it must have at least four samples, all finite"
+        raise ValueError(f"{variable} {text}")
     if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
         raise ValueError("time is not allowed: it must increase from sample to sample")
     return time, values
 
 
-def _angle_by_speed(data: xr.Dataset, time: np.ndarray) -> tuple:
+def _shaft_angle(data: xr.Dataset, time: np.ndarray, tacho: Any) -> tuple:
     """Return (function from time in s to revolutions, speed profile as rows of s and rpm).
 
-    Both are derived from the variable "speed" (rpm) of a dataset at increasing times.
+    Both follow from the times (s) of tacho pulses, one per revolution, or, if these are None, from
+    the variable "speed" (rpm) of a dataset.
     """
+    if tacho is not None:
+        pulses = np.array(checks.finite("tacho", tacho))
+        if pulses.size < 4 or not (np.diff(pulses) > 0.0).all():
+            raise ValueError("tacho is not allowed: it must be at least four increasing times")
+        angle_at = CubicSpline(pulses, np.arange(pulses.size))
+        return angle_at, np.column_stack([pulses, 60.0 * angle_at(pulses, 1)])
     if "speed" not in data.variables or data["speed"].shape != time.shape:
         raise ValueError("tacho = None is not allowed for a dataset without speed")
     speed = np.asarray(data["speed"].values, float)
@@ -393,26 +370,13 @@ def _angle_by_speed(data: xr.Dataset, time: np.ndarray) -> tuple:
     return CubicSpline(time, revolutions), np.column_stack([time, speed])
 
 
-def _angle_by_tacho(tacho: Any) -> tuple:
-    """Return (function from time in s to revolutions, speed profile as rows of s and rpm).
-
-    Both are derived from the times (s) of tacho pulses, one per revolution.
-    """
-    pulses = np.array(checks.finite("tacho", tacho))
-    if pulses.size < 4 or not (np.diff(pulses) > 0.0).all():
-        raise ValueError("tacho is not allowed: it must be at least four increasing times")
-    angle_at = CubicSpline(pulses, np.arange(pulses.size))
-    return angle_at, np.column_stack([pulses, 60.0 * angle_at(pulses, 1)])
-
-
 def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarray:
     """Return the sorted phases, since the first sample, at which a variable of a run may jump.
 
     These are `event_phases` and, if the attributes describe the model, switches of its stiffness.
-    Displacement and velocity are treated as smooth.
     """
     if variable in ("displacement", "velocity"):
-        return np.empty(0)
+        return np.empty(0)  # treated as smooth
     phases = event_phases
     model = model_from_json(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
     if model is not None:
@@ -428,10 +392,7 @@ def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarr
 
 
 def _stiffness_switches(model: Any) -> tuple:
-    """Return (mesh phases at which the stiffness of a model may jump, length of its period in rad).
-
-    The phases lie in the first period.
-    """
+    """Return (mesh phases of jumps of the stiffness in a period, length of the period in rad)."""
     if model.equation is None:
         segment_bounds = model.system(tuning=1.0).starts  # the same at all tunings
         return segment_bounds[:-1], segment_bounds[-1]
@@ -448,9 +409,8 @@ def _stiffness_switches(model: Any) -> tuple:
 def fourier(phase, values, jumps, block_length, blocks, step, count) -> FourierSums:
     """Return the Fourier coefficients 0 ... count - 1 of samples in consecutive blocks of phase.
 
-    `values`, shape (k,) or (k, m), are samples at the phases `phase`, shape (k,). Block b starts at
-    the phase b * block_length, and coefficient n belongs to the wave number n * step. Values or
-    slopes jump at the sorted phases `jumps`, None if these are unknown.
+    Block b starts at the phase b * block_length, and coefficient n belongs to the wave number
+    n * step. Values or slopes jump at the sorted phases `jumps`, None if these are unknown.
     """
     sums, mean_squares = _block_sums(phase, values, jumps, block_length, blocks, step, count)
     coarse_sums, _ = _block_sums(phase[::2], values[::2], jumps, block_length, blocks, step, count)
@@ -458,10 +418,7 @@ def fourier(phase, values, jumps, block_length, blocks, step, count) -> FourierS
 
 
 def _block_sums(phase, values, jumps, block_length, blocks, step, count) -> tuple:
-    """Return (Fourier coefficients, mean squares) of the blocks for the arguments of `fourier`.
-
-    If the jumps are unknown, the samples are integrated by the trapezoidal rule.
-    """
+    """Return (Fourier coefficients, mean squares) of the blocks for the arguments of `fourier`."""
     table, inner_shape = values.reshape(len(values), -1).T, values.shape[1:]
     sums = np.zeros((blocks, count, len(table)), complex)
     squares = np.zeros((blocks, len(table)))
@@ -476,7 +433,7 @@ def _block_sums(phase, values, jumps, block_length, blocks, step, count) -> tupl
         bounds = start - PHASE_TOLERANCE, (b + 1) * block_length - PHASE_TOLERANCE
         first, last = np.searchsorted(phase, bounds)
         if jumps is None:
-            # The block ends with the first sample of the next one, or with the last of the signal.
+            # The trapezoidal rule ends with the first sample of the next block, or the last one.
             indices = np.append(np.arange(first, last), min(last, len(phase) - 1))
             block_phase = np.append(phase[first:last] - start, block_length)
             weights = np.gradient(block_phase)
@@ -496,10 +453,9 @@ def _block_sums(phase, values, jumps, block_length, blocks, step, count) -> tupl
 
 
 def _integration_weights(phase: np.ndarray, jumps: np.ndarray, length: float) -> np.ndarray:
-    """Return quadrature weights, shape (n,), of samples at sorted phases for 0 ... `length`.
+    """Return quadrature weights of samples at sorted phases for the integral over 0 ... `length`.
 
-    Cubic polynomials interpolate neighbouring samples; no polynomial extends across one of the
-    sorted phases `jumps`.
+    Cubic polynomials interpolate neighbouring samples, but do not extend across sorted `jumps`.
     """
     jumps = jumps[(jumps > phase[0]) & (jumps < phase[-1])]
     ends = np.concatenate([[0.0, length], phase, jumps])
@@ -536,10 +492,7 @@ def _samples_per_period(phase: np.ndarray) -> int:
 
 
 def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
-    """Raise ValueError if a coefficient changes too much with half of the samples.
-
-    `phase` are the mesh phases of the samples.
-    """
+    """Raise ValueError if a coefficient changes too much with half of the samples."""
     change = sums.changes.max()
     if change > MAX_CHANGE * sums.rms:
         raise ValueError(
@@ -563,9 +516,8 @@ def _order_index(order: float, revolutions: int, count: int) -> int:
 def _dataset(motion: Motion, variable, amplitude, sums, indices, revolutions, bounds) -> xr.Dataset:
     """Return the order map of a variable as a dataset.
 
-    `amplitude` is a key of `_AMPLITUDES`, `indices` select the orders in the `FourierSums` `sums`.
-    `revolutions` is the integer number of revolutions per block; `bounds` are the times (s) between
-    the blocks, shape (blocks + 1,).
+    `indices` select the orders, `revolutions` is the number of revolutions per block, and `bounds`
+    are the times (s) between the blocks, shape (blocks + 1,).
     """
     mean = np.abs(sums.coefficients[:, 0])
     overall = np.sqrt(np.maximum(sums.mean_squares - mean**2, 0.0))
@@ -650,9 +602,8 @@ def orders(run, *, count=None):
     coords = {"order": np.arange(mesh_orders.size) * _teeth_of(run) / periods}
     coords |= {name: run[name].values for name in dims[1:]}
     dataset = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
-    dataset["order"].attrs["long_name"] = (
-        "order, waves per revolution of the gear to which the speed refers"
-    )
+    long_name = "order, waves per revolution of the gear to which the speed refers"
+    dataset["order"].attrs["long_name"] = long_name
     dataset.attrs |= _attributes(run, "references", "gear_pair", "parameters")
     return dataset
 
@@ -671,8 +622,7 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
     """Return (mesh orders, {"force": (samples, sums), "error": (samples, sums)}) of a run.
 
     These are samples and `FourierSums` of the mesh force (N) and the transmission error (m) of a
-    run of `simulate`. Mesh orders go up to `count`, with `fractional_orders` in steps of 1 over the
-    number of recorded mesh periods.
+    run of `simulate`, with `fractional_orders` in steps of 1 over the recorded mesh periods.
     """
     _check_status(run)
     periods, teeth = _record_periods(run), _teeth_of(run)
@@ -722,10 +672,7 @@ def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
 
 
 def transmission_error(run: xr.Dataset) -> np.ndarray:
-    """Return the transmission error at the samples of a run, in static deflections.
-
-    It is the displacement less the profile deviation of the flanks, if the model has one.
-    """
+    """Return the displacement less the profile deviation at the samples, static deflections."""
     displacement = run.displacement.values
     model = json.loads(run.attrs.get("gear_pair") or run.attrs["model"])
     deviation = model.get("deviation") if "profile" in model else None

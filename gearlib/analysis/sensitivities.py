@@ -34,8 +34,7 @@ def richardson(function: Callable, value: float, scale: float) -> tuple:
     Difference quotients with several steps, relative to `scale`, are extrapolated up to the third
     order (Ridders, Advances in Engineering Software 4 (1982) 75-76). Step and order with the
     smallest change are chosen for all entries of the array together, because single entries may
-    agree by chance. Differences are one-sided where the function raises ValueError and omitted
-    where it returns None; with fewer than four the result is NaN.
+    agree by chance. With fewer than four quotients the result is NaN.
     """
     centre = np.asarray(function(value), float)
     steps, quotients = [], []
@@ -142,10 +141,7 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
 
 
 def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
-    """Return a cached function from a value of the parameter `name` to (variables, contacts).
-
-    The parameter is one of the `arguments` of `call(model, **arguments)`, or one of the model.
-    """
+    """Return a cached function from a value of a parameter or argument to (variables, contacts)."""
 
     @cache
     def run(value: float) -> tuple:
@@ -164,11 +160,7 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
 
 
 def _derivative(run: Callable, variable: Any, title: str, value: float, scale: float) -> tuple:
-    """Return (derivative, error) of a variable at a parameter value; warn if they are unreliable.
-
-    `run` is a result of `_run_function`, `scale` is the order of magnitude of the parameter;
-    `title` is the text "derivative of ... by ..." for warnings.
-    """
+    """Return (derivative, error) of a variable at a parameter value; warn if unreliable."""
     variables_at_value, contacts = run(value)
     shape = variables_at_value[variable].shape
 

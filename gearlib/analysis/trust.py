@@ -132,25 +132,16 @@ def trust(
         "period": ("run", [run.period for run in runs]),
         "status": ("run", [run.status for run in runs]),
     }
-    table = result(
-        "Runs of one point in several ways",
-        pair,
-        data,
-        {"run": names},
-        method=", ".join(dict.fromkeys(methods)),
-        tuning=tuning,
-        periods=periods,
-        disturbance=disturbance,
-        exponent_periods=exponent_periods,
-    )
+    settings = {"tuning": tuning, "periods": periods, "disturbance": disturbance}
+    settings |= {"method": ", ".join(dict.fromkeys(methods)), "exponent_periods": exponent_periods}
+    table = result("Runs of one point in several ways", pair, data, {"run": names}, **settings)
     return classified_motion(table, exponent, pair.repeats)
 
 
 def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
     """Return the classification of the motion at each tuning by `trust`, along ``tuning``.
 
-    The variables are label (index in `LABELS`, with CF flags), period, digits, exponent and
-    uncertainty; `options` are keyword arguments of `trust`.
+    The variable label is the index in `LABELS`, with CF flags.
     """
 
     def variables(tuning: float) -> dict:
@@ -173,10 +164,7 @@ def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
 
 
 def _other_methods(model: Any) -> Iterator[tuple]:
-    """Yield (name, model, changed arguments of `run`) for comparison runs of a model.
-
-    They use another method, a smaller tolerance and, for a truncated stiffness, more harmonics.
-    """
+    """Yield (name, model, changed arguments of `run`) for comparison runs of a model."""
     methods = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].supports(model)]
     if len(methods) > 1:
         yield f"method {methods[1]}", model, {"method": methods[1]}
@@ -191,8 +179,7 @@ def _other_methods(model: Any) -> Iterator[tuple]:
 def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
     """Return the classification (`Trust`) of a motion from its runs and its Lyapunov exponent.
 
-    `runs` has displacement_max, displacement_min, period and status of each run; `repeats` is the
-    number of mesh periods after which the excitation repeats.
+    `repeats` is the number of mesh periods after which the excitation repeats.
     """
     label, message = _label_and_message(runs, exponent, repeats)
     period, digits = 0, math.nan
@@ -203,10 +190,7 @@ def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: in
 
 
 def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
-    """Return (label, message) of the classification of a motion, by the first rule that applies.
-
-    `repeats` is the number of mesh periods after which the excitation repeats.
-    """
+    """Return (label, message) of the classification of a motion, by the first rule that applies."""
     names, codes = runs.run.values, runs.status.values
     overflowed, diverges = codes == status.OVERFLOW, exponent.status == status.OVERFLOW
     periods = set(runs.period.values.tolist())
@@ -231,11 +215,7 @@ def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: i
 
 
 def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
-    """Return (label, message) of the classification of a motion whose perturbations decay.
-
-    `periods` are the distinct periods of the runs, 0 for a run that does not repeat; the excitation
-    repeats after `repeats` mesh periods.
-    """
+    """Return (label, message) of a motion whose perturbations decay, from periods of runs."""
     if "longer" in runs.run and int(runs.period.sel(run="longer")):
         # Runs that have not settled yet only need the same extrema as the longer run.
         periods = periods - {0}
@@ -255,10 +235,7 @@ def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tup
 
 
 def _common_digits(runs: xr.Dataset) -> float:
-    """Return the number of decimal digits in which the displacement extrema of all runs agree.
-
-    Differences are relative to the displacement range of the first run.
-    """
+    """Return the decimal digits in which the extrema of all runs agree, relative to their range."""
     maxima, minima = runs.displacement_max.values, runs.displacement_min.values
     displacement_range = np.maximum(maxima[0] - minima[0], np.finfo(float).tiny)
     spread = np.maximum(np.ptp(maxima, axis=0), np.ptp(minima, axis=0)) / displacement_range

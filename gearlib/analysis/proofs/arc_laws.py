@@ -13,7 +13,7 @@ import numpy as np
 
 from gearlib.analysis.proofs.balls import ball_of, column_of, flint, matrix_of
 from gearlib.analysis.proofs.certificate_files import ProofFailed, TrainDescription
-from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE, ball_model
+from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE, ball_model_builder
 from gearlib.engines.codes import BACKLASH, INVERSE
 from gearlib.models.trains.elastic import free_motions_and_modes
 
@@ -24,10 +24,7 @@ _MAX_TIME_RADIUS = 2.0**-30
 
 
 def propagated(matrix: Any, columns: Any, time: Any) -> Any:
-    """Return columns, states with z' = matrix z, propagated by a time: exp(matrix time) columns.
-
-    All are balls. If that of the time is wide, the mean value theorem is used.
-    """
+    """Return exp(matrix time) columns, by the mean value theorem if the ball `time` is wide."""
     if not time.rad() > _MAX_TIME_RADIUS:
         return (matrix * time).exp() * columns
     middle = time.mid()
@@ -48,11 +45,8 @@ class ArcDynamics:
     """
 
     def __init__(self, model, tuning: float):
-        """Compute modal basis and matrices of a model in ball arithmetic.
-
-        The tuning is the mesh frequency over the natural frequency.
-        """
-        self.model, self.tuning = ball_model(model, tuning), flint().arb(tuning)
+        """Compute modal basis and matrices of a model at a tuning in ball arithmetic."""
+        self.model, self.tuning = ball_model_builder(model)(model, tuning), flint().arb(tuning)
         self.one_degree, self.excitation_period = model.equation is not None, model.repeats
         self.mesh_names = tuple(mesh.name for mesh in self.model.meshes)
         self._system_matrices: dict = {}
@@ -65,7 +59,13 @@ class ArcDynamics:
         self.size = self.state_count + 1 + 2 * len(frequencies)
         columns = range(self.state_count + 1, self.size, 2)
         self.harmonic_columns = dict(zip(frequencies, columns, strict=True))
-        self._set_basis(shapes, natural_frequencies)
+        # The normalisation of the mode shapes makes all modal components comparable.
+        shapes = np.array(self.reduction.tolist(), float) @ shapes
+        shapes, n = shapes / np.abs(shapes).max(axis=0), len(self.retained)
+        basis = np.eye(self.size)
+        basis[:n, :n], basis[n : 2 * n, n : 2 * n] = shapes, shapes * natural_frequencies
+        self.basis = matrix_of(basis)
+        self.basis_inverse = self.basis.inv()
         self._without_meshes = self._matrix_without_meshes()
         self.distance_rows = [
             [self._distance_row(mesh, side) for side in (COAST, DRIVE)]
@@ -75,7 +75,7 @@ class ArcDynamics:
     def _eliminate_free_motions(self, free_motions: np.ndarray) -> None:
         """Set the retained coordinates and the matrix from all n coordinates to them.
 
-        `free_motions` are the rigid-body motions without any force, columns of shape (n, k).
+        Raise `ProofFailed` if stiffness or damping act on the free motions, columns (n, k).
         """
         model, n = self.model, len(self.model.coordinates)
         self.fixed = _fixed_coordinates(free_motions)
@@ -95,42 +95,19 @@ class ArcDynamics:
             reduction[:, self.fixed] = retained_block.solve(fixed_block).tolist()
             motions = unit[:, self.fixed]
             motions[self.retained] = -reduction[:, self.fixed]
-            self._check_free_motions(matrix_of(motions))
+            mesh_rows = np.array([row for mesh in model.meshes for row in mesh.rows])
+            for rows in (model.stiffness, model.damping, mesh_rows):
+                largest = max(float(abs(value).upper()) for value in rows.flat)
+                residuals = (matrix_of(rows) * matrix_of(motions)).entries()
+                if not all(abs(x) <= FREE_MOTION_TOLERANCE * largest * n for x in residuals):
+                    text = "a train is not supported if springs or dampers act on its free rotation"
+                    raise ProofFailed("model", text)
         self.reduction = matrix_of(reduction)
         #: Matrix from forces on all coordinates to accelerations of the retained ones.
         self._accelerance = self.reduction * matrix_of(model.mass).inv()
 
-    def _check_free_motions(self, motions: Any) -> None:
-        """Raise `ProofFailed` if stiffness or damping act on the free motions, columns (n, k)."""
-        model, n = self.model, len(self.model.coordinates)
-        mesh_rows = np.array([row for mesh in model.meshes for row in mesh.rows])
-        for rows in (model.stiffness, model.damping, mesh_rows):
-            largest = max(float(abs(value).upper()) for value in rows.flat)
-            residuals = (matrix_of(rows) * motions).entries()
-            if not all(abs(x) <= FREE_MOTION_TOLERANCE * largest * n for x in residuals):
-                text = "a train is not supported if springs or dampers act on its free rotation"
-                raise ProofFailed("model", text)
-
-    def _set_basis(self, shapes: np.ndarray, frequencies: np.ndarray) -> None:
-        """Set the modal basis, exact floats, and its inverse.
-
-        The columns of `shapes` are mode shapes; their natural frequencies are relative to the
-        reference frequency of the model.
-        """
-        n, basis = len(self.retained), np.eye(self.size)
-        shapes = np.array(self.reduction.tolist(), float) @ shapes
-        # The normalisation of the shapes makes all modal components comparable.
-        shapes = shapes / np.abs(shapes).max(axis=0)
-        basis[:n, :n], basis[n : 2 * n, n : 2 * n] = shapes, shapes * frequencies
-        self.basis = matrix_of(basis)
-        self.basis_inverse = self.basis.inv()
-
     def _distance_row(self, mesh: Any, side: int) -> Any:
-        """Return the row (1, size) whose product with modal components is a flank distance.
-
-        `mesh` is a `BallMesh`; `side` is COAST or DRIVE. The result is None if the mesh has no
-        contact on this side.
-        """
+        """Return the row whose product with modal components is the flank distance of a side."""
         if mesh.constants[side] is None:
             return None
         row, length = np.zeros(self.size, object), self.model.length
@@ -147,10 +124,7 @@ class ArcDynamics:
         return np.array((self._accelerance * matrix_of(forces)).tolist())
 
     def _matrix_without_meshes(self) -> Any:
-        """Return the system matrix A without mesh forces, shape (size, size).
-
-        The state is z = (y, dy/dtheta, 1, and cosine and sine of each harmonic).
-        """
+        """Return the system matrix A without mesh forces, shape (size, size)."""
         model, n, omega = self.model, len(self.retained), self.model.frequency
         acceleration_unit = omega**2 * model.length
         displacements, velocities = slice(n), slice(n, 2 * n)
@@ -171,26 +145,24 @@ class ArcDynamics:
     def system_matrix(self, codes: list, segment: int) -> Any:
         """Return the matrix A of z' = A z for the contact codes of all meshes on a segment.
 
-        The code INVERSE is contact of the coast side, NORMAL contact of the drive side. `segment`
-        is the index of an interval of the mesh phase with constant stiffness levels.
+        `segment` is the index of an interval of the mesh phase with constant stiffness levels.
         """
         conditions = self.model.segments[segment].conditions
-        mesh_states = []
-        for code, sides in zip(codes, conditions, strict=True):
-            level_and_sliding = sides[COAST if code == INVERSE else DRIVE] if code else ()
-            mesh_states.append((code, *level_and_sliding))
-        states = tuple(mesh_states)
+        states = tuple(
+            # Contact code, and in contact stiffness level and sliding sign of the side.
+            (code, *sides[COAST if code == INVERSE else DRIVE]) if code else (code,)
+            for code, sides in zip(codes, conditions, strict=True)
+        )
         if states not in self._system_matrices:
             terms = (self._mesh_matrix(j, *state) for j, state in enumerate(states))
             self._system_matrices[states] = sum(terms, self._without_meshes)
         return self._system_matrices[states]
 
     def _mesh_matrix(self, j: int, code: int, level: int = 0, sliding_sign: int = 0) -> Any:
-        """Return the contribution of mesh j to the matrix A, (size, size), for a contact code.
+        """Return the contribution of mesh j to the matrix A for a contact code.
 
-        The code is NORMAL (drive side), BACKLASH (no contact: only the backlash damping acts) or
-        INVERSE (coast side); `level` is the index of the stiffness (0 upper, 1 lower), and
-        `sliding_sign`, 1 or -1, is the sliding direction, which friction opposes.
+        `level` is the index of the stiffness (0 upper, 1 lower), and `sliding_sign`, 1 or -1, is
+        the sliding direction, which friction opposes.
         """
         mesh, omega = self.model.meshes[j], self.model.frequency
         side = COAST if code == INVERSE else DRIVE
@@ -213,29 +185,19 @@ class ArcDynamics:
         return contribution
 
     def _force_matrix(self, direction: np.ndarray, force: Any) -> Any:
-        """Return the contribution to the matrix A of a force against a direction, shape (n,).
-
-        The force is a functional of modal components, shape (1, size).
-        """
+        """Return the contribution to A of a force, a row (1, size), against a direction (n,)."""
         n, column = len(self.retained), np.zeros((self.size, 1), object)
         column[n : 2 * n] = self._accelerations(-np.array(direction)[:, None])
         return self.basis_inverse * matrix_of(column) * force
 
     def initial_state(self, state: np.ndarray) -> list:
-        """Return (y, dy/dtheta) of the retained coordinates y in balls for a state (q, dq/dtau).
-
-        q are all coordinates, tau is the mesh phase in rad, and theta = tau / tuning.
-        """
+        """Return (y, dy/dtheta) of the retained coordinates in balls for a state (q, dq/dtau)."""
         q, q_rates = np.array(state, float).reshape(2, -1).tolist()
         y, y_rates = ((self.reduction * column_of(half)).entries() for half in (q, q_rates))
         return [*y, *(rate * self.tuning for rate in y_rates)]
 
     def all_coordinates(self, state: list, inverse_tuning: Any) -> tuple[list, list]:
-        """Return displacements q and rates dq/dtau of all coordinates, 0 for the fixed ones.
-
-        `state` is (y, dy/dtheta) of the retained coordinates in balls; the mesh phase is
-        tau = tuning theta.
-        """
+        """Return q and dq/dtau of all coordinates, 0 for fixed ones, from (y, dy/dtheta)."""
         values = np.full((2, len(self.model.coordinates)), flint().arb(0))
         values[:, self.retained] = np.array(state[: self.state_count]).reshape(2, -1)
         return values[0].tolist(), (values[1] * inverse_tuning).tolist()
@@ -257,8 +219,7 @@ class ArcDynamics:
 def _modes(model, balls: Any) -> tuple:
     """Return (free motions, natural frequencies, mode shapes) with all teeth in contact, as floats.
 
-    `balls` is the `BallModel` of the model. Free motions (of rigid bodies) and shapes are columns;
-    frequencies are relative to the reference frequency of the model, like a tuning.
+    Motions and shapes are columns; frequencies are relative to the reference frequency.
     """
     if model.train is None:
         (mesh,), ground_stiffness = balls.meshes, balls.stiffness[0, 0]

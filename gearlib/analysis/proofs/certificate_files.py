@@ -53,10 +53,7 @@ class _Claim:
     claim = ""
 
     def as_dict(self) -> dict:
-        """Return the claim for JSON: enclosures as two decimals, exact floats in hexadecimal.
-
-        The entry "pair" has the parameters of the model, which may be of any class.
-        """
+        """Return the claim for JSON: enclosures as two decimals, exact floats in hexadecimal."""
         values = dict(vars(self))
         model, train = values.pop("pair"), values.pop("train", None)
         values |= vars(train) if train else {}

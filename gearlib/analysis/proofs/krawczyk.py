@@ -36,11 +36,7 @@ UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
 def polish(system: Callable, start: list) -> tuple[list, Any]:
-    """Return (approximate zero of a system near `start`, approximate inverse Jacobian matrix).
-
-    ``system(unknowns)`` returns residuals and rows of their Jacobian matrix, as lists of balls. The
-    zero is found by Newton's method on the midpoints of the balls.
-    """
+    """Return (approximate zero by Newton's method near `start`, inverse Jacobian matrix there)."""
     module = flint()
     zero = [value.mid() for value in start]
     # After such a small step the error, of the order of its square, is below the rounding error.
@@ -64,24 +60,16 @@ def polish(system: Callable, start: list) -> tuple[list, Any]:
 
 
 def matrix_vector_product(matrix: Any, values: list) -> list:
-    """Return the product of a matrix of balls and a vector as a list; the vector is a list, too."""
+    """Return the product of a matrix of balls and a vector, both vectors being lists."""
     return (matrix * column_of(values)).entries()
 
 
-def box_of(centre: list, radii: list) -> list:
-    """Return the list of balls with given centres and radii."""
-    return list(map(flint().arb, centre, radii))
-
-
 def krawczyk_shift(system: Callable, centre, radii, inverse: Any, residuals: list) -> list:
-    """Return K(X) - m for Krawczyk's operator K and the box X with centre m, as a list of balls.
-
-    ``system(unknowns)`` returns residuals and rows of their Jacobian matrix. At the centre, it has
-    the given `residuals` and the approximate `inverse` of the matrix.
-    """
-    _, rows, *_ = system(box_of(centre, radii))
+    """Return K(X) - m as a list of balls for the box X with centre m, where F is `residuals`."""
+    arb = flint().arb
+    _, rows, *_ = system(list(map(arb, centre, radii)))
     remainder = identity(len(centre)) - inverse * flint().arb_mat(rows)
-    spread = matrix_vector_product(remainder, box_of([0] * len(centre), radii))
+    spread = matrix_vector_product(remainder, [arb(0, radius) for radius in radii])
     newton_step = matrix_vector_product(inverse, residuals)
     return [ball - step for ball, step in zip(spread, newton_step, strict=True)]
 
@@ -92,10 +80,9 @@ def is_inside(shift: list, radii: list) -> bool:
 
 
 def check_derivative(system: Callable, centre: list, residuals: list) -> None:
-    """Compare the Jacobian matrix of a system with a difference; raise `ProofFailed` on a mismatch.
+    """Raise `ProofFailed` if a Jacobian matrix differs from a difference of the residuals.
 
-    ``system(unknowns)`` returns residuals, which are given at the centre, and rows of the matrix.
-    The difference is that of the residuals for a step in all unknowns at once.
+    The step of the difference is taken in all unknowns at once.
     """
     module, n = flint(), len(centre)
     # The step is large enough for a difference with many digits, and small enough for a nearly
@@ -114,11 +101,7 @@ def check_derivative(system: Callable, centre: list, residuals: list) -> None:
 
 
 def enclose(system: Callable, centre: list, inverse: Any) -> list:
-    """Return a box, a list of balls, that is proven to contain exactly one zero of a system.
-
-    ``system(unknowns)`` returns residuals and rows of their Jacobian matrix; `centre` is an
-    approximate zero, `inverse` an approximate inverse of the matrix there.
-    """
+    """Return a box that is proven to contain exactly one zero, from `polish` of a system."""
     module = flint()
     residuals, *_ = system(centre)
     check_derivative(system, centre, residuals)
@@ -135,11 +118,7 @@ def enclose(system: Callable, centre: list, inverse: Any) -> list:
 
 
 def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
-    """Return the radius of a box around `centre` that is proven to contain exactly one zero.
-
-    ``system(unknowns)`` returns residuals and rows of their Jacobian matrix, `inverse` is an
-    approximate inverse of the matrix at the centre.
-    """
+    """Return the radius of a box around `centre` that is proven to contain exactly one zero."""
     radius, (residuals, *_) = _MAX_RADIUS, system(centre)
     for _ in range(_MAX_BOXES):
         radii = [radius] * len(centre)
@@ -158,7 +137,7 @@ def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
 
 
 def eigenvalues(matrix: Any) -> list:
-    """Return enclosures of all eigenvalues of a matrix of balls as complex balls, largest first.
+    """Return enclosures of all eigenvalues as complex balls, largest first.
 
     They are Gershgorin discs of the matrix transformed by its approximate eigenvectors.
     """
@@ -179,25 +158,21 @@ def eigenvalues(matrix: Any) -> list:
         clusters = [cluster for cluster in clusters if cluster not in overlapping]
         clusters.append([disc, *chain(*overlapping)])
     unions = [[reduce(lambda a, b: a.union(b), cluster)] * len(cluster) for cluster in clusters]
-    values = list(chain(*unions))
-    values = [_real_if_single(value, values) for value in values]
+    enclosures = list(chain(*unions))
+    values = enclosures.copy()
+    for i, value in enumerate(values):
+        conjugate = module.acb(value.real, -value.imag)
+        # An eigenvalue is real if no other one can be its conjugate.
+        if conjugate.overlaps(value) and sum(map(conjugate.overlaps, enclosures)) == 1:
+            values[i] = module.acb(value.real)
     return sorted(values, key=lambda value: (-float(abs(value).mid()), -float(value.imag.mid())))
 
 
-def _real_if_single(value: Any, values: list) -> Any:
-    """Return an eigenvalue, as a real ball if none of the other `values` can be its conjugate."""
-    conjugate = flint().acb(value.real, -value.imag)
-    if sum(map(conjugate.overlaps, values)) == 1 and conjugate.overlaps(value):
-        return flint().acb(value.real)
-    return value
-
-
 def stability_verdict(multipliers: list, matrix: Any, determinant: Any) -> tuple[str, str]:
-    """Return (stability, reason) of an orbit from enclosures of its Floquet multipliers.
+    """Return (stability, reason) of an orbit from its multipliers and its monodromy matrix.
 
-    `matrix` is its monodromy matrix. If that is 2 x 2 and the determinant is not None, Jury's
-    conditions are used: with determinant 1 and |trace| < 2 the motion is undamped, and both
-    multipliers lie exactly on the unit circle, so that its stability is undecided.
+    Jury's conditions are used if that is 2 x 2 and the determinant is not None: with determinant 1
+    and |trace| < 2 both multipliers lie exactly on the unit circle.
     """
     is_unstable = any(abs(value) > 1 for value in multipliers)
     is_stable, name = all(abs(value) < 1 for value in multipliers), "all"
@@ -206,11 +181,8 @@ def stability_verdict(multipliers: list, matrix: Any, determinant: Any) -> tuple
         is_unstable = determinant > 1 or trace > 1 + determinant
         is_stable = determinant < 1 and trace < 1 + determinant
         if determinant == 1 and trace < 2:
-            return (
-                "undecided",
-                "nothing is damped on its way: both multipliers lie on the unit circle, exactly, "
-                "and decide nothing",
-            )
+            text = "both multipliers lie on the unit circle, exactly, and decide nothing"
+            return "undecided", f"nothing is damped on its way: {text}"
     if is_unstable:
         return "unstable", "a multiplier lies outside the unit circle"
     if is_stable:

@@ -37,16 +37,12 @@ class MeshTiming(NamedTuple):
     has_friction: bool
     rate: Fraction = Fraction(1)  #: mesh periods per period of the reference mesh
     phases: tuple = (Fraction(0), Fraction(0))  #: middle of the upper level, in mesh periods
-    #: Phases, relative to `phases[DRIVE]`, at which the flanks touch at the pitch point. There the
-    #: sliding becomes positive; it becomes negative half a mesh period later.
+    #: Phases of the pitch points, relative to `phases[DRIVE]`: there the sliding becomes positive,
+    #: and negative half a mesh period later, when the next pair of teeth carries the load.
     pitch_phases: tuple = (Fraction(0), Fraction(0))
 
     def changes(self) -> set[Fraction]:
-        """Return the phases, in mesh periods, at which stiffness or sliding direction changes.
-
-        The sliding reverses at the pitch point, given relative to the upper stiffness level of the
-        drive side, and half a mesh period later, when the next pair of teeth carries the load.
-        """
+        """Return the phases, in mesh periods, at which stiffness or sliding direction changes."""
         phases = set()
         if self.has_switches and 0 < self.overlap < 1:
             for middle in self.phases:
@@ -58,11 +54,9 @@ class MeshTiming(NamedTuple):
         return phases
 
     def condition(self, side: int, phase: Fraction) -> tuple[int, int]:
-        """Return (stiffness level, sign of sliding) of a side, COAST or DRIVE, at a phase.
+        """Return (stiffness level, sign of sliding) of a side at a phase in mesh periods.
 
-        Level 0 is the upper and 1 the lower stiffness; the phase is in mesh periods. The sliding is
-        positive for half a mesh period after the pitch point, whose phases (of both sides) are
-        relative to the upper level of the drive side.
+        Level 0 is the upper and 1 the lower stiffness.
         """
         to_upper_level = abs((phase - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
         since_pitch_point = (phase - self.phases[DRIVE] - self.pitch_phases[side]) % 1
@@ -111,10 +105,7 @@ class BallModel(NamedTuple):
 
 
 def ball_model_builder(model) -> Callable:
-    """Return the function that converts (model, tuning) of this class of models to a `BallModel`.
-
-    Raise `ProofFailed` if no proof supports the model.
-    """
+    """Return the function from (model, tuning) to a `BallModel`, or raise `ProofFailed`."""
     if model.train is not None:
         if model.gyroscopic:
             text = "a train with the gyroscopic forces of a rotating frame is not supported"
@@ -126,11 +117,6 @@ def ball_model_builder(model) -> Callable:
         return _equation_in_balls
     text = "trains and piecewise linear models with one degree of freedom are supported"
     raise ProofFailed("model", f"{text}, not this {type(model).__name__}")
-
-
-def ball_model(model, tuning: float) -> BallModel:
-    """Return masses, springs, loads and meshes of a model at a tuning in balls."""
-    return ball_model_builder(model)(model, tuning)
 
 
 def ball_arithmetic() -> Arithmetic:
@@ -148,7 +134,7 @@ def ball_arithmetic() -> Arithmetic:
 def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
     """Return the segments of constant stiffness and sliding in one period of the excitation.
 
-    `timings` are those of all meshes, `common_period` is in periods of the reference mesh.
+    The `common_period` of all meshes is in periods of the reference mesh.
     """
     starts = {Fraction(0)}
     for timing in timings:
@@ -174,9 +160,8 @@ def _units(pair) -> dict[str, Any]:
 def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, damping, **fields):
     """Return the `BallModel` of a model with one coordinate.
 
-    `ground_stiffness` acts without contact. `flank_positions` are the displacements at which the
-    (coast, drive) flanks touch, `stiffness` has the stiffness levels of (coast, drive) side, and
-    `damping` is that of (coast side, backlash, drive side). `fields` are the others of `BallModel`.
+    `ground_stiffness` acts without contact, `flank_positions` are the displacements at which the
+    (coast, drive) flanks touch, and `damping` is that of (coast side, backlash, drive side).
     """
     arb = flint().arb
     unit_row, (coast, backlash, drive) = (arb(1),), map(arb, damping)
@@ -247,11 +232,7 @@ def _equation_in_balls(model, tuning: float) -> BallModel:
 
 
 def _train_in_balls(train, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `GearTrain`, which does not depend on the `tuning`.
-
-    All pairs of the `BallModel` are (coast side, drive side). Names of the train with `inverse`
-    refer to the coast side, others to the drive side.
-    """
+    """Return the `BallModel` of a `GearTrain`, whose `inverse` attributes are of the coast side."""
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
     coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)
@@ -304,12 +285,9 @@ def _train_in_balls(train, tuning: float) -> BallModel:
 
 
 def _six_degrees_in_balls(model, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `SixDegreePair`: that of its train, with units in balls.
-
-    The coordinates are the rotations u3 and u2 of its gears 3 and 2, as displacements on the line
-    of action, and the displacements of the elastic bearings, y along and z across this line.
-    """
+    """Return the `BallModel` of a `SixDegreePair`: that of its train, with units in balls."""
     train = TwoGears(gears=model, arithmetic=ball_arithmetic())
+    # u3 and u2 are rotations as displacements on the line of action, y is along and z across it.
     coordinates = ("u3", "u2", *(BEARINGS[i] for i in model.elastic_bearings()))
     return _train_in_balls(train, tuning)._replace(
         coordinates=coordinates, derived={}, **_units(model.pair)

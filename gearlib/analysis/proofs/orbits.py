@@ -95,9 +95,8 @@ def certify(orbit, digits=30):
 def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GUARD_BITS) -> Any:
     """Return the certificate of an orbit with enclosures of at least the requested `digits`.
 
-    `contacts` is the result of `simulated_contacts`. The first precision is that of the digits and
-    `guard_bits` more bits; it is doubled until enough digits are reached. Nearly coincident
-    contacts, which are enclosed in time windows, need more guard bits.
+    `contacts` is the result of `simulated_contacts`. Nearly coincident contacts, which are enclosed
+    in time windows, need more guard bits.
     """
     bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
     for _ in range(_MAX_DOUBLINGS):
@@ -117,7 +116,6 @@ def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GU
 def simulated_contacts(orbit: Any) -> tuple[list, list]:
     """Return (contact codes of all meshes at tau = 0, contact events) of a simulated orbit.
 
-    The simulation starts from the state of the candidate `orbit`, whose model is `orbit.pair`.
     Events are (phase since tau = 0, index of the mesh, code before, code after). Raise
     `ProofFailed` if the simulated motion does not have the contact pattern of the orbit.
     """
@@ -149,10 +147,7 @@ def simulated_contacts(orbit: Any) -> tuple[list, list]:
 
 
 def pattern_of(codes: list, events: list[tuple]) -> tuple:
-    """Return the sequence of contact codes, or the `codes` of all meshes if there are no events.
-
-    Events are (phase, mesh, code before, code after, ...).
-    """
+    """Return the sequence of contact codes, or the `codes` of all meshes without events."""
     return (events[0][2], *(event[3] for event in events)) if events else tuple(codes)
 
 
@@ -160,10 +155,7 @@ class Proof:
     """Proof of a single orbit at the current precision of ball arithmetic."""
 
     def __init__(self, orbit, codes: list, events: list[tuple]):
-        """Prove a candidate orbit with its contact codes at tau = 0 and its contact events.
-
-        Events are (phase, mesh, code before, code after). Raise `ProofFailed` if a step fails.
-        """
+        """Prove an orbit from its contact codes at tau = 0 and its contact events."""
         self.orbit, self.codes = orbit, tuple(codes)
         self.dynamics = dynamics = ArcDynamics(orbit.pair, orbit.tuning)
         if orbit.period % dynamics.excitation_period:
@@ -196,15 +188,19 @@ class Proof:
             _, rows, self.arcs, self.ends = system(self.box)
             self.speeds = check_contacts(self.path, self.arcs, self.ends, self.phases)
             self.map, self.determinant = self.path.monodromy(rows), self.path.determinant(self.arcs)
-        self._check_period()
+        period = orbit.period
+        for count, node in enumerate(self.path.period_ends, start=1):
+            shorter = count * dynamics.excitation_period
+            end = (dynamics.basis * self.ends[node]).entries()[:n]
+            if period % shorter == 0 and all(map(flint().arb.overlaps, end, self.box)):
+                text = f"{shorter} mesh period{'s' * (shorter > 1)} already, not after {period}"
+                raise ProofFailed("period", f"it repeats after {text}")
         self.radius = krawczyk.uniqueness_radius(system, centre, inverse)
 
     def _check_derivative(self, windows: Windows, centre: list) -> None:
-        """Compare the derivative with windows to that of the path at `centre`, a zero of both.
+        """Raise `ProofFailed` if the derivatives with windows and of the path differ at `centre`.
 
-        Windows are time intervals around nearly coincident contact events, whose order does not
-        matter in them. Raise `ProofFailed` if the derivatives differ. Enclosures with windows are
-        too wide for a comparison with finite differences.
+        Enclosures with windows are too wide for a comparison with finite differences.
         """
         residuals, rows, *_ = self.path.equations(centre)
         krawczyk.check_derivative(self.path.equations, centre, residuals)
@@ -216,11 +212,7 @@ class Proof:
                 raise ProofFailed(*krawczyk.WRONG_DERIVATIVE)
 
     def _newton_solution(self, state: list, events: list[tuple]) -> tuple[list, Any]:
-        """Set the path and return (zero of its equations, inverse of their Jacobian matrix).
-
-        Newton's method starts from a state and contact events, which are sorted again if the order
-        of their phases changes.
-        """
+        """Set the path and return (zero of its equations, inverse of their Jacobian matrix)."""
         for _ in range(_MAX_ORDERS):
             self.path = Path(self.dynamics, self.codes, events, self.orbit.period)
             centre, inverse = krawczyk.polish(self.path.equations, state + self.path.initial_phases)
@@ -232,21 +224,8 @@ class Proof:
             events = [(phases[i], *events[i][1:]) for i in order]
         return centre, inverse
 
-    def _check_period(self) -> None:
-        """Raise `ProofFailed` if the state may recur before the end of the period."""
-        period, n = self.orbit.period, self.dynamics.state_count
-        for count, node in enumerate(self.path.period_ends, start=1):
-            shorter = count * self.dynamics.excitation_period
-            end = (self.dynamics.basis * self.ends[node]).entries()[:n]
-            if period % shorter == 0 and all(map(flint().arb.overlaps, end, self.box)):
-                text = f"{shorter} mesh period{'s' * (shorter > 1)} already, not after {period}"
-                raise ProofFailed("period", f"it repeats after {text}")
-
     def contacts(self) -> list[tuple]:
-        """Return contact events (phase, mesh, code before, code after, speed).
-
-        The speed is the rate of the flank distance by the mesh phase tau = tuning theta.
-        """
+        """Return contact events (phase, mesh, code before, code after, rate by the mesh phase)."""
         nodes = [node for node in self.path.nodes if node.is_contact]
         return [
             (phase, node.mesh, node.before, node.after, speed * self.path.inverse_tuning)
@@ -347,10 +326,9 @@ class _Range:
 
     def __init__(self, orbit, codes: list, events: list[tuple]):
         """Prove an orbit with contact codes at tau = 0 and contact events at its tuning."""
-        has_harmonics = bool(ArcDynamics(orbit.pair, orbit.tuning).harmonic_columns)
-        if has_harmonics:
-            name = type(orbit.pair).__name__
+        if ArcDynamics(orbit.pair, orbit.tuning).harmonic_columns:
             text = "with harmonics of load, deviation or run-out is not supported"
+            name = type(orbit.pair).__name__
             raise ProofFailed("model", f"a range of tunings of a {name} {text}")
         self.orbit, self.codes, proof = orbit, codes, Proof(orbit, codes, events)
         self.dynamics, self.events = proof.dynamics, proof.contacts()
@@ -376,8 +354,8 @@ class _Range:
             end = tuning + step
             if (end - to) * (to - start) >= 0.0:
                 end = to
-            inverse_start, inverse_end = 1 / arb(tuning), 1 / arb(end)
-            inverse_tuning = inverse_start.union(inverse_end)
+            inverse_end = 1 / arb(end)
+            inverse_tuning = (1 / arb(tuning)).union(inverse_end)
             try:
                 proven = self._prove_piece(inverse_tuning, inverse_end, stability)
                 stability, self.reached, box = proven
@@ -392,12 +370,10 @@ class _Range:
             tuning, step = end, _PIECE_GROWTH * step
         return RangeCertificate(
             self.orbit.pair,
-            min(start, to),
-            max(start, to),
+            *sorted((start, to)),
             self.orbit.period,
             pattern_of(self.codes, self.events),
-            stability=stability[0],
-            reason=stability[1],
+            *stability,  # with its reason
             pieces=tuple(sorted(pieces, key=lambda piece: piece.start)),
             train=self.dynamics.train_description(self.codes),
         )
@@ -406,7 +382,6 @@ class _Range:
         """Prove a piece; return ((stability, reason), enclosure at its end, (centre, radii)).
 
         The ball `inverse_tuning` contains 1 / tuning on the whole piece, `inverse_end` at its end.
-        (stability, reason) must be that of the previous pieces, or this is None at the first one.
         """
         path, n = self.path(inverse_tuning), self.dynamics.state_count
         zero, inverse = krawczyk.polish(self.path(inverse_tuning.mid()).equations, self.reached)
@@ -431,7 +406,7 @@ class _Range:
             change = ", unlike before" if previous_stability else ""
             raise ProofFailed("stability", stability[1] + change)
         # Each box contains one orbit, and the orbit at a common tuning must lie in both boxes.
-        full_box = krawczyk.box_of(centre, radii)
+        full_box = list(map(flint().arb, centre, radii))
         system = self.path(inverse_end).equations
         next_orbit = krawczyk.enclose(system, *krawczyk.polish(system, centre))
         for orbit_at_end in (self.reached, next_orbit):

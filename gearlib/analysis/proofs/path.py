@@ -40,7 +40,7 @@ class Node(NamedTuple):
 
     @property
     def is_contact(self) -> bool:
-        """Whether the node is a contact event, whose phase is unknown."""
+        """Whether the node is a contact event."""
         return self.phase is None
 
     def crosses(self, rate: Any) -> bool:
@@ -68,22 +68,26 @@ class Path:
     def __init__(self, dynamics, codes, events, period: int, inverse_tuning=None):
         """Set the nodes and arcs of a motion over a period, in mesh periods.
 
-        `dynamics` is the `ArcDynamics` of the model, `codes` are the contact codes of all meshes at
-        tau = 0, and `events` the sorted contact events (phase since tau = 0, mesh, code before,
-        code after, ...). `inverse_tuning` is a ball, by default that of the dynamics.
+        `codes` are the contact codes of all meshes at tau = 0, and `events` the sorted contact
+        events (phase since tau = 0, mesh, code before, code after, ...).
         """
         self.dynamics, self.codes = dynamics, tuple(codes)
         self.inverse_tuning = 1 / dynamics.tuning if inverse_tuning is None else inverse_tuning
         #: Nodes; indices of the nodes at ends of common periods; approximate phases of contacts.
         self.nodes, self.period_ends, self.initial_phases = [], [], []
         self._set_nodes(events, period)
-        self._set_arcs()
+        self.arcs, frame, last_phase = [], identity(dynamics.size), 0
+        for node, phase in zip(self.nodes, self.phases(self.initial_phases), strict=True):
+            time = ((phase - last_phase) * self.inverse_tuning).mid()
+            columns = (node.matrix * time).exp() * frame
+            frame = self._frame(node, columns)
+            inverse = frame.inv()
+            matrix = inverse * node.matrix * frame
+            self.arcs.append(Arc(time, inverse * columns, matrix, frame, inverse))
+            last_phase = phase
 
     def _set_nodes(self, events: list[tuple], period: int) -> None:
-        """Set the nodes of the path: switches of the stiffness, contact events and the end.
-
-        Events are (phase, mesh, code before, code after, ...); the period is in mesh periods.
-        """
+        """Set the nodes of the path: switches of the stiffness, contact events and the end."""
         arb, dynamics, codes = flint().arb, self.dynamics, list(self.codes)
         mesh_period, segments = 2 * arb.pi(), dynamics.model.segments
         # Entries are (phase, index of the segment that starts or None, contact or None).
@@ -118,18 +122,6 @@ class Path:
             codes[mesh] = after
         self.nodes.append(Node(dynamics.system_matrix(codes, segment), mesh_period * period))
 
-    def _set_arcs(self) -> None:
-        """Set the arcs between the nodes, with orthonormal frames at their ends."""
-        self.arcs, frame, last_phase = [], identity(self.dynamics.size), 0
-        for node, phase in zip(self.nodes, self.phases(self.initial_phases), strict=True):
-            time = ((phase - last_phase) * self.inverse_tuning).mid()
-            columns = (node.matrix * time).exp() * frame
-            frame = self._frame(node, columns)
-            inverse = frame.inv()
-            matrix = inverse * node.matrix * frame
-            self.arcs.append(Arc(time, inverse * columns, matrix, frame, inverse))
-            last_phase = phase
-
     def _frame(self, node: Node, columns: Any) -> Any:
         """Return the orthonormal frame at a node from the propagated frame of the previous node."""
         n, frame = self.dynamics.state_count, np.eye(self.dynamics.size)
@@ -149,11 +141,7 @@ class Path:
         return [next(remaining) if node.is_contact else node.phase for node in self.nodes]
 
     def start(self, state: list, unknown_count: int) -> Any:
-        """Return modal components of the initial state and their derivatives by all unknowns.
-
-        `state` is (y, dy/dtheta), the first of the unknowns. The columns are the state and a
-        derivative for each unknown.
-        """
+        """Return columns of modal components: the initial state and its derivatives by unknowns."""
         waves = [1, 0] * len(self.dynamics.harmonic_columns)
         columns = flint().arb_mat(self.dynamics.size, 1 + unknown_count)
         for i, value in enumerate([*state, 1, *waves]):
@@ -165,8 +153,7 @@ class Path:
     def equations(self, unknowns: list) -> tuple[list, list, list, list]:
         """Return (residuals, rows of their derivatives, arcs, end states) of the orbit equations.
 
-        Unknowns are the state at tau = 0 and the phases of contact events. Arcs are (initial modal
-        state, duration), end states the modal states at all nodes.
+        Arcs are (initial modal state, duration), end states the modal states at all nodes.
         """
         dynamics, inverse_tuning, n = self.dynamics, self.inverse_tuning, self.dynamics.state_count
         columns = self.start(unknowns[:n], len(unknowns))
@@ -187,7 +174,12 @@ class Path:
                 residual, *slopes = (distance_row * columns).entries()
                 residuals.append(residual)
                 rows.append(slopes)
-                columns = _projection_to_line(distance_row) * columns
+                # Project the columns onto the flank line along the first axis of the frame.
+                projection, line = identity(dynamics.size), distance_row.entries()
+                projection[0, 0] = 0
+                for k in range(1, dynamics.size):
+                    projection[0, k] = -line[k] / line[0]
+                columns = projection * columns
             state = arc.frame * first_column(columns)
             if node.is_contact:
                 # The next arc is shorter if the contact event is later.
@@ -202,10 +194,7 @@ class Path:
         return residuals, rows, arcs, ends
 
     def monodromy(self, rows: list) -> Any:
-        """Return the monodromy matrix of (y, dy/dtheta), with all contact phases eliminated.
-
-        `rows` are the rows of derivatives from `equations`.
-        """
+        """Return the monodromy matrix of (y, dy/dtheta) from the rows of `equations`."""
         arb_mat, n = flint().arb_mat, self.dynamics.state_count
         k = len(rows) - n
         state_block = arb_mat([row[:n] for row in rows[k:]]) + identity(n)
@@ -219,27 +208,11 @@ class Path:
         return state_block - arb_mat([row[n:] for row in rows[k:]]) * phase_slopes
 
     def determinant(self, arcs: list[tuple]) -> Any:
-        """Return the determinant of the monodromy matrix by Liouville's formula.
-
-        `arcs` are (initial modal state, duration).
-        """
+        """Return the determinant of the monodromy matrix by Liouville's formula."""
         exponent = flint().arb(0)
         for node, (_, duration) in zip(self.nodes, arcs, strict=True):
             exponent += node.matrix.trace() * duration
         return exponent.exp()
-
-
-def _projection_to_line(distance: Any) -> Any:
-    """Return the matrix of the projection of states onto a flank line along the first axis.
-
-    `distance` is the distance from the line as a functional of the state, shape (1, size).
-    """
-    slopes = distance.entries()
-    matrix = identity(len(slopes))
-    matrix[0, 0] = 0
-    for i in range(1, len(slopes)):
-        matrix[0, i] = -slopes[i] / slopes[0]
-    return matrix
 
 
 def smallest_interval() -> Any:
@@ -268,10 +241,7 @@ class Windows:
         return any(len(indices) > 1 for indices, _ in self.groups)
 
     def equations(self, unknowns: list) -> tuple[list, list]:
-        """Return (residuals, rows of their derivatives) of the periodicity of the state.
-
-        Unknowns are (y, dy/dtheta) at tau = 0.
-        """
+        """Return (residuals, rows of their derivatives) of the periodicity of (y, dy/dtheta)."""
         ends, rows, *_ = self.propagate(unknowns)
         for i, row in enumerate(rows):
             row[i] -= 1
@@ -280,10 +250,9 @@ class Windows:
     def propagate(self, unknowns: list, check_arcs: bool = False) -> tuple:
         """Return (final state, rows of its derivatives, phases, speeds, states at switches).
 
-        Unknowns are (y, dy/dtheta) at tau = 0. A window is a time interval around contact events in
-        any order; their phases are balls that contain it, and their speeds are rates of flank
-        distances by theta. States at switches of the stiffness are a dict by index of the node.
-        With `check_arcs` it is proven that no mesh touches a flank line between windows.
+        The phases of contacts are balls that contain their windows; the states at switches of the
+        stiffness are a dict by index of the node. With `check_arcs` it is proven that no mesh
+        touches a flank line between windows.
         """
         module, dynamics, path = flint(), self.dynamics, self.path
         n, codes = len(unknowns), list(path.codes)
@@ -304,9 +273,9 @@ class Windows:
             columns = arc.propagated(columns, duration)
             before = arc.frame * first_column(columns)
             if check_arcs:
-                arc_arguments = dynamics, node.matrix, start, before, duration, codes
                 # No flank line is crossed at the ends, because crossings lie in windows.
-                check_arc(*arc_arguments, crossed=(None, None), phase=float(phase.mid()))
+                arc_ends = start, before, duration, codes, (None, None)
+                check_arc(dynamics, node.matrix, *arc_ends, phase=float(phase.mid()))
             time = end + half_length
             if not node.is_contact:
                 start = switch_states[indices[0]] = before
@@ -325,10 +294,9 @@ class Windows:
         return [row[0] for row in rows], [row[1:] for row in rows], phases, speeds, switch_states
 
     def _half_length(self, indices: list[int], state: Any, ratio: int) -> Any:
-        """Return half the duration of a window around the nodes with these indices.
+        """Return half the duration of a window, `ratio` times the uncertainty of its phases.
 
-        `state` is a modal state near the nodes; `ratio` is the ratio of the window to the
-        uncertainty of the phases.
+        `state` is a modal state near the nodes with these indices.
         """
         half_length = flint().arb(2) ** -(0.7 * flint().ctx.prec)
         for node in (self.path.nodes[i] for i in indices):
@@ -343,8 +311,8 @@ class Windows:
     def _pass_window(self, indices: list[int], state: Any, length: Any, codes: list) -> tuple:
         """Return (linearised map over a window, final state, speeds of the crossings).
 
-        The window contains the nodes with these indices and starts at a modal state; its duration
-        is `length`. The contact codes of the meshes are changed in place.
+        The window contains the nodes with these indices and starts at a modal state. The contact
+        codes of the meshes are changed in place.
         """
         module, dynamics, nodes = flint(), self.dynamics, self.path.nodes
         n, size, arb = len(dynamics.retained), dynamics.size, module.arb
@@ -376,7 +344,7 @@ class Windows:
         """Prove that each mesh crosses its flank line once in a window; return the speeds.
 
         `start`, `enclosure` and `end` are the modal states at the start, in the whole window and at
-        its end, `rate` is their rate. The contact codes of the meshes are changed in place.
+        its end. The contact codes of the meshes are changed in place.
         """
         dynamics, nodes, speeds = self.dynamics, [self.path.nodes[i] for i in indices], []
         crossed, codes_after = {node.mesh: (node.mesh, node.side) for node in nodes}, list(codes)

@@ -38,10 +38,7 @@ class Curve:
         self.begin, self.end = coefficients[0], end
 
     def stationary_values(self, sign: int = 0) -> Iterator:
-        """Yield enclosures (balls) of the values at points where the rate is zero.
-
-        Parts of the piece with sign * value > 0 are omitted.
-        """
+        """Yield enclosures of the values where the rate is zero, except where sign * value > 0."""
         arb, parts, bisections = flint().arb, [(0.0, 1.0)], 0
         negligible_radius = arb(2) ** (32 - flint().ctx.prec)
         while parts:
@@ -66,10 +63,7 @@ class Curve:
                 yield self._stationary_value(interval)
 
     def _zero_of_rate(self, interval: Any) -> Any:
-        """Return an enclosure of the zero of the rate in a time interval, a ball, or None.
-
-        It is found by the interval Newton method.
-        """
+        """Return an enclosure of the zero of the rate in an interval, or None (Newton)."""
         while True:
             middle = interval.mid()
             newton = middle - self.rate(middle) / self.acceleration(interval)
@@ -92,10 +86,9 @@ class Curve:
 
 
 def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[list[Curve]]:
-    """Yield, for each piece of an arc, the `Curve`s of r functionals of the state.
+    """Yield, for each piece of an arc, the `Curve`s of functionals, rows (r, size), of the state.
 
-    The arc leads from a modal state to the state `end` in a time, by state' = matrix state. The
-    functionals are the rows of a matrix, shape (r, size).
+    The arc leads from a modal state to the state `end` in a time, by state' = matrix state.
     """
     module, matrix_norm, start = flint(), norm(matrix), state
     # With this degree the remainder is of the order of rounding errors.
@@ -135,7 +128,7 @@ def check_contacts(path: Any, arcs: list, ends: list, contact_phases: list) -> l
     """Prove that a motion has the contact events of a path and no others; return their speeds.
 
     `arcs` are (initial modal state, duration), `ends` the modal states at the nodes of the `Path`.
-    Speeds are rates of flank distances. Raise `ProofFailed` if the proof fails.
+    Speeds are rates of flank distances.
     """
     dynamics, codes, phases = path.dynamics, list(path.codes), path.phases(contact_phases)
     # Flank lines that are crossed at the start and at each node; None at a switch.
@@ -166,9 +159,7 @@ def check_contacts(path: Any, arcs: list, ends: list, contact_phases: list) -> l
 def check_arc(dynamics, matrix, state, end, time, codes, crossed, phase: float) -> None:
     """Prove that no mesh touches a flank line inside an arc from a modal state to the state `end`.
 
-    The arc has a system matrix of the `ArcDynamics`, a duration `time` and the contact codes of all
-    meshes. `crossed` are the flank lines, (mesh, side) or None, that are crossed at its two ends;
-    `phase` is the phase in the message of `ProofFailed`.
+    `crossed` are the flank lines, (mesh, side) or None, that are crossed at its two ends.
     """
     bounds = contact_bounds(dynamics, codes)
     rows = flint().arb_mat([bound.row.entries() for bound in bounds])
@@ -206,10 +197,7 @@ class Bound(NamedTuple):
 
 
 def contact_bounds(dynamics: Any, codes: list) -> list[Bound]:
-    """Return the conditions for the contact codes of all meshes of the `ArcDynamics`.
-
-    They include that a varying clearance behind the flanks in contact stays open.
-    """
+    """Return the conditions for the contact codes of all meshes, with those of clearances."""
     bounds = []
     states = zip(codes, dynamics.model.meshes, dynamics.distance_rows, strict=True)
     for j, (code, mesh, rows) in enumerate(states):
@@ -226,10 +214,7 @@ def contact_bounds(dynamics: Any, codes: list) -> list[Bound]:
 
 
 def extrema(path: Any, arcs: list, ends: list) -> tuple:
-    """Return enclosures of the smallest and the largest first coordinate along a `Path`.
-
-    `arcs` are (initial modal state, duration), `ends` the modal states at its nodes.
-    """
+    """Return enclosures of the smallest and the largest first coordinate along a `Path`."""
     displacement = flint().arb_mat([path.dynamics.basis.tolist()[0]])
     values = []
     for node, (state, time), end in zip(path.nodes, arcs, ends, strict=True):
