@@ -161,14 +161,24 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
     dims = ("mesh_order", *run.displacement.dims[1:])  # "mesh" is a dimension of trains only
     data = si_variables(run, model)
     data |= {"settled": np.int8(int(run.period) > 0), "period": run.period.values}
-    coords = {"mesh_order": mesh_orders}
-    bearing_names, max_forces = bearing_forces(run, model)
-    if bearing_names is None:
-        data["bearing_force_max"] = max_forces
-    else:
-        # Trains have a bearing for each body; six degrees of freedom have one for each gear.
+    coords: dict[str, Any] = {"mesh_order": mesh_orders}
+    force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
+    if "bearing_force_y3" in run:
+        # Six degrees of freedom: gear 3 is the pinion, with the indices of the paper.
+        forces = [np.hypot(run[f"bearing_force_y{i}"], run[f"bearing_force_z{i}"]) for i in (3, 2)]
+        max_forces = [force_scale * float(time_history.max()) for time_history in forces]
+        data["bearing_force_max"], coords["bearing"] = ("bearing", max_forces), ["gear 3", "gear 2"]
+    elif "body_motion" in run:
+        stiffness = np.array([body.support_stiffness for body in model.bodies])
+        # The displacement of a rigid bearing is zero and does not give its force.
+        stiffness[~np.isfinite(stiffness)] = math.nan
+        # Forces along x and y, without the moment.
+        components = stiffness * static_deflection * run.body_motion.values[:, :, :2]
+        max_forces = np.hypot(components[..., 0], components[..., 1]).max(axis=0)
         dim = "body" if len(dims) > 1 else "bearing"
-        data["bearing_force_max"], coords[dim] = (dim, max_forces), bearing_names
+        data["bearing_force_max"], coords[dim] = (dim, max_forces), list(model.body_names)
+    else:
+        data["bearing_force_max"] = force_scale * float(run.dynamic_force_max)
     data |= {"mesh_order_force": (dims, order_forces), "mesh_order_error": (dims, order_errors)}
     return data, coords
 
@@ -204,25 +214,3 @@ def si_variables(run: xr.Dataset, model: Any) -> dict:
         "error_rms": (dims, static_deflection * error.std(axis=0)),
         "lost_share": (dims, contact_loss_fraction.values),
     }
-
-
-def bearing_forces(run: xr.Dataset, model: Any) -> tuple:
-    """Return (names of the bearings, largest force of each in N) in a run of `simulate`.
-
-    Six degrees of freedom have "gear 3", the pinion, and "gear 2", with the indices of the paper.
-    A model with rigid bearings has no names: the result is (None, largest mesh force).
-    """
-    force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
-    if "bearing_force_y3" in run:
-        names = ["gear 3", "gear 2"]
-        forces = [np.hypot(run[f"bearing_force_y{i}"], run[f"bearing_force_z{i}"]) for i in (3, 2)]
-        return names, [force_scale * float(time_history.max()) for time_history in forces]
-    if "body_motion" not in run:
-        return None, force_scale * float(run.dynamic_force_max)
-    stiffness = np.array([body.support_stiffness for body in model.bodies])
-    displacements = run.body_motion.values[:, :, :2]  # x and y, without the rotation
-    # The displacement of a rigid bearing is zero and does not give its force.
-    stiffness[~np.isfinite(stiffness)] = math.nan
-    components = stiffness * static_deflection * displacements
-    forces = np.hypot(components[..., 0], components[..., 1])
-    return list(model.body_names), forces.max(axis=0)

@@ -220,9 +220,5 @@ def extrema(path: Any, arcs: list, ends: list) -> tuple:
     for node, (state, time), end in zip(path.nodes, arcs, ends, strict=True):
         for (curve,) in pieces(node.matrix, state, end, time, displacement):
             values += [curve.begin, curve.end, *curve.stationary_values()]
-    return _enclosed_minimum(values), -_enclosed_minimum([-value for value in values])
-
-
-def _enclosed_minimum(balls: list) -> Any:
-    """Return an enclosure of the smallest of the numbers that are enclosed in balls."""
-    return min(ball.lower() for ball in balls).union(min(ball.upper() for ball in balls))
+    lower, upper = [value.lower() for value in values], [value.upper() for value in values]
+    return min(lower).union(min(upper)), max(upper).union(max(lower))
