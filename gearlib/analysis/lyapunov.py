@@ -141,8 +141,7 @@ def largest_exponent(
 def rounding_grows(model, tunings, start: tuple, periods: int, final_states=None) -> np.ndarray:
     """Return a mask of the tunings at which rounding errors grow to a visible size.
 
-    Runs start at the state `start`, or at the last of the `final_states` of a sweep, shape
-    (n, components), unless that is NaN.
+    Each run starts from the one before in the `final_states` of a sweep, or from `start`.
     """
     is_sensitive = np.zeros(len(tunings), bool)
     for i, tuning in enumerate(tunings):

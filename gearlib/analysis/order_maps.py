@@ -205,7 +205,13 @@ def order_map(
         _check_changes(sums, motion.phase)
     indices = np.arange(count)
     if orders is not None:
-        indices = np.array([_order_index(order, revolutions, count) for order in orders])
+        indices = np.array([round(order * revolutions) for order in orders])
+        for order, index in zip(orders, indices.tolist(), strict=True):
+            if abs(index - order * revolutions) > 1e-9 * max(order, 1.0) or index >= count:
+                raise ValueError(
+                    f"orders = {order!r} is not allowed: it must be one of 0, "
+                    f"{1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
+                )
     block_revolutions = revolutions * np.arange(blocks + 1.0)
     bounds = motion.start_time + ShaftRotation(motion.speeds).time_and_speed(block_revolutions)[0]
     return _dataset(motion, variable, amplitude, sums, indices, revolutions, bounds)
@@ -500,17 +506,6 @@ def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
             f"with half of the samples one changes by {change / sums.rms:.2g} of the "
             f"root mean square, and it must be at most {MAX_CHANGE:g}"
         )
-
-
-def _order_index(order: float, revolutions: int, count: int) -> int:
-    """Return the index of an order in the grid 0, 1 / revolutions, ... of `count` orders."""
-    index = round(order * revolutions)
-    if abs(index - order * revolutions) > 1e-9 * max(order, 1.0) or index >= count:
-        raise ValueError(
-            f"orders = {order!r} is not allowed: it must be one of 0, "
-            f"{1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
-        )
-    return index
 
 
 def _dataset(motion: Motion, variable, amplitude, sums, indices, revolutions, bounds) -> xr.Dataset:

@@ -104,12 +104,9 @@ def trust(
     exponent_periods = integer("exponent_periods", exponent_periods, lyapunov.BATCHES)
     periods = integer("periods", periods, 1)
     record_periods = integer("record_periods", record_periods, 1, periods)
-    arguments = {
-        "periods": periods,
-        "record_periods": max(record_periods, min(pair.repeats, periods)),
-        "initial_state": initial_state,
-        "samples_per_period": 1,
-    }
+    record_periods = max(record_periods, min(pair.repeats, periods))
+    arguments = {"periods": periods, "record_periods": record_periods}
+    arguments |= {"initial_state": initial_state, "samples_per_period": 1}
     initial_state = pair.check_state(initial_state)
     names, methods, runs = [], [], []
     for name, model, changed_arguments in (
@@ -177,10 +174,7 @@ def _other_methods(model: Any) -> Iterator[tuple]:
 
 
 def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
-    """Return the classification (`Trust`) of a motion from its runs and its Lyapunov exponent.
-
-    `repeats` is the number of mesh periods after which the excitation repeats.
-    """
+    """Return the classification (`Trust`) of a motion from its runs and its Lyapunov exponent."""
     label, message = _label_and_message(runs, exponent, repeats)
     period, digits = 0, math.nan
     if label == "periodic":
@@ -226,11 +220,9 @@ def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tup
         return "undecided", message
     digits = _common_digits(runs)
     if digits < MIN_DIGITS:
-        return (
-            "undecided",
-            f"every run repeats, but their extrema agree in {max(digits, 0.0):.1f} digits only: "
-            "more than one orbit attracts, or its period is more than record_periods; see the runs",
-        )
+        reason = "more than one orbit attracts, or its period is more than record_periods"
+        agreement = f"their extrema agree in {max(digits, 0.0):.1f} digits only"
+        return "undecided", f"every run repeats, but {agreement}: {reason}; see the runs"
     return "periodic", f"all runs agree in {digits:.1f} digits"
 
 

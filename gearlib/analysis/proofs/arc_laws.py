@@ -143,10 +143,7 @@ class ArcDynamics:
         return self.basis_inverse * matrix_of(matrix) * self.basis
 
     def system_matrix(self, codes: list, segment: int) -> Any:
-        """Return the matrix A of z' = A z for the contact codes of all meshes on a segment.
-
-        `segment` is the index of an interval of the mesh phase with constant stiffness levels.
-        """
+        """Return the matrix A of z' = A z for the contact codes of all meshes on a `Segment`."""
         conditions = self.model.segments[segment].conditions
         states = tuple(
             # Contact code, and in contact stiffness level and sliding sign of the side.
@@ -195,12 +192,6 @@ class ArcDynamics:
         q, q_rates = np.array(state, float).reshape(2, -1).tolist()
         y, y_rates = ((self.reduction * column_of(half)).entries() for half in (q, q_rates))
         return [*y, *(rate * self.tuning for rate in y_rates)]
-
-    def all_coordinates(self, state: list, inverse_tuning: Any) -> tuple[list, list]:
-        """Return q and dq/dtau of all coordinates, 0 for fixed ones, from (y, dy/dtheta)."""
-        values = np.full((2, len(self.model.coordinates)), flint().arb(0))
-        values[:, self.retained] = np.array(state[: self.state_count]).reshape(2, -1)
-        return values[0].tolist(), (values[1] * inverse_tuning).tolist()
 
     def train_description(self, codes: tuple) -> TrainDescription | None:
         """Return names and initial contact codes of a train, None for one degree of freedom."""

@@ -8,6 +8,8 @@ import math
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import check_orbit, codes_without_events
 from gearlib.analysis.proofs import krawczyk
@@ -95,8 +97,7 @@ def certify(orbit, digits=30):
 def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GUARD_BITS) -> Any:
     """Return the certificate of an orbit with enclosures of at least the requested `digits`.
 
-    `contacts` is the result of `simulated_contacts`. Nearly coincident contacts, which are enclosed
-    in time windows, need more guard bits.
+    Nearly coincident contacts, which are enclosed in time windows, need more guard bits.
     """
     bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
     for _ in range(_MAX_DOUBLINGS):
@@ -250,8 +251,11 @@ class Proof:
             values = enclosed(phase), before, after, enclosed(speed)
             name = self.dynamics.mesh_names[mesh]
             events.append(ContactEvent(*values) if one_degree else MeshEvent(*values, name))
-        q, q_rates = self.dynamics.all_coordinates(self.box, self.path.inverse_tuning)
-        state = (q[0], q_rates[0]) if one_degree else (q, q_rates)
+        # Displacements and rates dq/dtau of all coordinates; the fixed ones are 0.
+        q = np.full((2, len(self.dynamics.model.coordinates)), flint().arb(0))
+        q[:, self.dynamics.retained] = np.reshape(self.box[: self.dynamics.state_count], (2, -1))
+        q[1] *= self.path.inverse_tuning
+        state = q[:, 0].tolist() if one_degree else q.tolist()
         displacement, velocity = enclosed(state)
         multipliers = krawczyk.eigenvalues(self.map)
         stability, reason = krawczyk.stability_verdict(multipliers, self.map, self.determinant)
@@ -379,10 +383,7 @@ class _Range:
         )
 
     def _prove_piece(self, inverse_tuning: Any, inverse_end: Any, previous_stability: Any) -> tuple:
-        """Prove a piece; return ((stability, reason), enclosure at its end, (centre, radii)).
-
-        The ball `inverse_tuning` contains 1 / tuning on the whole piece, `inverse_end` at its end.
-        """
+        """Prove a piece; return ((stability, reason), enclosure at its end, (centre, radii))."""
         path, n = self.path(inverse_tuning), self.dynamics.state_count
         zero, inverse = krawczyk.polish(self.path(inverse_tuning.mid()).equations, self.reached)
         # An independent program can read the exact floats of the centre.

@@ -86,10 +86,7 @@ class Curve:
 
 
 def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[list[Curve]]:
-    """Yield, for each piece of an arc, the `Curve`s of functionals, rows (r, size), of the state.
-
-    The arc leads from a modal state to the state `end` in a time, by state' = matrix state.
-    """
+    """Yield, for each piece of an arc with state' = matrix state, the `Curve`s of all rows."""
     module, matrix_norm, start = flint(), norm(matrix), state
     # With this degree the remainder is of the order of rounding errors.
     degree = module.ctx.prec // 4 + 2
