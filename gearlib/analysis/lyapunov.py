@@ -141,7 +141,8 @@ def largest_exponent(
 def rounding_grows(model, tunings, start: tuple, periods: int, final_states=None) -> np.ndarray:
     """Return a mask of the tunings at which rounding errors grow to a visible size.
 
-    Each run starts from the one before in the `final_states` of a sweep, or from `start`.
+    Each run starts from `start`, or in a sweep with `final_states`, shape (n, components), from the
+    final state of the run before unless that is NaN.
     """
     is_sensitive = np.zeros(len(tunings), bool)
     for i, tuning in enumerate(tunings):

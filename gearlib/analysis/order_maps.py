@@ -258,8 +258,8 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
         phase, rpm, omega = phase - phase[0], float(run.speed), float(run.mesh_frequency)
         speeds = np.array([[0.0, rpm], [math.tau * parameters["record_periods"] / omega, rpm]])
         angle = math.pi / 30.0 * rpm * phase[-1] / omega
-        scale, units = _VARIABLES[variable]
-        scale, profiles = float(scale(run)), _profiles_json(speeds)
+        scale_of, units = _VARIABLES[variable]
+        scale, profiles = float(scale_of(run)), _profiles_json(speeds)
     teeth = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
     # Mesh periods per revolution are an integer, apart from rounding errors.
     teeth = float(round(teeth)) if abs(teeth - round(teeth)) < 1e-6 * teeth else teeth

@@ -143,10 +143,11 @@ class TrainCertificate(_OrbitClaim, TrainDescription):
         for event in self.events:
             contact = f"{event.phase}  {event.mesh} in {_CONTACT_NAMES[event.after]}"
             rows.append(("  phase", contact))
-        multiplier = _complex_text(*self.multipliers[0])
-        rows.append(("multiplier", f"{multiplier}, the largest of {len(self.multipliers)}"))
-        rows.append(("the only such orbit", f"within {self.radius:.3g}"))
-        return rows
+        multiplier = (
+            f"{_complex_text(*self.multipliers[0])}, the largest of {len(self.multipliers)}"
+        )
+        radius = f"within {self.radius:.3g}"
+        return [*rows, ("multiplier", multiplier), ("the only such orbit", radius)]
 
 
 @dataclass(frozen=True)

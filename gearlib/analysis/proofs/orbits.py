@@ -374,10 +374,12 @@ class _Range:
             tuning, step = end, _PIECE_GROWTH * step
         return RangeCertificate(
             self.orbit.pair,
-            *sorted((start, to)),
+            min(start, to),
+            max(start, to),
             self.orbit.period,
             pattern_of(self.codes, self.events),
-            *stability,  # with its reason
+            stability=stability[0],
+            reason=stability[1],
             pieces=tuple(sorted(pieces, key=lambda piece: piece.start)),
             train=self.dynamics.train_description(self.codes),
         )

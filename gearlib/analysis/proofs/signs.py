@@ -129,9 +129,8 @@ def check_contacts(path: Any, arcs: list, ends: list, contact_phases: list) -> l
     """
     dynamics, codes, phases = path.dynamics, list(path.codes), path.phases(contact_phases)
     # Flank lines that are crossed at the start and at each node; None at a switch.
-    rates, crossed = [], [None]
-    for node in path.nodes:
-        crossed.append((node.mesh, node.side) if node.is_contact else None)
+    rates = []
+    crossed = [None, *((node.mesh, node.side) if node.is_contact else None for node in path.nodes)]
     for i, (last, phase) in enumerate(zip([0, *phases], phases, strict=False)):
         if not phase > last:
             if crossed[i] and crossed[i + 1]:
@@ -171,10 +170,10 @@ def check_arc(dynamics, matrix, state, end, time, codes, crossed, phase: float) 
         stationary_values = (curve.stationary_values(bound.sign) for curve in curves)
         if all(bound.sign * value > 0 for value in chain(values, *stationary_values)):
             continue
-        name, has_several_meshes = dynamics.mesh_names[bound.mesh], len(dynamics.mesh_names) > 1
+        name = dynamics.mesh_names[bound.mesh]
         if bound.is_clearance:
             raise ProofFailed(JAMMED[0], f"before phase {phase:.6g} of mesh {name!r} {JAMMED[1]}")
-        mover = f"the mesh {name!r}" if has_several_meshes else "the motion"
+        mover = f"the mesh {name!r}" if len(dynamics.mesh_names) > 1 else "the motion"
         text = "comes too near to a flank line to prove that it does not touch it"
         raise ProofFailed("grazing", f"before phase {phase:.6g} {mover} {text}")
 
