@@ -79,7 +79,13 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     else:
         checks.gear_mesh(gears, "gears", " or a model")
         torque = torque_of(torque, options.pop("power", None), speed)
-        model, is_truncated = _load_sharing_model(gears, torque, options)
+        model = default_load_sharing_pair(gears, torque=torque, **options)
+        # Each mesh period has a stiffness table for each subset of the tooth pairs in mesh. The
+        # pitch errors are truncated if too many periods pass until the same teeth meet again.
+        max_periods = _MAX_TABLES // 2 ** math.ceil(gears.total_contact_ratio)
+        is_truncated = model.repeats > max_periods
+        if is_truncated:
+            model = model.replace(pitch_errors=model.pitch_errors[:max_periods])
         if gears.pinion.quality is not None and gears.wheel.quality is not None:
             checks.finite_positive("speed", speed)
             # ISO 6336 takes the smaller tip relief of the two gears.
@@ -104,20 +110,6 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
     meshes = {name: values for name, values in model.coordinates().items() if name == "mesh"}
     options = {"method": "settled run", "speed": float(speed)}
     return result("Duty point of a gear mesh", model, data, meshes | coords, **options)
-
-
-def _load_sharing_model(mesh: Any, torque: float, options: dict) -> tuple:
-    """Return (`LoadSharingPair` of a geometric mesh, whether its pitch errors were truncated).
-
-    They are truncated if thousands of mesh periods pass until the same teeth meet again.
-    """
-    model = default_load_sharing_pair(mesh, torque=torque, **options)
-    # In each mesh period there is a stiffness table for each subset of the tooth pairs in mesh.
-    tables_per_period = 2 ** math.ceil(mesh.total_contact_ratio)
-    max_periods = _MAX_TABLES // tables_per_period
-    if model.repeats <= max_periods:  # mesh periods after which the pitch errors repeat
-        return model, False
-    return model.replace(pitch_errors=model.pitch_errors[:max_periods]), True
 
 
 def settled_run(model: Any, tuning: float, initial_state: tuple = (0.0, 0.0)) -> xr.Dataset:
