@@ -86,10 +86,9 @@ def sobol_indices(
 def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any) -> np.ndarray:
     """Return the values of each quantity for the designs of Saltelli's method, (q, k + 2, n).
 
-    `evaluator` is a `DesignQuantities` with q quantities; `progress` is called with the number of
-    designs finished since its last call, or None. The k + 2 rows belong to two independent samples
-    A and B of the k parameters, with n designs each, and to k copies of A with one parameter of B
-    each. Values are NaN for designs that cannot be built or do not have the quantity.
+    The k + 2 rows belong to two independent samples A and B of the k parameters, with n designs
+    each, and to k copies of A with one parameter of B each. Values are NaN for designs that cannot
+    be built or do not have the quantity.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
@@ -110,11 +109,9 @@ def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any) -> n
 
 
 def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
-    """Return Sobol' indices of a quantity, (2, k), and their confidence intervals, (2, k, 2).
+    """Return first and total Sobol' indices, (2, k), and their intervals, (2, k, 2), of a quantity.
 
-    First-order indices come first, then total indices. `table`, (k + 2, n), has the values of the
-    quantity for the samples A and B and for the copies of A with one parameter of B; `level` is the
-    confidence level, `seed` that of the bootstrap, and `name` the quantity in error messages.
+    `table`, (k + 2, n), has its values for the samples A and B and the copies of A.
     """
     n, complete = table.shape[1], np.flatnonzero(np.isfinite(table).all(axis=0))
     count = complete.size
@@ -131,10 +128,7 @@ def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: st
     table = table[:, samples]
 
     def indices(columns):
-        """Return the first-order and total Sobol' indices, (2, k), from columns of the table.
-
-        The estimators are those of Saltelli (2010) and Jansen (1999).
-        """
+        """Return the indices, (2, k), by the estimators of Saltelli (2010) and Jansen (1999)."""
         centred = table[:, columns] - table[:2, columns].mean()
         a, b, mixed = centred[0], centred[1], centred[2:]
         variances = (b * (mixed - a)).mean(axis=1), 0.5 * ((mixed - a) ** 2).mean(axis=1)
