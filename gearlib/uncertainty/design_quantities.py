@@ -31,16 +31,13 @@ _DUTY_QUANTITIES |= _SHARING_QUANTITIES
 class DesignQuantities:
     """Compute quantities of designs that differ little from a nominal design.
 
-    `nominal` holds the values of the nominal design, (q,). At the duty point of a train, quantities
-    are those of the worst mesh, but the transmission error is that of the reference mesh. Values
-    that do not exist are NaN.
+    `nominal` holds the values of the nominal design, (q,), NaN if they do not exist.
     """
 
     def __init__(self, model, quantities, *, speed: float | None = None, build_duty_model=None):
-        """Check the names of quantities, and compute those of the nominal design, `model`.
+        """Check the quantities, different names of `QUANTITIES`, and compute the nominal ones.
 
-        `speed` is the speed of the duty point, rpm; `build_duty_model` is a function that returns
-        the nominal model at the duty point, None if it is `model`.
+        `speed` is that of the duty point, rpm; `build_duty_model` returns the nominal model there.
         """
         self.quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
         duty_quantities = _DUTY_QUANTITIES & set(self.quantities)
@@ -60,9 +57,7 @@ class DesignQuantities:
     def evaluate(self, model: Any, build_duty_model: Callable | None = None) -> tuple:
         """Return the quantities of a design, (q,), NaN if not found, and their status codes, (q,).
 
-        The codes are FOUND, ABSENT if the design does not have the quantity, and LOST if its search
-        failed. `model` is the design; `build_duty_model` is a function that returns its model at
-        the duty point, None if it is `model`.
+        `build_duty_model` returns its model at the duty point, None if it is `model`.
         """
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), ABSENT, np.int8)
@@ -74,8 +69,12 @@ class DesignQuantities:
         for i, name in enumerate(self.quantities):
             if name in _DUTY_QUANTITIES:
                 values[i] = _duty_value(name, duty_model, summary, self._nominal_orbit.period)
-            else:
-                values[i] = _resonance_value(name, model, resonance)
+            elif name == "peak":
+                values[i] = resonance.peak_displacement * model.static_deflection
+            elif name == "peak_dynamic_factor":
+                values[i] = resonance.peak_force
+            else:  # the resonance has tunings
+                values[i] = float(model.speed(1.0)) * getattr(resonance, RESONANCE_NAMES[name])
             if np.isfinite(values[i]):
                 codes[i] = FOUND
             elif name in _DUTY_QUANTITIES or RESONANCE_NAMES.get(name, name) in resonance.failed:
@@ -117,16 +116,12 @@ def _check_duty_quantities(model: Any, quantities: set, speed: float | None) -> 
 
 
 def _check_resonance_quantities(model: Any, quantities: set) -> None:
-    """Raise ValueError if a model does not have these quantities of the main resonance.
-
-    Models with several degrees of freedom have no `equation`; they have jumps, but no peaks. The
-    excitation of a model repeats after `model.repeats` mesh periods.
-    """
+    """Raise ValueError if a model does not have these quantities of the main resonance."""
     kind = type(model).__name__
     if model.speed is None:
         raise ValueError(f"model = {kind} is not allowed: it has no rotational speed")
     has_one_degree_of_freedom = model.equation is not None
-    # The state has only a displacement and a velocity, the excitation the period of the mesh.
+    # Models with several degrees of freedom, without `equation`, have jumps, but no peaks.
     has_main_resonance = has_one_degree_of_freedom and model.size == 2 and model.repeats == 1
     if quantities and has_one_degree_of_freedom and not has_main_resonance:
         raise ValueError(
@@ -140,25 +135,11 @@ def _check_resonance_quantities(model: Any, quantities: set) -> None:
         )
 
 
-def _resonance_value(name: str, model: Any, resonance: Any) -> float:
-    """Return the quantity `name` of the main resonance of a model, NaN if it does not exist.
-
-    `resonance` is a `MainResonance` in dimensionless units: speeds relative to the resonance speed
-    (tunings), displacements in static deflections. The result is in SI units or rpm.
-    """
-    if name == "peak":
-        return resonance.peak_displacement * model.static_deflection
-    if name == "peak_dynamic_factor":
-        return resonance.peak_force
-    resonance_speed = float(model.speed(1.0))  # rpm
-    return resonance_speed * getattr(resonance, RESONANCE_NAMES[name])
-
-
 def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
-    """Return the quantity `name` of the duty point for the worst mesh, in SI units.
+    """Return the quantity `name` of the duty point for the worst mesh, in SI units, or NaN.
 
-    `summary` holds a row of extrema for each mesh over an orbit of `period` mesh periods. Return
-    NaN if it is None. The transmission error of a train is that of its reference mesh.
+    `summary` has a row of extrema for each mesh over `period` mesh periods. The transmission error
+    of a train is that of its reference mesh.
     """
     if summary is None:
         return math.nan
@@ -190,10 +171,7 @@ def quantity_evaluator(designs: Any, quantities: Any, speed: float | None) -> De
 
 
 def checked_names(key: str, names: Any, allowed: tuple) -> tuple:
-    """Return names as a tuple, or raise ValueError unless they are allowed and all different.
-
-    `key` is the name of the argument in error messages.
-    """
+    """Return names as a tuple; raise ValueError unless they are allowed and all different."""
     if isinstance(names, str) or not hasattr(names, "__iter__"):
         raise checks.refusal(key, names, f"a sequence of {', '.join(map(repr, allowed))}")
     checked = tuple(names)

@@ -49,17 +49,13 @@ class ModelSource:
     """Make designs from a model by changing its parameters, names of `Model.settable`."""
 
     def __init__(self, model: Any):
-        """Collect the parameters of a model that can vary, and their descriptions.
-
-        They are the names of `settable`. Models other than gear trains also have the numeric fields
-        of their class and of `model.mesh`, their `GearPair`, if there is one.
-        """
+        """Collect the parameters of a model that can vary, and their descriptions."""
         self.model, self.value = model, model.value
         fields = numeric_parameters(PairParameters) if model.mesh else {}
         if dataclasses.is_dataclass(model):
             fields = fields | numeric_parameters(type(model))
-        is_train = model.train is model  # other models may contain a train
-        names = [*model.settable, *(() if is_train else fields)]
+        # Fields of trains are not numbers; other models may contain a train.
+        names = [*model.settable, *(() if model.train is model else fields)]
         #: Name of a parameter -> declaration of its type and range, None if there is none.
         self.parameters = {name: fields.get(name) for name in names}
         #: Name of a parameter -> (CF unit, description).
@@ -101,10 +97,7 @@ class DrawnPair:
         return getattr(getattr(self.mesh, gear) if gear else self.mesh, field)
 
     def __call__(self, changes: dict) -> Any:
-        """Return the `GearPair` of the gears with changes of their drawing, name -> value.
-
-        With deviations of the flanks it is a `OneDegreePair`.
-        """
+        """Return the `GearPair` of the changed gears; with flank deviations a `OneDegreePair`."""
         mesh, options, (cosine, sine) = self._changed(changes)
         # The default mesh stiffness is that of ISO 6336-1.
         options["stiffness"] = options.get("stiffness") or "iso"
@@ -128,8 +121,7 @@ class DrawnPair:
     def _changed(self, changes: dict) -> tuple:
         """Return the changed mesh, options of `GearPair.from_geometry`, and flank deviations.
 
-        `changes` maps names such as "pinion.shift" to values. The deviations are the cosine and
-        sine coefficients of the first mesh order, m.
+        The deviations are the cosine and sine coefficients of the first mesh order, m.
         """
         gears: dict = {"pinion": {}, "wheel": {}}
         backlash = self.mesh.backlash if self.backlash == "drawing" else None
@@ -152,10 +144,8 @@ class DrawnPair:
 
 
 def _changed_gear(gear: Any, changes: dict) -> Any:
-    """Return a gear with changed fields, name -> value.
-
-    A default tip diameter is computed again, because it depends on the profile shift and others.
-    """
+    """Return a gear with changed fields, name -> value."""
+    # A default tip diameter depends on the profile shift and others, so it is computed again.
     if changes and "tip_diameter" not in changes:
         default = dataclasses.replace(gear, tip_diameter=None).tip_diameter
         if abs(default - gear.tip_diameter) <= 1e-12 * gear.tip_diameter:
@@ -164,10 +154,7 @@ def _changed_gear(gear: Any, changes: dict) -> Any:
 
 
 def _parameter_text(name: str, parameter: Any) -> str:
-    """Return a short description of a parameter of a gear or of a function.
-
-    `name` may begin with a gear, as in "pinion.shift"; `parameter` has the full description.
-    """
+    """Return a short text for a parameter, named as "shift" or "pinion.shift"."""
     gear, _, field = name.rpartition(".")
     text = parameter.text.split(";")[0].split(",")[0].strip()
     text = text[:1].lower() + text[1:] if text else field.replace("_", " ")
@@ -192,11 +179,11 @@ class FunctionSource:
         with suppress(AttributeError, TypeError):
             declared = parameters.declared_parameters(function)
         self.parameters = {argument.name: declared.get(argument.name) for argument in arguments}
-        self.descriptions = {name: ("1", name) for name in self.parameters}
-        for name, parameter in self.parameters.items():
-            if parameter:
-                text = _parameter_text(name, parameter)
-                self.descriptions[name] = parameters.cf_units(parameter.unit), text
+        self.descriptions = {
+            name: (parameters.cf_units(parameter.unit), _parameter_text(name, parameter))
+            for name, parameter in self.parameters.items()
+            if parameter
+        }
 
     def value(self, name: str) -> None:
         """Return None, because a function has no nominal values."""
@@ -205,9 +192,8 @@ class FunctionSource:
         """Return the model of the function for `arguments`, a mapping of names to values."""
         missing = [name for name in self.required if name not in arguments]
         if missing:
-            raise ValueError(
-                f"tolerances.{missing[0]} is missing: the function has no default value"
-            )
+            message = "is missing: the function has no default value"
+            raise ValueError(f"tolerances.{missing[0]} {message}")
         try:
             return self.function(**arguments)
         except ArithmeticError as error:
@@ -263,11 +249,7 @@ class Designs:
         return model
 
     def duty_model_builder(self, values: np.ndarray) -> Callable | None:
-        """Return a function that builds the model of the duty point of a design.
-
-        `values`, (k,), are the parameters of the design. Return None if the model of the duty point
-        is `model(values)`, as for all designs but those from drawings.
-        """
+        """Return a function that builds the model of a drawing at the duty point, else None."""
         if not isinstance(self.source, DrawnPair):
             return None
         changes = dict(zip(self.names, map(float, values), strict=True))

@@ -26,10 +26,7 @@ DIRECTION_SIGNS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
 
 def header(path: Path, description: Any) -> tuple[list[str], int]:
-    """Return the names of the columns of a CSV, and the number of their line, from 1.
-
-    `description` has the encoding, the separator and the comment character of the table.
-    """
+    """Return the names of the columns of a CSV, and the number of their line, from 1."""
     try:
         with open(path, encoding=_encoding(description), newline="") as file:
             for line, text in islice(enumerate(file, 1), description.skip, None):
@@ -54,10 +51,7 @@ def _encoding(description: Any) -> str:
 
 
 def _required_columns(names: list[str], description: Any) -> list[str]:
-    """Return the names of the columns to read, or raise ValueError if one is missing or repeated.
-
-    `names` are all columns of the table; the channels of the `description` are required.
-    """
+    """Return the names of the columns to read; raise ValueError if one is missing or repeated."""
     required = list(description.channels)
     if set(LONG_COLUMNS) <= {*names}:
         optional = CONDITION_COLUMN, "time", NOISE_COLUMN
@@ -87,10 +81,10 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
 
 
 def _data_frame(path, description, dtypes, column_count, header_line):
-    """Return the data of a CSV below its header line, the number of a line, as a pandas data frame.
+    """Return the columns of a CSV below its header line as a pandas data frame.
 
-    `dtypes` maps the index of each column that is read to its type, and `description` has the
-    format. One more column holds surplus cells of a row.
+    `dtypes` maps the index of each column that is read to its type. One more column holds surplus
+    cells of a row.
     """
     import pandas as pd
 
@@ -118,11 +112,10 @@ def _data_frame(path, description, dtypes, column_count, header_line):
     return frame.rename(columns=int)
 
 
-def read_csv(path: Path, description: Any, text_columns: set) -> dict:
-    """Return columns of a CSV by name: numbers as arrays, strings as categories of pandas.
+def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, list]:
+    """Return columns of a CSV by name, and all names of columns.
 
-    `description` has the channels and the format of the CSV; `text_columns` are the names of the
-    columns of strings.
+    Numbers are arrays; the columns of strings, `text_columns`, are categories of pandas.
     """
     names, header_line = header(path, description)
     indices = {name: names.index(name) for name in _required_columns(names, description)}
@@ -143,18 +136,13 @@ def read_csv(path: Path, description: Any, text_columns: set) -> dict:
             f"cells, one for each column, not more{hint}"
         )
     columns = {name: frame.pop(i) for name, i in indices.items()}
-    return {
-        name: column.array if name in text_columns else column.to_numpy()
-        for name, column in columns.items()
-    }
+    for name, column in columns.items():
+        columns[name] = column.array if name in text_columns else column.to_numpy()
+    return columns, names
 
 
 def _not_a_number_error(path, description, dtypes, names, header_line) -> ValueError:
-    """Return the error that names the first cell of a CSV that should be a number and is not.
-
-    `description` has the format, `dtypes` maps indices of columns to types, and `names` has those
-    of all columns, in the line with the number `header_line`.
-    """
+    """Return the error that names the first cell of a CSV that should be a number and is not."""
     import pandas as pd
 
     number_columns = [i for i, dtype in dtypes.items() if dtype is float]
@@ -174,10 +162,7 @@ def _not_a_number_error(path, description, dtypes, names, header_line) -> ValueE
 
 
 def read_uff(path: Path, description: Any) -> dict:
-    """Return the signals and times of a universal file, its datasets of type 58, by channel name.
-
-    `description` has the names of the channels to read.
-    """
+    """Return signals and times of a universal file, its datasets of type 58, by channel name."""
     if not PYUFF.available():
         raise MissingPackage(
             f"data = {description.data!r} is not allowed: it must be a CSV, or {PYUFF.module} "
@@ -220,12 +205,10 @@ def read_uff(path: Path, description: Any) -> dict:
 
 
 def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
-    """Return a long table as columns over samples, their noise, and scalar speeds.
+    """Return a long table as columns over samples, their noise by name, and scalar speeds.
 
-    Columns and noise map names to arrays over samples, and speeds are a dataset. `columns` are
-    those of the table, a measurement in each row; `description` has its channels. Measurements at
-    the same condition, time and speed form one sample; observables that were not measured there are
-    NaN. Repeated measurements at infinite time, or without time, are separate samples.
+    Measurements at the same condition, time and speed form one sample; observables that were not
+    measured there are NaN.
     """
     where = f"{description.data}, column "
     codes = category_codes(f"{where}{ID_COLUMN!r}", columns[ID_COLUMN])
@@ -270,9 +253,8 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
 def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
     """Return the index of the sample of each measurement, and the first row of each sample.
 
-    `coordinates` maps names to columns, such as time, and `codes` are the indices of the measured
-    quantities in `observables`; both have one entry for each measurement. `where` begins error
-    messages and ends with "column ". Repetitions at infinite time (steady state) are new samples.
+    `codes` are the indices of the measured quantities in `observables`; `where` begins error
+    messages. Repetitions at infinite time (steady state) or without time are new samples.
     """
     import pandas as pd
 
@@ -296,11 +278,7 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
 
 
 def _scalar_speed(description: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
-    """Return the only measurement of a scalar speed as a variable: dims, value, attributes.
-
-    `key` is the channel in the `description` and `name` the speed, such as "jump_up"; values and
-    their noise, arrays, have the unit of the channel.
-    """
+    """Return the only measurement of a scalar speed as a variable: dims, value, attributes."""
     if values.size > 1:
         raise ValueError(
             f"the observableId {key!r} of {description.data} occurs {values.size} times: it must "
@@ -316,7 +294,7 @@ def _scalar_speed(description: Any, key: str, name: str, values: Any, noise: Any
 def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
     """Raise ValueError unless numbers are finite; `where` names their column in the message.
 
-    NaN is allowed with `gaps`. Infinity, PEtab's time of a steady state, is allowed with `steady`.
+    NaN is allowed with `gaps`; infinity, PEtab's time of a steady state, is allowed with `steady`.
     """
     is_wrong = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(steady & (values == np.inf))
     if is_wrong.any():
@@ -348,33 +326,8 @@ def category_codes(where: str, column: Any) -> np.ndarray:
     return codes
 
 
-def sorting_indices(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | None:
-    """Return the indices that sort samples by time in each group, None if they are sorted already.
-
-    `group` holds the index of the condition of each sample. ValueError is raised if a time occurs
-    twice in a group; `where` names the column of times in the message.
-    """
-    import pandas as pd
-
-    # Groups keep the order in which they occur first.
-    order = np.lexsort((time, pd.factorize(group)[0]))
-    time, group = time[order], group[order]
-    is_repeated = (time[1:] == time[:-1]) & (group[1:] == group[:-1]) & np.isfinite(time[1:])
-    if is_repeated.any():
-        i, count = int(is_repeated.argmax()), int(is_repeated.sum())
-        further = f", and {count - 1} more times" if count > 1 else ""
-        raise ValueError(
-            f"{where} = {time[i]:.12g} occurs twice, in rows {order[i] + 1} and "
-            f"{order[i + 1] + 1}{further}: it must occur once in each condition"
-        )
-    return None if (np.diff(order) > 0).all() else order
-
-
 def seconds_since_first(where: str, column: Any) -> tuple[np.ndarray, str]:
-    """Return the seconds since the earliest date of a column, and this date in ISO 8601.
-
-    `column` is categorical; `where` names it in error messages.
-    """
+    """Return the seconds since the earliest date of a column, and this date in ISO 8601."""
     import pandas as pd
 
     codes = category_codes(where, column)
