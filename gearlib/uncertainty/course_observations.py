@@ -62,15 +62,6 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
     return observations
 
 
-def _rig_metadata(data: Any) -> dict:
-    """Return the metadata of the test rig, a JSON object in the attribute "known" of a data set."""
-    text, metadata = data.attrs.get("known", "{}"), None
-    with suppress(TypeError, ValueError):
-        metadata = json.loads(text)
-    checks.require(isinstance(metadata, dict), "known", text, "a JSON object, from json.dumps")
-    return metadata
-
-
 def _speed_profile(metadata: dict) -> tuple[list, dict]:
     """Return the speed profile of a run-up, rows (s, rpm), and keyword arguments of `run_up`."""
     if "course" not in metadata:
@@ -85,12 +76,17 @@ def _speed_profile(metadata: dict) -> tuple[list, dict]:
         raise ValueError(f"known.course: {error}") from None
 
 
-def _checked_history(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
-    """Check a time history; return displacements, phase factors and mesh periods per revolution.
+def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarray, float]:
+    """Return metadata, displacements, phase factors and mesh periods per revolution of a history.
 
-    Phase factors, (ORDERS,), shift the mesh orders of a model to the mesh phase of the measurement.
+    The metadata are a JSON object in the attribute "known". Phase factors, (ORDERS,), shift the
+    mesh orders of a model to the mesh phase at the start of the measurement.
     """
-    phase = _rig_metadata(data).get("phase", 0.0)
+    text, metadata = data.attrs.get("known", "{}"), None
+    with suppress(TypeError, ValueError):
+        metadata = json.loads(text)
+    checks.require(isinstance(metadata, dict), "known", text, "a JSON object, from json.dumps")
+    phase = metadata.get("phase", 0.0)
     phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
     displacements = np.asarray(data.displacement.values, float)
     checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "increasing")
@@ -102,7 +98,7 @@ def _checked_history(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, flo
         "a whole number, as in a train with a fixed carrier",
         float.is_integer,
     )
-    return displacements, np.exp(1j * phase * _ORDER_NUMBERS), mesh_periods
+    return metadata, displacements, np.exp(1j * phase * _ORDER_NUMBERS), mesh_periods
 
 
 def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
@@ -132,7 +128,7 @@ def _real_and_imaginary(orders: np.ndarray) -> np.ndarray:
 
 def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
     """Return the observation of a time history at constant speed: the mesh orders of its orbit."""
-    displacements, phase_factors, mesh_periods = _checked_history(model, data)
+    _, displacements, phase_factors, mesh_periods = _checked_history(model, data)
     speed = float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
     # The direction in which the speed was reached: 1 up, -1 down, 0 from rest.
@@ -174,8 +170,8 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
 
 def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     """Return the observation of a run-up: mesh orders of revolutions and speeds of jumps."""
-    displacements, phase_factors, mesh_periods = _checked_history(model, data)
-    profile, options = _speed_profile(_rig_metadata(data))
+    metadata, displacements, phase_factors, mesh_periods = _checked_history(model, data)
+    profile, options = _speed_profile(metadata)
     rotation = ShaftRotation(profile)
     orders, variance_ratios, warning = _revolution_orders(
         rotation, profile[-1][0], data.time.values, displacements, mesh_periods

@@ -376,8 +376,13 @@ def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, 
 
 def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.ndarray) -> Fit:
     """Return the `Fit` at an optimum of scipy; `errors` are those of the elements of `jacobian`."""
-    residuals = optimum.fun
-    model, directions = problem.model_at(optimum.x), _undetermined_directions(jacobian, errors)
+    residuals, model = optimum.fun, problem.model_at(optimum.x)
+    # The residuals do not change along the directions whose singular values are zero, or so small
+    # that the errors of the Jacobian can explain them.
+    _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
+    noise = np.linalg.norm(errors @ np.abs(directions.T), axis=0)
+    smallest = _MIN_RELATIVE_SINGULAR_VALUE * max(singular_values.max(), 1.0)
+    directions = directions[singular_values <= np.maximum(noise, smallest)]
     identifiable = (np.abs(directions) < _MAX_UNDETERMINED_COMPONENT).all(axis=0)
     n, k = residuals.size, int(identifiable.sum())
     eliminated_count = sum(channel.eliminated for channel in problem.channels)
@@ -417,15 +422,6 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
         noise=problem.noise_known,
         _observations=problem.observations,
     )
-
-
-def _undetermined_directions(jacobian: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Return unit vectors of parameters, as rows, along which the residuals do not change."""
-    _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
-    # Singular values count as zero if the errors of the Jacobian can explain them.
-    noise = np.linalg.norm(errors @ np.abs(directions.T), axis=0)
-    smallest = _MIN_RELATIVE_SINGULAR_VALUE * max(singular_values.max(), 1.0)
-    return directions[singular_values <= np.maximum(noise, smallest)]
 
 
 def _parameter_messages(problem, model, params, directions) -> list[str]:

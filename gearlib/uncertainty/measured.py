@@ -265,7 +265,12 @@ def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[d
         coords[name] = values * (1.0 if channel is None else channel.scale(column_names[name])[0])
     if "direction" in column_names:
         column = columns[column_names["direction"]]
-        coords["direction"] = measured_tables.directions(locations["direction"], column)
+        where = locations["direction"]
+        signs = [DIRECTION_SIGNS.get(str(text).strip().lower()) for text in column.categories]
+        for sign, text in zip(signs, column.categories, strict=True):
+            checks.require(sign is not None, where, text, "up, down or rest, or 1, -1, 0")
+        codes = measured_tables.category_codes(where, column)
+        coords["direction"] = np.array(signs, np.int8)[codes]
     conditions = list(description.conditions.values())
     # Index of the condition of each sample: 0 if all samples have the only condition.
     codes = np.zeros(len(next(iter(columns.values()))))

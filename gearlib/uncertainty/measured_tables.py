@@ -25,29 +25,14 @@ DIRECTION_SIGNS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0
 DIRECTION_SIGNS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
 
-def header(path: Path, description: Any) -> tuple[list[str], int]:
-    """Return the names of the columns of a CSV, and the number of their line, from 1."""
-    try:
-        with open(path, encoding=_encoding(description), newline="") as file:
-            for line, text in islice(enumerate(file, 1), description.skip, None):
-                text = text.split(description.comment)[0] if description.comment else text
-                (cells,) = csv.reader(
-                    [text], delimiter=description.separator, skipinitialspace=True
-                )
-                if any(cell.strip() for cell in cells):
-                    return [cell.strip() for cell in cells], line
-    except UnicodeDecodeError as error:
-        allowed = f"{description.encoding} text ({error.reason})"
-        raise checks.refusal("data", description.data, allowed) from None
-    except (OSError, csv.Error) as error:
-        allowed = f"a file beside its YAML ({error})"
-        raise checks.refusal("data", description.data, allowed) from None
+def _header(text: StringIO, description: Any) -> list[str]:
+    """Read a CSV up to the line with the names of its columns, and return the names."""
+    for line in islice(text, description.skip, None):
+        line = line.split(description.comment)[0] if description.comment else line
+        (cells,) = csv.reader([line], delimiter=description.separator, skipinitialspace=True)
+        if any(cell.strip() for cell in cells):
+            return [cell.strip() for cell in cells]
     raise checks.refusal("data", description.data, "a file with names of columns: it is empty")
-
-
-def _encoding(description: Any) -> str:
-    """Return the encoding of a CSV; UTF-8 may begin with a byte order mark."""
-    return "utf-8-sig" if description.encoding == "utf-8" else description.encoding
 
 
 def _required_columns(names: list[str], description: Any) -> list[str]:
@@ -64,9 +49,9 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
             and key not in required
         ]
     for name in required:
-        column = f"the column {name!r} of {description.data}"
+        column = f"the column {name!r}"
         if names.count(name) > 1:
-            raise ValueError(f"{column} occurs twice: it must occur once")
+            raise ValueError(f"{column} of {description.data} occurs twice: it must occur once")
         if name not in names:
             separators = [
                 separator
@@ -74,14 +59,20 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
                 if len(names) == 1 and name in map(str.strip, names[0].split(separator))
             ]
             hint = f", or separator must be {separators[0]!r}" if separators else ""
-            raise ValueError(
-                f"{column} is missing: it must be one of {', '.join(map(repr, names[:12]))}{hint}"
-            )
+            raise _missing(column, description, names, hint)
     return required
 
 
-def _data_frame(path, description, dtypes, column_count, header_line):
-    """Return the columns of a CSV below its header line as a pandas data frame.
+def _missing(name: str, description: Any, names: list, hint: str = "") -> ValueError:
+    """Return the error for a column, channel or observable that is not among the `names`."""
+    first_names = ", ".join(map(repr, names[:12]))
+    return ValueError(
+        f"{name} of {description.data} is missing: it must be one of {first_names}{hint}"
+    )
+
+
+def _data_frame(rows: str, description: Any, dtypes: dict, column_count: int) -> Any:
+    """Return the columns of the rows of a CSV as a pandas data frame.
 
     `dtypes` maps the index of each column that is read to its type. One more column holds surplus
     cells of a row.
@@ -92,13 +83,9 @@ def _data_frame(path, description, dtypes, column_count, header_line):
     rounds_correctly = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     # Without a further column, pandas would drop surplus cells of a row silently.
     names = description.separator.join(map(str, range(column_count + 1)))
-    with open(path, encoding=_encoding(description), newline="") as file:
-        for _ in range(header_line):
-            file.readline()
-        table = StringIO(f"{names}\n{file.read()}", newline="")
     dtypes = {str(i): dtype for i, dtype in dtypes.items()} | {str(column_count): "category"}
     frame = pd.read_csv(
-        table,
+        StringIO(f"{names}\n{rows}", newline=""),
         dtype=dtypes,
         usecols=[*dtypes],
         sep=description.separator,
@@ -117,16 +104,25 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
 
     Numbers are arrays; the columns of strings, `text_columns`, are categories of pandas.
     """
-    names, header_line = header(path, description)
-    indices = {name: names.index(name) for name in _required_columns(names, description)}
-    dtypes = {i: "category" if name in text_columns else float for name, i in indices.items()}
+    # UTF-8 may begin with a byte order mark.
+    encoding = "utf-8-sig" if description.encoding == "utf-8" else description.encoding
     try:
-        frame = _data_frame(path, description, dtypes, len(names), header_line)
+        with open(path, encoding=encoding, newline="") as file:
+            text = StringIO(file.read(), newline="")
+        names = _header(text, description)
     except UnicodeDecodeError as error:
         allowed = f"{description.encoding} text ({error.reason})"
         raise checks.refusal("data", description.data, allowed) from None
+    except (OSError, csv.Error) as error:
+        allowed = f"a file beside its YAML ({error})"
+        raise checks.refusal("data", description.data, allowed) from None
+    rows = text.read()
+    indices = {name: names.index(name) for name in _required_columns(names, description)}
+    dtypes = {i: "category" if name in text_columns else float for name, i in indices.items()}
+    try:
+        frame = _data_frame(rows, description, dtypes, len(names))
     except ValueError:
-        raise _not_a_number_error(path, description, dtypes, names, header_line) from None
+        raise _not_a_number_error(rows, description, dtypes, names) from None
     checks.require(len(frame), "data", description.data, "a file with rows: it has none")
     has_surplus = frame[len(names)].notna().to_numpy()
     if has_surplus.any():
@@ -141,14 +137,13 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
     return columns, names
 
 
-def _not_a_number_error(path, description, dtypes, names, header_line) -> ValueError:
+def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) -> ValueError:
     """Return the error that names the first cell of a CSV that should be a number and is not."""
     import pandas as pd
 
     number_columns = [i for i, dtype in dtypes.items() if dtype is float]
     try:
-        text_dtypes = dict.fromkeys(number_columns, str)
-        frame = _data_frame(path, description, text_dtypes, len(names), header_line)
+        frame = _data_frame(rows, description, dict.fromkeys(number_columns, str), len(names))
     except ValueError as error:
         return checks.refusal("data", description.data, f"a table ({' '.join(str(error).split())})")
     for i in number_columns:
@@ -182,10 +177,7 @@ def read_uff(path: Path, description: Any) -> dict:
     columns: dict = {}
     for name in [name for name in description.channels if name != "time"]:
         if name not in names:
-            raise ValueError(
-                f"the channel {name!r} of {description.data} is missing: it must be one of "
-                f"{', '.join(map(repr, names[:12]))}"
-            )
+            raise _missing(f"the channel {name!r}", description, names)
         where = f"the set {name!r} of {description.data}"
         if names.count(name) > 1:
             raise ValueError(f"{where} occurs twice: it must occur once")
@@ -218,10 +210,7 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
     channel_codes = {key: i for i, key in enumerate(observables) if key in description.channels}
     for key in description.channels:
         if key not in channel_codes and key not in columns:
-            raise ValueError(
-                f"the observableId {key!r} of {description.data} is missing: it must be one of "
-                f"{', '.join(map(repr, observables[:12]))}"
-            )
+            raise _missing(f"the observableId {key!r}", description, observables)
     gap_codes = [i for key, i in channel_codes.items() if description.channels[key].gaps]
     may_be_nan = np.isin(codes, gap_codes)
     check_finite(f"{where}{VALUE_COLUMN!r}", np.where(may_be_nan & np.isnan(values), 0.0, values))
@@ -306,15 +295,6 @@ def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool
                 "an empty cell means that nothing was measured"
             )
         raise checks.refusal(where, float(values[row]), "finite")
-
-
-def directions(where: str, column: Any) -> np.ndarray:
-    """Return a categorical column of directions, named `where` in errors, as 1, -1 and 0."""
-    texts = [str(category).strip().lower() for category in column.categories]
-    for text, category in zip(texts, column.categories, strict=True):
-        checks.require(text in DIRECTION_SIGNS, where, category, "up, down or rest, or 1, -1, 0")
-    signs = np.array([DIRECTION_SIGNS[text] for text in texts], np.int8)
-    return signs[category_codes(where, column)]
 
 
 def category_codes(where: str, column: Any) -> np.ndarray:

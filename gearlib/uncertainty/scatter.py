@@ -91,14 +91,13 @@ def scatter(
     Parameters
     ----------
     model : Model, DrawnPair or callable
-        A model, whose parameters are the names of its `settable`; two drawn gears, a
-        `gearlib.uncertainty.designs.DrawnPair`; or a function that takes the parameters as keyword
-        arguments and returns a model.
+        A model with its `settable` parameters, a `gearlib.uncertainty.designs.DrawnPair` of two
+        drawn gears, or a function that takes the parameters by name and returns a model.
     tolerances : mapping
         Name of a parameter -> ``{mean, std}``, ``{min, max}``, ``{nominal, upper, lower}`` with
-        deviations from the nominal value, as on drawings, or ``{distribution, ...}``, a name
-        of `scipy.stats` and its parameters; SI units. Values between limits are equally likely.
-        ``correlations``, a list of [name, name, rho], are those of a Gaussian copula.
+        deviations as on drawings, or ``{distribution, ...}``, a name of `scipy.stats` and its
+        parameters; SI units. Values between limits are equally likely. ``correlations``, a list
+        of [name, name, rho], are those of a Gaussian copula.
     quantities : sequence of str
         Quantities of each design, names of `gearlib.uncertainty.design_quantities.QUANTITIES`.
     n : int, default 1024
@@ -106,8 +105,7 @@ def scatter(
     speed : float, optional
         Speed of the duty point, rpm, for quantities of the duty point.
     speeds, tunings : array_like of float, optional
-        Speeds in rpm, or tunings of the nominal model, of sweeps of each design. Tunings are
-        converted to speeds, which all designs share, if anything turns.
+        Speeds in rpm, or tunings of the nominal model, of the sweeps of each design.
     directions : sequence of {"up", "down", "cold", "seeded"}
         Directions of the sweeps; each run starts from rest ("cold") or a random state ("seeded").
     periods, record_periods : int
@@ -117,7 +115,7 @@ def scatter(
     seed : int
         Seed of the scrambling.
     threads : int, optional
-        Number of threads, by default of processors. The result does not depend on it.
+        Number of threads, by default of processors.
     progress : callable, optional
         Called with the number of samples finished since the last call.
 
