@@ -438,7 +438,18 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
                     f"{parameter.min:g} to {parameter.max:g}"
                 )
         elif name == "backlash":
-            messages.append(_backlash_message(problem, model, i))
+            # With the largest backlash, contact on the coast side limits the excursion the least.
+            model = model.with_values({"backlash": problem.high[i]})
+            predictions = [observation.predict(model) for observation in problem.observations]
+            excursion = max(prediction.backlash_excursion for prediction in predictions)
+            reason = "the coast side is never in contact" if excursion else "contact is never lost"
+            bound = "its size remains unknown"
+            if excursion > problem.low[i]:
+                bound = (
+                    f"it is at least {excursion:.4g} m, the largest excursion into the backlash, "
+                    "and no upper limit is known"
+                )
+            messages.append(f"backlash is not identifiable: {reason} in the compared data; {bound}")
         else:
             contained = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
             coupled = contained[contained[:, i]].any(axis=0)
@@ -448,22 +459,6 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
                 reason = f"the data determine only a combination of it and {' and '.join(others)}"
             messages.append(f"{name} is not identifiable: {reason}")
     return messages
-
-
-def _backlash_message(problem: Problem, fitted_model: Any, i: int) -> str:
-    """Return a message about the lower bound of an undetermined backlash, parameter i."""
-    # With the largest backlash, contact on the coast side limits the excursion the least.
-    model = fitted_model.with_values({"backlash": problem.high[i]})
-    predictions = [observation.predict(model) for observation in problem.observations]
-    excursion = max(prediction.backlash_excursion for prediction in predictions)
-    reason = "the coast side is never in contact" if excursion > 0.0 else "contact is never lost"
-    bound = "its size remains unknown"
-    if excursion > problem.low[i]:
-        bound = (
-            f"it is at least {excursion:.4g} m, the largest excursion into the backlash, and no "
-            "upper limit is known"
-        )
-    return f"backlash is not identifiable: {reason} in the compared data; {bound}"
 
 
 def _residual_messages(problem: Problem, model: Any, residuals: Any, redchi: float) -> list[str]:

@@ -21,8 +21,7 @@ from gearlib.uncertainty.measured_tables import CONDITION_COLUMN, DIRECTION_SIGN
 def read_measured(path):
     """Read a measured data set, a YAML file and its table, and return it in SI units.
 
-    Nothing is guessed or dropped silently: faulty data raise an error, or are repaired and reported
-    in the attribute ``repairs``.
+    Faulty data raise an error, or are repaired and reported in the attribute ``repairs``.
 
     Parameters
     ----------
@@ -54,13 +53,19 @@ def read_measured(path):
     if not path.is_file():
         raise checks.refusal("path", str(path), "a YAML file")
     description = measured_description.read(path)
+    data = xr.Dataset(attrs={"repairs": ""})
     try:
-        data = _dataset(description, path.parent)
+        if description.data is not None:
+            data = _table_dataset(description, path.parent / description.data)
         metadata = {name: _json_value(name, value) for name, value in description.known.items()}
     except ValueError as error:
         if isinstance(error, ImportError):  # `MissingPackage`, which does not concern the file
             raise
         raise ValueError(f"{path}: {error}") from None
+    for name, speed in (description.speeds.model_dump() if description.speeds else {}).items():
+        units, text = measured_names.SPEEDS[name]
+        attrs = {"units": units, "long_name": text, "noise_std": speed.get("noise", 0.0)}
+        data[name] = (), speed["value"], attrs
     conditions = {name: section.model_dump() for name, section in description.conditions.items()}
     data.attrs |= {
         "title": description.title or path.stem,
@@ -106,18 +111,6 @@ def _json_value(name: str, value: Any) -> Any:
             allowed = f"a number or a text with a unit of the dimension of {unit}"
             raise checks.refusal(f"known.{name}", value, allowed) from None
     return value if isinstance(value, str | int | float | None) else str(value)
-
-
-def _dataset(description: Any, folder: Path) -> xr.Dataset:
-    """Return the table in `folder` and the scalar speeds of a measured data set as one dataset."""
-    data = xr.Dataset(attrs={"repairs": ""})
-    if description.data is not None:
-        data = _table_dataset(description, folder / description.data)
-    for name, speed in (description.speeds.model_dump() if description.speeds else {}).items():
-        units, text = measured_names.SPEEDS[name]
-        attrs = {"units": units, "long_name": text, "noise_std": speed.get("noise", 0.0)}
-        data[name] = (), speed["value"], attrs
-    return data
 
 
 def _table_dataset(description, path: Path) -> xr.Dataset:
@@ -269,8 +262,8 @@ def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[d
         signs = [DIRECTION_SIGNS.get(str(text).strip().lower()) for text in column.categories]
         for sign, text in zip(signs, column.categories, strict=True):
             checks.require(sign is not None, where, text, "up, down or rest, or 1, -1, 0")
-        codes = measured_tables.category_codes(where, column)
-        coords["direction"] = np.array(signs, np.int8)[codes]
+        direction_codes = measured_tables.category_codes(where, column)
+        coords["direction"] = np.array(signs, np.int8)[direction_codes]
     conditions = list(description.conditions.values())
     # Index of the condition of each sample: 0 if all samples have the only condition.
     codes = np.zeros(len(next(iter(columns.values()))))

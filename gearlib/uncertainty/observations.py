@@ -22,10 +22,12 @@ from gearlib.uncertainty.observation import Channel, Curve, MeasuredSpeed, Obser
 _ASSUMED_SPEED_NOISE = 1e-3
 #: Smallest ratio of a jump to the median step from one point to the next.
 _MIN_JUMP_RATIO = 3.0
-_SWEEP_QUANTITIES = (*observation.STATISTICS, observation.LOAD_SHARING, observation.ORDER_AMPLITUDE)
+_ORDERS = range(1, observation.SAMPLES_PER_PERIOD // 2 + 1)
+_ORDER_QUANTITIES = [f"{observation.ORDER_AMPLITUDE}_{order}" for order in _ORDERS]
+_SWEEP_QUANTITIES = (*observation.STATISTICS, observation.LOAD_SHARING, *_ORDER_QUANTITIES)
 #: Quantities that decrease at a jump up, and endings of the names of those that increase.
 _FALLING_QUANTITIES = ("displacement_min", "dynamic_force_min")
-_RISING_ENDINGS = ("_max", *(f"{observation.ORDER_AMPLITUDE}_{k}" for k in range(1, 10)))
+_RISING_ENDINGS = ("_max", *_ORDER_QUANTITIES[:9])
 
 
 def observations_of(model: Any, data: Any) -> list[Observation]:
@@ -68,30 +70,20 @@ def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES)
 
     Names of variables of trains end with the mesh, such as ``load_sharing_sun_1``.
     """
-    mesh_names = [name.replace(" ", "_") for name in model.mesh_names]
+    endings = [f"_{name.replace(' ', '_')}" for name in model.mesh_names] or [""]
     quantities = {}
     for name in map(str, names):
-        # A model without mesh names has only one mesh, so it has no load sharing.
-        for mesh, mesh_name in enumerate(mesh_names or [""]):
-            if mesh_name and not name.endswith(f"_{mesh_name}"):
-                continue
-            quantity = name.removesuffix(f"_{mesh_name}") if mesh_name else name
-            kind, _, number = quantity.rpartition("_")
-            if kind == observation.ORDER_AMPLITUDE and number.isdigit():
-                in_range = 0 < int(number) <= observation.SAMPLES_PER_PERIOD // 2
-                is_known = in_range and observation.ORDER_AMPLITUDE in comparable
-            else:
-                is_known = quantity in comparable and quantity != observation.ORDER_AMPLITUDE
-            if is_known and (mesh_name or quantity != observation.LOAD_SHARING):
+        for mesh, ending in enumerate(endings):
+            quantity = name.removesuffix(ending)
+            # A model without mesh names has only one mesh, so it has no load sharing.
+            exists = quantity != observation.LOAD_SHARING or ending
+            if name.endswith(ending) and quantity in comparable and exists:
                 quantities[name] = quantity, mesh
     return quantities
 
 
 def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
-    """Raise ValueError unless the variables to compare have finite values, SI units, valid noise.
-
-    `quantities` maps names to (quantity, mesh index); `speeds` maps names to scalar variables.
-    """
+    """Raise ValueError unless the variables to compare have finite values, SI units, valid noise."""
     if quantities:
         for name in ("time", "speed", "direction"):
             if name in data.coords:
@@ -190,11 +182,11 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
 
     def draw(signals: list) -> list:
         """Return curves over speed of measured values and predicted `signals` of each channel."""
-        curves, speed_falls = [], signs < 0
+        curves = []
         for channel, fitted in zip(channels, signals, strict=True):
             name, units = channel.name.replace("_", " "), data[channel.name].attrs.get("units", "")
             values = channel.values, fitted
-            curves.append(Curve(name, units, "speed", speeds, values, speed_falls))
+            curves.append(Curve(name, units, "speed", speeds, values, signs < 0))
         return curves
 
     return Observation("branches", channels, predict, draw), jumps

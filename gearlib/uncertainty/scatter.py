@@ -207,10 +207,11 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) ->
     progress_bar = notebook.counting_bar("samples", count, progress)
     with progress_bar as report, ThreadPoolExecutor(threads) as pool:
         list(pool.map(compute_sample, range(count)))
-    data: dict = {
-        variable_name(name): _variable(("sample",), column.copy(), *designs.units(name))
-        for name, column in zip(designs.names, values.T, strict=True)
-    }
+    data: dict = {}
+    for name, column in zip(designs.names, values.T, strict=True):
+        # The name of a netCDF variable.
+        key = "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")
+        data[key] = _variable(("sample",), column.copy(), *designs.units(name))
     if sweeps:
         dims = "sample", "direction", sweeps.dimension
         data |= {name: (dims, table) for name, table in tables.items()}
@@ -286,11 +287,6 @@ def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, row
         rows["height"][k] = peak_to_peak * (model.static_deflection or 1.0)
         rows["factor"][k], rows["lost"][k] = factor, loses_contact
         rows["settled"][k], rows["run_status"][k] = curve.period > 0, curve.status
-
-
-def variable_name(name: str) -> str:
-    """Return the name of a parameter as a valid name of a netCDF variable."""
-    return "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")
 
 
 def _variable(dims, values, units: str, long_name: str, **attributes: Any) -> xr.Variable:
@@ -397,7 +393,7 @@ def _classify_motions(peak_to_peak, low, high, has_two_motions) -> tuple:
 
 
 def _nearly_equal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a mask that is true where peak-to-peak displacements a and b are equal within 2 %."""
+    """Return a mask of equal peak-to-peak displacements, within a tolerance."""
     with np.errstate(invalid="ignore"):
         return np.abs(a - b) <= _EQUAL_MOTION_TOLERANCE * np.maximum(a, b)
 
