@@ -39,10 +39,7 @@ _RUN_UP_OPTIONS = ("load", "driver", "driven_mass", "base_radius", "initial_stat
 
 
 def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
-    """Return one observation for each condition of a measured data set with time histories.
-
-    `mesh` is the index of the measured mesh in the model.
-    """
+    """Return one observation for each condition of a measured data set with time histories."""
     histories = [data]
     if "condition" in data.coords:
         conditions = data.condition.values
@@ -184,9 +181,9 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     )
     channels = [order_channel]
     if jumps:
-        jump_speeds = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
-        changes = np.array([abs(speeds[i] - speeds[i - 1]) for i in jumps])
-        speed_stds = _SKIPPED_AFTER_JUMP * changes + _MIN_SPEED_STD
+        before, after = speeds[np.array(jumps) - 1], speeds[jumps]
+        jump_speeds = 0.5 * (before + after)
+        speed_stds = _SKIPPED_AFTER_JUMP * abs(after - before) + _MIN_SPEED_STD
         noise_known = order_channel.noise_known
         channels.append(Channel("jumps", jump_speeds, speed_stds, noise_known, shares_weight=True))
 
@@ -223,8 +220,7 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
             for name, values in zip(names, amplitudes.swapaxes(0, 1), strict=True)
         ]
 
-    # A model that cannot be run at all is reported before the fit starts.
-    try:
+    try:  # report a model that cannot be run before the fit starts
         predict(model)
     except NoOrbit:
         raise ValueError(observation.START_ERROR) from None
@@ -319,10 +315,8 @@ def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarr
 
 
 def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, mesh_periods: float) -> np.ndarray:
-    """Return a mask of the blocks between successive `edges`, in revolutions, without gaps.
-
-    A gap between shaft angles `revolutions` exceeds a mesh period and three median sampling steps.
-    """
+    """Return a mask of the blocks between successive `edges`, in revolutions, without gaps."""
+    # A gap exceeds both a mesh period and three median sampling steps.
     steps, complete = np.diff(revolutions), np.ones(len(edges) - 1, bool)
     for i in np.flatnonzero(steps > max(1.0 / mesh_periods, 3.0 * np.median(steps))):
         first, last = np.searchsorted(edges, revolutions[i : i + 2], "right") - 1

@@ -46,7 +46,21 @@ class DesignQuantities:
         self._nominal_orbit: Any = None
         if duty_quantities:
             duty_model = build_duty_model() if build_duty_model else model
-            _check_duty_quantities(duty_model, duty_quantities, speed)
+            if speed is None:
+                raise ValueError(
+                    f"speed = None is not allowed: {min(duty_quantities)} is a quantity of the "
+                    "duty point"
+                )
+            sharing_quantities = duty_quantities & _SHARING_QUANTITIES
+            if sharing_quantities and not duty_model.mesh_names:
+                name = min(sharing_quantities)
+                raise ValueError(f"quantities = {name!r} is not allowed: only trains have it")
+            equation = duty_model.equation
+            if "transmission_error" in duty_quantities and equation and len(equation.deviation):
+                raise ValueError(
+                    "quantities = 'transmission_error' is not allowed for a model with flank "
+                    "deviations: its displacement does not include them"
+                )
             tuning = tuning_at_speed(duty_model, "speed", speed)
             # The orbit has the period of the excitation, in mesh periods.
             self._nominal_orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
@@ -84,11 +98,10 @@ class DesignQuantities:
     def _duty_summary(self, model: Any) -> np.ndarray | None:
         """Return the extrema over the orbit at the duty point, None if no orbit is found.
 
-        The search starts from the state of the nominal design, then from the default one. An
-        unstable orbit counts only if that of the nominal design is unstable, too.
+        An unstable orbit counts only if that of the nominal design is unstable, too.
         """
         tuning, nominal_orbit = float(model.tuning_at(self.speed)), self._nominal_orbit
-        for guess in (nominal_orbit.state, None):
+        for guess in (nominal_orbit.state, None):  # None: the default state
             try:
                 orbit = periodic_orbit(model, tuning, guess=guess, period=nominal_orbit.period)
             except (NoOrbit, ValueError):
@@ -97,22 +110,6 @@ class DesignQuantities:
                 propagator = model.propagator(tuning)
                 return propagator.record(orbit.state, nominal_orbit.period, MAX_EVENTS).summary
         return None
-
-
-def _check_duty_quantities(model: Any, quantities: set, speed: float | None) -> None:
-    """Raise ValueError if a quantity of the duty point needs a speed or another kind of model."""
-    if speed is None:
-        raise ValueError(
-            f"speed = None is not allowed: {min(quantities)} is a quantity of the duty point"
-        )
-    if quantities & _SHARING_QUANTITIES and not model.mesh_names:
-        name = min(quantities & _SHARING_QUANTITIES)
-        raise ValueError(f"quantities = {name!r} is not allowed: only trains have it")
-    if "transmission_error" in quantities and model.equation and len(model.equation.deviation):
-        raise ValueError(
-            "quantities = 'transmission_error' is not allowed for a model with flank "
-            "deviations: its displacement does not include them"
-        )
 
 
 def _check_resonance_quantities(model: Any, quantities: set) -> None:

@@ -1,8 +1,4 @@
-"""Designs: samples of scattering parameters, and the models with these parameters.
-
-The models come from a model whose parameters change, from two drawn gears (`DrawnPair`), or from a
-function that takes the parameters as keyword arguments and returns a model.
-"""
+"""Designs: samples of scattering parameters, and the models with these parameters."""
 
 import dataclasses
 import inspect

@@ -89,7 +89,20 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) 
             values = marginal.centre, *marginal.limits
             tolerated.check_range(key, tolerance, allowed_parameters[name], values)
             marginals[name] = marginal
-    return Tolerances(marginals, _correlations(marginals, tolerances.get(CORRELATIONS, ())))
+    correlations: dict = {}
+    rows = checks.sequence(f"tolerances.{CORRELATIONS}", tolerances.get(CORRELATIONS, ()))
+    for i, row in enumerate(rows):
+        key = f"tolerances.{CORRELATIONS}[{i}]"
+        first, second, coefficient = checks.sequence(key, row, 3)
+        for name in (first, second):
+            checks.one_of(key, name, tuple(marginals))
+        checks.require(first != second, key, row, "two different parameters")
+        names = frozenset((first, second))
+        checks.require(names not in correlations, key, row, "a pair that occurs once")
+        allowed = "a number > -1 and < 1"
+        coefficient = checks.number(key, coefficient, allowed, lambda rho: -1.0 < rho < 1.0)
+        correlations[names] = first, second, coefficient
+    return Tolerances(marginals, list(correlations.values()))
 
 
 def _named_distribution(key: str, tolerance: Any) -> Marginal:
@@ -122,20 +135,3 @@ def _named_distribution(key: str, tolerance: Any) -> Marginal:
     checks.require(fits, key, tolerance, allowed)
     # An end of the support, such as 0 of a lognormal distribution, need not be an allowed value.
     return Marginal(distribution, median)
-
-
-def _correlations(marginals: dict, correlation_rows: Any) -> list[tuple]:
-    """Return checked correlations, tuples of two names in `marginals` and their coefficient."""
-    correlations: dict = {}
-    for i, row in enumerate(checks.sequence(f"tolerances.{CORRELATIONS}", correlation_rows)):
-        key = f"tolerances.{CORRELATIONS}[{i}]"
-        first, second, coefficient = checks.sequence(key, row, 3)
-        for name in (first, second):
-            checks.one_of(key, name, tuple(marginals))
-        checks.require(first != second, key, row, "two different parameters")
-        names = frozenset((first, second))
-        checks.require(names not in correlations, key, row, "a pair that occurs once")
-        allowed = "a number > -1 and < 1"
-        coefficient = checks.number(key, coefficient, allowed, lambda rho: -1.0 < rho < 1.0)
-        correlations[names] = first, second, coefficient
-    return list(correlations.values())

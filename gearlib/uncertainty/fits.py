@@ -314,15 +314,21 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
         values = problem.residuals(scaled_values)
         return np.full(problem.size, _FAILED_RESIDUAL) if values is None else values
 
+    def jacobian(scaled_values):
+        """Return one-sided difference quotients of the residuals, (residuals, parameters)."""
+        quotients, old_residuals = np.zeros((problem.size, start.size)), residuals(scaled_values)
+        for i, value in enumerate(scaled_values):
+            step = _DIFFERENCE_STEP if value < 0.5 else -_DIFFERENCE_STEP
+            new_residuals = problem.residuals(_with_value(scaled_values, i, value + step))
+            if new_residuals is not None:
+                quotients[:, i] = (new_residuals - old_residuals) / step
+        norms = np.linalg.norm(quotients, axis=0)
+        quotients[:, norms < _MIN_RELATIVE_COLUMN_NORM * max(norms.max(), 1.0)] = 0.0
+        return quotients
+
     def solve(start, **settings):
-        return least_squares(
-            residuals,
-            np.clip(start, 1e-6, 1.0 - 1e-6),
-            jac=lambda scaled_values: _jacobian(problem, scaled_values, residuals(scaled_values)),
-            bounds=(0.0, 1.0),
-            x_scale=0.1,
-            **settings,
-        )
+        start, settings = np.clip(start, 1e-6, 1.0 - 1e-6), {"jac": jacobian, **settings}
+        return least_squares(residuals, start, bounds=(0.0, 1.0), x_scale=0.1, **settings)
 
     evaluations = 0
     if any(observation.kind == "branches" for observation in problem.observations):
@@ -334,19 +340,6 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
     optimum = solve(start, ftol=1e-10, xtol=1e-10, gtol=1e-12, max_nfev=40)
     optimum.nfev += evaluations
     return optimum
-
-
-def _jacobian(problem: Problem, scaled_values: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Return one-sided difference quotients of the residuals, shape (residuals, parameters)."""
-    jacobian = np.zeros((problem.size, scaled_values.size))
-    for i in range(scaled_values.size):
-        step = _DIFFERENCE_STEP if scaled_values[i] < 0.5 else -_DIFFERENCE_STEP
-        new_residuals = problem.residuals(_with_value(scaled_values, i, scaled_values[i] + step))
-        if new_residuals is not None:
-            jacobian[:, i] = (new_residuals - residuals) / step
-    norms = np.linalg.norm(jacobian, axis=0)
-    jacobian[:, norms < _MIN_RELATIVE_COLUMN_NORM * max(norms.max(), 1.0)] = 0.0
-    return jacobian
 
 
 def _with_value(scaled_values: np.ndarray, i: int, value: float) -> np.ndarray:

@@ -222,8 +222,19 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
     for key in list(channel_codes):
         name = description.channels[key].observableId or key
         if name in measured_names.SPEEDS:
-            rows = codes == channel_codes.pop(key)
-            speeds[name] = _scalar_speed(description, key, name, values[rows], noise[rows])
+            rows = np.flatnonzero(codes == channel_codes.pop(key))
+            if rows.size > 1:
+                raise ValueError(
+                    f"the observableId {key!r} of {description.data} occurs {rows.size} times: it "
+                    "must occur once"
+                )
+            factor, units = description.channels[key].scale(key)
+            text = measured_names.SPEEDS[name][1]
+            std = noise[rows[0]] * factor
+            if not np.isfinite(std):
+                std = description.channels[key].noise_std(key)
+            attrs = {"units": units, "long_name": text, "noise_std": std}
+            speeds[name] = (), values[rows[0]] * factor, attrs
     has_channel = np.isin(codes, list(channel_codes.values()))
     codes, values, noise = codes[has_channel], values[has_channel], noise[has_channel]
     coordinates = [name for name in columns if name not in (*LONG_COLUMNS, NOISE_COLUMN)]
@@ -264,20 +275,6 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
     frame = frame.drop(columns=ID_COLUMN).assign(repetition=repetition)
     samples = frame.groupby(list(frame.columns), sort=False).ngroup().to_numpy()
     return samples, np.unique(samples, return_index=True)[1]
-
-
-def _scalar_speed(description: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
-    """Return the only measurement of a scalar speed as a variable: dims, value, attributes."""
-    if values.size > 1:
-        raise ValueError(
-            f"the observableId {key!r} of {description.data} occurs {values.size} times: it must "
-            "occur once"
-        )
-    channel = description.channels[key]
-    factor, units = channel.scale(key)
-    noise_std = noise[0] * factor if np.isfinite(noise[0]) else channel.noise_std(key)
-    text = measured_names.SPEEDS[name][1]
-    return (), values[0] * factor, {"units": units, "long_name": text, "noise_std": noise_std}
 
 
 def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:

@@ -66,10 +66,7 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
 
 
 def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES) -> dict:
-    """Return the quantities that variables hold: name of a variable -> (quantity, mesh index).
-
-    Names of variables of trains end with the mesh, such as ``load_sharing_sun_1``.
-    """
+    """Return the quantities that variables hold: name of a variable -> (quantity, mesh index)."""
     endings = [f"_{name.replace(' ', '_')}" for name in model.mesh_names] or [""]
     quantities = {}
     for name in map(str, names):
@@ -83,7 +80,7 @@ def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES)
 
 
 def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
-    """Raise ValueError unless the variables to compare have finite values, SI units, valid noise."""
+    """Raise ValueError unless variables to compare have finite values, SI units and valid noise."""
     if quantities:
         for name in ("time", "speed", "direction"):
             if name in data.coords:

@@ -1,8 +1,7 @@
 """`scatter`: motions of a model whose parameters scatter, computed at once or in shards.
 
-Each sample is computed independently by public functions, so the division into shards does not
-change the result. Statistics never mix two motions: sweeps up, sweeps down and runs from other
-starts are kept apart.
+The division into shards does not change the result. Statistics never mix two motions: sweeps up,
+sweeps down and runs from other starts are kept apart.
 """
 
 import functools
