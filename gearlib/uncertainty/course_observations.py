@@ -1,8 +1,7 @@
 """Time histories as observations: mesh orders at constant speed and in run-ups with their jumps.
 
 Regressions take the complex amplitudes of the mesh orders from the samples of each revolution, so
-that offset and eccentricity do not enter. A time history begins at the mesh phase ``known.phase``
-in rad, by default 0.
+that offset and eccentricity do not enter.
 """
 
 import json
@@ -99,10 +98,7 @@ def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarra
 
 
 def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
-    """Return the channel of complex mesh orders, (blocks, ORDERS), of a measured displacement.
-
-    `variance_ratios`, (blocks,), are variances of orders, divided by that of a sample.
-    """
+    """Return the channel of complex mesh orders, (blocks, ORDERS), of a measured displacement."""
     noise = float(displacement.attrs.get("noise_std", 0.0))
     # If the noise is unknown, only the relative weights of blocks matter.
     sample_std = noise or float(np.std(displacement.values))
@@ -300,10 +296,7 @@ def _jump_speed(predicted, jump, measured, speeds) -> float:
 
 
 def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarray:
-    """Return the Fourier coefficients of mesh orders, (blocks, ORDERS), by the trapezoidal rule.
-
-    Successive blocks of `displacements`, sampled over mesh phases, have equal length, rad.
-    """
+    """Return the mesh orders, (blocks, ORDERS), of displacements by the trapezoidal rule."""
     edges = block_length * np.arange(block_count + 1)
     # The last sample is repeated at the last edge if the run ends before it.
     phase = np.append(phase, max(phase[-1], edges[-1]))

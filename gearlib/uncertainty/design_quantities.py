@@ -133,11 +133,7 @@ def _check_resonance_quantities(model: Any, quantities: set) -> None:
 
 
 def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
-    """Return the quantity `name` of the duty point for the worst mesh, in SI units, or NaN.
-
-    `summary` has a row of extrema for each mesh over `period` mesh periods. The transmission error
-    of a train is that of its reference mesh.
-    """
+    """Return the quantity `name` of the duty point for the worst mesh in SI units, or NaN."""
     if summary is None:
         return math.nan
     table = np.atleast_2d(summary)
@@ -149,7 +145,7 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
         values = table[:, columns.X_MIN] * model.static_deflection
     elif name == "transmission_error":
         values = (table[:, columns.X_MAX] - table[:, columns.X_MIN]) * model.static_deflection
-        if model.mesh_names:
+        if model.mesh_names:  # a train
             return float(values[model.mesh_names.index(model.reference)])
     elif name == "force":
         values = table[:, columns.FORCE_MAX] * model.load

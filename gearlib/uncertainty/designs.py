@@ -70,11 +70,10 @@ class DrawnPair:
     """
 
     def __init__(self, mesh: Any, *, backlash: str | None = "drawing", **options: Any):
-        """Check the mesh, and collect the dimensions that can vary with their descriptions.
+        """Take a mesh and options of `GearPair.from_geometry`, such as torque and damping_ratio.
 
         A `backlash` that does not vary is that of the mesh ("drawing"), or it is computed for each
-        sample from profile shifts, centre distance and allowances (None). `options` are those of
-        `GearPair.from_geometry`, such as torque and damping_ratio.
+        sample from profile shifts, centre distance and allowances (None).
         """
         self.mesh = checks.gear_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
@@ -115,10 +114,7 @@ class DrawnPair:
         return default_load_sharing_pair(mesh, **options)
 
     def _changed(self, changes: dict) -> tuple:
-        """Return the changed mesh, options of `GearPair.from_geometry`, and flank deviations.
-
-        The deviations are the cosine and sine coefficients of the first mesh order, m.
-        """
+        """Return the changed mesh, options, and cosine and sine coefficient of a deviation, m."""
         gears: dict = {"pinion": {}, "wheel": {}}
         backlash = self.mesh.backlash if self.backlash == "drawing" else None
         fields = {"backlash": backlash, "centre_distance": self.mesh.centre_distance}
@@ -218,10 +214,7 @@ class Designs:
         self.nominal = self.model(self.tolerances.centres)
 
     def points(self, first: int, last: int) -> np.ndarray:
-        """Return the points `first` to `last` - 1 in the unit cube, (n, k + 2).
-
-        The first k coordinates determine the parameters, the last two a random initial state.
-        """
+        """Return the points `first` to `last` - 1: k parameters, 2 initial values; (n, k + 2)."""
         # Initial states are always included, so that the parameters do not depend on their use.
         engine = qmc.Sobol(len(self.names) + _START_DIMENSIONS, bits=_SOBOL_BITS, rng=self.seed)
         if first:
@@ -257,10 +250,8 @@ class Designs:
 
 
 def count_error_messages(messages: Iterable[str]) -> list[tuple[int, str]]:
-    """Return the count and an example of each kind of error message, the most frequent first.
-
-    Messages of one kind differ only in their numbers. Empty strings are ignored.
-    """
+    """Return the count and an example of each kind of error message, the most frequent first."""
+    # Messages of one kind differ only in their numbers.
     kinds: dict = {}
     for message in filter(None, messages):
         kinds.setdefault(_NUMBER_PATTERN.sub("...", message), []).append(message)

@@ -286,14 +286,10 @@ def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
 
 
 def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
-    """Return weights that scale each group of channels of unknown noise by its RMS residual.
-
-    Otherwise the largest residuals dominate. Return None if one group is left or all noise is
-    known.
-    """
+    """Return weights of residuals, 1 / RMS of each group of channels of unknown noise, or None."""
     channels = problem.channels
     groups = np.cumsum([not channel.shares_weight for channel in channels])
-    if groups[-1] < 2 or problem.noise_known:
+    if groups[-1] < 2 or problem.noise_known:  # a common scale is sufficient
         return None
     residual_groups = np.repeat(groups, [channel.values.size for channel in channels])
     weights, unweighted = np.ones(residuals.size), residuals / problem.weights
@@ -348,21 +344,18 @@ def _with_value(scaled_values: np.ndarray, i: int, value: float) -> np.ndarray:
 
 
 def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return derivatives at the optimum and their errors, shapes (residuals, parameters).
-
-    Where Richardson's extrapolation fails, the Jacobian of scipy's result `optimum` is kept.
-    """
+    """Return derivatives at the optimum and their errors, shapes (residuals, parameters)."""
     jacobian, errors = np.array(optimum.jac), np.zeros(optimum.jac.shape)
     for i, best_value in enumerate(optimum.x):
 
         def residuals(value, i=i, best_value=best_value):
-            """Return the residuals for a value of parameter i, None if the step is too small."""
+            # Too small steps are left out.
             if value != best_value and abs(value - best_value) < _MIN_OPTIMUM_STEP:
                 return None
             return problem.residuals(_with_value(optimum.x, i, value))
 
         derivative, error = richardson(residuals, best_value, _MAX_OPTIMUM_STEP)
-        if np.isfinite(derivative).all():
+        if np.isfinite(derivative).all():  # else the Jacobian of scipy is kept
             jacobian[:, i], errors[:, i] = derivative, error
     return jacobian, errors
 
@@ -418,10 +411,7 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
 
 
 def _parameter_messages(problem, model, params, directions) -> list[str]:
-    """Return messages about the parameters of a fitted model that the data do not determine.
-
-    `directions`, (directions, parameters), are those in which the residuals do not change.
-    """
+    """Return messages about the parameters of a fitted model that the data do not determine."""
     messages = []
     for i, (name, parameter) in enumerate(params.items()):
         if parameter.identifiable:

@@ -218,10 +218,7 @@ def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any
 
 
 def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any) -> dict:
-    """Return the variable `name` of a channel and, if it varies between samples, that of its noise.
-
-    `key` is the column of the values; `noise` are standard deviations in the unit of the channel.
-    """
+    """Return the variable `name` of a channel and, if its noise varies, that of the noise."""
     factor, units = channel.scale(key)
     attrs = {
         "units": units,
@@ -244,10 +241,7 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any
 
 
 def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[dict, str]:
-    """Return the values of the coordinates by name, and the date of the first sample or "".
-
-    `column_names` maps names of coordinates and observables to columns.
-    """
+    """Return the values of the coordinates by name, and the date of the first sample or ""."""
     coords, start = {}, ""
     locations = {name: f"{description.data}, column {key!r}" for name, key in column_names.items()}
     for name in [name for name in ("time", "speed") if name in column_names]:

@@ -72,11 +72,7 @@ def _missing(name: str, description: Any, names: list, hint: str = "") -> ValueE
 
 
 def _data_frame(rows: str, description: Any, dtypes: dict, column_count: int) -> Any:
-    """Return the columns of the rows of a CSV as a pandas data frame.
-
-    `dtypes` maps the index of each column that is read to its type. One more column holds surplus
-    cells of a row.
-    """
+    """Return the columns of the rows of a CSV and one more column of surplus cells, with pandas."""
     import pandas as pd
 
     # From version 3.1 on, pandas rounds numbers correctly by default.
@@ -100,10 +96,7 @@ def _data_frame(rows: str, description: Any, dtypes: dict, column_count: int) ->
 
 
 def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, list]:
-    """Return columns of a CSV by name, and all names of columns.
-
-    Numbers are arrays; the columns of strings, `text_columns`, are categories of pandas.
-    """
+    """Return columns of a CSV, arrays or, in `text_columns`, categories, and all column names."""
     # UTF-8 may begin with a byte order mark.
     encoding = "utf-8-sig" if description.encoding == "utf-8" else description.encoding
     try:
@@ -251,17 +244,13 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
 
 
 def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
-    """Return the index of the sample of each measurement, and the first row of each sample.
-
-    `codes` are the indices of the measured quantities in `observables`; `where` begins error
-    messages. Repetitions at infinite time (steady state) or without time are new samples.
-    """
+    """Return the index of the sample of each measurement, and the first row of each sample."""
     import pandas as pd
 
     # Columns of texts are compared by their category codes.
     numbers = {name: getattr(column, "codes", column) for name, column in coordinates.items()}
     frame = pd.DataFrame(numbers | {ID_COLUMN: codes})
-    # Measurements without a time count as steady.
+    # Repetitions of steady measurements, at infinite time or without a time, are new samples.
     is_steady = np.isinf(coordinates.get("time", np.full(codes.shape, np.inf)))
     repetition = frame.groupby(list(frame.columns), sort=False).cumcount().to_numpy()
     is_repeated = (repetition > 0) & ~is_steady
@@ -278,10 +267,7 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
 
 
 def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
-    """Raise ValueError unless numbers are finite; `where` names their column in the message.
-
-    NaN is allowed with `gaps`; infinity, PEtab's time of a steady state, is allowed with `steady`.
-    """
+    """Raise ValueError unless numbers are finite, NaN with `gaps`, or infinite with `steady`."""
     is_wrong = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(steady & (values == np.inf))
     if is_wrong.any():
         row, count = int(is_wrong.argmax()), int(is_wrong.sum())

@@ -184,11 +184,7 @@ def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
 
 
 def resonance_speeds(model: Any, measured: dict) -> dict:
-    """Return the speeds of jumps and of the onset of contact loss of a model, rpm.
-
-    `measured` maps their names to measured speeds. Jumps are folds of the branch of orbits, the
-    onset is a grazing orbit.
-    """
+    """Return the speeds of jumps, folds of the branch, and of the onset of a model by name, rpm."""
     # A model with one coordinate and the excitation of the mesh has a main resonance.
     if model.size == 2 and model.repeats == 1:
         resonance = main_resonance(model, [RESONANCE_NAMES[name] for name in measured])
@@ -223,12 +219,10 @@ def fold_speeds(model: Any, measured: dict) -> dict:
 
 
 def _onset(model: Any, measured: float) -> float:
-    """Return the speed of the onset of contact loss next to the measured speed, rpm, or NaN.
-
-    At the onset, the smallest displacement of a mesh passes 0 in a sweep up.
-    """
+    """Return the speed of the onset of contact loss next to the measured speed, rpm, or NaN."""
     speeds = measured * _ONSET_SPEED_RATIOS
     curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING_SWEEP)
+    # At the onset, the smallest displacement of a mesh passes 0 in a sweep up.
     minima = curve.displacement_min.values.reshape(speeds.size, -1).min(axis=1)
     crossings = np.flatnonzero((minima[1:] > 0.0) != (minima[:-1] > 0.0))
     if not crossings.size:

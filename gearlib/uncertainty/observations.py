@@ -226,13 +226,10 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
 
 
 def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
-    """Return the index of the first column after the largest jump of a table, None without jump.
-
-    Rows are quantities, columns are samples; `sign` selects increases (1), decreases (-1) or both
-    (0).
-    """
+    """Return the index of the first column of a table after its largest jump, None without jump."""
     if table.shape[1] < 2:
         return None
+    # A positive sign selects increases, a negative one decreases, 0 both.
     changes = np.diff(table, axis=1)
     steps = np.abs(changes)
     sizes = np.maximum(np.abs(table).max(axis=1), 1e-300)[:, None]

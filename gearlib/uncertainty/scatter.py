@@ -172,10 +172,7 @@ def shard(
 
 
 def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) -> dict:
-    """Return the variables of a range of samples: parameters, runs, quantities, error messages.
-
-    `sweeps` and `evaluator`, a `DesignQuantities`, are None without sweeps or quantities.
-    """
+    """Return the variables of a range of samples: parameters, runs, quantities, error messages."""
     count, tables = len(samples), {}
     if sweeps:
         shape = count, len(sweeps.directions), sweeps.grid.size
