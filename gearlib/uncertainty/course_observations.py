@@ -78,7 +78,8 @@ def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarra
     The metadata are a JSON object in the attribute "known". Phase factors, (ORDERS,), shift the
     mesh orders of a model to the mesh phase at the start of the measurement.
     """
-    text, metadata = data.attrs.get("known", "{}"), None
+    text = data.attrs.get("known", "{}")
+    metadata: Any = None
     with suppress(TypeError, ValueError):
         metadata = json.loads(text)
     checks.require(isinstance(metadata, dict), "known", text, "a JSON object, from json.dumps")

@@ -96,16 +96,14 @@ class DesignQuantities:
         return values, codes
 
     def _duty_summary(self, model: Any) -> np.ndarray | None:
-        """Return the extrema over the orbit at the duty point, None if no orbit is found.
-
-        An unstable orbit counts only if that of the nominal design is unstable, too.
-        """
+        """Return the extrema over the orbit at the duty point, None if no orbit is found."""
         tuning, nominal_orbit = float(model.tuning_at(self.speed)), self._nominal_orbit
         for guess in (nominal_orbit.state, None):  # None: the default state
             try:
                 orbit = periodic_orbit(model, tuning, guess=guess, period=nominal_orbit.period)
             except (NoOrbit, ValueError):
                 continue
+            # An unstable orbit counts only if that of the nominal design is unstable, too.
             if orbit.stable or not nominal_orbit.stable:
                 propagator = model.propagator(tuning)
                 return propagator.record(orbit.state, nominal_orbit.period, MAX_EVENTS).summary

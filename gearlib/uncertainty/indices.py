@@ -2,8 +2,7 @@
 
 The first-order index of a parameter is the fraction of the variance that vanishes on average if
 this parameter is fixed; the total index is the fraction that remains on average if all others are
-fixed (Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270). Bootstrapped intervals cover the
-sampling error only.
+fixed (Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270).
 """
 
 from typing import Any
@@ -30,7 +29,7 @@ def sobol_indices(
     seed=0,
     progress=None,
 ):
-    """Return Sobol' indices of quantities by tolerances, with bootstrapped intervals.
+    """Return Sobol' indices of quantities by tolerances, with bootstrapped sampling errors.
 
     Parameters
     ----------
@@ -86,9 +85,8 @@ def sobol_indices(
 def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any) -> np.ndarray:
     """Return the values of each quantity for the designs of Saltelli's method, (q, k + 2, n).
 
-    The k + 2 rows belong to two independent samples A and B of the k parameters, with n designs
-    each, and to k copies of A with one parameter of B each. Values are NaN for designs that cannot
-    be built or do not have the quantity.
+    The k + 2 rows belong to two independent samples A and B of the k parameters, and to k copies of
+    A with one parameter of B each. Values are NaN for designs that do not have the quantity.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
@@ -109,10 +107,7 @@ def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any) -> n
 
 
 def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
-    """Return first and total Sobol' indices, (2, k), and their intervals, (2, k, 2), of a quantity.
-
-    `table`, (k + 2, n), has its values for the samples A and B and the copies of A.
-    """
+    """Return first and total indices of a quantity, (2, k), and their intervals, (2, k, 2)."""
     n, complete = table.shape[1], np.flatnonzero(np.isfinite(table).all(axis=0))
     count = complete.size
     if count < 2:

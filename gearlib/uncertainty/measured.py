@@ -93,8 +93,7 @@ def read_errors(paths):
 def _json_value(name: str, value: Any) -> Any:
     """Return an entry `name` of the metadata of a test rig as a JSON value.
 
-    If the entry is a parameter of a gear pair, a string that begins with a digit, such as "80 um",
-    is converted to SI units; any other string is kept as a remark.
+    If it is a parameter of a gear pair, a text such as "80 um" is converted to SI units.
     """
     if isinstance(value, dict):
         return {key: _json_value(f"{name}.{key}", entry) for key, entry in value.items()}
@@ -114,11 +113,7 @@ def _json_value(name: str, value: Any) -> Any:
 
 
 def _table_dataset(description, path: Path) -> xr.Dataset:
-    """Return the table of a measured data set, a file, as a dataset in SI units.
-
-    The attribute "not_read" lists the columns that are not read, because no channel has their
-    names.
-    """
+    """Return the table of a measured data set, a file, as a dataset in SI units."""
     checks.require(path.is_file(), "data", description.data, "a file beside its YAML")
     checks.require(path.stat().st_size, "data", description.data, "a file with rows: it is empty")
     if description.sha256 is not None:
@@ -147,16 +142,13 @@ def _table_dataset(description, path: Path) -> xr.Dataset:
         names = [str(name) for name in columns[measured_tables.ID_COLUMN].categories]
     else:
         data = _columns_dataset(description, columns, {}, xr.Dataset())
+    # Columns are not read if no channel has their names.
     data.attrs["not_read"] = ", ".join(name for name in names if name not in description.channels)
     return data
 
 
 def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dataset) -> xr.Dataset:
-    """Return the dataset `data` with columns of a table added as variables and coordinates.
-
-    `columns` maps names of columns to arrays over samples; `std_columns` maps those of a long table
-    to standard deviations.
-    """
+    """Return `data` with columns of a table and their standard deviations, arrays over samples."""
     channels = description.channels.items()
     column_names = {channel.observableId or key: key for key, channel in channels if key in columns}
     # Time and condition need no channel if their columns have the names of PEtab.

@@ -7,7 +7,7 @@ import csv
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 import xarray as xr
@@ -25,9 +25,9 @@ DIRECTION_SIGNS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0
 DIRECTION_SIGNS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
 
-def _header(text: StringIO, description: Any) -> list[str]:
+def _header(file: TextIO, description: Any) -> list[str]:
     """Read a CSV up to the line with the names of its columns, and return the names."""
-    for line in islice(text, description.skip, None):
+    for line in islice(file, description.skip, None):
         line = line.split(description.comment)[0] if description.comment else line
         (cells,) = csv.reader([line], delimiter=description.separator, skipinitialspace=True)
         if any(cell.strip() for cell in cells):
@@ -101,15 +101,13 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
     encoding = "utf-8-sig" if description.encoding == "utf-8" else description.encoding
     try:
         with open(path, encoding=encoding, newline="") as file:
-            text = StringIO(file.read(), newline="")
-        names = _header(text, description)
+            names, rows = _header(file, description), file.read()
     except UnicodeDecodeError as error:
         allowed = f"{description.encoding} text ({error.reason})"
         raise checks.refusal("data", description.data, allowed) from None
     except (OSError, csv.Error) as error:
         allowed = f"a file beside its YAML ({error})"
         raise checks.refusal("data", description.data, allowed) from None
-    rows = text.read()
     indices = {name: names.index(name) for name in _required_columns(names, description)}
     dtypes = {i: "category" if name in text_columns else float for name, i in indices.items()}
     try:

@@ -71,8 +71,7 @@ class Channel(NamedTuple):
     def signal_and_gain(self, predicted: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the sensor signal, (n,), for predicted values, (n,), and the gain of the sensor.
 
-        An unknown gain and offset enter linearly, so they are eliminated by linear least squares
-        (variable projection, Golub and Pereyra 1973).
+        Unknown gain and offset follow by variable projection (Golub and Pereyra 1973).
         """
         factors = (self.unknown_gain, predicted), (self.unknown_offset, np.ones(predicted.size))
         columns = [factor for is_unknown, factor in factors if is_unknown]
@@ -118,10 +117,8 @@ class Observation(NamedTuple):
         signals = self.predicted_signals(model)
         if signals is None:
             return None
-        residuals = [
-            (values - channel.values) / channel.deviations
-            for channel, values in zip(self.channels, signals, strict=True)
-        ]
+        channel_signals = zip(self.channels, signals, strict=True)
+        residuals = [(signal - c.values) / c.deviations for c, signal in channel_signals]
         # The speed of a jump that the model does not have is NaN.
         return np.nan_to_num(np.concatenate(residuals), nan=MISSING_SPEED_RESIDUAL)
 

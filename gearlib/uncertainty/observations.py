@@ -160,8 +160,8 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
         sample_noise = data.get(f"{name}_noise_std")
         if sample_noise is not None and (sample_noise.values > 0.0).all():
             stds = sample_noise.values.astype(float)
-        flags = [bool(attrs.get(flag, 0)) for flag in ("unknown_gain", "unknown_offset")]
-        channels.append(Channel(name, values, stds, bool(noise), *flags, sequence))
+        gain, offset = (bool(attrs.get(f"unknown_{flag}", 0)) for flag in ("gain", "offset"))
+        channels.append(Channel(name, values, stds, bool(noise), gain, offset, sequence))
     has_orders = any(observation.ORDER_AMPLITUDE in quantity for quantity, _ in quantities.values())
     samples_per_period = observation.SAMPLES_PER_PERIOD if has_orders else 1
 
