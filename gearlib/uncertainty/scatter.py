@@ -352,7 +352,6 @@ def _with_statistics(data: xr.Dataset) -> xr.Dataset:
         fraction = _fraction(has_two_motions, both_finished)
         statistics["two_motions_probability"] = (grid_dim,), fraction
         if "seeded" in directions:
-            data = data.assign_coords(motion=list(MOTIONS))
             seeded = runs["height"][:, index["seeded"]]
             low, high = np.minimum(up, down), np.maximum(up, down)
             masks = _classify_motions(seeded, low, high, has_two_motions)
@@ -360,6 +359,8 @@ def _with_statistics(data: xr.Dataset) -> xr.Dataset:
             fractions = np.array([_fraction(mask, all_finished) for mask in masks])
             statistics["motion_probability"] = ("motion", grid_dim), fractions
     data = data.assign(statistics)
+    if "motion_probability" in data:
+        data = data.assign_coords(motion=list(MOTIONS))
     if grid_dim == "tuning":  # the model has no rotational speed and may have any unit of length
         text = "quantiles of the peak-to-peak displacement, in the length unit of the model"
         data.height_band.attrs |= {"units": "1", "long_name": text}
