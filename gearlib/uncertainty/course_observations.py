@@ -1,12 +1,12 @@
 """Time histories as observations: mesh orders at constant speed and in run-ups with their jumps.
 
 Regressions take the complex amplitudes of the mesh orders from the samples of each revolution, so
-that offset and eccentricity do not enter. A time history begins at the mesh phase ``known.phase``
-in rad, by default 0.
+that offset and eccentricity do not enter.
 """
 
 import json
 import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -38,11 +38,7 @@ _RUN_UP_OPTIONS = ("load", "driver", "driven_mass", "base_radius", "initial_stat
 
 
 def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
-    """Return one observation for each condition of a measured data set with time histories.
-
-    `data` has the displacement over time in samples; `mesh` is the index of the measured mesh in
-    the model.
-    """
+    """Return one observation for each condition of a measured data set with time histories."""
     histories = [data]
     if "condition" in data.coords:
         conditions = data.condition.values
@@ -62,22 +58,8 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
     return observations
 
 
-def _rig_metadata(data: Any) -> dict:
-    """Return the metadata of the test rig, a JSON object in the attribute "known" of a data set."""
-    text = data.attrs.get("known", "{}")
-    try:
-        metadata = json.loads(text)
-    except (TypeError, ValueError):
-        metadata = None
-    checks.require(isinstance(metadata, dict), "known", text, "a JSON object, from json.dumps")
-    return metadata
-
-
 def _speed_profile(metadata: dict) -> tuple[list, dict]:
-    """Return the speed profile of a run-up, rows (s, rpm), and keyword arguments of `run_up`.
-
-    They are metadata["course"] and ["options"], in error messages known.course and known.options.
-    """
+    """Return the speed profile of a run-up, rows (s, rpm), and keyword arguments of `run_up`."""
     if "course" not in metadata:
         raise ValueError("known.course is missing: a run-up needs its speed profile, rows (s, rpm)")
     options = metadata.get("options", {})
@@ -90,13 +72,18 @@ def _speed_profile(metadata: dict) -> tuple[list, dict]:
         raise ValueError(f"known.course: {error}") from None
 
 
-def _checked_history(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, float]:
-    """Check a time history; return displacements, phase factors and mesh periods per revolution.
+def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarray, float]:
+    """Return metadata, displacements, phase factors and mesh periods per revolution of a history.
 
-    The phase factors, (ORDERS,), shift the complex mesh orders of a model run, which starts at mesh
-    phase 0, to the mesh phase at the start of the measurement.
+    The metadata are a JSON object in the attribute "known". Phase factors, (ORDERS,), shift the
+    mesh orders of a model to the mesh phase at the start of the measurement.
     """
-    phase = _rig_metadata(data).get("phase", 0.0)
+    text = data.attrs.get("known", "{}")
+    metadata: Any = None
+    with suppress(TypeError, ValueError):
+        metadata = json.loads(text)
+    checks.require(isinstance(metadata, dict), "known", text, "a JSON object, from json.dumps")
+    phase = metadata.get("phase", 0.0)
     phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
     displacements = np.asarray(data.displacement.values, float)
     checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "increasing")
@@ -108,17 +95,13 @@ def _checked_history(model: Any, data: Any) -> tuple[np.ndarray, np.ndarray, flo
         "a whole number, as in a train with a fixed carrier",
         float.is_integer,
     )
-    return displacements, np.exp(1j * phase * _ORDER_NUMBERS), mesh_periods
+    return metadata, displacements, np.exp(1j * phase * _ORDER_NUMBERS), mesh_periods
 
 
 def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
-    """Return the channel `name` of complex mesh orders, (blocks, ORDERS), of a measured variable.
-
-    `variance_ratios`, (blocks,), is the variance of an order, real plus imaginary part, divided by
-    that of a sample of `displacement`. If the noise is unknown, the standard deviation of the
-    signal replaces it, because then only the relative weights of blocks matter.
-    """
+    """Return the channel of complex mesh orders, (blocks, ORDERS), of a measured displacement."""
     noise = float(displacement.attrs.get("noise_std", 0.0))
+    # If the noise is unknown, only the relative weights of blocks matter.
     sample_std = noise or float(np.std(displacement.values))
     values = _real_and_imaginary(orders)
     return Channel(
@@ -138,14 +121,11 @@ def _real_and_imaginary(orders: np.ndarray) -> np.ndarray:
 
 
 def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a time history at constant speed: the mesh orders of its orbit.
-
-    `data` has displacement, time, speed and, optionally, the direction in which it was reached, 1
-    up, -1 down, 0 from rest, over samples; `mesh` is the index of the measured mesh.
-    """
-    displacements, phase_factors, mesh_periods = _checked_history(model, data)
+    """Return the observation of a time history at constant speed: the mesh orders of its orbit."""
+    _, displacements, phase_factors, mesh_periods = _checked_history(model, data)
     speed = float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
+    # The direction in which the speed was reached: 1 up, -1 down, 0 from rest.
     measured_direction = int(data.direction.values[0]) if "direction" in data.coords else 0
     direction, first_speed_ratio, speed_count = _SWEEP_SETTINGS[measured_direction]
     revolutions = data.time.values * speed / 60.0
@@ -156,8 +136,7 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
 
     def predict(model: Any) -> Prediction:
         """Sweep the model to the measured speed and return the mesh orders of its orbit there."""
-        resonance_speed = float(model.speed(1.0))  # speed at the tuning 1, rpm
-        tuning = speed / resonance_speed
+        tuning = speed / float(model.speed(1.0))
         # If several motions exist, the direction of the sweep decides which one it reaches.
         tunings = np.sort(np.linspace(first_speed_ratio * tuning, tuning, speed_count))
         curve = sweep(model, tunings, direction=direction, **observation.SETTLING_SWEEP)
@@ -170,10 +149,7 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
         return Prediction([_real_and_imaginary(orders * phase_factors)], backlash_excursion)
 
     def draw(signals: list) -> list:
-        """Return the curve of the displacement over one mesh period, measured and predicted.
-
-        `signals` holds the predicted mesh orders, real and imaginary parts alternating.
-        """
+        """Return the curve of the displacement over one mesh period, measured and predicted."""
         phase = np.linspace(0.0, 1.0, _CURVE_POINTS)  # in mesh periods
         waves = np.exp(2j * np.pi * np.outer(phase, _ORDER_NUMBERS))
         # The real displacement is twice the real part of the sum over positive orders.
@@ -187,28 +163,24 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
 
 
 def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a run-up: mesh orders of its revolutions and speeds of its jumps.
-
-    `data` has the displacement over time in samples and the speed profile in its attribute "known";
-    `mesh` is the index of the measured mesh in the model.
-    """
-    displacements, phase_factors, mesh_periods = _checked_history(model, data)
-    profile, options = _speed_profile(_rig_metadata(data))
+    """Return the observation of a run-up: mesh orders of revolutions and speeds of jumps."""
+    metadata, displacements, phase_factors, mesh_periods = _checked_history(model, data)
+    profile, options = _speed_profile(metadata)
     rotation = ShaftRotation(profile)
-    revolutions = rotation.revolutions(data.time.values)
-    count = _count_revolutions(rotation, profile, data.time.values, revolutions)
     orders, variance_ratios, warning = _revolution_orders(
-        revolutions, displacements, mesh_periods, count
+        rotation, profile[-1][0], data.time.values, displacements, mesh_periods
     )
+    count = variance_ratios.size
     compared, amplitudes, jumps = _compared_revolutions(orders, variance_ratios)
     speeds = rotation.time_and_speed(np.arange(count) + 0.5)[1]
-    measured_orders = orders[compared], variance_ratios[compared]
-    order_channel = _order_channel("run-up", data.displacement, *measured_orders)
+    order_channel = _order_channel(
+        "run-up", data.displacement, orders[compared], variance_ratios[compared]
+    )
     channels = [order_channel]
     if jumps:
-        jump_speeds = np.array([0.5 * (speeds[i - 1] + speeds[i]) for i in jumps])
-        changes = np.array([abs(speeds[i] - speeds[i - 1]) for i in jumps])
-        speed_stds = _SKIPPED_AFTER_JUMP * changes + _MIN_SPEED_STD
+        before, after = speeds[np.array(jumps) - 1], speeds[jumps]
+        jump_speeds = 0.5 * (before + after)
+        speed_stds = _SKIPPED_AFTER_JUMP * abs(after - before) + _MIN_SPEED_STD
         noise_known = order_channel.noise_known
         channels.append(Channel("jumps", jump_speeds, speed_stds, noise_known, shares_weight=True))
 
@@ -233,10 +205,7 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         return Prediction(values, backlash_excursion=max(0.0, -float(compared_minima.min())))
 
     def draw(signals: list) -> list:
-        """Return the curves of measured and predicted amplitudes of the mesh orders over speed.
-
-        `signals` begins with the predicted mesh orders, real and imaginary parts alternating.
-        """
+        """Return the curves of measured and predicted amplitudes of the mesh orders over speed."""
         fitted = np.full(orders.shape, complex(np.nan))
         fitted[compared] = signals[0].view(complex).reshape(-1, ORDERS)
         units, speed_falls = data.displacement.attrs.get("units", "m"), np.gradient(speeds) < 0.0
@@ -244,48 +213,50 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         amplitudes = 2.0 * np.abs([orders.T, fitted.T])
         names = [f"order {k if k > 1 else ''}z" for k in _ORDER_NUMBERS]
         return [
-            Curve(name, units, "speed", speeds, tuple(amplitudes[:, k]), speed_falls)
-            for k, name in enumerate(names)
+            Curve(name, units, "speed", speeds, tuple(values), speed_falls)
+            for name, values in zip(names, amplitudes.swapaxes(0, 1), strict=True)
         ]
 
-    # A model that cannot be run at all is reported before the fit starts.
-    try:
+    try:  # report a model that cannot be run before the fit starts
         predict(model)
     except NoOrbit:
         raise ValueError(observation.START_ERROR) from None
     return Observation("run-up", channels, predict, draw, warning)
 
 
-def _revolution_orders(revolutions, displacements, mesh_periods, count):
-    """Return mesh orders and variance ratios of `count` revolutions, and a warning about gaps.
+def _revolution_orders(rotation, end, times, displacements, mesh_periods):
+    """Return mesh orders and variance ratios of whole revolutions, and a warning about gaps.
 
-    `revolutions` are the shaft angles of the samples of displacement, in revolutions, and
-    `mesh_periods` is the number of mesh periods in a revolution. The results are those of
-    `regress_mesh_orders` with one block for each revolution.
+    `rotation` is the `ShaftRotation` of a speed profile from 0 to `end`, s; the results are those
+    of `regress_mesh_orders` with one block for each revolution.
     """
+    revolutions = rotation.revolutions(times)
+    count, interval = int(revolutions[-1]), f"{times[0]:.6g} to {times[-1]:.6g} s"
+    profile_revolutions = float(rotation.revolutions(np.array([end]))[0])
+    is_within = revolutions[0] < 1.0 and count <= profile_revolutions + 1e-9
+    allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
+    checks.require(is_within, "time", interval, allowed)
+    # More revolutions must be compared than are skipped at the start.
+    minimum = 2 * _SKIPPED_AT_START
+    allowed = f"of more than {minimum} whole revolutions of known.course, not {count}"
+    checks.require(count > minimum, "time", interval, allowed)
     edges, compared_count = np.arange(count + 1), count - _SKIPPED_AT_START
     complete = complete_blocks(revolutions, edges, mesh_periods)
     allowed = f"of a revolution without gap after the first {_SKIPPED_AT_START}"
     incomplete = f"of {compared_count} revolutions with gaps"
     checks.require(complete[_SKIPPED_AT_START:].any(), "time", incomplete, allowed)
     measured_orders = regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complete)
-    _, variance_ratios = measured_orders
-    missing = int(np.isnan(variance_ratios[_SKIPPED_AT_START:]).sum())
-    warning = ""
-    if missing:
-        warning = (
-            f"{missing} of {compared_count} revolutions are left out of the run-up: they have gaps "
-            "or too few samples"
-        )
+    missing = int(np.isnan(measured_orders[1][_SKIPPED_AT_START:]).sum())
+    left_out = f"{missing} of {compared_count} revolutions are left out of the run-up"
+    warning = f"{left_out}: they have gaps or too few samples" if missing else ""
     return *measured_orders, warning
 
 
 def _compared_revolutions(orders, variance_ratios):
     """Return a mask of compared revolutions, amplitudes of the first order, and indices of jumps.
 
-    `orders`, (revolutions, ORDERS), are complex mesh orders; `variance_ratios`, (revolutions,),
-    are NaN for revolutions without enough samples; a jump has the index of the first revolution
-    after it. Small differences between motions grow around a jump, so only its speed is compared.
+    A jump has the index of the first revolution after it. Motions differ most around a jump, so
+    only its speed is compared. `variance_ratios` are NaN for revolutions without enough samples.
     """
     is_measured, indices = np.isfinite(variance_ratios), np.arange(variance_ratios.size)
     compared = is_measured & (indices >= _SKIPPED_AT_START)
@@ -304,32 +275,11 @@ def _compared_revolutions(orders, variance_ratios):
     return compared, amplitudes, sorted(jumps)
 
 
-def _count_revolutions(rotation, profile, times, revolutions) -> int:
-    """Return the number of whole revolutions of a run-up, or raise ValueError.
-
-    `profile` has rows (s, rpm), and `rotation` is its `ShaftRotation`, which converts times to
-    revolutions. `revolutions` are the shaft angles at the `times` of the samples, which must lie
-    within the profile.
-    """
-    end, count = profile[-1][0], int(revolutions[-1])
-    interval = f"{times[0]:.6g} to {times[-1]:.6g} s"
-    profile_revolutions = float(rotation.revolutions(np.array([end]))[0])
-    is_within = revolutions[0] < 1.0 and count <= profile_revolutions + 1e-9
-    allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
-    checks.require(is_within, "time", interval, allowed)
-    # More revolutions must be compared than are skipped at the start.
-    minimum = 2 * _SKIPPED_AT_START
-    allowed = f"of more than {minimum} whole revolutions of known.course, not {count}"
-    checks.require(count > minimum, "time", interval, allowed)
-    return count
-
-
 def _jump_speed(predicted, jump, measured, speeds) -> float:
-    """Return the speed at which a model jumps next to a measured jump, NaN if it does not jump.
+    """Return the speed in rpm at which a model jumps next to a measured jump, NaN without jump.
 
     The model jumps where its amplitude of the first mesh order, `predicted`, crosses the mean of
-    the amplitudes `measured` before and after the revolution with the index `jump`. Amplitudes and
-    speeds, in rpm, are arrays over revolutions.
+    the amplitudes `measured` before and after the revolution with the index `jump`.
     """
     before = measured[jump - _SKIPPED_BEFORE_JUMP]
     after = measured[min(jump + _SKIPPED_BEFORE_JUMP, len(measured) - 1)]
@@ -347,10 +297,7 @@ def _jump_speed(predicted, jump, measured, speeds) -> float:
 
 
 def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarray:
-    """Return the complex mesh orders, (blocks, ORDERS), of displacements sampled over mesh phases.
-
-    They are Fourier integrals by the trapezoidal rule over successive blocks of equal length, rad.
-    """
+    """Return the mesh orders, (blocks, ORDERS), of displacements by the trapezoidal rule."""
     edges = block_length * np.arange(block_count + 1)
     # The last sample is repeated at the last edge if the run ends before it.
     phase = np.append(phase, max(phase[-1], edges[-1]))
@@ -362,11 +309,8 @@ def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarr
 
 
 def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, mesh_periods: float) -> np.ndarray:
-    """Return a mask of the blocks between successive `edges` whose samples have no gap.
-
-    `revolutions` are the shaft angles of the samples; edges are in revolutions, too. A gap exceeds
-    both a mesh period, 1 / `mesh_periods` of a revolution, and three median sampling steps.
-    """
+    """Return a mask of the blocks between successive `edges`, in revolutions, without gaps."""
+    # A gap exceeds both a mesh period and three median sampling steps.
     steps, complete = np.diff(revolutions), np.ones(len(edges) - 1, bool)
     for i in np.flatnonzero(steps > max(1.0 / mesh_periods, 3.0 * np.median(steps))):
         first, last = np.searchsorted(edges, revolutions[i : i + 2], "right") - 1
@@ -377,12 +321,9 @@ def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, mesh_periods: fl
 def regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complete=True):
     """Return the complex mesh orders of blocks of samples, (blocks, ORDERS), and variance ratios.
 
-    The samples may lie at any shaft angles `revolutions`; a block extends from one of the `edges`,
-    in revolutions, to the next, and `mesh_periods` is the number of mesh periods in a revolution. A
-    weighted regression on an offset, the first shaft orders and the mesh orders is made for each
-    block. A variance ratio, (blocks,), is the variance of an order, real plus imaginary part,
-    divided by that of a sample. Results are NaN for blocks with too few samples and outside the
-    mask `complete` of the blocks without gaps, by default all.
+    The samples may lie at any shaft angles `revolutions`; a block extends from one of the `edges`
+    to the next. A variance ratio, (blocks,), is the variance of an order, real plus imaginary part,
+    divided by that of a sample. Results are NaN for blocks with too few samples or not `complete`.
     """
     block_count, minimum = len(edges) - 1, _MIN_SAMPLES_PER_ORDER * ORDERS
     # Mean number of samples in a mesh period of each block.

@@ -31,16 +31,13 @@ _DUTY_QUANTITIES |= _SHARING_QUANTITIES
 class DesignQuantities:
     """Compute quantities of designs that differ little from a nominal design.
 
-    `nominal` holds the values of the nominal design, (q,). At the duty point of a train, quantities
-    are those of the worst mesh, but the transmission error is that of the reference mesh. Values
-    that do not exist are NaN.
+    `nominal` holds the values of the nominal design, (q,), NaN if they do not exist.
     """
 
     def __init__(self, model, quantities, *, speed: float | None = None, build_duty_model=None):
-        """Check the names of quantities, and compute those of the nominal design, `model`.
+        """Check the quantities, different names of `QUANTITIES`, and compute the nominal ones.
 
-        `speed` is the speed of the duty point, rpm; `build_duty_model` is a function that returns
-        the nominal model at the duty point, None if it is `model`.
+        `speed` is that of the duty point, rpm; `build_duty_model` returns the nominal model there.
         """
         self.quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
         duty_quantities = _DUTY_QUANTITIES & set(self.quantities)
@@ -49,7 +46,21 @@ class DesignQuantities:
         self._nominal_orbit: Any = None
         if duty_quantities:
             duty_model = build_duty_model() if build_duty_model else model
-            _check_duty_quantities(duty_model, duty_quantities, speed)
+            if speed is None:
+                raise ValueError(
+                    f"speed = None is not allowed: {min(duty_quantities)} is a quantity of the "
+                    "duty point"
+                )
+            sharing_quantities = duty_quantities & _SHARING_QUANTITIES
+            if sharing_quantities and not duty_model.mesh_names:
+                name = min(sharing_quantities)
+                raise ValueError(f"quantities = {name!r} is not allowed: only trains have it")
+            equation = duty_model.equation
+            if "transmission_error" in duty_quantities and equation and len(equation.deviation):
+                raise ValueError(
+                    "quantities = 'transmission_error' is not allowed for a model with flank "
+                    "deviations: its displacement does not include them"
+                )
             tuning = tuning_at_speed(duty_model, "speed", speed)
             # The orbit has the period of the excitation, in mesh periods.
             self._nominal_orbit = periodic_orbit(duty_model, tuning, period=duty_model.repeats)
@@ -60,9 +71,7 @@ class DesignQuantities:
     def evaluate(self, model: Any, build_duty_model: Callable | None = None) -> tuple:
         """Return the quantities of a design, (q,), NaN if not found, and their status codes, (q,).
 
-        The codes are FOUND, ABSENT if the design does not have the quantity, and LOST if its search
-        failed. `model` is the design; `build_duty_model` is a function that returns its model at
-        the duty point, None if it is `model`.
+        `build_duty_model` returns its model at the duty point, None if it is `model`.
         """
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), ABSENT, np.int8)
@@ -74,8 +83,12 @@ class DesignQuantities:
         for i, name in enumerate(self.quantities):
             if name in _DUTY_QUANTITIES:
                 values[i] = _duty_value(name, duty_model, summary, self._nominal_orbit.period)
-            else:
-                values[i] = _resonance_value(name, model, resonance)
+            elif name == "peak":
+                values[i] = resonance.peak_displacement * model.static_deflection
+            elif name == "peak_dynamic_factor":
+                values[i] = resonance.peak_force
+            else:  # the resonance has tunings
+                values[i] = float(model.speed(1.0)) * getattr(resonance, RESONANCE_NAMES[name])
             if np.isfinite(values[i]):
                 codes[i] = FOUND
             elif name in _DUTY_QUANTITIES or RESONANCE_NAMES.get(name, name) in resonance.failed:
@@ -83,50 +96,27 @@ class DesignQuantities:
         return values, codes
 
     def _duty_summary(self, model: Any) -> np.ndarray | None:
-        """Return the extrema over the orbit at the duty point, None if no orbit is found.
-
-        The search starts from the state of the nominal design, then from the default one. An
-        unstable orbit counts only if that of the nominal design is unstable, too.
-        """
+        """Return the extrema over the orbit at the duty point, None if no orbit is found."""
         tuning, nominal_orbit = float(model.tuning_at(self.speed)), self._nominal_orbit
-        for guess in (nominal_orbit.state, None):
+        for guess in (nominal_orbit.state, None):  # None: the default state
             try:
                 orbit = periodic_orbit(model, tuning, guess=guess, period=nominal_orbit.period)
             except (NoOrbit, ValueError):
                 continue
+            # An unstable orbit counts only if that of the nominal design is unstable, too.
             if orbit.stable or not nominal_orbit.stable:
                 propagator = model.propagator(tuning)
                 return propagator.record(orbit.state, nominal_orbit.period, MAX_EVENTS).summary
         return None
 
 
-def _check_duty_quantities(model: Any, quantities: set, speed: float | None) -> None:
-    """Raise ValueError if a quantity of the duty point needs a speed or another kind of model."""
-    if speed is None:
-        raise ValueError(
-            f"speed = None is not allowed: {min(quantities)} is a quantity of the duty point"
-        )
-    if quantities & _SHARING_QUANTITIES and not model.mesh_names:
-        name = min(quantities & _SHARING_QUANTITIES)
-        raise ValueError(f"quantities = {name!r} is not allowed: only trains have it")
-    if "transmission_error" in quantities and model.equation and len(model.equation.deviation):
-        raise ValueError(
-            "quantities = 'transmission_error' is not allowed for a model with flank "
-            "deviations: its displacement does not include them"
-        )
-
-
 def _check_resonance_quantities(model: Any, quantities: set) -> None:
-    """Raise ValueError if a model does not have these quantities of the main resonance.
-
-    Models with several degrees of freedom have no `equation`; they have jumps, but no peaks. The
-    excitation of a model repeats after `model.repeats` mesh periods.
-    """
+    """Raise ValueError if a model does not have these quantities of the main resonance."""
     kind = type(model).__name__
     if model.speed is None:
         raise ValueError(f"model = {kind} is not allowed: it has no rotational speed")
     has_one_degree_of_freedom = model.equation is not None
-    # The state has only a displacement and a velocity, the excitation the period of the mesh.
+    # Models with several degrees of freedom, without `equation`, have jumps, but no peaks.
     has_main_resonance = has_one_degree_of_freedom and model.size == 2 and model.repeats == 1
     if quantities and has_one_degree_of_freedom and not has_main_resonance:
         raise ValueError(
@@ -140,26 +130,8 @@ def _check_resonance_quantities(model: Any, quantities: set) -> None:
         )
 
 
-def _resonance_value(name: str, model: Any, resonance: Any) -> float:
-    """Return the quantity `name` of the main resonance of a model, NaN if it does not exist.
-
-    `resonance` is a `MainResonance` in dimensionless units: speeds relative to the resonance speed
-    (tunings), displacements in static deflections. The result is in SI units or rpm.
-    """
-    if name == "peak":
-        return resonance.peak_displacement * model.static_deflection
-    if name == "peak_dynamic_factor":
-        return resonance.peak_force
-    resonance_speed = float(model.speed(1.0))  # rpm
-    return resonance_speed * getattr(resonance, RESONANCE_NAMES[name])
-
-
 def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
-    """Return the quantity `name` of the duty point for the worst mesh, in SI units.
-
-    `summary` holds a row of extrema for each mesh over an orbit of `period` mesh periods. Return
-    NaN if it is None. The transmission error of a train is that of its reference mesh.
-    """
+    """Return the quantity `name` of the duty point for the worst mesh in SI units, or NaN."""
     if summary is None:
         return math.nan
     table = np.atleast_2d(summary)
@@ -171,7 +143,7 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
         values = table[:, columns.X_MIN] * model.static_deflection
     elif name == "transmission_error":
         values = (table[:, columns.X_MAX] - table[:, columns.X_MIN]) * model.static_deflection
-        if model.mesh_names:
+        if model.mesh_names:  # a train
             return float(values[model.mesh_names.index(model.reference)])
     elif name == "force":
         values = table[:, columns.FORCE_MAX] * model.load
@@ -190,10 +162,7 @@ def quantity_evaluator(designs: Any, quantities: Any, speed: float | None) -> De
 
 
 def checked_names(key: str, names: Any, allowed: tuple) -> tuple:
-    """Return names as a tuple, or raise ValueError unless they are allowed and all different.
-
-    `key` is the name of the argument in error messages.
-    """
+    """Return names as a tuple; raise ValueError unless they are allowed and all different."""
     if isinstance(names, str) or not hasattr(names, "__iter__"):
         raise checks.refusal(key, names, f"a sequence of {', '.join(map(repr, allowed))}")
     checked = tuple(names)

@@ -1,8 +1,4 @@
-"""Designs: samples of scattering parameters, and the models with these parameters.
-
-The models come from a model whose parameters change, from two drawn gears (`DrawnPair`), or from a
-function that takes the parameters as keyword arguments and returns a model.
-"""
+"""Designs: samples of scattering parameters, and the models with these parameters."""
 
 import dataclasses
 import inspect
@@ -49,17 +45,13 @@ class ModelSource:
     """Make designs from a model by changing its parameters, names of `Model.settable`."""
 
     def __init__(self, model: Any):
-        """Collect the parameters of a model that can vary, and their descriptions.
-
-        They are the names of `settable`. Models other than gear trains also have the numeric fields
-        of their class and of `model.mesh`, their `GearPair`, if there is one.
-        """
+        """Collect the parameters of a model that can vary, and their descriptions."""
         self.model, self.value = model, model.value
         fields = numeric_parameters(PairParameters) if model.mesh else {}
         if dataclasses.is_dataclass(model):
             fields = fields | numeric_parameters(type(model))
-        is_train = model.train is model  # other models may contain a train
-        names = [*model.settable, *(() if is_train else fields)]
+        # Fields of trains are not numbers; other models may contain a train.
+        names = [*model.settable, *(() if model.train is model else fields)]
         #: Name of a parameter -> declaration of its type and range, None if there is none.
         self.parameters = {name: fields.get(name) for name in names}
         #: Name of a parameter -> (CF unit, description).
@@ -78,11 +70,10 @@ class DrawnPair:
     """
 
     def __init__(self, mesh: Any, *, backlash: str | None = "drawing", **options: Any):
-        """Check the mesh, and collect the dimensions that can vary with their descriptions.
+        """Take a mesh and options of `GearPair.from_geometry`, such as torque and damping_ratio.
 
         A `backlash` that does not vary is that of the mesh ("drawing"), or it is computed for each
-        sample from profile shifts, centre distance and allowances (None). `options` are those of
-        `GearPair.from_geometry`, such as torque and damping_ratio.
+        sample from profile shifts, centre distance and allowances (None).
         """
         self.mesh = checks.gear_mesh(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
@@ -101,10 +92,7 @@ class DrawnPair:
         return getattr(getattr(self.mesh, gear) if gear else self.mesh, field)
 
     def __call__(self, changes: dict) -> Any:
-        """Return the `GearPair` of the gears with changes of their drawing, name -> value.
-
-        With deviations of the flanks it is a `OneDegreePair`.
-        """
+        """Return the `GearPair` of the changed gears; with flank deviations a `OneDegreePair`."""
         mesh, options, (cosine, sine) = self._changed(changes)
         # The default mesh stiffness is that of ISO 6336-1.
         options["stiffness"] = options.get("stiffness") or "iso"
@@ -126,11 +114,7 @@ class DrawnPair:
         return default_load_sharing_pair(mesh, **options)
 
     def _changed(self, changes: dict) -> tuple:
-        """Return the changed mesh, options of `GearPair.from_geometry`, and flank deviations.
-
-        `changes` maps names such as "pinion.shift" to values. The deviations are the cosine and
-        sine coefficients of the first mesh order, m.
-        """
+        """Return the changed mesh, options, and cosine and sine coefficient of a deviation, m."""
         gears: dict = {"pinion": {}, "wheel": {}}
         backlash = self.mesh.backlash if self.backlash == "drawing" else None
         fields = {"backlash": backlash, "centre_distance": self.mesh.centre_distance}
@@ -152,10 +136,8 @@ class DrawnPair:
 
 
 def _changed_gear(gear: Any, changes: dict) -> Any:
-    """Return a gear with changed fields, name -> value.
-
-    A default tip diameter is computed again, because it depends on the profile shift and others.
-    """
+    """Return a gear with changed fields, name -> value."""
+    # A default tip diameter depends on the profile shift and others, so it is computed again.
     if changes and "tip_diameter" not in changes:
         default = dataclasses.replace(gear, tip_diameter=None).tip_diameter
         if abs(default - gear.tip_diameter) <= 1e-12 * gear.tip_diameter:
@@ -164,10 +146,7 @@ def _changed_gear(gear: Any, changes: dict) -> Any:
 
 
 def _parameter_text(name: str, parameter: Any) -> str:
-    """Return a short description of a parameter of a gear or of a function.
-
-    `name` may begin with a gear, as in "pinion.shift"; `parameter` has the full description.
-    """
+    """Return a short text for a parameter, named as "shift" or "pinion.shift"."""
     gear, _, field = name.rpartition(".")
     text = parameter.text.split(";")[0].split(",")[0].strip()
     text = text[:1].lower() + text[1:] if text else field.replace("_", " ")
@@ -192,11 +171,11 @@ class FunctionSource:
         with suppress(AttributeError, TypeError):
             declared = parameters.declared_parameters(function)
         self.parameters = {argument.name: declared.get(argument.name) for argument in arguments}
-        self.descriptions = {name: ("1", name) for name in self.parameters}
-        for name, parameter in self.parameters.items():
-            if parameter:
-                text = _parameter_text(name, parameter)
-                self.descriptions[name] = parameters.cf_units(parameter.unit), text
+        self.descriptions = {
+            name: (parameters.cf_units(parameter.unit), _parameter_text(name, parameter))
+            for name, parameter in self.parameters.items()
+            if parameter
+        }
 
     def value(self, name: str) -> None:
         """Return None, because a function has no nominal values."""
@@ -205,9 +184,8 @@ class FunctionSource:
         """Return the model of the function for `arguments`, a mapping of names to values."""
         missing = [name for name in self.required if name not in arguments]
         if missing:
-            raise ValueError(
-                f"tolerances.{missing[0]} is missing: the function has no default value"
-            )
+            message = "is missing: the function has no default value"
+            raise ValueError(f"tolerances.{missing[0]} {message}")
         try:
             return self.function(**arguments)
         except ArithmeticError as error:
@@ -236,10 +214,7 @@ class Designs:
         self.nominal = self.model(self.tolerances.centres)
 
     def points(self, first: int, last: int) -> np.ndarray:
-        """Return the points `first` to `last` - 1 in the unit cube, (n, k + 2).
-
-        The first k coordinates determine the parameters, the last two a random initial state.
-        """
+        """Return the points `first` to `last` - 1: k parameters, 2 initial values; (n, k + 2)."""
         # Initial states are always included, so that the parameters do not depend on their use.
         engine = qmc.Sobol(len(self.names) + _START_DIMENSIONS, bits=_SOBOL_BITS, rng=self.seed)
         if first:
@@ -263,11 +238,7 @@ class Designs:
         return model
 
     def duty_model_builder(self, values: np.ndarray) -> Callable | None:
-        """Return a function that builds the model of the duty point of a design.
-
-        `values`, (k,), are the parameters of the design. Return None if the model of the duty point
-        is `model(values)`, as for all designs but those from drawings.
-        """
+        """Return a function that builds the model of a drawing at the duty point, else None."""
         if not isinstance(self.source, DrawnPair):
             return None
         changes = dict(zip(self.names, map(float, values), strict=True))
@@ -279,10 +250,8 @@ class Designs:
 
 
 def count_error_messages(messages: Iterable[str]) -> list[tuple[int, str]]:
-    """Return the count and an example of each kind of error message, the most frequent first.
-
-    Messages of one kind differ only in their numbers. Empty strings are ignored.
-    """
+    """Return the count and an example of each kind of error message, the most frequent first."""
+    # Messages of one kind differ only in their numbers.
     kinds: dict = {}
     for message in filter(None, messages):
         kinds.setdefault(_NUMBER_PATTERN.sub("...", message), []).append(message)

@@ -34,7 +34,18 @@ class Tolerances:
         self.marginals = marginals
         self.names = tuple(marginals)
         self.correlations = tuple(map(tuple, correlations))
-        self._factor = _correlation_factor(self.names, self.correlations)
+        matrix = np.eye(len(self.names))
+        for first, second, coefficient in self.correlations:
+            i, j = self.names.index(first), self.names.index(second)
+            matrix[i, j] = matrix[j, i] = coefficient
+        smallest = float(np.linalg.eigvalsh(matrix)[0])
+        if smallest <= 1e-12:
+            rows = [list(row) for row in self.correlations]
+            raise ValueError(
+                f"tolerances.{CORRELATIONS} = {rows!r} is not allowed: "
+                f"it must be positive definite, but the smallest eigenvalue is {smallest:.3g}"
+            )
+        self._factor = np.linalg.cholesky(matrix)
 
     @property
     def centres(self) -> np.ndarray:
@@ -55,10 +66,9 @@ class Tolerances:
 def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) -> Tolerances:
     """Return the joint distribution of parameters from their tolerances, or raise ValueError.
 
-    `tolerances` is a mapping as `gearlib.scatter` takes it. `allowed_parameters` maps the names of
-    parameters to their declarations, a `gearlib.parameters.Parameter` or None; `value_of` returns
+    `allowed_parameters` maps names of parameters to their declarations or None; `value_of` returns
     the nominal value for a name, or None. Error messages call a parameter ``keys[name]``, or
-    ``tolerances.<name>`` if `keys` does not have it.
+    ``tolerances.<name>``.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         allowed = f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
@@ -72,27 +82,31 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) 
                 marginal = _named_distribution(key, tolerance)
             else:
                 tolerance = tolerated.complete_scatter(key, tolerance, value_of(name))
-                marginal = _normal_or_uniform(tolerance)
+                centre, low, high = tolerated.centre_and_limits(tolerance)
+                marginal = Marginal(stats.uniform(low, high - low), centre, (low, high))
+                if "std" in tolerance:
+                    marginal = Marginal(stats.norm(centre, tolerance["std"]), centre)
             values = marginal.centre, *marginal.limits
             tolerated.check_range(key, tolerance, allowed_parameters[name], values)
             marginals[name] = marginal
-    return Tolerances(marginals, _correlations(marginals, tolerances.get(CORRELATIONS, ())))
-
-
-def _normal_or_uniform(tolerance: dict) -> Marginal:
-    """Return a normal distribution for {mean, std}, a uniform one for the limits of a tolerance."""
-    centre, lower, upper = tolerated.centre_and_limits(tolerance)
-    if "std" in tolerance:
-        return Marginal(stats.norm(centre, tolerance["std"]), centre)
-    return Marginal(stats.uniform(lower, upper - lower), centre, (lower, upper))
+    correlations: dict = {}
+    rows = checks.sequence(f"tolerances.{CORRELATIONS}", tolerances.get(CORRELATIONS, ()))
+    for i, row in enumerate(rows):
+        key = f"tolerances.{CORRELATIONS}[{i}]"
+        first, second, coefficient = checks.sequence(key, row, 3)
+        for name in (first, second):
+            checks.one_of(key, name, tuple(marginals))
+        checks.require(first != second, key, row, "two different parameters")
+        names = frozenset((first, second))
+        checks.require(names not in correlations, key, row, "a pair that occurs once")
+        allowed = "a number > -1 and < 1"
+        coefficient = checks.number(key, coefficient, allowed, lambda rho: -1.0 < rho < 1.0)
+        correlations[names] = first, second, coefficient
+    return Tolerances(marginals, list(correlations.values()))
 
 
 def _named_distribution(key: str, tolerance: Any) -> Marginal:
-    """Return the distribution of `scipy.stats` with the name and parameters of a tolerance.
-
-    `tolerance` maps "distribution" to the name, and names of parameters to numbers; `key` names the
-    tolerance in error messages.
-    """
+    """Return the distribution of `scipy.stats` with the name and parameters of a tolerance."""
     name = tolerance["distribution"]
     family: Any = getattr(stats, name, None) if isinstance(name, str) else None
     allowed = "the name of a continuous distribution of scipy.stats, such as 'lognorm'"
@@ -121,41 +135,3 @@ def _named_distribution(key: str, tolerance: Any) -> Marginal:
     checks.require(fits, key, tolerance, allowed)
     # An end of the support, such as 0 of a lognormal distribution, need not be an allowed value.
     return Marginal(distribution, median)
-
-
-def _correlations(marginals: dict, correlation_rows: Any) -> list[tuple]:
-    """Return checked correlations, tuples of two names and their coefficient.
-
-    `correlation_rows` are sequences (name, name, coefficient) of names in `marginals`.
-    """
-    correlations: dict = {}
-    for i, row in enumerate(checks.sequence(f"tolerances.{CORRELATIONS}", correlation_rows)):
-        key = f"tolerances.{CORRELATIONS}[{i}]"
-        first, second, coefficient = checks.sequence(key, row, 3)
-        for name in (first, second):
-            checks.one_of(key, name, tuple(marginals))
-        checks.require(first != second, key, row, "two different parameters")
-        names = frozenset((first, second))
-        checks.require(names not in correlations, key, row, "a pair that occurs once")
-        allowed = "a number > -1 and < 1"
-        coefficient = checks.number(key, coefficient, allowed, lambda rho: -1.0 < rho < 1.0)
-        correlations[names] = first, second, coefficient
-    return list(correlations.values())
-
-
-def _correlation_factor(names: tuple, correlations: tuple) -> np.ndarray:
-    """Return the lower Cholesky factor of the correlation matrix of k parameters, (k, k).
-
-    `correlations` are tuples (name, name, coefficient); all others are 0.
-    """
-    matrix = np.eye(len(names))
-    for first, second, coefficient in correlations:
-        i, j = names.index(first), names.index(second)
-        matrix[i, j] = matrix[j, i] = coefficient
-    smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if smallest <= 1e-12:
-        raise ValueError(
-            f"tolerances.{CORRELATIONS} = {[list(row) for row in correlations]!r} is not allowed: "
-            f"it must be positive definite, but the smallest eigenvalue is {smallest:.3g}"
-        )
-    return np.linalg.cholesky(matrix)

@@ -109,10 +109,9 @@ class Fit:
         return "\n".join(lines)
 
     def curves(self):
-        """Return the measured and fitted data for a figure, a list of `Curve` or `MeasuredSpeed`.
+        """Return measured and fitted data for a figure, as `Curve` or `MeasuredSpeed`.
 
-        A `Curve` has values over speed or phase; a `MeasuredSpeed` is the speed of a jump or of the
-        onset of contact loss. Both are classes of `gearlib.uncertainty.observation`.
+        Both are classes of `gearlib.uncertainty.observation`.
         """
         return [
             curve
@@ -180,12 +179,12 @@ class Problem(NamedTuple):
 
     def residuals(self, scaled_values: np.ndarray) -> np.ndarray | None:
         """Return the weighted residuals for scaled parameters, None if a run of the model fails."""
-        model, blocks = self.model_at(scaled_values), []
+        model = self.model_at(scaled_values)
+        blocks = []
         for observation in self.observations:
-            residuals = observation.residuals(model)
-            if residuals is None:
+            blocks.append(observation.residuals(model))
+            if blocks[-1] is None:
                 return None
-            blocks.append(residuals)
         return np.concatenate(blocks) * self.weights
 
 
@@ -223,18 +222,10 @@ def fit(model, data, free):
     UserWarning
         If revolutions of a run-up are left out because they have gaps or too few samples.
     """
-    model = _checked_model(model)
-    names, lower, upper = _parameter_ranges(model, free)
-    problem = Problem(model, names, lower, upper, observations_of(model, data))
+    problem, start = _problem_and_start(model, data, free)
     for observation in problem.observations:
         if observation.warning:
             warnings.warn(observation.warning, stacklevel=2)
-    if problem.size < len(names):
-        raise ValueError(
-            f"data is not allowed: {problem.size} observations for {len(names)} "
-            "parameters; there must be at least as many observations"
-        )
-    start = (np.array([model.value(name) for name in names]) - lower) / (upper - lower)
     residuals = problem.residuals(start)
     if residuals is None or not residuals @ residuals < _MAX_START_COST:
         raise ValueError(START_ERROR)
@@ -242,25 +233,17 @@ def fit(model, data, free):
     return _fit_result(problem, optimum, *_extrapolated_jacobian(problem, optimum))
 
 
-def _checked_model(model: Any) -> Any:
-    """Return a model that can be fitted, with a reference frequency that no parameter changes."""
+def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.ndarray]:
+    """Check the arguments of `fit`; return its problem and the scaled parameters of the model."""
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
     if model.speed is None:
         kind = type(model).__name__
         raise ValueError(f"model of type {kind} is not allowed: it has no rotational speed")
     if model.mesh_names and model.reference_frequency is None:
-        # At the tuning 1, the mesh frequency is the reference frequency.
+        # Parameters must not change the reference frequency, the mesh frequency at the tuning 1.
         frequency = float(model.mesh_frequency(1.0)) / math.tau  # Hz
-        return model.replace(reference_frequency=frequency)
-    return model
-
-
-def _parameter_ranges(model: Any, free: Any) -> tuple[tuple, np.ndarray, np.ndarray]:
-    """Return names, lower and upper limits of the free parameters, or raise ValueError.
-
-    `free` maps names of parameters of the model to (lowest, highest) in SI units.
-    """
+        model = model.replace(reference_frequency=frequency)
     if not hasattr(free, "items") or not free:
         raise checks.refusal("free", free, "a mapping of parameters to (lowest, highest)")
     ranges = {}
@@ -276,15 +259,18 @@ def _parameter_ranges(model: Any, free: Any) -> tuple[tuple, np.ndarray, np.ndar
         for limit in (lower, upper):  # the model raises ValueError if it does not allow a limit
             model.with_values({name: limit})
         ranges[name] = lower, upper
-    lower_limits, upper_limits = np.array(list(ranges.values())).T
-    return tuple(ranges), lower_limits, upper_limits
+    low, high = np.array(list(ranges.values())).T
+    problem = Problem(model, tuple(ranges), low, high, observations_of(model, data))
+    if problem.size < len(ranges):
+        raise ValueError(
+            f"data is not allowed: {problem.size} observations for {len(ranges)} "
+            "parameters; there must be at least as many observations"
+        )
+    return problem, (np.array([model.value(name) for name in ranges]) - low) / (high - low)
 
 
 def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
-    """Return the problem with its final weights, and scipy's result of least squares.
-
-    `start` holds the scaled parameters, (parameters,).
-    """
+    """Return the problem with its final weights, and scipy's result of least squares."""
     optimum = _least_squares(problem, start)
     if not optimum.status:
         # The maximum number of evaluations was reached, usually close to the optimum.
@@ -300,29 +286,20 @@ def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
 
 
 def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
-    """Return weights that scale each channel of unknown noise by its root mean square residual.
-
-    A common scale would be dominated by the channel with the largest residuals, and jump speeds of
-    known noise would have no influence. Return None if there is only one channel or all noise is
-    known.
-    """
-    sizes, noise_known = [], []  # for each group of residuals with a common weight
-    for channel in problem.channels:
-        if channel.shares_weight:
-            sizes[-1] += channel.values.size
-        else:
-            sizes.append(channel.values.size)
-            noise_known.append(channel.noise_known)
-    if len(sizes) < 2 or problem.noise_known:
+    """Return weights of residuals, 1 / RMS of each group of channels of unknown noise, or None."""
+    channels = problem.channels
+    groups = np.cumsum([not channel.shares_weight for channel in channels])
+    if groups[-1] < 2 or problem.noise_known:  # a common scale is sufficient
         return None
-    weights, end = np.ones(residuals.size), 0
-    min_size = _MIN_RESIDUALS_PER_PARAMETER * len(problem.names)
-    for size, is_known in zip(sizes, noise_known, strict=True):
-        indices = slice(end, end + size)
-        end += size
-        if not is_known and size > min_size:
-            unweighted = (residuals / problem.weights)[indices]
-            weights[indices] = 1.0 / max(float(np.sqrt(np.mean(unweighted**2))), _MIN_NOISE)
+    residual_groups = np.repeat(groups, [channel.values.size for channel in channels])
+    weights, unweighted = np.ones(residuals.size), residuals / problem.weights
+    for channel, group in zip(channels, groups, strict=True):
+        in_group = residual_groups == group
+        is_large = in_group.sum() > _MIN_RESIDUALS_PER_PARAMETER * len(problem.names)
+        # The first channel of a group determines whether its noise is known.
+        if is_large and not channel.shares_weight and not channel.noise_known:
+            rms = float(np.sqrt(np.mean(unweighted[in_group] ** 2)))
+            weights[in_group] = 1.0 / max(rms, _MIN_NOISE)
     return weights
 
 
@@ -333,16 +310,21 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
         values = problem.residuals(scaled_values)
         return np.full(problem.size, _FAILED_RESIDUAL) if values is None else values
 
+    def jacobian(scaled_values):
+        """Return one-sided difference quotients of the residuals, (residuals, parameters)."""
+        quotients, old_residuals = np.zeros((problem.size, start.size)), residuals(scaled_values)
+        for i, value in enumerate(scaled_values):
+            step = _DIFFERENCE_STEP if value < 0.5 else -_DIFFERENCE_STEP
+            new_residuals = problem.residuals(_with_value(scaled_values, i, value + step))
+            if new_residuals is not None:
+                quotients[:, i] = (new_residuals - old_residuals) / step
+        norms = np.linalg.norm(quotients, axis=0)
+        quotients[:, norms < _MIN_RELATIVE_COLUMN_NORM * max(norms.max(), 1.0)] = 0.0
+        return quotients
+
     def solve(start, **settings):
-        """Minimise the residuals from a start, with further settings of `least_squares`."""
-        return least_squares(
-            residuals,
-            np.clip(start, 1e-6, 1.0 - 1e-6),
-            jac=lambda scaled_values: _jacobian(problem, scaled_values, residuals(scaled_values)),
-            bounds=(0.0, 1.0),
-            x_scale=0.1,
-            **settings,
-        )
+        start, settings = np.clip(start, 1e-6, 1.0 - 1e-6), {"jac": jacobian, **settings}
+        return least_squares(residuals, start, bounds=(0.0, 1.0), x_scale=0.1, **settings)
 
     evaluations = 0
     if any(observation.kind == "branches" for observation in problem.observations):
@@ -356,54 +338,37 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
     return optimum
 
 
-def _jacobian(problem: Problem, scaled_values: np.ndarray, residuals: np.ndarray) -> np.ndarray:
-    """Return one-sided difference quotients of the residuals, shape (residuals, parameters).
-
-    `residuals` are those at the scaled parameters `scaled_values`.
-    """
-    jacobian = np.zeros((problem.size, scaled_values.size))
-    for i in range(scaled_values.size):
-        step = _DIFFERENCE_STEP if scaled_values[i] < 0.5 else -_DIFFERENCE_STEP
-        new_residuals = problem.residuals(_with_value(scaled_values, i, scaled_values[i] + step))
-        if new_residuals is not None:
-            jacobian[:, i] = (new_residuals - residuals) / step
-    norms = np.linalg.norm(jacobian, axis=0)
-    jacobian[:, norms < _MIN_RELATIVE_COLUMN_NORM * max(norms.max(), 1.0)] = 0.0
-    return jacobian
-
-
 def _with_value(scaled_values: np.ndarray, i: int, value: float) -> np.ndarray:
     """Return a copy of the scaled parameters with a new value of parameter i."""
     return np.where(np.arange(scaled_values.size) == i, value, scaled_values)
 
 
 def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return derivatives at the optimum and their errors, shapes (residuals, parameters).
-
-    Where Richardson's extrapolation fails, the Jacobian of scipy's result `optimum` is kept.
-    """
+    """Return derivatives at the optimum and their errors, shapes (residuals, parameters)."""
     jacobian, errors = np.array(optimum.jac), np.zeros(optimum.jac.shape)
     for i, best_value in enumerate(optimum.x):
 
         def residuals(value, i=i, best_value=best_value):
-            """Return the residuals for a value of parameter i, None if the step is too small."""
+            # Too small steps are left out.
             if value != best_value and abs(value - best_value) < _MIN_OPTIMUM_STEP:
                 return None
             return problem.residuals(_with_value(optimum.x, i, value))
 
         derivative, error = richardson(residuals, best_value, _MAX_OPTIMUM_STEP)
-        if np.isfinite(derivative).all():
+        if np.isfinite(derivative).all():  # else the Jacobian of scipy is kept
             jacobian[:, i], errors[:, i] = derivative, error
     return jacobian, errors
 
 
 def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.ndarray) -> Fit:
-    """Return the `Fit` at an optimum, scipy's result of least squares.
-
-    `jacobian`, (residuals, parameters), has errors up to `errors` in each element.
-    """
-    residuals = optimum.fun
-    model, directions = problem.model_at(optimum.x), _undetermined_directions(jacobian, errors)
+    """Return the `Fit` at an optimum of scipy; `errors` are those of the elements of `jacobian`."""
+    residuals, model = optimum.fun, problem.model_at(optimum.x)
+    # The residuals do not change along the directions whose singular values are zero, or so small
+    # that the errors of the Jacobian can explain them.
+    _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
+    noise = np.linalg.norm(errors @ np.abs(directions.T), axis=0)
+    smallest = _MIN_RELATIVE_SINGULAR_VALUE * max(singular_values.max(), 1.0)
+    directions = directions[singular_values <= np.maximum(noise, smallest)]
     identifiable = (np.abs(directions) < _MAX_UNDETERMINED_COMPONENT).all(axis=0)
     n, k = residuals.size, int(identifiable.sum())
     eliminated_count = sum(channel.eliminated for channel in problem.channels)
@@ -445,24 +410,8 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
     )
 
 
-def _undetermined_directions(jacobian: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Return unit vectors of parameters, as rows, along which the residuals do not change.
-
-    Singular values of the Jacobian, (residuals, parameters), count as zero if its `errors` can
-    explain them.
-    """
-    _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
-    noise = np.linalg.norm(errors @ np.abs(directions.T), axis=0)
-    smallest = _MIN_RELATIVE_SINGULAR_VALUE * max(singular_values.max(), 1.0)
-    return directions[singular_values <= np.maximum(noise, smallest)]
-
-
 def _parameter_messages(problem, model, params, directions) -> list[str]:
-    """Return messages about the parameters of a fitted model that the data do not determine.
-
-    `params` maps names to `Parameter`; `directions`, (directions, parameters), are unit vectors
-    along which the residuals do not change.
-    """
+    """Return messages about the parameters of a fitted model that the data do not determine."""
     messages = []
     for i, (name, parameter) in enumerate(params.items()):
         if parameter.identifiable:
@@ -471,41 +420,32 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
                     f"{name} is poorly determined: its 95 % interval is as wide as its range, "
                     f"{parameter.min:g} to {parameter.max:g}"
                 )
-            continue
-        if name == "backlash":
-            messages.append(_backlash_message(problem, model, i))
-            continue
-        contained = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
-        coupled = contained[contained[:, i]].any(axis=0)
-        others = [other for j, other in enumerate(problem.names) if coupled[j] and j != i]
-        reason = "nothing in the data depends on it"
-        if others:
-            reason = f"the data determine only a combination of it and {' and '.join(others)}"
-        messages.append(f"{name} is not identifiable: {reason}")
+        elif name == "backlash":
+            # With the largest backlash, contact on the coast side limits the excursion the least.
+            model = model.with_values({"backlash": problem.high[i]})
+            predictions = [observation.predict(model) for observation in problem.observations]
+            excursion = max(prediction.backlash_excursion for prediction in predictions)
+            reason = "the coast side is never in contact" if excursion else "contact is never lost"
+            bound = "its size remains unknown"
+            if excursion > problem.low[i]:
+                bound = (
+                    f"it is at least {excursion:.4g} m, the largest excursion into the backlash, "
+                    "and no upper limit is known"
+                )
+            messages.append(f"backlash is not identifiable: {reason} in the compared data; {bound}")
+        else:
+            contained = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
+            coupled = contained[contained[:, i]].any(axis=0)
+            others = [other for j, other in enumerate(problem.names) if coupled[j] and j != i]
+            reason = "nothing in the data depends on it"
+            if others:
+                reason = f"the data determine only a combination of it and {' and '.join(others)}"
+            messages.append(f"{name} is not identifiable: {reason}")
     return messages
 
 
-def _backlash_message(problem: Problem, fitted_model: Any, i: int) -> str:
-    """Return a message about the lower bound of an undetermined backlash, parameter i."""
-    # With the largest backlash, contact on the coast side limits the excursion the least.
-    model = fitted_model.with_values({"backlash": problem.high[i]})
-    predictions = [observation.predict(model) for observation in problem.observations]
-    excursion = max(prediction.backlash_excursion for prediction in predictions)
-    reason = "the coast side is never in contact" if excursion > 0.0 else "contact is never lost"
-    bound = "its size remains unknown"
-    if excursion > problem.low[i]:
-        bound = (
-            f"it is at least {excursion:.4g} m, the largest excursion into the backlash, and no "
-            "upper limit is known"
-        )
-    return f"backlash is not identifiable: {reason} in the compared data; {bound}"
-
-
 def _residual_messages(problem: Problem, model: Any, residuals: Any, redchi: float) -> list[str]:
-    """Return messages about data that the fitted model does not describe.
-
-    `redchi` is the reduced chi-square of the residuals, (n,).
-    """
+    """Return messages about data that the fitted model does not describe."""
     if problem.noise_known:
         if redchi <= _MAX_REDUCED_CHI_SQUARE:
             return []
@@ -515,7 +455,14 @@ def _residual_messages(problem: Problem, model: Any, residuals: Any, redchi: flo
         ]
     messages = []
     for observation in problem.observations:
-        fraction = _unexplained_fraction(observation, model)
+        signals = observation.predicted_signals(model)
+        # The variance of a few speeds of jumps means nothing, so only sequences are compared.
+        fractions = [
+            np.mean((signal - channel.values) ** 2) / np.var(channel.values)
+            for channel, signal in zip(observation.channels, signals, strict=True)
+            if channel.sequence_indices is not None and np.ptp(channel.values) > 0.0
+        ]
+        fraction = float(max(fractions, default=0.0))
         if fraction > _MAX_UNEXPLAINED_FRACTION:
             messages.append(
                 f"the model does not describe the data: it leaves {100.0 * fraction:.0f} % of the "
@@ -525,28 +472,11 @@ def _residual_messages(problem: Problem, model: Any, residuals: Any, redchi: flo
     return messages + residual_correlation_messages(problem.channels, residuals / problem.weights)
 
 
-def _unexplained_fraction(observation: Any, model: Any) -> float:
-    """Return the largest fraction of the variance of a channel that a model does not explain.
-
-    Channels without sequences over speed or time are left out, because the variance of a few speeds
-    of jumps means nothing.
-    """
-    signals = observation.predicted_signals(model)
-    fractions = [
-        np.mean((signal - channel.values) ** 2) / np.var(channel.values)
-        for channel, signal in zip(observation.channels, signals, strict=True)
-        if channel.sequence_indices is not None and np.ptp(channel.values) > 0.0
-    ]
-    return float(max(fractions, default=0.0))
-
-
 def residual_correlation_messages(channels: list, residuals: np.ndarray) -> list[str]:
     """Return messages about channels of unknown noise whose residuals change sign too rarely.
 
-    `residuals`, (n,), are those of all channels in turn; a `Channel` has in its `sequence_indices`
-    the indices of values that follow each other, one sequence in each row. Successive independent
-    residuals differ in sign with a probability of one half, whatever their standard deviations are
-    (Geary, Biometrika 57 (1970) 123-127).
+    `residuals`, (n,), are those of all channels in turn. Successive independent residuals differ in
+    sign with a probability of one half (Geary, Biometrika 57 (1970) 123-127).
     """
     ends = np.cumsum([channel.values.size for channel in channels])[:-1]
     sequences: dict = {}

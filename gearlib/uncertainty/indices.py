@@ -2,8 +2,7 @@
 
 The first-order index of a parameter is the fraction of the variance that vanishes on average if
 this parameter is fixed; the total index is the fraction that remains on average if all others are
-fixed (Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270). Bootstrapped intervals cover the
-sampling error only.
+fixed (Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270).
 """
 
 from typing import Any
@@ -30,7 +29,7 @@ def sobol_indices(
     seed=0,
     progress=None,
 ):
-    """Return Sobol' indices of quantities by tolerances, with bootstrapped intervals.
+    """Return Sobol' indices of quantities by tolerances, with bootstrapped sampling errors.
 
     Parameters
     ----------
@@ -86,10 +85,8 @@ def sobol_indices(
 def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any) -> np.ndarray:
     """Return the values of each quantity for the designs of Saltelli's method, (q, k + 2, n).
 
-    `evaluator` is a `DesignQuantities` with q quantities; `progress` is called with the number of
-    designs finished since its last call, or None. The k + 2 rows belong to two independent samples
-    A and B of the k parameters, with n designs each, and to k copies of A with one parameter of B
-    each. Values are NaN for designs that cannot be built or do not have the quantity.
+    The k + 2 rows belong to two independent samples A and B of the k parameters, and to k copies of
+    A with one parameter of B each. Values are NaN for designs that do not have the quantity.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
@@ -110,12 +107,7 @@ def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any) -> n
 
 
 def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
-    """Return Sobol' indices of a quantity, (2, k), and their confidence intervals, (2, k, 2).
-
-    First-order indices come first, then total indices. `table`, (k + 2, n), has the values of the
-    quantity for the samples A and B and for the copies of A with one parameter of B; `level` is the
-    confidence level, `seed` that of the bootstrap, and `name` the quantity in error messages.
-    """
+    """Return first and total indices of a quantity, (2, k), and their intervals, (2, k, 2)."""
     n, complete = table.shape[1], np.flatnonzero(np.isfinite(table).all(axis=0))
     count = complete.size
     if count < 2:
@@ -131,10 +123,7 @@ def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: st
     table = table[:, samples]
 
     def indices(columns):
-        """Return the first-order and total Sobol' indices, (2, k), from columns of the table.
-
-        The estimators are those of Saltelli (2010) and Jansen (1999).
-        """
+        """Return the indices, (2, k), by the estimators of Saltelli (2010) and Jansen (1999)."""
         centred = table[:, columns] - table[:2, columns].mean()
         a, b, mixed = centred[0], centred[1], centred[2:]
         variances = (b * (mixed - a)).mean(axis=1), 0.5 * ((mixed - a) ** 2).mean(axis=1)

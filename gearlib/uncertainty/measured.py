@@ -21,8 +21,7 @@ from gearlib.uncertainty.measured_tables import CONDITION_COLUMN, DIRECTION_SIGN
 def read_measured(path):
     """Read a measured data set, a YAML file and its table, and return it in SI units.
 
-    Nothing is guessed or dropped silently: faulty data raise an error, or are repaired and reported
-    in the attribute ``repairs``.
+    Faulty data raise an error, or are repaired and reported in the attribute ``repairs``.
 
     Parameters
     ----------
@@ -54,13 +53,19 @@ def read_measured(path):
     if not path.is_file():
         raise checks.refusal("path", str(path), "a YAML file")
     description = measured_description.read(path)
+    data = xr.Dataset(attrs={"repairs": ""})
     try:
-        data = _dataset(description, path.parent)
+        if description.data is not None:
+            data = _table_dataset(description, path.parent / description.data)
         metadata = {name: _json_value(name, value) for name, value in description.known.items()}
     except ValueError as error:
         if isinstance(error, ImportError):  # `MissingPackage`, which does not concern the file
             raise
         raise ValueError(f"{path}: {error}") from None
+    for name, speed in (description.speeds.model_dump() if description.speeds else {}).items():
+        units, text = measured_names.SPEEDS[name]
+        attrs = {"units": units, "long_name": text, "noise_std": speed.get("noise", 0.0)}
+        data[name] = (), speed["value"], attrs
     conditions = {name: section.model_dump() for name, section in description.conditions.items()}
     data.attrs |= {
         "title": description.title or path.stem,
@@ -86,11 +91,9 @@ def read_errors(paths):
 
 
 def _json_value(name: str, value: Any) -> Any:
-    """Return an entry of the metadata of a test rig as a JSON value.
+    """Return an entry `name` of the metadata of a test rig as a JSON value.
 
-    `name` is the key of the entry; `value` is a mapping, a list, a number or a string from YAML. If
-    the entry is a parameter of a gear pair, a string that begins with a digit, such as "80 um", is
-    converted to SI units; any other string is kept as a remark.
+    If it is a parameter of a gear pair, a text such as "80 um" is converted to SI units.
     """
     if isinstance(value, dict):
         return {key: _json_value(f"{name}.{key}", entry) for key, entry in value.items()}
@@ -109,28 +112,8 @@ def _json_value(name: str, value: Any) -> Any:
     return value if isinstance(value, str | int | float | None) else str(value)
 
 
-def _dataset(description: Any, folder: Path) -> xr.Dataset:
-    """Return the table in `folder` and the scalar speeds of a measured data set as one dataset.
-
-    `description` is the checked content of the YAML file. The attribute "repairs" describes all
-    repairs of the data; it is empty if there are none.
-    """
-    data = xr.Dataset(attrs={"repairs": ""})
-    if description.data is not None:
-        data = _table_dataset(description, folder / description.data)
-    for name, speed in (description.speeds.model_dump() if description.speeds else {}).items():
-        units, text = measured_names.SPEEDS[name]
-        attrs = {"units": units, "long_name": text, "noise_std": speed.get("noise", 0.0)}
-        data[name] = (), speed["value"], attrs
-    return data
-
-
 def _table_dataset(description, path: Path) -> xr.Dataset:
-    """Read the table of a measured data set from a file and return it as a dataset in SI units.
-
-    `description` is the checked content of the YAML file. The attribute "not_read" lists the
-    columns of the table that are not read, because no channel has their names.
-    """
+    """Return the table of a measured data set, a file, as a dataset in SI units."""
     checks.require(path.is_file(), "data", description.data, "a file beside its YAML")
     checks.require(path.stat().st_size, "data", description.data, "a file with rows: it is empty")
     if description.sha256 is not None:
@@ -144,32 +127,28 @@ def _table_dataset(description, path: Path) -> xr.Dataset:
         # Dates are read as strings; they have `DATES` ("ISO 8601") in place of a unit.
         if is_text or channel.unit == measured_description.DATES:
             text_columns.add(key)
-    is_csv = path.suffix.lower() == ".csv"
-    if is_csv:
-        columns = measured_tables.read_csv(path, description, text_columns)
+    names = []
+    if path.suffix.lower() == ".csv":
+        columns, names = measured_tables.read_csv(path, description, text_columns)
     else:
         columns = measured_tables.read_uff(path, description)
     lengths = {name: len(values) for name, values in columns.items()}
-    is_empty = not lengths or min(lengths.values()) == 0
-    checks.require(not is_empty, "data", description.data, "a file with samples: it has none")
+    has_samples = bool(lengths) and min(lengths.values()) > 0
+    checks.require(has_samples, "data", description.data, "a file with samples: it has none")
     allowed = f"a file with columns of equal length, not {lengths}"
     checks.require(len(set(lengths.values())) == 1, "data", description.data, allowed)
-    if is_csv and set(LONG_COLUMNS) <= columns.keys():
+    if set(LONG_COLUMNS) <= set(names):
         data = _columns_dataset(description, *measured_tables.long_samples(description, columns))
         names = [str(name) for name in columns[measured_tables.ID_COLUMN].categories]
     else:
         data = _columns_dataset(description, columns, {}, xr.Dataset())
-        names = measured_tables.header(path, description)[0] if is_csv else []
+    # Columns are not read if no channel has their names.
     data.attrs["not_read"] = ", ".join(name for name in names if name not in description.channels)
     return data
 
 
 def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dataset) -> xr.Dataset:
-    """Return the dataset `data` with columns of a table added as variables and coordinates.
-
-    `columns` maps names of columns to arrays over samples. For a long table, `std_columns` maps
-    them to the standard deviations of the samples. `description` has the channels.
-    """
+    """Return `data` with columns of a table and their standard deviations, arrays over samples."""
     channels = description.channels.items()
     column_names = {channel.observableId or key: key for key, channel in channels if key in columns}
     # Time and condition need no channel if their columns have the names of PEtab.
@@ -204,11 +183,7 @@ def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dat
 
 
 def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any, list[str]]:
-    """Return an index that sorts samples by time in each condition, and notes on this repair.
-
-    `description` names the file in error messages; `column_names` maps names of coordinates to
-    columns, and `coords` maps them to values.
-    """
+    """Return an index that sorts samples by time in each condition, and notes on this repair."""
     if "time" not in coords:
         return slice(None), []
     groupings = [coords[name] for name in ("condition", "direction") if name in coords]
@@ -216,19 +191,26 @@ def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any
     for values in groupings:
         # Each condition is divided by up to three directions.
         groups = 3 * groups + np.unique(values, return_inverse=True)[1]
-    time_column = f"{description.data}, column {column_names['time']!r}"
-    order = measured_tables.sorting_indices(time_column, coords["time"], groups)
-    if order is None:
+    # Groups keep the order in which they occur first.
+    _, first_rows, indices = np.unique(groups, return_index=True, return_inverse=True)
+    order = np.lexsort((coords["time"], first_rows[indices]))
+    time, groups = coords["time"][order], groups[order]
+    is_repeated = (time[1:] == time[:-1]) & (groups[1:] == groups[:-1]) & np.isfinite(time[1:])
+    if is_repeated.any():
+        i, count = int(is_repeated.argmax()), int(is_repeated.sum())
+        further = f", and {count - 1} more times" if count > 1 else ""
+        raise ValueError(
+            f"{description.data}, column {column_names['time']!r} = {time[i]:.12g} occurs twice, "
+            f"in rows {order[i] + 1} and {order[i + 1] + 1}{further}: it must occur once in each "
+            "condition"
+        )
+    if (np.diff(order) > 0).all():
         return slice(None), []
     return order, ["samples sorted by time" + ", each condition apart" * bool(groupings)]
 
 
 def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any) -> dict:
-    """Return the variable `name` of a channel and, if it varies between samples, that of its noise.
-
-    `key` is the column of the values; `noise` has their standard deviations or is None. Both arrays
-    have the unit of the channel and are converted to SI.
-    """
+    """Return the variable `name` of a channel and, if its noise varies, that of the noise."""
     factor, units = channel.scale(key)
     attrs = {
         "units": units,
@@ -251,11 +233,7 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any
 
 
 def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[dict, str]:
-    """Return the values of the coordinates by name, and the date of the first sample or "".
-
-    `description` has the channels and conditions, `columns` maps names of columns to arrays, and
-    `column_names` maps names of coordinates and observables to columns.
-    """
+    """Return the values of the coordinates by name, and the date of the first sample or ""."""
     coords, start = {}, ""
     locations = {name: f"{description.data}, column {key!r}" for name, key in column_names.items()}
     for name in [name for name in ("time", "speed") if name in column_names]:
@@ -266,7 +244,12 @@ def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[d
         coords[name] = values * (1.0 if channel is None else channel.scale(column_names[name])[0])
     if "direction" in column_names:
         column = columns[column_names["direction"]]
-        coords["direction"] = measured_tables.directions(locations["direction"], column)
+        where = locations["direction"]
+        signs = [DIRECTION_SIGNS.get(str(text).strip().lower()) for text in column.categories]
+        for sign, text in zip(signs, column.categories, strict=True):
+            checks.require(sign is not None, where, text, "up, down or rest, or 1, -1, 0")
+        direction_codes = measured_tables.category_codes(where, column)
+        coords["direction"] = np.array(signs, np.int8)[direction_codes]
     conditions = list(description.conditions.values())
     # Index of the condition of each sample: 0 if all samples have the only condition.
     codes = np.zeros(len(next(iter(columns.values()))))

@@ -7,7 +7,7 @@ import csv
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 import xarray as xr
@@ -25,39 +25,18 @@ DIRECTION_SIGNS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0
 DIRECTION_SIGNS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
 
 
-def header(path: Path, description: Any) -> tuple[list[str], int]:
-    """Return the names of the columns of a CSV, and the number of their line, from 1.
-
-    `description` has the encoding, the separator and the comment character of the table.
-    """
-    try:
-        with open(path, encoding=_encoding(description), newline="") as file:
-            for line, text in islice(enumerate(file, 1), description.skip, None):
-                text = text.split(description.comment)[0] if description.comment else text
-                (cells,) = csv.reader(
-                    [text], delimiter=description.separator, skipinitialspace=True
-                )
-                if any(cell.strip() for cell in cells):
-                    return [cell.strip() for cell in cells], line
-    except UnicodeDecodeError as error:
-        allowed = f"{description.encoding} text ({error.reason})"
-        raise checks.refusal("data", description.data, allowed) from None
-    except (OSError, csv.Error) as error:
-        allowed = f"a file beside its YAML ({error})"
-        raise checks.refusal("data", description.data, allowed) from None
+def _header(file: TextIO, description: Any) -> list[str]:
+    """Read a CSV up to the line with the names of its columns, and return the names."""
+    for line in islice(file, description.skip, None):
+        line = line.split(description.comment)[0] if description.comment else line
+        (cells,) = csv.reader([line], delimiter=description.separator, skipinitialspace=True)
+        if any(cell.strip() for cell in cells):
+            return [cell.strip() for cell in cells]
     raise checks.refusal("data", description.data, "a file with names of columns: it is empty")
 
 
-def _encoding(description: Any) -> str:
-    """Return the encoding of a CSV; UTF-8 may begin with a byte order mark."""
-    return "utf-8-sig" if description.encoding == "utf-8" else description.encoding
-
-
 def _required_columns(names: list[str], description: Any) -> list[str]:
-    """Return the names of the columns to read, or raise ValueError if one is missing or repeated.
-
-    `names` are all columns of the table; the channels of the `description` are required.
-    """
+    """Return the names of the columns to read; raise ValueError if one is missing or repeated."""
     required = list(description.channels)
     if set(LONG_COLUMNS) <= {*names}:
         optional = CONDITION_COLUMN, "time", NOISE_COLUMN
@@ -70,9 +49,9 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
             and key not in required
         ]
     for name in required:
-        column = f"the column {name!r} of {description.data}"
+        column = f"the column {name!r}"
         if names.count(name) > 1:
-            raise ValueError(f"{column} occurs twice: it must occur once")
+            raise ValueError(f"{column} of {description.data} occurs twice: it must occur once")
         if name not in names:
             separators = [
                 separator
@@ -80,31 +59,29 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
                 if len(names) == 1 and name in map(str.strip, names[0].split(separator))
             ]
             hint = f", or separator must be {separators[0]!r}" if separators else ""
-            raise ValueError(
-                f"{column} is missing: it must be one of {', '.join(map(repr, names[:12]))}{hint}"
-            )
+            raise _missing(column, description, names, hint)
     return required
 
 
-def _data_frame(path, description, dtypes, column_count, header_line):
-    """Return the data of a CSV below its header line, the number of a line, as a pandas data frame.
+def _missing(name: str, description: Any, names: list, hint: str = "") -> ValueError:
+    """Return the error for a column, channel or observable that is not among the `names`."""
+    first_names = ", ".join(map(repr, names[:12]))
+    return ValueError(
+        f"{name} of {description.data} is missing: it must be one of {first_names}{hint}"
+    )
 
-    `dtypes` maps the index of each column that is read to its type, and `description` has the
-    format. One more column holds surplus cells of a row.
-    """
+
+def _data_frame(rows: str, description: Any, dtypes: dict, column_count: int) -> Any:
+    """Return the columns of the rows of a CSV and one more column of surplus cells, with pandas."""
     import pandas as pd
 
     # From version 3.1 on, pandas rounds numbers correctly by default.
     rounds_correctly = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     # Without a further column, pandas would drop surplus cells of a row silently.
     names = description.separator.join(map(str, range(column_count + 1)))
-    with open(path, encoding=_encoding(description), newline="") as file:
-        for _ in range(header_line):
-            file.readline()
-        table = StringIO(f"{names}\n{file.read()}", newline="")
     dtypes = {str(i): dtype for i, dtype in dtypes.items()} | {str(column_count): "category"}
     frame = pd.read_csv(
-        table,
+        StringIO(f"{names}\n{rows}", newline=""),
         dtype=dtypes,
         usecols=[*dtypes],
         sep=description.separator,
@@ -118,22 +95,25 @@ def _data_frame(path, description, dtypes, column_count, header_line):
     return frame.rename(columns=int)
 
 
-def read_csv(path: Path, description: Any, text_columns: set) -> dict:
-    """Return columns of a CSV by name: numbers as arrays, strings as categories of pandas.
-
-    `description` has the channels and the format of the CSV; `text_columns` are the names of the
-    columns of strings.
-    """
-    names, header_line = header(path, description)
-    indices = {name: names.index(name) for name in _required_columns(names, description)}
-    dtypes = {i: "category" if name in text_columns else float for name, i in indices.items()}
+def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, list]:
+    """Return columns of a CSV, arrays or, in `text_columns`, categories, and all column names."""
+    # UTF-8 may begin with a byte order mark.
+    encoding = "utf-8-sig" if description.encoding == "utf-8" else description.encoding
     try:
-        frame = _data_frame(path, description, dtypes, len(names), header_line)
+        with open(path, encoding=encoding, newline="") as file:
+            names, rows = _header(file, description), file.read()
     except UnicodeDecodeError as error:
         allowed = f"{description.encoding} text ({error.reason})"
         raise checks.refusal("data", description.data, allowed) from None
+    except (OSError, csv.Error) as error:
+        allowed = f"a file beside its YAML ({error})"
+        raise checks.refusal("data", description.data, allowed) from None
+    indices = {name: names.index(name) for name in _required_columns(names, description)}
+    dtypes = {i: "category" if name in text_columns else float for name, i in indices.items()}
+    try:
+        frame = _data_frame(rows, description, dtypes, len(names))
     except ValueError:
-        raise _not_a_number_error(path, description, dtypes, names, header_line) from None
+        raise _not_a_number_error(rows, description, dtypes, names) from None
     checks.require(len(frame), "data", description.data, "a file with rows: it has none")
     has_surplus = frame[len(names)].notna().to_numpy()
     if has_surplus.any():
@@ -143,24 +123,18 @@ def read_csv(path: Path, description: Any, text_columns: set) -> dict:
             f"cells, one for each column, not more{hint}"
         )
     columns = {name: frame.pop(i) for name, i in indices.items()}
-    return {
-        name: column.array if name in text_columns else column.to_numpy()
-        for name, column in columns.items()
-    }
+    for name, column in columns.items():
+        columns[name] = column.array if name in text_columns else column.to_numpy()
+    return columns, names
 
 
-def _not_a_number_error(path, description, dtypes, names, header_line) -> ValueError:
-    """Return the error that names the first cell of a CSV that should be a number and is not.
-
-    `description` has the format, `dtypes` maps indices of columns to types, and `names` has those
-    of all columns, in the line with the number `header_line`.
-    """
+def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) -> ValueError:
+    """Return the error that names the first cell of a CSV that should be a number and is not."""
     import pandas as pd
 
     number_columns = [i for i, dtype in dtypes.items() if dtype is float]
     try:
-        text_dtypes = dict.fromkeys(number_columns, str)
-        frame = _data_frame(path, description, text_dtypes, len(names), header_line)
+        frame = _data_frame(rows, description, dict.fromkeys(number_columns, str), len(names))
     except ValueError as error:
         return checks.refusal("data", description.data, f"a table ({' '.join(str(error).split())})")
     for i in number_columns:
@@ -174,10 +148,7 @@ def _not_a_number_error(path, description, dtypes, names, header_line) -> ValueE
 
 
 def read_uff(path: Path, description: Any) -> dict:
-    """Return the signals and times of a universal file, its datasets of type 58, by channel name.
-
-    `description` has the names of the channels to read.
-    """
+    """Return signals and times of a universal file, its datasets of type 58, by channel name."""
     if not PYUFF.available():
         raise MissingPackage(
             f"data = {description.data!r} is not allowed: it must be a CSV, or {PYUFF.module} "
@@ -197,10 +168,7 @@ def read_uff(path: Path, description: Any) -> dict:
     columns: dict = {}
     for name in [name for name in description.channels if name != "time"]:
         if name not in names:
-            raise ValueError(
-                f"the channel {name!r} of {description.data} is missing: it must be one of "
-                f"{', '.join(map(repr, names[:12]))}"
-            )
+            raise _missing(f"the channel {name!r}", description, names)
         where = f"the set {name!r} of {description.data}"
         if names.count(name) > 1:
             raise ValueError(f"{where} occurs twice: it must occur once")
@@ -220,12 +188,10 @@ def read_uff(path: Path, description: Any) -> dict:
 
 
 def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
-    """Return a long table as columns over samples, their noise, and scalar speeds.
+    """Return a long table as columns over samples, their noise by name, and scalar speeds.
 
-    Columns and noise map names to arrays over samples, and speeds are a dataset. `columns` are
-    those of the table, a measurement in each row; `description` has its channels. Measurements at
-    the same condition, time and speed form one sample; observables that were not measured there are
-    NaN. Repeated measurements at infinite time, or without time, are separate samples.
+    Measurements at the same condition, time and speed form one sample; observables that were not
+    measured there are NaN.
     """
     where = f"{description.data}, column "
     codes = category_codes(f"{where}{ID_COLUMN!r}", columns[ID_COLUMN])
@@ -235,10 +201,7 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
     channel_codes = {key: i for i, key in enumerate(observables) if key in description.channels}
     for key in description.channels:
         if key not in channel_codes and key not in columns:
-            raise ValueError(
-                f"the observableId {key!r} of {description.data} is missing: it must be one of "
-                f"{', '.join(map(repr, observables[:12]))}"
-            )
+            raise _missing(f"the observableId {key!r}", description, observables)
     gap_codes = [i for key, i in channel_codes.items() if description.channels[key].gaps]
     may_be_nan = np.isin(codes, gap_codes)
     check_finite(f"{where}{VALUE_COLUMN!r}", np.where(may_be_nan & np.isnan(values), 0.0, values))
@@ -250,8 +213,19 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
     for key in list(channel_codes):
         name = description.channels[key].observableId or key
         if name in measured_names.SPEEDS:
-            rows = codes == channel_codes.pop(key)
-            speeds[name] = _scalar_speed(description, key, name, values[rows], noise[rows])
+            rows = np.flatnonzero(codes == channel_codes.pop(key))
+            if rows.size > 1:
+                raise ValueError(
+                    f"the observableId {key!r} of {description.data} occurs {rows.size} times: it "
+                    "must occur once"
+                )
+            factor, units = description.channels[key].scale(key)
+            text = measured_names.SPEEDS[name][1]
+            std = noise[rows[0]] * factor
+            if not np.isfinite(std):
+                std = description.channels[key].noise_std(key)
+            attrs = {"units": units, "long_name": text, "noise_std": std}
+            speeds[name] = (), values[rows[0]] * factor, attrs
     has_channel = np.isin(codes, list(channel_codes.values()))
     codes, values, noise = codes[has_channel], values[has_channel], noise[has_channel]
     coordinates = [name for name in columns if name not in (*LONG_COLUMNS, NOISE_COLUMN)]
@@ -268,18 +242,13 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
 
 
 def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
-    """Return the index of the sample of each measurement, and the first row of each sample.
-
-    `coordinates` maps names to columns, such as time, and `codes` are the indices of the measured
-    quantities in `observables`; both have one entry for each measurement. `where` begins error
-    messages and ends with "column ". Repetitions at infinite time (steady state) are new samples.
-    """
+    """Return the index of the sample of each measurement, and the first row of each sample."""
     import pandas as pd
 
     # Columns of texts are compared by their category codes.
     numbers = {name: getattr(column, "codes", column) for name, column in coordinates.items()}
     frame = pd.DataFrame(numbers | {ID_COLUMN: codes})
-    # Measurements without a time count as steady.
+    # Repetitions of steady measurements, at infinite time or without a time, are new samples.
     is_steady = np.isinf(coordinates.get("time", np.full(codes.shape, np.inf)))
     repetition = frame.groupby(list(frame.columns), sort=False).cumcount().to_numpy()
     is_repeated = (repetition > 0) & ~is_steady
@@ -295,29 +264,8 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
     return samples, np.unique(samples, return_index=True)[1]
 
 
-def _scalar_speed(description: Any, key: str, name: str, values: Any, noise: Any) -> tuple:
-    """Return the only measurement of a scalar speed as a variable: dims, value, attributes.
-
-    `key` is the channel in the `description` and `name` the speed, such as "jump_up"; values and
-    their noise, arrays, have the unit of the channel.
-    """
-    if values.size > 1:
-        raise ValueError(
-            f"the observableId {key!r} of {description.data} occurs {values.size} times: it must "
-            "occur once"
-        )
-    channel = description.channels[key]
-    factor, units = channel.scale(key)
-    noise_std = noise[0] * factor if np.isfinite(noise[0]) else channel.noise_std(key)
-    text = measured_names.SPEEDS[name][1]
-    return (), values[0] * factor, {"units": units, "long_name": text, "noise_std": noise_std}
-
-
 def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
-    """Raise ValueError unless numbers are finite; `where` names their column in the message.
-
-    NaN is allowed with `gaps`. Infinity, PEtab's time of a steady state, is allowed with `steady`.
-    """
+    """Raise ValueError unless numbers are finite, NaN with `gaps`, or infinite with `steady`."""
     is_wrong = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(steady & (values == np.inf))
     if is_wrong.any():
         row, count = int(is_wrong.argmax()), int(is_wrong.sum())
@@ -330,15 +278,6 @@ def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool
         raise checks.refusal(where, float(values[row]), "finite")
 
 
-def directions(where: str, column: Any) -> np.ndarray:
-    """Return a categorical column of directions, named `where` in errors, as 1, -1 and 0."""
-    texts = [str(category).strip().lower() for category in column.categories]
-    for text, category in zip(texts, column.categories, strict=True):
-        checks.require(text in DIRECTION_SIGNS, where, category, "up, down or rest, or 1, -1, 0")
-    signs = np.array([DIRECTION_SIGNS[text] for text in texts], np.int8)
-    return signs[category_codes(where, column)]
-
-
 def category_codes(where: str, column: Any) -> np.ndarray:
     """Return the category codes of a column of strings, named `where` if it has an empty cell."""
     codes = np.asarray(column.codes)
@@ -348,33 +287,8 @@ def category_codes(where: str, column: Any) -> np.ndarray:
     return codes
 
 
-def sorting_indices(where: str, time: np.ndarray, group: np.ndarray) -> np.ndarray | None:
-    """Return the indices that sort samples by time in each group, None if they are sorted already.
-
-    `group` holds the index of the condition of each sample. ValueError is raised if a time occurs
-    twice in a group; `where` names the column of times in the message.
-    """
-    import pandas as pd
-
-    # Groups keep the order in which they occur first.
-    order = np.lexsort((time, pd.factorize(group)[0]))
-    time, group = time[order], group[order]
-    is_repeated = (time[1:] == time[:-1]) & (group[1:] == group[:-1]) & np.isfinite(time[1:])
-    if is_repeated.any():
-        i, count = int(is_repeated.argmax()), int(is_repeated.sum())
-        further = f", and {count - 1} more times" if count > 1 else ""
-        raise ValueError(
-            f"{where} = {time[i]:.12g} occurs twice, in rows {order[i] + 1} and "
-            f"{order[i + 1] + 1}{further}: it must occur once in each condition"
-        )
-    return None if (np.diff(order) > 0).all() else order
-
-
 def seconds_since_first(where: str, column: Any) -> tuple[np.ndarray, str]:
-    """Return the seconds since the earliest date of a column, and this date in ISO 8601.
-
-    `column` is categorical; `where` names it in error messages.
-    """
+    """Return the seconds since the earliest date of a column, and this date in ISO 8601."""
     import pandas as pd
 
     codes = category_codes(where, column)

@@ -71,14 +71,10 @@ class Channel(NamedTuple):
     def signal_and_gain(self, predicted: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the sensor signal, (n,), for predicted values, (n,), and the gain of the sensor.
 
-        An unknown gain and offset enter linearly, so they are eliminated by linear least squares
-        (variable projection, Golub and Pereyra 1973).
+        Unknown gain and offset follow by variable projection (Golub and Pereyra 1973).
         """
-        columns = []  # factors of gain and offset
-        if self.unknown_gain:
-            columns.append(predicted)
-        if self.unknown_offset:
-            columns.append(np.ones(predicted.size))
+        factors = (self.unknown_gain, predicted), (self.unknown_offset, np.ones(predicted.size))
+        columns = [factor for is_unknown, factor in factors if is_unknown]
         if not columns:
             return predicted, 1.0
         constant = 0.0 if self.unknown_gain else predicted
@@ -121,10 +117,8 @@ class Observation(NamedTuple):
         signals = self.predicted_signals(model)
         if signals is None:
             return None
-        residuals = [
-            (values - channel.values) / channel.deviations
-            for channel, values in zip(self.channels, signals, strict=True)
-        ]
+        channel_signals = zip(self.channels, signals, strict=True)
+        residuals = [(signal - c.values) / c.deviations for c, signal in channel_signals]
         # The speed of a jump that the model does not have is NaN.
         return np.nan_to_num(np.concatenate(residuals), nan=MISSING_SPEED_RESIDUAL)
 
@@ -152,10 +146,9 @@ class MeasuredSpeed(NamedTuple):
 def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: int = 1) -> dict:
     """Return the quantities of the periodic orbit at a speed in rpm, name -> values of each mesh.
 
-    Quantities have SI units. The search for the orbit starts from the state `guess`: coordinates,
-    then their rates. "order_amplitude" has complex Fourier coefficients of the displacements,
-    (orders, meshes), sampled `samples_per_period` times in each mesh period: the amplitude of an
-    order, as in measured data, is twice the absolute value of its coefficient.
+    The search starts from the state `guess`. Quantities have SI units; "order_amplitude" has
+    complex Fourier coefficients of the displacements, (orders, meshes): half the amplitudes of the
+    orders.
     """
     orbit = periodic_orbit(model, speed / float(model.speed(1.0)), guess=guess)
     periods = orbit.period  # number of mesh periods
@@ -180,10 +173,7 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: i
 
 
 def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
-    """Return the quantity `name`, such as "order_amplitude_2", of an orbit for one mesh.
-
-    `quantities` maps names to the values of all meshes, and `mesh` is an index.
-    """
+    """Return the quantity `name`, such as "order_amplitude_2", of an orbit for a mesh, an index."""
     kind, _, number = name.rpartition("_")
     if kind == ORDER_AMPLITUDE:
         return 2.0 * abs(quantities[ORDER_AMPLITUDE][int(number), mesh])
@@ -191,35 +181,26 @@ def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
 
 
 def resonance_speeds(model: Any, measured: dict) -> dict:
-    """Return the speeds of jumps and of the onset of contact loss of a model, rpm.
-
-    `measured` maps their names to measured speeds. Jumps are folds of the branch of orbits, the
-    onset is a grazing orbit. A model with one degree of freedom has them at its main resonance; the
-    branch of other models is searched near the measured speeds.
-    """
-    resonance_speed = float(model.speed(1.0))  # speed at the tuning 1, rpm
-    # One coordinate and its rate, and an excitation that repeats every mesh period.
+    """Return the speeds of jumps, folds of the branch, and of the onset of a model by name, rpm."""
+    # A model with one coordinate and the excitation of the mesh has a main resonance.
     if model.size == 2 and model.repeats == 1:
         resonance = main_resonance(model, [RESONANCE_NAMES[name] for name in measured])
         if resonance.failed:
             raise ContinuationFailed
-        tunings = {name: getattr(resonance, RESONANCE_NAMES[name]) for name in measured}
-        speeds = {name: resonance_speed * tuning for name, tuning in tunings.items()}
-        return {name: speed for name, speed in speeds.items() if np.isfinite(speed)}
-    jumps = {name: speed for name, speed in measured.items() if name.startswith("jump")}
-    speeds = fold_speeds(model, jumps) if jumps else {}
-    if "onset_of_contact_loss" in measured:
-        onset = _onset(model, measured["onset_of_contact_loss"])
-        if not math.isnan(onset):
-            speeds["onset_of_contact_loss"] = onset
-    return speeds
+        resonance_speed = float(model.speed(1.0))  # speed at the tuning 1, rpm
+        speeds = {
+            name: resonance_speed * getattr(resonance, RESONANCE_NAMES[name]) for name in measured
+        }
+    else:
+        jumps = {name: speed for name, speed in measured.items() if name.startswith("jump")}
+        speeds = fold_speeds(model, jumps) if jumps else {}
+        if "onset_of_contact_loss" in measured:
+            speeds["onset_of_contact_loss"] = _onset(model, measured["onset_of_contact_loss"])
+    return {name: speed for name, speed in speeds.items() if np.isfinite(speed)}
 
 
 def fold_speeds(model: Any, measured: dict) -> dict:
-    """Return the speeds of the folds of a model next to measured jumps, rpm, by name.
-
-    `measured` maps "jump_up" or "jump_down" to the measured speed in rpm.
-    """
+    """Return the speeds in rpm of the folds of a model next to measured jumps, by name."""
     resonance_speed, speeds = float(model.speed(1.0)), {}
     orbit = periodic_orbit(model, _BRANCH_START_RATIO * max(measured.values()) / resonance_speed)
     branch = continue_orbit(orbit, to=_BRANCH_END_RATIO * min(measured.values()) / resonance_speed)
@@ -235,12 +216,10 @@ def fold_speeds(model: Any, measured: dict) -> dict:
 
 
 def _onset(model: Any, measured: float) -> float:
-    """Return the speed of the onset of contact loss next to the measured speed, rpm, or NaN.
-
-    At the onset, the smallest displacement of a mesh passes 0 in a sweep up.
-    """
+    """Return the speed of the onset of contact loss next to the measured speed, rpm, or NaN."""
     speeds = measured * _ONSET_SPEED_RATIOS
     curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING_SWEEP)
+    # At the onset, the smallest displacement of a mesh passes 0 in a sweep up.
     minima = curve.displacement_min.values.reshape(speeds.size, -1).min(axis=1)
     crossings = np.flatnonzero((minima[1:] > 0.0) != (minima[:-1] > 0.0))
     if not crossings.size:

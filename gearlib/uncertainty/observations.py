@@ -22,19 +22,18 @@ from gearlib.uncertainty.observation import Channel, Curve, MeasuredSpeed, Obser
 _ASSUMED_SPEED_NOISE = 1e-3
 #: Smallest ratio of a jump to the median step from one point to the next.
 _MIN_JUMP_RATIO = 3.0
-_SWEEP_QUANTITIES = (*observation.STATISTICS, observation.LOAD_SHARING, observation.ORDER_AMPLITUDE)
+_ORDERS = range(1, observation.SAMPLES_PER_PERIOD // 2 + 1)
+_ORDER_QUANTITIES = [f"{observation.ORDER_AMPLITUDE}_{order}" for order in _ORDERS]
+_SWEEP_QUANTITIES = (*observation.STATISTICS, observation.LOAD_SHARING, *_ORDER_QUANTITIES)
 #: Quantities that decrease at a jump up, and endings of the names of those that increase.
 _FALLING_QUANTITIES = ("displacement_min", "dynamic_force_min")
-_RISING_ENDINGS = ("_max", *(f"{observation.ORDER_AMPLITUDE}_{k}" for k in range(1, 10)))
+_RISING_ENDINGS = ("_max", *_ORDER_QUANTITIES[:9])
 
 
 def observations_of(model: Any, data: Any) -> list[Observation]:
     """Return the observations of one measured data set, or of a list, that a model predicts."""
     datasets = data if isinstance(data, list | tuple) else [data]
-    observations = []
-    for dataset in datasets:
-        observations += _dataset_observations(model, dataset)
-    return observations
+    return [part for dataset in datasets for part in _dataset_observations(model, dataset)]
 
 
 def _dataset_observations(model: Any, data: Any) -> list[Observation]:
@@ -67,36 +66,21 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
 
 
 def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES) -> dict:
-    """Return the quantities that variables hold: name of a variable -> (quantity, mesh index).
-
-    `names` are those of the variables; for trains they end with the name of the mesh, such as
-    ``load_sharing_sun_1``. Only quantities whose names are in `comparable` are returned.
-    """
-    mesh_names = [name.replace(" ", "_") for name in model.mesh_names]
+    """Return the quantities that variables hold: name of a variable -> (quantity, mesh index)."""
+    endings = [f"_{name.replace(' ', '_')}" for name in model.mesh_names] or [""]
     quantities = {}
     for name in map(str, names):
-        # A model without mesh names has only one mesh, so it has no load sharing.
-        for mesh, mesh_name in enumerate(mesh_names or [""]):
-            if mesh_name and not name.endswith(f"_{mesh_name}"):
-                continue
-            quantity = name.removesuffix(f"_{mesh_name}") if mesh_name else name
-            kind, _, number = quantity.rpartition("_")
-            if kind == observation.ORDER_AMPLITUDE and number.isdigit():
-                in_range = 0 < int(number) <= observation.SAMPLES_PER_PERIOD // 2
-                is_known = in_range and observation.ORDER_AMPLITUDE in comparable
-            else:
-                is_known = quantity in comparable and quantity != observation.ORDER_AMPLITUDE
-            if is_known and (mesh_name or quantity != observation.LOAD_SHARING):
+        for mesh, ending in enumerate(endings):
+            quantity = name.removesuffix(ending)
+            # A model without mesh names has only one mesh, so it has no load sharing.
+            exists = quantity != observation.LOAD_SHARING or ending
+            if name.endswith(ending) and quantity in comparable and exists:
                 quantities[name] = quantity, mesh
     return quantities
 
 
 def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
-    """Raise ValueError unless the variables to compare have finite values, SI units, valid noise.
-
-    These are the keys of `quantities`, name -> (quantity, mesh index), and `speeds`, name of a jump
-    or of the onset of contact loss -> scalar variable in rpm.
-    """
+    """Raise ValueError unless variables to compare have finite values, SI units and valid noise."""
     if quantities:
         for name in ("time", "speed", "direction"):
             if name in data.coords:
@@ -125,10 +109,7 @@ def _check_finite_samples(name: str, variable: Any, gaps: bool = False) -> None:
 
 
 def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
-    """Raise ValueError if a sensor has wrong noise, wrong flags, or other units than expected.
-
-    `attrs` are the attributes of the variable `name`, which holds the `quantity` of a model.
-    """
+    """Raise ValueError if a sensor has wrong noise, wrong flags, or other units than expected."""
     checks.finite_nonnegative(f"noise_std of {name}", attrs.get("noise_std", 0.0))
     for flag in ("unknown_gain", "unknown_offset"):
         checks.integer(f"{flag} of {name}", int(attrs.get(flag, 0)), 0, 1)
@@ -140,10 +121,7 @@ def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
 
 
 def _speed_observation(speeds: dict) -> Observation:
-    """Return the observation of measured speeds of jumps and of the onset of contact loss.
-
-    `speeds` maps their names to scalar variables in rpm with the attribute noise_std.
-    """
+    """Return the observation of speeds, name of a jump or the onset -> scalar variable in rpm."""
     measured = {name: float(speed) for name, speed in speeds.items()}
     noise = np.array([speed.attrs.get("noise_std", 0.0) for speed in speeds.values()], float)
     values = np.array([*measured.values()])
@@ -156,9 +134,8 @@ def _speed_observation(speeds: dict) -> Observation:
         return Prediction([predicted_values], backlash_excursion=0.0)
 
     def draw(signals: list) -> list:
-        """Return a `MeasuredSpeed` for each speed; `signals` has one array, predicted speeds."""
+        """Return a `MeasuredSpeed` for each speed."""
         names = [name.replace("_", " ") for name in measured]
-        # The fields name, measured, deviation, fitted.
         return list(map(MeasuredSpeed, names, values, deviations, signals[0]))
 
     channel = Channel("speeds", values, deviations, noise_known=bool((noise > 0.0).all()))
@@ -166,16 +143,25 @@ def _speed_observation(speeds: dict) -> Observation:
 
 
 def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
-    """Return the observation of quantities over speed, and the measured speeds of jumps.
-
-    `quantities` maps names of variables of `data` to (quantity, mesh index).
-    """
+    """Return the observation of quantities over speed, and the measured speeds of jumps."""
     speeds = np.asarray(data.speed.values, float)
     checks.require((speeds > 0.0).all(), "speed", float(speeds.min()), "> 0 in each sample")
     signs = data.direction.values if "direction" in data.coords else np.zeros(len(speeds))
     branches, jumps = _branches(data, quantities, speeds, signs)
     sequence = np.concatenate(branches)[None]  # one row of sample indices, branch by branch
-    channels = [_sweep_channel(data, name, sequence) for name in quantities]
+    channels = []
+    for name in quantities:
+        values, attrs = np.asarray(data[name].values, float), data[name].attrs
+        noise = float(attrs.get("noise_std", 0.0))
+        allowed = "more than one value, or values with known noise"
+        checks.require(np.ptp(values) > 0.0 or noise, name, values[0], allowed)
+        # Channels of unknown noise are made comparable by the ranges of their values.
+        stds = np.full(values.size, noise or np.ptp(values))
+        sample_noise = data.get(f"{name}_noise_std")
+        if sample_noise is not None and (sample_noise.values > 0.0).all():
+            stds = sample_noise.values.astype(float)
+        gain, offset = (bool(attrs.get(f"unknown_{flag}", 0)) for flag in ("gain", "offset"))
+        channels.append(Channel(name, values, stds, bool(noise), gain, offset, sequence))
     has_orders = any(observation.ORDER_AMPLITUDE in quantity for quantity, _ in quantities.values())
     samples_per_period = observation.SAMPLES_PER_PERIOD if has_orders else 1
 
@@ -193,53 +179,32 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
 
     def draw(signals: list) -> list:
         """Return curves over speed of measured values and predicted `signals` of each channel."""
-        curves, speed_falls = [], signs < 0
+        curves = []
         for channel, fitted in zip(channels, signals, strict=True):
             name, units = channel.name.replace("_", " "), data[channel.name].attrs.get("units", "")
             values = channel.values, fitted
-            curves.append(Curve(name, units, "speed", speeds, values, speed_falls))
+            curves.append(Curve(name, units, "speed", speeds, values, signs < 0))
         return curves
 
     return Observation("branches", channels, predict, draw), jumps
 
 
-def _sweep_channel(data: Any, name: str, sequence: np.ndarray) -> Channel:
-    """Return the channel of a variable; `sequence`, (1, n), lists its samples branch by branch."""
-    values, attrs = np.asarray(data[name].values, float), data[name].attrs
-    noise = float(attrs.get("noise_std", 0.0))
-    allowed = "more than one value, or values with known noise"
-    checks.require(np.ptp(values) > 0.0 or noise, name, values[0], allowed)
-    # If the noise is unknown, only relative weights matter; the range makes channels comparable.
-    deviations = np.full(values.size, noise or np.ptp(values))
-    sample_noise = data.get(f"{name}_noise_std")
-    if sample_noise is not None and (sample_noise.values > 0.0).all():
-        deviations = sample_noise.values.astype(float)
-    flags = {flag: bool(attrs.get(flag, 0)) for flag in ("unknown_gain", "unknown_offset")}
-    noise_known = bool(noise)
-    return Channel(name, values, deviations, noise_known, sequence_indices=sequence, **flags)
-
-
 def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray) -> tuple:
     """Return the indices of the samples on each branch of orbits, and the speeds of the jumps.
 
-    `quantities` maps names of variables to (quantity, mesh index); `speeds` in rpm and `signs`, 1
-    for sweeps up, -1 for sweeps down and 0 for single speeds, are those of the samples. A sweep
-    with a jump has two branches: from its first speed to the jump, and from its last speed back.
+    A sweep with a jump has two branches: from its first speed to the jump, and from its last speed
+    back. `signs` are 1 for sweeps up, -1 for sweeps down and 0 for single speeds.
     """
-    variables = {name: quantity for name, (quantity, _) in quantities.items()}
     # Quantities that always increase or decrease at a jump up show its direction; others are only
     # used if there are none.
-    monotonic = {
-        name: quantity
-        for name, quantity in variables.items()
-        if quantity in _FALLING_QUANTITIES or quantity.endswith(_RISING_ENDINGS)
-    }
-    rows, min_steps = [], []
-    for name, quantity in (monotonic or variables).items():
-        factor = -1.0 if quantity in _FALLING_QUANTITIES else 1.0
-        rows.append(factor * data[name].values.astype(float))
-        min_steps.append(3.0 * float(data[name].attrs.get("noise_std", 0.0)))
-    table, min_steps = np.array(rows), np.array(min_steps)
+    falling = [name for name in quantities if quantities[name][0] in _FALLING_QUANTITIES]
+    rising = [name for name in quantities if quantities[name][0].endswith(_RISING_ENDINGS)]
+    monotonic = [name for name in quantities if name in falling or name in rising]
+    variables = [data[name] for name in monotonic or quantities]
+    factors = [-1.0 if variable.name in falling else 1.0 for variable in variables]
+    rows = [variable.values.astype(float) for variable in variables]
+    table = np.array(factors)[:, None] * rows
+    min_steps = [3.0 * float(variable.attrs.get("noise_std", 0.0)) for variable in variables]
     branches, jumps = [], {}
     for sign in np.unique(signs):
         samples = np.flatnonzero(signs == sign)
@@ -261,13 +226,10 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
 
 
 def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
-    """Return the index of the first column after the largest jump of a table, None without jump.
-
-    Rows are quantities, columns are samples; `min_steps` has the smallest jump of each row. `sign`
-    selects increases (1), decreases (-1) or both (0).
-    """
+    """Return the index of the first column of a table after its largest jump, None without jump."""
     if table.shape[1] < 2:
         return None
+    # A positive sign selects increases, a negative one decreases, 0 both.
     changes = np.diff(table, axis=1)
     steps = np.abs(changes)
     sizes = np.maximum(np.abs(table).max(axis=1), 1e-300)[:, None]
@@ -281,12 +243,11 @@ def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
 
 
 def _branch_orbits(model: Any, speeds: np.ndarray, samples_per_period: int) -> list[dict]:
-    """Return the quantities of the orbits of one branch, followed from its first speed.
+    """Return the quantities of the orbits of one branch at speeds in rpm, in the order of the
+    sweep.
 
-    `speeds` in rpm are in the order of the sweep; `samples_per_period` is the number of samples in
-    each mesh period. The branch ends where the displacement jumps up in a sweep up, or down in a
-    sweep down; the last orbit is repeated at the speeds beyond. A jump in the other direction, such
-    as the first impact on the coast side, does not end it.
+    The branch ends where the displacement jumps up in a sweep up, or down in a sweep down, not at a
+    first impact on the coast side; the last orbit is repeated at the speeds beyond.
     """
     is_sweep_up = len(speeds) < 2 or speeds[-1] > speeds[0]
     # Repeated speeds are computed once.

@@ -56,12 +56,11 @@ def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
     `diameter` is the reference diameter, m, up to 2.5. A designation such as "27cd" consists of the
     number of the tolerance, 21 to 30, and the letters of the series of allowances, a to h.
     """
-    max_diameter = _MAX_DIAMETERS[-1]
-    allowed = f"> 0 and <= {max_diameter} m"
-    diameter = checks.number("diameter", diameter, allowed, lambda d: 0 < d <= max_diameter)
+    allowed = f"> 0 and <= {_MAX_DIAMETERS[-1]} m"
+    diameter = checks.number("diameter", diameter, allowed, lambda d: 0 < d <= _MAX_DIAMETERS[-1])
     text = designation.strip() if isinstance(designation, str) else ""
     match = _DESIGNATION_PATTERN.fullmatch(text)
-    # The number may precede the letters or follow them, in two groups each.
+    # The number may precede the letters or follow them.
     number, letters = (match[1] or match[4], match[2] or match[3]) if match else (0, "")
     number = int(number)
     allowed = (
@@ -80,13 +79,12 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
 
     `distance` is from 0.01 to 0.5 m; the designation is a class from "js5" to "js11".
     """
-    max_distances = tuple(_IT_GRADES)
-    lower, upper = _MIN_DISTANCE, max_distances[-1]
+    lower, upper = _MIN_DISTANCE, max(_IT_GRADES)
     allowed = f"from {lower} to {upper} m"
     distance = checks.number("centre_distance", distance, allowed, lambda a: lower <= a <= upper)
     designations = [f"js{_FIRST_GRADE + i}" for i in range(len(_IT_GRADES[upper]))]
     checks.one_of("centre_distance", designation, designations)
-    row = _IT_GRADES[next(limit for limit in max_distances if distance <= limit)]
+    row = _IT_GRADES[next(limit for limit in _IT_GRADES if distance <= limit)]
     half_width = _MICROMETRE * row[designations.index(designation)] / 2.0
     return -half_width, half_width
 

@@ -1,8 +1,7 @@
 """`scatter`: motions of a model whose parameters scatter, computed at once or in shards.
 
-Each sample is computed independently by public functions, so the division into shards does not
-change the result. Statistics never mix two motions: sweeps up, sweeps down and runs from other
-starts are kept apart.
+The division into shards does not change the result. Statistics never mix two motions: sweeps up,
+sweeps down and runs from other starts are kept apart.
 """
 
 import functools
@@ -33,7 +32,7 @@ from gearlib.uncertainty.designs import MAX_SAMPLES, Designs, count_error_messag
 
 #: Directions of sweeps; "cold" starts each speed from rest, "seeded" from a random state.
 DIRECTIONS = ("up", "down", "cold", "seeded")
-#: Default quantities of `shard`.
+#: Default quantities.
 _QUANTITIES = ("jump_up", "jump_down")
 #: Quantiles of the bands.
 QUANTILES = (0.05, 0.5, 0.95)
@@ -91,14 +90,13 @@ def scatter(
     Parameters
     ----------
     model : Model, DrawnPair or callable
-        A model, whose parameters are the names of its `settable`; two drawn gears, a
-        `gearlib.uncertainty.designs.DrawnPair`; or a function that takes the parameters as keyword
-        arguments and returns a model.
+        A model with its `settable` parameters, a `gearlib.uncertainty.designs.DrawnPair` of two
+        drawn gears, or a function that takes the parameters by name and returns a model.
     tolerances : mapping
         Name of a parameter -> ``{mean, std}``, ``{min, max}``, ``{nominal, upper, lower}`` with
-        deviations from the nominal value, as on drawings, or ``{distribution, ...}``, a name
-        of `scipy.stats` and its parameters; SI units. Values between limits are equally likely.
-        ``correlations``, a list of [name, name, rho], are those of a Gaussian copula.
+        deviations as on drawings, or ``{distribution, ...}``, a name of `scipy.stats` and its
+        parameters; SI units. Values between limits are equally likely. ``correlations``, a list
+        of [name, name, rho], are those of a Gaussian copula.
     quantities : sequence of str
         Quantities of each design, names of `gearlib.uncertainty.design_quantities.QUANTITIES`.
     n : int, default 1024
@@ -106,8 +104,7 @@ def scatter(
     speed : float, optional
         Speed of the duty point, rpm, for quantities of the duty point.
     speeds, tunings : array_like of float, optional
-        Speeds in rpm, or tunings of the nominal model, of sweeps of each design. Tunings are
-        converted to speeds, which all designs share, if anything turns.
+        Speeds in rpm, or tunings of the nominal model, of the sweeps of each design.
     directions : sequence of {"up", "down", "cold", "seeded"}
         Directions of the sweeps; each run starts from rest ("cold") or a random state ("seeded").
     periods, record_periods : int
@@ -117,7 +114,7 @@ def scatter(
     seed : int
         Seed of the scrambling.
     threads : int, optional
-        Number of threads, by default of processors. The result does not depend on it.
+        Number of threads, by default of processors.
     progress : callable, optional
         Called with the number of samples finished since the last call.
 
@@ -136,12 +133,10 @@ def scatter(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    n = checks.integer("n", n, 1, MAX_SAMPLES)
     settings = {"speed": speed, "seed": seed, "threads": threads, "progress": progress}
     sweeps = {"speeds": speeds, "tunings": tunings, "directions": directions, "periods": periods}
-    sweeps |= {"record_periods": record_periods, "box": box}
-    samples = shard(model, tolerances, n, 0, n, quantities=quantities, **settings, **sweeps)
-    return join_shards([samples])
+    sweeps |= {"record_periods": record_periods, "box": box, "quantities": quantities}
+    return join_shards([shard(model, tolerances, n, 0, n, **settings, **sweeps)])
 
 
 def shard(
@@ -149,9 +144,7 @@ def shard(
 ) -> xr.Dataset:
     """Compute the designs `first` to `last` - 1 of the n designs of a `scatter`, and return them.
 
-    The other arguments are those of `scatter`. `settings` are threads, progress, and the arguments
-    of sweeps: speeds or tunings, directions, periods, record_periods, and box, the limits of random
-    initial displacements and velocities.
+    The other arguments are those of `scatter`; `settings` are threads, progress, and those of runs.
     """
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     n = checks.integer("n", n, 1, MAX_SAMPLES)
@@ -179,12 +172,7 @@ def shard(
 
 
 def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) -> dict:
-    """Return the variables of samples: parameters, results of sweeps, quantities, error messages.
-
-    `designs` are `Designs`, `samples` is the range of their numbers. `sweeps` are `SweepSettings`,
-    None without sweeps; `evaluator` is a `DesignQuantities`, None without quantities. `progress` is
-    called with the number of samples finished since its last call.
-    """
+    """Return the variables of a range of samples: parameters, runs, quantities, error messages."""
     count, tables = len(samples), {}
     if sweeps:
         shape = count, len(sweeps.directions), sweeps.grid.size
@@ -206,7 +194,7 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) ->
         else:
             if sweeps:
                 rows = {name: table[i] for name, table in tables.items()}
-                _sweep_design(design, sweeps, unit_point=points[i, len(designs.names) :], rows=rows)
+                _sweep_design(design, sweeps, points[i, len(designs.names) :], rows)
             if evaluator:
                 build_duty_model = designs.duty_model_builder(values[i])
                 results[i], codes[i] = evaluator.evaluate(design, build_duty_model)
@@ -215,10 +203,11 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) ->
     progress_bar = notebook.counting_bar("samples", count, progress)
     with progress_bar as report, ThreadPoolExecutor(threads) as pool:
         list(pool.map(compute_sample, range(count)))
-    data: dict = {
-        variable_name(name): _variable(("sample",), column.copy(), *designs.units(name))
-        for name, column in zip(designs.names, values.T, strict=True)
-    }
+    data: dict = {}
+    for name, column in zip(designs.names, values.T, strict=True):
+        # The name of a netCDF variable.
+        key = "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")
+        data[key] = _variable(("sample",), column.copy(), *designs.units(name))
     if sweeps:
         dims = "sample", "direction", sweeps.dimension
         data |= {name: (dims, table) for name, table in tables.items()}
@@ -241,11 +230,7 @@ def _sweep_settings(
     record_periods=20,
     box=DEFAULT_BOX,
 ) -> SweepSettings | None:
-    """Return the checked settings of the sweeps of each design; None without speeds and tunings.
-
-    Each run takes `periods` mesh periods, of which the last `record_periods` are evaluated. `box`
-    has the limits of the random initial displacements and velocities of the direction "seeded".
-    """
+    """Return the checked settings of the sweeps of each design; None without speeds and tunings."""
     if speeds is None and tunings is None:
         return None
     check_either(model, "tunings", tunings, "speeds", speeds)
@@ -270,12 +255,9 @@ def _sweep_settings(
 
 
 def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, rows: dict) -> None:
-    """Sweep one design in all directions and store the results in `rows`.
+    """Sweep one design in all directions; fill `rows`, name -> array (directions, speeds).
 
-    Runs of the direction "seeded" start from a random displacement and velocity, which `unit_point`
-    gives relative to their limits, those of "cold" from rest. `rows` maps the names of
-    `_RUN_VARIABLES` to arrays, (directions, speeds): "height" is the peak-to-peak displacement,
-    "factor" the dynamic factor, "lost" 1 if contact is lost, "settled" 1 if the motion is periodic.
+    `unit_point` is the random initial state of "seeded" runs, relative to the limits of the box.
     """
     lower, upper = np.transpose(sweeps.box)
     random_state = tuple((lower + (upper - lower) * unit_point).tolist())
@@ -301,11 +283,6 @@ def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, row
         rows["height"][k] = peak_to_peak * (model.static_deflection or 1.0)
         rows["factor"][k], rows["lost"][k] = factor, loses_contact
         rows["settled"][k], rows["run_status"][k] = curve.period > 0, curve.status
-
-
-def variable_name(name: str) -> str:
-    """Return the name of a parameter as a valid name of a netCDF variable."""
-    return "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")
 
 
 def _variable(dims, values, units: str, long_name: str, **attributes: Any) -> xr.Variable:
@@ -348,14 +325,40 @@ def join_shards(shards: Any) -> xr.Dataset:
 
 
 def _with_statistics(data: xr.Dataset) -> xr.Dataset:
-    """Replace the results of single runs in a dataset of `scatter` by statistics over samples.
-
-    They include quantiles, "height_band" of peak-to-peak displacements, "factor_band" of factors.
-    """
+    """Replace the results of single runs in a dataset of `scatter` by statistics over samples."""
     grid_dim = "tuning" if "tuning" in data.dims else "speed"
-    run_values = {name: data[name].values for name in _RUN_VARIABLES}
+    dims, directions = ("direction", grid_dim), data.direction.values.tolist()
+    runs = {name: data[name].values for name in _RUN_VARIABLES}  # (sample, *dims)
     data = data.drop_vars([*_RUN_VARIABLES]).assign_coords(quantile=list(QUANTILES))
-    data = data.assign(_statistics(run_values, data.direction.values.tolist(), grid_dim))
+    finished = runs["run_status"] == 0
+    statistics: dict = {
+        "run_count": (dims, finished.sum(axis=0).astype(np.int32)),
+        "failed_runs": (dims, (runs["run_status"] > 0).sum(axis=0).astype(np.int32)),
+        "contact_loss_probability": (dims, _fraction(runs["lost"] > 0, finished)),
+        "unsettled_share": (dims, _fraction(runs["settled"] == 0, finished)),
+    }
+    with warnings.catch_warnings():
+        # Quantiles are NaN if all runs at a speed failed.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        for name in ("height", "factor"):
+            values = np.where(finished, runs[name].astype(float), np.nan)
+            quantiles = np.nanquantile(values, QUANTILES, axis=0)
+            statistics[f"{name}_band"] = ("quantile", *dims), quantiles
+    if {"up", "down"} <= set(directions):
+        index = {direction: k for k, direction in enumerate(directions)}
+        up, down = (runs["height"][:, index[name]] for name in ("up", "down"))
+        both_finished = finished[:, index["up"]] & finished[:, index["down"]]
+        has_two_motions = both_finished & ~_nearly_equal(up, down)
+        fraction = _fraction(has_two_motions, both_finished)
+        statistics["two_motions_probability"] = (grid_dim,), fraction
+        if "seeded" in directions:
+            seeded = runs["height"][:, index["seeded"]]
+            low, high = np.minimum(up, down), np.maximum(up, down)
+            masks = _classify_motions(seeded, low, high, has_two_motions)
+            all_finished = both_finished & finished[:, index["seeded"]]
+            fractions = np.array([_fraction(mask, all_finished) for mask in masks])
+            statistics["motion_probability"] = ("motion", grid_dim), fractions
+    data = data.assign(statistics)
     if "motion_probability" in data:
         data = data.assign_coords(motion=list(MOTIONS))
     if grid_dim == "tuning":  # the model has no rotational speed and may have any unit of length
@@ -365,57 +368,15 @@ def _with_statistics(data: xr.Dataset) -> xr.Dataset:
 
 
 def _fraction(subset: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the fraction of the samples that are in the subset, NaN without samples.
-
-    Both are boolean masks, (n, ...); samples are counted along the first axis.
-    """
+    """Return the fraction of the samples, a mask (n, ...), that are in the subset; NaN if none."""
     count = samples.sum(axis=0)
     return (subset & samples).sum(axis=0) / np.where(count > 0, count, np.nan)
-
-
-def _statistics(run_values: dict, directions: list, grid_dim: str) -> dict:
-    """Return statistics over all designs: name of a variable -> (dims, values).
-
-    `run_values` maps names to arrays (sample, direction, speed or tuning): "height" is the
-    peak-to-peak displacement, "factor" the dynamic factor, "lost" is 1 if contact is lost,
-    "settled" if the motion is periodic. A "_band" has quantiles, an "unsettled_share" is the
-    fraction of runs that are not periodic. `grid_dim` names the last dimension.
-    """
-    status, dims = run_values["run_status"], ("direction", grid_dim)
-    finished = status == 0
-    data: dict = {
-        "run_count": (dims, finished.sum(axis=0).astype(np.int32)),
-        "failed_runs": (dims, (status > 0).sum(axis=0).astype(np.int32)),
-        "contact_loss_probability": (dims, _fraction(run_values["lost"] > 0, finished)),
-        "unsettled_share": (dims, _fraction(run_values["settled"] == 0, finished)),
-    }
-    with warnings.catch_warnings():
-        # Quantiles are NaN if all runs at a speed failed.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        for name in ("height", "factor"):
-            values = np.where(finished, run_values[name].astype(float), np.nan)
-            data[f"{name}_band"] = ("quantile", *dims), np.nanquantile(values, QUANTILES, axis=0)
-    if not {"up", "down"} <= set(directions):
-        return data
-    peak_to_peak = {direction: run_values["height"][:, k] for k, direction in enumerate(directions)}
-    up, down = peak_to_peak["up"], peak_to_peak["down"]
-    both_finished = finished[:, directions.index("up")] & finished[:, directions.index("down")]
-    has_two_motions = both_finished & ~_nearly_equal(up, down)
-    data["two_motions_probability"] = (grid_dim,), _fraction(has_two_motions, both_finished)
-    if "seeded" in peak_to_peak:
-        low, high = np.minimum(up, down), np.maximum(up, down)
-        masks = _classify_motions(peak_to_peak["seeded"], low, high, has_two_motions)
-        all_finished = both_finished & finished[:, directions.index("seeded")]
-        probabilities = np.array([_fraction(mask, all_finished) for mask in masks])
-        data["motion_probability"] = ("motion", grid_dim), probabilities
-    return data
 
 
 def _classify_motions(peak_to_peak, low, high, has_two_motions) -> tuple:
     """Return masks of the runs that settled on the only, lower, higher or another motion.
 
-    `peak_to_peak` is the peak-to-peak displacement of each run; `low` and `high` are the smaller
-    and the larger one of both sweeps; the mask `has_two_motions` is true where these differ.
+    `low` and `high` are the smaller and the larger peak-to-peak displacement of both sweeps.
     """
     on_low, on_high = _nearly_equal(peak_to_peak, low), _nearly_equal(peak_to_peak, high)
     # A run within the tolerance of both motions counts for the nearer one.
@@ -429,7 +390,7 @@ def _classify_motions(peak_to_peak, low, high, has_two_motions) -> tuple:
 
 
 def _nearly_equal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a mask that is true where peak-to-peak displacements a and b are equal within 2 %."""
+    """Return a mask of equal peak-to-peak displacements, within a tolerance."""
     with np.errstate(invalid="ignore"):
         return np.abs(a - b) <= _EQUAL_MOTION_TOLERANCE * np.maximum(a, b)
 
