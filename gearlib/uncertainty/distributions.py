@@ -83,9 +83,10 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) 
             else:
                 tolerance = tolerated.complete_scatter(key, tolerance, value_of(name))
                 centre, low, high = tolerated.centre_and_limits(tolerance)
-                marginal = Marginal(stats.uniform(low, high - low), centre, (low, high))
                 if "std" in tolerance:
                     marginal = Marginal(stats.norm(centre, tolerance["std"]), centre)
+                else:
+                    marginal = Marginal(stats.uniform(low, high - low), centre, (low, high))
             values = marginal.centre, *marginal.limits
             tolerated.check_range(key, tolerance, allowed_parameters[name], values)
             marginals[name] = marginal
