@@ -190,21 +190,18 @@ class Mesh:
             allowed += parameters.unit_hint(self.backlash, example, self.base_pitch)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
-        backlash, module = self._geometric_backlash(), self.pinion.module
+        # Pitch minus tooth thicknesses on the working circles, along the normal.
+        cosine, module = math.cos(self.working_pressure_angle), self.pinion.module
+        gears = (self.pinion, self.wheel)
+        thicknesses = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
+        backlash = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - thicknesses
+        backlash = backlash * cosine * math.cos(self.pinion.base_helix_angle)
         if -_MAX_ROUNDED_BACKLASH * module <= backlash < 1e-12 * module:
             backlash = 0.0
         allowed = ">= 0; shifts, allowances of the tooth thickness and centre_distance leave"
         allowed += " too little room"
         backlash = checks.number("backlash", backlash, allowed, lambda v: 0 <= v < math.inf)
         self._set_field("backlash", backlash)
-
-    def _geometric_backlash(self) -> float:
-        """Return the normal backlash from pitch and tooth thicknesses on the working circles, m."""
-        cosine = math.cos(self.working_pressure_angle)
-        gears = (self.pinion, self.wheel)
-        thicknesses = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
-        backlash = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - thicknesses
-        return backlash * cosine * math.cos(self.pinion.base_helix_angle)
 
     @property
     def width(self) -> float:

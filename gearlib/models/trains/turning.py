@@ -201,7 +201,7 @@ class _ToothPositions:
             for (body, other), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
                 if body in self.positions and other not in self.positions:
                     revolutions = self.positions[body] / (self.bodies[body].teeth or 1)
-                    revolutions += sign * _keying_revolutions(shaft)
+                    revolutions += sign * ((shaft.keying or 0.0) / math.tau)
                     self.positions[other] = revolutions * (self.bodies[other].teeth or 1)
                     return True
         return False
@@ -215,7 +215,8 @@ class _ToothPositions:
         contact, side = _contact_position(mesh, name, self.bodies), _drive_side_sign(mesh, name)
         position = contact - math.copysign(1.0, self.speed[name]) * periods
         if name in self.positions:
-            return abs(_difference_to_integer(self.positions[name] - position))
+            misfit = self.positions[name] - position
+            return abs(misfit - round(misfit))
         # Take the tooth nearest to the line of centres. Half-way between two teeth, take that on
         # the side of its drive-side flank, so that a mirror image of the train has the same tooth.
         pitches = side * (position - contact) - _thickness(mesh, name) / 2.0
@@ -232,19 +233,14 @@ def _check_keying(shaft: Shaft, bodies: dict[str, Body], positions: dict[str, fl
     first, second = (positions[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
     # Any two teeth may be in line, so that keying angles are equal modulo 2 pi / count.
     count = math.lcm(*teeth)
-    misfit = abs(_difference_to_integer(count * (second - first - _keying_revolutions(shaft))))
-    if misfit > count * _POSITION_TOLERANCE / max(teeth):
+    misfit = count * (second - first - (shaft.keying or 0.0) / math.tau)
+    if abs(misfit - round(misfit)) > count * _POSITION_TOLERANCE / max(teeth):
         required = math.tau / count * ((count * (second - first)) % 1.0)
         raise ValueError(
             f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: around "
             f"the loops of meshes it must be {required:.9g}, or a whole multiple of 2 pi / {count} "
             "from there"
         )
-
-
-def _keying_revolutions(shaft: Shaft) -> float:
-    """Return the keying angle between the teeth of both gears of a shaft in revolutions."""
-    return (shaft.keying or 0.0) / math.tau
 
 
 def _drive_side_sign(mesh: Mesh, name: str) -> int:
@@ -268,11 +264,6 @@ def _contact_position(mesh: Mesh, name: str, bodies: dict) -> float:
     angle = mesh.centre_line_angle + (0.0 if along_centres else math.pi)
     pitches = bodies[name].teeth * angle / math.tau
     return pitches - _drive_side_sign(mesh, name) * _thickness(mesh, name) / 2.0
-
-
-def _difference_to_integer(value: float) -> float:
-    """Return the difference of a value to the nearest integer, in [-1/2, 1/2]."""
-    return value - round(value)
 
 
 def _rounded_phase(phase: float) -> float:
