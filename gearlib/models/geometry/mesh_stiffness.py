@@ -124,7 +124,12 @@ class Tooth:
         """
         rolling_radius = self.gear.reference_diameter / 2.0
         helix_cosine = math.cos(self.gear.helix_angle)
-        depth, side, tip_radius = self._rack_tip
+        gear, tip_radius, angle = self.gear, self.gear.fillet_radius, self.gear.pressure_angle
+        datum_depth = gear.rack.dedendum * gear.module - tip_radius  # below the datum line
+        depth = datum_depth - gear.shift * gear.module
+        side = math.pi / 4.0 * gear.module
+        side = side + datum_depth * math.tan(angle) + tip_radius / math.cos(angle)
+        side = (side + gear.thickness_allowance / 2.0) / helix_cosine
         sine, cosine = np.sin(gamma), np.cos(gamma)
         norm = np.hypot(cosine / helix_cosine, sine)
         # The distance from the contact to the pitch point along the normal.
@@ -140,22 +145,6 @@ class Tooth:
         y_slope = y_slope - distance_slope * np.sin(gamma - rotation)
         y_slope -= distance * np.cos(gamma - rotation) * (1.0 - rotation_slope)
         return x, y, y_slope
-
-    @property
-    def _rack_tip(self) -> tuple[float, float, float]:
-        """Rounded tip of the rack in the transverse section: (depth, side, radius) in m.
-
-        Its centre lies at this depth below the rolling line and at the distance `side` from the
-        centre line of the tooth.
-        """
-        gear = self.gear
-        radius, angle = gear.fillet_radius, gear.pressure_angle
-        datum_depth = gear.rack.dedendum * gear.module - radius  # below the datum line of the rack
-        side = math.pi / 4.0 * gear.module
-        side = side + datum_depth * math.tan(angle) + radius / math.cos(angle)
-        side += gear.thickness_allowance / 2.0
-        depth = datum_depth - gear.shift * gear.module
-        return depth, side / math.cos(gear.helix_angle), radius
 
     def compliance(self, phi: ArrayLike) -> np.ndarray:
         """Return the compliance of the tooth in bending, shear and compression, m/N.

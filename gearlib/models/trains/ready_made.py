@@ -95,10 +95,7 @@ class _GearSet:
         ]
 
     def body(self, i: int, name: str, force: float = 0.0, **fields: Any) -> Body:
-        """Return gear i as a `Body` with a tangential force in N at its base circle.
-
-        `fields` are further fields of the body, such as its offset.
-        """
+        """Return gear i as a `Body` with a tangential force in N at its base circle."""
         return Body(
             name=name,
             teeth=self.teeth[i],
@@ -112,10 +109,7 @@ class _GearSet:
         )
 
     def mesh(self, pinion: str, wheel: str, **fields: Any) -> Mesh:
-        """Return the `Mesh` of two bodies with the stiffness, damping and backlash of the pair.
-
-        `fields` are further fields of the mesh, such as its position.
-        """
+        """Return the `Mesh` of two bodies with the stiffness, damping and backlash of the pair."""
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
         names += ("material_damping", "backlash_damping")
         values = {name: getattr(self.pair, name) for name in names}
