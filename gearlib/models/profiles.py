@@ -261,10 +261,7 @@ class Tabulated(Profile):
 
 
 def _check_table(profile: Any, min_length: int) -> None:
-    """Raise ValueError unless a `Steps` or `Tabulated` has increasing phases with a stiffness each.
-
-    There must be at least `min_length` phases, in [0, 2 pi).
-    """
+    """Raise ValueError unless >= `min_length` phases rise in [0, 2 pi) with a stiffness each."""
     parameters.check(profile)
     phase, stiffness = profile.phase, profile.stiffness
     if len(phase) != len(stiffness) or len(phase) < min_length:
@@ -284,10 +281,7 @@ def _sum_of_harmonics(harmonics: np.ndarray, phases: Any) -> np.ndarray:
 
 
 def _harmonic_pieces(mean: float, harmonics: np.ndarray) -> Pieces:
-    """Return `Pieces` of a mean plus harmonics, with breaks where the sum crosses the mean.
-
-    The harmonics, shape (n, 3), are rows (order, cosine, sine).
-    """
+    """Return `Pieces` of a mean plus harmonics, (n, 3), with breaks where they cross the mean."""
     # Imported here, since loading it takes 0.3 s and only these profiles need it.
     from scipy.optimize import brentq
 

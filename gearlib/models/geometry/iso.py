@@ -247,10 +247,7 @@ def dynamic_factor(
 
 
 def _coefficients(contact_ratio: float) -> tuple[float, ...]:
-    """Return the coefficients C_v1 ... C_v7 of the dynamic factor for a total contact ratio.
-
-    They are those of ISO 6336-1, method B.
-    """
+    """Return C_v1 ... C_v7 of ISO 6336-1, method B, for a total contact ratio."""
     c_v7 = 1.0
     if contact_ratio <= 2.5:
         c_v7 = 0.125 * math.sin(math.pi * (max(contact_ratio, 1.5) - 2.0)) + 0.875
@@ -262,10 +259,7 @@ def _coefficients(contact_ratio: float) -> tuple[float, ...]:
 
 
 def _deviation(name: str, value: float | None, gears: "tuple[SpurGear, SpurGear]") -> float:
-    """Return the checked deviation `value` in m; None means the larger tolerance of both gears.
-
-    `name`, "pitch_deviation" or "form_deviation", is the property of a gear with its tolerance.
-    """
+    """Return the checked deviation `value` in m; None means the larger tolerance of both gears."""
     if value is not None:
         return checks.finite_nonnegative(name, value)
     return max(getattr(gear, name) for gear in gears)

@@ -207,10 +207,7 @@ class PairCompliance:
     """
 
     def __init__(self, mesh: "Mesh", hertz: str = "constant") -> None:
-        """Prepare a tooth of both gears of a mesh, and check the bores of the gears.
-
-        `hertz` is "constant" or "logarithmic", the dependence of the Hertz contact on the load.
-        """
+        """Prepare a tooth of both gears of a mesh, and check the bores of the gears."""
         self.mesh, self.hertz = mesh, checks.one_of("hertz", hertz, ("constant", "logarithmic"))
         self._teeth = [Tooth(gear, mesh.width) for gear in (mesh.pinion, mesh.wheel)]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
@@ -413,10 +410,7 @@ def _energy_curve(mesh, fewer_pairs, segment, samples, options):
 
 
 def _stiffness_of_table(method: str, table: Tabulated) -> MeshStiffness:
-    """Return the mesh stiffness with a table as profile and with its equivalent rectangle.
-
-    `method` names the source of the table, "energy" or "table".
-    """
+    """Return the mesh stiffness with a table as profile and with its equivalent rectangle."""
     max_stiffness, kappa, epsilon = table.ratios()
     if 1.0 - kappa < 1e-12:
         # At an integer overlap ratio the stiffness is constant, kappa = 1, with any epsilon.
