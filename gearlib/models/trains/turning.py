@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from gearlib import checks
-from gearlib.models.trains.elements import Body, Mesh, Shaft
+from gearlib.models.trains.elements import Mesh
 
 #: Largest misfit of teeth in pitches: positions are angles, often rounded to few digits.
 _POSITION_TOLERANCE = 1e-6
@@ -157,8 +157,22 @@ def phases(bodies, meshes, shafts, reference, speed) -> dict:
                 next(mesh for mesh in meshes_by_teeth if mesh.name not in teeth.phases)
             )
     for shaft in shafts:
-        if shaft.keying is not None and set(shaft.bodies) <= set(teeth.positions):
-            _check_keying(shaft, bodies, teeth.positions)
+        if shaft.keying is None or not set(shaft.bodies) <= set(teeth.positions):
+            continue
+        tooth_counts = [bodies[name].teeth or 1 for name in shaft.bodies]
+        first, second = (
+            teeth.positions[name] / z for name, z in zip(shaft.bodies, tooth_counts, strict=True)
+        )
+        # Any two teeth may be in line, so that keying angles are equal modulo 2 pi / count.
+        count = math.lcm(*tooth_counts)
+        misfit = count * (second - first - shaft.keying / math.tau)
+        if abs(misfit - round(misfit)) > count * _POSITION_TOLERANCE / max(tooth_counts):
+            required = math.tau / count * ((count * (second - first)) % 1.0)
+            raise ValueError(
+                f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: "
+                f"around the loops of meshes it must be {required:.9g}, or a whole multiple of "
+                f"2 pi / {count} from there"
+            )
     given_phases = {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
     phase_of = teeth.phases | given_phases
     return {mesh.name: _rounded_phase(phase_of[mesh.name]) for mesh in meshes}
@@ -222,25 +236,6 @@ class _ToothPositions:
         pitches = side * (position - contact) - _thickness(mesh, name) / 2.0
         self.positions[name] = position - side * math.ceil(pitches - 0.5 - _POSITION_TOLERANCE)
         return 0.0
-
-
-def _check_keying(shaft: Shaft, bodies: dict[str, Body], positions: dict[str, float]) -> None:
-    """Raise ValueError if the keying of a shaft contradicts the loops of meshes.
-
-    `positions` maps a gear to the tooth pitches from angle 0 to the middle of a tooth.
-    """
-    teeth = [bodies[name].teeth or 1 for name in shaft.bodies]
-    first, second = (positions[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
-    # Any two teeth may be in line, so that keying angles are equal modulo 2 pi / count.
-    count = math.lcm(*teeth)
-    misfit = count * (second - first - (shaft.keying or 0.0) / math.tau)
-    if abs(misfit - round(misfit)) > count * _POSITION_TOLERANCE / max(teeth):
-        required = math.tau / count * ((count * (second - first)) % 1.0)
-        raise ValueError(
-            f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: around "
-            f"the loops of meshes it must be {required:.9g}, or a whole multiple of 2 pi / {count} "
-            "from there"
-        )
 
 
 def _drive_side_sign(mesh: Mesh, name: str) -> int:
