@@ -22,8 +22,6 @@ _PROFILES = {
     profile.__name__.lower(): profile
     for profile in (profiles.Rectangular, profiles.Fourier, profiles.Tabulated)
 }
-#: Kinds of trains whose meshes all have the values of one `GearPair`.
-_TRAINS_OF_PAIRS = ("split_power_reducer", "idler", "two_stage")
 
 
 def model_from_json(text: str) -> Model | None:
@@ -76,7 +74,7 @@ def train_from_description(kind: str, arguments: dict, pair: dict | None) -> Gea
     or class of that kind, with gears, bodies, meshes and shafts as dicts; `pair` holds the
     arguments of the `GearPair` that some kinds need, or None.
     """
-    if kind in _TRAINS_OF_PAIRS:
+    if kind in ("split_power_reducer", "idler", "two_stage"):
         return getattr(ready_made, kind)(GearPair(**pair), **arguments)
     if kind == "planetary":
         return planetary.planetary(**arguments)

@@ -21,17 +21,8 @@ import numpy as np
 
 from gearlib import checks
 from gearlib.engines.taylor.teeth import ToothPairSystem
+from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.gear import PathTable
-from gearlib.models.geometry.load_sharing import (
-    MIN_INTERVALS_PER_PITCH,
-    SAME_POSITION_TOLERANCE,
-    ToothPairs,
-    checked_errors,
-    corner_contact_lengths,
-    face_slices,
-    pairs_at,
-    tooth_pairs,
-)
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.mesh_stiffness import PairCompliance
 from gearlib.models.harmonics import Harmonics
@@ -104,7 +95,7 @@ class LoadSharingPair(WithPair):
     def __post_init__(self) -> None:
         """Check the parameters, set the pitch errors, and check the options of tooth pairs."""
         super().__post_init__()
-        errors = tuple(checked_errors(self.drawing, self.pitch_errors).tolist())
+        errors = tuple(load_sharing.checked_errors(self.drawing, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
         self._pairs(np.zeros(1))  # raises ValueError if stiffness or coupling is not allowed
 
@@ -156,7 +147,7 @@ class LoadSharingPair(WithPair):
                 f"pitch_errors = {self.pitch_errors!r} is not allowed: it must have one value, "
                 "where one mesh period stands for all"
             )
-        pairs = tooth_pairs(self.drawing, phases, **self._options)
+        pairs = load_sharing.tooth_pairs(self.drawing, phases, **self._options)
         # Transmission errors x of both loads, in m, one for each phase.
         unloaded, loaded = pairs.forces_under_loads([0.0, self.load]).displacement
         phase = math.tau * np.arange(phases) / phases
@@ -172,9 +163,9 @@ class LoadSharingPair(WithPair):
         names = ("stiffness", "coupling", "deviation", "pitch_errors", "load")
         return {name: getattr(self, name) for name in names} | {"corners": self.corner_contact}
 
-    def _pairs(self, pitches: np.ndarray, *selection: np.ndarray) -> ToothPairs:
+    def _pairs(self, pitches: np.ndarray, *selection: np.ndarray) -> load_sharing.ToothPairs:
         """Return the pairs of teeth in mesh; the arguments are those of `pairs_at`."""
-        return pairs_at(self.drawing, pitches, *selection, **self._options)
+        return load_sharing.pairs_at(self.drawing, pitches, *selection, **self._options)
 
     def tooth_forces(self, phase: Any, displacement: Any) -> np.ndarray:
         """Return the forces of the pairs of teeth on the drive side.
@@ -203,16 +194,16 @@ class LoadSharingPair(WithPair):
     @cached_property
     def _corner_lengths(self) -> Any:
         """Lengths of corner contact before and after the path of contact in base pitches."""
-        return corner_contact_lengths(
+        return load_sharing.corner_contact_lengths(
             self.drawing, self.corner_contact, self.load, self.pitch_errors
         )
 
     def _breakpoints(self) -> np.ndarray:
         """Return phases in [0, 1) base pitches between which gaps and compliances are linear."""
         mesh = self.drawing
-        count = face_slices(mesh, self.repeats).intervals_per_pitch
+        count = load_sharing.face_slices(mesh, self.repeats).intervals_per_pitch
         if count:  # The gears are helical.
-            count *= math.ceil(self.phases / MIN_INTERVALS_PER_PITCH)
+            count *= math.ceil(self.phases / load_sharing.MIN_INTERVALS_PER_PITCH)
             return (self._phase_offset + np.arange(count) / count) % 1.0
         start, end = mesh.path
         kinks = [start, end]  # positions on the path of contact, m
@@ -239,7 +230,7 @@ class LoadSharingPair(WithPair):
 
     def _pair_numbers(self, pitches: np.ndarray) -> np.ndarray:
         """Return the number of the last pair of teeth in mesh at phases in base pitches."""
-        half_overlap = face_slices(self.drawing, self.repeats).half_overlap
+        half_overlap = load_sharing.face_slices(self.drawing, self.repeats).half_overlap
         return np.floor(pitches + self._corner_lengths[0] + half_overlap)
 
     @cached_property
@@ -252,9 +243,9 @@ class LoadSharingPair(WithPair):
         """
         repeats, offset = self.repeats, self._phase_offset
         pitches = np.sort((np.arange(repeats)[:, None] + self._breakpoints()).ravel())
-        pitches = pitches[np.diff(pitches, prepend=-1.0) > SAME_POSITION_TOLERANCE]
-        pitches = pitches[pitches < repeats - SAME_POSITION_TOLERANCE]
-        first = int(np.searchsorted(pitches, offset - SAME_POSITION_TOLERANCE))
+        pitches = pitches[np.diff(pitches, prepend=-1.0) > load_sharing.SAME_POSITION_TOLERANCE]
+        pitches = pitches[pitches < repeats - load_sharing.SAME_POSITION_TOLERANCE]
+        first = int(np.searchsorted(pitches, offset - load_sharing.SAME_POSITION_TOLERANCE))
         pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + offset]])
         left, right = pitches[:-1], pitches[1:]
         midpoints = (left + right) / 2.0
@@ -286,7 +277,9 @@ class LoadSharingPair(WithPair):
         )
         return system, max(left_forces[..., 0].max(), right_forces[..., 0].max())
 
-    def _segments(self, left, midpoints, right) -> tuple[np.ndarray, np.ndarray, list[ToothPairs]]:
+    def _segments(
+        self, left, midpoints, right
+    ) -> tuple[np.ndarray, np.ndarray, list[load_sharing.ToothPairs]]:
         """Return the k pairs of teeth in mesh in p segments as (can_touch, on_path, ends).
 
         The segments are given by their ends and midpoints in base pitches, (p,) each. `can_touch`,

@@ -303,17 +303,10 @@ class TwoGears(GearTrain):
 
     The line of action lies along x: the bearings y of the pair are the supports along x, its
     bearings z those along y. The scales are those of the pair, whatever its torques.
-
-    Parameters
-    ----------
-    gears : SixDegreePair
-        The pair.
-    arithmetic : Arithmetic, optional
-        Arithmetic of the run-out phases, by default floats.
     """
 
-    gears: Any
-    arithmetic: Arithmetic = FLOAT_ARITHMETIC
+    gears: Any  #: the `SixDegreePair`
+    arithmetic: Arithmetic = FLOAT_ARITHMETIC  #: arithmetic of the run-out phases
     bodies: tuple = ()
     meshes: tuple = ()
 

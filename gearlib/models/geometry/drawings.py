@@ -155,10 +155,7 @@ def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
 
 
 def _check_planet_spacing(sun_mesh: Mesh, count: int, angles: Sequence[float]) -> None:
-    """Raise ValueError if the tip circles of neighbouring planets overlap.
-
-    The planets are the wheel of `sun_mesh`; `angles` are their `count` positions in rad.
-    """
+    """Raise ValueError if the tip circles of `count` planets at angles in rad overlap."""
     sorted_angles = sorted(angle % math.tau for angle in angles)
     next_angles = [*sorted_angles[1:], sorted_angles[0] + math.tau]
     spacings = [

@@ -263,11 +263,7 @@ class SpurGear:
         object.__setattr__(self, name, value)
 
     def _set_tip_and_check_teeth(self) -> None:
-        """Set the default tip diameter; raise ValueError if the teeth or their data are impossible.
-
-        Impossible are undercut teeth, pointed tips, a wrong number of pitch errors and a tip relief
-        of more than half the tip thickness.
-        """
+        """Set the default tip diameter; raise ValueError if the teeth are impossible."""
         rack, root, base = self.rack, self.root_diameter, self.base_diameter
         max_dedendum = math.pi / 4.0 / math.tan(self.pressure_angle)
         allowed = f"<= {max_dedendum:.4g} at this pressure angle, where its own tips are pointed"

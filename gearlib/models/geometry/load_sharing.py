@@ -94,19 +94,19 @@ class ToothPairs:
     def forces_under_loads(self, loads: ArrayLike) -> LoadSharing:
         """Return the equilibrium of all pairs at each phase under n loads >= 0 in N, shape (n,)."""
         loads = np.asarray(loads, float)[:, None]
-
-        def displacements(phase_indices, stiffness, offset):
-            return (loads + offset.sum(-1)) / stiffness.sum(-1)
-
-        return self._solve_contact(displacements, load_count=len(loads), min_touching_pairs=1)
+        return self._solve_contact(
+            lambda _, stiffness, offset: (loads + offset.sum(-1)) / stiffness.sum(-1),
+            load_count=len(loads),
+            min_touching_pairs=1,
+        )
 
     def forces_at_displacement(self, displacement: np.ndarray) -> LoadSharing:
         """Return the forces at a displacement in m for each phase, shape (m,), as for one load."""
-
-        def displacements(phase_indices, stiffness, offset):
-            return displacement[None, phase_indices]
-
-        return self._solve_contact(displacements, load_count=1, min_touching_pairs=0)
+        return self._solve_contact(
+            lambda phase_indices, *_: displacement[None, phase_indices],
+            load_count=1,
+            min_touching_pairs=0,
+        )
 
     def _solve_contact(self, displacements, load_count, min_touching_pairs) -> LoadSharing:
         """Return the forces of all pairs at each phase that satisfy the contact conditions.

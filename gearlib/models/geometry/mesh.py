@@ -61,12 +61,12 @@ class Mesh:
         self._check_gears()
         lower = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
         if self.centre_distance is None:
-            self._set_field("centre_distance", lower / math.cos(self._nominal_angle()))
+            object.__setattr__(self, "centre_distance", lower / math.cos(self._nominal_angle()))
         allowed = f"finite and > {lower:.6g} m, where the base circles would have no line of action"
         distance = checks.number(
             "centre_distance", self.centre_distance, allowed, lambda v: lower < v < math.inf
         )
-        self._set_field("centre_distance", distance)
+        object.__setattr__(self, "centre_distance", distance)
         self._check_interference()
         if self.contact_ratio < 1.0:
             raise ValueError(
@@ -83,17 +83,11 @@ class Mesh:
             checks.require(valid, field, relief and relief.length, allowed)
         self._set_backlash()
 
-    def _set_field(self, name: str, value: float) -> None:
-        object.__setattr__(self, name, value)
-
     def _signed_sum(self, pinion_value: float, wheel_value: float) -> float:
         return pinion_value + self.wheel.sign * wheel_value
 
     def _check_gears(self) -> None:
-        """Raise ValueError unless module, pressure and helix angle of both gears are equal.
-
-        The pinion must be external, and a ring gear must have more teeth than the pinion.
-        """
+        """Raise ValueError unless module and angles agree and only the larger gear is internal."""
         pinion, wheel = self.pinion, self.wheel
         allowed = "False; the ring gear is the wheel"
         checks.require(not pinion.internal, "internal of the pinion", True, allowed)
@@ -190,21 +184,18 @@ class Mesh:
             allowed += parameters.unit_hint(self.backlash, example, self.base_pitch)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
-        backlash, module = self._geometric_backlash(), self.pinion.module
+        # Pitch minus tooth thicknesses on the working circles, along the normal.
+        cosine, module = math.cos(self.working_pressure_angle), self.pinion.module
+        gears = (self.pinion, self.wheel)
+        thicknesses = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
+        backlash = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - thicknesses
+        backlash = backlash * cosine * math.cos(self.pinion.base_helix_angle)
         if -_MAX_ROUNDED_BACKLASH * module <= backlash < 1e-12 * module:
             backlash = 0.0
         allowed = ">= 0; shifts, allowances of the tooth thickness and centre_distance leave"
         allowed += " too little room"
         backlash = checks.number("backlash", backlash, allowed, lambda v: 0 <= v < math.inf)
-        self._set_field("backlash", backlash)
-
-    def _geometric_backlash(self) -> float:
-        """Return the normal backlash from pitch and tooth thicknesses on the working circles, m."""
-        cosine = math.cos(self.working_pressure_angle)
-        gears = (self.pinion, self.wheel)
-        thicknesses = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
-        backlash = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - thicknesses
-        return backlash * cosine * math.cos(self.pinion.base_helix_angle)
+        object.__setattr__(self, "backlash", backlash)
 
     @property
     def width(self) -> float:

@@ -97,7 +97,12 @@ class Tooth:
         # Half the angle of the tooth at the base circle, ISO 21771.
         self.base_half_angle = gear.tooth_thickness / gear.reference_diameter + self.sign * angle
         self.form_phi = gear.form_roll_length / self.base_radius
-        self._fillet = self._trochoid() if not gear.internal else None
+        self._fillet: Any = None  # x, y and quadrature weights of integrals over y, in m
+        if not gear.internal:
+            start = gear.transverse_pressure_angle
+            half_range = (math.pi / 2.0 - start) / 2.0
+            x, y, y_slope = self.fillet(start + half_range * (1.0 + _NODES))
+            self._fillet = x, y, np.abs(y_slope) * half_range * _WEIGHTS
 
     def flank(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return x, y in m and the angle b of the force in rad at points of the flank.
@@ -119,7 +124,12 @@ class Tooth:
         """
         rolling_radius = self.gear.reference_diameter / 2.0
         helix_cosine = math.cos(self.gear.helix_angle)
-        depth, side, tip_radius = self._rack_tip
+        gear, tip_radius, angle = self.gear, self.gear.fillet_radius, self.gear.pressure_angle
+        datum_depth = gear.rack.dedendum * gear.module - tip_radius  # below the datum line
+        depth = datum_depth - gear.shift * gear.module
+        side = math.pi / 4.0 * gear.module
+        side = side + datum_depth * math.tan(angle) + tip_radius / math.cos(angle)
+        side = (side + gear.thickness_allowance / 2.0) / helix_cosine
         sine, cosine = np.sin(gamma), np.cos(gamma)
         norm = np.hypot(cosine / helix_cosine, sine)
         # The distance from the contact to the pitch point along the normal.
@@ -135,29 +145,6 @@ class Tooth:
         y_slope = y_slope - distance_slope * np.sin(gamma - rotation)
         y_slope -= distance * np.cos(gamma - rotation) * (1.0 - rotation_slope)
         return x, y, y_slope
-
-    @property
-    def _rack_tip(self) -> tuple[float, float, float]:
-        """Rounded tip of the rack in the transverse section: (depth, side, radius) in m.
-
-        Its centre lies at this depth below the rolling line and at the distance `side` from the
-        centre line of the tooth.
-        """
-        gear = self.gear
-        radius, angle = gear.fillet_radius, gear.pressure_angle
-        datum_depth = gear.rack.dedendum * gear.module - radius  # below the datum line of the rack
-        side = math.pi / 4.0 * gear.module
-        side = side + datum_depth * math.tan(angle) + radius / math.cos(angle)
-        side += gear.thickness_allowance / 2.0
-        depth = datum_depth - gear.shift * gear.module
-        return depth, side / math.cos(gear.helix_angle), radius
-
-    def _trochoid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return x, y and quadrature weights of integrals over y at points of the fillet, in m."""
-        start, end = self.gear.transverse_pressure_angle, math.pi / 2.0
-        half_range = (end - start) / 2.0
-        x, y, y_slope = self.fillet(start + half_range * (1.0 + _NODES))
-        return x, y, np.abs(y_slope) * half_range * _WEIGHTS
 
     def compliance(self, phi: ArrayLike) -> np.ndarray:
         """Return the compliance of the tooth in bending, shear and compression, m/N.
@@ -196,27 +183,21 @@ class Tooth:
         if self._fillet is None:
             return np.zeros(phi.shape)
         b = phi - self.base_half_angle
-        theta, h = self.body_shape
-        if h is None:
+        x, y, _ = self.fillet(math.pi / 2.0)
+        # Half the angle of the tooth at its root, and the root over the bore radius.
+        theta, bore_radius = float(np.arctan2(x, y)), self.gear.bore / 2.0
+        if not bore_radius:
             poisson = self.gear.material.poisson
             L, M, P = 16.67 / math.pi, 2.0 * (1.0 - poisson), 1.534
             Q = 1.0 / (2.4 * (1.0 + poisson))
         else:
+            h = min(self.root_radius / bore_radius, MAX_ROOT_RATIO)
             powers = np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
             L, M, P, Q = _BODY_COEFFICIENTS @ powers
         # Height above the root circle where the force meets the centre line, over the root width.
         u = (self.base_radius / np.cos(b) - self.root_radius) / (2.0 * self.root_radius * theta)
         shape_factor = L * u**2 + M * u + P * (1.0 + Q * np.tan(b) ** 2)
         return np.cos(b) ** 2 * shape_factor / (self.gear.material.young * self.width)
-
-    @property
-    def body_shape(self) -> tuple[float, float | None]:
-        """Half the angle of a tooth at its root, rad, and r_root / r_bore, None without bore."""
-        x, y, _ = self.fillet(math.pi / 2.0)
-        half_angle, bore_radius = float(np.arctan2(x, y)), self.gear.bore / 2.0
-        if not bore_radius:
-            return half_angle, None
-        return half_angle, min(self.root_radius / bore_radius, MAX_ROOT_RATIO)
 
 
 class PairCompliance:
@@ -226,10 +207,7 @@ class PairCompliance:
     """
 
     def __init__(self, mesh: "Mesh", hertz: str = "constant") -> None:
-        """Prepare a tooth of both gears of a mesh, and check the bores of the gears.
-
-        `hertz` is "constant" or "logarithmic", the dependence of the Hertz contact on the load.
-        """
+        """Prepare a tooth of both gears of a mesh, and check the bores of the gears."""
         self.mesh, self.hertz = mesh, checks.one_of("hertz", hertz, ("constant", "logarithmic"))
         self._teeth = [Tooth(gear, mesh.width) for gear in (mesh.pinion, mesh.wheel)]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
@@ -240,7 +218,7 @@ class PairCompliance:
                     f"holds for at most {max_bore:.6g} m, root over {MIN_ROOT_RATIO}"
                 )
 
-    def _teeth_with_phi(self, position: np.ndarray) -> list[tuple[Tooth, np.ndarray]]:
+    def teeth_with_phi(self, position: np.ndarray) -> list[tuple[Tooth, np.ndarray]]:
         """Return both teeth that touch at positions in m, each with phi of its flank there.
 
         Phi is the radius of curvature over the base radius.
@@ -249,15 +227,10 @@ class PairCompliance:
         pairs = zip(self._teeth, curvature_radii, strict=True)
         return [(tooth, radius / tooth.base_radius) for tooth, radius in pairs]
 
-    def tooth_compliance(self, position: np.ndarray) -> np.ndarray:
-        """Return the compliance of both teeth without bodies at positions on the path, m/N."""
-        pinion, wheel = (tooth.compliance(phi) for tooth, phi in self._teeth_with_phi(position))
-        return pinion + wheel
-
     def body_compliances(self, position: np.ndarray) -> np.ndarray:
         """Return the compliances of both gear bodies at positions on the path, (2, ...), m/N."""
         return np.array(
-            [tooth.body_compliance(phi) for tooth, phi in self._teeth_with_phi(position)]
+            [tooth.body_compliance(phi) for tooth, phi in self.teeth_with_phi(position)]
         )
 
     def contact_compliance(self, position: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -270,7 +243,7 @@ class PairCompliance:
         compliances = [(1.0 - material.poisson**2) / material.young for material in materials]
         if self.hertz == "constant":
             return np.full(np.shape(position), 2.0 * sum(compliances) / (math.pi * width))
-        teeth_with_phi = self._teeth_with_phi(position)
+        teeth_with_phi = self.teeth_with_phi(position)
         pinion_radius, wheel_radius = [phi * tooth.base_radius for tooth, phi in teeth_with_phi]
         # The flank of a ring gear is concave, with sign -1.
         curvature = 1.0 / pinion_radius + self.mesh.wheel.sign / wheel_radius
@@ -294,7 +267,8 @@ def compliance_matrix(pair, positions, forces, coupling) -> np.ndarray:
     gear bodies that all pairs have in common: Q_kl of two pairs is `coupling` times the sum of
     sqrt(q_k q_l) over both gears, where q is the compliance of a body under the force of one pair.
     """
-    pair_compliance = pair.tooth_compliance(positions) + pair.contact_compliance(positions, forces)
+    pinion, wheel = (tooth.compliance(phi) for tooth, phi in pair.teeth_with_phi(positions))
+    pair_compliance = pinion + wheel + pair.contact_compliance(positions, forces)
     body_compliances = pair.body_compliances(positions)
     pair_compliance = pair_compliance + (1.0 - coupling) * body_compliances.sum(axis=0)
     root = np.sqrt(body_compliances)
@@ -436,10 +410,7 @@ def _energy_curve(mesh, fewer_pairs, segment, samples, options):
 
 
 def _stiffness_of_table(method: str, table: Tabulated) -> MeshStiffness:
-    """Return the mesh stiffness with a table as profile and with its equivalent rectangle.
-
-    `method` names the source of the table, "energy" or "table".
-    """
+    """Return the mesh stiffness with a table as profile and with its equivalent rectangle."""
     max_stiffness, kappa, epsilon = table.ratios()
     if 1.0 - kappa < 1e-12:
         # At an integer overlap ratio the stiffness is constant, kappa = 1, with any epsilon.

@@ -67,10 +67,7 @@ def transmission_error(
 
 
 def _contact_ratios(mesh, pairs, equilibrium, phases) -> list[float]:
-    """Return the effective contact ratio, the mean number of touching pairs, at each load.
-
-    `equilibrium` is that of the pairs, which have `phases` phases in each mesh period.
-    """
+    """Return the mean number of touching pairs at each load, with `phases` phases per period."""
     # Positive if a pair touches.
     overlap = np.where(pairs.can_touch, pairs.overlap(equilibrium), -math.inf)
     phase_count, pair_count = pairs.gap.shape

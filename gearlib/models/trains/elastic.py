@@ -63,18 +63,14 @@ def free_motions_and_modes(springs: Elements, masses: Elements) -> LinearModes:
     factor = factor[: free.shape[1]] * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None]
     free = solve_triangular(factor, free.T, trans="T").T
     shapes = root @ right
-    signs = _mode_signs(shapes)
+    # The first large entry of each shape is positive. If several components are largest, rounding
+    # errors would choose among them.
+    sizes = np.abs(shapes)
+    first = np.argmax(sizes >= 0.5 * sizes.max(axis=0, initial=0.0), axis=0)
+    signs = np.where(shapes[first, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
     strains = np.zeros((significant.size, rank))
     strains[significant] = left * signs
     return LinearModes(free, frequencies**2, shapes * signs, strains)
-
-
-def _mode_signs(shapes: np.ndarray) -> np.ndarray:
-    """Return signs, (p,), that make the first large entry of each mode shape, (n, p), positive."""
-    sizes = np.abs(shapes)
-    # If several components are largest, rounding errors would choose among them.
-    first = np.argmax(sizes >= 0.5 * sizes.max(axis=0, initial=0.0), axis=0)
-    return np.where(shapes[first, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
 
 
 def _without_negligible(elements, min_fraction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -145,26 +141,22 @@ def _balancing_powers(sizes: np.ndarray) -> np.ndarray:
 
 
 def _singular_values(matrix: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (ascending singular values, left vectors, right vectors) of a matrix of known rank."""
+    """Return (ascending singular values, left vectors, right vectors) of a matrix of known rank.
+
+    Jacobi rotations find small singular values as exactly as large ones, because the columns after
+    complete pivoting are far from parallel.
+    """
     left, pivots, right, _ = _complete_pivoting(matrix, rank)
     orthogonal, triangle, order = qr(left * pivots, mode="economic", pivoting=True)
-    values, right, left = _jacobi((triangle @ right[order]).T)
-    return values, orthogonal @ left, right
-
-
-def _jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (ascending singular values, left vectors, right vectors) of a matrix (m, n), m >= n.
-
-    Jacobi rotations find small singular values as exactly as large ones, if the columns of the
-    matrix are far from parallel.
-    """
-    if not matrix.size:
-        return np.empty(0), np.empty((len(matrix), 0)), np.empty((0, 0))
+    factor = (triangle @ right[order]).T
+    if not factor.size:
+        return np.empty(0), orthogonal @ np.empty((0, 0)), np.empty((len(factor), 0))
     # Compute both kinds of vectors, without restricted range, transposition or perturbation.
-    values, left, right, scale, _, info = dgejsv(
-        matrix, joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
+    values, right, left, scale, _, info = dgejsv(
+        factor, joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
     )
     if info != 0:
         raise np.linalg.LinAlgError("the singular values do not converge")
     ascending = slice(None, None, -1)
-    return values[ascending] * (scale[0] / scale[1]), left[:, ascending], right[:, ascending]
+    values = values[ascending] * (scale[0] / scale[1])
+    return values, orthogonal @ left[:, ascending], right[:, ascending]

@@ -9,7 +9,6 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from gearlib.data.variables import describe
-from gearlib.models.trains.elements import Mesh
 from gearlib.models.trains.structure import FLOAT_ARITHMETIC
 
 if TYPE_CHECKING:
@@ -21,7 +20,11 @@ _ROUNDING = 1e-12
 
 def layout(train: "GearTrain") -> xr.Dataset:
     """Return positions, radii and speeds of the gears as the dataset of `GearTrain.layout`."""
-    radii = {mesh.name: _pitch_radii(train, mesh) for mesh in train.meshes}
+    radii = {}  # name of a mesh -> working pitch radii of its gears, negative for a ring gear
+    for mesh in train.meshes:
+        gears = train.by_name[mesh.pinion], train.by_name[mesh.wheel]
+        pinion, wheel = (gear.base_radius / math.cos(mesh.pressure_angle) for gear in gears)
+        radii[mesh.name] = pinion, -wheel if mesh.internal else wheel
     joints = _joints(train, radii)
     axes = _axes(train, joints)
     # Loops of meshes and shafts give an axis several positions, which should be equal.
@@ -72,15 +75,6 @@ def _round_to_zero(values: ArrayLike, sizes: Iterable[float]) -> np.ndarray:
 def _vector(length: float, angle: float) -> np.ndarray:
     """Return the x and y components of a vector with a length and an angle in rad."""
     return length * np.array(FLOAT_ARITHMETIC.cos_sin(angle))
-
-
-def _pitch_radii(train: "GearTrain", mesh: Mesh) -> tuple[float, float]:
-    """Return the working pitch radii of pinion and wheel in m, negative for a ring gear."""
-    pinion, wheel = (
-        train.by_name[name].base_radius / math.cos(mesh.pressure_angle)
-        for name in (mesh.pinion, mesh.wheel)
-    )
-    return pinion, -wheel if mesh.internal else wheel
 
 
 def _joints(train: "GearTrain", radii: dict[str, tuple]) -> dict[str, list]:

@@ -16,7 +16,6 @@ All other numbers are choices:
 """
 
 import math
-from collections.abc import Sequence
 from typing import Annotated, Any
 
 from gearlib import checks, parameters
@@ -83,30 +82,20 @@ class _GearSet:
         self.pair = parameters.Instance((GearPair,)).check("pair", pair)
         self.support_stiffness, self.structural_damping = support
         self.pressure_angle, self.teeth = pressure_angle, [z for stage in stages for z in stage]
-        self.reduced_inertias = inertias or [
-            inertia for stage in stages for inertia in self._disc_inertias(stage)
-        ]
+        self.reduced_inertias = inertias or []
+        for stage in [] if inertias else stages:
+            # I / r^2 of discs; the first two gears have the reduced mass of the pair.
+            sum_of_squares = 1.0 / stage[0] ** 2 + 1.0 / stage[1] ** 2
+            inertia_per_tooth_squared = pair.reduced_mass * sum_of_squares
+            self.reduced_inertias += [inertia_per_tooth_squared * z**2 for z in stage]
         self.masses = masses or [2.0 * inertia for inertia in self.reduced_inertias]
         self.base_radii = [
             module * z / 2.0 * math.cos(pressure_angle)
             for module, z in zip(modules, self.teeth, strict=True)
         ]
 
-    def _disc_inertias(self, teeth: Sequence[int]) -> list[float]:
-        """Return I / r^2 of gears in proportion to the squares of their tooth numbers, in kg.
-
-        The first two gears have the reduced mass of the pair.
-        """
-        inertia_per_tooth_squared = self.pair.reduced_mass * (
-            1.0 / teeth[0] ** 2 + 1.0 / teeth[1] ** 2
-        )
-        return [inertia_per_tooth_squared * z**2 for z in teeth]
-
     def body(self, i: int, name: str, force: float = 0.0, **fields: Any) -> Body:
-        """Return gear i as a `Body` with a tangential force in N at its base circle.
-
-        `fields` are further fields of the body, such as its offset.
-        """
+        """Return gear i as a `Body` with a tangential force in N at its base circle."""
         return Body(
             name=name,
             teeth=self.teeth[i],
@@ -120,10 +109,7 @@ class _GearSet:
         )
 
     def mesh(self, pinion: str, wheel: str, **fields: Any) -> Mesh:
-        """Return the `Mesh` of two bodies with the stiffness, damping and backlash of the pair.
-
-        `fields` are further fields of the mesh, such as its position.
-        """
+        """Return the `Mesh` of two bodies with the stiffness, damping and backlash of the pair."""
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
         names += ("material_damping", "backlash_damping")
         values = {name: getattr(self.pair, name) for name in names}

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from gearlib import checks
-from gearlib.models.trains.elements import Body, Mesh, Shaft
+from gearlib.models.trains.elements import Mesh
 
 #: Largest misfit of teeth in pitches: positions are angles, often rounded to few digits.
 _POSITION_TOLERANCE = 1e-6
@@ -157,8 +157,22 @@ def phases(bodies, meshes, shafts, reference, speed) -> dict:
                 next(mesh for mesh in meshes_by_teeth if mesh.name not in teeth.phases)
             )
     for shaft in shafts:
-        if shaft.keying is not None and set(shaft.bodies) <= set(teeth.positions):
-            _check_keying(shaft, bodies, teeth.positions)
+        if shaft.keying is None or not set(shaft.bodies) <= set(teeth.positions):
+            continue
+        tooth_counts = [bodies[name].teeth or 1 for name in shaft.bodies]
+        first, second = (
+            teeth.positions[name] / z for name, z in zip(shaft.bodies, tooth_counts, strict=True)
+        )
+        # Any two teeth may be in line, so that keying angles are equal modulo 2 pi / count.
+        count = math.lcm(*tooth_counts)
+        misfit = count * (second - first - shaft.keying / math.tau)
+        if abs(misfit - round(misfit)) > count * _POSITION_TOLERANCE / max(tooth_counts):
+            required = math.tau / count * ((count * (second - first)) % 1.0)
+            raise ValueError(
+                f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: "
+                f"around the loops of meshes it must be {required:.9g}, or a whole multiple of "
+                f"2 pi / {count} from there"
+            )
     given_phases = {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
     phase_of = teeth.phases | given_phases
     return {mesh.name: _rounded_phase(phase_of[mesh.name]) for mesh in meshes}
@@ -201,7 +215,7 @@ class _ToothPositions:
             for (body, other), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
                 if body in self.positions and other not in self.positions:
                     revolutions = self.positions[body] / (self.bodies[body].teeth or 1)
-                    revolutions += sign * _keying_revolutions(shaft)
+                    revolutions += sign * ((shaft.keying or 0.0) / math.tau)
                     self.positions[other] = revolutions * (self.bodies[other].teeth or 1)
                     return True
         return False
@@ -215,36 +229,13 @@ class _ToothPositions:
         contact, side = _contact_position(mesh, name, self.bodies), _drive_side_sign(mesh, name)
         position = contact - math.copysign(1.0, self.speed[name]) * periods
         if name in self.positions:
-            return abs(_difference_to_integer(self.positions[name] - position))
+            misfit = self.positions[name] - position
+            return abs(misfit - round(misfit))
         # Take the tooth nearest to the line of centres. Half-way between two teeth, take that on
         # the side of its drive-side flank, so that a mirror image of the train has the same tooth.
         pitches = side * (position - contact) - _thickness(mesh, name) / 2.0
         self.positions[name] = position - side * math.ceil(pitches - 0.5 - _POSITION_TOLERANCE)
         return 0.0
-
-
-def _check_keying(shaft: Shaft, bodies: dict[str, Body], positions: dict[str, float]) -> None:
-    """Raise ValueError if the keying of a shaft contradicts the loops of meshes.
-
-    `positions` maps a gear to the tooth pitches from angle 0 to the middle of a tooth.
-    """
-    teeth = [bodies[name].teeth or 1 for name in shaft.bodies]
-    first, second = (positions[name] / z for name, z in zip(shaft.bodies, teeth, strict=True))
-    # Any two teeth may be in line, so that keying angles are equal modulo 2 pi / count.
-    count = math.lcm(*teeth)
-    misfit = abs(_difference_to_integer(count * (second - first - _keying_revolutions(shaft))))
-    if misfit > count * _POSITION_TOLERANCE / max(teeth):
-        required = math.tau / count * ((count * (second - first)) % 1.0)
-        raise ValueError(
-            f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: around "
-            f"the loops of meshes it must be {required:.9g}, or a whole multiple of 2 pi / {count} "
-            "from there"
-        )
-
-
-def _keying_revolutions(shaft: Shaft) -> float:
-    """Return the keying angle between the teeth of both gears of a shaft in revolutions."""
-    return (shaft.keying or 0.0) / math.tau
 
 
 def _drive_side_sign(mesh: Mesh, name: str) -> int:
@@ -268,11 +259,6 @@ def _contact_position(mesh: Mesh, name: str, bodies: dict) -> float:
     angle = mesh.centre_line_angle + (0.0 if along_centres else math.pi)
     pitches = bodies[name].teeth * angle / math.tau
     return pitches - _drive_side_sign(mesh, name) * _thickness(mesh, name) / 2.0
-
-
-def _difference_to_integer(value: float) -> float:
-    """Return the difference of a value to the nearest integer, in [-1/2, 1/2]."""
-    return value - round(value)
 
 
 def _rounded_phase(phase: float) -> float:

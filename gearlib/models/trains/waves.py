@@ -45,7 +45,13 @@ def segments(train: "GearTrain", first: int, count: int) -> Segments:
     for mesh, ratio, phases in meshes:
         times = _change_times(mesh, ratio, phases, first, count) + offset
         boundaries.append(math.tau * np.where(times > count, times - count, times))
-    starts = _without_duplicates(np.sort(np.concatenate(boundaries)), set(period_starts))
+    distinct = [0.0]  # without duplicates up to rounding; starts of periods stay exact
+    for boundary in np.sort(np.concatenate(boundaries)).tolist():
+        if boundary - distinct[-1] > SAME_PHASE_TOLERANCE:
+            distinct.append(boundary)
+        elif boundary in period_starts:
+            distinct[-1] = boundary
+    starts = np.array(distinct)
     midpoints = (starts[:-1] + starts[1:]) / (2.0 * math.tau)
     low = np.zeros((2, midpoints.size, len(train.meshes)), dtype=bool)
     sliding_signs = np.ones(low.shape)
@@ -112,17 +118,6 @@ def at_lower_level(mesh, stiffness_phases, phases) -> np.ndarray:
         return np.full((2, len(phases)), mesh.contact_ratio < 2.0 and mesh.two_levels)
     distance = np.abs(np.mod(phases - np.array(stiffness_phases)[:, None] + 0.5, 1.0) - 0.5)
     return distance > (mesh.contact_ratio - 1.0) / 2.0
-
-
-def _without_duplicates(boundaries: np.ndarray, period_starts: set[float]) -> np.ndarray:
-    """Return sorted phases without duplicates up to rounding; starts of periods stay exact."""
-    distinct = [0.0]
-    for boundary in boundaries.tolist():
-        if boundary - distinct[-1] > SAME_PHASE_TOLERANCE:
-            distinct.append(boundary)
-        elif boundary in period_starts:
-            distinct[-1] = boundary
-    return np.array(distinct)
 
 
 def stiffness_harmonic(mesh: Mesh, order: int, phase: float) -> complex:
