@@ -27,6 +27,14 @@ if TYPE_CHECKING:
 _MAX_REPEATS = 2**50
 
 
+class _Flanks(NamedTuple):
+    """One side, drive or coast, of m meshes: rows for states or for n coordinates."""
+
+    distances: np.ndarray  #: row vectors that map a state to the distances of the flanks
+    rates: np.ndarray  #: row vectors that map a state to the rates of these distances
+    lines: np.ndarray  #: row vectors (m, n) along which the mesh forces act on the coordinates
+
+
 class DimensionlessMatrices(NamedTuple):
     """Dimensionless matrices of a train without its meshes at one tuning, n coordinates."""
 
@@ -104,8 +112,9 @@ def train_system(train: "GearTrain", tuning: float, segments: Segments) -> Train
     for j, mesh in enumerate(train.meshes):
         damping_force = mesh.backlash_damping * damping_scale * drive_rates[j]
         free[n : 2 * n] -= np.outer(inverse_mass @ lines[j], damping_force)
-    flanks = [(coast, coast_rates, train.coast_lines), (drive, drive_rates, lines)]
-    contact_forces = _contact_forces(train, segments, flanks, inverse_mass)
+    drive_flanks = _Flanks(drive, drive_rates, lines)
+    coast_flanks = _Flanks(coast, coast_rates, train.coast_lines)
+    contact_forces = _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass)
     norm = largest_norm(train, matrices) if train.gyroscopic else train.norm_at_rest
     highest_rate = max(norm, np.abs(frequencies * tuning).max(initial=0.0))
     return TrainSystem(
@@ -122,15 +131,14 @@ def train_system(train: "GearTrain", tuning: float, segments: Segments) -> Train
     )
 
 
-def _contact_forces(train, segments, flanks, inverse_mass) -> dict[str, Any]:
+def _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass) -> dict[str, Any]:
     """Return the fields of a `TrainSystem` on the contact forces of m meshes in p segments.
 
     They are the inputs and outputs of the forces, the index of the force in each contact state and
-    segment, the stiffness, and whether it is at the lower level. `flanks` holds, for coast and
-    drive side, the row vectors from a state to the distances of the flanks and to their rates, and
-    those from the forces to n coordinates, (m, n); `inverse_mass`, (n, n), is dimensionless.
+    segment, the stiffness, and whether it is at the lower level. Both sides of the meshes are
+    `_Flanks`; `inverse_mass`, shape (n, n), is dimensionless.
     """
-    (m, n), p = train.structure.lines.shape, segments.starts.size - 1
+    (m, n), p = drive_flanks.lines.shape, segments.starts.size - 1
     low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
     # Segments of one kind, a number of two bits, have the same stiffness level (0: upper, 1: lower)
     # in the higher bit and the same direction of sliding (0: positive, 1: negative) in the lower.
@@ -140,7 +148,7 @@ def _contact_forces(train, segments, flanks, inverse_mass) -> dict[str, Any]:
         for mesh, mesh_kinds in zip(train.meshes, segments.kinds, strict=True)
     ]
     force_count = 1 + max(len(coast) + len(drive) for coast, drive in kinds)
-    state_size = flanks[0][0].shape[1]
+    state_size = drive_flanks.distances.shape[1]
     force_inputs, force_outputs = np.zeros((2, m, force_count, 2, state_size))
     force_indices = np.zeros((3, p, m), dtype=np.int64)
     stiffness = np.zeros((3, p, m))
@@ -151,15 +159,14 @@ def _contact_forces(train, segments, flanks, inverse_mass) -> dict[str, Any]:
         added_damping = (mesh.known_damping - mesh.backlash_damping) * damping_scale
         index = 0  # Index 0 means that no force acts.
         # Sides are 0, coast, and 1, drive; the friction coefficients are those of (drive, coast).
-        for side in (1, 0):
-            distances, rates, lines = (rows[j] for rows in flanks[side])
+        for side, flanks in ((1, drive_flanks), (0, coast_flanks)):
             for kind in kinds[j][side]:
                 level, slides_negatively = divmod(kind, 2)
                 index += 1
-                elastic_force = levels[level] * distances
+                elastic_force = levels[level] * flanks.distances[j]
                 friction = mesh.friction[1 - side] * (1 - 2 * slides_negatively)
-                force_inputs[j, index, 0, n : 2 * n] = -inverse_mass @ lines
-                force_outputs[j, index, 0] = elastic_force + added_damping * rates
+                force_inputs[j, index, 0, n : 2 * n] = -inverse_mass @ flanks.lines[j]
+                force_outputs[j, index, 0] = elastic_force + added_damping * flanks.rates[j]
                 force_inputs[j, index, 1, n : 2 * n] = -inverse_mass @ train.structure.sliding[j]
                 force_outputs[j, index, 1] = friction * elastic_force
                 force_indices[2 * side, segment_kinds[side, :, j] == kind, j] = index
