@@ -30,8 +30,7 @@ def single_mesh_system(free, force_input, flanks, below_mean, starts, orders, tu
     n, p = len(free), len(below_mean)
     constant = n - 1 - 2 * len(orders)  # index of the component of z that is always 1
     drive_line = flanks[NORMAL].distance_row
-    # A missing flank has the distance 1 in every state.
-    coast_line = flanks[INVERSE].distance_row if INVERSE in flanks else np.eye(n)[constant]
+    coast_line = flanks[INVERSE].distance_row if INVERSE in flanks else absent_flank(n, constant)
     force_index, forces = np.zeros((3, p, 1), np.int64), {}
     stiffness = np.zeros((3, p, 1), free.dtype)
     stiffness[:] = flanks[NORMAL].stiffness[:, None]
@@ -99,6 +98,14 @@ def harmonic_oscillators(n: int, first: int, frequencies: np.ndarray) -> np.ndar
         cosine = first + 2 * j
         matrix[cosine, cosine + 1], matrix[cosine + 1, cosine] = -frequency, frequency
     return matrix
+
+
+def absent_flank(n: int, constant: int) -> np.ndarray:
+    """Return the row vector, (n,), that maps a state to the distance 1, for a missing flank.
+
+    `constant` is the index of the state component that is always 1.
+    """
+    return np.eye(n)[constant]
 
 
 def contact_monodromy(model: Any, tuning: float) -> np.ndarray:

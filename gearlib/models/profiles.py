@@ -67,8 +67,7 @@ class Rectangular(Profile):
         breaks = np.append(0.0, np.cumsum(lengths[nonempty]))
         breaks[-1] = 2.0 * math.pi
         values, is_low = np.array([high, low, high]), np.array([False, True, False])
-        lines = np.column_stack([values, 0.0 * values])[nonempty]
-        return Pieces(breaks, lines, is_low[nonempty], np.empty((0, 3)))
+        return _constant_pieces(breaks, values[nonempty], is_low[nonempty])
 
 
 @parameters.documented
@@ -162,8 +161,7 @@ class Steps(Profile):
         breaks = np.append(starts, 2.0 * math.pi)
         mean = float(values @ np.diff(breaks)) / (2.0 * math.pi)
         # The tolerance keeps a constant stiffness from lying below its rounded mean.
-        lines = np.column_stack([values, 0.0 * values])
-        return Pieces(breaks, lines, values < (1.0 - 1e-12) * mean, np.empty((0, 3)))
+        return _constant_pieces(breaks, values, values < (1.0 - 1e-12) * mean)
 
 
 @parameters.documented
@@ -261,7 +259,10 @@ class Tabulated(Profile):
 
 
 def _check_table(profile: Any, min_length: int) -> None:
-    """Raise ValueError unless >= `min_length` phases rise in [0, 2 pi) with a stiffness each."""
+    """Raise ValueError unless a `Steps` or `Tabulated` has increasing phases with a stiffness each.
+
+    There must be at least `min_length` phases, in [0, 2 pi).
+    """
     parameters.check(profile)
     phase, stiffness = profile.phase, profile.stiffness
     if len(phase) != len(stiffness) or len(phase) < min_length:
@@ -274,6 +275,16 @@ def _check_table(profile: Any, min_length: int) -> None:
         raise ValueError(f"phase = {phase[0]!r} ... {phase[-1]!r} {reason}")
 
 
+def _constant_pieces(breaks, values, low, harmonics=()) -> Pieces:
+    """Return `Pieces` of a stiffness that is constant between breaks, plus harmonics.
+
+    `breaks` are m + 1 phases, `values`, shape (m,), the constants; `low`, shape (m,), marks pieces
+    below the mean, and `harmonics`, shape (n, 3), has rows (order, cosine, sine).
+    """
+    lines = np.column_stack([values, 0.0 * values])
+    return Pieces(breaks, lines, low, np.reshape(harmonics, (-1, 3)))
+
+
 def _sum_of_harmonics(harmonics: np.ndarray, phases: Any) -> np.ndarray:
     """Return the sum of harmonics, (n, 3) with rows (order, cosine, sine), at phases in rad."""
     angles = np.multiply.outer(phases, harmonics[:, 0])
@@ -281,7 +292,10 @@ def _sum_of_harmonics(harmonics: np.ndarray, phases: Any) -> np.ndarray:
 
 
 def _harmonic_pieces(mean: float, harmonics: np.ndarray) -> Pieces:
-    """Return `Pieces` of a mean plus harmonics, (n, 3), with breaks where they cross the mean."""
+    """Return `Pieces` of a mean plus harmonics, with breaks where the sum crosses the mean.
+
+    The harmonics, shape (n, 3), are rows (order, cosine, sine).
+    """
     # Imported here, since loading it takes 0.3 s and only these profiles need it.
     from scipy.optimize import brentq
 
@@ -296,5 +310,4 @@ def _harmonic_pieces(mean: float, harmonics: np.ndarray) -> Pieces:
     breaks = np.array([0.0, *crossings, 2.0 * math.pi])
     midpoints = (breaks[:-1] + breaks[1:]) / 2.0
     low = _sum_of_harmonics(harmonics, midpoints) < 0.0
-    values = np.full(midpoints.size, mean)
-    return Pieces(breaks, np.column_stack([values, 0.0 * values]), low, harmonics)
+    return _constant_pieces(breaks, np.full(midpoints.size, mean), low, harmonics)

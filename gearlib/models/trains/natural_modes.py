@@ -40,7 +40,7 @@ def modes(train: "GearTrain") -> xr.Dataset:
             "mode_kind": ("mode", kinds),
             "mode_shape": (
                 ("mode", "body", "axis"),
-                motions / np.abs(motions).max(axis=(1, 2), keepdims=True, initial=0.0),
+                motions / _largest_motions(motions)[:, None, None],
             ),
             "strain_energy": (("mode", "mesh"), energy),
         },
@@ -48,6 +48,11 @@ def modes(train: "GearTrain") -> xr.Dataset:
         attrs={"title": "Natural modes of a gear train"},
     )
     return describe(dataset)
+
+
+def _largest_motions(motions: np.ndarray) -> np.ndarray:
+    """Return the largest of the motions of bodies, (p, bodies, 3), in each of p modes, (p,)."""
+    return np.abs(motions).max(axis=(1, 2), initial=0.0)
 
 
 def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
@@ -124,7 +129,7 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
         {
             "modal_force": (
                 ("stiffness_order", "mode"),
-                np.where(deformed, force, 0.0) / np.abs(motions).max(axis=(1, 2), initial=0.0),
+                np.where(deformed, force, 0.0) / _largest_motions(motions),
             ),
             "phase_sum": (("stiffness_order", "mode"), phase_sum),
             "excites": (("stiffness_order", "mode"), phase_sum > 1e-9),

@@ -87,7 +87,7 @@ def _distance_rows(train: "GearTrain") -> tuple[np.ndarray, np.ndarray]:
         if math.isfinite(mesh.backlash):
             coast[j, 2 * n] += mesh.backlash * per_metre
         else:
-            coast[j] = np.eye(coast.shape[1])[2 * n]  # the distance 1 in every state
+            coast[j] = one_mesh_system.absent_flank(coast.shape[1], 2 * n)
     return drive, coast
 
 
