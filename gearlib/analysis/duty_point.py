@@ -1,9 +1,12 @@
 """`duty_point`: forces, vibration and contact of gears at one torque and speed, in SI units.
 
-A motion is simulated until it repeats, then for the same time again, and recorded over one period
-of its orbit. A motion that does not repeat is recorded over whole revolutions of the gear.
+A motion starts from static equilibrium. It is simulated until it repeats, then for the same time
+again, and recorded over one period of its orbit. If the same teeth meet again only after many mesh
+periods, the record is that whole cycle, after the start has decayed; a cycle that takes too long is
+sampled. Other motions are recorded over whole revolutions of the gear.
 """
 
+import json
 import math
 from typing import Any
 
@@ -13,24 +16,30 @@ import xarray as xr
 from gearlib import checks
 from gearlib.analysis.order_maps import mesh_order_amplitudes, transmission_error
 from gearlib.data.result import result
-from gearlib.models.geometry.iso import dynamic_factor
+from gearlib.models.geometry import iso
 from gearlib.models.geometry.mesh import torque_of
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.model import is_model
+from gearlib.models.one_mesh_system import contact_decay_rate
 from gearlib.runs.run_arguments import tuning_at_speed
 from gearlib.runs.simulation import simulate
 
-#: Longest simulated motion, in mesh periods and in integration steps (about 0.2 s of computing).
+#: Longest search for an orbit, in mesh periods and in integration steps (about 0.2 s of computing).
 _MAX_PERIODS, _MAX_STEPS = 10_000, 150_000
+#: Longest cycle of the excitation that is recorded as a whole, with a transient of the same length
+#: (at most 2 s of computing).
+_MAX_CYCLE_PERIODS, _MAX_CYCLE_STEPS = 10_000, 500_000
 #: Largest number of stiffness tables, one for each mesh period and combination of tooth pairs.
-_MAX_TABLES = 2500
+_MAX_TABLES = 8000
+#: Factor by which the slowest mode has decayed before the record.
+_DECAY = 1e-4
 #: Length of the record of a motion that does not repeat, and its limit in mesh periods.
 _RECORD_REVOLUTIONS, _MAX_RECORD_PERIODS = 10, 2000
-#: Transient before the record if even the shortest run for an orbit exceeds the limits.
-_MIN_TRANSIENT_PERIODS = 2
+#: Samples of a mesh period, fewer in long records; six mesh orders need 24.
+_SAMPLES_PER_PERIOD, _MAX_SAMPLES, _MIN_SAMPLES_PER_PERIOD = 128, 2**17, 24
 
 
-def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options):
+def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
     """Compute dynamic factor, forces and transmission error of gears at one torque and speed.
 
     Parameters
@@ -43,8 +52,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         Speed in rpm, finite, > 0, of the pinion (of the gear that sets the mesh frequency).
     torque : float, optional
         Torque of the pinion in N m. Give it, or `power` in W, with a `Mesh` only.
-    initial_state : tuple of float
-        Displacement in static deflections and dx/dtau.
+    initial_state : tuple of float, optional
+        State at phase 0, as in `gearlib.simulate`; by default the static equilibrium.
     **options
         With a `Mesh`: damping_ratio and other arguments of `gearlib.GearPair.from_geometry`. The
         tooth pair stiffness is "energy" by default, or "iso" if a bore is too large for the energy
@@ -56,10 +65,13 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         mesh_frequency_hertz, tuning, speed, resonance_speed, torque, static_force, dynamic_factor,
         mesh_force_max and mesh_force_min (N), bearing_force_max (N, over ``bearing`` for six
         degrees of freedom, ``body`` for trains; rigid bearings of a shaft are added up),
-        error_peak_to_peak and error_rms (m, without the mean), lost_share (fraction of time without
-        drive-side contact), settled and period; iso_dynamic_factor if both gears of a `Mesh` have
-        a quality; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders, NaN
-        if there are too few samples. Trains have the dimension ``mesh``.
+        error_peak_to_peak and error_rms (m, without the mean), lost_share (fraction of time in
+        which no flank touches), settled and period; iso_dynamic_factor if both gears of a `Mesh`
+        have a quality; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders,
+        NaN if there are too few samples. Trains have the dimension ``mesh``. transient_periods and
+        record_periods are the mesh periods before and in the record, and the attribute ``comment``
+        says what the record is: an orbit, a whole cycle of the excitation, or a sample. The dynamic
+        factor is the largest mesh force over the static force, both without signs.
 
     Raises
     ------
@@ -67,7 +79,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         If an argument is wrong, or if the motion grows without bound.
     """
     data: dict[str, Any] = {}
-    is_truncated = False
+    cycle_periods = 0
     if is_model(gears):
         if torque is not None or options:
             name = "torque" if torque is not None else next(iter(options))
@@ -80,47 +92,65 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         checks.gear_mesh(gears, "gears", " or a model")
         torque = torque_of(torque, options.pop("power", None), speed)
         model = default_load_sharing_pair(gears, torque=torque, **options)
-        # Each mesh period has a stiffness table for each subset of the tooth pairs in mesh. The
-        # pitch errors are truncated if too many periods pass until the same teeth meet again.
+        # Each mesh period has a stiffness table for each subset of the tooth pairs in mesh.
         max_periods = _MAX_TABLES // 2 ** math.ceil(gears.total_contact_ratio)
-        is_truncated = model.repeats > max_periods
-        if is_truncated:
-            model = model.replace(pitch_errors=model.pitch_errors[:max_periods])
+        if model.repeats > max_periods:
+            cycle_periods = model.repeats
+            errors = _worst_stretch(np.array(model.pitch_errors), max_periods)
+            model = model.replace(pitch_errors=tuple(errors.tolist()))
         if gears.pinion.quality is not None and gears.wheel.quality is not None:
             checks.finite_positive("speed", speed)
             # ISO 6336 takes the smaller tip relief of the two gears.
             reliefs = gears.pinion.tip_relief, gears.wheel.tip_relief
             tip_relief = min(relief.amount if relief else 0.0 for relief in reliefs)
-            factor = dynamic_factor(gears, torque, speed, tip_relief=tip_relief).factor
+            factor = iso.dynamic_factor(gears, torque, speed, tip_relief=tip_relief).factor
             data["iso_dynamic_factor"] = factor
         data["torque"] = float(torque)
     if model.speed is None:
         raise ValueError(f"gears = {model!r} is not allowed: nothing turns in this model")
     tuning = tuning_at_speed(model, "speed", speed)
     slowest_tuning = model.slowest_tuning
-    run = settled_run(model, max(tuning, slowest_tuning), initial_state)
+    run, transient_periods, comment = settled_run(model, max(tuning, slowest_tuning), initial_state)
     variables, coords = variables_of_run(run, model)
     data |= variables
-    if is_truncated:
+    data |= {
+        "transient_periods": np.int32(transient_periods),
+        "record_periods": np.int32(json.loads(run.attrs["parameters"])["record_periods"]),
+    }
+    if cycle_periods:
         data["settled"] = np.int8(0)
+        comment = (
+            f"a sample of {model.repeats} mesh periods about the largest step of the pitch errors; "
+            f"the same teeth meet again after {cycle_periods}, too many to compute"
+        )
     if tuning < slowest_tuning:
         hertz = data["mesh_frequency_hertz"] * tuning / slowest_tuning
         data |= {"tuning": tuning, "mesh_frequency_hertz": hertz}
     data["speed"] = float(speed)
     meshes = {name: values for name, values in model.coordinates().items() if name == "mesh"}
     options = {"method": "settled run", "speed": float(speed)}
-    return result("Duty point of a gear mesh", model, data, meshes | coords, **options)
+    dataset = result("Duty point of a gear mesh", model, data, meshes | coords, **options)
+    return dataset.assign_attrs(comment=f"The record is {comment}.")
 
 
-def settled_run(model: Any, tuning: float, initial_state: tuple = (0.0, 0.0)) -> xr.Dataset:
-    """Return a run of `simulate` that records one period of an orbit, or else whole revolutions.
+def _worst_stretch(pitch_errors: np.ndarray, count: int) -> np.ndarray:
+    """Return `count` successive pitch errors of a cycle about its largest change between two."""
+    largest_step = int(np.abs(np.diff(pitch_errors, append=pitch_errors[0])).argmax())
+    return np.roll(pitch_errors, count // 2 - largest_step)[:count]
 
-    Its length is doubled until the motion repeats, within `_MAX_PERIODS` and `_MAX_STEPS`.
+
+def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
+    """Return (a run of `simulate` that records settled motion, mesh periods before, what it is).
+
+    The length of the run is doubled until the motion repeats, within `_MAX_PERIODS` and
+    `_MAX_STEPS`; then its record is one period of the orbit. Otherwise it is a whole cycle of the
+    excitation, or whole revolutions, after the slowest mode of contact has decayed to `_DECAY`.
     """
-    max_periods = min(_MAX_PERIODS, int(_MAX_STEPS / model.steps_per_period(tuning)))
-    excitation_periods = model.repeats  # mesh periods after which the excitation repeats
-    state, simulated_periods, orbit_periods = initial_state, 0, 0
-    new_periods = 2 * excitation_periods
+    cycle = model.repeats  # mesh periods after which the excitation repeats
+    steps = model.steps_per_period(tuning)
+    max_periods = min(_MAX_PERIODS, int(_MAX_STEPS / steps))
+    state = model.static_state(tuning) if initial_state is None else initial_state
+    simulated_periods, orbit_periods, new_periods = 0, 0, 2 * cycle
     while not orbit_periods and simulated_periods + new_periods <= max_periods:
         run = _checked_run(model, tuning, new_periods, state, samples_per_period=8)
         state, orbit_periods = tuple(run.final_state.values), int(run.period)
@@ -129,14 +159,51 @@ def settled_run(model: Any, tuning: float, initial_state: tuple = (0.0, 0.0)) ->
     if orbit_periods:
         # A further transient lets the motion settle to rounding error before the record.
         record_periods = orbit_periods
-        transient_periods = simulated_periods if excitation_periods == 1 else excitation_periods
+        transient_periods = simulated_periods if cycle == 1 else cycle
+        comment = f"one period of the orbit, {orbit_periods} mesh periods"
     else:
+        decay_periods = math.ceil(min(_decay_periods(model, tuning), 1e9))
+        max_cycle = min(_MAX_CYCLE_PERIODS, int(_MAX_CYCLE_STEPS / steps))
         teeth = round(model.periods_per_revolution)
         max_record = min(max_periods, _MAX_RECORD_PERIODS)
         record_periods = teeth * max(1, min(_RECORD_REVOLUTIONS, max_record // teeth))
-        transient_periods = 0 if simulated_periods else _MIN_TRANSIENT_PERIODS
-    options = {"record_periods": record_periods, "samples_per_period": 128}
-    return _checked_run(model, tuning, transient_periods + record_periods, state, **options)
+        comment = f"{record_periods} mesh periods of a motion that has not settled"
+        if cycle > max_cycle:
+            comment = (
+                f"a sample of {record_periods} mesh periods; the excitation repeats after {cycle}, "
+                "too many to compute"
+            )
+        elif not simulated_periods:
+            record_periods = cycle
+            comment = f"a whole cycle of the excitation, {cycle} mesh periods"
+        # The periods that were already simulated are part of the transient.
+        transient_periods = min(max(decay_periods - simulated_periods, 0), max_cycle)
+        left_out = simulated_periods + transient_periods
+        if left_out < decay_periods:
+            reached = _DECAY ** (left_out / decay_periods)
+            comment += (
+                f", after a transient limited to {left_out} mesh periods, in which the slowest "
+                f"mode has decayed to {reached:.2g} of its start"
+            )
+        if record_periods == cycle:
+            # A motion that repeats is recognized after another cycle.
+            transient_periods += cycle
+    samples = max(min(_SAMPLES_PER_PERIOD, _MAX_SAMPLES // record_periods), _MIN_SAMPLES_PER_PERIOD)
+    options = {"record_periods": record_periods, "samples_per_period": samples}
+    run = _checked_run(model, tuning, transient_periods + record_periods, state, **options)
+    return run, simulated_periods + transient_periods, comment
+
+
+def _decay_periods(model: Any, tuning: float) -> float:
+    """Return the mesh periods until the slowest mode of contact has decayed to `_DECAY`."""
+    if model.train is None:
+        ratio = model.damping_ratio
+        # Rates of decay by phase of x'' + 2 ratio / tuning x' + x / tuning^2 = 0.
+        rate = (ratio - math.sqrt(max(ratio * ratio - 1.0, 0.0))) / tuning
+    else:
+        rate = contact_decay_rate(model, tuning)
+    # Growth and decay slower than rounding errors never end.
+    return -math.log(_DECAY) / (math.tau * rate) if rate > 1e-12 else math.inf
 
 
 def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **options) -> xr.Dataset:
@@ -170,7 +237,8 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
         dim = "body" if len(dims) > 1 else "bearing"
         data["bearing_force_max"], coords[dim] = (dim, max_forces), list(model.body_names)
     else:
-        data["bearing_force_max"] = force_scale * float(run.dynamic_force_max)
+        largest_force = max(float(run.dynamic_force_max), -float(run.dynamic_force_min))
+        data["bearing_force_max"] = force_scale * largest_force
     data |= {"mesh_order_force": (dims, order_forces), "mesh_order_error": (dims, order_errors)}
     return data, coords
 
@@ -183,26 +251,30 @@ def si_variables(run: xr.Dataset, model: Any) -> dict:
     """
     force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
     error = transmission_error(run)
-    # Fraction of time without drive-side contact: without contact, or with coast-side contact.
-    contact_loss_fraction = run.fraction_backlash + run.fraction_inverse
     # Without a profile deviation the exact extrema of the run are used, else those of the samples.
     if np.array_equal(error, run.displacement.values):
         peak_to_peak = run.displacement_max.values - run.displacement_min.values
     else:
         peak_to_peak = np.ptp(error, axis=0)
     dims = run.displacement.dims[1:]
-    # Forces of a single pair are relative to its static force, and so are dynamic factors.
-    factor = run.dynamic_factor if "dynamic_factor" in run else run.dynamic_force_max
     return {
         "speed": run.speed.values,
         "tuning": run.tuning.values,
         "mesh_frequency_hertz": float(run.mesh_frequency) / math.tau,
         "resonance_speed": model.speed(1.0),
-        "static_force": (dims, model.mean_forces * force_scale) if dims else force_scale,
-        "dynamic_factor": (dims, factor.values),
+        "static_force": (dims, model.mean_forces * force_scale),
+        "dynamic_factor": (dims, dynamic_factor(run, model).values),
         "mesh_force_max": (dims, force_scale * run.dynamic_force_max.values),
         "mesh_force_min": (dims, force_scale * run.dynamic_force_min.values),
         "error_peak_to_peak": (dims, static_deflection * peak_to_peak),
         "error_rms": (dims, static_deflection * error.std(axis=0)),
-        "lost_share": (dims, contact_loss_fraction.values),
+        "lost_share": (dims, run.fraction_backlash.values),
     }
+
+
+def dynamic_factor(data: xr.Dataset, model: Any) -> xr.DataArray:
+    """Return the largest mesh force over the static one, without signs, from a run or a sweep."""
+    if "dynamic_factor" in data:
+        return data.dynamic_factor
+    largest_force = np.maximum(data.dynamic_force_max, -data.dynamic_force_min)
+    return largest_force / abs(model.mean_forces)

@@ -623,7 +623,7 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
     periods, teeth = _record_periods(run), _teeth_of(run)
     orbit_periods = int(run.period)
     is_periodic = orbit_periods > 0 and periods % orbit_periods == 0
-    if periods % teeth and not is_periodic:
+    if fractional_orders and periods % teeth and not is_periodic:
         raise ValueError(
             f"record_periods = {periods} is not allowed: it must be a multiple of {teeth}, whole "
             "revolutions of the gear to which the speed refers"

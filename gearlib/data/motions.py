@@ -25,15 +25,6 @@ def true_intervals(condition):
     return [(int(i), int(j) - 1) for i, j in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def contact_loss_fraction(fraction_normal):
-    """Return the fraction of time without drive-side contact, 0 where it is a rounding error.
-
-    `fraction_normal` is the fraction of time with drive-side contact, from 0 to 1.
-    """
-    loss = 1.0 - fraction_normal
-    return loss * (loss > FRACTION_TOLERANCE)
-
-
 def mask_unbounded(sweep, extent):
     """Return a result of `gearlib.sweep` with NaN at tunings where the motion is unbounded.
 

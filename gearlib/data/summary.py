@@ -37,6 +37,11 @@ def summary_variables(model, dims, table, final_states, periods_and_statuses, re
     }
 
 
+def largest_force(table):
+    """Return the largest mesh forces in summaries, without their signs, shape (...)."""
+    return np.maximum(table[..., orbit.FORCE_MAX], -table[..., orbit.FORCE_MIN])
+
+
 def max_displacement(table):
     """Return the largest absolute displacement of all meshes in a summary table."""
     return float(np.abs(table[..., [orbit.X_MAX, orbit.X_MIN]]).max())

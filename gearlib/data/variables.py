@@ -284,7 +284,9 @@ DESCRIPTIONS = {
     "peak_tuning": ("1", "tuning of the largest displacement"),
     "lost_from": ("1", "first tuning of the widest range with contact loss"),
     "lost_to": ("1", "last tuning of the widest range with contact loss"),
-    "lost_share": ("1", "fraction of time without drive-side contact"),
+    "lost_share": ("1", "fraction of time in which no flank touches"),
+    "transient_periods": ("1", "mesh periods before the record"),
+    "record_periods": ("1", "mesh periods of the record"),
     "torque": ("N m", "torque, of the pinion, of gear 3, load torque of each body of a train"),
     # comparison of models
     "change": ("1", "largest change of an observable that a larger model makes"),

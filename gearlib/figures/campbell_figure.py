@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from gearlib.data.motions import contact_loss_fraction
+from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.figures import schematic, style
 
 _MODE_COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}
@@ -26,7 +26,7 @@ def draw(diagram: xr.Dataset):
     speed = diagram.speed.values
     handles = draw_orders(axes, diagram, speed[-1])
     # The suffix "high": the largest fraction of time in contact over several initial states.
-    loses_contact = contact_loss_fraction(diagram.fraction_normal_high).max("direction") > 0.0
+    loses_contact = diagram.fraction_backlash_high.max("direction") > FRACTION_TOLERANCE
     half_step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
     for name in diagram.mesh.values:
         relative_frequency = float(diagram.mesh_rate.sel(mesh=name))

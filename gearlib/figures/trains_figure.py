@@ -35,7 +35,7 @@ def draw_sweep(curves: xr.Dataset):
     styles = _with_decreasing_widths(panels.plot_options(curves.mesh))
     colours = {mesh: options["color"] for mesh, options in styles.items()}
     remaining = schematic.draw_train(figure, curves, colours)
-    rows = [(name, styles) for name in ("dynamic_factor", "fraction_normal")]
+    rows = [(name, styles) for name in ("dynamic_factor", "fraction_backlash")]
     grid = _draw_columns(remaining, [curves], "speed", rows)
     grid[-1, 0].set_xlabel("speed of the reference pinion (rpm)")
     tuning_per_speed = float(curves.tuning[-1] / curves.speed[-1])

@@ -44,6 +44,7 @@ class Model:
     speed: Any = None
     mesh_frequency: Any = None
     static_deflection: Any = None  #: scale of displacements of models that rotate, m
+    mean_forces: Any = 1.0  #: static mesh forces over the load, of m meshes (m,); coast side < 0
     #: Whether Eq. (3) with one coordinate and equal flanks at 0 and -s holds, as fixed-step methods
     #: and harmonic balance need it.
     one_mesh: bool = False
@@ -240,6 +241,19 @@ class Model:
     def flank_lines(self) -> Any:
         """Displacements at which drive-side and coast-side contact begin."""
         return self.equation.upper, self.equation.lower
+
+    @property
+    def loaded_sides(self) -> np.ndarray:
+        """Contact codes of the flanks that carry the static load, of m meshes (m,) or one ()."""
+        return np.where(np.asarray(self.mean_forces) < 0.0, -1, 1)
+
+    def clearances(self, lowest: np.ndarray, highest: np.ndarray) -> np.ndarray:
+        """Return how far loaded flanks stay from losing contact, by the extrema of displacements.
+
+        Negative distances are those of flanks that have lost contact, in static deflections.
+        """
+        drive_line, coast_line = self.flank_lines
+        return np.where(self.loaded_sides < 0, coast_line - highest, lowest - drive_line)
 
     @property
     def extent(self) -> float:

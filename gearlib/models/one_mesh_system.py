@@ -109,13 +109,13 @@ def absent_flank(n: int, constant: int) -> np.ndarray:
 
 
 def contact_monodromy(model: Any, tuning: float) -> np.ndarray:
-    """Return the monodromy matrix of permanent drive-side contact over the excitation's period.
+    """Return the monodromy matrix of permanent contact over the excitation's period.
 
-    `tuning` is the excitation over the natural frequency. The free rotation of the model is removed
-    from the states.
+    The flanks that carry the static load are in contact. `tuning` is the excitation over the
+    natural frequency. The free rotation of the model is removed from the states.
     """
     system, n, period_map = model.system(tuning), model.size, np.eye(model.size)
-    contact_codes = [NORMAL] * len(system.drive_lines)
+    contact_codes = np.atleast_1d(model.loaded_sides)
     for segment, length in enumerate(np.diff(system.starts)):
         matrix = state_matrix_by_phase(system, contact_codes, segment)[:n, :n].copy()
         # Steps no longer than `system.max_step` keep the matrix exponential accurate.
@@ -124,3 +124,23 @@ def contact_monodromy(model: Any, tuning: float) -> np.ndarray:
         period_map = np.linalg.matrix_power(step_map, steps) @ period_map
     reduce, lift = model.reduction()
     return reduce @ period_map @ lift
+
+
+def contact_decay_rate(model: Any, tuning: float) -> float:
+    """Return the rate by phase at which the slowest mode decays in permanent contact.
+
+    The flanks that carry the static load are in contact, with their mean stiffness over the first
+    mesh period. The free rotation counts only if damping acts on it.
+    """
+    system, n = model.train.system(tuning, 0, 1), model.size
+    contact_codes = np.atleast_1d(model.loaded_sides)
+    matrices = [
+        state_matrix_by_phase(system, contact_codes, segment)[:n, :n]
+        for segment in range(system.starts.size - 1)
+    ]
+    mean_matrix = np.average(matrices, axis=0, weights=np.diff(system.starts))
+    try:
+        reduce, lift = model.reduction()
+    except ValueError:
+        reduce = lift = np.eye(n)
+    return -float(np.linalg.eigvals(reduce @ mean_matrix @ lift).real.max())

@@ -198,6 +198,11 @@ class SixDegreePair(WithPair):
         """Number of mesh periods after which the excitation, including the run-out, repeats."""
         return self.train.repeats
 
+    @property
+    def mean_forces(self) -> float:
+        """Static mesh force over the load of the pair; negative on the coast side."""
+        return float(self.train.mean_forces[0])
+
     def speed(self, tuning: Any) -> Any:
         """Return the speed of gear 3 in rpm at a tuning (float or array)."""
         return self.mesh_frequency(tuning) * 60.0 / (2.0 * math.pi * self.teeth[0])

@@ -10,6 +10,7 @@ import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
 from gearlib.analysis.order_maps import order_map
+from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.data.variables import SI_SCALES
 from gearlib.models.pair import GearPair
 from gearlib.runs.run_up import run_up
@@ -527,7 +528,7 @@ def _computed_onset(sweeps: xr.Dataset) -> Estimate:
     if "up" not in sweeps.direction.values:
         return _UNKNOWN
     sweep = sweeps.sel(direction="up").sortby("speed")
-    loses_contact = sweep.fraction_normal.values < 1.0 - 1e-9
+    loses_contact = sweep.fraction_backlash.values > FRACTION_TOLERANCE
     onsets = np.flatnonzero(loses_contact[1:] & ~loses_contact[:-1])
     if not onsets.size:
         return _UNKNOWN

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from gearlib.data.motions import FRACTION_TOLERANCE, contact_loss_fraction
+from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.data.result import result
 from gearlib.models.from_values import train_from_description
 from gearlib.models.pair import GearPair
@@ -19,7 +19,7 @@ from gearlib.studies import many_starts
 #: Number of equal branches that share the power of the reducer: countershafts with two gears each.
 BRANCHES = 3
 #: Variables of the sweeps of trains, with median and range over the initial states.
-_QUANTITIES = ("dynamic_factor", "load_sharing", "fraction_normal")
+_QUANTITIES = ("dynamic_factor", "load_sharing", "fraction_backlash")
 
 
 def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
@@ -89,7 +89,7 @@ def _reducer_case(
     `mesh_branches` has the branch of each mesh, `settings` have the keys of `many_starts.SETTINGS`.
     """
     sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, _QUANTITIES)
-    losses = [contact_loss_fraction(motion.fraction_normal.values) > 0.0 for motion in motions]
+    losses = [motion.fraction_backlash.values > FRACTION_TOLERANCE for motion in motions]
     coast_contacts = [motion.fraction_inverse.values > FRACTION_TOLERANCE for motion in motions]
     loss_fractions = [single_branch_fraction(loss, mesh_branches) for loss in losses]
     coast_fractions = [single_branch_fraction(contact, mesh_branches) for contact in coast_contacts]
@@ -167,13 +167,13 @@ def campbell(characteristics, orders: int, pair=None, settings=None, train=None)
     `characteristics` are the sweeps from `over_speed` with `train`, or those from `reducer` with
     `pair` and `settings`, of which the case of equal branches is used. `orders` is the highest
     multiple of each mesh frequency. In the dataset, mesh_rate is the frequency of each mesh over
-    that of the reference mesh, fraction_normal_high the largest fraction of time in drive-side
-    contact over all initial states.
+    that of the reference mesh, fraction_backlash_high the largest fraction of time without contact
+    over all initial states.
     """
     model = train_from_description(**train) if train else reducer_train(GearPair(**pair), settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
     data = model.campbell(orders).drop_vars("modal_force").merge(model.layout())
-    names = ["fraction_normal_high", "settled", "speed"]
+    names = ["fraction_backlash_high", "settled", "speed"]
     data = data.assign({name: sweeps[name] for name in names})
     data["mesh_rate"] = "mesh", [float(ratio) for ratio in model.frequency_ratios]
     name = "gear train" if train else "reducer with three double satellites"
@@ -187,8 +187,9 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     omitted; modes of equal frequency share a row.
     """
     speeds = diagram.speed.values
-    loss = contact_loss_fraction(diagram.fraction_normal_high.values)
-    loses_contact = (loss > 0.0).any(axis=(0, 2))  # by speed: in any direction, in any mesh
+    loss = diagram.fraction_backlash_high.values
+    # By speed: in any direction, in any mesh.
+    loses_contact = (loss > FRACTION_TOLERANCE).any(axis=(0, 2))
     intersections: dict[tuple, tuple[float, bool]] = {}  # cells of a row -> (speed, excited)
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:

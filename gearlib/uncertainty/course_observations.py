@@ -145,8 +145,8 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
         quantities = observation.orbit_quantities(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
         # Complex Fourier coefficients, (orders, meshes), from the order 0 on.
         orders = quantities[observation.ORDER_AMPLITUDE][1 : ORDERS + 1, mesh]
-        backlash_excursion = max(0.0, -quantities["displacement_min"].min())
-        return Prediction([_real_and_imaginary(orders * phase_factors)], backlash_excursion)
+        excursion = observation.backlash_excursion(model, quantities)
+        return Prediction([_real_and_imaginary(orders * phase_factors)], excursion)
 
     def draw(signals: list) -> list:
         """Return the curve of the displacement over one mesh period, measured and predicted."""
@@ -199,10 +199,10 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
             # A gain of 0, fitted to a motion without mesh orders, leaves the amplitudes unscaled.
             predicted = np.abs(orders[:, 0]) * (gain or 1.0)
             values.append(np.array([_jump_speed(predicted, i, amplitudes, speeds) for i in jumps]))
-        minima = run.displacement_min.values[:count]  # of each complete revolution
-        # A run may end before its last revolution is complete, so it may have fewer minima.
-        compared_minima = minima[compared[: minima.shape[0]]]
-        return Prediction(values, backlash_excursion=max(0.0, -float(compared_minima.min())))
+        # A run may end before its last revolution is complete, so it may have fewer extrema.
+        complete = compared[: run.displacement_min.shape[0]].nonzero()[0]
+        extrema = run[["displacement_min", "displacement_max"]].isel(revolution=complete)
+        return Prediction(values, observation.backlash_excursion(model, extrema))
 
     def draw(signals: list) -> list:
         """Return the curves of measured and predicted amplitudes of the mesh orders over speed."""

@@ -9,6 +9,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
+from gearlib.data.summary import largest_force
 from gearlib.data.variables import QUANTITIES
 from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS, tuning_at_speed
@@ -140,16 +141,17 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
         variables = model.extra_summary_variables(dims=(), summaries=summary, span=phase_span)
         _, values = variables["load_sharing"]
     elif name == "contact_margin":
-        values = table[:, columns.X_MIN] * model.static_deflection
+        clearances = model.clearances(table[:, columns.X_MIN], table[:, columns.X_MAX])
+        values = clearances * model.static_deflection
     elif name == "transmission_error":
         values = (table[:, columns.X_MAX] - table[:, columns.X_MIN]) * model.static_deflection
         if model.mesh_names:  # a train
             return float(values[model.mesh_names.index(model.reference)])
     elif name == "force":
-        values = table[:, columns.FORCE_MAX] * model.load
+        values = largest_force(table) * model.load
     else:  # dynamic_factor
-        mean_forces = np.asarray(model.mean_forces if model.mesh_names else 1.0)
-        values = table[:, columns.FORCE_MAX] / mean_forces
+        static = np.atleast_1d(np.abs(model.mean_forces))
+        values = largest_force(table) / np.where(static > 0.0, static, math.nan)
     # Meshes without load have no dynamic factor, so NaN is ignored.
     worst = np.fmin if name in _MINIMISED_QUANTITIES else np.fmax
     return float(worst.reduce(values))

@@ -219,16 +219,29 @@ def _onset(model: Any, measured: float) -> float:
     """Return the speed of the onset of contact loss next to the measured speed, rpm, or NaN."""
     speeds = measured * _ONSET_SPEED_RATIOS
     curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING_SWEEP)
-    # At the onset, the smallest displacement of a mesh passes 0 in a sweep up.
-    minima = curve.displacement_min.values.reshape(speeds.size, -1).min(axis=1)
+    # At the onset, the smallest clearance of a mesh passes 0 in a sweep up.
+    clearances = model.clearances(curve.displacement_min.values, curve.displacement_max.values)
+    minima = clearances.reshape(speeds.size, -1).min(axis=1)
     crossings = np.flatnonzero((minima[1:] > 0.0) != (minima[:-1] > 0.0))
     if not crossings.size:
         return math.nan
     i = crossings[np.abs(speeds[crossings] - measured).argmin()]
     state = curve.final_state.values[i]
 
-    def lowest_displacement(speed: float) -> float:
-        return orbit_quantities(model, speed, state)["displacement_min"].min()
+    def smallest_clearance(speed: float) -> float:
+        return _clearances(model, orbit_quantities(model, speed, state)).min()
 
     bracket = speeds[i], speeds[i + 1]
-    return brentq(lowest_displacement, *bracket, xtol=1e-12 * measured, rtol=1e-14)
+    return brentq(smallest_clearance, *bracket, xtol=1e-12 * measured, rtol=1e-14)
+
+
+def _clearances(model: Any, quantities: Any) -> np.ndarray:
+    """Return the clearances of loaded flanks in m by extrema of displacements in m."""
+    length = model.static_deflection
+    extrema = (np.asarray(quantities[f"displacement_{end}"]) / length for end in ("min", "max"))
+    return model.clearances(*extrema) * length
+
+
+def backlash_excursion(model: Any, quantities: Any) -> float:
+    """Return the largest excursion into the backlash, m, by extrema of displacements in m."""
+    return max(0.0, -float(_clearances(model, quantities).min()))

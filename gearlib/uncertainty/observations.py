@@ -174,8 +174,8 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
             np.array([observation.mesh_quantity(orbit, quantity, mesh) for orbit in orbits])
             for quantity, mesh in quantities.values()
         ]
-        excursions = (-orbit["displacement_min"].min() for orbit in orbits)
-        return Prediction(values, backlash_excursion=max(0.0, *excursions))
+        excursions = (observation.backlash_excursion(model, orbit) for orbit in orbits)
+        return Prediction(values, backlash_excursion=max(excursions))
 
     def draw(signals: list) -> list:
         """Return curves over speed of measured values and predicted `signals` of each channel."""

@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks, notebook
+from gearlib.analysis.duty_point import dynamic_factor
 from gearlib.data.files import canonical_json
 from gearlib.data.result import result
 from gearlib.data.variables import describe
@@ -273,10 +274,8 @@ def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, row
             threads=1,
         )
         peak_to_peak = curve.displacement_max - curve.displacement_min
-        # Only trains have dynamic factors; a force of a pair is relative to its load already.
-        factor = curve.dynamic_factor if "dynamic_factor" in curve else curve.dynamic_force_max
-        # Fractions of time without contact and on the coast side.
-        loses_contact = curve.fraction_backlash + curve.fraction_inverse > 0.0
+        factor = dynamic_factor(curve, model)
+        loses_contact = curve.fraction_backlash > 0.0
         if model.mesh_names:
             peak_to_peak, factor = peak_to_peak.max("mesh"), factor.max("mesh")
             loses_contact = loses_contact.max("mesh")

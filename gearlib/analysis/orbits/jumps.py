@@ -163,11 +163,10 @@ class _ResonanceSearch:
     def _orbit_near_equilibrium(self, tuning: float) -> tuple:
         """Return (scaled unknowns, displacement range, clearance) of the orbit near equilibrium.
 
-        The clearance is the smallest distance from the drive-side flank line, negative with contact
-        loss, but at least -_MAX_LOSS_DEPTH, which is also its value if no orbit was found.
+        The clearance is the smallest distance of a loaded flank from losing contact, negative with
+        contact loss, but at least -_MAX_LOSS_DEPTH, which is also its value if no orbit was found.
         """
         model = self.model
-        drive_line, _ = model.flank_lines
         # The static equilibrium: of a train, or the displacement 1 and velocity 0.
         start = model.propagator(tuning).initial_state("static" if model.mesh_names else (1.0, 0.0))
         try:
@@ -177,7 +176,7 @@ class _ResonanceSearch:
         unknowns = self.problem.unknowns(state, [tuning])
         _, record = self.problem.record(unknowns, model.repeats)
         lowest, highest = record.summary[..., columns.X_MIN], record.summary[..., columns.X_MAX]
-        clearance = max((lowest - drive_line).min(), -_MAX_LOSS_DEPTH)
+        clearance = max(model.clearances(lowest, highest).min(), -_MAX_LOSS_DEPTH)
         return unknowns, (highest - lowest).max(), clearance
 
     def _clearance(self, tuning: float) -> float:
@@ -234,8 +233,10 @@ class _ResonanceSearch:
             if codes[0] != status.OK:
                 raise ContinuationFailed(status.MESSAGES[int(codes[0])])
             steady_state = self.problem.unknowns(ends[0], [tuning])
-            # On a higher branch the maximum exceeds that at the fold.
-            if not self._extremum(steady_state, columns.X_MAX) > fold.displacement_max:
+            _, record = self.problem.record(steady_state, self.model.repeats)
+            lowest, highest = record.summary[..., columns.X_MIN], record.summary[..., columns.X_MAX]
+            # On a higher branch the displacement range exceeds that at the fold.
+            if not highest.max() - lowest.min() > fold.displacement_range:
                 return self._stable_fold(fold)
             fold, _ = self._follow_branch(steady_state, increasing=False)
         return None
@@ -246,7 +247,7 @@ class _ResonanceSearch:
         The orbit has the scaled unknowns `start`; the tuning increases or decreases. The branch
         ends beyond the scanned orbit on the other side of the contact loss, if there is one.
         """
-        problem, (drive_line, _) = self.problem, self.model.flank_lines
+        problem = self.problem
         sign = 1.0 if increasing else -1.0
         end = self.orbit_above_loss if increasing else self.orbit_below_loss
         low, high = _MIN_TUNING_RATIO * self.tuning(start), _SCAN_TUNINGS[-1]
@@ -260,7 +261,7 @@ class _ResonanceSearch:
                 return True
             is_beyond = end is not None and sign * (point.unknowns[-1] - end[-1]) > 0.0
             # In a run-down contact loss may last to lower tunings than its onset in a run-up.
-            has_contact = point.displacement_min >= np.max(drive_line)
+            has_contact = "B" not in point.contacts
             return is_beyond and (increasing or has_contact)
 
         def step(length: float) -> tuple[float, str]:

@@ -108,12 +108,14 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     mesh_forces: dict = {}  # order -> complex modal forces of the meshes, each of shape (p,)
     displacements = train.modal_mesh_displacements, train.static_mesh_displacements
-    for mesh, ratio, modal, static in zip(
-        train.meshes, train.frequency_ratios, *displacements, strict=True
+    for mesh, ratio, side, modal, static in zip(
+        train.meshes, train.frequency_ratios, train.loaded_sides, *displacements, strict=True
     ):
+        # The flanks that carry the load vary the stiffness.
+        phase = (train.inverse_phases if side < 0 else train.phases)[mesh.name]
         for order in range(1, count + 1):
             if mesh.varies and order * ratio <= count:
-                harmonic = stiffness_harmonic(mesh, order, train.phases[mesh.name])
+                harmonic = stiffness_harmonic(mesh, order, phase)
                 forces = mesh_forces.setdefault(order * ratio, [])
                 forces.append(harmonic * static * modal)
     orders = sorted(mesh_forces)

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
+from gearlib.data import summary
 from gearlib.data.motions import float_array
 from gearlib.engines import orbit
 from gearlib.engines.linear.periods import EVENT_COLUMNS
@@ -506,12 +507,11 @@ class GearTrain(Model):
 
         `summaries`, shape (..., m, 10), has the dimensions `dims` and holds sums and extrema over a
         span of phase. The dynamic factor is the largest force over the static force of the linear
-        train, NaN for a mesh without load.
+        train, both without signs, NaN for a mesh without load.
         """
         mean = summaries[..., orbit.FORCE_SUM] / span
-        static = self.mean_forces
-        with np.errstate(divide="ignore", invalid="ignore"):
-            factor = np.where(static > 0.0, summaries[..., orbit.FORCE_MAX] / static, math.nan)
+        static = np.abs(self.mean_forces)
+        factor = summary.largest_force(summaries) / np.where(static > 0.0, static, math.nan)
         shares = statics.load_shares(self, mean)
         variables = {"mean_force": mean, "dynamic_factor": factor, "load_sharing": shares}
         return {name: (dims, values) for name, values in variables.items()}
@@ -536,7 +536,9 @@ class GearTrain(Model):
     def mean_forces(self):
         """Static mesh forces of the linear train without errors, over the load, shape (m,)."""
         means = np.array([mesh.mean_stiffness for mesh in self.meshes])
-        return means * self.static_mesh_displacements / self.load
+        forces = means * self.static_mesh_displacements / self.load
+        # Smaller forces are rounding errors of meshes without load.
+        return np.where(np.abs(forces) > 1e-9 * np.abs(forces).max(), forces, 0.0)
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
         """Return matrices (reduce, lift) from states to amplitudes of the elastic modes, and back.

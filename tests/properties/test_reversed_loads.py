@@ -1,0 +1,105 @@
+"""All loads reversed: with equal flanks, the gears move as before on their coast sides.
+
+The motion of the reversed model is -x - backlash. Meshes have the same stiffness phase and no
+deviation on both flanks, so that both motions are equal up to rounding.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib.analysis.duty_point import duty_point
+from gearlib.analysis.orbits.jumps import main_resonance
+from gearlib.uncertainty.design_quantities import DesignQuantities
+from tests.paper import PAPER
+from tests.properties.known_models import CHAIN, gears
+
+PLANETS = {"stiffness_ratio": (0.7, 0.7), "reference_frequency": 1475.7}
+TURNING = PLANETS | {"turning": True, "gyroscopic": True}
+TRAINS = {
+    "chain": CHAIN,
+    "planetary": gearlib.planetary(**PLANETS),
+    "turning": gearlib.planetary(**TURNING),
+    "two stages": gearlib.two_stage(PAPER.replace(material_damping=3e3)),
+}
+SIX = gears(5e8, material=4.5e3, oil=300.0, moving_backlash=False)
+
+
+def with_equal_flanks(train):
+    """Return a train without errors whose coast sides have the stiffness phases of drive sides."""
+    meshes = [
+        replace(
+            mesh, phase=train.phases[mesh.name], inverse_phase=train.phases[mesh.name], error=0.0
+        )
+        for mesh in train.meshes
+    ]
+    return train.replace(meshes=meshes)
+
+
+def reversed_loads(model):
+    """Return a model with all torques reversed."""
+    if model.mesh_names:
+        bodies = [replace(body, torque=-body.torque) for body in model.bodies]
+        return model.replace(bodies=bodies)
+    return model.replace(torques=tuple(-torque for torque in model.torques))
+
+
+MODELS = {name: with_equal_flanks(train) for name, train in TRAINS.items()} | {"six degrees": SIX}
+
+
+@pytest.mark.parametrize("tuning", [0.6, 1.0])
+@pytest.mark.parametrize("name", MODELS)
+def test_reversed_loads_have_the_same_duty_point_on_the_coast_side(name, tuning):
+    model = MODELS[name]
+    speed = float(model.speed(tuning))
+    drive, coast = duty_point(model, speed), duty_point(reversed_loads(model), speed)
+    assert np.isfinite(drive.dynamic_factor).all() and int(drive.settled)
+    for variable in ("dynamic_factor", "error_peak_to_peak", "lost_share", "bearing_force_max"):
+        expected, size = drive[variable].values, np.nanmax(np.abs(drive[variable].values))
+        np.testing.assert_allclose(coast[variable], expected, rtol=1e-7, atol=1e-9 * size)
+    np.testing.assert_allclose(coast.static_force, -drive.static_force, rtol=1e-9)
+    np.testing.assert_allclose(coast.mesh_force_min, -drive.mesh_force_max, rtol=1e-7)
+
+
+def test_a_mesh_that_loses_contact_at_rest_on_its_coast_side_loses_it_as_on_the_drive_side():
+    train = MODELS["planetary"]
+    drive, coast = (duty_point(t, float(t.speed(1.0))) for t in (train, reversed_loads(train)))
+    assert 0.05 < float(drive.lost_share.max()) < 0.9
+    np.testing.assert_allclose(coast.lost_share, drive.lost_share, rtol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["chain", "six degrees"])
+def test_reversed_loads_have_the_same_main_resonance(name):
+    quantities = ("onset", "jump_up")
+    drive, coast = (
+        main_resonance(m, quantities) for m in (MODELS[name], reversed_loads(MODELS[name]))
+    )
+    assert np.isfinite(drive.onset) and not coast.failed
+    assert coast.onset == pytest.approx(drive.onset, rel=1e-9)
+    assert coast.jump_up == pytest.approx(drive.jump_up, rel=1e-9, nan_ok=True)
+
+
+def test_reversed_loads_have_the_same_quantities_of_designs():
+    names = ("dynamic_factor", "force", "transmission_error", "contact_margin")
+    for model in (MODELS["chain"], SIX):
+        speed = float(model.speed(0.6))
+        drive, coast = (
+            DesignQuantities(m, names, speed=speed).nominal for m in (model, reversed_loads(model))
+        )
+        np.testing.assert_allclose(coast, drive, rtol=1e-7)
+
+
+def test_coast_sides_under_load_have_their_own_phases_in_tongues_and_phasing():
+    train = with_equal_flanks(gearlib.idler(PAPER.replace(material_damping=100.0)))
+    shift = {"phase": 0.1, "inverse_phase": 0.35}
+    meshes = [train.meshes[0], replace(train.meshes[1], **shift)]
+    exchanged = [train.meshes[0], replace(meshes[1], phase=0.35, inverse_phase=0.1)]
+    coast, drive = reversed_loads(train.replace(meshes=meshes)), train.replace(meshes=exchanged)
+    np.testing.assert_allclose(
+        coast.phasing().modal_force, drive.phasing().modal_force, rtol=1e-9, atol=1e-30
+    )
+    widths = [gearlib.tongues(m, start=0.9, stop=2.2, step=0.02) for m in (coast, drive)]
+    assert widths[0].sizes["tongue"] > 0
+    np.testing.assert_allclose(widths[0].tuning_from, widths[1].tuning_from, rtol=1e-9)
