@@ -167,7 +167,7 @@ def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
         teeth = round(model.periods_per_revolution)
         max_record = min(max_periods, _MAX_RECORD_PERIODS)
         record_periods = teeth * max(1, min(_RECORD_REVOLUTIONS, max_record // teeth))
-        comment = f"{record_periods} mesh periods of a motion that has not settled"
+        comment = f"{record_periods} mesh periods, whole revolutions"
         if cycle > max_cycle:
             comment = (
                 f"a sample of {record_periods} mesh periods; the excitation repeats after {cycle}, "
@@ -191,6 +191,8 @@ def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
     samples = max(min(_SAMPLES_PER_PERIOD, _MAX_SAMPLES // record_periods), _MIN_SAMPLES_PER_PERIOD)
     options = {"record_periods": record_periods, "samples_per_period": samples}
     run = _checked_run(model, tuning, transient_periods + record_periods, state, **options)
+    if not int(run.period):
+        comment += "; the motion has not settled"
     return run, simulated_periods + transient_periods, comment
 
 

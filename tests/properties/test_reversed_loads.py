@@ -49,25 +49,22 @@ def reversed_loads(model):
 MODELS = {name: with_equal_flanks(train) for name, train in TRAINS.items()} | {"six degrees": SIX}
 
 
-@pytest.mark.parametrize("tuning", [0.6, 1.0])
+#: With loss of contact, but for the chain, whose motions are then chaotic.
+TUNINGS = {"chain": 0.5, "planetary": 1.0, "turning": 1.0, "two stages": 0.5, "six degrees": 1.3}
+
+
 @pytest.mark.parametrize("name", MODELS)
-def test_reversed_loads_have_the_same_duty_point_on_the_coast_side(name, tuning):
+def test_reversed_loads_have_the_same_duty_point_on_the_coast_side(name):
     model = MODELS[name]
-    speed = float(model.speed(tuning))
+    speed = float(model.speed(TUNINGS[name]))
     drive, coast = duty_point(model, speed), duty_point(reversed_loads(model), speed)
-    assert np.isfinite(drive.dynamic_factor).all() and int(drive.settled)
+    assert drive.settled == 1 and np.isfinite(drive.dynamic_factor).all()
+    assert (drive.lost_share.max() > 0.05) == (name != "chain")
     for variable in ("dynamic_factor", "error_peak_to_peak", "lost_share", "bearing_force_max"):
         expected, size = drive[variable].values, np.nanmax(np.abs(drive[variable].values))
         np.testing.assert_allclose(coast[variable], expected, rtol=1e-7, atol=1e-9 * size)
     np.testing.assert_allclose(coast.static_force, -drive.static_force, rtol=1e-9)
     np.testing.assert_allclose(coast.mesh_force_min, -drive.mesh_force_max, rtol=1e-7)
-
-
-def test_a_mesh_that_loses_contact_at_rest_on_its_coast_side_loses_it_as_on_the_drive_side():
-    train = MODELS["planetary"]
-    drive, coast = (duty_point(t, float(t.speed(1.0))) for t in (train, reversed_loads(train)))
-    assert 0.05 < float(drive.lost_share.max()) < 0.9
-    np.testing.assert_allclose(coast.lost_share, drive.lost_share, rtol=1e-7)
 
 
 @pytest.mark.parametrize("name", ["chain", "six degrees"])

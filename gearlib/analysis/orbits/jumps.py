@@ -167,8 +167,7 @@ class _ResonanceSearch:
         contact loss, but at least -_MAX_LOSS_DEPTH, which is also its value if no orbit was found.
         """
         model = self.model
-        # The static equilibrium: of a train, or the displacement 1 and velocity 0.
-        start = model.propagator(tuning).initial_state("static" if model.mesh_names else (1.0, 0.0))
+        start = model.propagator(tuning).initial_state(model.static_state(tuning))
         try:
             state = periodic_orbit(model, tuning, guess=start, period=model.repeats).state
         except NoOrbit:
