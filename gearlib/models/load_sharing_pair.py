@@ -186,6 +186,16 @@ class LoadSharingPair(WithPair):
         displacement = np.asarray(displacement, float) * self.static_deflection
         return pairs.forces_at_displacement(displacement).force[0]
 
+    def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, float]:
+        """Return displacement and velocity in equilibrium at phase 0; see `Model.static_state`."""
+        if load >= 0.0:
+            pairs = self._pairs(np.array([self._phase_offset]))
+            sharing = pairs.forces_under_loads([load * self.load])
+            return float(sharing.displacement[0, 0]) / self.static_deflection, 0.0
+        # On the coast side the force is stiffness * x - offset, negative below its flank line.
+        stiffness, _, offset, _ = self.system_and_max_stiffness[0].force_lines[0, -1]
+        return (float((load + offset) / stiffness) if self.backlash < math.inf else 0.0), 0.0
+
     @property
     def repeats(self) -> int:
         """Number of mesh periods after which the pitch errors repeat."""

@@ -141,6 +141,31 @@ class Model:
             )
         return checks.state("initial_state", initial_state)
 
+    def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, ...]:
+        """Return the static equilibrium just after phase 0, at rest, as an `initial_state`.
+
+        Damping and inertia, also that of a deviation, do not act in it. Under a negative load the
+        coast-side flanks carry it: x = -backlash - deflection.
+
+        Parameters
+        ----------
+        tuning : float
+            Tuning at which a run starts; the forces of a turning frame are left out, so that all
+            tunings have the same equilibrium.
+        load : float, default 1
+            Load over that of the model, a factor on all torques of a train.
+
+        Returns
+        -------
+        tuple of float
+            Displacement and velocity by phase, or all components of models with more coordinates.
+            Without a load, and under a load that no flank can carry, it is (0, 0): gears whose
+            flanks just touch. For other models it is at the undeflected position closest to 0.
+        """
+        if self.train is not None:
+            return self.train.static_state(tuning, load)
+        return self.equation.static_displacement(load), 0.0
+
     @property
     def settable(self) -> dict[str, tuple[str, str]]:
         """The finite numbers that `with_values` can change: name -> (CF units, description).

@@ -138,6 +138,26 @@ class Equation:
             free, force_input, flanks, drive_side.low, drive_side.breaks, orders, tuning
         )
 
+    def static_displacement(self, load: float) -> float:
+        """Return the displacement in equilibrium just after phase 0.
+
+        `load` is the mean force over that of the equation. Without an equilibrium, or with many,
+        return the displacement closest to 0 without deflection.
+        """
+        force, ground = self.load * load + self.force[:, 1].sum(), self.ground_stiffness
+        sides = (1.0, self.upper, self.drive_stiffness), (-1.0, self.lower, self.coast_stiffness)
+        for sign, edge, pieces in sides:
+            if not math.isfinite(edge) or sign * (force - ground * edge) <= 0.0:
+                continue
+            stiffness = pieces.lines[0, 0] + pieces.harmonics[:, 1].sum()
+            if not stiffness + ground > 0.0:
+                continue
+            # The force increases with the deflection, so that one root is positive.
+            powers = stiffness * self.stiffness_powers[::-1]
+            linear = stiffness + ground, -sign * (force - ground * edge)
+            return float(edge + sign * np.roots([*powers, *linear]).real.max())
+        return float(force / ground if ground else np.clip(0.0, self.lower, self.upper))
+
     def stiffness_pieces(self) -> tuple[Pieces, Pieces]:
         """Return the stiffness of drive-side and coast-side contact, cut at the same phases."""
         if self.drive_stiffness is self.coast_stiffness:

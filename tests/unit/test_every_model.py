@@ -3,7 +3,7 @@
 import inspect
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -163,6 +163,40 @@ def test_a_call_works_or_names_the_model_that_it_refuses(call, model):
         texts = [dataset.attrs.get("title", "")]
         texts += [str(variable.attrs.get("long_name")) for variable in dataset.variables.values()]
         assert not [text for text in texts if GEAR_WORDS.search(text)]
+
+
+def reversed_load(model):
+    """Return the model with the opposite load."""
+    if hasattr(model, "bodies"):
+        return model.replace(bodies=[replace(one, torque=-one.torque) for one in model.bodies])
+    if hasattr(model, "torques"):
+        return model.replace(torques=[-torque for torque in model.torques])
+    return model.replace(load=-model.load)
+
+
+#: Models -> side that carries the load. Run-out is left out: its inertia accelerates.
+LOADED = [(model, 1) for name, model in MODELS.items() if name != "run-out"]
+LOADED += [(reversed_load(MODELS[name]), -1) for name in ("six degrees", "train", "oscillator")]
+
+
+@pytest.mark.parametrize(("model", "side"), LOADED)
+def test_no_force_accelerates_the_static_state(model, side):
+    run = simulate(model, NU, periods=1, initial_state=model.static_state(NU))
+    assert (run.contact[0] == side).all()
+    np.testing.assert_allclose(run.acceleration[0], 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("model", ["gear pair", "pairs of teeth", "six degrees"])
+def test_a_negative_load_rests_on_the_coast_side(model):
+    # These flanks have no relief and no errors, and both sides have one stiffness at phase 0.
+    drive, coast = (sum(MODELS[model].static_state(NU, load)) for load in (1.0, -1.0))
+    assert coast == pytest.approx(-MODELS[model].backlash_ratio - drive, rel=1e-14)
+
+
+@pytest.mark.parametrize("model", ["gear pair", "six degrees"])
+def test_flanks_just_touch_without_an_equilibrium(model):
+    assert not any(MODELS[model].static_state(NU, 0.0))
+    assert not any(MODELS[model].replace(backlash=math.inf).static_state(NU, -1.0))
 
 
 def test_a_new_model_moves_as_its_equation_says():

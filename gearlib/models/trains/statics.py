@@ -36,10 +36,11 @@ class Equilibrium(NamedTuple):
     both_flanks_touch: np.ndarray  #: bool, whether forces act on both flanks, shape (m,)
 
 
-def equilibrium(train: "GearTrain", phase: float = 0.0) -> Equilibrium:
+def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0) -> Equilibrium:
     """Return the static equilibrium with the stiffness and errors at a reference mesh phase in rad.
 
-    Raises ValueError if the load opens a mesh with infinite backlash permanently.
+    `load_ratio` is a factor on all torques. Raises ValueError if the load opens a mesh with
+    infinite backlash permanently.
     """
     frequencies, amplitudes, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
@@ -55,7 +56,7 @@ def equilibrium(train: "GearTrain", phase: float = 0.0) -> Equilibrium:
     coast_lines = np.where(moves, train.coast_lines @ basis, drive_lines)
     lines = np.stack([coast_lines, drive_lines])
     strains = train.strains[: -len(train.meshes)]
-    load = basis.T @ train.structure.load
+    load = load_ratio * (basis.T @ train.structure.load)
     energy = _Energy(strains.T @ strains, lines, stiffness, gaps, load)
     # Rounding errors of the gaps cause forces of this size, even without a load.
     gap_sizes = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)

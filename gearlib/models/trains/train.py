@@ -415,8 +415,19 @@ class GearTrain(Model):
     @cached_property
     def _static_state(self) -> np.ndarray:
         """State of static equilibrium at phase 0, from which sweeps start."""
-        q = statics.equilibrium(self).q
+        return self._static_state_under(1.0)
+
+    def _static_state_under(self, load: float) -> np.ndarray:
+        """Return the state of static equilibrium at phase 0 under a load over that of the train."""
+        q = statics.equilibrium(self, load_ratio=load).q
         return np.append(q / self.static_deflection, np.zeros(q.size))
+
+    def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, ...]:
+        """Return the static equilibrium at phase 0; see `Model.static_state`."""
+        try:
+            return tuple(self._static_state_under(load).tolist())
+        except ValueError:  # A mesh with infinite backlash opens permanently.
+            return 0.0, 0.0
 
     def start_state(self, initial_state: Any) -> np.ndarray:
         """Return the initial state (q, dq/dtau), shape (size,), or raise ValueError.
