@@ -130,6 +130,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
     meshes = {name: values for name, values in model.coordinates().items() if name == "mesh"}
     options = {"method": "settled run", "speed": float(speed)}
     dataset = result("Duty point of a gear mesh", model, data, meshes | coords, **options)
+    dataset["record_periods"].attrs["long_name"] = f"mesh periods of the record, {comment}"
     return dataset.assign_attrs(comment=f"The record is {comment}.")
 
 
@@ -186,8 +187,8 @@ def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
                 f"mode has decayed to {reached:.2g} of its start"
             )
         if record_periods == cycle:
-            # A motion that repeats is recognized after another cycle.
-            transient_periods += cycle
+            # Whether it repeats is seen after another cycle, to more digits.
+            transient_periods = min(2 * transient_periods, max_cycle) + cycle
     samples = max(min(_SAMPLES_PER_PERIOD, _MAX_SAMPLES // record_periods), _MIN_SAMPLES_PER_PERIOD)
     options = {"record_periods": record_periods, "samples_per_period": samples}
     run = _checked_run(model, tuning, transient_periods + record_periods, state, **options)
@@ -230,12 +231,7 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
         max_forces = [force_scale * float(time_history.max()) for time_history in forces]
         data["bearing_force_max"], coords["bearing"] = ("bearing", max_forces), ["gear 3", "gear 2"]
     elif "body_motion" in run:
-        stiffness = np.array([body.support_stiffness for body in model.bodies])
-        # The displacement of a rigid bearing is zero and does not give its force.
-        stiffness[~np.isfinite(stiffness)] = math.nan
-        # Forces along x and y, without the moment.
-        components = stiffness * static_deflection * run.body_motion.values[:, :, :2]
-        max_forces = np.hypot(components[..., 0], components[..., 1]).max(axis=0)
+        max_forces = [static_deflection * _support_forces(run, body).max() for body in model.bodies]
         dim = "body" if len(dims) > 1 else "bearing"
         data["bearing_force_max"], coords[dim] = (dim, max_forces), list(model.body_names)
     else:
@@ -243,6 +239,24 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
         data["bearing_force_max"] = force_scale * largest_force
     data |= {"mesh_order_force": (dims, order_forces), "mesh_order_error": (dims, order_errors)}
     return data, coords
+
+
+def _support_forces(run: xr.Dataset, body: Any) -> np.ndarray:
+    """Return the forces, without the moments, of the support of a body over static deflections.
+
+    The forces of rigid supports are NaN: their deflection is zero and does not give the force.
+    """
+    x, y, _ = run.body_motion.sel(body=body.name).values.T
+    if body.carrier:
+        # The pin moves with the carrier, whose rotation is an arc through the pins.
+        carrier_x, carrier_y, rotation = run.body_motion.sel(body=body.carrier).values.T
+        cosine, sine = math.cos(body.angle), math.sin(body.angle)
+        x, y = x - carrier_x, y - carrier_y
+        x, y = cosine * x + sine * y, cosine * y - sine * x - rotation
+    stiffness_x, stiffness_y = np.where(
+        np.isfinite(body.support_stiffness), body.support_stiffness, math.nan
+    )
+    return np.hypot(stiffness_x * x, stiffness_y * y)
 
 
 def si_variables(run: xr.Dataset, model: Any) -> dict:

@@ -40,12 +40,12 @@ def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train, orders):
 def test_the_table_of_critical_speeds_has_every_intersection_once(tmp_path):
     # Sweeps are made up: contact is lost at case 0, direction 2 (down), tuning 1.0 and mesh 4 only.
     tunings = np.array([0.8, 1.0, 1.2])
-    normal = np.ones((1, 3, 3, len(TRAIN.meshes)))
-    normal[0, 2, 1, 4] = 0.9
+    lost = np.zeros((1, 3, 3, len(TRAIN.meshes)))
+    lost[0, 2, 1, 4] = 0.1
     dims = ("case", "direction", "tuning", "mesh")
     sweeps = xr.Dataset(
         {
-            "fraction_normal_high": (dims, normal),
+            "fraction_backlash_high": (dims, lost),
             "settled": (dims[:3], np.ones((1, 3, 3), np.int8)),
             "speed": ("tuning", TRAIN.speed(tunings)),
         },

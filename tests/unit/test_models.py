@@ -10,7 +10,7 @@ import pytest
 
 import gearlib
 from gearlib import GearPair, Harmonics, OneDegreePair, SixDegreePair, Tabulated, simulate, sweep
-from gearlib.data.motions import contact_loss_fraction, describe, mask_unbounded
+from gearlib.data.motions import describe, mask_unbounded
 from gearlib.models.model import Model
 from gearlib.models.profiles import Steps
 from tests.paper import PAPER
@@ -186,11 +186,6 @@ def test_a_motion_in_words(period, inverse, bounces, words):
     run = simulate(PAPER, 0.7, periods=2)
     run = run.assign(period=period, fraction_inverse=inverse, bounces=bounces)
     assert describe(run) == f"The motion from rest {words}."
-
-
-def test_rounding_of_times_is_no_loss_of_contact():
-    losses = contact_loss_fraction(np.array([1.0, 1.0 - 1e-12, 1.0 + 1e-12, 0.999, 0.0]))
-    assert losses == pytest.approx([0.0, 0.0, 0.0, 0.001, 1.0], rel=1e-12, abs=0.0)
 
 
 @pytest.mark.parametrize("model", [STEEP, pairs_as_train(STEEP)])
