@@ -11,6 +11,7 @@ name                 responsibility
 ``lyapunov``         `lyapunov_exponents`; growth of rounding errors in a motion
 ``duty_point``       `duty_point`: forces and vibration at one torque and speed, in N, m, Hz, rpm
 ``order_maps``       `order_map`, `orders`: orders of run-ups, of runs at one speed, of signals
+``rig_signals``      measured signals over the angle of the shaft: gaps, directions, tacho pulses
 ``sensitivities``    `sensitivities`: derivatives of the results of any call
 ``trust``            `trust`: chaos or artefact: the same motion by several methods
 ===================  ==============================================================

@@ -5,10 +5,9 @@ angle are weighted sums of samples. Motions are smooth between switches of the s
 events. The weights integrate cubic polynomials through neighbouring samples, and no polynomial
 extends across a jump. Sums over every second sample give an estimate of the error.
 
-Signals over time are interpolated at equal angles of the shaft by cubic splines. The angle is the
-integral of the speed, or follows from a tacho with one pulse per revolution. Blocks of `order_map`
-are whole revolutions, so orders on its grid do not leak into each other; the amplitude of an order
-between two grid points is up to 3.9 dB too small.
+Signals over time are interpolated at equal angles of the shaft by cubic splines (`rig_signals`).
+Blocks of `order_map` are whole revolutions, so orders on its grid do not leak into each other; the
+amplitude of an order between two grid points is up to 3.9 dB too small.
 """
 
 import json
@@ -20,9 +19,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import CubicSpline
 
 from gearlib import checks
+from gearlib.analysis.rig_signals import RigSignal, rig_signal
 from gearlib.data.files import canonical_json
 from gearlib.data.result import result_of_many
 from gearlib.models.from_values import model_from_json
@@ -50,11 +49,6 @@ _VARIABLES = {
 }
 #: Largest change of a coefficient with half of the samples, relative to the root mean square.
 MAX_CHANGE = 0.05
-#: Smallest number of samples per wave of a signal. A cubic spline reduces the amplitude by a factor
-#: 3 sinc(f)^4 / (2 + cos(2 pi f)), f = 1 / samples: by 1.5 % with four, by 0.02 % with ten samples.
-_MIN_SAMPLES_PER_WAVE = 4.0
-#: Largest number of interpolated samples of a signal in a revolution.
-_MAX_SAMPLES_PER_REVOLUTION = 2**16
 
 
 @dataclass
@@ -63,14 +57,18 @@ class Motion:
 
     phase: np.ndarray  #: mesh phase since the first sample, shape (k,)
     values: np.ndarray  #: shape (k,), for trains (k, m)
-    jumps: np.ndarray | None  #: sorted phases at which values or slopes jump; None: unknown
+    jumps: np.ndarray  #: sorted phases at which values or slopes jump
     speeds: np.ndarray  #: speed profile since the first sample, rows of s and rpm
     teeth: float  #: mesh periods per revolution
-    default_max_order: float
+    max_order: float  #: highest order by default
     units: str
     coords: dict = field(default_factory=dict)  #: dimensions of the values other than the phase
     attrs: dict = field(default_factory=dict)  #: attributes of the order map
-    start_time: float = 0.0  #: time of the first sample, s
+
+    @property
+    def travel(self) -> float:
+        """Number of revolutions."""
+        return float(np.trapezoid(self.speeds[:, 1], self.speeds[:, 0])) / 60.0
 
 
 @dataclass
@@ -124,6 +122,7 @@ def order_map(
     highest=None,
     amplitude="rms",
     tacho=None,
+    pulses_per_revolution=1,
     teeth=1,
     orders=None,
 ):
@@ -137,7 +136,11 @@ def order_map(
         displacement, and 1e-4 of that of the force, which jumps with the stiffness. Times and
         phases count from the first sample. Alternatively any signal over ``time`` (s) with
         ``speed`` (min-1), such as a result of `gearlib.read_measured`: it is interpolated at equal
-        angles by cubic splines.
+        angles by cubic splines. Samples with NaN are missing. Blocks that a gap touches are left
+        out: a step between samples of more than three usual ones, or of more than a quarter of the
+        wave of the highest order. The speed is taken as linear across its gaps. A negative speed
+        is a rotation backwards; blocks in which the speed is 0 over several samples or changes its
+        sign are left out.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
         Name of the variable; a signal may have any other.
     resolution : float, default 1
@@ -149,7 +152,12 @@ def order_map(
     amplitude : {"rms", "peak", "power"}
         Root mean square, amplitude or mean square of a sine. Order 0 is the mean, or its square.
     tacho : sequence of float, optional
-        For a signal without speed: times of tacho pulses in s, one per revolution.
+        For a signal without speed, or in its place: times of tacho pulses in s. The map extends
+        from the first to the last. Each interval is compared with the speed of its neighbours: a
+        single pulse that is missing is counted, a single double pulse is left out, and so are
+        irregular pulses at either end; any other irregular pulse is refused.
+    pulses_per_revolution : int, default 1
+        Number of tacho pulses per revolution, at equal angles.
     teeth : int, default 1
         For a signal: mesh periods per revolution.
     orders : sequence of float, optional
@@ -160,9 +168,13 @@ def order_map(
     xarray.Dataset
         Over ``time`` (s, the middle of each block of whole revolutions) and ``order`` (waves per
         revolution of the gear to which the speed refers): amplitude; phase (rad, of a cosine of
-        order times the shaft angle since the start of the run); amplitude_error, an estimate. Over
-        ``time``: rpm, the mean speed, and overall, the root mean square of the variable without its
-        mean. Trains have the dimension ``mesh`` as well. Scalars order_resolution and teeth.
+        order times the shaft angle since the start of the run, or since the first tacho pulse);
+        amplitude_error, an estimate. Over ``time``: rpm, the mean speed, and overall, the root mean
+        square of the variable without its mean. Trains have the dimension ``mesh`` as well. Scalars
+        order_resolution and teeth. Of a signal the attribute ``comment`` says what was left out or
+        repaired and why, and ``left_out`` (intervals without a block), ``missing_pulses`` (the
+        pulses around each) and
+        ``double_pulses`` have the times in s, as JSON.
 
     Raises
     ------
@@ -172,37 +184,35 @@ def order_map(
     """
     checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
     teeth = checks.integer("teeth", teeth, 1)
+    per_turn = checks.integer("pulses_per_revolution", pulses_per_revolution, 1)
+    resolution = checks.number(
+        "resolution", resolution, "a finite number > 0 and <= 1", lambda x: 0.0 < x <= 1.0
+    )
+    if highest is not None:
+        highest = checks.finite_positive("highest", highest)
     if orders is not None:
         orders = [checks.finite_nonnegative("orders", order) for order in orders]
         checks.require(orders, "orders", orders, "a list of at least one entry")
         highest = max(*orders, resolution) if highest is None else highest
-    motion = _motion(run, variable, highest, tacho, teeth)
-    resolution = checks.number(
-        "resolution", resolution, "a finite number > 0 and <= 1", lambda x: 0.0 < x <= 1.0
-    )
+    motion = _motion(run, variable, highest, tacho, per_turn, teeth)
     revolutions = math.ceil(1.0 / resolution - 1e-12)
-    run_revolutions = np.trapezoid(motion.speeds[:, 1], motion.speeds[:, 0]) / 60.0
+    run_revolutions = motion.travel
     blocks = int(run_revolutions / revolutions + PHASE_TOLERANCE)
     if blocks < 1:
         raise ValueError(
             f"resolution = {resolution!r} is not allowed for this run: a block must have "
             f"{revolutions} whole revolutions, and the run has {run_revolutions:.4g}"
         )
-    highest = motion.default_max_order if highest is None else highest
-    highest = checks.finite_positive("highest", highest)
-    samples_per_period = _samples_per_period(motion.phase)
-    max_order = 0.25 * samples_per_period * motion.teeth
-    if highest > max_order * (1.0 + PHASE_TOLERANCE):
-        raise ValueError(
-            f"highest = {highest:g} is not allowed with samples_per_period = {samples_per_period}: "
-            f"it must be at most {max_order:.4g}, orders with four samples a wave"
-        )
+    highest = motion.max_order if highest is None else highest
     count = int(highest * revolutions + 1e-9) + 1
-    step = 1.0 / (motion.teeth * revolutions)
-    sums = fourier(motion.phase, motion.values, motion.jumps, math.tau / step, blocks, step, count)
-    # The coefficients of a measured signal are not checked, because noise changes them.
-    if motion.jumps is not None:
-        _check_changes(sums, motion.phase)
+    if isinstance(motion, RigSignal):
+        sums, begins, ends, directions = _signal_sums(motion, variable, revolutions, highest, count)
+        motion.attrs |= motion.left_out(begins, ends, revolutions)
+    else:
+        sums = _run_sums(motion, revolutions, highest, blocks, count)
+        turns = revolutions * np.arange(blocks + 1.0)
+        bounds, _ = ShaftRotation(motion.speeds).time_and_speed(turns)
+        begins, ends, directions = bounds[:-1], bounds[1:], 1.0
     indices = np.arange(count)
     if orders is not None:
         indices = np.array([round(order * revolutions) for order in orders])
@@ -212,19 +222,65 @@ def order_map(
                     f"orders = {order!r} is not allowed: it must be one of 0, "
                     f"{1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
                 )
-    block_revolutions = revolutions * np.arange(blocks + 1.0)
-    bounds = motion.start_time + ShaftRotation(motion.speeds).time_and_speed(block_revolutions)[0]
-    return _dataset(motion, variable, amplitude, sums, indices, revolutions, bounds)
+    rpm = 60.0 * revolutions * directions / (ends - begins)
+    return _dataset(motion, variable, amplitude, sums, indices, revolutions, begins, ends, rpm)
 
 
-def _motion(run: Any, variable: str, highest: float | None, tacho: Any, teeth: int) -> Motion:
+def _run_sums(motion, revolutions: int, highest: float, blocks: int, count: int) -> FourierSums:
+    """Return the Fourier coefficients of the blocks of a run for the arguments of `order_map`."""
+    samples_per_period = _samples_per_period(motion.phase)
+    max_order = 0.25 * samples_per_period * motion.teeth
+    if highest > max_order * (1.0 + PHASE_TOLERANCE):
+        raise ValueError(
+            f"highest = {highest:g} is not allowed with samples_per_period = {samples_per_period}: "
+            f"it must be at most {max_order:.4g}, orders with four samples a wave"
+        )
+    step = 1.0 / (motion.teeth * revolutions)
+    sums = fourier(motion.phase, motion.values, motion.jumps, math.tau / step, blocks, step, count)
+    _check_changes(sums, motion.phase)
+    return sums
+
+
+def _signal_sums(
+    signal: RigSignal, variable: str, revolutions: int, highest: float, count: int
+) -> tuple:
+    """Return (Fourier sums, start times, end times, directions) of the blocks of a signal.
+
+    The coefficients are not checked, because noise changes them.
+    """
+    coefficients, changes, squares, places = [], [], [], []
+    for samples, begin, end, direction in signal.blocks(revolutions, highest):
+        # The trapezoidal rule takes half of the first and half of the last sample.
+        wave, square = samples[:-1].copy(), samples[:-1] ** 2
+        wave[0] = 0.5 * (samples[0] + samples[-1])
+        square[0] = 0.5 * (samples[0] ** 2 + samples[-1] ** 2)
+        fine, coarse = (np.fft.rfft(x, norm="forward")[:count] for x in (wave, wave[::2]))
+        coefficients.append(fine)
+        changes.append(np.abs(fine - coarse))
+        squares.append(square.mean())
+        places.append((begin, end, direction))
+    if not places:
+        reasons = ", ".join(dict.fromkeys(why for _, _, why in signal.breaks))
+        raise ValueError(
+            f"{variable} is not allowed: no block of {revolutions} whole revolutions is complete "
+            f"({reasons}), and there must be one at least"
+        )
+    order = np.argsort([begin for begin, _, _ in places])
+    sums = FourierSums(*(np.array(x)[order] for x in (coefficients, changes, squares)))
+    return sums, *np.array(places)[order].T
+
+
+def _motion(
+    run: Any, variable: str, highest: float | None, tacho: Any, per_turn: int, teeth: int
+) -> Motion | RigSignal:
     """Return the samples of a variable of a run or a signal for the arguments of `order_map`."""
     names = set(getattr(run, "variables", ()))  # empty unless `run` is a dataset
     if "time" in names and "phase" not in names:
-        return _motion_of_signal(run, variable, highest, tacho, teeth)
+        return rig_signal(run, variable, highest, tacho, per_turn, teeth)
     checks.one_of("variable", variable, tuple(_VARIABLES))
-    if tacho is not None:
-        raise checks.refusal("tacho", tacho, "None for a run-up, whose shaft angle is known")
+    allowed = "for a run-up, whose shaft angle is known"
+    checks.require(tacho is None, "tacho", tacho, f"None {allowed}")
+    checks.require(per_turn == 1, "pulses_per_revolution", per_turn, f"1 {allowed}")
     simulated_names = {"mesh_frequency", "static_deflection", "force_scale", "contact", *_VARIABLES}
     is_simulation = simulated_names <= names and run.displacement.dims[0] == "phase"
     is_run_up = names >= {variable, "time", "speed", "phase"} and "time" in run.sizes
@@ -276,7 +332,7 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
         jumps=_jumps(run, variable, event_phases),
         speeds=speeds,
         teeth=teeth,
-        default_max_order=_DEFAULT_MESH_ORDERS * teeth,
+        max_order=_DEFAULT_MESH_ORDERS * teeth,
         units=units,
         coords={name: run[name].variable for name in run[variable].dims[1:]},
         attrs=_attributes(run, "references", "gear_pair", "model") | {"parameters": profiles},
@@ -297,83 +353,6 @@ def _attributes(run: xr.Dataset, *names: str) -> dict:
 def _profiles_json(speeds: np.ndarray) -> str:
     """Return a speed profile, rows of s and rpm, and a constant load profile as JSON."""
     return canonical_json({"speed": speeds.tolist(), "load": [[0.0, 1.0]]})
-
-
-def _motion_of_signal(data: xr.Dataset, variable: str, highest, tacho, teeth: int) -> Motion:
-    """Resample a signal over time at equal angles of the shaft, for arguments of `order_map`."""
-    time, values = _signal(data, variable)
-    angle_at, profile = _shaft_angle(data, time, tacho)
-    in_profile = (time >= profile[0, 0]) & (time <= profile[-1, 0])
-    if in_profile.sum() < 4:  # not with a speed profile, which covers all samples
-        raise ValueError("tacho is not allowed: it must have at least four samples between pulses")
-    time, values = time[in_profile], values[in_profile]
-    angles = angle_at(time)
-    steps = np.diff(angles)
-    if not (steps > 0.0).all():
-        raise ValueError("speed is not allowed: it must be > 0 at all samples")
-    max_order = 1.0 / (_MIN_SAMPLES_PER_WAVE * float(steps.max()))
-    if highest is not None and highest > max_order:
-        raise ValueError(
-            f"highest = {highest!r} is not allowed: it must be at most {max_order:.4g}, orders "
-            f"with {_MIN_SAMPLES_PER_WAVE:g} samples a wave at the highest speed"
-        )
-    samples_per_revolution = 2 * math.ceil(0.5 / float(steps.min()))
-    samples_per_revolution = min(samples_per_revolution, _MAX_SAMPLES_PER_REVOLUTION)
-    sample_count = int((angles[-1] - angles[0]) * samples_per_revolution) + 1
-    revolutions = np.arange(sample_count) / samples_per_revolution
-    speeds = profile[profile[:, 0] > time[0]]
-    first_speed = float(np.interp(time[0], profile[:, 0], profile[:, 1]))
-    speeds = np.vstack([[time[0], first_speed], speeds])
-    speeds[:, 0] -= time[0]
-    # The piecewise linear speed is scaled to the angle of the spline, so that both agree.
-    total_angle = float(angle_at(profile[-1, 0]) - angles[0])
-    speeds[:, 1] *= total_angle / (np.trapezoid(speeds[:, 1], speeds[:, 0]) / 60.0)
-    return Motion(
-        phase=math.tau * teeth * revolutions,
-        values=CubicSpline(angles, values)(angles[0] + revolutions),
-        jumps=None,
-        speeds=speeds,
-        teeth=float(teeth),
-        default_max_order=max_order,
-        units=data[variable].attrs.get("units", "1"),
-        attrs={"parameters": _profiles_json(speeds)},
-        start_time=float(time[0]),
-    )
-
-
-def _signal(data: xr.Dataset, variable: str) -> tuple:
-    """Return (time, values) of a signal in a dataset; raise ValueError if they are invalid."""
-    if variable not in data.variables or data[variable].shape != data["time"].shape:
-        raise checks.refusal("variable", variable, "a variable of the dataset over time")
-    time = np.asarray(data["time"].values, float)
-    values = np.asarray(data[variable].values, float)
-    if not (time.ndim == 1 and time.size > 3 and np.isfinite(values).all()):
-        text = "is not allowed: it must have at least four samples, all finite"
-        raise ValueError(f"{variable} {text}")
-    if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
-        raise ValueError("time is not allowed: it must increase from sample to sample")
-    return time, values
-
-
-def _shaft_angle(data: xr.Dataset, time: np.ndarray, tacho: Any) -> tuple:
-    """Return (function from time in s to revolutions, speed profile as rows of s and rpm).
-
-    Both follow from the times (s) of tacho pulses, one per revolution, or, if these are None, from
-    the variable "speed" (rpm) of a dataset.
-    """
-    if tacho is not None:
-        pulses = np.array(checks.finite("tacho", tacho))
-        if pulses.size < 4 or not (np.diff(pulses) > 0.0).all():
-            raise ValueError("tacho is not allowed: it must be at least four increasing times")
-        angle_at = CubicSpline(pulses, np.arange(pulses.size))
-        return angle_at, np.column_stack([pulses, 60.0 * angle_at(pulses, 1)])
-    if "speed" not in data.variables or data["speed"].shape != time.shape:
-        raise ValueError("tacho = None is not allowed for a dataset without speed")
-    speed = np.asarray(data["speed"].values, float)
-    if not (np.isfinite(speed).all() and (speed > 0.0).all()):
-        raise ValueError("speed is not allowed: it must be > 0 at all samples")
-    revolutions = cumulative_trapezoid(speed / 60.0, time, initial=0.0)
-    return CubicSpline(time, revolutions), np.column_stack([time, speed])
 
 
 def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarray:
@@ -416,7 +395,7 @@ def fourier(phase, values, jumps, block_length, blocks, step, count) -> FourierS
     """Return the Fourier coefficients 0 ... count - 1 of samples in consecutive blocks of phase.
 
     Block b starts at the phase b * block_length, and coefficient n belongs to the wave number
-    n * step. Values or slopes jump at the sorted phases `jumps`, None if these are unknown.
+    n * step. Values or slopes jump at the sorted phases `jumps`.
     """
     sums, mean_squares = _block_sums(phase, values, jumps, block_length, blocks, step, count)
     coarse_sums, _ = _block_sums(phase[::2], values[::2], jumps, block_length, blocks, step, count)
@@ -428,26 +407,18 @@ def _block_sums(phase, values, jumps, block_length, blocks, step, count) -> tupl
     table, inner_shape = values.reshape(len(values), -1).T, values.shape[1:]
     sums = np.zeros((blocks, count, len(table)), complex)
     squares = np.zeros((blocks, len(table)))
-    if jumps is not None:
-        # A sample at a jump may belong to either side, so it is omitted.
-        ends = np.concatenate([[-np.inf], jumps, [np.inf]])
-        segments = np.searchsorted(jumps, phase)
-        distances = np.minimum(phase - ends[segments], ends[segments + 1] - phase)
-        phase, table = phase[distances > PHASE_TOLERANCE], table[:, distances > PHASE_TOLERANCE]
+    # A sample at a jump may belong to either side, so it is omitted.
+    ends = np.concatenate([[-np.inf], jumps, [np.inf]])
+    segments = np.searchsorted(jumps, phase)
+    distances = np.minimum(phase - ends[segments], ends[segments + 1] - phase)
+    phase, table = phase[distances > PHASE_TOLERANCE], table[:, distances > PHASE_TOLERANCE]
     for b in range(blocks):
         start = b * block_length
         bounds = start - PHASE_TOLERANCE, (b + 1) * block_length - PHASE_TOLERANCE
         first, last = np.searchsorted(phase, bounds)
-        if jumps is None:
-            # The trapezoidal rule ends with the first sample of the next block, or the last one.
-            indices = np.append(np.arange(first, last), min(last, len(phase) - 1))
-            block_phase = np.append(phase[first:last] - start, block_length)
-            weights = np.gradient(block_phase)
-            weights[[0, -1]] *= 0.5
-        else:
-            indices = np.arange(max(first - STENCIL, 0), min(last + STENCIL, len(phase)))
-            block_phase = phase[indices] - start
-            weights = _integration_weights(block_phase, jumps - start, block_length)
+        indices = np.arange(max(first - STENCIL, 0), min(last + STENCIL, len(phase)))
+        block_phase = phase[indices] - start
+        weights = _integration_weights(block_phase, jumps - start, block_length)
         samples = table[:, indices]
         weighted, rotation = weights / block_length * samples, np.exp(-1j * step * block_phase)
         waves = weighted.astype(complex)
@@ -508,11 +479,13 @@ def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
         )
 
 
-def _dataset(motion: Motion, variable, amplitude, sums, indices, revolutions, bounds) -> xr.Dataset:
+def _dataset(
+    motion: Motion | RigSignal, variable, amplitude, sums, indices, revolutions, begins, ends, rpm
+) -> xr.Dataset:
     """Return the order map of a variable as a dataset.
 
-    `indices` select the orders, `revolutions` is the number of revolutions per block, and `bounds`
-    are the times (s) between the blocks, shape (blocks + 1,).
+    `indices` select the orders, `revolutions` is the number of revolutions per block; blocks extend
+    from `begins` to `ends`, s.
     """
     mean = np.abs(sums.coefficients[:, 0])
     overall = np.sqrt(np.maximum(sums.mean_squares - mean**2, 0.0))
@@ -524,7 +497,6 @@ def _dataset(motion: Motion, variable, amplitude, sums, indices, revolutions, bo
         mean_level, level_unit = magnitudes**2, f"({unit})2" if " " in unit else f"{unit}2"
     levels = np.where(is_wave, _AMPLITUDES[amplitude](magnitudes), mean_level)
     errors = np.where(is_wave, 2.0, 1.0) * changes
-    times, rpm = 0.5 * (bounds[1:] + bounds[:-1]), 60.0 * revolutions / np.diff(bounds)
     dims, block_dims = ("time", "order", *motion.coords), ("time", *motion.coords)
     phase_name = "of a cosine of the order times the shaft angle"
     overall_name = f"root mean square of the {label} without its mean"
@@ -532,11 +504,11 @@ def _dataset(motion: Motion, variable, amplitude, sums, indices, revolutions, bo
         "amplitude": (dims, levels, level_unit, f"{amplitude} of the orders of the {label}"),
         "phase": (dims, np.angle(coefficients), "rad", phase_name),
         "amplitude_error": (dims, errors, unit, "estimated error of the peak amplitude"),
-        "rpm": ("time", rpm, "min-1", "mean speed in the block"),
+        "rpm": ("time", rpm, "min-1", "mean speed in the block, negative backwards"),
         "overall": (block_dims, overall, unit, overall_name),
         "order_resolution": ((), 1.0 / revolutions, "1", "order spacing"),
         "teeth": ((), motion.teeth, "1", "mesh periods in a revolution"),
-        "time": ("time", times, "s", "middle of the block"),
+        "time": ("time", 0.5 * (begins + ends), "s", "middle of the block"),
         "order": ("order", indices / revolutions, "1", "order, waves per revolution"),
     }
     data = {

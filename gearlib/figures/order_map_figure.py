@@ -25,7 +25,7 @@ def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, 
     """Draw an order map, with the rising and the falling speed side by side.
 
     Labelled lines are the mesh orders z, 2z, ... and the subharmonic z/2, dotted lines the
-    sidebands z - 1, z + 1 and so on. The overall level is below.
+    sidebands z - 1, z + 1 and so on. The overall level is below. Times left out stay empty.
 
     Parameters
     ----------
@@ -99,19 +99,30 @@ def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
     The map also gets the direction of the speed in each block of samples, and the height of each
     level on the `vertical` axis, "order" or "frequency".
     """
-    data = data.isel(order=slice(1, None))
+    data = _with_empty_blocks(data.isel(order=slice(1, None)))
     unit = data.overall.attrs.get("units", "N")
     reference, name = REFERENCE_UNITS.get(unit, (1.0, unit))
     amplitude = data.amplitude**0.5 if data.attrs["amplitude"] == "power" else data.amplitude
     with np.errstate(divide="ignore"):
         level = 20.0 * np.log10(amplitude / reference)
         overall = 20.0 * np.log10(data.overall / reference)
-    rpm = data.rpm.values
-    falls = np.gradient(rpm) < 0.0 if rpm.size > 1 else np.zeros(1, bool)
-    scale = data.rpm / 60.0 if vertical == "frequency" else xr.ones_like(data.rpm)
+    rpm = np.abs(data.rpm)
+    falls = np.gradient(rpm.values) < 0.0 if rpm.size > 1 else np.zeros(1, bool)
+    scale = rpm / 60.0 if vertical == "frequency" else xr.ones_like(rpm)
     levels = {"level": level, "overall": overall, "scale": scale, "height": scale * data.order}
     direction = "time", np.where(falls, "down", "up")
     return data.assign(levels | {"direction": direction}), f"dB re 1 {name}"
+
+
+def _with_empty_blocks(data: xr.Dataset) -> xr.Dataset:
+    """Return an order map with NaN in a block next to each side of the times left out."""
+    time, spans = data.time.values, 60.0 / (data.order_resolution * np.abs(data.rpm)).values
+    gaps = np.flatnonzero(np.diff(time) > 0.75 * (spans[1:] + spans[:-1]))
+    if not gaps.size:
+        return data
+    empty = np.concatenate([time[gaps] + spans[gaps], time[gaps + 1] - spans[gaps + 1]])
+    filled = data.reindex(time=np.unique([*time, *empty]))
+    return filled.assign(rpm=("time", np.interp(filled.time, time, data.rpm), data.rpm.attrs))
 
 
 def _select_direction(data: xr.Dataset, direction: str) -> xr.Dataset:
@@ -135,7 +146,9 @@ def _draw_circles(axes, measured: xr.Dataset, colours: dict):
 
 def _draw_mesh_orders(axes, data: xr.Dataset):
     """Draw labelled lines for mesh orders and subharmonic, and dotted lines for sidebands."""
-    teeth, ends = float(data.teeth), data.isel(time=[0, -1])
+    # Over the frequency, lines bend where the direction changes.
+    bend = int(np.abs(data.rpm).argmin("time"))
+    teeth, ends = float(data.teeth), data.isel(time=sorted({0, bend, data.sizes["time"] - 1}))
     orders = {"z/2": 0.5 * teeth, "z": teeth}
     orders |= {f"{k}z": k * teeth for k in range(2, MESH_ORDERS + 1)}
     options = {"color": "white", "alpha": 0.6}

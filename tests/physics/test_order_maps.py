@@ -1,11 +1,18 @@
-"""Order maps of run-ups: against spectra, the independent program, the balance of powers."""
+"""Order maps of run-ups: against spectra, the independent program, the balance of powers.
 
+Order maps of signals of a rig: against the closed forms of ramps with known orders.
+"""
+
+import json
 import math
 
 import numpy as np
 import pytest
+import xarray as xr
+from matplotlib.figure import Figure
 
 import gearlib
+from gearlib import plot
 from tests.paper import PAPER
 from tests.physics.test_run_up import RUN_OUT, SIX, WAVES, reference
 
@@ -108,3 +115,118 @@ def test_blocks_at_constant_speed_have_the_spectrum_of_their_revolutions(variabl
     halves = gearlib.order_map(run, orders=[24, 48], variable=variable)
     assert halves.sizes == {"time": 2, "order": 2}
     assert halves.amplitude[0].values == pytest.approx(halves.amplitude[1].values, rel=1e-9)
+
+
+#: Orders of the signal of `ramp`, with their amplitudes.
+WAVES_OF_RIG = {0: 0.5, 3: 1.0, 23: 2.0}
+OPTIONS = {"variable": "acceleration", "amplitude": "peak", "highest": 40}
+
+
+def ramp(first, last, seconds=6.0, rate=20_000.0, jitter=0.4):
+    """Return a signal while the speed goes from `first` to `last`, and its revolutions over time.
+
+    The samples lie at most `jitter` of a step beside equal times.
+    """
+    noise = np.random.default_rng(1).uniform(-jitter, jitter, int(seconds * rate))
+    t = np.maximum(np.arange(noise.size) + noise, 0.0) / rate
+    t[0] = 0.0
+
+    def turns(t):
+        return (first + 0.5 * (last - first) / seconds * t) * t / 60.0
+
+    angle = math.tau * turns(t)
+    x = 0.5 + np.cos(3.0 * angle + 0.2) + 2.0 * np.cos(23.0 * angle + 0.4)
+    data = xr.Dataset({"acceleration": ("sample", x, {"units": "m s-2"})})
+    speed = first + (last - first) / seconds * t
+    return data.assign_coords(time=("sample", t), speed=("sample", speed)), turns
+
+
+def assert_orders(found, tolerance=1e-4):
+    """Assert that all blocks have the orders of the signal; its shortest wave has 29 samples."""
+    exact = np.zeros(found.sizes["order"])
+    exact[list(WAVES_OF_RIG)] = list(WAVES_OF_RIG.values())
+    assert np.abs(found.amplitude.values - exact).max() < tolerance
+    assert np.abs(np.exp(1j * found.phase.sel(order=[3, 23])) - np.exp([0.2j, 0.4j])).max() < 1e-3
+
+
+@pytest.mark.parametrize("missing", ["rows", "time", "acceleration", "speed"])
+@pytest.mark.parametrize("begin", [0.0, 2.0, 5.93])
+def test_a_gap_costs_the_revolutions_that_it_touches(begin, missing):
+    data, turns = ramp(600.0, 1800.0)
+    is_gap = (data.time > begin) & (data.time < begin + 0.05)
+    whole = data.drop_isel(sample=np.flatnonzero(is_gap)) if missing == "rows" else data.copy()
+    if missing != "rows":
+        whole[missing] = data[missing].where(~is_gap)
+    found = gearlib.order_map(whole, **OPTIONS)
+    assert_orders(found)
+    touched = math.ceil(turns(begin + 0.05)) - math.floor(turns(begin))
+    # The last whole revolution ends at 5.9996 s.
+    assert found.sizes["time"] == 119 - min(touched, 119 - math.floor(turns(begin)))
+    ((start, end),) = json.loads(found.attrs["left_out"])
+    assert turns(start) == pytest.approx(math.floor(turns(begin)), abs=1e-3)
+    assert end >= begin + 0.05 and "gap" in found.attrs["comment"]
+    # The highest order by default is that of the signal without a gap.
+    options = {"variable": "acceleration"}
+    orders = [gearlib.order_map(d, **options).order[-1] for d in (data, whole)]
+    assert orders[0] == orders[1] > 90.0
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "blocks", "left_out"),
+    [
+        (1800, 600, 119, None),
+        (0, 1800, 89, None),
+        (1800, 0, 89, None),
+        (-600, -1800, 119, None),
+        # 22.5 revolutions forwards and 62.5 back: those between 22 and 22.5 are left out.
+        (1140, -1900, None, "changes sign"),
+    ],
+)
+def test_ramps_have_the_same_orders_from_standstill_and_backwards(first, last, blocks, left_out):
+    data, turns = ramp(first, last)
+    found = gearlib.order_map(data, **OPTIONS)
+    assert_orders(found)
+    speeds = first + (last - first) / 6.0 * found.time.values
+    # The mean speed of a block is that in the middle of its time, apart from its first sample.
+    np.testing.assert_allclose(found.rpm, speeds, atol=0.5)
+    top = turns(data.time.values).max()
+    expected = blocks or math.floor(top) + math.floor(top) - math.ceil(turns(data.time.values[-1]))
+    assert found.sizes["time"] == expected
+    assert (left_out or "") in found.attrs.get("comment", "")
+
+
+@pytest.mark.parametrize("per_turn", [1, 2, 60])
+@pytest.mark.parametrize("speeds", [(600.0, 1800.0), (1800.0, 600.0), (0.0, 1800.0)])
+def test_single_irregular_pulses_of_a_tacho_are_repaired_and_told(per_turn, speeds):
+    data, turns = ramp(*speeds)
+    grid = np.linspace(0.0, 6.0, 2_000_001)
+    pulses = np.interp(np.arange(int(turns(6.0) * per_turn)), turns(grid) * per_turn, grid)
+    data = data.drop_vars("speed")
+    generator = np.random.default_rng(per_turn)
+    tacho = {"pulses_per_revolution": per_turn}
+    assert_orders(gearlib.order_map(data, tacho=pulses, **tacho, **OPTIONS), 1e-3)
+    for share in (0.5, 0.02, generator.random()):
+        missing, double = generator.permutation(np.arange(10, pulses.size - 10, 8))[:2]
+        extra = pulses[double] + share * (pulses[double + 1] - pulses[double])
+        wrong = np.sort([*np.delete(pulses, missing), extra])
+        found = gearlib.order_map(data, tacho=wrong, **tacho, **OPTIONS)
+        assert_orders(found, 1e-3)
+        assert json.loads(found.attrs["double_pulses"]) == [extra]
+        ((before, after),) = json.loads(found.attrs["missing_pulses"])
+        assert before < pulses[missing] < after and "missing" in found.attrs["comment"]
+    # Of three pulses in a row the message gives the time and the number.
+    i = pulses.size // 2
+    time = rf"tacho = {pulses[i + 3]:.6g} s \(pulse {i}\) is not allowed.* 4 pulses.* be 1"
+    with pytest.raises(ValueError, match=time):
+        gearlib.order_map(data, tacho=np.delete(pulses, [i, i + 1, i + 2]), **tacho, **OPTIONS)
+
+
+def test_the_map_of_a_signal_stays_empty_in_a_gap():
+    data, _ = ramp(600.0, 1800.0)
+    data["acceleration"] = data.acceleration.where(np.abs(data.time - 3.0) > 0.2)
+    figure = plot.order_map(gearlib.order_map(data, **OPTIONS), figure=Figure())
+    mesh = figure.axes[0].collections[0]
+    # The rows of the array are those of the blocks; their speeds are the first coordinate.
+    empty = np.ma.getmaskarray(mesh.get_array()).all(axis=1)
+    speeds = mesh.get_coordinates()[:-1, 0, 0][empty]
+    assert empty.sum() == 2 and 1100.0 < speeds.min() < speeds.max() < 1300.0
