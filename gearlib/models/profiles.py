@@ -189,6 +189,8 @@ class Tabulated(Profile):
     ) -> "Tabulated":
         """Read the table from a CSV file with a header or from a netCDF file.
 
+        Cells are separated by commas or, with decimal points or commas, by semicolons or tabs.
+
         Parameters
         ----------
         path : str or os.PathLike
@@ -212,9 +214,9 @@ class Tabulated(Profile):
             # Rounded phases of two opposite points leave half of the period.
             if gap > math.pi + 1e-3:
                 raise ValueError(
-                    f"{phase} = {table.phase[0]!r} ... {table.phase[-1]!r} is not allowed: {gap:.4g} "
-                    "rad are left out; it must cover the mesh period, 0 to 2 pi rad, without a gap "
-                    "of more than half of it"
+                    f"{phase} = {table.phase[0]!r} ... {table.phase[-1]!r} is not allowed: "
+                    f"{gap:.4g} rad are left out; it must cover the mesh period, 0 to 2 pi rad, "
+                    "without a gap of more than half of it"
                 )
         except ValueError as error:
             raise ValueError(f"{path.name}: {error}") from None
@@ -258,10 +260,7 @@ class Tabulated(Profile):
 
 
 def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
-    """Return columns of a CSV file with a header as numbers; raise ValueError naming the line.
-
-    Cells are separated by commas or, with decimal commas or points, by semicolons or tabs.
-    """
+    """Return columns of a CSV file with a header as numbers; raise ValueError naming the line."""
     try:
         # Spreadsheets write a byte order mark.
         lines = path.read_text(encoding="utf-8-sig").splitlines()

@@ -29,7 +29,7 @@ def read_measured(path):
         The YAML file, with ``data``, ``source``, ``licence`` and ``channels``. The table is a CSV,
         wide (a column for each channel) or long (PEtab's columns observableId, measurement, and
         optionally simulationConditionId, time, noiseParameters), or a universal file (.uff,
-        datasets of type 58, needs pyuff).
+        datasets of type 58, needs pyuff), whose axes have the units of the channels, if any.
 
     Returns
     -------

@@ -141,7 +141,7 @@ def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) 
     import pandas as pd
 
     number_columns = [i for i, dtype in dtypes.items() if dtype is float]
-    other_sign = ",." [description.decimal == ","]
+    other_sign = ",."[description.decimal == ","]
     try:
         frame = _data_frame(rows, description, dict.fromkeys(number_columns, str), len(names))
     except ValueError as error:
@@ -170,7 +170,7 @@ def read_uff(path: Path, description: Any) -> dict:
     content = path.read_bytes()
     if not re.search(rb"^ {4}58b", content, re.MULTILINE | re.IGNORECASE):
         # pyuff reads blanks at the end of a line as numbers. Binary sets stay as they are.
-        content = re.sub(rb"[ \t]+(?=\r?\n)", b"", content)
+        content = re.sub(rb"[ \t]+(?=\r?$)", b"", content, flags=re.MULTILINE)
     try:
         with TemporaryDirectory() as folder:
             copy = Path(folder, path.name)
