@@ -140,7 +140,8 @@ class Channel(Section):
                     # Only a turn has to be divided into counts.
                     return units.read(text, written_unit) / (self.counts_per_turn or 1), cf_unit
         unit_names = " or ".join(written_unit for _, written_unit in unit_pairs)
-        allowed = f"a value in, or a unit of the dimension of {unit_names}, for {name}"
+        zero = ", from absolute zero" * (unit_names == "K")
+        allowed = f"a value in, or a unit of the dimension of {unit_names}{zero}, for {name}"
         raise refusal(f"channels.{key}.{unit_key}", getattr(self, unit_key), allowed)
 
     def noise_std(self, key):

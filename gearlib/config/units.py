@@ -25,6 +25,7 @@ FACTORS = {
     ("GPa", "Pa"): "1e9",
     ("MPa", "Pa"): "1e6",
     ("deg", "rad"): "0.01745329251994329576923690768",
+    ("g", "m/s^2"): "9.80665",  # pint would read grams
 }
 
 
@@ -63,6 +64,8 @@ def _conversion_factor(text, source_unit, unit):
     try:
         # pint sees the unit alone, so that it evaluates no arithmetic of the user.
         quantity = registry.Quantity(Decimal(1), source_unit)
+        if registry.Quantity(Decimal(0), source_unit).to_root_units().magnitude:
+            raise ValueError("the unit has another zero, as degC has")
         if unit == "rpm" and "radian" not in str(quantity.to_root_units().units):
             # 1/min and Hz count revolutions of a shaft.
             quantity *= registry.Quantity(Decimal(1), "turn")

@@ -19,7 +19,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from gearlib import parameters
+from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from gearlib.models.harmonics import Harmonics
 
@@ -189,6 +189,8 @@ class Tabulated(Profile):
     ) -> "Tabulated":
         """Read the table from a CSV file with a header or from a netCDF file.
 
+        Cells are separated by commas or, with decimal points or commas, by semicolons or tabs.
+
         Parameters
         ----------
         path : str or os.PathLike
@@ -199,27 +201,26 @@ class Tabulated(Profile):
         Raises
         ------
         ValueError
-            If a column is missing or an entry is not allowed.
+            If a column is missing, an entry is not allowed, or more than half of the period has no
+            phase.
         """
         path = Path(path)
-        if path.suffix == ".csv":
-            with path.open(newline="", encoding="utf-8") as file:
-                rows = list(csv.DictReader(file))
-            table = {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}
-        else:
-            # Imported here, since only netCDF files need xarray.
-            import xarray as xr
-
-            with xr.open_dataset(path) as dataset:
-                table = {name: dataset[name].values.tolist() for name in dataset.variables}
-        missing = [name for name in (phase, stiffness) if name not in table]
-        if missing:
-            allowed = f"it must be one of {sorted(table)}"
-            raise ValueError(f"{path.name} has no column {missing[0]!r}: {allowed}")
         try:
-            return cls(tuple(map(float, table[phase])), tuple(map(float, table[stiffness])))
+            if path.suffix.lower() == ".csv":
+                table = cls(*_csv_columns(path, (phase, stiffness)))
+            else:
+                table = cls(*_netcdf_columns(path, (phase, stiffness)))
+            gap = float(np.diff(table._closed_period()[0]).max())
+            # Rounded phases of two opposite points leave half of the period.
+            if gap > math.pi + 1e-3:
+                raise ValueError(
+                    f"{phase} = {table.phase[0]!r} ... {table.phase[-1]!r} is not allowed: "
+                    f"{gap:.4g} rad are left out; it must cover the mesh period, 0 to 2 pi rad, "
+                    "without a gap of more than half of it"
+                )
         except ValueError as error:
             raise ValueError(f"{path.name}: {error}") from None
+        return table
 
     def mean(self) -> float:
         """Return the mean stiffness over one period, N/m."""
@@ -256,6 +257,64 @@ class Tabulated(Profile):
         """Return phases and stiffnesses with the first point repeated one period later."""
         phase = np.array([*self.phase, self.phase[0] + 2.0 * math.pi])
         return phase, np.array([*self.stiffness, self.stiffness[0]])
+
+
+def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
+    """Return columns of a CSV file with a header as numbers; raise ValueError naming the line."""
+    try:
+        # Spreadsheets write a byte order mark.
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        separator = max(",;\t", key=next(filter(str.strip, lines), "").count)
+        rows = enumerate(csv.reader(lines, delimiter=separator), 1)
+        table = [(i, cells) for i, row in rows if any(cells := [cell.strip() for cell in row])]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"it must be a CSV file in UTF-8 ({error})") from None
+    _, header = table.pop(0) if table else (0, [])
+    indices = _indices(header, names)
+    columns: tuple[list, list] = [], []
+    decimal_sign = "." if separator == "," else ""
+    for line, cells in table:
+        if len(cells) < len(header) or any(cells[len(header) :]):
+            hint = "; decimal commas need semicolons between cells" * (separator == ",")
+            allowed = f"{len(header)}, one for each column{hint}"
+            raise checks.refusal(f"the number of cells in line {line}", len(cells), allowed)
+        for name, i, column in zip(names, indices, columns, strict=True):
+            cell = cells[i]
+            # Both signs in one file would leave open which of them separates thousands.
+            decimal_sign = decimal_sign or next((sign for sign in cell if sign in ",."), "")
+            try:
+                if decimal_sign == "," and "." in cell:
+                    raise ValueError
+                column.append(float(cell.replace(decimal_sign or ".", ".")))
+            except ValueError:
+                allowed = f"a number with the decimal sign {decimal_sign or '.'!r}"
+                raise checks.refusal(f"line {line}: {name}", cell, allowed) from None
+    return [*map(tuple, columns)]
+
+
+def _netcdf_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
+    """Return variables of a netCDF file as tuples."""
+    # Imported here, since only netCDF files need xarray.
+    import xarray as xr
+
+    try:
+        dataset = xr.load_dataset(path)
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError):
+        raise ValueError("it must be a CSV file, whose name ends with .csv, or netCDF") from None
+    _indices([*map(str, dataset.variables)], names)
+    return [tuple(np.atleast_1d(dataset[name].values).tolist()) for name in names]
+
+
+def _indices(known_names: list[str], names: tuple[str, str]) -> list[int]:
+    """Return the indices of `names` among those of a file, or raise ValueError."""
+    for name in names:
+        if name not in known_names:
+            raise ValueError(f"no column {name!r}: it must be one of {sorted(known_names)}")
+        if known_names.count(name) > 1:
+            raise ValueError(f"the column {name!r} occurs twice: it must occur once")
+    return [known_names.index(name) for name in names]
 
 
 def _check_table(profile: Any, min_length: int) -> None:

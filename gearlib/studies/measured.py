@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
+from gearlib import checks
 from gearlib.analysis.order_maps import order_map
 from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.data.variables import SI_SCALES
@@ -199,9 +200,17 @@ def time_history_harmonics(path: str, pairs: Mapping[str, dict], run: dict) -> x
                 for name in names
             ]
             conditions.append(xr.concat(observables, "observable").assign_coords(speed=speed))
+    _require_conditions(conditions, path, measurement, "a constant one > 0")
     dataset = xr.concat(conditions, "course").assign_coords(damping=[*pairs])
     dataset = dataset.assign_coords(harmonic=np.arange(1, _HARMONIC_COUNT + 1))
     return _with_measurement_attrs(dataset, measurement, names)
+
+
+def _require_conditions(conditions: list, path: str, measurement: xr.Dataset, allowed: str) -> None:
+    """Raise ValueError if no condition of a measured set has a speed as it is `allowed`."""
+    speed = measurement.speed.values
+    interval = f"{speed.min():g} to {speed.max():g} rpm"
+    checks.require(conditions, f"speed in {path}", interval, f"{allowed} in at least one condition")
 
 
 def _with_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr.Dataset:
@@ -263,6 +272,7 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
     are point_phase (rad) and point (value of the observable).
     """
     finite = np.isfinite(condition[observable].values)
+    finite[:1] |= not finite.any()  # An observable may have been measured in other conditions.
     time, values = condition.time.values[finite], condition[observable].values[finite]
     number = np.arange(1, _HARMONIC_COUNT + 1)
     harmonics, deviation = np.full(_HARMONIC_COUNT, complex(np.nan)), math.nan
@@ -307,6 +317,9 @@ def run_up_orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
     for condition in _conditions(measurement, constant_speed=False):
         speed = condition.speed.values
         revolutions = cumulative_trapezoid(speed / 60.0, condition.time.values, initial=0.0)
+        interval, turns = f"{np.ptp(condition.time.values):.4g} s", f"{revolutions[-1]:.3g}"
+        allowed = f"those of a whole revolution or more, not {turns}"
+        checks.require(revolutions[-1] >= 1.0, f"time in {path}", interval, allowed)
         block_size = max(1, int(revolutions[-1] / _MAX_BLOCKS))
         edges = np.arange(int(revolutions[-1] / block_size) + 1) * block_size
         measured = [_mesh_orders(condition[name], revolutions, edges, teeth) for name in names]
@@ -326,6 +339,7 @@ def run_up_orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
         amplitudes = xr.concat(computed, "damping", join="outer")
         amplitudes = amplitudes.reindex_like(measured_run_up)
         run_ups.append(measured_run_up.assign(computed_amplitude=amplitudes))
+    _require_conditions(run_ups, path, measurement, "one that varies")
     dataset = xr.concat(run_ups, "track", join="outer")
     dataset = dataset.assign_coords(observable=names, damping=[*pairs], order=_MESH_ORDERS)
     dataset = dataset.transpose(..., "order", "block")
@@ -545,6 +559,8 @@ def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
         run_up = run_ups.isel(track=i, observable=j)
         amplitudes = (run_up.amplitude.values, run_up.computed_amplitude.values)
         name = str(run_up.observable.values)
+        if not np.isfinite(run_up.amplitude.values[0]).any():
+            continue
         for k in range(1, run_up.sizes["order"]):
             quotients = [np.nanmax(values[k]) / np.nanmax(values[0]) for values in amplitudes]
             ratios = [(float(quotient), math.nan) for quotient in quotients]

@@ -131,6 +131,13 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
     revolutions = data.time.values * speed / 60.0
     # One block with all samples, including the last one.
     edges = np.array([revolutions[0], np.nextafter(revolutions[-1], np.inf)])
+    # The least number of samples in a mesh period, ten, extends over 0.9 of it.
+    checks.require(
+        np.diff(edges)[0] * mesh_periods > 0.899,
+        "time",
+        f"{data.time.values[0]:.6g} to {data.time.values[-1]:.6g} s",
+        f"of a mesh period or more, {60.0 / speed / mesh_periods:.4g} s at {speed:g} rpm",
+    )
     measured_orders = regress_mesh_orders(revolutions, displacements, edges, mesh_periods)
     channel = _order_channel("time history", data.displacement, *measured_orders)
 
@@ -172,6 +179,13 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     )
     count = variance_ratios.size
     compared, amplitudes, jumps = _compared_revolutions(orders, variance_ratios)
+    checks.require(
+        compared.any(),
+        "time",
+        f"of {count} revolutions with jumps in {', '.join(map(str, jumps))}",
+        f"of a whole revolution after the first {_SKIPPED_AT_START}, and not from "
+        f"{_SKIPPED_BEFORE_JUMP} before to {_SKIPPED_AFTER_JUMP} after a jump",
+    )
     speeds = rotation.time_and_speed(np.arange(count) + 0.5)[1]
     order_channel = _order_channel(
         "run-up", data.displacement, orders[compared], variance_ratios[compared]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 from scipy.stats import t as student
 
 from gearlib import checks
@@ -38,10 +38,8 @@ _MIN_RELATIVE_SINGULAR_VALUE = 1e-9
 _MAX_UNDETERMINED_COMPONENT = 0.01
 #: Fraction of the variance of the data that a model may leave unexplained.
 _MAX_UNEXPLAINED_FRACTION = 0.5
-#: Reduced chi-square up to which a model describes the data.
-_MAX_REDUCED_CHI_SQUARE = 2.0
-#: Probability of a false alarm of the test for correlated residuals. Signs of residuals
-#: below the minimum, relative to their standard deviation, are ignored.
+#: Probability of a false alarm of each test, of chi-square and for correlated residuals. Signs of
+#: residuals below the minimum, relative to their standard deviation, are ignored.
 _FALSE_ALARM_PROBABILITY, _MIN_SIGNED_RESIDUAL = 1e-3, 1e-6
 
 
@@ -390,7 +388,7 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
     fields = problem.names, values, stderr, half_widths, *limits, initial_values, identifiable
     params = {row[0]: Parameter(*row) for row in zip(*fields, strict=True)}
     messages = _parameter_messages(problem, model, params, directions)
-    messages += _residual_messages(problem, model, residuals, redchi)
+    messages += _residual_messages(problem, model, residuals, k)
     # The information criteria count the variance of the noise as a parameter.
     k += 1
     deviance = n * math.log(max(sum_of_squares / n, 1e-300))
@@ -444,17 +442,27 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
     return messages
 
 
-def _residual_messages(problem: Problem, model: Any, residuals: Any, redchi: float) -> list[str]:
+def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count: int) -> list[str]:
     """Return messages about data that the fitted model does not describe."""
-    if problem.noise_known:
-        if redchi <= _MAX_REDUCED_CHI_SQUARE:
-            return []
-        return [
-            f"the model does not describe the data: the residuals are {math.sqrt(redchi):.3g} "
-            "times as large as the noise, and the confidence intervals are not valid"
-        ]
-    messages = []
+    messages, channels = [], problem.channels
+    known = [channel for channel in channels if channel.noise_known]
+    sizes = [channel.values.size for channel in channels]
+    has_known_noise = np.repeat([channel.noise_known for channel in channels], sizes)
+    degrees_of_freedom = int(has_known_noise.sum()) - sum(channel.eliminated for channel in known)
+    if problem.noise_known:  # else other data may have determined the parameters
+        degrees_of_freedom = max(degrees_of_freedom - free_count, 1)
+    chi_square = float((residuals[has_known_noise] ** 2).sum())
+    if known and chi2.sf(chi_square, degrees_of_freedom) < _FALSE_ALARM_PROBABILITY:
+        ratio = math.sqrt(chi_square / degrees_of_freedom)
+        messages.append(
+            f"the model does not describe the data: the residuals are {ratio:.3g} times as large "
+            f"as the noise; a chi-square of {chi_square:.4g} with {degrees_of_freedom} degrees of "
+            f"freedom has a probability below {_FALSE_ALARM_PROBABILITY:g}, and the confidence "
+            "intervals are not valid"
+        )
     for observation in problem.observations:
+        if all(channel.noise_known for channel in observation.channels):
+            continue
         signals = observation.predicted_signals(model)
         # The variance of a few speeds of jumps means nothing, so only sequences are compared.
         fractions = [
@@ -469,11 +477,11 @@ def _residual_messages(problem: Problem, model: Any, residuals: Any, redchi: flo
                 f"variance of the {observation.kind}, whose noise is not known, unexplained, and "
                 "the confidence intervals are not valid"
             )
-    return messages + residual_correlation_messages(problem.channels, residuals / problem.weights)
+    return messages + residual_correlation_messages(channels, residuals / problem.weights)
 
 
 def residual_correlation_messages(channels: list, residuals: np.ndarray) -> list[str]:
-    """Return messages about channels of unknown noise whose residuals change sign too rarely.
+    """Return messages about channels whose residuals change sign too rarely.
 
     `residuals`, (n,), are those of all channels in turn. Successive independent residuals differ in
     sign with a probability of one half (Geary, Biometrika 57 (1970) 123-127).
@@ -481,7 +489,7 @@ def residual_correlation_messages(channels: list, residuals: np.ndarray) -> list
     ends = np.cumsum([channel.values.size for channel in channels])[:-1]
     sequences: dict = {}
     for channel, values in zip(channels, np.split(residuals, ends), strict=True):
-        if channel.sequence_indices is not None and not channel.noise_known:
+        if channel.sequence_indices is not None:
             sequences.setdefault(channel.name, []).append(values[channel.sequence_indices])
     messages = []
     for name, blocks in sequences.items():

@@ -29,7 +29,7 @@ def read_measured(path):
         The YAML file, with ``data``, ``source``, ``licence`` and ``channels``. The table is a CSV,
         wide (a column for each channel) or long (PEtab's columns observableId, measurement, and
         optionally simulationConditionId, time, noiseParameters), or a universal file (.uff,
-        datasets of type 58, needs pyuff).
+        datasets of type 58, needs pyuff), whose axes have the units of the channels, if any.
 
     Returns
     -------
@@ -252,7 +252,7 @@ def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[d
         coords["direction"] = np.array(signs, np.int8)[direction_codes]
     conditions = list(description.conditions.values())
     # Index of the condition of each sample: 0 if all samples have the only condition.
-    codes = np.zeros(len(next(iter(columns.values()))))
+    codes = np.zeros(max(map(len, columns.values()), default=0))
     if "condition" in column_names:
         column = columns[column_names["condition"]]
         codes = measured_tables.category_codes(locations["condition"], column)

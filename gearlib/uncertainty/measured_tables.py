@@ -4,15 +4,19 @@ A CSV is wide, a column for each channel, or long as in PEtab, a row for each me
 """
 
 import csv
+import math
+import re
 from io import StringIO
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, TextIO
 
 import numpy as np
 import xarray as xr
 
 from gearlib import checks
+from gearlib.config.measured_description import COUNTS, DATES, Channel
 from gearlib.data import measured_names
 from gearlib.integrators.method import MissingPackage, Package
 
@@ -23,6 +27,10 @@ CONDITION_COLUMN, NOISE_COLUMN = "simulationConditionId", "noiseParameters"
 #: Texts of a direction -> its sign.
 DIRECTION_SIGNS = {"up": 1, "down": -1, "rest": 0, "1": 1, "+1": 1, "-1": -1, "0": 0}
 DIRECTION_SIGNS |= {"1.0": 1, "-1.0": -1, "0.0": 0}
+#: Kinds of the abscissa of a set 58 that may be times: unknown, general, time.
+_TIME_KINDS = (0, 1, 17)
+#: Labels of axes that state no unit.
+_NO_UNITS = ("", "NONE", "UNKNOWN", "EU")
 
 
 def _header(file: TextIO, description: Any) -> list[str]:
@@ -102,8 +110,8 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
     try:
         with open(path, encoding=encoding, newline="") as file:
             names, rows = _header(file, description), file.read()
-    except UnicodeDecodeError as error:
-        allowed = f"{description.encoding} text ({error.reason})"
+    except UnicodeError as error:
+        allowed = f"{description.encoding} text ({getattr(error, 'reason', error)})"
         raise checks.refusal("data", description.data, allowed) from None
     except (OSError, csv.Error) as error:
         allowed = f"a file beside its YAML ({error})"
@@ -133,17 +141,20 @@ def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) 
     import pandas as pd
 
     number_columns = [i for i, dtype in dtypes.items() if dtype is float]
+    other_sign = ",."[description.decimal == ","]
     try:
         frame = _data_frame(rows, description, dict.fromkeys(number_columns, str), len(names))
     except ValueError as error:
         return checks.refusal("data", description.data, f"a table ({' '.join(str(error).split())})")
     for i in number_columns:
-        texts = frame[i].str.replace(description.decimal, ".", regex=False)
+        texts = frame[i].str.replace(other_sign, "no sign", regex=False)
+        texts = texts.str.replace(description.decimal, ".", regex=False)
         is_wrong = (pd.to_numeric(texts, errors="coerce").isna() & frame[i].notna()).to_numpy()
         if is_wrong.any():
             row = int(is_wrong.argmax())
             cell = f"{description.data}, column {names[i]!r}, row {row + 1}"
-            return checks.refusal(cell, frame[i].iloc[row], "a number")
+            allowed = f"a number, with the decimal sign {description.decimal!r} of the key decimal"
+            return checks.refusal(cell, frame[i].iloc[row], allowed)
     return checks.refusal("data", description.data, "a table of numbers")
 
 
@@ -156,17 +167,28 @@ def read_uff(path: Path, description: Any) -> dict:
         )
     import pyuff
 
+    content = path.read_bytes()
+    if not re.search(rb"^ {4}58b", content, re.MULTILINE | re.IGNORECASE):
+        # pyuff reads blanks at the end of a line as numbers. Binary sets stay as they are.
+        content = re.sub(rb"[ \t]+(?=\r?$)", b"", content, flags=re.MULTILINE)
     try:
-        file = pyuff.UFF(str(path))
-        types = file.get_set_types()
-        records = [file.read_sets(i) for i, number in enumerate(types) if int(number) == 58]
+        with TemporaryDirectory() as folder:
+            copy = Path(folder, path.name)
+            copy.write_bytes(content)
+            file = pyuff.UFF(str(copy))
+            types = file.get_set_types()
+            records = [file.read_sets(i) for i, number in enumerate(types) if int(number) == 58]
     except Exception as error:  # pyuff raises various errors for damaged files
         message = " ".join(str(error).split())
         raise checks.refusal("data", description.data, f"a universal file ({message})") from None
     checks.require(records, "data", description.data, "a universal file with sets 58: it has none")
     names = [str(record["id1"]).strip() for record in records]
     columns: dict = {}
-    for name in [name for name in description.channels if name != "time"]:
+    for name, channel in description.channels.items():
+        allowed = "in a unit of time: a universal file has seconds, not dates"
+        checks.require(channel.unit != DATES, f"channels.{name}.unit", channel.unit, allowed)
+        if name == "time":
+            continue
         if name not in names:
             raise _missing(f"the channel {name!r}", description, names)
         where = f"the set {name!r} of {description.data}"
@@ -175,7 +197,16 @@ def read_uff(path: Path, description: Any) -> dict:
         record = records[names.index(name)]
         if np.iscomplexobj(record["data"]):
             raise ValueError(f"{where} is complex: it must be real")
-        time = np.asarray(record["x"], float)
+        count, size = record["num_pts"], record["data"].size
+        if count > size:
+            raise ValueError(f"{where} has {size} points: it must have {count}, as it states")
+        # Further values are padding.
+        time = np.asarray(record["x"][:count], float)
+        kind, label = record["abscissa_spec_data_type"], record["abscissa_axis_units_lab"]
+        allowed = "17, time, or unknown, 0 or 1"
+        checks.require(kind in _TIME_KINDS, f"the kind of the abscissa of {where}", kind, allowed)
+        time_channel = description.channels.get("time", Channel(observableId="time", unit="s"))
+        _check_axis_unit(time_channel, "time", where, label)
         # All channels share the times of the first one.
         if not np.array_equal(columns.setdefault("time", time), time):
             first_channel = list(columns)[1]  # after "time"
@@ -183,8 +214,40 @@ def read_uff(path: Path, description: Any) -> dict:
                 f"the channels {first_channel!r} and {name!r} of {description.data} have "
                 "different times: they must be sampled together, or be two measured sets"
             )
-        columns[name] = np.asarray(record["data"], float)
+        columns[name] = np.asarray(record["data"][:count], float)
+        _check_axis_unit(channel, name, where, record["ordinate_axis_units_lab"])
+        if (channel.observableId or name) in ("direction", "condition"):
+            import pandas as pd
+
+            columns[name] = pd.Categorical([f"{value:g}" for value in columns[name]])
     return columns
+
+
+def _check_axis_unit(channel: Any, key: str, where: str, label: str) -> None:
+    """Raise ValueError if the label of an axis in a set 58 states another unit than the channel."""
+    if channel.unit == COUNTS or channel.gain == "unknown" or label.upper() in _NO_UNITS:
+        return
+    factor, cf_unit = channel.scale(key)
+    for unit in _written_units(label):
+        try:
+            axis_factor, axis_unit = channel.model_copy(update={"unit": unit}).scale(key)
+        except ValueError:
+            continue
+        if axis_unit == cf_unit and math.isclose(axis_factor, factor, rel_tol=1e-9):
+            return
+        break
+    allowed = f"{label!r}, the unit of the axis of {where}"
+    raise checks.refusal(f"channels.{key}.unit", channel.unit, allowed)
+
+
+def _written_units(label: str) -> tuple[str, str]:
+    """Return the unit of a label such as (m/s²), M/S2 or 1/min as `Channel` reads it, two ways."""
+    # pyuff reads bytes that are no UTF-8, those of µ and ² in other encodings, as U+FFFD.
+    unit = re.sub(r"(?<!\w)\ufffd(?=\w)", "u", label.strip(" ()[]"))
+    unit = re.sub("[²\ufffd]", "^2", unit)
+    unit = re.sub("^1/([A-Za-z]+)$", r"\1^-1", unit)
+    unit = re.sub(r"(?<=[A-Za-z])(-?\d)", r"^\1", unit)
+    return unit, unit.lower()
 
 
 def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
@@ -228,7 +291,9 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
             speeds[name] = (), values[rows[0]] * factor, attrs
     has_channel = np.isin(codes, list(channel_codes.values()))
     codes, values, noise = codes[has_channel], values[has_channel], noise[has_channel]
-    coordinates = [name for name in columns if name not in (*LONG_COLUMNS, NOISE_COLUMN)]
+    # A table may have nothing but speeds of jumps.
+    other_columns = columns if codes.size else ()
+    coordinates = [name for name in other_columns if name not in (*LONG_COLUMNS, NOISE_COLUMN)]
     sample_columns = {name: columns[name][has_channel] for name in coordinates}
     samples, first_rows = _sample_indices(where, sample_columns, codes, observables)
     sample_columns = {name: column[first_rows] for name, column in sample_columns.items()}

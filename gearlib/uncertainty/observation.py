@@ -244,4 +244,4 @@ def _clearances(model: Any, quantities: Any) -> np.ndarray:
 
 def backlash_excursion(model: Any, quantities: Any) -> float:
     """Return the largest excursion into the backlash, m, by extrema of displacements in m."""
-    return max(0.0, -float(_clearances(model, quantities).min()))
+    return abs(float(_clearances(model, quantities).min(initial=0.0)))

@@ -1,6 +1,7 @@
 """Fits to time courses of synthetic rigs: samples at any times, shafts at any phase."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -68,7 +69,7 @@ def test_orders_of_a_wave_that_grows_are_its_fourier_integrals():
 
 def assert_found(result):
     """Assert that a fit explains the data by the noise, and differs by four errors at most."""
-    assert 0.6 < result.redchi < 1.4
+    assert 0.6 < result.redchi < 1.4 and not result.unknown
     for name, parameter in result.params.items():
         assert abs(parameter.value - getattr(TRUTH, name)) < 4.0 * parameter.stderr, name
 
@@ -95,6 +96,29 @@ def test_revolutions_with_gaps_are_left_out_of_a_run_up():
             assert_found(gearlib.fit(GUESS, part, FREE))
     with pytest.raises(ValueError, match="time = 'of 21 revolutions with gaps' is not allowed"):
         gearlib.fit(GUESS, data.isel(sample=data.time.values % 0.02 > 0.003), FREE)
+
+
+@pytest.mark.parametrize(
+    ("contact_ratio", "stated_noise", "words"),
+    # A reduced chi-square of 1.5, and one of 0.35 where the noise is stated six times too large.
+    [(1.565, 1.0, "a chi-square of .* with 167 degrees"), (1.55, 6.0, "it changes sign 41 times")],
+)
+def test_a_fit_says_that_a_model_does_not_describe_data_of_known_noise(
+    contact_ratio, stated_noise, words
+):
+    data = run_up(0.0, seed=2)
+    data.displacement.attrs["noise_std"] *= stated_noise
+    wrong = TRUTH.replace(contact_ratio=contact_ratio, reduced_mass=3.1)
+    result = gearlib.fit(wrong, data, {"reduced_mass": FREE["reduced_mass"]})
+    (message,) = result.unknown
+    assert result.redchi < 2.0 and re.search(words, message)
+
+
+def test_a_run_up_without_a_revolution_outside_of_its_jumps_is_refused():
+    data = run_up(0.0, seed=2)
+    data["displacement"] = data.displacement.where(data.time < 0.24, 3.0 * data.displacement)
+    with pytest.raises(ValueError, match="time = 'of 27 rev.* jumps in 10' is.* 24 after a jump"):
+        residuals(TRUTH, data)
 
 
 def test_step_in_the_first_revolutions_hides_no_later_jump():

@@ -131,6 +131,9 @@ WRONG_DATA = {
     "known.options = 'colour' ... one of 'load'": run_up(known={"options": {"colour": 1}}),
     SHORT: run_up(course=[[0.0, 1000.0], [1.0, 1200.0]]),
     "time = '1 to 2.999 s' ... within known.course": run_up(time=1.0 + TIME),
+    "time = '0 to 1.999 s' ... a mesh period or more, 2.5 s at 1 rpm": run_up().assign_coords(
+        speed=("sample", np.ones(TIME.size))
+    ),
     SLOW: run_up(course=[[0.0, 10.0], [2.0, 12.0]]),
     "speed = -1.0 ... > 0": sweep((-1.0, 2e3, 3e3)),
     "direction = 7 ... one of 1, -1, 0": sweep(direction=(1, 7, 1)),

@@ -82,6 +82,7 @@ def test_a_wide_table_is_read_in_si(rig, tmp_path):
         ("kN", "bearing_force_y3", 1e3, "N"),
         ("Nm", "torque", 1.0, "N m"),
         ("m/s^2", "order_amplitude", 1.0, "m s-2"),
+        ("g", "acceleration", 9.80665, "m s-2"),
         ("um", "order_amplitude_z", 1e-6, "m"),
         ("percent", "fraction_backlash", 1e-2, "1"),
     ],
@@ -172,6 +173,13 @@ REFUSED = {
     "rig.csv, column 'time' = 1 occurs twice for the observableId 'x'": (
         LONG + "x,up,9,1,\n", {"channels": {"x": CHANNELS["x"]}}
     ),
+    "channels.c.unit = 'degC' ... K, from absolute zero": (
+        "c\n1\n", {"channels": {"c": {"observableId": "temperature", "unit": "degC"}}}
+    ),
+    "rig.csv, column 'F', row 2 = '2.5' ... a number ... ','": (
+        TABLE.replace(",", ";"), {"separator": ";", "decimal": ","}
+    ),
+    "data = 'rig.csv' ... utf-16 text": (TABLE.encode("utf-16-le"), {"encoding": "utf-16"}),
     "the observableId 'jump_up' of rig.csv occurs 2 times: it must occur once": (
         "observableId,measurement,time\njump_up,47,0\njump_up,48,1\nx,1,0\n",
         {"channels": {"jump_up": {"unit": "Hz"}, "x": CHANNELS["x"]}},
@@ -192,8 +200,8 @@ def test_what_is_not_in_order_is_refused_in_one_sentence(rig, tmp_path, sentence
     assert re.match(pattern, text) and "\n" not in text and len(text) < 700, text
 
 
-@pytest.mark.parametrize("binary", [0, 1])
-def test_a_universal_file_with_datasets_58_is_read(rig, tmp_path, binary):
+def universal_file(path, binary=0, **changes):
+    """Write a universal file of 50 points; return their times, and the signals by name."""
     import pyuff
 
     time = np.arange(50) * 1e-3
@@ -203,9 +211,15 @@ def test_a_universal_file_with_datasets_58_is_read(rig, tmp_path, binary):
     keys = {"binary": binary, "func_type": 1, "x": time, "num_pts": time.size, "ref_dir": 3}
     keys |= {"rsp_node": 1, "rsp_dir": 3, "ref_node": 1, "abscissa_spacing": 1}
     keys |= {"abscissa_inc": 1e-3, "abscissa_min": 0.0, "ordinate_spec_data_type": 8}
-    keys |= {"orddenom_spec_data_type": 0, "ord_data_type": 4}
+    keys |= {"orddenom_spec_data_type": 0, "ord_data_type": 4} | changes
     sets = [pyuff.prepare_58(id1=name, data=data, **keys) for name, data in signals.items()]
-    pyuff.UFF(str(tmp_path / "rig.uff")).write_sets(sets, "add")
+    pyuff.UFF(str(path)).write_sets(sets, "add")
+    return time, signals
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+def test_a_universal_file_with_datasets_58_is_read(rig, tmp_path, binary):
+    time, signals = universal_file(tmp_path / "rig.uff", binary)
     data = rig(None, data="rig.uff", channels=X_AND_FORCE)
     assert data.time.values == pytest.approx(time, rel=1e-6, abs=1e-12)
     assert data.displacement.values == pytest.approx(1e-6 * signals["x"], rel=1e-6, abs=1e-12)
@@ -214,6 +228,60 @@ def test_a_universal_file_with_datasets_58_is_read(rig, tmp_path, binary):
         rig(None, data="rig.uff", channels={"y": CHANNELS["x"]})
     with pytest.raises(ValueError, match="universal file"):
         rig(b"no\nuff\n", data="rig.uff", channels=X_AND_FORCE)
+
+
+@pytest.mark.parametrize("changes", [{"binary": 1}, {}, {"abscissa_spacing": 0}])
+def test_a_universal_file_ends_at_its_stated_number_of_points(rig, tmp_path, changes):
+    time, signals = universal_file(tmp_path / "rig.uff", **changes)
+    content = (tmp_path / "rig.uff").read_bytes()
+    if "binary" not in changes:
+        content = b"\n".join(line.ljust(80) for line in content.splitlines())
+    stated = [content.replace(b"%10d" % 50, b"%10d" % count) for count in (47, 60)]
+    data = rig(stated[0], data="rig.uff", channels=X_AND_FORCE)
+    assert data.time.values == pytest.approx(time[:47], rel=1e-6, abs=1e-12)
+    assert data.dynamic_force.values == pytest.approx(1e3 * signals["F"][:47], rel=1e-6)
+    with pytest.raises(ValueError, match="the set 'F' of rig.uff has 50 points: it must have 60"):
+        rig(stated[1], data="rig.uff", channels=X_AND_FORCE)
+
+
+@pytest.mark.parametrize(
+    ("observable", "unit", "label", "factor"),
+    [
+        ("acceleration", "g", "g", 9.80665),
+        ("acceleration", "mm/s^2", "(mm/s²)", 1e-3),
+        ("angle", "deg", "DEG", math.pi / 180.0),
+        ("acceleration", "m/s^2", "g", None),
+        ("acceleration", "m/s^2", "mm/s2", None),
+        ("displacement", "um", "V", None),
+    ],
+)
+def test_the_unit_of_an_axis_is_that_of_its_channel(rig, tmp_path, observable, unit, label, factor):
+    _, signals = universal_file(tmp_path / "rig.uff", ordinate_axis_units_lab=label)
+    channels = {"x": {"observableId": observable, "unit": unit}}
+    if factor:
+        data = rig(None, data="rig.uff", channels=channels)
+        assert data[observable].values == pytest.approx(factor * signals["x"], rel=1e-6, abs=1e-9)
+    else:
+        with pytest.raises(ValueError, match=f"channels.x.unit = '{re.escape(unit)}' .*'{label}'"):
+            rig(None, data="rig.uff", channels=channels)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"abscissa_axis_units_lab": "ms"}, "channels.time.unit = 's' .*'ms'"),
+        ({"abscissa_spec_data_type": 18}, "the kind of the abscissa .* = 18 .* 17, time"),
+    ],
+)
+def test_an_abscissa_that_is_not_in_seconds_is_refused(rig, tmp_path, changes, words):
+    universal_file(tmp_path / "rig.uff", **changes)
+    with pytest.raises(ValueError, match=words):
+        rig(None, data="rig.uff", channels=X_AND_FORCE)
+
+
+def test_a_long_table_may_have_speeds_of_jumps_only(rig):
+    table = "observableId,measurement\njump_up,47\n"
+    assert rig(table, channels={"jump_up": {"unit": "Hz"}}).jump_up == 2820.0
 
 
 PAIR = PAPER.replace(material_damping=3953.7)
@@ -325,3 +393,16 @@ def test_harmonics_of_a_time_history_are_those_it_was_made_of(written):
     wave = np.fft.rfft(samples)[1:3] * 2.0 / samples.size  # harmonics 1 and 2
     assert np.angle(wave[0]) == pytest.approx(0.0, abs=0.05)
     assert np.abs(wave) == pytest.approx(course.computed_amplitude.values[:2], rel=0.03)
+
+
+def test_conditions_may_have_different_observables(written):
+    conditions = {"up": {"speed": 3000}, "down": {"speed": 2000}}
+    rows = [f"{name},{time / 7919},{time % 7}" for name in ("x,up", "F,down") for time in range(20)]
+    table = "observableId,simulationConditionId,time,measurement\n" + "\n".join(rows)
+    path = written(table, channels=X_AND_FORCE, conditions=conditions)
+    run = {"periods": 24, "record_periods": 1, "samples_per_period": 32}
+    courses = study.time_history_harmonics(path, {"k": PAIR.as_dict()}, run)
+    # Not measured: the force in the first condition, the displacement in the second.
+    np.testing.assert_array_equal(
+        np.isnan(courses.amplitude[..., 0]).squeeze(), ~np.eye(2, dtype=bool)
+    )

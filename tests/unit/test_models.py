@@ -110,6 +110,30 @@ def test_a_run_at_a_speed_is_that_at_its_tuning_and_has_torques_where_radii_are_
         assert run.torque.attrs["units"] == "N m"
 
 
+EVEN = [f"{phase},{2.0 + math.cos(phase)}" for phase in np.arange(16) * math.pi / 8.0]
+UNREADABLE_TABLES = {
+    "line 3: stiffness = 'x' ... a number": ["0,1", "2,x"],
+    "number of cells in line 3 = 1 ... 2": ["0,1", "2"],
+    "number of cells in line 3 = 3 ... 2, ... semicolons": ["0,1", "1,5,2", "4,3"],
+    "line 3: phase = '2.5' ... decimal sign ','": ["0;1,5", "2.5;3", "4;2"],
+    "phase = 0.0 ... 0 to 2 pi rad": [
+        f"{i / 16}{row[row.index(',') :]}" for i, row in enumerate(EVEN)
+    ],
+    "phase = 0.0 ... 5.9 ... 5.8 rad are left out": ["0,1", "0.1,2", "5.9,1"],
+}
+
+
+@pytest.mark.parametrize("sentence", UNREADABLE_TABLES)
+def test_a_table_that_cannot_be_read_is_refused_in_a_sentence(tmp_path, sentence):
+    rows = UNREADABLE_TABLES[sentence]
+    header = f"phase{';' if ';' in rows[0] else ','}stiffness"
+    (tmp_path / "table.csv").write_text("\n".join([header, *rows]))
+    with pytest.raises(ValueError, match=r"^table\.csv: .* is not allowed: ") as refusal:
+        Tabulated.read(tmp_path / "table.csv")
+    text = str(refusal.value)
+    assert all(part in text for part in sentence.split(" ... ")) and "\n" not in text, text
+
+
 def test_tables_are_read_and_steps_go_on_periodically(tmp_path):
     path = tmp_path / "table.csv"
     rows = zip(TABLE.phase, TABLE.stiffness, strict=True)
@@ -117,6 +141,10 @@ def test_tables_are_read_and_steps_go_on_periodically(tmp_path):
     assert Tabulated.read(path) == TABLE
     with pytest.raises(ValueError, match="no column 'C'"):
         Tabulated.read(path, stiffness="C")
+    # As a spreadsheet with decimal commas writes it, with a column more and a byte order mark.
+    german = path.read_text().replace(",", ";").replace(".", ",").replace("\n", ";\r\n")
+    path.write_bytes(f"\ufeff{german};;\r\n".encode())
+    assert Tabulated.read(path) == TABLE
     # The last step, stiffness 2, holds until the first one begins in the next period.
     pieces = Steps(phase=(1.0, 3.0), stiffness=(5.0, 2.0)).pieces()
     np.testing.assert_array_equal(pieces.breaks, [0.0, 1.0, 3.0, 2.0 * math.pi])
