@@ -112,6 +112,14 @@ class Web:
 SHAPES = {"linear": 1, "parabolic": 2}
 
 
+def gap_of_relief(tip_distance, amount, length, shape: str) -> "np.ndarray":
+    """Return the gap in m at distances from the tip in m, for amounts and lengths in m."""
+    import numpy as np  # Imported here, because the checks of the geometry need no numpy.
+
+    fraction = np.maximum(1.0 - np.asarray(tip_distance) / length, 0.0)
+    return amount * fraction ** SHAPES[shape]
+
+
 @parameters.documented
 @dataclass(frozen=True, kw_only=True)
 class TipRelief:
@@ -133,11 +141,7 @@ class TipRelief:
 
     def gap(self, tip_distance: "ArrayLike") -> "np.ndarray":
         """Return the gap in m at distances from the tip in m, measured along the contact path."""
-        import numpy as np  # Imported here, because the checks of the geometry need no numpy.
-
-        fraction = np.maximum(1.0 - np.asarray(tip_distance) / self.length, 0.0)
-        exponent = SHAPES[self.shape]  # 1 if the relief is linear, 2 if it is parabolic
-        return self.amount * fraction**exponent
+        return gap_of_relief(tip_distance, self.amount, self.length, self.shape)
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ class ToothPairs:
             load_indices, columns = np.nonzero(better)
             improved = load_indices, indices[columns]
             min_violation[improved], displacement[improved] = max_violation[better], x[better]
-            force[improved], touching[improved] = forces[better], np.isin(np.arange(k), pairs)
+            force[improved], touching[improved] = forces[better], [i in pairs for i in range(k)]
             stiffnesses = np.zeros((indices.size, k))
             stiffnesses[:, pairs] = pair_stiffness
             stiffness[improved] = stiffnesses[columns]

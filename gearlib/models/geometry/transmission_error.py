@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from gearlib import checks
 from gearlib.data.variables import describe
-from gearlib.models.geometry.gear import SHAPES, TipRelief
-from gearlib.models.geometry.load_sharing import relief_gap, tooth_pairs
+from gearlib.models.geometry.gear import SHAPES, TipRelief, gap_of_relief
+from gearlib.models.geometry.load_sharing import tooth_pairs
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh import Mesh
@@ -22,11 +22,15 @@ _FLATNESS_TOLERANCE = 1e-12
 #: Decimals of the optimum; further ones depend on rounding and differ between machines.
 _DECIMALS = 6
 #: Grid of the search for the optimum relief: amounts over the deflection of a pair, lengths over
-#: the long length.
-_GRID_AMOUNTS = 0.25, 0.5, 0.75, 1.0, 1.25, 1.75
-_GRID_LENGTHS = 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0
-#: Number of best grid points from which a descent starts.
-_DESCENT_COUNT = 2
+#: the longest one.
+_GRID_AMOUNTS = tuple(n / 8 for n in range(1, 13))
+_GRID_LENGTHS = 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0
+#: Bounds of amounts and lengths on the same scales, and first steps of a descent.
+_MAX_AMOUNT, _MIN_LENGTH, _STEPS = 4.0, 0.01, (0.1, 0.1, -0.05)
+#: Number of grid points from which a descent starts, and its largest number of evaluations.
+_DESCENT_COUNTS, _RESTARTS, _MAX_EVALUATIONS = (3, 5), 2, 200
+#: Largest numbers of phases in the grid and in its descents.
+_GRID_PHASES, _DESCENT_PHASES = 64, 2048
 
 
 def transmission_error(
@@ -109,8 +113,9 @@ def optimum_relief(
     If all pairs of teeth have the same constant compliance q, there is a relief without any error:
     it is linear over the whole segment with n + 1 pairs in mesh and has the amount of the
     deflection of n pairs, C_a = q F / n (Harris 1958, n = 1). Otherwise amounts up to four times
-    that value are searched by sequential quadratic programming from the best points of a grid.
-    The optimum is not always unique, and another relief may be some percent better.
+    that value are searched from the best points of a grid by the simplex of Nelder and Mead, and
+    the best one by sequential quadratic programming. There are many local minima, because the
+    error is the range at discrete phases: another relief may be a percent better.
 
     Parameters
     ----------
@@ -121,7 +126,7 @@ def optimum_relief(
     length : {"long", "short"} or float, optional
         Length of both reliefs: "long" is the whole segment with the most pairs in mesh, which is
         (eps_alpha - 1) p_bt for contact ratios below 2; "short" is half of it; or a length in m. By
-        default the length is optimized too, up to the long one.
+        default the length is optimized too, up to (eps_alpha - 1) p_bt.
     shape : {"linear", "parabolic"}, default "linear"
         Shape of both reliefs.
     phases, stiffness, coupling, deviation, pitch_errors
@@ -137,6 +142,8 @@ def optimum_relief(
     ValueError
         If a value is not allowed; the message names parameter, value and range.
     """
+    from scipy.ndimage import minimum_filter
+
     checks.one_of("shape", shape, tuple(SHAPES))
     load = checks.gear_mesh(mesh).load(checks.finite_positive("torque", torque))
     pair_count = math.floor(mesh.contact_ratio)
@@ -152,38 +159,71 @@ def optimum_relief(
     compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
     compliance, position = compliance[pairs.can_touch], pairs.position[pairs.can_touch]
     ends = position.argmax(), position.argmin()
-    deflections = [compliance[end] * load / pair_count for end in ends]
+    deflections = [compliance[end] * load for end in ends]
 
-    def reliefs(variables):
-        """Return both tip reliefs from their amounts divided by `deflections`.
+    def values_in_m(points):
+        """Return both amounts and the length, m, of n points in the space of the variables, (n,).
 
-        Without a `fixed_length`, their length divided by `long_length` is the third variable.
+        Variables are amounts over `deflections` and, without `fixed_length`, length over `limit`.
         """
-        relief_length = fixed_length if fixed_length is not None else long_length * variables[2]
-        return [
-            TipRelief(amount=amount * deflection, length=relief_length, shape=shape)
-            for amount, deflection in zip(variables[:2], deflections, strict=True)
-        ]
+        pinion_amount, wheel_amount, *lengths = np.transpose(points)
+        length = limit * lengths[0] if lengths else np.full(len(points), fixed_length)
+        return pinion_amount * deflections[0], wheel_amount * deflections[1], length
 
-    def error(variables):
-        """Return the transmission error at all phases, over the sum of both deflections."""
-        relieved = mesh.with_reliefs(*reliefs(variables))
-        gap = pairs.gap + relief_gap(relieved, pairs.position)
-        equilibrium = replace(pairs, gap=gap).forces_under_loads([load])
-        return equilibrium.displacement[0] / sum(deflections)
+    def errors(points, pairs=pairs):
+        """Return the transmission errors at m phases over the sum of both deflections, (n, m)."""
+        *amounts, length = (values[:, None, None] for values in values_in_m(points))
+        distances = mesh.path[1] - pairs.position, pairs.position - mesh.path[0]  # from both tips
+        gap = pairs.gap
+        for distance, amount in zip(distances, amounts, strict=True):
+            gap = gap + gap_of_relief(distance, amount, length, shape)
+        repeated = pairs.at_phases(np.tile(np.arange(len(pairs.gap)), len(points)))
+        repeated = replace(repeated, gap=gap.reshape(repeated.gap.shape))
+        displacement = repeated.forces_under_loads([load]).displacement
+        return displacement.reshape(len(points), -1) / sum(deflections)
 
-    bounds = [(0.0, 4.0)] * 2 + [(0.2, 1.0)] * (fixed_length is None)
-    optimum = np.ones(len(bounds))
-    if np.ptp(error(optimum)) > _FLATNESS_TOLERANCE:
-        # There are several local minima, so a grid comes before the descents.
+    # A tip relief is less than half of the thickness of the tip.
+    tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (mesh.pinion, mesh.wheel)]
+    upper = [min(_MAX_AMOUNT, tip / d) for tip, d in zip(tips, deflections, strict=True)]
+    bounds = [(0.0, amount) for amount in upper] + [(_MIN_LENGTH, 1.0)] * (fixed_length is None)
+    optimum = np.array([*np.minimum(1.0 / pair_count, upper), long_length / limit][: len(bounds)])
+    if np.ptp(errors([optimum])) > _FLATNESS_TOLERANCE:
+        coarse_pairs, fine_pairs = (
+            pairs.at_phases(np.arange(0, pairs.pitches.size, math.ceil(pairs.pitches.size / count)))
+            for count in (_GRID_PHASES, _DESCENT_PHASES)
+        )
         axes = [_GRID_AMOUNTS] * 2 + [_GRID_LENGTHS] * (fixed_length is None)
-        grid = sorted(itertools.product(*axes), key=lambda point: np.ptp(error(point)))
-        starts = (optimum, *grid[:_DESCENT_COUNT])
-        minima = [_minimize_range(error, start, bounds) for start in starts]
+        points = list(itertools.product(*axes))
+        ranges = np.ptp(errors(points, coarse_pairs), axis=1)
+        starts: dict[int, None] = {}
+        # There is a minimum over the amounts at most lengths, with many more between them.
+        for size, count in ((3, _DESCENT_COUNTS[0]), ((3, 3, 1)[: len(axes)], _DESCENT_COUNTS[1])):
+            lowest = minimum_filter(ranges.reshape([len(axis) for axis in axes]), size)
+            minima = np.flatnonzero(ranges == lowest.ravel())
+            starts |= dict.fromkeys(sorted(minima, key=lambda index: ranges[index])[:count])
 
-        candidates = [optimum, *minima, grid[0]]
-        optimum = min(candidates, key=lambda point: round(float(np.ptp(error(point))), _DECIMALS))
-    return mesh.with_reliefs(*reliefs(np.round(optimum, _DECIMALS)))
+        def range_of_error(variables):
+            return float(np.ptp(errors([variables], fine_pairs)))
+
+        minima = [_descend(range_of_error, points[index], bounds) for index in starts]
+        for _ in range(_RESTARTS):
+            minima.append(_descend(range_of_error, min(minima, key=range_of_error), bounds))
+        minimum = min(minima, key=range_of_error)
+        minimax = _minimize_range(lambda variables: errors([variables])[0], minimum, bounds)
+        candidates = [optimum, minimum, minimax]
+        optimum = min(candidates, key=lambda point: round(np.ptp(errors([point])), _DECIMALS))
+    *amounts, length = (values.item() for values in values_in_m([np.round(optimum, _DECIMALS)]))
+    return mesh.with_reliefs(*(TipRelief(amount=a, length=length, shape=shape) for a in amounts))
+
+
+def _descend(function, start, bounds) -> np.ndarray:
+    """Return the variables at a minimum of a function near `start`, by Nelder and Mead."""
+    from scipy.optimize import minimize
+
+    start = np.clip(start, *np.transpose(bounds))
+    simplex = start + np.vstack([np.zeros(len(bounds)), np.diag(_STEPS[: len(bounds)])])
+    options = {"initial_simplex": simplex, "maxfev": _MAX_EVALUATIONS, "xatol": 1e-4, "fatol": 1e-6}
+    return minimize(function, start, method="Nelder-Mead", bounds=bounds, options=options).x
 
 
 def _minimize_range(function, start, bounds) -> np.ndarray:
