@@ -64,20 +64,21 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
             values["model"] = "train"
         gears = take_gears(values, moves=motion != "none")
         # Sweeps have the rectangular mesh stiffness; `force_note` warns of its force jumps.
-        model, drawing = gears.model(load_sharing=motion == "one speed"), gears.settings.gears
+        load_sharing, drawing = motion == "one speed", gears.settings.gears
+        model, name = gears.model(load_sharing), gears.name(load_sharing)
         if motion == "one speed":
             speed = values.pop("speed")
             if speed is None and values["tuning"] is None and drawing:
                 speed = drawing.speed
             values["tuning"] = tuning_of(model, values["tuning"], in_rpm("speed", speed))
-        click.echo(gears.name)
+        click.echo(name)
         if motion != "none" and drawing and model.force_note:
             click.echo(click.wrap_text(model.force_note, output.WIDTH))
         dataset, draw = function(gears, model, **values)
         if data_path:
             output.write(data_path, dataset, dimension)
         if plot_path:
-            output.save_picture(plot_path, gears.name, draw, model, dataset)
+            output.save_picture(plot_path, name, draw, model, dataset)
 
     parameters = [*arguments, *(options.PAIR if motion == "none" else options.MODEL)]
     parameters += options.command_options(name, f"{option_names} output plot force")
@@ -371,7 +372,7 @@ def gears(format, save, plot, force, **values):
     if drawing.speed and drawn.damping != NO_DAMPING:
         rows += gear_table.duty_rows(mesh, stiffness=method, options=method_options, **load)
     if format == "text":
-        click.echo(drawn.name)
+        click.echo(drawn.name(load_sharing=True))
     output.gear_table(rows, format)
     if drawing.speed and drawn.damping == NO_DAMPING:
         click.echo("There is no duty point without a damping: give --damping-ratio.", err=True)
@@ -382,7 +383,7 @@ def gears(format, save, plot, force, **values):
         # This is a `PublishedPair` without published values.
         pair_dict = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}
         curves = mesh_stiffness({"mesh stiffness": pair_dict}, samples=_CURVE_PHASES)
-        output.save_picture(plot, drawn.name, lambda _: mesh_stiffness_figure.draw(curves))
+        output.save_picture(plot, drawn.name(), lambda _: mesh_stiffness_figure.draw(curves))
     # The values of this row tell by method whether the motion repeats.
     if any(row.name == "settled" and not all(row.values.values()) for row in rows):
         raise click.ClickException("the motion at the duty point has not settled")

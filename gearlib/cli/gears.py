@@ -30,8 +30,13 @@ class Gears(NamedTuple):
     settings: Any  #: its sections that commands need, checked
     damping: str  #: name of the damping
     kind: str  #: of the model: one_degree, six_degrees or train
-    name: str  #: of the gears
     drawn: Any  #: the section `gears` if a single pair of gears is drawn, else None
+
+    def name(self, load_sharing: bool = False) -> str:
+        """Return the name of the gears as the model with this `load_sharing` has them."""
+        if self.kind == "train":
+            return gear_names.name_of_train(self.settings)
+        return gear_names.name_of_pair(self.settings, load_sharing and self.drawn is not None)
 
     def model(self, load_sharing: bool = False):
         """Return the model; with `load_sharing`, modified drawn gears get a `LoadSharingPair`."""
@@ -122,9 +127,8 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
     if moves and kind == "train" and (message := missing_mesh_damping(settings)):
         raise click.UsageError(message)
-    name_of_gears = gear_names.name_of_train if kind == "train" else gear_names.name_of_pair
-    name, drawn = name_of_gears(settings), settings.gears if kind == "one_degree" else None
-    return Gears(mapping, settings, damping=damping, kind=kind, name=name, drawn=drawn)
+    drawn = settings.gears if kind == "one_degree" else None
+    return Gears(mapping, settings, damping=damping, kind=kind, drawn=drawn)
 
 
 def _read(path: Path | None, case: str | None, damping: str | None) -> dict:

@@ -126,6 +126,10 @@ _TABLE = {
     "tuning": ("Mesh frequency over mean eigenfrequency, nu; or give --speed.", float),
     "speed": ("Speed of the pinion, rpm.", number_or_text),
     "initial_state": ("Initial displacement, static deflections, and dx/dtau.", (0.0, 0.0), _STATE),
+    "run-up initial_state": (
+        "Initial displacement, static deflections, and dx/dtau. Default: in static equilibrium.",
+        *(None, _STATE),
+    ),
     "guess": ("Displacement, static deflections, and dx/dtau near the orbit.", None, _STATE),
     "periods": ("Mesh periods of each run.", 200),
     "trust periods": ("Mesh periods in which the motion settles, at least 32.", 2000),

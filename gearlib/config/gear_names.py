@@ -16,15 +16,19 @@ PAPER = {
 _TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 
 
-def name_of_drawing(pair: Any) -> str:
-    """Return the name of drawn gears, such as "gear pair z 23/61, m 2.5 mm, tip relief"."""
+def name_of_drawing(pair: Any, modified: bool = True) -> str:
+    """Return the name of drawn gears, such as "gear pair z 23/61, m 2.5 mm, tip relief".
+
+    If what the name stands below has no modified flanks, `modified` is False, and the name says
+    that they are left out.
+    """
     pinion, wheel = pair.pinion, pair.wheel
     is_fzg = all(getattr(pair, gear).model_dump() == FZG_C[gear] for gear in ("pinion", "wheel"))
     teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
     name = f"{'FZG type C' if is_fzg else 'gear pair'} {teeth}, {_module_and_helix(pinion)}"
-    modification_key = pair.modification_key()
-    if modification_key:
-        name += f", {modification_key.split('.')[1].replace('_', ' ')}"
+    keys = [key for key in ("tip_relief", "pitch_errors") if pair.modification_key(key)]
+    if keys:
+        name += f", {' and '.join(keys).replace('_', ' ')}{'' if modified else ' left out'}"
     return name
 
 
@@ -48,14 +52,16 @@ def name_of_parameters(pair: Any) -> str:
     ).format(**values)
 
 
-def name_of_pair(config: Any) -> str:
-    """Return the name of the gear pair of a configuration."""
-    return name_of_drawing(config.gears) if config.gears else name_of_parameters(config.gear_pair)
+def name_of_pair(config: Any, modified: bool = True) -> str:
+    """Return the name of the gear pair of a configuration; `modified` as in `name_of_drawing`."""
+    if config.gears:
+        return name_of_drawing(config.gears, modified)
+    return name_of_parameters(config.gear_pair)
 
 
 def name_of_reducer(config: Any) -> str:
     """Return the name of the reducer of the section `reducer`, every mesh of which is the pair."""
-    return _reducer_name(config, config.reducer.teeth, name_of_pair(config))
+    return _reducer_name(config, config.reducer.teeth, name_of_pair(config, modified=False))
 
 
 def _reducer_name(config: Any, teeth: Sequence[int] | None, pair_name: str) -> str:
@@ -80,7 +86,7 @@ def name_of_train(config: Any, pair_name: str = "") -> str:
         return f"planetary set z {teeth}, {_module_and_helix(sun)}"
     if kind == "own":
         return f"own train, {len(section.bodies)} bodies, {len(section.meshes)} meshes"
-    pair_name = pair_name or name_of_pair(config)
+    pair_name = pair_name or name_of_pair(config, modified=False)
     if kind == "split_power_reducer":
         return _reducer_name(config, section.teeth, pair_name)
     teeth = f" z {'/'.join(map(str, section.teeth))}" if section.teeth else ""

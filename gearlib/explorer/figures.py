@@ -75,12 +75,7 @@ class Figures:
         phase = np.append(error.phase.values / math.tau, period_count)
         for name, curve in zip(self.harris_names, error.transmission_error.values, strict=True):
             self._set(name, phase, 1e6 * np.append(curve, curve[0]))
-        # The last torque is the chosen torque.
-        period = error.isel(torque=-1, phase=slice(0, error.phase.size // period_count))
-        position, load_share = 1e3 * period.path_position.values, period.load_share.values
-        # Positions outside the path of contact are NaN.
-        order = np.argsort(position)[: np.isfinite(position).sum()]
-        self._set("share", position[order], load_share[order])
+        self._set("share", *_load_share_along_path(error, error.phase.size // period_count))
 
     def _set(self, name: str, x, y) -> None:
         """Set the data of the curve `name`."""
@@ -143,6 +138,21 @@ class Figures:
         return [harris_map, self._plot(title, x, "", ("share", _FIRST_COLOUR, {}))]
 
 
+def _load_share_along_path(error, phases: int):
+    """Return position on the path, mm, and load share of the first pair of teeth that comes in.
+
+    `error` is a dataset of `Mesh.transmission_error` with `phases` phases in each mesh period.
+    """
+    static = error.isel(torque=-1)  # at the chosen torque
+    position, load_share = static.path_position.values, static.load_share.values
+    start = int(np.argmin(position[:phases, 0]))  # where a pair reaches the path of contact
+    steps = np.arange(phases * position.shape[1])
+    # After each mesh period the pair has the next index.
+    entries = (start + steps) % len(position), steps // phases
+    on_path = np.isfinite(position[entries])
+    return 1e3 * position[entries][on_path], load_share[entries][on_path]
+
+
 def _stems(spectrum):
     """Return x and y of vertical lines, separated by NaN, for the amplitudes of a spectrum."""
     amplitude = spectrum.force_amplitude.values
@@ -161,12 +171,12 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("contact ratio", f"{mesh.contact_ratio:.4f}"),
         ("working pressure angle", f"{math.degrees(mesh.working_pressure_angle):.2f}°"),
         ("centre distance", f"{1e3 * mesh.centre_distance:.3f} mm"),
-        ("backlash", f"{1e6 * mesh.backlash:.0f} µm"),
-        ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.0f} µm"),
+        ("backlash", f"{1e6 * mesh.backlash:.4g} µm"),
+        ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.4g} µm"),
         ("C_max", f"{1e-6 * pair.max_stiffness:.1f} N/µm"),
         ("κ", f"{pair.stiffness_ratio:.4f}"),
         ("ε", f"{pair.contact_ratio:.4f}"),  # of the rectangular stiffness, at most 2
-        ("static deflection", f"{1e6 * pair.static_deflection:.2f} µm"),
+        ("static deflection", f"{1e6 * pair.static_deflection:.4g} µm"),
         ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.0f} Hz"),
         ("resonance speed", f"{pair.speed(1.0):.0f} rpm"),
     ]

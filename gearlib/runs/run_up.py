@@ -52,7 +52,7 @@ def run_up(
     driver=None,
     driven_mass=0.0,
     base_radius=None,
-    initial_state=(0.0, 0.0),
+    initial_state=None,
     samples_per_period=0,
     max_events=MAX_EVENTS,
 ):
@@ -88,8 +88,10 @@ def run_up(
     driven_mass, base_radius : float, optional
         For models with one degree of freedom: J_2 / r_b2^2 of the driven inertia, in kg, and the
         base radius in m of the gear to which the speed refers. By default there is no inertia.
-    initial_state : tuple of float or "static", default (0, 0)
-        State at time 0 and the first speed, as in `simulate`.
+    initial_state : tuple of float or "static", optional
+        State at time 0 and the first speed, as in `simulate`. By default the static state,
+        ``model.static_state``, under the first load of the profile: a run-up from (0, 0), where
+        flanks just touch, begins with a transient whose force may exceed that of resonances.
     samples_per_period : int, default 0
         Number of samples of the time history in each mesh period, at equal steps of time. With 0
         there is no time history.
@@ -122,7 +124,10 @@ def run_up(
     fastest_argument = "speed" if speed is not None else "stop" if stop >= start else "start"
     tuning_at_speed(model, fastest_argument, float(speeds[:, 1].max()))
     loads = _check_profile("load", load, "finite", math.isfinite, steps=True)
-    state = model.check_state(initial_state)
+    if initial_state is None:
+        state = model.static_state(model.tuning_at(speeds[0, 1]), float(loads[0, 1]))
+    else:
+        state = model.check_state(initial_state)
     samples = checks.integer("samples_per_period", samples_per_period, 0)
     max_events = checks.integer("max_events", max_events, 1)
     inertia_forces = _inertia_accelerations(model, driver, driven_mass, base_radius)

@@ -307,8 +307,8 @@ def run_up_orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
     `path` is the YAML file of the measured data set, `pairs` maps the name of a damping to
     arguments of `GearPair`. The dimensions are "track", a run-up or run-down, observable, order (a
     multiple of the mesh order) and block of whole revolutions; computed_amplitude also has the
-    dimension damping. Amplitudes are rms values in SI units. A computed run-up starts from rest and
-    has the measured speed profile.
+    dimension damping. Amplitudes are rms values in SI units. A computed run-up starts in the
+    static state and has the measured speed profile.
     """
     measurement = read_measured(path)
     models = [GearPair(**parameters) for parameters in pairs.values()]

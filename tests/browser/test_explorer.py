@@ -146,6 +146,24 @@ def test_a_view_of_drawn_gears_shows_the_load_sharing_model():
     assert quantities["peak-to-peak error"] == f"{1e6 * error.peak_to_peak_error.item():.2f} µm"
 
 
+@pytest.mark.parametrize("settings", [DRAWN, RELIEVED])
+def test_a_pair_of_teeth_carries_what_its_neighbours_leave(settings):
+    shown, mesh = page.Page(settings, "d"), config.load(settings).gears.mesh()
+    position, share = (shown.figures.sources["share"].data[axis] for axis in "xy")
+    # 256 samples in a base pitch; the next pair of teeth is one base pitch behind.
+    assert 256 * (position[1] - position[0]) == pytest.approx(1e3 * mesh.base_pitch, rel=1e-9)
+    assert position[[0, -1]] == pytest.approx(1e3 * np.array(mesh.path), abs=0.1)
+    np.testing.assert_allclose(share[256:] + share[:-256], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(share[position.size - 256 : 256], 1.0, rtol=1e-12)
+    model = gearlib.LoadSharingPair.from_geometry(
+        mesh, torque=30e3 / (300.0 * math.pi), corner_contact=False
+    )
+    forces = model.tooth_forces([0.0], model.static_state(0.5)[:1])[0]
+    # Phase 0 is the middle of double contact, near the start of the path for the last pair.
+    middle = 1e3 * (mesh.path[0] + (mesh.contact_ratio % 1.0 / 2.0) * mesh.base_pitch)
+    assert np.interp(middle, position, share) == pytest.approx(forces[0] / model.load, rel=1e-6)
+
+
 def test_moving_a_slider_redraws_the_figures_or_shows_why_it_is_refused():
     shown = page.Page(DRAWN, "d")
     before = {name: source.data["y"] for name, source in shown.figures.sources.items()}

@@ -106,7 +106,7 @@ def test_pairs_that_drive_a_mass_move_as_in_the_independent_program(model, stand
         speed[0] = 0.0, 0.0
     mass, radius = 0.5 * model.reduced_mass, 0.05
     options = {"load": load, "driven_mass": mass, "base_radius": radius, "samples_per_period": 8}
-    run = gearlib.run_up(model, speed=speed, **options)
+    run = gearlib.run_up(model, speed=speed, initial_state=(0.0, 0.0), **options)
     assert ("Taylor steps" in run.attrs["source"]) == (model is WAVY)
     code = reference(model, speed, load, mass * radius / model.teeth / model.reduced_mass)
     assert_moves_as_the_reference(run, code, np.zeros(2), 1e-12, model.mean_eigenfrequency)
@@ -134,12 +134,27 @@ def test_models_of_many_coordinates_move_as_in_the_independent_program(model, tu
     assert_moves_as_the_reference(run, code, z, 1e-11, fastest)
 
 
+@pytest.mark.parametrize(
+    "model",
+    [DAMPED.replace(stiffness_ratio=1.0), SIX.replace(stiffness_ratio=1.0), gearlib.planetary()],
+)
+@pytest.mark.parametrize("load", [0.4, -0.4])
+def test_gears_of_constant_stiffness_stay_in_the_static_state(model, load):
+    # The load is turned up at the end, after the last revolution that is compared.
+    profile = [(0.0, load), (0.4, load), (0.4, 1.0)]
+    run = gearlib.run_up(model, 3000.0, 3000.0, duration=0.5, load=profile)
+    steady = run.isel(revolution=slice(15))
+    forces = load * np.array(getattr(model, "mean_forces", 1.0)) * model.load
+    for name in ("dynamic_force_min", "dynamic_force_max"):
+        np.testing.assert_allclose(steady[name], forces + 0.0 * steady[name], rtol=1e-10)
+
+
 @pytest.mark.parametrize("model", [PAPER.replace(material_damping=3953.7), TRAIN])
 def test_statistics_of_a_revolution_are_those_of_its_time_course(model):
     # So slow that vibrations die out between two switches of the stiffness.
     speeds = (1000.0, 1500.0) if model is TRAIN else (300.0, 700.0)
     steps = {"load": [(0.21, 1.0), (0.21, 0.6)], "samples_per_period": 512}
-    run = gearlib.run_up(model, *speeds, duration=0.4, **steps)
+    run = gearlib.run_up(model, *speeds, duration=0.4, initial_state=(0.0, 0.0), **steps)
     force, length = float(np.max(run.mean_force)), model.static_deflection
     # Mesh periods of a revolution: a sun of 27 teeth, whose carrier turns by 3/14 of its angle.
     teeth = 27.0 * 11.0 / 14.0 if model is TRAIN else 24.0

@@ -72,6 +72,8 @@ def test_names_of_gears_say_what_was_drawn():
     pairs = (OWN, NAME), (helical, f"{NAME}, β 15°"), (relieved(), f"{NAME}, tip relief")
     for settings, name in pairs:
         assert gear_names.name_of_pair(load(settings)) == name
+    left_out = gear_names.name_of_pair(load(relieved()), modified=False)
+    assert left_out == f"{NAME}, tip relief left out"
     reducer = load(OWN | {"reducer": {"teeth": [23, 61, 23, 61]}, "targets": ["reducer"]})
     assert gear_names.name_of_reducer(reducer) == f"reducer z 23/61/23/61, every mesh: {NAME}"
     idler = {"kind": "idler", "idler": {"teeth": [23, 61, 40]}}

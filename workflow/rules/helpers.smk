@@ -122,7 +122,7 @@ def with_pairs(cases):
 #: Damping -> parameters of the gear pair with this damping.
 PAIRS = canonical({damping: CONFIG.pair_parameters(damping) for damping in CONFIG.dampings})
 SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
-GEAR_PAIR = gear_names.name_of_pair(CONFIG)
+GEAR_PAIR = gear_names.name_of_pair(CONFIG, modified=False)
 #: Common arguments of `sweep` and `simulate`, and those of `simulate` with samples.
 RUN = {
     "initial_state": [
@@ -252,7 +252,7 @@ def drawings(section):
 def names_of_drawings(section):
     """Return a text with the names of the gears of a section."""
     pairs = drawn_pairs(CONFIG, section).values()
-    return " and ".join(dict.fromkeys(map(gear_names.name_of_drawing, pairs)))
+    return " and ".join(dict.fromkeys(gear_names.name_of_drawing(pair, False) for pair in pairs))
 
 
 #: Arguments of the study of tolerances that describe the designs.
