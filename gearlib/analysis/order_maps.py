@@ -154,8 +154,9 @@ def order_map(
     tacho : sequence of float, optional
         For a signal without speed, or in its place: times of tacho pulses in s. The map extends
         from the first to the last. Each interval is compared with the speed of its neighbours: a
-        single pulse that is missing is counted, a single double pulse is left out, and so are
-        irregular pulses at either end; any other irregular pulse is refused.
+        single pulse that is missing is counted, a single double pulse is left out (of two closer
+        than 1 % of an interval the later one), and so are irregular pulses at either end. Any other
+        irregular pulse is refused with its time.
     pulses_per_revolution : int, default 1
         Number of tacho pulses per revolution, at equal angles.
     teeth : int, default 1

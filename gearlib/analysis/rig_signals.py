@@ -33,8 +33,12 @@ _IRREGULAR_STEP, _GAP = 1.5, 3.0
 _PULSE_TOLERANCE = 0.4
 #: Number of neighbours on each side with which an interval is compared.
 _PULSE_NEIGHBOURS = 3
-#: Largest deviation after a repair close to either end, which has neighbours on one side.
-_PULSE_TOLERANCE_AT_END = 0.1
+#: The same of the first and the last interval, which have neighbours on one side, and after repairs
+#: close to them.
+_END_TOLERANCE, _END_REPAIR_TOLERANCE = 0.2, 0.1
+#: A repair is the only one if the squares of deviations after any other are larger by this factor.
+#: Of pulses closer than this share of an interval the later one is the double one, a bounce.
+_DECISIVE, _BOUNCE = 4.0, 0.01
 #: Most pulses that are left out at either end; a revolution of them if that is more.
 _MAX_LEFT_OUT = 8
 #: Largest number of places that a comment lists.
@@ -335,7 +339,9 @@ def _deviations(times: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 def _irregular(times: np.ndarray, counts: np.ndarray) -> list:
     """Return the (first, last) interval of each group of irregular intervals between pulses."""
-    found = np.flatnonzero(np.abs(_deviations(times, counts)) > _PULSE_TOLERANCE)
+    limits = np.full(times.size - 1, _PULSE_TOLERANCE)
+    limits[[0, -1]] = _END_TOLERANCE
+    found = np.flatnonzero(np.abs(_deviations(times, counts)) > limits)
     groups = np.split(found, np.flatnonzero(np.diff(found) > 2) + 1)
     return [(int(group[0]), int(group[-1])) for group in groups if group.size]
 
@@ -355,7 +361,7 @@ def _repair(times: np.ndarray, first: int, last: int) -> tuple | None:
     """Return the only repair of the irregular intervals from `first` to `last` between pulses.
 
     It is (True, interval) where a pulse is missing, (False, pulse) for a double pulse, and None if
-    neither makes all intervals regular.
+    none, or more than one, makes all intervals regular.
     """
     size = times.size
     if last - first > 2 * _PULSE_NEIGHBOURS:
@@ -364,8 +370,8 @@ def _repair(times: np.ndarray, first: int, last: int) -> tuple | None:
     window = times[low : last + 3 + _PULSE_NEIGHBOURS]
     begin, end = times[max(first - 1, 0)], times[min(last + 2, size - 1)]
     is_at_end = first == 0 or last == size - 2
-    tolerance = _PULSE_TOLERANCE_AT_END if is_at_end else _PULSE_TOLERANCE
-    best, lowest = None, math.inf
+    tolerance = _END_REPAIR_TOLERANCE if is_at_end else _PULSE_TOLERANCE
+    accepted = []
     candidates = [(True, i) for i in range(max(first, 1), min(last + 1, size - 2))]
     candidates += [(False, j) for j in range(max(first, 1), min(last + 2, size - 1))]
     for is_missing, at in candidates:
@@ -378,6 +384,13 @@ def _repair(times: np.ndarray, first: int, last: int) -> tuple | None:
             continue
         near = (kept[:-1] >= begin) & (kept[1:] <= end)
         deviations = np.abs(_deviations(kept, counts)[near])
-        if deviations.max() <= tolerance and (score := (deviations**2).sum()) < lowest:
-            best, lowest = (is_missing, at), score
-    return best
+        if deviations.max() <= tolerance:
+            accepted.append(((deviations**2).sum(), is_missing, at))
+    accepted.sort()
+    if len(accepted) > 1 and accepted[1][0] < _DECISIVE * accepted[0][0]:
+        (_, *one), (_, *other) = accepted[:2]
+        distance = abs(times[one[1]] - times[other[1]])
+        if one[0] or other[0] or distance > _BOUNCE * np.median(np.diff(window)):
+            return None
+        return False, max(one[1], other[1])
+    return accepted[0][1:] if accepted else None
