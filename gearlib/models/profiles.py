@@ -19,7 +19,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from gearlib import parameters
+from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from gearlib.models.harmonics import Harmonics
 
@@ -201,6 +201,8 @@ class Tabulated(Profile):
         ValueError
             If a column is missing or an entry is not allowed.
         """
+        is_file = isinstance(path, str | os.PathLike) and Path(path).is_file()
+        checks.require(is_file, "path", path, "a CSV or netCDF file")
         path = Path(path)
         if path.suffix == ".csv":
             with path.open(newline="", encoding="utf-8") as file:
@@ -210,12 +212,14 @@ class Tabulated(Profile):
             # Imported here, since only netCDF files need xarray.
             import xarray as xr
 
-            with xr.open_dataset(path) as dataset:
-                table = {name: dataset[name].values.tolist() for name in dataset.variables}
-        missing = [name for name in (phase, stiffness) if name not in table]
-        if missing:
-            allowed = f"it must be one of {sorted(table)}"
-            raise ValueError(f"{path.name} has no column {missing[0]!r}: {allowed}")
+            try:
+                with xr.open_dataset(path) as dataset:
+                    table = {name: dataset[name].values.tolist() for name in dataset.variables}
+            except (OSError, ValueError):
+                raise checks.refusal("path", str(path), "a CSV or netCDF file") from None
+        for key, name in {"phase": phase, "stiffness": stiffness}.items():
+            allowed = f"a column of {path.name}, one of {sorted(table)}"
+            checks.require(checks.is_one_of(name, table), key, name, allowed)
         try:
             return cls(tuple(map(float, table[phase])), tuple(map(float, table[stiffness])))
         except ValueError as error:

@@ -4,6 +4,7 @@ What each may be is said by `ranges.yaml`; a parameter without a row there is mi
 """
 
 import inspect
+import math
 
 import numpy as np
 import pytest
@@ -128,6 +129,8 @@ OTHERWISE = [
         gearlib.run_up,
         {"model": PAPER, "speed": [(0.0, 10.0), (1.0, 20.0)], "driven_mass": 1.0, "base_radius": 1},
     ),
+    (Harmonics.from_table, {"phase": np.arange(3) * math.tau / 3, "values": [0.0, 1.0, 2.0]}),
+    (drawn.SpurGear.thickness_at, {"self": SUN}),
     (gearlib.order_map, {"run": SIGNAL, "tacho": [0.0, 8.0]}),
     (gearlib.continue_orbit, {"orbit": ORBIT, "parameter": "damping", "to": 0.1}),
     (gearlib.scatter, FOLLOWED | {"quantities": ("force",), "speeds": [3000.0]}),
