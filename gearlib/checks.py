@@ -1,7 +1,7 @@
 """Checks of arguments, with messages that name the argument, its value and the allowed values."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from numbers import Integral, Real
 
 #: Tunings of the slowest and the fastest allowed speed, as in the configuration.
@@ -80,9 +80,14 @@ def integer(name, value, low, high=None):
     raise refusal(name, value, integers(low, limit if is_integer and value > limit else high))
 
 
+def is_one_of(value, choices):
+    """Return whether `value` is one of `choices`; tables, whose == gives no bool, are none."""
+    return isinstance(value, Hashable) and value in tuple(choices)
+
+
 def one_of(name, value, choices):
     """Return `value` if it is one of `choices`, else raise ValueError."""
-    require(value in choices, name, value, f"one of {', '.join(map(repr, choices))}")
+    require(is_one_of(value, choices), name, value, f"one of {', '.join(map(repr, choices))}")
     return value
 
 
@@ -92,9 +97,12 @@ def finite(name, values):
     return tuple(number(f"{name}[{i}]", value, "finite", math.isfinite) for i, value in items)
 
 
-def sequence(name, values, length=None):
+def sequence(name, values, length=None, allowed="a sequence of numbers"):
     """Return an iterable as a list, or raise ValueError if it has not this length."""
-    allowed = "a sequence of numbers" if length is None else f"{length} values"
+    allowed = allowed if length is None else f"{length} values"
+    # Their entries are letters, names or in no order.
+    if isinstance(values, str | bytes | Mapping | set | frozenset):
+        raise refusal(name, values, allowed)
     try:
         items = list(values)
     except TypeError:

@@ -98,7 +98,8 @@ class OneOf(Kind):
     """One of a few numbers, strings or booleans."""
 
     def __init__(self, choices):
-        super().__init__(f"one of {', '.join(map(repr, choices))}", choices.__contains__)
+        allowed = f"one of {', '.join(map(repr, choices))}"
+        super().__init__(allowed, lambda value: checks.is_one_of(value, choices))
         self.choices = choices
 
 

@@ -10,6 +10,7 @@ import math
 import numpy as np
 import xarray as xr
 
+from gearlib import checks
 from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.figures import (
     branches_figure,
@@ -70,7 +71,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
     ValueError
         If a dataset has no such variable over the tuning.
     """
-    is_train = any("mesh" in sweep.dims for sweep in sweeps)
+    is_train = any("mesh" in getattr(sweep, "dims", ()) for sweep in sweeps)
     default = ("dynamic_factor",) if is_train else resonance_figure.EXTREMA
     names = default if variable is None else (variable,)
     sources = {"dim": "tuning", "caller": "resonance", "source": "sweep"}
@@ -263,9 +264,9 @@ def campbell(diagram, *, axes=None, to=None):
         raise ValueError("the diagram has no order of a mesh frequency: it must have one or more")
     axes = plot_curves.axes_or_new(axes)
     # The argument `to` is the upper limit of the speed axis.
-    max_speed = 1.02 * float(diagram.critical_speed.max()) if to is None else float(to)
-    if not 0.0 < max_speed < math.inf:
-        raise ValueError(f"to = {to!r} is not allowed: it must be a finite number > 0, in rpm")
+    to = 1.02 * float(diagram.critical_speed.max()) if to is None else to
+    allowed = "a finite number > 0, in rpm"
+    max_speed = checks.number("to", to, allowed, lambda rpm: 0.0 < rpm < math.inf)
     handles = campbell_figure.draw_orders(axes, diagram, max_speed)
     axes.legend(handles=handles, fontsize=6.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return axes
@@ -429,7 +430,8 @@ def orbit(*orbits, axes=None, labels=None):
             f"{'stable' if orbit.stable else 'unstable'}, {orbit.period} mesh periods"
             for orbit in orbits
         ]
-        return phase_plane(*map(_time_course_of, orbits), axes=axes, labels=labels or periods)
+        labels = periods if labels is None else labels
+        return phase_plane(*map(_time_course_of, orbits), axes=axes, labels=labels)
     names = ("displacement_max", "stable", "label")
     sources = {"dim": "point", "caller": "orbit", "source": "continue_orbit"}
     curves = plot_curves.curves(orbits, labels, names, **sources)

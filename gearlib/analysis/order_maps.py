@@ -186,12 +186,15 @@ def order_map(
     checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
     teeth = checks.integer("teeth", teeth, 1)
     per_turn = checks.integer("pulses_per_revolution", pulses_per_revolution, 1)
+    allowed = f"one of {', '.join(map(repr, _VARIABLES))}, or of a signal the name of any variable"
+    checks.require(isinstance(variable, str), "variable", variable, allowed)
     resolution = checks.number(
         "resolution", resolution, "a finite number > 0 and <= 1", lambda x: 0.0 < x <= 1.0
     )
     if highest is not None:
         highest = checks.finite_positive("highest", highest)
     if orders is not None:
+        orders = checks.sequence("orders", orders)
         orders = [checks.finite_nonnegative("orders", order) for order in orders]
         checks.require(orders, "orders", orders, "a list of at least one entry")
         highest = max(*orders, resolution) if highest is None else highest

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
+from gearlib.data.motions import float_array
 from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
@@ -114,13 +115,18 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
     ValueError
         Naming the argument, its value and the allowed range.
     """
+    checks.require(callable(call), "call", call, "a function of a model")
     checks.require(is_model(model), "model", model, "a model such as GearPair")
+    allowed = "a name or a sequence of names"
+    names = [parameters] if isinstance(parameters, str) else parameters
+    names = checks.sequence("parameters", names, allowed=allowed)
+    checks.require(names, "parameters", parameters, allowed)
     descriptions = dict(model.settable)  # name -> (units, long name)
     for name in arguments:
         units, long_name = DESCRIPTIONS.get(name, ("1", name))
         descriptions[name] = units, model.long_names.get(name, long_name)
     data: dict = {}
-    for name in (parameters,) if isinstance(parameters, str) else parameters:
+    for name in names:
         parameter_units, parameter = descriptions[checks.one_of("parameters", name, descriptions)]
         value = arguments[name] if name in arguments else model.value(name)
         checks.number(name, value, "a finite number", math.isfinite)
@@ -152,8 +158,12 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
             else:
                 result = call(model.with_values({name: value}), **arguments)
         if not isinstance(result, xr.Dataset):
-            result = xr.DataArray(result).to_dataset(name=getattr(result, "name", None) or "value")
+            if not isinstance(result, xr.DataArray):
+                result = xr.DataArray(float_array(result))
+            result = result.to_dataset(name=result.name or "value")
         variables = {name: x for name, x in result.data_vars.items() if x.dtype.kind == "f"}
+        is_numeric = any(x.size for x in variables.values())
+        checks.require(is_numeric, "call", call, "a function that returns numbers or a dataset")
         return variables, contacts
 
     return run

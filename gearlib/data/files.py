@@ -7,6 +7,7 @@ import math
 import os
 import re
 from contextlib import contextmanager
+from fractions import Fraction
 from html import escape
 from pathlib import Path
 
@@ -83,13 +84,20 @@ def write_table_page(csv_path, path, caption=""):
 
 
 def canonical_json(value):
-    """Return a value as compact JSON with sorted keys; infinite numbers become "inf" or "-inf"."""
+    """Return a value as compact JSON with sorted keys; infinite numbers become "inf" or "-inf".
+
+    Fractions and the scalars of numpy become plain numbers.
+    """
 
     def to_json_types(value):
         if isinstance(value, dict):
             return {str(key): to_json_types(item) for key, item in value.items()}
         if isinstance(value, (list, tuple)):
             return [to_json_types(item) for item in value]
+        if hasattr(value, "item") and not hasattr(value, "__len__"):  # a scalar of numpy
+            value = value.item()
+        if isinstance(value, Fraction):
+            value = float(value)
         if isinstance(value, float) and math.isinf(value):
             return "inf" if value > 0 else "-inf"
         return value

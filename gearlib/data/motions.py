@@ -11,10 +11,11 @@ MAX_RELATIVE_DISPLACEMENT = 1e3
 
 
 def float_array(numbers):
-    """Return an array of floats, empty if the argument cannot be converted."""
+    """Return an array of floats, empty if the argument is anything but numbers."""
     try:
-        return np.asarray(numbers, float)
-    except (TypeError, ValueError):
+        array = np.asarray(numbers)
+        return array.astype(float, copy=False) if array.dtype.kind in "iufO" else np.empty(0)
+    except (TypeError, ValueError, OverflowError):
         return np.empty(0)
 
 

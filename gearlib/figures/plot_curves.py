@@ -8,6 +8,7 @@ from itertools import product
 import xarray as xr
 from matplotlib.axes import Axes
 
+from gearlib import checks
 from gearlib.data.variables import SI_SCALES
 from gearlib.figures import panels, style
 from gearlib.figures.style import CurveStyle
@@ -35,7 +36,7 @@ def require(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, 
     """
     variables = getattr(dataset, "variables", {})
     for name in names:
-        if name not in variables or dim not in (None, *variables[name].dims):
+        if not checks.is_one_of(name, variables) or dim not in (None, *variables[name].dims):
             over = f" over {dim}" if dim else ""
             raise ValueError(
                 f"{name}{over} is missing: gearlib.plot.{caller} draws datasets of gearlib.{source}"
@@ -51,11 +52,10 @@ def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Cu
     """
     for dataset in datasets or [None]:
         require(caller, dataset, names, source, dim)
-    if labels is not None and len(labels) != len(datasets):
-        raise ValueError(
-            f"labels = {labels!r} is not allowed: they must be {len(datasets)}, one for each "
-            "dataset"
-        )
+    if labels is not None:
+        allowed = f"{len(datasets)} texts, one for each dataset"
+        texts = [text for text in checks.sequence("labels", labels) if isinstance(text, str)]
+        checks.require(len(texts) == len(labels) == len(datasets), "labels", labels, allowed)
     data, properties = [], []
     for i, dataset in enumerate(datasets):
         origin = _origin(dataset) if labels is None else {"label": labels[i]}

@@ -155,7 +155,10 @@ def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
     record, or 0. ValueError if it is outside the record, or if the run failed or has other meshes.
     """
     if run is None:
-        return checks.number("phase", phase or 0.0, "finite", math.isfinite), None
+        return (
+            checks.number("phase", 0.0 if phase is None else phase, "finite", math.isfinite),
+            None,
+        )
     if "mesh" not in run.coords or not run.mesh.equals(layout.mesh):
         raise ValueError("mesh of the run is not allowed: its meshes must be those of the train")
     if int(run.status):

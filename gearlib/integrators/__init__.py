@@ -98,7 +98,7 @@ def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dic
         )
     if name is None:
         name = next((name for name in AUTOMATIC if METHODS[name].supports(model)), None)
-    if name in REMOVED:
+    if checks.is_one_of(name, REMOVED):
         raise ValueError(removal_message(name))
     checks.one_of("method", name, tuple(METHODS))
     # The other methods are checked only now, because their modules take time to load.

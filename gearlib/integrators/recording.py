@@ -23,6 +23,8 @@ from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE
 MESH_PERIOD = 2.0 * math.pi
 #: Largest component of a state; the squares of larger ones would soon overflow.
 MAX_STATE = 1e150
+#: From this component on, a failure of a solver is an overflow of its intermediate numbers.
+_HUGE_STATE = 1e-20 * MAX_STATE
 #: A mesh period that starts at most this far before a step counts as starting with the step. The
 #: tolerance, rad, covers the rounding of the phase of a long run.
 _PERIOD_START_TOLERANCE = 1e-9
@@ -37,6 +39,11 @@ _TIME_COLUMNS = {
 def within_range(state: np.ndarray) -> bool:
     """Return whether a state is finite and its squares do not overflow."""
     return bool(np.abs(state).max() < MAX_STATE)
+
+
+def code_of_stall(state: np.ndarray) -> int:
+    """Return the status of a run whose solver fails at a state: STALLED, OVERFLOW if it is huge."""
+    return status.STALLED if np.abs(state).max() < _HUGE_STATE else status.OVERFLOW
 
 
 def next_contact_code(code: int, final_code: int, backlash: float) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from gearlib import checks
 from gearlib.data import status
 from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, Option
-from gearlib.integrators.recording import MESH_PERIOD, Run, within_range
+from gearlib.integrators.recording import MESH_PERIOD, Run, code_of_stall, within_range
 from gearlib.integrators.right_hand_sides import right_hand_side
 from gearlib.integrators.split import Arc, Branch, FlankCrossing, Split, Stall
 
@@ -70,7 +70,10 @@ class _UnsplitRun(Run):
             if steps_in_period >= self.max_events:
                 return start_state, status.EVENT_LIMIT
             steps_in_period += 1
-            solver.step()
+            try:
+                solver.step()
+            except ValueError:  # Numbers overflow within the step.
+                return start_state, code_of_stall(start_state)
             if not within_range(solver.y):
                 return solver.y, status.OVERFLOW
             if self.problem.is_jammed(solver.t, solver.y):
@@ -142,7 +145,10 @@ class _SplitRun(Split):
         # Only samples need states between the step ends.
         dense_output = self.is_recording and self.sample_count < len(self.samples)
         options = {"dense_output": dense_output, "events": events} | self.settings
-        solution = solve_ivp(derivative, (start, end), state, **options)
+        try:
+            solution = solve_ivp(derivative, (start, end), state, **options)
+        except ValueError:  # Numbers overflow, or the phase does not advance.
+            raise Stall from None
         if solution.status < 0:
             raise Stall
         reached = [i for i, times in enumerate(solution.t_events) if times.size]

@@ -12,7 +12,13 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.engines.codes import BACKLASH, BOTH, INVERSE, NORMAL
-from gearlib.integrators.recording import MESH_PERIOD, Run, next_contact_code, within_range
+from gearlib.integrators.recording import (
+    MESH_PERIOD,
+    Run,
+    code_of_stall,
+    next_contact_code,
+    within_range,
+)
 from gearlib.integrators.right_hand_sides import (
     COAST_FLANK,
     DRIVE_FLANK,
@@ -154,8 +160,7 @@ class Split(Run):
                 try:
                     arc = self.solve(branch, state)
                 except Stall:
-                    code = status.STALLED if within_range(state) else status.OVERFLOW
-                    return state, contact_codes, code
+                    return state, contact_codes, code_of_stall(state)
                 if self.is_recording:
                     self.record_branch(
                         period, arc.t, arc.states, arc.interpolate, segment, contact_codes

@@ -47,14 +47,17 @@ class Harmonics:
         ValueError
             If the phases are not equidistant over one period, or a value is not finite.
         """
-        import numpy as np  # Imported here, since reading the configuration needs no numpy.
+        # Imported here, since reading the configuration needs no numpy.
+        import numpy as np
 
-        phase, values = np.asarray(phase, float), np.asarray(values, float)
+        from gearlib.data.motions import float_array
+
+        phase, values = float_array(phase), float_array(values)
         n = phase.size
         if phase.shape != values.shape or phase.ndim != 1 or n < 3:
             raise ValueError(
-                f"table of shape {phase.shape} and {values.shape} is not allowed: it must be two "
-                "equally long sequences of at least 3 numbers"
+                f"a table of phase of shape {phase.shape} and values of shape {values.shape} is "
+                "not allowed: it must be two equally long sequences of at least 3 numbers"
             )
         if not np.allclose(np.diff(phase), 2.0 * math.pi / n, rtol=1e-6):
             raise ValueError(

@@ -204,6 +204,8 @@ class Tabulated(Profile):
             If a column is missing, an entry is not allowed, or more than half of the period has no
             phase.
         """
+        is_file = isinstance(path, str | os.PathLike) and Path(path).is_file()
+        checks.require(is_file, "path", path, "a CSV or netCDF file")
         path = Path(path)
         try:
             if path.suffix.lower() == ".csv":
@@ -309,9 +311,9 @@ def _netcdf_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
 
 def _indices(known_names: list[str], names: tuple[str, str]) -> list[int]:
     """Return the indices of `names` among those of a file, or raise ValueError."""
-    for name in names:
-        if name not in known_names:
-            raise ValueError(f"no column {name!r}: it must be one of {sorted(known_names)}")
+    for key, name in zip(("phase", "stiffness"), names, strict=True):
+        allowed = f"the name of a column, one of {sorted(known_names)}"
+        checks.require(checks.is_one_of(name, known_names), key, name, allowed)
         if known_names.count(name) > 1:
             raise ValueError(f"the column {name!r} occurs twice: it must occur once")
     return [known_names.index(name) for name in names]

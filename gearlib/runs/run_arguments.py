@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 from gearlib import checks, integrators
 from gearlib.engines.orbit import Rows, Span
+from gearlib.models.model import is_model
 
 #: Default limit of arcs (phases of contact, flights, Taylor steps) in one mesh period.
 MAX_EVENTS = 1_000_000
@@ -47,6 +48,8 @@ def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
     `tuning_name` and `speed_name` are the names of these arguments in the error message. A speed is
     refused for a model without rotating bodies or without a time scale.
     """
+    if not is_model(model):
+        raise checks.refusal("pair", model, "a model such as GearPair")
     if (tuning is None) == (speed is None):
         raise ValueError(
             f"{tuning_name} = {tuning!r} with {speed_name} = {speed!r} is not allowed: it must be "

@@ -183,8 +183,8 @@ def _check_model(model):
         )
     if model.gyroscopic:
         raise ValueError(
-            "gyroscopic = True is not allowed in a run-up, where its forces would change with the "
-            "speed: it must be False"
+            f"gyroscopic = True is not allowed in a run-up of {model.title_noun}, where its forces "
+            "would change with the speed: it must be False"
         )
 
 
@@ -259,6 +259,8 @@ def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarra
     `base_radius` in m of the other.
     """
     driven_mass = checks.finite_nonnegative("driven_mass", driven_mass)
+    if base_radius is not None or driven_mass:
+        base_radius = checks.finite_positive("base_radius", base_radius)
     if model.train is not None:
         if driven_mass or base_radius is not None:
             raise ValueError(

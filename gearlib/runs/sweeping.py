@@ -208,7 +208,7 @@ def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray
     """
     try:
         values = np.atleast_1d(np.asarray(tunings))
-    except ValueError:
+    except (TypeError, ValueError):
         values = np.empty((0, 0))
     if values.ndim != 1 or values.size == 0:
         raise ValueError(

@@ -165,9 +165,9 @@ def quantity_evaluator(designs: Any, quantities: Any, speed: float | None) -> De
 
 def checked_names(key: str, names: Any, allowed: tuple) -> tuple:
     """Return names as a tuple; raise ValueError unless they are allowed and all different."""
-    if isinstance(names, str) or not hasattr(names, "__iter__"):
-        raise checks.refusal(key, names, f"a sequence of {', '.join(map(repr, allowed))}")
-    checked = tuple(names)
+    names_allowed = f"a sequence of {', '.join(map(repr, allowed))}"
+    checks.require(not isinstance(names, str), key, names, names_allowed)
+    checked = tuple(checks.sequence(key, names, allowed=names_allowed))
     for name in checked:
         checks.one_of(key, name, allowed)
     checks.require(len(set(checked)) == len(checked), key, names, "without repeated names")

@@ -59,12 +59,14 @@ def sobol_indices(
     checks.require(n & (n - 1) == 0, "n", n, "a power of 2")
     allowed = "a finite number > 0 and < 1"
     level = checks.number("confidence", confidence, allowed, lambda p: 0.0 < p < 1.0)
+    checks.require(progress is None or callable(progress), "progress", progress, "a function")
     designs = Designs(model, tolerances, seed)
     if designs.tolerances.correlations:
         raise ValueError(
             "tolerances.correlations is not allowed: Sobol' indices need independent parameters"
         )
     quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
+    checks.require(quantities, "quantities", quantities, "at least one")
     evaluator = quantity_evaluator(designs, quantities, speed)
     tables = _design_tables(designs, evaluator, n, progress)
     indices = [

@@ -148,11 +148,14 @@ def shard(
     The other arguments are those of `scatter`; `settings` are threads, progress, and those of runs.
     """
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
+    checks.require(progress is None or callable(progress), "progress", progress, "a function")
     n = checks.integer("n", n, 1, MAX_SAMPLES)
     first = checks.integer("first", first, 0, n - 1)
     last = checks.integer("last", last, first + 1, n)
     quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
+    if speed is not None:
+        checks.finite_positive("speed", speed)
     designs = Designs(model, tolerances, seed)
     sweeps = _sweep_settings(designs.nominal, **settings)
     if sweeps is None and not quantities:

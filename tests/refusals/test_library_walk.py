@@ -4,7 +4,9 @@ What each may be is said by `ranges.yaml`; a parameter without a row there is mi
 """
 
 import inspect
+import math
 
+import numpy as np
 import pytest
 import xarray as xr
 
@@ -109,6 +111,35 @@ CALLED = {
     gearlib.sobol_indices: FOLLOWED | {"quantities": ("force",)},
     gearlib.fit: {"model": DAMPED, "data": JUMP, "free": {"reduced_mass": (3.0, 3.2)}},
 }
+SIGNAL = xr.Dataset({"displacement": ("time", [0.0] * 9)}, {"time": range(9)})
+#: Other ways to make some of these calls.
+OTHERWISE = [
+    (gearlib.simulate, {"pair": PAPER, "speed": 3000.0, "periods": 2, "method": "scipy"}),
+    (gearlib.sweep, {"pair": PAPER, "speeds": [3000.0], "periods": 2, "record_periods": 1}),
+    (
+        gearlib.bifurcation_diagram,
+        {"pair": PAPER, "values": [0.1], "parameter": "damping", "tuning": NU, "strobes": 4},
+    ),
+    (
+        gearlib.lyapunov_exponents,
+        {"pair": PAPER, "values": [0.1], "parameter": "damping", "tuning": NU, "periods": 20},
+    ),
+    (gearlib.tongues, {"pair": PAPER, "parameter": "damping", "values": [0.1]}),
+    (
+        gearlib.run_up,
+        {"model": PAPER, "speed": [(0.0, 10.0), (1.0, 20.0)], "driven_mass": 1.0, "base_radius": 1},
+    ),
+    (Harmonics.from_table, {"phase": np.arange(3) * math.tau / 3, "values": [0.0, 1.0, 2.0]}),
+    (drawn.SpurGear.thickness_at, {"self": SUN}),
+    (gearlib.order_map, {"run": SIGNAL, "tacho": [0.0, 8.0]}),
+    (gearlib.continue_orbit, {"orbit": ORBIT, "parameter": "damping", "to": 0.1}),
+    (gearlib.scatter, FOLLOWED | {"quantities": ("force",), "speeds": [3000.0]}),
+]
+#: What no parameter takes: other types, nested and unhashable values, tables of other contents.
+TAKEN_BY_NONE = [
+    *(object(), 1j, {"a": []}, [["a"]], [object()], np.array([["a"], [1]])),
+    xr.Dataset({"a": ("x", [1.0])}),
+]
 #: Parameter -> the parameter that it replaces, which is then left out of the call.
 REPLACES = {"speed": "tuning", "speeds": "tunings"}
 #: Parameter -> its name in the sentence of the function that it is handed on to.
@@ -117,14 +148,14 @@ HANDED_ON = {
     "planetary_set.sun": "pinion of the sun mesh",
     "planetary_set.planet": "wheel of the sun mesh",
 }
-#: Parameters that are not walked: any value is true or false; a search asks first whether it can go
-#: on; a value counts only beside another one; refused together with others, in `combinations.yaml`.
+#: Parameters without a row of `ranges.yaml`: any number but one; a value counts only beside another
+#: one; refused together with others, in `test_combinations.py`.
 UNCHECKED = """
-locus.limits locus.max_points locus.to continue_orbit.to tongues.values
+locus.to continue_orbit.to tongues.values
 sensitivities.call sensitivities.parameters sensitivities.arguments
 SpurGear.tip_diameter planetary_set.ring schmidt.degenerate dynamic_factor.rpm
 lyapunov_exponents.states order_map.tacho
-scatter.speed scatter.box scatter.progress sobol_indices.speed sobol_indices.progress
+scatter.box scatter.progress sobol_indices.progress
 run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius
 """.split()
 
@@ -135,14 +166,14 @@ def owner(call):
     return f"geometry.{name}" if call is drawn.Mesh else name
 
 
-def parameters(calls):
-    """Return pytest parameters (call, valid arguments, parameter) of all that are checked."""
+def parameters(calls, skipped=()):
+    """Return pytest parameters (call, valid arguments, parameter) of pairs of the first two."""
     return [
         pytest.param(call, valid, parameter, id=f"{owner(call)}.{parameter.name}")
-        for call, valid in calls.items()
+        for call, valid in calls
         for parameter in inspect.signature(call).parameters.values()
         if parameter.kind != parameter.VAR_KEYWORD and parameter.name != "self"
-        and f"{owner(call)}.{parameter.name}" not in UNCHECKED
+        and f"{owner(call)}.{parameter.name}" not in skipped
     ]  # fmt: skip
 
 
@@ -175,17 +206,34 @@ def required_words(allowed):
     return {"a finite number": "finite"}.get(words, words if allowed.count == 0 else "")
 
 
-@pytest.mark.parametrize(("call", "valid", "parameter"), parameters(MADE | CALLED))
+def refusal_of(call, valid, name, value):
+    """Return the text of the ValueError for a value of a parameter."""
+    others = {other: argument for other, argument in valid.items() if other != REPLACES.get(name)}
+    with pytest.raises(ValueError) as refusal:
+        call(**others | {name: value})
+    return str(refusal.value)
+
+
+WALK = [*MADE.items(), *CALLED.items()]
+
+
+@pytest.mark.parametrize(("call", "valid", "parameter"), parameters(WALK + OTHERWISE))
+def test_what_no_parameter_takes_is_refused_by_its_name(call, valid, parameter):
+    key = f"{owner(call)}.{parameter.name}"
+    for value in TAKEN_BY_NONE:
+        text = refusal_of(call, valid, parameter.name, value)
+        # Options are named by their keys, such as that of {"a": []}.
+        is_named = HANDED_ON.get(key, parameter.name) in text or text.startswith("a ")
+        assert is_named and "not allowed" in text, text
+
+
+@pytest.mark.parametrize(("call", "valid", "parameter"), parameters(WALK, UNCHECKED))
 def test_each_wrong_value_is_refused_in_one_sentence(call, valid, parameter):
     key = f"{owner(call)}.{parameter.name}"
     row = range_of("library", key.split("."))
     assert row, "no row of ranges.yaml"
-    replaced = REPLACES.get(parameter.name)
-    others = {name: value for name, value in valid.items() if name != replaced}
     for value, shown, allowed in wrong_values(parameter, row):
-        with pytest.raises(ValueError) as refusal:
-            call(**others | {parameter.name: value})
-        text = str(refusal.value)
+        text = refusal_of(call, valid, parameter.name, value)
         begin, _, end = text.partition(" is not allowed: it must be ")
         assert begin.startswith(HANDED_ON.get(key, parameter.name)), text
         assert repr(shown) in begin or type(shown).__name__ in begin, text
@@ -193,7 +241,7 @@ def test_each_wrong_value_is_refused_in_one_sentence(call, valid, parameter):
         assert "\n" not in text and ". " not in text and len(text) < 500
 
 
-@pytest.mark.parametrize(("call", "valid", "parameter"), parameters(MADE))
+@pytest.mark.parametrize(("call", "valid", "parameter"), parameters(MADE.items(), UNCHECKED))
 def test_values_just_inside_are_not_refused_for_their_range(call, valid, parameter):
     allowed = range_of("library", [owner(call), parameter.name])
     entry, words = allowed.entry, required_words(allowed.entry)

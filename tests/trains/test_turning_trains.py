@@ -1,4 +1,4 @@
-"""Forces of the turning frame: a rotor of Jeffcott, whose whirl has closed forms.
+"""Forces of the turning frame: a rotor of Jeffcott, whose whirl has closed forms; orbits.
 
 Its support, which stands still, has a stiffness and the damping `outer`. A shaft with bending
 stiffness and the damping `inner` connects it to a plate that turns with the frame.
@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gearlib import Body, Shaft, planetary
+from gearlib import Body, Shaft, periodic_orbit, planetary
+from gearlib.analysis.orbits.shooting import floquet_multipliers
 
 MASS, SUPPORT, SHAFT = 2.0, 6e7, 4e7
 NATURAL = math.sqrt((SUPPORT + SHAFT) / MASS)
@@ -56,3 +57,25 @@ def test_rotating_damping_destabilises_a_rotor_above_its_critical_speed(outer, i
     near_limit = (0.999 * limit, 1.001 * limit) if inner else ()
     for speed in (0.5 * NATURAL, *near_limit, 3.5 * NATURAL):
         assert (whirl(outer, inner, speed).real.max() > 0.0) == (speed > limit)
+
+
+@pytest.mark.parametrize("planets", [3, 4])
+def test_an_orbit_leaves_out_the_two_multipliers_1_of_the_free_rotation_alone(planets):
+    # Coriolis forces exchange angular momentum between the planets and the free rotation.
+    train = planetary(
+        planets=planets, teeth=(24, 72), stiffness_ratio=(0.8, 0.8), turning=True, gyroscopic=True
+    )
+    orbit = periodic_orbit(train, 0.9)
+    _, maps, _ = train.propagator(0.9).maps(orbit.state, orbit.period, 100)
+    expected = floquet_multipliers(maps[0])
+    # Rounding divides the double multiplier 1 by its root.
+    np.testing.assert_allclose(expected[:2], 1.0, atol=1e-6)
+    # Coefficients do not depend on the order of the others, which rounding decides.
+    np.testing.assert_allclose(np.poly(orbit.multipliers), np.poly(expected[2:]), atol=1e-11)
+
+
+def test_friction_on_the_free_rotation_of_a_turning_frame_has_no_orbit():
+    train = planetary(turning=True, gyroscopic=True)
+    train = train.replace(meshes=[replace(mesh, friction=0.05) for mesh in train.meshes])
+    with pytest.raises(ValueError, match="gyroscopic = True.*friction"):
+        periodic_orbit(train, 0.9)

@@ -11,12 +11,14 @@ import pytest
 
 import gearlib
 from gearlib import DeadZoneOscillator, Harmonics, continue_orbit, periodic_orbit, simulate, sweep
+from gearlib.analysis.orbits import special_points
+from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.models.model import Model
 from gearlib.models.one_degree import Equation
 from gearlib.models.profiles import Steps
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
-from tests.properties.known_models import gears
+from tests.properties.known_models import CHAIN, gears
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,8 @@ DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 #: Rigid bearings: two coordinates without the free rotation, of which trapping ellipses are found
 #: soon.
 RIGID = gears(math.inf, 3953.7, 3953.7)
+#: Turning, it has 18 mesh periods per revolution of the sun.
+PLANETARY = {"teeth": (24, 72), "stiffness_ratio": (0.8, 0.8)}
 FROM_DRAWING = gearlib.LoadSharingPair.from_geometry
 MODELS = {
     "gear pair": DAMPED,
@@ -59,7 +63,10 @@ MODELS = {
     "pairs of teeth": FROM_DRAWING(fzg_c(), torque=300.0, damping_ratio=0.05),
     "six degrees": RIGID,
     "run-out": RIGID.replace(eccentricities=(1e-6, 1e-6), teeth=(3, 2)),
-    "train": gearlib.planetary(stiffness_ratio=(0.8, 0.8)),
+    "train": CHAIN,
+    "planetary": gearlib.planetary(**PLANETARY),
+    "turning planetary": gearlib.planetary(**PLANETARY, turning=True),
+    "gyroscopic forces": gearlib.planetary(**PLANETARY, turning=True, gyroscopic=True),
     "oscillator": DeadZoneOscillator(
         lower_edge=-4.0, upper_stiffness=1.0, damping=0.1, load=1.0, forcing=Harmonics((0.5,))
     ),
@@ -122,13 +129,14 @@ CALLS = {
     "harmonic_balance": lambda pair: gearlib.harmonic_balance(pair, NU, harmonics=16).dataset(),
 }
 NO_GEARS = {"oscillator", "linear stop", "hard stop"}
-MANY_COORDINATES = {"pairs of teeth", "six degrees", "run-out", "train"}
+TRAINS = {"train", "planetary", "turning planetary", "gyroscopic forces"}
+MANY_COORDINATES = {"pairs of teeth", "six degrees", "run-out"} | TRAINS
 #: Models -> calls that refuse them; tests/refusals has what is no model.
 REFUSED = [
-    ({"train"}, "basins basin_stability bifurcation_diagram poincare_section"),
+    (TRAINS, "basins basin_stability bifurcation_diagram poincare_section"),
     (NO_GEARS, "continue_orbit duty_point sobol_indices orders"),
     (NO_GEARS | {"pairs of teeth"}, "tongues"),
-    (NO_GEARS | {"pairs of teeth", "one degree"}, "run_up order_map"),
+    (NO_GEARS | {"pairs of teeth", "one degree", "gyroscopic forces"}, "run_up order_map"),
     (NO_GEARS | MANY_COORDINATES, "schmidt harmonic_balance"),
 ]
 #: Words about gears, which texts about an oscillator must not have.
@@ -197,6 +205,16 @@ def test_a_negative_load_rests_on_the_coast_side(model):
 def test_flanks_just_touch_without_an_equilibrium(model):
     assert not any(MODELS[model].static_state(NU, 0.0))
     assert not any(MODELS[model].replace(backlash=math.inf).static_state(NU, -1.0))
+
+
+@pytest.mark.parametrize("model", [name for name in MODELS if name not in NO_GEARS])
+def test_a_locus_from_a_point_that_is_not_special_ends_in_a_sentence(model):
+    pair = MODELS[model]
+    branch = continue_orbit(orbit(pair), to=NU + 0.01, max_points=3)
+    for label in (special_points.FOLD, special_points.DOUBLING, special_points.GRAZING):
+        branch.label[0] = label
+        with pytest.raises((ValueError, NoOrbit), match="point|not allowed"):
+            gearlib.locus(pair, branch, 0, "backlash", to=5.0, max_points=3)
 
 
 def test_a_new_model_moves_as_its_equation_says():

@@ -139,12 +139,14 @@ def test_tables_are_read_and_steps_go_on_periodically(tmp_path):
     rows = zip(TABLE.phase, TABLE.stiffness, strict=True)
     path.write_text("phase,stiffness\n" + "".join(f"{p},{c}\n" for p, c in rows), encoding="utf-8")
     assert Tabulated.read(path) == TABLE
-    with pytest.raises(ValueError, match="no column 'C'"):
+    with pytest.raises(ValueError, match=r"stiffness = 'C' .* \['phase', 'stiffness'\]"):
         Tabulated.read(path, stiffness="C")
     # As a spreadsheet with decimal commas writes it, with a column more and a byte order mark.
     german = path.read_text().replace(",", ";").replace(".", ",").replace("\n", ";\r\n")
     path.write_bytes(f"\ufeff{german};;\r\n".encode())
     assert Tabulated.read(path) == TABLE
+    with pytest.raises(ValueError, match="^path = .* CSV"):
+        Tabulated.read(tmp_path / "none.csv")
     # The last step, stiffness 2, holds until the first one begins in the next period.
     pieces = Steps(phase=(1.0, 3.0), stiffness=(5.0, 2.0)).pieces()
     np.testing.assert_array_equal(pieces.breaks, [0.0, 1.0, 3.0, 2.0 * math.pi])

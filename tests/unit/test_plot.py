@@ -41,6 +41,10 @@ def test_plots_are_drawn_into_given_axes():
         (plot.resonance, "gearlib.plot.resonance draws datasets of gearlib.sweep"),
         (plot.orders, "gearlib.plot.orders draws datasets of gearlib.orders"),
         (plot.run_up, "gearlib.plot.run_up draws datasets of gearlib.run_up"),
+        (lambda run: plot.resonance([run]), "gearlib.plot.resonance draws datasets"),
+        (lambda run: plot.values(run, [[]]), "is missing"),
+        (lambda run: plot.time_course(run, variable=[]), "gearlib.plot.time_course draws datasets"),
+        (lambda run: plot.time_course(run, labels=[3]), r"^labels = \[3\] .* 1 texts"),
         (lambda run: plot.phase_plane(run, axes=3), "^axes = 3 is not allowed: it must be axes"),
     ],
 )

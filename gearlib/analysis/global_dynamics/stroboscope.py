@@ -146,7 +146,9 @@ def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
         ) from None
     axes = {"grid displacements": displacement_axis, "grid velocities": velocity_axis}
     counts = [
-        checks.integer(f"count of the {name}", axis[2], 1) if _is_range(axis) else np.size(axis)
+        checks.integer(f"count of the {name}", axis[2], 1)
+        if _is_range(axis)
+        else float_array(axis).size
         for name, axis in axes.items()
     ]
     # The number of states is checked before arrays are allocated.
@@ -202,7 +204,7 @@ def region_bounds(region: Any) -> np.ndarray:
     Its rows are the lowest and highest displacement, and the lowest and highest velocity.
     """
     try:
-        array = np.array([[low, high] for low, high in region], float)
+        array = float_array([[low, high] for low, high in region])
         is_valid = array.shape == (2, 2) and np.isfinite(array).all()
         is_valid = is_valid and (np.diff(array) > 0.0).all()
     except (TypeError, ValueError):

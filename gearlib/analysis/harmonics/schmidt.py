@@ -21,6 +21,7 @@ E. Schmidt, Math. Ann. 64 (1907) 161-174; Hortel, Skuderova (2007), references [
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -307,9 +308,10 @@ def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
     if isinstance(degenerate, str):
         checks.one_of("degenerate", degenerate, ("auto",))
         return _resonant(equation, equation.force(first_coefficients(equation, None)))
-    if np.ndim(degenerate) == 0:
+    if isinstance(degenerate, Real):
         count = checks.integer("degenerate", degenerate, 0, equation.harmonics + 1)
         return np.sort(np.argsort(np.abs(equation.dynamic_stiffness), kind="stable")[:count])
+    degenerate = checks.sequence("degenerate", degenerate)
     harmonics = [checks.integer("degenerate", k, 0, equation.harmonics) for k in degenerate]
     return np.unique(np.array(harmonics, int))
 

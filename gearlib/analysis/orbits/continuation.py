@@ -273,8 +273,10 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
     Raise ValueError if it does not exist, or if its label is not among `labels` (indices in
     `special_points.LABELS`; empty: any).
     """
-    if "parameter" not in getattr(branch, "attrs", ()):
-        raise ValueError(f"branch = {branch!r} is not allowed: it must be from continue_orbit")
+    is_branch = "parameter" in getattr(branch, "attrs", ()) and {"state", "label"} <= {*branch}
+    if not is_branch:
+        name = type(branch).__name__
+        raise ValueError(f"branch = {name} is not allowed: it must be from continue_orbit")
     point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
     if labels and int(branch.label[point]) not in labels:
         allowed = " or ".join(special.LABELS[label] for label in labels)
@@ -283,15 +285,21 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
             f"{special.LABELS[int(branch.label[point])]}"
         )
     name = followed_parameters.check_parameter(model, branch.attrs["parameter"])
+    state = branch["state"].values[point]
+    allowed = f"the model of the branch, whose states have {state.size} components"
+    checks.require(model.size == state.size, "pair", type(model).__name__, allowed)
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
     scale = float(np.ptp(branch[name].values)) or 1.0
     # In a dataset of several branches each point has a period.
     period = int(branch.period[point] if branch.period.ndim else branch.period)
     problem = Shooting(model, tuning, period, (name,), (scale,), max_events)
-    unknowns = problem.unknowns(branch["state"].values[point], [value])
+    unknowns = problem.unknowns(state, [value])
     unknown_tangent = np.zeros(unknowns.size)
-    return branch_point(problem.evaluate(unknowns), unknown_tangent)
+    try:
+        return branch_point(problem.evaluate(unknowns), unknown_tangent)
+    except tracing.ContinuationFailed as error:
+        raise NoOrbit(f"the orbit of point {point} was not found: {error}") from None
 
 
 def switch_branch(pair, branch, point, *, max_events=MAX_EVENTS):

@@ -119,7 +119,8 @@ def locus(
     branch : xarray.Dataset
         A result of `gearlib.continue_orbit`.
     point : int
-        Index of a point labelled "fold", "period doubling" or "grazing".
+        Index of a point labelled "fold", "period doubling" or, unless the model is a `GearTrain`,
+        "grazing".
     parameter : str
         Any parameter of `gearlib.continue_orbit` except that of the branch.
     to : float
@@ -150,7 +151,12 @@ def locus(
     NoOrbit
         If the special point is not found.
     """
-    special_point = point_of_dataset(pair, branch, point, max_events, (FOLD, DOUBLING, GRAZING))
+    limits = checks.numbers("limits", limits, 2)
+    step = checks.finite_positive("step", step)
+    max_points = checks.integer("max_points", max_points, 2)
+    # The turning point of a grazing is that of one mesh.
+    labels = (FOLD, DOUBLING, GRAZING) if getattr(pair, "mesh", None) else (FOLD, DOUBLING)
+    special_point = point_of_dataset(pair, branch, point, max_events, labels)
     branch_problem, label = special_point.solution.problem, int(branch.label[point])
     tuning, period = branch_problem.tuning, branch_problem.period
     names = branch.attrs["parameter"], followed_parameters.check_parameter(pair, parameter)
@@ -158,7 +164,6 @@ def locus(
         names[0] != names[1], "parameter", parameter, "another parameter than that of the branch"
     )
     start, to = followed_parameters.start_and_goal(pair, tuning, parameter, to, "that of the pair")
-    step = checks.finite_positive("step", step)
     units = branch_problem.units[-1], abs(to - start)
     problem = _SpecialPointProblem(pair, tuning, period, names, units, max_events)
     problem.label = label

@@ -1,7 +1,6 @@
 """`tongues`: parametric resonance, where the motion without loss of contact is unstable."""
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -167,11 +166,11 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
     return hill_tongues.with_damping(model, damping)
 
 
-def _checked_values(values: Any) -> list:
-    """Return the argument `values` of `tongues` as a list; raise ValueError if it is invalid."""
-    if not isinstance(values, Iterable) or isinstance(values, str) or not len(values):
-        raise ValueError(f"values = {values!r} is not allowed: it must be a sequence of numbers")
-    return checks.finite("values", values)
+def _checked_values(values: Any) -> tuple:
+    """Return the argument `values` of `tongues` as a tuple; raise ValueError if it is invalid."""
+    numbers = checks.finite("values", values)
+    checks.require(numbers, "values", values, "a sequence of at least one number")
+    return numbers
 
 
 def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension: str) -> tuple:

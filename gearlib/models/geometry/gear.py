@@ -404,6 +404,7 @@ class SpurGear:
 
     def thickness_at(self, diameter: float) -> float:
         """Return the transverse tooth thickness on a circle of a diameter >= d_b, m; ISO 21771."""
+        diameter = checks.finite_positive("diameter", diameter)
         angle = math.acos(min(self.base_diameter / diameter, 1.0))
         narrowing = inv(self.transverse_pressure_angle) - inv(angle)
         return diameter * (self.tooth_thickness / self.reference_diameter + self.sign * narrowing)

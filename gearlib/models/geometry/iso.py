@@ -210,7 +210,7 @@ def dynamic_factor(
     stiffness = iso_stiffness(checks.gear_mesh(mesh), torque, application_factor)
     try:
         speed = np.asarray(rpm, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         speed = np.array(math.nan)
     valid = speed.size and (np.isfinite(speed) & (speed > 0.0)).all()
     checks.require(valid, "rpm", rpm, "finite and > 0")

@@ -380,9 +380,9 @@ def checked_errors(mesh: "Mesh", pitch_errors: ArrayLike | None = None) -> np.nd
     """Return the checked pitch errors of a mesh in m, shape (n,), by default those of its gears."""
     if pitch_errors is None:
         return np.array(mesh.pitch_errors)
-    if np.ndim(pitch_errors) != 1 or not np.size(pitch_errors):
-        raise checks.refusal("pitch_errors", pitch_errors, "a sequence of at least one number")
-    return np.array(checks.finite("pitch_errors", pitch_errors))
+    errors = checks.finite("pitch_errors", pitch_errors)
+    checks.require(errors, "pitch_errors", pitch_errors, "a sequence of at least one number")
+    return np.array(errors)
 
 
 def relief_gap(mesh: "Mesh", position: np.ndarray) -> np.ndarray:
@@ -412,9 +412,14 @@ def _compliance(mesh, position, stiffness, coupling, pair_count) -> np.ndarray:
                 "the path of contact"
             )
         return identity / stiffnesses[..., None]
+    checks.require(
+        checks.is_one_of(stiffness, ("iso", "energy")),
+        "stiffness",
+        stiffness,
+        "'iso', 'energy' or a PathTable",
+    )
     if stiffness == "energy":
         return compliance_matrix(PairCompliance(mesh), position, np.ones(position.shape), coupling)
-    checks.require(stiffness == "iso", "stiffness", stiffness, "'iso', 'energy' or a PathTable")
     # If n pairs share a body of the compliance 1 / ((1 + 3 n) c'), their stiffness is
     # (0.25 + 0.75 n) c', as in ISO 6336.
     pair_compliance = 1.0 / pair_stiffness(mesh)

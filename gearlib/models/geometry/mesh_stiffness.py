@@ -369,7 +369,7 @@ def mesh_stiffness(
     if isinstance(method, Tabulated):
         checks.check_known_parameters("table", options, ("torque",))
         return _stiffness_of_table("table", method)
-    if method not in ("iso", "energy"):
+    if not checks.is_one_of(method, ("iso", "energy")):
         raise checks.refusal("stiffness", method, "'iso', 'energy' or a Tabulated")
     fewer_pairs = math.floor(mesh.contact_ratio)
     segment = mesh.contact_ratio - fewer_pairs  # fraction of the period with one more pair

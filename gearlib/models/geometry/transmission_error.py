@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from gearlib import checks
+from gearlib.data.motions import float_array
 from gearlib.data.variables import describe
 from gearlib.models.geometry.gear import SHAPES, TipRelief, gap_of_relief
 from gearlib.models.geometry.load_sharing import tooth_pairs
@@ -41,10 +42,9 @@ def transmission_error(
     `torque`, one or several of the pinion in N m, is at least 0; `phases` is the number of phases
     in each mesh period. Options and variables are those of `Mesh.transmission_error`.
     """
-    values = np.atleast_1d(torque).tolist()
-    torques = np.array([checks.finite_nonnegative("torque", value) for value in values])
-    if not values:
-        raise ValueError("torque = [] is not allowed: it must have at least one value")
+    torques = np.atleast_1d(float_array(torque))
+    valid = torques.ndim == 1 and torques.size and ((torques >= 0.0) & (torques < math.inf)).all()
+    checks.require(valid, "torque", torque, "a finite number >= 0, or at least one in a sequence")
     pairs = tooth_pairs(mesh, phases, **options)
     loads = mesh.load(torques)
     equilibrium = pairs.forces_under_loads(loads)
@@ -149,7 +149,8 @@ def optimum_relief(
     pair_count = math.floor(mesh.contact_ratio)
     long_length = (mesh.contact_ratio - pair_count) * mesh.base_pitch
     limit = mesh.longest_relief
-    fixed_length = {"long": long_length, "short": long_length / 2.0}.get(length, length)
+    named_lengths = {"long": long_length, "short": long_length / 2.0}
+    fixed_length = named_lengths[length] if checks.is_one_of(length, named_lengths) else length
     if fixed_length is not None:
         allowed = f"'long', 'short' or > 0 and <= {limit:.6g} m, (eps_alpha - 1) p_bt"
         fixed_length = checks.number("length", fixed_length, allowed, lambda v: 0.0 < v <= limit)

@@ -137,10 +137,13 @@ def planetary(
     positions = checks.numbers("positions", positions, n)
     if ring_phase is not None:
         checks.number("ring_phase", ring_phase, "finite", math.isfinite)
-    errors = checks.sequence("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
+    pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
+    errors = checks.sequence("pin_errors", pin_errors, n)
     pin_radius, angles = _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle)
     r_sun, torsional_stiffness = sun_base_radius, (*torsional_stiffness, 0.0)
     radii = r_sun, r_sun * ring / sun, pin_radius, r_sun * planet_teeth / sun
+    # The square of a radius must be a number.
+    checks.require(max(radii) < 1e150, "sun_base_radius", r_sun, "a radius in m, far below 1e150")
     torque = n * load * r_sun
     torques = [torque, torque * ring / sun, -torque * (1.0 + ring / sun), 0.0]
 

@@ -259,8 +259,10 @@ def split_power_reducer(
             f"teeth = {z!r} is not allowed: both stages must have one centre distance, and it is "
             f"{diameters[0] / 2.0:.6g} m in the first, {diameters[1] / 2.0:.6g} m in the second"
         )
-    errors = checks.sequence("pin_errors", pin_errors or [(0.0, 0.0)] * n, n)
-    backlashes = checks.sequence("backlashes", backlashes or [(pair.backlash,) * 2] * n, n)
+    pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
+    errors = checks.sequence("pin_errors", pin_errors, n)
+    backlashes = [(pair.backlash,) * 2] * n if backlashes is None else backlashes
+    backlashes = checks.sequence("backlashes", backlashes, n)
     # The satellites rotate clockwise. They drive an external output counterclockwise and a ring
     # gear clockwise, against the load.
     output_force = n * pair.load * gears.base_radii[1] / gears.base_radii[2]

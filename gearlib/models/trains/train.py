@@ -554,22 +554,28 @@ class GearTrain(Model):
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
         """Return matrices (reduce, lift) from states to amplitudes of the elastic modes, and back.
 
-        Raises ValueError if damping or gyroscopic forces act on the free rotation.
+        Lifted rates keep the angular momentum of a train with Coriolis forces, which its elastic
+        modes exchange with its free rotation. Raises ValueError if other forces act on this.
         """
         free, (_, shapes) = self.free_motions, self.linear_modes
-        structure = self.structure
-        matrices = [structure.damping]
+        structure, turns = self.structure, 0.0
+        forces = [structure.damping]
         if self.gyroscopic:
-            matrices.append(structure.turning)
-        for matrix in matrices:
+            # Speed of the frame by mesh phase, as the rates of a state.
+            turns = float(self.carrier_ratio * self.speeds[self.reference_pinion.name])
+            forces += [structure.centrifugal, structure.circulatory, free.T @ structure.coriolis]
+            forces += [structure.sliding] * any(max(mesh.friction) for mesh in self.meshes)
+        for matrix in forces:
             # Each force is compared with the size of the terms that cancel in it.
             if (np.abs(matrix @ free) > 1e-9 * (np.abs(matrix) @ np.abs(free))).any():
                 raise ValueError(
                     "this train is not allowed here: its free rotation must feel neither damping "
-                    "nor gyroscopic forces"
+                    "nor, with gyroscopic = True, friction or centrifugal forces"
                 )
         # The largest entry of a lifted mode is 1, so that residuals are in static deflections.
         scale = np.abs(shapes).max(axis=0)
         half_reduce = (structure.mass @ shapes * scale).T
         half_lift = shapes / scale
-        return np.kron(np.eye(2), half_reduce), np.kron(np.eye(2), half_lift)
+        lift, n = np.kron(np.eye(2), half_lift), len(shapes)
+        lift[n:, : scale.size] -= turns * free @ (free.T @ structure.coriolis @ half_lift)
+        return np.kron(np.eye(2), half_reduce), lift
