@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib import checks, notebook
+from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_values
 from gearlib.analysis.orbits.followed_parameters import parameter_cases, set_backlash_long_name
 from gearlib.data import status
@@ -21,6 +21,7 @@ from gearlib.data.result import result
 from gearlib.engines.growth import propagate_perturbation
 from gearlib.integrators import choose_method
 from gearlib.models.model import UNBOUNDED_FACTOR
+from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS
 from gearlib.runs.sweeping import WARM_STARTED
 
@@ -201,6 +202,7 @@ def lyapunov_exponents(
     periods=2000,
     max_events=MAX_EVENTS,
     threads=None,
+    max_seconds=None,
 ):
     """Return the largest Lyapunov exponents of motions over a parameter, with standard errors.
 
@@ -219,6 +221,8 @@ def lyapunov_exponents(
         Mesh periods of the transient, and of the average (at least 20).
     threads : int, optional
         Number of processors; all by default. The result does not depend on it.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
@@ -238,7 +242,7 @@ def lyapunov_exponents(
     periods = checks.integer("periods", periods, BATCHES)
     max_events = checks.integer("max_events", max_events, 1)
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
-    cases = parameter_cases(pair, tuning, parameter, values)
+    cases, limit = parameter_cases(pair, tuning, parameter, values), Limit(max_seconds)
     if isinstance(states, str):
         pair.check_state(states)
         states = cases[0][0].start_state(states)
@@ -252,8 +256,10 @@ def lyapunov_exponents(
     starts = np.broadcast_to(starts, (values.size, starts.shape[-1]))
 
     def exponent_row(i: int) -> tuple:
-        """Return (exponent, standard error, status code) at the parameter value of index i."""
+        """Return (exponent, error, status code) at value i; the status -1 if the time is over."""
         model, tuning_of_case = cases[i]
+        if limit.is_over():
+            return np.nan, np.nan, -1
         if not np.isfinite(starts[i]).all():
             return np.nan, np.nan, status.NO_START
         lengths = {"settle": settle, "periods": periods, "max_events": max_events}
@@ -262,10 +268,10 @@ def lyapunov_exponents(
 
     with ThreadPoolExecutor(threads) as pool:
         rows = pool.map(exponent_row, range(values.size))
-        table = np.array(list(notebook.with_bar("values", rows, values.size)))
+        table = np.array(list(with_bar("values", rows, values.size)))
     data = {name: (parameter, table[:, i]) for i, name in enumerate(("exponent", "uncertainty"))}
     data["status"] = parameter, table[:, 2].astype(np.int8)
     settings = {"parameter": parameter, "tuning": tuning, "settle": settle, "periods": periods}
     title, coords = "Largest Lyapunov exponents of a gear mesh", {parameter: values}
     dataset = result(title, pair, data, coords, method="variational maps", **settings)
-    return set_backlash_long_name(dataset, parameter)
+    return limit.mark(set_backlash_long_name(dataset, parameter), **{parameter: table[:, 2] >= 0})

@@ -14,6 +14,7 @@ from gearlib.data.motions import float_array
 from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
+from gearlib.progress import Limit, with_bar
 
 #: Ratio of successive steps of the difference quotients.
 STEP_RATIO = 3.0
@@ -89,7 +90,9 @@ def _difference_quotient(function: Callable, value: float, step: float, centre: 
     return (weights[0] * forward + weights[1] * other + weights[2] * centre) / (2.0 * step)
 
 
-def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any) -> xr.Dataset:
+def sensitivities(
+    call: Callable, model: Any, parameters: Any, *, max_seconds=None, **arguments: Any
+) -> xr.Dataset:
     """Differentiate the results of a call with respect to parameters of a model or arguments.
 
     Warn if contact events change with every step, or if the relative error exceeds 1e-6.
@@ -101,6 +104,8 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
     model : Model
     parameters : str or sequence of str
         Names in ``model.settable``, or of numbers among the `arguments`, such as tuning or speed.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
     **arguments
         Keyword arguments of the call.
 
@@ -126,7 +131,9 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
         units, long_name = DESCRIPTIONS.get(name, ("1", name))
         descriptions[name] = units, model.long_names.get(name, long_name)
     data: dict = {}
-    for name in names:
+    limit, remaining = Limit(max_seconds), list(names)
+    for name in limit.each(with_bar("parameters", names, len(names))):
+        remaining.remove(name)
         parameter_units, parameter = descriptions[checks.one_of("parameters", name, descriptions)]
         value = arguments[name] if name in arguments else model.value(name)
         checks.number(name, value, "a finite number", math.isfinite)
@@ -143,7 +150,7 @@ def sensitivities(call: Callable, model: Any, parameters: Any, **arguments: Any)
             data[label] = array.copy(data=derivative).assign_attrs(attrs)
             attrs["long_name"] = f"error of the {title}"
             data[f"{label}_error"] = array.copy(data=error).assign_attrs(attrs)
-    return xr.Dataset(data)
+    return limit.mark(xr.Dataset(data), remaining)
 
 
 def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Callable:

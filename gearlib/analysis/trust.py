@@ -35,6 +35,7 @@ from gearlib.data import status
 from gearlib.data.result import result, stacked
 from gearlib.engines import orbit
 from gearlib.models.profiles import Fourier
+from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import check_tuning
 from gearlib.runs.simulation import run
 
@@ -70,6 +71,7 @@ def trust(
     initial_state=(0.0, 0.0),
     disturbance=1e-3,
     exponent_periods=4000,
+    max_seconds=None,
 ):
     """Classify the motion at one tuning by runs with several methods and settings.
 
@@ -88,6 +90,9 @@ def trust(
         Change of the initial displacement in the disturbed run, in static deflections.
     exponent_periods : int
         Mesh periods over which the Lyapunov exponent is averaged, after a transient of `periods`.
+    max_seconds : float, optional
+        Seconds after which no other run begins: the motion is then undecided, and `missing` of the
+        runs names those that were left out, see `gearlib.progress`.
 
     Returns
     -------
@@ -108,19 +113,24 @@ def trust(
     arguments = {"periods": periods, "record_periods": record_periods}
     arguments |= {"initial_state": initial_state, "samples_per_period": 1}
     initial_state = pair.check_state(initial_state)
-    names, methods, runs = [], [], []
-    for name, model, changed_arguments in (
+    limit, names, methods, runs = Limit(max_seconds), [], [], []
+    cases = [
         ("as asked", pair, {}),
         ("longer", pair, {"periods": 4 * periods}),
         ("disturbed", pair, {"initial_state": pair.disturbed_state(initial_state, disturbance)}),
         *_other_methods(pair),
-    ):
+    ]
+    for name, model, changed_arguments in limit.each(with_bar("runs", cases, len(cases))):
         names.append(name)
         methods.append(integrators.choose_method(model, changed_arguments.get("method"), None)[0])
         runs.append(run(model, tuning, **arguments | changed_arguments))
-    exponent = lyapunov.largest_exponent(
-        pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
-    )
+    missing = [name for name, *_ in cases[len(names) :]]
+    if limit.is_over():
+        missing.append("exponent")
+    else:
+        exponent = lyapunov.largest_exponent(
+            pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
+        )
     summaries = np.array([run.summary for run in runs])
     dims = ("run", "mesh")[: summaries.ndim - 1]
     data = {
@@ -132,6 +142,10 @@ def trust(
     settings = {"tuning": tuning, "periods": periods, "disturbance": disturbance}
     settings |= {"method": ", ".join(dict.fromkeys(methods)), "exponent_periods": exponent_periods}
     table = result("Runs of one point in several ways", pair, data, {"run": names}, **settings)
+    table = limit.mark(table, missing)
+    if missing:
+        message = f"the time of max_seconds ended before: {', '.join(missing)}"
+        return Trust("undecided", message, 0, math.nan, math.nan, math.nan, table)
     return classified_motion(table, exponent, pair.repeats)
 
 

@@ -20,8 +20,10 @@ from gearlib.parameters import WRITTEN_UNITS
 #: Folder of the Snakefile, in the installed package or in a checkout.
 _INSTALLED = Path(__file__).parents[1] / "installed_workflow"
 _ROOT = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2]
-#: Options of `simulate` and `scatter`, and the argument of `fit`.
+#: Options of `simulate`, `sweep` and `scatter`, and the argument of `fit`.
 _RUN = "tuning speed initial_state periods record_periods samples method until_settled"
+_RUN_UP = "duration acceleration back initial_state driver max_seconds"
+_SWEEP = "periods record_periods method max_seconds"
 _SCATTER = "tolerance thickness_class distance_class quality quantity samples speed start stop"
 _DATA = click.Argument(["path"], metavar="DATA", type=options.FILE)
 _CURVE_PHASES = 257  #: number of mesh phases of the curve of the mesh stiffness
@@ -119,7 +121,7 @@ def simulate(gears, model, tuning, samples, **settings):
     return run, lambda plot: plot.time_course(run)
 
 
-@gear_command("sweep", "start stop speed points direction periods record_periods method", "tuning")
+@gear_command("sweep", f"start stop speed points direction {_SWEEP}", "tuning")
 def sweep(gears, model, start, stop, speed, points, direction, **settings):
     """Run many tunings: the resonance characteristic.
 
@@ -149,7 +151,7 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     return curve, lambda plot: plot.resonance(curve)
 
 
-@gear_command("run-up", "start stop duration acceleration back initial_state driver", "revolution")
+@gear_command("run-up", f"start stop {_RUN_UP}", "revolution")
 def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
     """Run the gears up or down: forces and contact losses over the speed."""
     from gearlib.runs.run_up import speed_profile
@@ -178,7 +180,7 @@ def orbit(gears, model, tuning, **settings):
     return orbit.dataset(), lambda plot: plot.orbit(orbit)
 
 
-@gear_command("trust", "tuning speed initial_state periods", "run", motion="one speed")
+@gear_command("trust", "tuning speed initial_state periods max_seconds", "run", motion="one speed")
 def trust(gears, model, tuning, **settings):
     """Check whether chaos at one tuning is real or a numerical artefact, by several runs."""
     verdict = gearlib.trust(model, tuning, **settings)
@@ -240,7 +242,7 @@ def _tolerance(text):
     return section.model_construct(parameter=name, shape=shape or None, **values)
 
 
-@gear_command("scatter", f"{_SCATTER} points seed", "sample")
+@gear_command("scatter", f"{_SCATTER} points seed max_seconds", "sample")
 def scatter(gears, model, quantity, samples, points, **settings):
     """Effect of tolerances on jumps, contact loss, peaks and the duty point, by many designs."""
     import numpy as np
@@ -258,9 +260,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
     if model.size == 2:  # displacement and velocity: a model of one degree of freedom
         quantity = quantity or tolerances_section.Tolerances.model_fields["quantities"].default
         settings["directions"] = ("up", "down", "seeded")  # seeded: from random states
-    with click.progressbar(length=samples, file=sys.stderr, hidden=not sys.stderr.isatty()) as bar:
-        settings["progress"] = bar.update
-        designs = gearlib.scatter(source, tolerances, quantity, samples, **settings)
+    designs = gearlib.scatter(source, tolerances, quantity, samples, **settings)
     for text in refused(designs):
         click.echo(click.wrap_text(text, output.WIDTH))
     header, *rows = tolerance_study.rows(designs)

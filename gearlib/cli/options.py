@@ -136,6 +136,7 @@ _TABLE = {
     "record_periods": ("Last mesh periods, which are recorded.", 1),
     "sweep record_periods": ("Last mesh periods, which are evaluated.", 10),
     "simulate samples": ("Samples per mesh period.", 256),
+    "max_seconds": ("Seconds after which the command ends with what is done.", float),
     "method": ("Method, a name of gearlib.methods().", str),
     "until_settled": ("Continue until the motion repeats.", False),
     "start": ("First tuning, or speed such as 1500rpm. Default: 0.5.", number_or_text),

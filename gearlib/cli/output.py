@@ -18,7 +18,7 @@ _SHOWN = (
     *("load_sharing", "fraction_normal", "bounces", "mesh_frequency_hertz", "resonance_speed"),
     *("mesh_force_max", "error_peak_to_peak", "error_rms", "lost_share"),
     *("natural_frequency", "mode_kind", "mesh_force", "contact", "grazing", "state", "pattern"),
-    *("multiplier_real", "multiplier_imaginary"),
+    *("multiplier_real", "multiplier_imaginary", "complete"),
 )
 #: Dimensions of variables that are printed as tables.
 _TABLE_DIMENSIONS = ("mesh", "mode", "coordinate", "contact_phase", "multiplier")

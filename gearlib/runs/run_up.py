@@ -11,6 +11,7 @@ from gearlib.engines import orbit
 from gearlib.engines.linear import speed_profiles
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
+from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, tuning_at_speed
 
 #: Names of the variables that are in SI units in run-ups only -> (CF units, long_name).
@@ -55,6 +56,7 @@ def run_up(
     initial_state=None,
     samples_per_period=0,
     max_events=MAX_EVENTS,
+    max_seconds=None,
 ):
     """Run a model up, down, or along any piecewise linear profile of speed and load.
 
@@ -98,6 +100,8 @@ def run_up(
     max_events : int
         Largest number of arcs (intervals of contact or free flight) in a mesh period. A run that
         needs more is stopped.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
@@ -138,9 +142,10 @@ def run_up(
     numbers_per_period = samples * (mesh_count * 6 + model.size) + _NUMBERS_PER_PERIOD * mesh_count
     description = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
-    teeth = model.periods_per_revolution
+    teeth, limit = model.periods_per_revolution, Limit(max_seconds)
     arguments = start_state, samples, max_events, inertia_forces, teeth
-    records = list(speed_profiles.run_profiles(runner, pieces, *arguments))
+    profile_run = speed_profiles.run_profiles(runner, pieces, *arguments)
+    records = list(limit.each(with_bar("parts of the run-up", profile_run)))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
     if code == status.OK and displacement > model.displacement_limit(1.0, state):
@@ -166,7 +171,8 @@ def run_up(
         "Run-up of a gear mesh", model, data, coords, method=runner.description, **attributes
     )
     dataset["status"].attrs["message"] = status.MESSAGES[code]
-    return dataset
+    end = float(records[-1].theta[-1]) / omega
+    return limit.mark(dataset, [] if limit.complete else [[end, float(speeds[-1, 0])]])
 
 
 def _check_model(model):

@@ -7,9 +7,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from gearlib import checks, notebook
+from gearlib import checks
 from gearlib.data import summary
 from gearlib.data.result import result
+from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import (
     MAX_EVENTS,
     Rows,
@@ -48,6 +49,7 @@ def sweep(
     options=None,
     max_events=MAX_EVENTS,
     threads=None,
+    max_seconds=None,
 ):
     """Run a model at many tunings and summarise the last mesh periods of each run.
 
@@ -82,6 +84,8 @@ def sweep(
     threads : int, optional
         Number of threads of a cold sweep, by default one for each processor. The result does not
         depend on it.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
@@ -119,8 +123,9 @@ def sweep(
         )
     threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
 
+    limit = Limit(max_seconds)
     check_rows(pair, f"a sweep of {tunings.size:,} tunings", tunings.size)
-    rows = _run_sweep(pair, tunings, checked, direction, threads)
+    rows = _run_sweep(pair, tunings, checked, direction, threads, limit)
     data = {
         **summary.summary_variables(pair, ("tuning",), *rows[1:], checked.span.recorded),
         **pair.scales(),
@@ -128,20 +133,22 @@ def sweep(
     }
     coords = {"tuning": tunings, **pair.coordinates()}
     attributes = checked.attributes() | {"direction": direction}
-    return result("Resonance characteristic of a gear mesh", pair, data, coords, **attributes)
+    title = "Resonance characteristic of a gear mesh"
+    dataset = result(title, pair, data, coords, **attributes)
+    return limit.mark(dataset, tuning=rows.codes[:, 1] >= 0)
 
 
-def _run_sweep(model, tunings, arguments: RunArguments, direction: str, threads: int) -> Rows:
+def _run_sweep(model, tunings, arguments: RunArguments, direction, threads, limit) -> Rows:
     """Run a sweep of a model in the direction "cold", "up" or "down"; return a row per tuning.
 
-    Only a cold sweep uses several threads.
+    Only a cold sweep uses several threads. Rows that were not reached have the status -1.
     """
     _, _, summary_table = model.empty_record()
     rows = Rows(
         # A motion with a larger displacement counts as unbounded.
         bound=model.displacement_limit(float(tunings.max()), arguments.state),
-        summaries=np.empty((tunings.size, *summary_table.shape)),
-        ends=np.empty((tunings.size, len(model.components))),
+        summaries=np.full((tunings.size, *summary_table.shape), np.nan),
+        ends=np.full((tunings.size, len(model.components)), np.nan),
         codes=np.full((tunings.size, 2), -1),  # period and status; -1: not yet computed
     )
     is_warm_started = direction != "cold"
@@ -156,13 +163,15 @@ def _run_sweep(model, tunings, arguments: RunArguments, direction: str, threads:
         order = order[::-1].copy()
     chunk_size = min(max(order.size // (4 * threads), _MIN_CHUNK), _MAX_CHUNK)
     chunks = [order[i : i + chunk_size] for i in range(0, order.size, chunk_size)]
-    with notebook.bar("tunings", tunings.size, lambda: int((rows.codes[:, 1] >= 0).sum())):
-        if is_warm_started or threads == 1 or len(chunks) < 2:
-            run_tunings(order)
-        else:
-            # Kernels release the interpreter lock, so threads run in parallel.
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(run_tunings, chunks))
+    # The kernel of a `GearPair` takes all its tunings at once, others take one after the other.
+    is_whole = arguments.method == "exact" and model.mesh is model and not limit.is_set
+    if is_warm_started or threads == 1 or len(chunks) < 2:
+        run_tunings(order if is_whole else with_bar("tunings", limit.each(order), order.size))
+    else:
+        parts = chunks if is_whole else map(limit.each, chunks)
+        # Kernels release the interpreter lock, so threads run in parallel.
+        with ThreadPoolExecutor(threads) as pool:
+            list(with_bar("parts of the sweep", pool.map(run_tunings, parts), len(chunks)))
     return rows
 
 
@@ -190,6 +199,8 @@ def sweep_down(pair, tunings: np.ndarray, lowest: float, **settings):
     count = max(0, math.floor((first - lowest) / step + 1e-9))
     extension = np.round(first - step * np.arange(count, 0, -1), 12)
     curve = sweep(pair, np.concatenate([extension, tunings]), direction="down", **settings)
+    if not curve.get("complete", True):
+        return curve, False
     down = curve.isel(tuning=slice(count + 1))
     up = sweep(pair, down.tuning.values, direction="up", **settings)
     displacement_range = up.displacement_max - up.displacement_min

@@ -5,13 +5,15 @@ this parameter is fixed; the total index is the fraction that remains on average
 fixed (Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270).
 """
 
+import itertools
 from typing import Any
 
 import numpy as np
 from scipy.stats import bootstrap, qmc
 
-from gearlib import checks, notebook
+from gearlib import checks
 from gearlib.data.result import result
+from gearlib.progress import Limit, with_bar
 from gearlib.uncertainty.design_quantities import QUANTITIES, checked_names, quantity_evaluator
 from gearlib.uncertainty.designs import Designs
 
@@ -28,12 +30,13 @@ def sobol_indices(
     confidence=0.95,
     seed=0,
     progress=None,
+    max_seconds=None,
 ):
     """Return Sobol' indices of quantities by tolerances, with bootstrapped sampling errors.
 
     Parameters
     ----------
-    model, tolerances, quantities, seed, progress
+    model, tolerances, quantities, seed, progress, max_seconds
         The same arguments as those of `gearlib.scatter`; correlations are not allowed.
     n : int, default 1024
         Number of samples, a power of 2; n (k + 2) designs are computed for k parameters.
@@ -68,7 +71,8 @@ def sobol_indices(
     quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
     checks.require(quantities, "quantities", quantities, "at least one")
     evaluator = quantity_evaluator(designs, quantities, speed)
-    tables = _design_tables(designs, evaluator, n, progress)
+    limit = Limit(max_seconds)
+    tables = _design_tables(designs, evaluator, n, progress, limit)
     indices = [
         _indices_with_intervals(table, level, designs.seed, name)
         for table, name in zip(tables, quantities, strict=True)
@@ -81,11 +85,14 @@ def sobol_indices(
     coords = {"quantity": [*quantities], "parameter": [*designs.names], "bound": ["low", "high"]}
     attributes = {"tolerances": tolerances, "samples": n, "seed": designs.seed, "confidence": level}
     title = "Sobol' indices of a gear mesh by its tolerances"
-    return result(title, designs.nominal, data, coords, method="Saltelli 2010", **attributes)
+    dataset = result(title, designs.nominal, data, coords, method="Saltelli 2010", **attributes)
+    return limit.mark(dataset, list(range(tables.shape[2], n)))
 
 
-def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any) -> np.ndarray:
+def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any, limit: Limit) -> Any:
     """Return the values of each quantity for the designs of Saltelli's method, (q, k + 2, n).
+
+    If the time of the `Limit` ends, only the first of the n samples are returned.
 
     The k + 2 rows belong to two independent samples A and B of the k parameters, and to k copies of
     A with one parameter of B each. Values are NaN for designs that do not have the quantity.
@@ -94,18 +101,21 @@ def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any) -> n
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
     a, b = cube[:, :k], cube[:, k:]
     points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
-    parameters = designs.tolerances.values(points.reshape(-1, k))
-    values = np.full((len(parameters), len(evaluator.quantities)), np.nan)
-    with notebook.counting_bar("designs", len(parameters), progress) as report:
-        for i, row in enumerate(parameters):
+    parameters = designs.tolerances.values(points.reshape(-1, k)).reshape(k + 2, n, -1)
+    values = np.full((k + 2, n, len(evaluator.quantities)), np.nan)
+    # There are no indices of a single sample.
+    for i in limit.each(with_bar("pairs of samples", range(0, n, 2), n // 2)):
+        for place in itertools.product(range(k + 2), (i, i + 1)):
+            row = parameters[place]
             try:
                 design = designs.model(row)
             except ValueError:
                 pass
             else:
-                values[i], _ = evaluator.evaluate(design, designs.duty_model_builder(row))
-            report(1)
-    return np.moveaxis(values.reshape(k + 2, n, -1), 2, 0)
+                values[place], _ = evaluator.evaluate(design, designs.duty_model_builder(row))
+            if progress:
+                progress(1)
+    return np.moveaxis(values[:, : i + 2], 2, 0)
 
 
 def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:

@@ -14,11 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from gearlib import checks, notebook
+from gearlib import checks
 from gearlib.analysis.duty_point import dynamic_factor
 from gearlib.data.files import canonical_json
 from gearlib.data.result import result
 from gearlib.data.variables import describe
+from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import check_either, check_memory, check_tuning, tuning_at_speed
 from gearlib.runs.sweeping import check_tunings, sweep
 from gearlib.uncertainty.design_quantities import (
@@ -85,6 +86,7 @@ def scatter(
     seed=0,
     threads=None,
     progress=None,
+    max_seconds=None,
 ):
     """Compute how jumps, peaks and contact loss scatter with tolerances; return a dataset.
 
@@ -118,6 +120,8 @@ def scatter(
         Number of threads, by default of processors.
     progress : callable, optional
         Called with the number of samples finished since the last call.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
@@ -135,6 +139,7 @@ def scatter(
         Naming the argument, its value and the allowed range.
     """
     settings = {"speed": speed, "seed": seed, "threads": threads, "progress": progress}
+    settings["max_seconds"] = max_seconds
     sweeps = {"speeds": speeds, "tunings": tunings, "directions": directions, "periods": periods}
     sweeps |= {"record_periods": record_periods, "box": box, "quantities": quantities}
     return join_shards([shard(model, tolerances, n, 0, n, **settings, **sweeps)])
@@ -145,10 +150,12 @@ def shard(
 ) -> xr.Dataset:
     """Compute the designs `first` to `last` - 1 of the n designs of a `scatter`, and return them.
 
-    The other arguments are those of `scatter`; `settings` are threads, progress, and those of runs.
+    The other arguments are those of `scatter`; `settings` are threads, progress,
+    max_seconds, and those of runs.
     """
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     checks.require(progress is None or callable(progress), "progress", progress, "a function")
+    limit = Limit(settings.pop("max_seconds", None))
     n = checks.integer("n", n, 1, MAX_SAMPLES)
     first = checks.integer("first", first, 0, n - 1)
     last = checks.integer("last", last, first + 1, n)
@@ -161,7 +168,9 @@ def shard(
     if sweeps is None and not quantities:
         raise checks.refusal("quantities", quantities, "at least one if no speeds are given")
     evaluator = quantity_evaluator(designs, quantities, speed) if quantities else None
-    variables = _sample_variables(designs, sweeps, evaluator, range(first, last), threads, progress)
+    done = np.zeros(last - first, bool)
+    settings = {"threads": threads, "progress": progress, "limit": limit, "done": done}
+    variables = _sample_variables(designs, sweeps, evaluator, range(first, last), **settings)
     coords: dict = {"sample": np.arange(first, last)}
     attributes = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
     attributes |= {"samples": n, "seed": designs.seed}
@@ -172,11 +181,15 @@ def shard(
         attributes |= {"quantities": list(quantities)}
         attributes |= {} if speed is None else {"speed": speed}
     title = "Scatter of a gear mesh by its tolerances"
-    return result(title, designs.nominal, variables, coords, method="scatter", **attributes)
+    dataset = result(title, designs.nominal, variables, coords, method="scatter", **attributes)
+    return limit.mark(dataset, sample=done)
 
 
-def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) -> dict:
-    """Return the variables of a range of samples: parameters, runs, quantities, error messages."""
+def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, limit, done) -> dict:
+    """Return the variables of a range of samples: parameters, runs, quantities, error messages.
+
+    The mask `done` gets the samples that the `Limit` of time leaves.
+    """
     count, tables = len(samples), {}
     if sweeps:
         shape = count, len(sweeps.directions), sweeps.grid.size
@@ -191,6 +204,8 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) ->
 
     def compute_sample(i: int) -> None:
         """Store the results of sample i, or the reason why its model cannot be built."""
+        if limit.is_over():
+            return
         try:
             design = designs.model(values[i])
         except ValueError as error:
@@ -202,11 +217,12 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress) ->
             if evaluator:
                 build_duty_model = designs.duty_model_builder(values[i])
                 results[i], codes[i] = evaluator.evaluate(design, build_duty_model)
-        report(1)
+        done[i] = True
+        if progress:
+            progress(1)
 
-    progress_bar = notebook.counting_bar("samples", count, progress)
-    with progress_bar as report, ThreadPoolExecutor(threads) as pool:
-        list(pool.map(compute_sample, range(count)))
+    with ThreadPoolExecutor(threads) as pool:
+        list(with_bar("samples", pool.map(compute_sample, range(count)), count))
     data: dict = {}
     for name, column in zip(designs.names, values.T, strict=True):
         # The name of a netCDF variable.
@@ -300,7 +316,7 @@ def join_shards(shards: Any) -> xr.Dataset:
         raise ValueError("shards are not allowed: they must be parts of one scatter")
     n = json.loads(attributes["parameters"])["samples"]
     samples = np.concatenate([dataset.sample.values for dataset in shards])
-    if not np.array_equal(samples, np.arange(n)):
+    if "complete" not in shards[0] and not np.array_equal(samples, np.arange(n)):
         raise ValueError(
             f"shards are not allowed: they must have each of the samples 0 to {n - 1} once"
         )

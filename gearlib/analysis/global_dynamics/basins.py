@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import linear_sum_assignment
 
-from gearlib import checks, notebook
-from gearlib.analysis.global_dynamics.attractors import KINDS, PERIODIC, Attractor
+from gearlib import checks
+from gearlib.analysis.global_dynamics.attractors import KINDS, PERIODIC, UNDECIDED, Attractor
 from gearlib.analysis.global_dynamics.classification import check_model, classify
 from gearlib.analysis.global_dynamics.stroboscope import (
     MAX_STATES,
@@ -19,6 +19,7 @@ from gearlib.analysis.global_dynamics.stroboscope import (
 )
 from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
+from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: Attributes of `Attractor` that are dataset variables of the same name.
@@ -31,7 +32,16 @@ _FAMILY_TOLERANCE = 0.25
 
 
 def basins(
-    pair, tuning, grid, *, periods=500, stop_early=True, seed=0, max_events=MAX_EVENTS, threads=None
+    pair,
+    tuning,
+    grid,
+    *,
+    periods=500,
+    stop_early=True,
+    seed=0,
+    max_events=MAX_EVENTS,
+    threads=None,
+    max_seconds=None,
 ):
     """Find the attractors of a damped mesh and the basin of each on a grid of initial states.
 
@@ -64,6 +74,9 @@ def basins(
         Largest number of contact events in one mesh period.
     threads : int, optional
         Number of processors; all by default.
+    max_seconds : float, optional
+        Seconds after which the states without an attractor are left undecided, see
+        `gearlib.progress`; what is `missing` is then the attractor of these.
 
     Returns
     -------
@@ -98,7 +111,10 @@ def basins(
     x, v = grid_axes(grid)
     cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
     states = grid_states(x, v)
-    attractors, labels = classify(stroboscope, states, cycles, stop_early=stop_early, seed=seed)
+    limit = Limit(max_seconds)
+    attractors, labels = classify(stroboscope, states, cycles, limit, stop_early, seed)
+    is_undecided = any(attractor.kind == UNDECIDED for attractor in attractors)
+    missing = [KINDS[UNDECIDED]] if is_undecided and not limit.complete else []
     share = np.bincount(labels, minlength=len(attractors)) / labels.size
     data = {
         "basin": (("displacement", "velocity"), labels.reshape(x.size, v.size).astype(np.int16)),
@@ -121,7 +137,7 @@ def basins(
         seed=seed,
     )
     dataset["attractor_kind"].attrs |= KIND_FLAGS
-    return dataset
+    return limit.mark(dataset, missing)
 
 
 def _attractor_variables(attractors: list[Attractor]) -> dict:
@@ -161,7 +177,16 @@ def _attractor_variables(attractors: list[Attractor]) -> dict:
 
 
 def basin_stability(
-    pair, tunings, region, *, samples=400, periods=500, seed=0, max_events=MAX_EVENTS, threads=None
+    pair,
+    tunings,
+    region,
+    *,
+    samples=400,
+    periods=500,
+    seed=0,
+    max_events=MAX_EVENTS,
+    threads=None,
+    max_seconds=None,
 ):
     """Compute which share of a region of initial states leads to each attractor, by tuning.
 
@@ -180,6 +205,8 @@ def basin_stability(
         As in `gearlib.basins`.
     seed : int, default 0
         Seed of the random initial states.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
@@ -203,17 +230,18 @@ def basin_stability(
     low, high = bounds.T
     cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, MAX_STATES))))
     periods, seed = checks.integer("periods", periods, 1), checks.integer("seed", seed, 0)
-    attractors_and_shares = []
-    for i, tuning in notebook.with_bar("tunings", enumerate(values), values.size):
+    attractors_and_shares, limit = [], Limit(max_seconds)
+    for i, tuning in limit.each(with_bar("tunings", enumerate(values), values.size)):
         stroboscope = Stroboscope(pair, tuning, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
         corners = grid_states(np.arange(cells), np.arange(cells))
         states = low + (corners + rng.random(corners.shape)) / cells * (high - low)
         cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
-        attractors, labels = classify(stroboscope, states, cycles, seed=seed)
+        attractors, labels = classify(stroboscope, states, cycles, Limit(None), seed=seed)
         shares = np.bincount(labels, minlength=len(attractors)) / labels.size
         attractors_and_shares.append((attractors, shares))
-    data, coords = _family_variables(values, attractors_and_shares, cells * cells)
+    done = len(attractors_and_shares)
+    data, coords = _family_variables(values[:done], attractors_and_shares, cells * cells)
     dataset = result(
         "Basin stability of a gear mesh",
         pair,
@@ -226,7 +254,7 @@ def basin_stability(
         seed=seed,
     )
     dataset["attractor_kind"].attrs |= KIND_FLAGS
-    return dataset
+    return limit.mark(dataset, values[done:].tolist())
 
 
 def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[list, list]:

@@ -11,6 +11,7 @@ from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, check_one_
 from gearlib.data import status
 from gearlib.engines import orbit as columns
 from gearlib.models.model import UNBOUNDED_FACTOR
+from gearlib.progress import Limit, with_bar
 
 #: Number of random states near whose final states attractors are searched for first.
 _FIRST_SAMPLE_SIZE = 128
@@ -18,6 +19,8 @@ _FIRST_SAMPLE_SIZE = 128
 _SAMPLE_SIZE, _MAX_SAMPLES = 8, 6
 #: Cycles after which states are compared with the trapping ellipses for the first time.
 _FIRST_CYCLES = 24
+#: States that are propagated at a time by each thread, in chunks of the engine or one by one.
+_PARTS_PER_THREAD = 16
 #: Mesh periods over which exponents and extrema of aperiodic motions are computed.
 _EXPONENT_PERIODS, _EXTREMA_PERIODS = 2000, 256
 #: Mesh periods of the transient before an exponent is computed.
@@ -38,7 +41,7 @@ def check_model(model: Any) -> None:
 
 
 def classify(
-    stroboscope: Stroboscope, states: np.ndarray, cycles: int, *, stop_early=True, seed=0
+    stroboscope: Stroboscope, states: np.ndarray, cycles: int, limit: Limit, stop_early=True, seed=0
 ) -> tuple[list[Attractor], np.ndarray]:
     """Return (attractors, index of the attractor of each initial state, shape (k,)).
 
@@ -46,12 +49,13 @@ def classify(
     and displacement range; each kind except periodic occurs at most once. A run takes `cycles`
     cycles, twice as many if it has not reached an attractor by then; with `stop_early` it ends in a
     trapping ellipse. `seed` is that of the random choice of the states that are examined first.
+    States that have no label when the time of the `Limit` ends are undecided.
     """
     rng = np.random.default_rng(seed)
-    motions = _Motions(stroboscope, states, rng)
+    motions = _Motions(stroboscope, states, rng, limit)
     # A sample of the states is propagated first; most of the others end near the same attractors.
     sample = rng.choice(len(states), min(_FIRST_SAMPLE_SIZE, len(states)), replace=False)
-    final_states, _ = stroboscope(stroboscope.start(states[np.sort(sample)]), cycles)
+    final_states, _ = motions.advance(stroboscope.start(states[np.sort(sample)]), cycles)
     motions.add_attractors(final_states)
     motions.propagate(cycles, stop_early)
     bounds = motions.bounds[motions.remaining]
@@ -71,9 +75,9 @@ def classify(
 class _Motions:
     """Motions from all initial states, with the attractors that are known so far."""
 
-    def __init__(self, stroboscope: Stroboscope, states: np.ndarray, rng: np.random.Generator):
+    def __init__(self, stroboscope, states: np.ndarray, rng: np.random.Generator, limit: Limit):
         """Start a motion at each state (displacement, velocity), shape (k, 2)."""
-        self.stroboscope, self.states, self.rng = stroboscope, states, rng
+        self.stroboscope, self.states, self.rng, self.limit = stroboscope, states, rng, limit
         self.attractors: list = []
         self.labels = np.full(len(states), _NO_LABEL)
         #: Indices of the initial states without a label, and their current full states.
@@ -86,7 +90,7 @@ class _Motions:
         """Add new attractors near full states, shape (m, n); return whether there are any."""
         count_before, stroboscope = len(self.attractors), self.stroboscope
         states = states[np.isfinite(states).all(axis=1)]
-        while len(states):
+        while len(states) and not self.limit.is_over():
             # After a few states, most of the others lie in the ellipses of known attractors.
             sample, states = states[:_SAMPLE_SIZE], states[_SAMPLE_SIZE:]
             self.attractors += attractors.find_attractors(stroboscope, sample, self.attractors)
@@ -113,15 +117,29 @@ class _Motions:
         With `stop_early` they are also labelled after 24, 48, 96 ... cycles.
         """
         total, step = 0, _FIRST_CYCLES if stop_early else cycles
-        while total < cycles and self.remaining.size:
+        while total < cycles and self.remaining.size and not self.limit.is_over():
             step = min(step, cycles - total)
-            self.current, codes = self.stroboscope(self.current, step)
+            self.current, codes = self.advance(self.current, step)
             errors = codes[(codes != status.OK) & (codes != status.OVERFLOW)]
             if errors.size:
                 raise RuntimeError(status.MESSAGES[int(errors[0])])
             self.label_classified()
             total += step
             step = total
+
+    def advance(self, states: np.ndarray, cycles: int) -> tuple:
+        """Propagate full states over cycles in parts; return (states, status codes).
+
+        States stay where they are if the time ends before.
+        """
+        states, codes = states.copy(), np.zeros(len(states), np.int64)
+        chunk_size = 1 if self.limit.is_set else self.stroboscope.propagator.chunk_size
+        size = _PARTS_PER_THREAD * self.stroboscope.threads * chunk_size
+        starts = range(0, len(states), size)
+        for i in self.limit.each(with_bar("parts of the states", starts, len(starts))):
+            part = slice(i, i + size)
+            states[part], codes[part] = self.stroboscope(states[part], cycles)
+        return states, codes
 
     def sample(self) -> np.ndarray:
         """Return random sorted indices of at most 8 of the remaining states."""
@@ -142,7 +160,7 @@ class _Motions:
         positive.
         """
         stroboscope, exponents = self.stroboscope, []
-        if not self.remaining.size:
+        if not self.remaining.size or self.limit.is_over():
             return None
         for i in self.remaining[self.sample()]:
             exponent = lyapunov.largest_exponent(

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from gearlib import checks, notebook
+from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import check_one_mesh, distinct_values
 from gearlib.analysis.orbits.followed_parameters import parameter_cases, set_backlash_long_name
 from gearlib.data import status
@@ -12,14 +12,27 @@ from gearlib.data.motions import float_array
 from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.integrators import choose_method
+from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_tuning
 from gearlib.runs.sweeping import DIRECTIONS
 
 #: Largest number of states in one section.
 MAX_POINTS = 50_000_000
+#: Largest number of states whose sections are computed at a time.
+_MAX_PART = 1024
 
 
-def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_events=MAX_EVENTS):
+def poincare_section(
+    pair,
+    tuning,
+    states,
+    *,
+    periods,
+    settle=0,
+    phase=0.0,
+    max_events=MAX_EVENTS,
+    max_seconds=None,
+):
     """Record the states of motions at a fixed mesh phase of every mesh period.
 
     Parameters
@@ -38,6 +51,8 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         multiple of one degree.
     max_events : int
         Largest number of contact events in one mesh period.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
@@ -65,9 +80,16 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
             f"states x periods = {len(starts):,} x {periods:,} is not allowed: there must be at "
             f"most {MAX_POINTS:,} states in a section"
         )
-    max_events = checks.integer("max_events", max_events, 1)
+    max_events, limit = checks.integer("max_events", max_events, 1), Limit(max_seconds)
     method = choose_method(pair, None, None)[0]
-    table, ends, codes = _section(pair, tuning, starts, settle, periods, phase, max_events)
+    # Parts of many starts cost no time; single ones do.
+    size = 1 if limit.is_set else _MAX_PART
+    parts = [starts[i : i + size] for i in range(0, len(starts), size)]
+    sections = [
+        _section(pair, tuning, part, settle, periods, phase, max_events)
+        for part in limit.each(with_bar("parts of the states", parts, len(parts)))
+    ]
+    table, ends, codes = map(np.concatenate, zip(*sections, strict=True))
     data = {
         "displacement": (("orbit", "strobe"), table[..., 0]),
         "velocity": (("orbit", "strobe"), table[..., 1]),
@@ -78,12 +100,14 @@ def poincare_section(pair, tuning, states, *, periods, settle=0, phase=0.0, max_
         **pair.scales(),
     }
     coords = {
-        "orbit": np.arange(len(starts)),
+        "orbit": np.arange(len(codes)),
         "strobe": np.arange(settle, settle + periods),
         "component": ["displacement", "velocity"],
     }
     settings = {"tuning": tuning, "phase": phase, "periods": periods, "settle": settle}
-    return result("Poincare section of a gear mesh", pair, data, coords, method=method, **settings)
+    title = "Poincare section of a gear mesh"
+    dataset = result(title, pair, data, coords, method=method, **settings)
+    return limit.mark(dataset, list(range(len(codes), len(starts))))
 
 
 def _check_phase(phase: float) -> float:
@@ -125,6 +149,7 @@ def bifurcation_diagram(
     phase=0.0,
     initial_state=(0.0, 0.0),
     max_events=MAX_EVENTS,
+    max_seconds=None,
 ):
     """Record the stroboscopic states of the steady state for each value of a parameter.
 
@@ -149,6 +174,8 @@ def bifurcation_diagram(
         Displacement in static deflections and dx/dtau.
     max_events : int
         Largest number of contact events in one mesh period.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
@@ -176,7 +203,8 @@ def bifurcation_diagram(
     check_memory(description, strobes * values.size, 2, "in all")
     cases = parameter_cases(pair, tuning, parameter, values)
     section_arguments = settle, strobes, phase, max_events
-    states, ends, table = _diagram(cases, values, direction, section_arguments, initial_state)
+    limit, arguments = Limit(max_seconds), (section_arguments, initial_state)
+    states, ends, table = _diagram(cases, values, direction, *arguments, limit)
     data = {
         "displacement": ((parameter, "strobe"), states[..., 0]),
         "velocity": ((parameter, "strobe"), states[..., 1]),
@@ -193,24 +221,25 @@ def bifurcation_diagram(
     settings |= {"strobes": strobes, "phase": phase, "initial_state": initial_state}
     title = "Bifurcation diagram of a gear mesh"
     dataset = result(title, pair, data, coords, method=method, **settings)
-    return set_backlash_long_name(dataset, parameter)
+    return limit.mark(set_backlash_long_name(dataset, parameter), **{parameter: table[:, 1] >= 0})
 
 
-def _diagram(cases, values, direction: str, section_arguments: tuple, initial_state) -> tuple:
+def _diagram(cases, values, direction, section_arguments, initial_state, limit) -> tuple:
     """Return (states, final states, [orbit period, status code]) of the section at each value.
 
     `cases` are the (model, tuning) at each value of the parameter, `section_arguments` are (settle,
     periods, phase, max_events) of `_section`. With the direction "up" or "down" a run starts from
-    the final state of the previous one, with "cold" from the initial (displacement, velocity).
+    the final state of the previous one, with "cold" from the initial (displacement, velocity). The
+    status is -1 where the time of the `Limit` was over.
     """
     _, periods, *_ = section_arguments
     states = np.full((values.size, periods, 2), math.nan)
-    ends, table = np.empty((values.size, 2)), np.empty((values.size, 2), np.int64)
+    ends, table = np.full((values.size, 2), math.nan), np.full((values.size, 2), -1)
     order = np.argsort(values)
     if direction == "down":
         order = order[::-1]
     state = initial_state
-    for i in notebook.with_bar("values", order, order.size):
+    for i in limit.each(with_bar("values", order, order.size)):
         model, tuning = cases[i]
         section = _section(model, tuning, np.array([state]), *section_arguments)
         states[i], ends[i], code = (array[0] for array in section)

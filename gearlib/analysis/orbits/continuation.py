@@ -18,6 +18,7 @@ from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, as_orbit, check_orbit, is_stable
 from gearlib.analysis.orbits.special_points import BranchPoint, branch_dataset, branch_point
 from gearlib.data.status import flags_of
+from gearlib.progress import Limit
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: First step, smallest step and step just past a grazing, relative to the largest step.
@@ -46,6 +47,7 @@ def continue_orbit(
     step=0.05,
     max_points=4000,
     max_events=MAX_EVENTS,
+    max_seconds=None,
 ):
     """Continue a periodic orbit in a parameter, around folds and through changes of contact.
 
@@ -74,6 +76,8 @@ def continue_orbit(
         Largest number of points.
     max_events : int
         Largest number of contact events in one mesh period.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
@@ -103,14 +107,15 @@ def continue_orbit(
     max_height = checks.finite_positive("max_height", max_height)
     step = checks.finite_positive("step", step)
     max_points = checks.integer("max_points", max_points, 2)
-    scale = abs(to - start)
+    scale, limit = abs(to - start), Limit(max_seconds)
     problem = Shooting(orbit.pair, orbit.tuning, orbit.period, (name,), (scale,), max_events)
     try:
         first = _first_point(problem, problem.unknowns(orbit.state, [start]), np.sign(to - start))
-        points = _follow_branch(problem, first, to, interval, max_height, step, max_points)
+        points = _follow_branch(problem, first, to, interval, max_height, step, max_points, limit)
     except tracing.ContinuationFailed as error:
         raise NoOrbit(f"no branch was found at the orbit: {error}") from None
-    return _dataset(problem, points, name, to)
+    dataset = _dataset(problem, points, name, to)
+    return limit.mark(dataset, [] if limit.complete else [[points[-1].value, to]])
 
 
 def _checked_limits(limits: Any, start: float, to: float) -> tuple:
@@ -152,7 +157,7 @@ def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> Branch
     return first
 
 
-def _follow_branch(problem, first, goal, limits, max_range, max_step, max_points) -> list:
+def _follow_branch(problem, first, goal, limits, max_range, max_step, max_points, limit) -> list:
     """Return the `BranchPoint`s of a branch from its first point to the parameter value `goal`.
 
     It ends earlier if it leaves the `limits` (lowest, highest) of the parameter or the displacement
@@ -189,7 +194,7 @@ def _follow_branch(problem, first, goal, limits, max_range, max_step, max_points
         return tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, max_length), ""
 
     end_reason = tracing.follow_curve(
-        step, points, _FIRST_STEP * max_step, _MIN_STEP * max_step, max_points
+        step, points, _FIRST_STEP * max_step, _MIN_STEP * max_step, max_points, limit
     )
     if end_reason != "complete":
         points[-1] = replace(points[-1], label=points[-1].label or special.END)

@@ -16,6 +16,7 @@ from gearlib.analysis.orbits.continuation import point_of_dataset
 from gearlib.analysis.orbits.shooting import Evaluation, NoOrbit, Shooting
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS, branch_dataset
 from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
+from gearlib.progress import Limit
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Scaled step of the finite differences of the condition.
@@ -109,6 +110,7 @@ def locus(
     step=0.05,
     max_points=1000,
     max_events=MAX_EVENTS,
+    max_seconds=None,
 ):
     """Continue a fold, a period doubling or a grazing in a second parameter.
 
@@ -136,6 +138,8 @@ def locus(
         Largest number of points.
     max_events : int
         Largest number of contact events in one mesh period.
+    max_seconds : float, optional
+        Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
@@ -166,7 +170,7 @@ def locus(
     start, to = followed_parameters.start_and_goal(pair, tuning, parameter, to, "that of the pair")
     units = branch_problem.units[-1], abs(to - start)
     problem = _SpecialPointProblem(pair, tuning, period, names, units, max_events)
-    problem.label = label
+    problem.label, limit = label, Limit(max_seconds)
     unknowns = problem.unknowns(special_point.solution.state, [special_point.value, start])
     try:
         if label == GRAZING:
@@ -174,15 +178,17 @@ def locus(
         allowed = not (problem.flank_line and pair.moving_flank)
         checks.require(allowed, "point", point, "a grazing of the normal flank: the other moves")
         solutions = [tracing.correct(problem, unknowns, np.eye(unknowns.size)[-1])[0]]
-        end_reason = _follow_locus(problem, solutions, to, limits, step, max_points)
+        arguments = to, limits, step, max_points, limit
+        end_reason = _follow_locus(problem, solutions, *arguments)
     except tracing.ContinuationFailed as error:
         raise NoOrbit(f"the locus could not be followed from point {point}: {error}") from None
     title = "Locus of special points of periodic orbits of a gear mesh"
     dataset = branch_dataset(title, solutions, {}, parameters=list(names), to=to)
-    return dataset.assign_attrs(label=LABELS[label], ended=end_reason)
+    dataset = dataset.assign_attrs(label=LABELS[label], ended=end_reason)
+    return limit.mark(dataset, [] if limit.complete else [[float(dataset[parameter][-1]), to]])
 
 
-def _follow_locus(problem, solutions, goal, limits, max_step, max_points) -> str:
+def _follow_locus(problem, solutions, goal, limits, max_step, max_points, limit) -> str:
     """Continue a locus from its first `Evaluation`, `solutions[0]`; return the reason for its end.
 
     Up to `max_points` solutions are appended. The last two unknowns are the parameters: the locus
@@ -216,4 +222,4 @@ def _follow_locus(problem, solutions, goal, limits, max_step, max_points) -> str
         return length, "back at its beginning" if (unknowns[-1] - first_value) * sign < 0.0 else ""
 
     lengths = _FIRST_STEP * max_step, _MIN_STEP * max_step
-    return tracing.follow_curve(step, solutions, *lengths, max_points)
+    return tracing.follow_curve(step, solutions, *lengths, max_points, limit)

@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from gearlib.progress import Limit, with_bar
+
 #: Largest number of Newton corrections in a step.
 _MAX_CORRECTIONS = 15
 #: Longest correction: with a longer one Newton's method may converge to another curve.
@@ -93,14 +95,17 @@ def next_step_length(length, corrections, max_easy_corrections, max_length) -> f
     return min(1.5 * length, max_length) if corrections <= max_easy_corrections else length
 
 
-def follow_curve(step: Callable, points: list, length, min_length, max_points: int) -> str:
+def follow_curve(
+    step: Callable, points: list, length, min_length, max_points: int, limit: Limit | None = None
+) -> str:
     """Take steps along a curve until it ends, and return the reason for its end.
 
     `step(length)` appends to `points` and returns (length of the next step, reason for the end of
     the curve or ""). After a ContinuationFailed it is repeated with half the length, if that is at
-    least `min_length`. `max_points` limits the number of points.
+    least `min_length`. `max_points` limits the number of points, `limit` the time.
     """
-    while len(points) < max_points:
+    limit = limit or Limit(None)
+    for _ in limit.each(with_bar("steps", iter(lambda: len(points) < max_points, False))):
         try:
             length, end_reason = step(length)
         except ContinuationFailed as error:
@@ -108,7 +113,7 @@ def follow_curve(step: Callable, points: list, length, min_length, max_points: i
             end_reason = str(error) if length < min_length else ""
         if end_reason:
             return end_reason
-    return "after max_points"
+    return "after max_points" if limit.complete else "after max_seconds"
 
 
 def solve_at_value(problem: Any, first: np.ndarray, second: np.ndarray, value: float) -> Any:

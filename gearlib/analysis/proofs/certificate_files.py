@@ -10,7 +10,7 @@ _CONTACT_NAMES = {NORMAL: "normal mesh", BACKLASH: "backlash", INVERSE: "inverse
 #: Status of a refusal because contact events coincide, or because there are too many arcs.
 COINCIDENT = "together"
 #: Entries of certificates with exact floats, which are written in hexadecimal.
-_EXACT_ENTRIES = "tuning", "start", "stop", "derived", "pieces"
+_EXACT_ENTRIES = "tuning", "start", "stop", "derived", "pieces", "missing"
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Refusal:
     """Result of a failed proof, with the reason; its truth value is false."""
 
     status: str  #: the failed step: model, contacts, distance, fold, derivative,
-    #: switch, together, grazing, jammed, period, precision or stability
+    #: switch, together, grazing, jammed, period, precision, stability or time
     message: str  #: the reason, in a sentence
 
     def __bool__(self) -> bool:
@@ -56,6 +56,8 @@ class _Claim:
         """Return the claim for JSON: enclosures as two decimals, exact floats in hexadecimal."""
         values = dict(vars(self))
         model, train = values.pop("pair"), values.pop("train", None)
+        if not values.get("missing", True):
+            del values["missing"]
         values |= vars(train) if train else {}
         values = {name: json_value(value, name in _EXACT_ENTRIES) for name, value in values.items()}
         parameters = model.as_dict()
@@ -175,6 +177,7 @@ class RangeCertificate(_Claim):
     reason: str
     pieces: tuple  #: sorted `Piece`s; at a common tuning of two pieces the orbit is in both boxes
     train: Any = None  #: `TrainDescription`; None: one degree of freedom
+    missing: tuple = ()  #: (lowest, highest) tuning of what `max_seconds` has left out, not proven
 
     claim = "range"
 
@@ -182,7 +185,13 @@ class RangeCertificate(_Claim):
 
     def _text_rows(self):
         """Return (name, value) of the quantities in the text of the certificate."""
-        return [("contacts", _contact_names(self.pattern))]
+        rows = [("not reached", f"from {low!r} to {high!r}") for low, high in self.missing]
+        return [("contacts", _contact_names(self.pattern)), *rows]
+
+    @property
+    def complete(self) -> bool:
+        """Whether all of the range that was asked for is proven."""
+        return not self.missing
 
 
 def _contact_names(pattern: tuple) -> str:

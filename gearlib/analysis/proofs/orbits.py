@@ -4,6 +4,7 @@ A range of tunings is divided into pieces; 1 / nu is a ball that contains all va
 the common tuning of two pieces, the orbit is the only one in the boxes of both.
 """
 
+import itertools
 import math
 from itertools import pairwise
 from typing import Any
@@ -31,6 +32,7 @@ from gearlib.analysis.proofs.path import Path, Windows, smallest_interval
 from gearlib.analysis.proofs.signs import check_contacts, extrema
 from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.engines import orbit as columns
+from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
 
 #: Largest distance between the states of the proven orbit and the candidate, static deflections.
@@ -288,7 +290,7 @@ class Proof:
         return certificate, min(map(digits_of, balls))
 
 
-def certify_range(orbit, *, to):
+def certify_range(orbit, *, to, max_seconds=None):
     """Prove that an orbit with the same contacts exists at every tuning of a range.
 
     Parameters
@@ -298,12 +300,16 @@ def certify_range(orbit, *, to):
         load, deviation or run-out. The proof does not rely on any of its numbers.
     to : float
         Tuning at the end of the range, above or below that of the orbit.
+    max_seconds : float, optional
+        Seconds after which the call returns the certificate of the range that is proven by then;
+        its `missing` is the interval that is left, and `complete` is False.
 
     Returns
     -------
     RangeCertificate or Refusal
         A refusal says at which tuning the proof ended: at a grazing, a fold, a change of stability,
-        or where a contact event coincides with a switch of the stiffness.
+        or where a contact event coincides with a switch of the stiffness; or that nothing was
+        proven within `max_seconds`.
 
     Raises
     ------
@@ -316,11 +322,12 @@ def certify_range(orbit, *, to):
     to = check_tuning("to", to)
     if to == orbit.tuning:
         raise checks.refusal("to", to, "another tuning than that of the orbit")
+    limit = Limit(max_seconds)
     flint()
     try:
         contacts = simulated_contacts(orbit)
         with precision(_RANGE_BITS):
-            return _Range(orbit, *contacts).prove_up_to(to)
+            return _Range(orbit, *contacts).prove_up_to(to, limit)
     except ProofFailed as reason:
         return Refusal(*reason.args)
 
@@ -348,13 +355,15 @@ class _Range:
         events = [(phase, *event[1:]) for phase, event in zip(phases, self.events, strict=True)]
         return Path(self.dynamics, self.codes, events, self.orbit.period, inverse_tuning)
 
-    def prove_up_to(self, to: float) -> RangeCertificate:
-        """Prove all pieces of the range up to the tuning `to` and return the certificate."""
+    def prove_up_to(self, to: float, limit: Limit) -> RangeCertificate:
+        """Prove the pieces of the range up to the tuning `to` and return the certificate."""
         arb, start = flint().arb, float(self.orbit.tuning)
         tuning, step = start, _FIRST_PIECE * (to - start)
         stability: Any = None
         pieces: list = []
-        while tuning != to:
+        for _ in limit.each(with_bar("attempts", itertools.count())):
+            if tuning == to:
+                break
             end = tuning + step
             if (end - to) * (to - start) >= 0.0:
                 end = to
@@ -372,16 +381,19 @@ class _Range:
                 continue
             pieces.append(Piece(min(tuning, end), max(tuning, end), *box))
             tuning, step = end, _PIECE_GROWTH * step
+        if not pieces:
+            raise ProofFailed("time", "the time of max_seconds ended before anything was proven")
         return RangeCertificate(
             self.orbit.pair,
-            min(start, to),
-            max(start, to),
+            min(start, tuning),
+            max(start, tuning),
             self.orbit.period,
             pattern_of(self.codes, self.events),
             stability=stability[0],
             reason=stability[1],
             pieces=tuple(sorted(pieces, key=lambda piece: piece.start)),
             train=self.dynamics.train_description(self.codes),
+            missing=() if tuning == to else ((min(tuning, to), max(tuning, to)),),
         )
 
     def _prove_piece(self, inverse_tuning: Any, inverse_end: Any, previous_stability: Any) -> tuple:

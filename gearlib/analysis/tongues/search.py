@@ -10,6 +10,7 @@ from gearlib.analysis.tongues import hill_tongues, meissner
 from gearlib.data.result import result
 from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
+from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import check_tuning
 
 #: Parameters that may be varied.
@@ -26,7 +27,9 @@ _COLUMNS = {
 }
 
 
-def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.002):
+def tongues(
+    pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.002, max_seconds=None
+):
     """Find the tongues of parametric resonance, tunings at which steady contact is unstable.
 
     Small perturbations of the motion without loss of contact obey Hill's equation, with rectangular
@@ -51,6 +54,9 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         Values of this parameter.
     step : float, default 0.002
         With six degrees of freedom: step of the scanned tunings.
+    max_seconds : float, optional
+        Seconds after which the call returns the tongues at the values of the parameter that are
+        done, see `gearlib.progress`.
 
     Returns
     -------
@@ -78,6 +84,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
     if stop <= start:
         raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
     model, step = checked_model(pair), check_tuning("step", step)
+    limit, missing = Limit(max_seconds), []
     if parameter is None:
         checks.require(values is None, "values", values, "left out where parameter is None")
         tongue_lists = [find_tongues(model, start, stop, step)]
@@ -86,13 +93,18 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         checks.one_of("parameter", parameter, allowed)
         values = _checked_values(values)
         models = [replace_parameter(model, parameter, value) for value in values]
-        tongue_lists = [find_tongues(changed, start, stop, step) for changed in models]
+        tongue_lists = [
+            find_tongues(changed, start, stop, step)
+            for changed in limit.each(with_bar("values", models, len(models)))
+        ]
+        count = len(tongue_lists)
+        values, missing = values[:count], values[count:]
     dimension = "tongue" if model.size > 2 else "order"
     data, coords = _variables(tongue_lists, parameter, values, dimension)
     if parameter is None and model.mesh:
         dampings = [closing_damping(model, tongue) for tongue in tongue_lists[0]]
         data["closing_damping"] = dimension, np.array(dampings, float)
-    return result(
+    dataset = result(
         "Tongues of parametric resonance",
         model,
         data,
@@ -101,6 +113,7 @@ def tongues(pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.00
         start=start,
         stop=stop,
     )
+    return limit.mark(dataset, missing)
 
 
 def checked_model(pair: Any) -> Any:

@@ -28,8 +28,9 @@ LOW_DEGREE, HIGH_DEGREE = 15, 23
 _HIGH_DEGREE_COMPONENTS = 20
 #: Largest size in bytes of the tables of one thread; full tables are emptied and filled again.
 MAX_TABLE_BYTES = 2**28
-#: Largest number of combinations in the tables, and of lengths of segments for each.
-_MAX_COMBINATIONS, MAX_SEGMENT_LENGTHS = 1024, 64
+#: Largest number of combinations in the tables where a run begins with modes and where it begins
+#: with the series, and of lengths of segments for each.
+MAX_COMBINATIONS, _MAX_COMBINATIONS_BESIDE_SERIES, MAX_SEGMENT_LENGTHS = 512, 1024, 64
 #: Smallest number of rows of tables, and of hash slots if combinations may go by the series.
 _MIN_ROWS, _MIN_SERIES_SLOTS = 16, 2**14
 #: Largest |lambda| of a mode times the length of a piece, by degree. The Chebyshev series of
@@ -70,7 +71,7 @@ class Modes(NamedTuple):
     segment_factors: np.ndarray  #: factors of the modes over a segment, shape (s, n)
 
 
-def allocate_modes(n, m, length_count, combinations=_MAX_COMBINATIONS, max_bytes=MAX_TABLE_BYTES):
+def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS, max_bytes=MAX_TABLE_BYTES):
     """Return empty `Modes` for n state components and m meshes, with at most `max_bytes`.
 
     The state may have `combinations` combinations of contacts and stiffness levels; `length_count`
@@ -82,9 +83,10 @@ def allocate_modes(n, m, length_count, combinations=_MAX_COMBINATIONS, max_bytes
     # Both transformations, the slow matrix, then curves and amplitude factors of two lines a mesh.
     numbers_per_combination = 2 * n * padded + n * n + 2 * m * n * (degree + 2)
     rows = max(max_bytes // (8 * numbers_per_combination), 2)
-    rows = int(min(rows, _MAX_COMBINATIONS, max(combinations, _MIN_ROWS)))
-    # Combinations that go by the series take hash slots as well.
     cost = mode_cost_in_steps(n)
+    most = _MAX_COMBINATIONS_BESIDE_SERIES if cost else MAX_COMBINATIONS
+    rows = int(min(rows, most, max(combinations, _MIN_ROWS)))
+    # Combinations that go by the series take hash slots as well.
     slots = _MIN_SERIES_SLOTS if cost else 1
     while slots < 4 * rows:
         slots *= 2

@@ -28,6 +28,7 @@ from gearlib.engines.linear.run_storage import (
     allocate_run_storage,
     run_constants,
 )
+from gearlib.engines.linear.sparse_series import combination_count, mode_cost_in_steps
 from gearlib.engines.linear.train_run import motion_period, run_train, start_run
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.orbit import Record
@@ -35,6 +36,8 @@ from gearlib.engines.protocol import Base
 
 #: Number of mesh periods for which segments are computed at a time, if they repeat after more.
 _PERIODS_AT_A_TIME = 512
+#: Number of samples that get their forces at a time.
+_SAMPLES_AT_A_TIME = 1024
 #: Largest tables in bytes that a model keeps when its propagators are gone.
 _MAX_KEPT_BYTES = 2**25
 #: Largest rate of the fastest motion, over that of the mesh; a mesh period takes minutes beyond.
@@ -88,13 +91,13 @@ class Propagator(Base):
         """Return mode tables for a run, new ones or valid rows of those of an earlier run."""
         (m, n), system = self.system.drive_lines.shape, self.system
         length_count = min(int(self.constants.length_index.max()) + 1, MAX_SEGMENT_LENGTHS)
-        combination_count = system.force_input.shape[1] ** m
+        combinations = combination_count(system)
         try:
             table_system, tables = (self.unused_large_tables or self.unused_tables).pop()
         except IndexError:
-            return allocate_modes(n, m, length_count, combination_count)
+            return allocate_modes(n, m, length_count, combinations)
         if tables.segment_factor_rows.shape[1] < length_count:
-            return allocate_modes(n, m, length_count, combination_count)
+            return allocate_modes(n, m, length_count, combinations)
         if self.long_run_out:
             clear_segment_factors(tables)
         if table_system is not system:
@@ -168,7 +171,8 @@ class Propagator(Base):
         maps = np.empty((0, size, size)) if maps is None else maps
         tables = self.take_tables()
         _, _, m, n, points = tables.curves.shape
-        padded, with_series = tables.from_modes.shape[2], constants.chirp_frequencies.size > 0
+        padded, with_series = tables.from_modes.shape[2], constants.nonzero_columns.size > 0
+        by_modes, rows_before = not tables.mode_cost[0], tables.combination_count[0]
         work = allocate_run_storage(n, padded, m, points - 1, with_series)
         work.state[:size] = z * self.scale
         orbit.clear_summary(summary[0])
@@ -183,7 +187,19 @@ class Propagator(Base):
             record = samples, events, max_events, summary, strobes, vectors, maps
             status = run_train(system, constants, tables, work, periods, record_periods, *record)
             if status == COMBINATION_MISSING:
-                add_modes(tables, system, self.frame, work.effects)
+                is_full = with_series and tables.combination_count[0] == len(tables.keys)
+                if by_modes and is_full and rows_before:
+                    # What other runs left takes room. The run starts anew without it, so that its
+                    # result does not depend on them.
+                    clear_tables(tables)
+                    self.unused_large_tables.append((self.system, tables))
+                    arguments = samples, events, max_events, summary, period_counts, maps
+                    return self.run_system(z, *arguments, first_period=first_period)
+                if by_modes and is_full and not tables.mode_cost[0]:
+                    # Most combinations come once or twice, which is no use for modes.
+                    tables.mode_cost[0] = mode_cost_in_steps(n, fewest=0)
+                else:
+                    add_modes(tables, system, self.frame, work.effects)
             elif status == SEGMENTS_MISSING:
                 system, constants, work.counters[KNOWN_PERIODS] = self.next_segments(
                     first_period, int(work.counters[PERIOD]), period_counts
@@ -194,6 +210,9 @@ class Propagator(Base):
             else:
                 break
             status = OK
+        if by_modes and tables.mode_cost[0]:
+            tables.mode_cost[0] = 0
+            clear_tables(tables)
         row_bytes = 2 * tables.to_modes[0].nbytes + tables.curves[0].nbytes
         is_small = tables.combination_count[0] * row_bytes < _MAX_KEPT_BYTES
         (self.unused_tables if is_small else self.unused_large_tables).append((self.system, tables))
@@ -233,9 +252,14 @@ class Propagator(Base):
         state, code, segment = raw[:, :n], raw[:, n : n + m].astype(int), raw[:, -1].astype(int)
         effect = np.take_along_axis(system.effect[:, segment, :], code[None] + 1, axis=0)[0]
         meshes = np.arange(m)
-        force_input = system.force_input[meshes, effect]
-        forces = np.einsum("kjtn,kn->kjt", system.force_output[meshes, effect], state)
-        rate = state @ system.base_matrix.T + np.einsum("kjt,kjtn->kn", forces, force_input)
+        rate = state @ system.base_matrix.T
+        # The matrices of all samples at once would take gigabytes.
+        for i in range(0, len(raw), _SAMPLES_AT_A_TIME):
+            rows = slice(i, i + _SAMPLES_AT_A_TIME)
+            matrices = system.force_output[meshes, effect[rows]]
+            forces = np.einsum("kjtn,kn->kjt", matrices, state[rows])
+            matrices = system.force_input[meshes, effect[rows]]
+            rate[rows] += np.einsum("kjt,kjtn->kn", forces, matrices)
         stiffness = np.take_along_axis(system.stiffness[:, segment, :], code[None] + 1, axis=0)[0]
         drive_distance = state @ system.drive_lines.T
         coast_distance = state @ system.coast_lines.T

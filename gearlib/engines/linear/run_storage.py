@@ -4,8 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.linear.modal_arcs import HIGH_DEGREE
-from gearlib.engines.linear.sparse_series import mode_cost_in_steps, nonzero_fields
+from gearlib.engines.linear.modal_arcs import HIGH_DEGREE, MAX_COMBINATIONS
+from gearlib.engines.linear.sparse_series import (
+    combination_count,
+    mode_cost_in_steps,
+    nonzero_fields,
+)
 from gearlib.engines.linear.train_system import TrainSystem, flanks_may_overlap
 from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
 
@@ -98,7 +102,8 @@ def run_constants(system: TrainSystem) -> RunConstants:
         sample_starts=np.empty(0, np.int64),
         chirp_frequencies=np.empty(0),
         speed_component=0,
-        **nonzero_fields(system),
+        # The tables of modes may be too small for all combinations of contacts.
+        **nonzero_fields(system, combination_count(system) > MAX_COMBINATIONS),
     )
 
 

@@ -24,12 +24,17 @@ _LAST_TERM = 2e-17
 _MIN_SERIES_COMPONENTS, _MODE_COST = 60, 0.015
 
 
-def mode_cost_in_steps(n: int) -> int:
+def mode_cost_in_steps(n: int, fewest: int = _MIN_SERIES_COMPONENTS) -> int:
     """Return how many steps of the Taylor series cost as much as the modes of n state components.
 
-    It is 0 where there are so few components that modes are always used.
+    It is 0 with less than the `fewest` components for which the series is tried.
     """
-    return int(_MODE_COST * n * n) if n >= _MIN_SERIES_COMPONENTS else 0
+    return int(_MODE_COST * n * n) if n >= fewest else 0
+
+
+def combination_count(system) -> int:
+    """Return how many combinations of contacts and stiffness levels a `TrainSystem` may have."""
+    return system.force_input.shape[1] ** len(system.drive_lines)
 
 
 def nonzero_fields(system, with_series=False):

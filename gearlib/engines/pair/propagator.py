@@ -53,12 +53,14 @@ class Propagator(Base):
         return Record(z, z, period, samples, events[:arc_count], summary, status)
 
     def sweep(self, tunings, order, state, warm_start, span, rows):
-        """Run at the tunings ``tunings[order]`` in one call of the kernel, and fill `rows`.
+        """Run at the tunings ``tunings[order]``, of an array in one call of the kernel.
 
         Each run starts from `state`, or with `warm_start` from the end of the last one. `span`
         gives the numbers of mesh periods. `rows`, a `Rows`, has the largest allowed displacement
         and tables with a row for each tuning: summaries, final states, periods with statuses.
         """
+        if not isinstance(order, np.ndarray):
+            return super().sweep(tunings, order, state, warm_start, span, rows)
         many_runs.run_many(self.ratios, tunings, order, np.array(state), warm_start, span, *rows)
 
     def fill_maps(self, z, periods, max_events, maps, first_period):

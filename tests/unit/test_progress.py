@@ -1,0 +1,120 @@
+"""Long calls: the time after which they return what is done, and bars that show their progress."""
+
+import io
+import json
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib import progress
+from gearlib.engines.linear import modal_arcs, run_storage
+from tests.paper import PAPER
+
+PAIR = PAPER.replace(material_damping=4e3)
+ONE = gearlib.OneDegreePair(pair=PAIR)
+ORBIT = gearlib.periodic_orbit(PAIR, 1.3)
+GRID, NEVER, AT_ONCE = [0.6, 0.7, 0.8], 1e6, 1e-9
+SCATTERED = {"tolerances": {"load": {"std": "1 %"}}, "n": 4}
+RUN = {"periods": 20, "record_periods": 2}
+#: Name -> (call with `max_seconds`, dimension of what is left out).
+CALLS = {
+    "cold": (lambda **k: gearlib.sweep(PAIR, GRID, **RUN, **k), "tuning"),
+    "up": (lambda **k: gearlib.sweep(ONE, GRID, direction="up", **RUN, **k), "tuning"),
+    "bifurcation": (
+        lambda **k: gearlib.bifurcation_diagram(PAIR, GRID, settle=9, strobes=4, **k),
+        "tuning",
+    ),
+    "section": (
+        lambda **k: gearlib.poincare_section(PAIR, 0.8, np.eye(2), periods=3, **k),
+        "orbit",
+    ),
+    "exponents": (
+        lambda **k: gearlib.lyapunov_exponents(PAIR, GRID, settle=0, periods=20, **k),
+        "tuning",
+    ),
+    "tongues": (
+        lambda **k: gearlib.tongues(PAIR, parameter="damping", values=[0.01, 0.02], **k),
+        "damping",
+    ),
+    "scatter": (
+        lambda **k: gearlib.scatter(PAIR, quantities=["force"], speed=3e3, **SCATTERED, **k),
+        "sample",
+    ),
+    "branch": (lambda **k: gearlib.continue_orbit(ORBIT, to=1.2, **k), "point"),
+}
+
+
+@pytest.mark.parametrize(("call", "dim"), CALLS.values(), ids=CALLS)
+def test_a_call_out_of_time_returns_what_a_whole_call_begins_with(call, dim):
+    whole, part = call(), call(max_seconds=AT_ONCE)
+    assert call(max_seconds=NEVER).drop_vars("complete").identical(whole.assign_attrs(missing="[]"))
+    assert not part.complete and 0 < part.sizes[dim] < whole.sizes[dim]
+    for name in ("displacement_max", "displacement", "exponent", "growth", "force", "state"):
+        if name in part and name in whole:
+            begin = whole[name].isel({dim: slice(part.sizes[dim])})
+            np.testing.assert_array_equal(part[name].values[..., :1], begin.values[..., :1])
+
+
+def test_what_is_missing_is_named():
+    part = gearlib.sweep(PAIR, GRID, direction="down", **RUN, max_seconds=AT_ONCE)
+    assert json.loads(part.missing) == [0.6, 0.7]
+    branch = gearlib.continue_orbit(ORBIT, to=1.2, max_seconds=AT_ONCE)
+    assert json.loads(branch.missing) == [[branch.tuning[-1], 1.2]]
+    cut = gearlib.sensitivities(lambda m: m.load, PAIR, ("load", "backlash"), max_seconds=AT_ONCE)
+    assert json.loads(cut.missing) == ["backlash"]
+    run = gearlib.run_up(PAIR, 1e3, 4e3, duration=3.0, max_seconds=AT_ONCE)
+    (left,) = json.loads(run.missing)
+    assert run.revolution_time[-1] < left[0] < left[1] == 3.0
+
+
+def test_the_rest_of_the_basins_and_of_the_runs_is_undecided():
+    basins = gearlib.basins(PAIR, 0.8, ((-3, 3, 9), (-3, 3, 9)), max_seconds=AT_ONCE)
+    assert basins.missing == '["undecided"]' and basins.share[-1] > 0.5
+    verdict = gearlib.trust(PAIR, 0.8, periods=50, exponent_periods=20, max_seconds=AT_ONCE)
+    assert verdict.label == "undecided" and "exponent" in verdict.message
+
+
+def test_a_range_out_of_time_is_certified_up_to_where_the_missing_one_begins():
+    pytest.importorskip("flint")
+    part = gearlib.certify_range(ORBIT, to=1.4, max_seconds=AT_ONCE)
+    whole = gearlib.certify_range(ORBIT, to=1.4, max_seconds=NEVER)
+    assert (part.start, part.missing, part.complete) == (1.3, ((part.stop, 1.4),), False)
+    assert part.pieces == whole.pieces[:1] and part.pieces[-1].stop == part.stop < 1.4
+    assert whole == gearlib.certify_range(ORBIT, to=1.4) and "missing" not in whole.as_dict()
+
+
+@pytest.mark.parametrize("place", ["terminal", "notebook", "file"])
+def test_a_bar_is_shown_where_somebody_watches_and_only_one(place, monkeypatch):
+    stream = io.StringIO()
+    stream.isatty = lambda: place == "terminal"
+    shell = SimpleNamespace(kernel=1) if place == "notebook" else None
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    monkeypatch.setattr(progress, "DELAY", 0.0)
+    monkeypatch.setattr(sys, "stderr", stream)
+    for _ in progress.with_bar("things", "ab"):
+        list(progress.with_bar("inner things", "cd"))
+    shown = stream.getvalue()
+    assert ("things/s" in shown) == (place != "file") and "inner" not in shown
+
+
+def test_a_train_with_more_contacts_than_modes_runs_on_whatever_ran_before(monkeypatch):
+    """Beyond the modes that are kept, series take over; both are exact to rounding."""
+    pair = PAPER.replace(material_damping=0.0)
+    reducer = gearlib.split_power_reducer(pair, branches=2, structural_damping=0.0)
+    by_modes = gearlib.simulate(reducer, 0.9, periods=12).final_state
+    for module in (modal_arcs, run_storage):
+        monkeypatch.setattr(module, "MAX_COMBINATIONS", 8)
+
+    def final_state(periods_before=0):
+        train = reducer.replace()
+        if periods_before:
+            other = tuple(-train.start_state("static"))
+            gearlib.simulate(train, 0.9, periods=periods_before, initial_state=other)
+        return gearlib.simulate(train, 0.9, periods=12).final_state
+
+    np.testing.assert_allclose(final_state(), by_modes, rtol=0.0, atol=1e-12)
+    for periods_before in (1, 12):
+        np.testing.assert_array_equal(final_state(), final_state(periods_before))
