@@ -60,8 +60,11 @@ def test_reversed_loads_have_the_same_duty_point_on_the_coast_side(name):
     drive, coast = duty_point(model, speed), duty_point(reversed_loads(model), speed)
     assert drive.settled == 1 and np.isfinite(drive.dynamic_factor).all()
     assert (drive.lost_share.max() > 0.05) == (name != "chain")
-    for variable in ("dynamic_factor", "error_peak_to_peak", "lost_share", "bearing_force_max"):
-        expected, size = drive[variable].values, np.nanmax(np.abs(drive[variable].values))
+    variables = ["dynamic_factor", "error_peak_to_peak", "lost_share"]
+    # Rigid bearings have no forces, and those of pins of a turning carrier hold its planets, too.
+    variables += ["bearing_force_max"] if name in ("planetary", "six degrees") else []
+    for variable in variables:
+        expected, size = drive[variable].values, np.abs(drive[variable].values).max()
         np.testing.assert_allclose(coast[variable], expected, rtol=1e-7, atol=1e-9 * size)
     np.testing.assert_allclose(coast.static_force, -drive.static_force, rtol=1e-9)
     np.testing.assert_allclose(coast.mesh_force_min, -drive.mesh_force_max, rtol=1e-7)

@@ -182,8 +182,9 @@ def reversed_load(model):
     return model.replace(load=-model.load)
 
 
-#: Models -> side that carries the load. Run-out is left out: its inertia accelerates.
-LOADED = [(model, 1) for name, model in MODELS.items() if name != "run-out"]
+#: Models -> side that carries the load. The inertia of run-out and of turning frames accelerates.
+ACCELERATED = ("run-out", "gyroscopic forces")
+LOADED = [(model, 1) for name, model in MODELS.items() if name not in ACCELERATED]
 LOADED += [(reversed_load(MODELS[name]), -1) for name in ("six degrees", "train", "oscillator")]
 
 
