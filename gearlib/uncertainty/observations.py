@@ -101,8 +101,10 @@ def _check_finite_samples(name: str, variable: Any, gaps: bool = False) -> None:
     """Raise ValueError unless a variable is finite at all samples; NaN is allowed with `gaps`."""
     values = variable.values
     checks.require(values.dtype.kind in "iuf", name, str(values.dtype), "of real numbers")
-    is_over_samples = variable.dims == ("sample",) if gaps else variable.ndim == 1
-    checks.require(is_over_samples, name, f"over {variable.dims}", "over sample only")
+    checks.require(variable.ndim == 1, name, f"of shape {values.shape}", "over samples only")
+    if gaps:
+        over_samples = variable.dims == ("sample",)
+        checks.require(over_samples, name, f"over {variable.dims[0]}", "over sample")
     checks.require(values.size > 0, name, "empty", "of at least one sample")
     finite = np.isfinite(values)
     is_valid = finite | np.isnan(values) if gaps else finite

@@ -5,6 +5,7 @@ What each may be is said by `ranges.yaml`; a parameter without a row there is mi
 
 import inspect
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -286,3 +287,10 @@ def innermost(kind):
 def test_parts_of_a_drawing_take_their_values_by_name(kind):
     with pytest.raises(TypeError, match="positional"):
         kind(0.01, 0.06, 0.04)
+
+
+@pytest.mark.parametrize("number", [np.float32, Fraction])
+def test_numbers_of_other_types_are_numbers(number):
+    options = {"parameter": "damping", "settle": 2, "strobes": 4}
+    diagram = gearlib.bifurcation_diagram(PAPER, [0.1], tuning=number(0.5), **options)
+    assert diagram.identical(gearlib.bifurcation_diagram(PAPER, [0.1], tuning=0.5, **options))
