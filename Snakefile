@@ -20,7 +20,7 @@ from gearlib.removed import REMOVED, removal_message
 from workflow import projects
 from workflow.provenance import write as write_provenance
 from workflow.checksums import foreign, replaced
-from workflow.refusal import interrupted, refuse
+from workflow.refusal import interrupted, refuse, unknown_target
 
 min_version("9.12")
 
@@ -104,6 +104,13 @@ else:
 
 
 include: "workflow/compare.smk"
+
+
+rule _unknown_target:
+    input:
+        lambda wildcards: refuse(unknown_target(wildcards.target, workflow.rules)),
+    output:
+        r"{target,[A-Za-z]\w*}",
 
 
 # Without this, a Snakefile that only includes others builds nothing.

@@ -2,14 +2,17 @@
 
 import json
 import math
+import re
 import signal
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
 
 import gearlib
+from gearlib import checks
 from gearlib.cli import options, output
 from gearlib.cli.gears import DEFAULT_CONFIG, NO_DAMPING, in_rpm, take_gears
 from gearlib.config import measured_description, schema_text, tolerances_section, yaml_keys
@@ -91,13 +94,14 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
 
 def _tuning_range(model, start, stop):
     """Return (first, last) tuning; an end may be a text such as "1500rpm", None for 0.5 and 1.4."""
-    from gearlib.runs.run_arguments import tuning_at_speed
+    from gearlib.runs.run_arguments import check_tuning, tuning_at_speed
 
     ends = {"start": 0.5 if start is None else start, "stop": 1.4 if stop is None else stop}
     for name, end in ends.items():
-        ends[name] = (
-            tuning_at_speed(model, name, in_rpm(name, end)) if isinstance(end, str) else end
-        )
+        if isinstance(end, str):
+            ends[name] = tuning_at_speed(model, name, in_rpm(name, end))
+        else:
+            ends[name] = check_tuning(name, end)
     return ends["start"], ends["stop"]
 
 
@@ -133,6 +137,7 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     from gearlib.runs import run_arguments, sweeping
 
     first, last = _tuning_range(model, start, stop)
+    checks.require(first != last, "stop", stop, "another tuning than start")
     is_default_range, speed = gears.drawn and start is None and stop is None, in_rpm("speed", speed)
     if is_default_range and (speed := speed or gears.drawn.speed):
         tuning = run_arguments.tuning_at_speed(model, "speed", speed)
@@ -239,6 +244,11 @@ def _tolerance(text):
     # Unknown keys are parameters of a distribution.
     section = tolerances_section.ToleratedParameter
     shape = {key: values.pop(key) for key in values.keys() - section.model_fields.keys()}
+    if shape and "distribution" not in values:
+        known_keys = ", ".join(
+            key for key in section.model_fields if key not in ("parameter", "shape")
+        )
+        raise click.UsageError(f"--tolerance {text!r} must have keys of {known_keys}")
     return section.model_construct(parameter=name, shape=shape or None, **values)
 
 
@@ -281,11 +291,14 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     `tolerance_texts`, such as ["load std=5%"], replace the section `tolerances`; the last three
     arguments are classes of DIN 3967 (one or two), DIN 3964 and ISO 1328-1, or None.
     """
-    # A single class holds for both gears.
-    thickness = thickness_class and (thickness_class.split() * 2)[:2]
+    thickness = None if thickness_class is None else thickness_class.split()
+    if thickness is not None:
+        allowed = "one class of DIN 3967 for both gears such as 26cd, or two"
+        checks.require(len(thickness) in (1, 2), "--thickness-class", thickness_class, allowed)
+        thickness = (thickness * 2)[:2]
     section, given = gears.settings.tolerances, list(map(_tolerance, tolerance_texts))
     has_section = not given and "tolerances" in gears.mapping
-    has_classes = bool(thickness or distance_class or quality)
+    has_classes = any(x is not None for x in (thickness, distance_class, quality))
     if not (given or has_section or has_classes):
         raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
     tolerances, known_parameters = {}, tolerances_section.known_parameters()
@@ -445,18 +458,31 @@ def workflow(arguments):
         # Snakemake's own --config takes pairs KEY=VALUE.
         if argument == "--config" and "=" not in next_argument:
             arguments[i] = "--configfile"
-        if argument.endswith((".yaml", ".yml")) and Path(argument).is_file():
-            yaml_keys.read(argument)  # Unlike Snakemake, it reports the line of an error.
+    is_file = False
+    for argument in (part for x in arguments for part in re.split("(?<=^--configfile)=", x)):
+        if argument.startswith("-"):
+            is_file = argument in ("--configfile", "--configfiles")
+        elif is_file:
+            yaml_keys.read(argument)  # Unlike Snakemake, it reports a missing file, and lines.
     _run_snakemake(Path(), arguments)
 
 
 def _run_snakemake(folder, arguments):
     """Run Snakemake in `folder`, and exit with its exit code."""
+    if find_spec("snakemake") is None:
+        raise ModuleNotFoundError("Snakemake is not installed", name="snakemake")
     command = [sys.executable, "-m", "snakemake", "--snakefile", _ROOT / "Snakefile"]
     command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
     # The path in the profile would be relative to the folder of the rules.
     command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
-    process = subprocess.Popen(command)
+    is_terminal = sys.stdout is not None and sys.stdout.isatty()
+    process = subprocess.Popen(command, stdout=None if is_terminal else subprocess.PIPE)
     # Leave Ctrl-C to Snakemake, which stops its jobs first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    sys.exit(process.wait())
+    try:
+        for line in process.stdout or ():
+            click.echo(line, nl=False)
+    finally:
+        # Where nobody reads on, as behind `| head`, Snakemake goes on undisturbed.
+        process.communicate()
+    sys.exit(process.returncode)

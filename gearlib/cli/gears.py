@@ -65,8 +65,8 @@ def in_rpm(name, value):
     """Return a speed as number in rpm; `value` is a number, a text such as "1500rpm" or None."""
     if not isinstance(value, str):
         return value
-    if match := units.RPM.fullmatch(value.strip()):
-        return float(match[1])
+    if (speed := units.rpm(value)) is not None:
+        return float(speed)
     raise refusal(name, value, "a number, or a speed in rpm such as 1500rpm")
 
 
@@ -140,8 +140,6 @@ def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
     mapping, repeated = yaml_keys.read(path or DEFAULT_CONFIG)
     if repeated:
         raise click.UsageError("\n".join(repeated))
-    if not isinstance(mapping, dict):
-        config.load(mapping)  # raises the error
     if unknown := config.unknown_sections(mapping):
         raise click.UsageError("\n".join(unknown))
     cases = config.cases(mapping) if "cases" in mapping else {"": mapping}
@@ -159,6 +157,8 @@ def _take_sections(values: dict, needs_drawing: bool) -> dict:
     sections: dict = {"gears": {}, "gear_pair": {}, "dampings": {}}
     teeth = values.pop("teeth")
     if isinstance(teeth, str):
+        if len(teeth.split()) != 2:
+            raise refusal("--teeth", teeth, "an integer, or two values, PINION WHEEL")
         for gear, count in zip(("pinion", "wheel"), teeth.split(), strict=True):
             sections["gears"][gear] = {"teeth": options.number_or_text(count)}
     elif needs_drawing and teeth is not None:

@@ -1,11 +1,13 @@
 """Options of the commands: of the fields of the configuration, and of a table."""
 
 import math
+import re
 import warnings
 from pathlib import Path
 
 import click
 
+from gearlib.config import units
 from gearlib.config.gear_pair_section import DAMPINGS, Damping, GearPairSection
 from gearlib.config.gears_section import Gears, WheelSection
 from gearlib.config.validation import with_original_values
@@ -15,6 +17,9 @@ from gearlib.removed import REMOVED, removal_message
 FILE = click.Path(dir_okay=False, path_type=Path)
 #: Endings of files of data, configurations and pictures.
 DATA, YAML, PICTURES = (".nc", ".csv"), (".yaml", ".yml"), (".png", ".svg", ".pdf")
+
+#: Package that a command needs -> the extra that installs it.
+_EXTRAS = {"bokeh": "explore", "panel": "explore", "snakemake": "workflow"}
 
 
 def number_or_text(text):
@@ -29,6 +34,21 @@ def number_or_text(text):
     return text
 
 
+def in_unit(unit, example):
+    """Return a type of options: a number in `unit`, or a text such as `example`, as a number."""
+
+    def number(text):
+        """Return the number of a text, or raise the error that click reports with the option."""
+        value = number_or_text(text)
+        try:
+            return float(units.read(value, unit) if isinstance(value, str) else value)
+        except ValueError:
+            allowed = f"it must be a number in {unit}, or a text with its unit such as {example!r}"
+            raise click.BadParameter(f"{text!r} is not allowed: {allowed}") from None
+
+    return number
+
+
 class Command(click.Command):
     """A command whose option --teeth takes one or two values, and that reports removed options."""
 
@@ -37,10 +57,13 @@ class Command(click.Command):
         for option_name in (arg.partition("=")[0] for arg in args):
             if (name := f"{ctx.info_name} {option_name}") in REMOVED:
                 raise click.UsageError(removal_message(name), ctx)
+        args = [part for arg in args for part in re.split("(?<=^--teeth)=", arg)]
+        # The command `fit` has an argument, which may follow a single number of teeth.
+        wheel_teeth = r"[-+]?[\d.]+" if ctx.command.name == "fit" else r"[^-].*|-[\d.].*"
         for i in reversed(range(len(args) - 2)):
-            flag, pinion_teeth, wheel_teeth = args[i : i + 3]
-            if flag == "--teeth" and wheel_teeth.isdigit() and not pinion_teeth.startswith("-"):
-                args = [*args[: i + 1], f"{pinion_teeth} {wheel_teeth}", *args[i + 3 :]]
+            is_pair = args[i] == "--teeth" and not args[i + 1].startswith("--")
+            if is_pair and re.fullmatch(wheel_teeth, args[i + 2]):
+                args = [*args[: i + 1], f"{args[i + 1]} {args[i + 2]}", *args[i + 3 :]]
         return super().parse_args(ctx, args)
 
 
@@ -60,8 +83,15 @@ class Group(click.Group):
             message = str(error).replace("dampings.options.", "")
             text = with_original_values(message, mapping={})  # Only shorten computed numbers.
             raise click.UsageError(text) from None
-        except (ModuleNotFoundError, OSError) as error:
-            raise click.ClickException(str(error)) from None
+        except ModuleNotFoundError as error:
+            extra = _EXTRAS.get(str(error.name).partition(".")[0])
+            hint = extra and f": it is in the extra {extra}, pip install 'gearlib[{extra}]'"
+            raise click.ClickException(f"{error}{hint or ''}") from None
+        except BrokenPipeError:  # as by `| head`; click ends in silence
+            raise
+        except OSError as error:
+            parts = (error.filename, error.strerror) if error.strerror else (error,)
+            raise click.ClickException(": ".join(map(str, filter(None, parts)))) from None
 
 
 def option(name, help_text, default_or_type=None, flags=(), **settings):
@@ -132,10 +162,14 @@ _TABLE = {
     ),
     "guess": ("Displacement, static deflections, and dx/dtau near the orbit.", None, _STATE),
     "periods": ("Mesh periods of each run.", 200),
-    "trust periods": ("Mesh periods in which the motion settles, at least 32.", 2000),
+    "trust periods": (
+        "Mesh periods in which the motion settles.",
+        2000,
+        {"type": click.IntRange(32)},
+    ),
     "record_periods": ("Last mesh periods, which are recorded.", 1),
     "sweep record_periods": ("Last mesh periods, which are evaluated.", 10),
-    "simulate samples": ("Samples per mesh period.", 256),
+    "simulate samples": ("Samples per mesh period.", 256, {"type": click.IntRange(1)}),
     "max_seconds": ("Seconds after which the command ends with what is done.", float),
     "method": ("Method, a name of gearlib.methods().", str),
     "until_settled": ("Continue until the motion repeats.", False),
@@ -145,12 +179,15 @@ _TABLE = {
     "direction": ("Start from rest, or from the run before, up or down.", "cold", _DIRECTIONS),
     "run-up start": ("First speed, rpm.", number_or_text),
     "run-up stop": ("Last speed, rpm.", number_or_text),
-    "duration": ("Time from the first to the last speed, s.", float),
-    "acceleration": ("Rate of the speed, rpm/s; replaces --duration.", float),
+    "duration": ("Time from the first to the last speed, s.", in_unit("s", "2 s")),
+    "acceleration": (
+        "Rate of the speed, rpm/s; replaces --duration.",
+        in_unit("rpm/s", "50 rpm/s"),
+    ),
     "back": ("Return to the first speed.", False),
     "driver": ("Driving body of a train. Default: that with the largest power.", str),
     "period": ("Mesh periods after which the orbit repeats.", 1),
-    "phase": ("Mesh phase, rad.", 0.0),
+    "phase": ("Mesh phase, rad.", 0.0, {"type": in_unit("rad", "90 deg")}),
     "count": ("Highest order.", 6),
     "campbell count": ("Highest order of a mesh.", 1),
     "tolerance": ("Tolerance, 'load std=5%'; may be repeated.", str, _MANY | {"flags": ["-t"]}),
@@ -159,8 +196,12 @@ _TABLE = {
     "thickness_class": ("Tooth thickness of drawn gears by DIN 3967: 26cd, or '26cd 25cd'.", str),
     "distance_class": ("Centre distance of drawn gears by DIN 3964: js7.", str),
     "quality": ("Quality by ISO 1328-1, within which profiles scatter.", click.IntRange(1, 11)),
-    "samples": ("Number of designs.", 1024),
-    "scatter points": ("Number of tunings at which each design is run; 0 for none.", 91),
+    "samples": ("Number of designs.", 1024, {"type": click.IntRange(1)}),
+    "scatter points": (
+        "Number of tunings of the runs of each design, or 0.",
+        91,
+        {"type": click.IntRange(0)},
+    ),
     "seed": ("Seed of the Sobol' points.", 0),
     "format": ("Format of the table.", "text", {"type": click.Choice(["text", "json", "csv"])}),
     "save": ("Configuration to write, .yaml.", FILE),

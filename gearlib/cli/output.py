@@ -1,9 +1,9 @@
 """Printing, writing and drawing of the results of commands."""
 
 import csv
+import io
 import itertools
 import json
-import sys
 import tempfile
 
 import click
@@ -115,12 +115,14 @@ def gear_table(rows, file_format):
     if file_format == "json":
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))
     elif file_format == "csv":
-        writer = csv.writer(sys.stdout, lineterminator="\n")
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
         # A row has values of gears or methods; "of" names the gear or method.
         writer.writerow(["name", "of", "value", "unit", "meaning"])
         for row in rows:
             for column, value in row.values.items():
                 writer.writerow([row.name, column, repr(value), row.unit, row.meaning])
+        click.echo(text.getvalue(), nl=False)
     else:
         for columns, block in itertools.groupby(rows, lambda row: tuple(row.values)):
             click.echo(f"{'':25}{''.join(f'{column:13}' for column in columns)}")

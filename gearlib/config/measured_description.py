@@ -272,8 +272,6 @@ def read_sets(paths):
 def read(path):
     """Return the `Description` in a YAML file; raise ValueError with all problems in the file."""
     content, problems = yaml_keys.read(path)
-    if not problems and not isinstance(content, dict):
-        problems = [f"{path} is not allowed: it must be a mapping with source, licence, channels"]
     if problems:
         raise ValueError("\n".join(problems))
     try:

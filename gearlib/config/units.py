@@ -10,10 +10,14 @@ from functools import cache
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _FACTOR = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?\d)?"
+#: The unit of a speed, revolutions per minute, in its spellings.
+_RPM = (
+    r"(?:\s*(?:rpm|(?:(?:U|rev|r)\s*)?/\s*min|min(?:(?:\^|\*\*)?-1|⁻¹))|\s+1\s*/\s*min)(?![A-Za-z])"
+)
 #: A number and a product or quotient of units, with powers of one digit.
-TEXT = re.compile(rf"({_NUMBER})\s*({_FACTOR}(?:\s*[ */·⋅]\s*{_FACTOR})*)")
-#: A speed in rpm. In Hz or 1/min it would be ambiguous.
-RPM = re.compile(rf"({_NUMBER})\s*rpm")
+TEXT = re.compile(rf"({_NUMBER})((?:{_RPM}|\s*{_FACTOR})(?:\s*[ */·⋅]\s*{_FACTOR})*)")
+#: A speed in rpm. In Hz it would be ambiguous.
+RPM = re.compile(rf"({_NUMBER}){_RPM}")
 #: (unit, target unit) -> factor of units that are common in drawings, because pint loads slowly.
 FACTORS = {
     ("mm", "m"): "1e-3",
@@ -38,7 +42,7 @@ def _registry():
 
 
 def rpm(value):
-    """Return the number of a text such as "1500 rpm" as a Decimal, None for anything else."""
+    """Return the number of a text such as "1500 rpm" or "1500 1/min" as a Decimal, else None."""
     match = RPM.fullmatch(value.strip()) if isinstance(value, str) else None
     return Decimal(match[1]) if match else None
 
@@ -49,7 +53,8 @@ def read(text, unit):
     if match is None:
         raise ValueError(f"{text!r} is not a number with a unit")
     # Write units like pint: "Nm" and "N·m" as "N m", "µm" as "um".
-    source_unit = re.sub(r"\b([umkMG]?N)([mc]?m)\b", r"\1 \2", re.sub("[µμ]", "u", match[2]))
+    source_unit = re.sub(f"^{_RPM}", "rpm", re.sub("[µμ]", "u", match[2])).strip()
+    source_unit = re.sub(r"\b([umkMG]?N)([mc]?m)\b", r"\1 \2", source_unit)
     source_unit = re.sub(r"\s*(?:[ ·⋅]|(?<!\*)\*(?!\*))\s*", " ", source_unit)
     if source_unit == unit:
         factor = "1"
@@ -66,7 +71,7 @@ def _conversion_factor(text, source_unit, unit):
         quantity = registry.Quantity(Decimal(1), source_unit)
         if registry.Quantity(Decimal(0), source_unit).to_root_units().magnitude:
             raise ValueError("the unit has another zero, as degC has")
-        if unit == "rpm" and "radian" not in str(quantity.to_root_units().units):
+        if "rpm" in unit and "radian" not in str(quantity.to_root_units().units):
             # 1/min and Hz count revolutions of a shaft.
             quantity *= registry.Quantity(Decimal(1), "turn")
         return quantity.to(unit).magnitude

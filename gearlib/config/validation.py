@@ -58,7 +58,11 @@ def _error_message(error, schema):
     # The comment of a number with a unit ends with an example such as '10 um'.
     example = re.search("such as '(.*)'", node.get("$comment", ""))
     maximum = node.get("maximum", node.get("exclusiveMaximum"))
-    hint = unit_hint(value, example[1], maximum) if example else ""
+    hint = ""
+    if example:
+        hint = unit_hint(value, example[1], maximum)
+    elif similar := difflib.get_close_matches(str(value), map(str, node.get("enum", [])), 1):
+        hint = f"; did you mean {similar[0]}?"
     return f"{key} = {as_text(value)} is not allowed: it must be {allowed_text(node, schema)}{hint}"
 
 
@@ -104,7 +108,8 @@ def _sections_with(name, schema, node=None, section_key=""):
 def with_original_values(message, mapping):
     """Return an error message with values as in the YAML file, such as "10 um" in place of 1e-05.
 
-    `mapping` is the content of the file. Numbers that are not in it are shortened.
+    `mapping` is the content of the file. Numbers that are not in it are shortened, and what is None
+    is missing.
     """
 
     def original_value(match):
@@ -117,8 +122,10 @@ def with_original_values(message, mapping):
         return f"{key} = {float(number):.6g}" if is_computed else match[0]
 
     text = _ASSIGNMENT.sub(original_value, message)
+    text = re.sub(r"(\S+) = None with (\S+) = None is not allowed", r"\1 and \2 are missing", text)
+    text = text.replace(" = None is not allowed", " is missing")
     # A value with a unit needs no hint that another unit was meant.
-    return re.sub(r"(= '[^']*[A-Za-zµ°]' .*); did you mean [^?]*\?", r"\1", text)
+    return re.sub(r"(= '[-+.\d][^']*[A-Za-zµ°]' .*); did you mean [^?]*\?", r"\1", text)
 
 
 def _value_at(node, dotted_key):

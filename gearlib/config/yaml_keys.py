@@ -2,6 +2,8 @@
 
 import yaml
 
+from gearlib.config.validation import as_text
+
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
     """Loader of plain YAML that collects the keys that a mapping repeats."""
@@ -20,19 +22,26 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
 
 
 def read(path):
-    """Return the content of a YAML file, and an error message for each repeated key.
+    """Return the mapping in a YAML file, and an error message for each repeated key.
 
-    Raise ValueError, with file and line, if it is not YAML.
+    Raise ValueError, with file and line, if it cannot be read or is not a mapping in YAML.
     """
     try:
         with open(path, encoding="utf-8") as file:
             loader = _Loader(file.read())
         loader.repetitions = []
         content = loader.get_single_data()
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read: {error.strerror}") from None
+    except (UnicodeDecodeError, yaml.reader.ReaderError):
+        raise ValueError(f"{path} is not YAML but binary: it must be a text in UTF-8") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not YAML{_position_and_problem(error)}") from None
     if content is None:
         raise ValueError(f"{path} is empty: it must be a mapping of keys to values")
+    if not isinstance(content, dict):
+        allowed = "a mapping, each line a key, a colon and its value"
+        raise ValueError(f"{path}: {as_text(content)} is not allowed: it must be {allowed}")
     errors = [f"{path}: the key {text}: it must be given once" for text in loader.repetitions]
     return content, errors
 
@@ -42,4 +51,7 @@ def _position_and_problem(error):
     mark = getattr(error, "problem_mark", None)
     position = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
     parts = [getattr(error, "context", None), getattr(error, "problem", None)]
-    return f"{position}: {', '.join(filter(None, parts)) or ' '.join(str(error).split())}"
+    text = ", ".join(filter(None, parts)) or " ".join(str(error).split())
+    is_colon = "mapping values" in text or "':'" in text
+    hint = "; a line without a colon, or with a wrong indentation?" if is_colon else ""
+    return f"{position}: {text}{hint}"
