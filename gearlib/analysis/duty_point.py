@@ -58,7 +58,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         degrees of freedom, ``body`` for trains; rigid bearings of a shaft are added up),
         error_peak_to_peak and error_rms (m, without the mean), lost_share (fraction of time without
         drive-side contact), settled and period; iso_dynamic_factor if both gears of a `Mesh` have
-        a quality; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders, NaN
+        a quality and its transverse contact ratio is at least 1; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders, NaN
         if there are too few samples. Trains have the dimension ``mesh``.
 
     Raises
@@ -86,7 +86,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         is_truncated = model.repeats > max_periods
         if is_truncated:
             model = model.replace(pitch_errors=model.pitch_errors[:max_periods])
-        if gears.pinion.quality is not None and gears.wheel.quality is not None:
+        has_quality = gears.pinion.quality is not None and gears.wheel.quality is not None
+        if has_quality and gears.contact_ratio >= 1.0:
             checks.finite_positive("speed", speed)
             # ISO 6336 takes the smaller tip relief of the two gears.
             reliefs = gears.pinion.tip_relief, gears.wheel.tip_relief

@@ -57,8 +57,8 @@ def _error_message(error, schema):
         return removal_message(value)
     # The comment of a number with a unit ends with an example such as '10 um'.
     example = re.search("such as '(.*)'", node.get("$comment", ""))
-    maximum = node.get("maximum", node.get("exclusiveMaximum"))
-    hint = unit_hint(value, example[1], maximum) if example else ""
+    limits = (node.get(x.lower(), node.get(f"exclusive{x}")) for x in ("Maximum", "Minimum"))
+    hint = unit_hint(value, example[1], *limits) if example else ""
     return f"{key} = {as_text(value)} is not allowed: it must be {allowed_text(node, schema)}{hint}"
 
 
