@@ -58,8 +58,9 @@ def duty_point(gears, speed, *, torque=None, initial_state=(0.0, 0.0), **options
         degrees of freedom, ``body`` for trains; rigid bearings of a shaft are added up),
         error_peak_to_peak and error_rms (m, without the mean), lost_share (fraction of time without
         drive-side contact), settled and period; iso_dynamic_factor if both gears of a `Mesh` have
-        a quality and its transverse contact ratio is at least 1; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders, NaN
-        if there are too few samples. Trains have the dimension ``mesh``.
+        a quality and the transverse contact ratio is at least 1; mesh_order_force and
+        mesh_order_error, amplitudes of the first mesh orders, NaN if there are too few samples.
+        Trains have the dimension ``mesh``.
 
     Raises
     ------
