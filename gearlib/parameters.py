@@ -79,7 +79,8 @@ class Number(Kind):
     def check(self, name, value):
         if (value is None and self.optional) or (type(value) is float and self.accepts(value)):
             return value  # Valid values need no description, which takes time.
-        hint = unit_hint(value, self.example, self.lt if self.le is None else self.le)
+        maximum = self.lt if self.le is None else self.le
+        hint = unit_hint(value, self.example, maximum, self.gt if self.ge is None else self.ge)
         return checks.number(name, value, self.allowed + hint, self.accepts)
 
 
@@ -268,14 +269,16 @@ def documented(constructor):
 _DRAWING_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 
 
-def unit_hint(value, example, maximum):
-    """Return "; did you mean 3 mm?" if `value` exceeds `maximum` in SI, but not in mm.
+def unit_hint(value, example, maximum, minimum=None):
+    """Return "; did you mean 3 mm?" if `value` is beyond a limit in SI, but not in mm.
 
     The unit is that of `example`, such as "2 mm". Return "" if there is nothing to ask.
     """
     unit = example.partition(" ")[2]
     try:
-        fits = maximum is not None and float(value) > maximum >= float(value) * _DRAWING_UNITS[unit]
+        scaled = float(value) * _DRAWING_UNITS[unit]
+        fits = maximum is not None and float(value) > maximum >= scaled
+        fits = fits or (minimum is not None and float(value) < minimum <= scaled)
     except (TypeError, ValueError, OverflowError, KeyError):
         return ""
     return f"; did you mean {float(value):g} {unit}?" if fits else ""
@@ -284,8 +287,8 @@ def unit_hint(value, example, maximum):
 def _bound_text(value):
     """Return a bound as text, with fractions such as "pi / 2"."""
     for n in (2, 3, 4):
-        if value == math.pi / n:
-            return f"pi / {n}"
+        if abs(value) == math.pi / n:
+            return f"{'-' * (value < 0.0)}pi / {n}"
     return f"{value:g}"
 
 

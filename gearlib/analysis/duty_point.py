@@ -67,7 +67,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
         degrees of freedom, ``body`` for trains; rigid bearings of a shaft are added up),
         error_peak_to_peak and error_rms (m, without the mean), lost_share (fraction of time in
         which no flank touches), settled and period; iso_dynamic_factor if both gears of a `Mesh`
-        have a quality; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders,
+        have a quality and eps_alpha >= 1; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders,
         NaN if there are too few samples. Trains have the dimension ``mesh``. transient_periods and
         record_periods are the mesh periods before and in the record, and the attribute ``comment``
         says what the record is: an orbit, a whole cycle of the excitation, or a sample. The dynamic
@@ -98,7 +98,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
             cycle_periods = model.repeats
             errors = _worst_stretch(np.array(model.pitch_errors), max_periods)
             model = model.replace(pitch_errors=tuple(errors.tolist()))
-        if gears.pinion.quality is not None and gears.wheel.quality is not None:
+        has_quality = gears.pinion.quality is not None and gears.wheel.quality is not None
+        if has_quality and gears.contact_ratio >= 1.0:
             checks.finite_positive("speed", speed)
             # ISO 6336 takes the smaller tip relief of the two gears.
             reliefs = gears.pinion.tip_relief, gears.wheel.tip_relief

@@ -57,10 +57,10 @@ def _error_message(error, schema):
         return removal_message(value)
     # The comment of a number with a unit ends with an example such as '10 um'.
     example = re.search("such as '(.*)'", node.get("$comment", ""))
-    maximum = node.get("maximum", node.get("exclusiveMaximum"))
+    limits = [node.get(x.lower(), node.get(f"exclusive{x}")) for x in ("Maximum", "Minimum")]
     hint = ""
     if example:
-        hint = unit_hint(value, example[1], maximum)
+        hint = unit_hint(value, example[1], *limits)
     elif similar := difflib.get_close_matches(str(value), map(str, node.get("enum", [])), 1):
         hint = f"; did you mean {similar[0]}?"
     return f"{key} = {as_text(value)} is not allowed: it must be {allowed_text(node, schema)}{hint}"

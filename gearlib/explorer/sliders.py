@@ -123,7 +123,7 @@ class Sliders:
         for name in ("module", "width"):
             size = getattr(pinion, name)
             sliders[name] = parameter_slider(SpurGear, name, size, 0.5 * size, 2.0 * size)
-        angles = pinion.helix_angle, 0.0, math.radians(35.0)
+        angles = pinion.helix_angle, min(pinion.helix_angle, 0.0), math.radians(35.0)
         sliders["helix_angle"] = parameter_slider(SpurGear, "helix_angle", *angles)
         for gear, shift in (("pinion", pinion.shift), ("wheel", wheel.shift)):
             label = f"profile shift of the {gear}"

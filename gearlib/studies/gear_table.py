@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from gearlib import checks
 from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
@@ -79,17 +80,20 @@ def gear_quantities(
         try:
             pair = GearPair.from_geometry(mesh, **load, **stiffness)
         except ValueError:
-            # The gear body of the energy method is not defined for large bores.
-            if method == "iso":
+            # ISO 6336 has no stiffness for transverse contact ratios below 1, and the gear body of
+            # the energy method is not defined for large bores.
+            if method == "iso" and mesh.contact_ratio >= 1.0:
                 raise
             continue
         pairs[method] = pair.replace(**(damping or {"material_damping": 0.0}))
+    if not pairs:
+        raise checks.refusal("contact_ratio", mesh.contact_ratio, ">= 1 for gears with such bores")
     # Tip clearances (m), between the tip of a gear and the root of the other one.
     pinion_clearance, wheel_clearance = mesh.clearances
     gears = {"pinion": (mesh.pinion, pinion_clearance), "wheel": (mesh.wheel, wheel_clearance)}
     rows = [
         *_quantities(_GEAR_QUANTITIES, gears),
-        *_quantities(_MESH_QUANTITIES, {"mesh": (mesh, pairs["iso"])}),
+        *_quantities(_MESH_QUANTITIES, {"mesh": (mesh, next(iter(pairs.values())))}),
         *_quantities(_STIFFNESS_QUANTITIES, {method: (pair,) for method, pair in pairs.items()}),
     ]
     uncertainties = {method: 100.0 * UNCERTAINTY[method] for method in pairs}

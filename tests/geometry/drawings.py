@@ -40,6 +40,17 @@ def ring(**changes):
     return Mesh(gear, SpurGear(module=4e-3, width=0.03, **other))
 
 
+def short_teeth(hands=(1, 1), **changes):
+    """Return a helical mesh with eps_alpha 0.82 and eps_beta 2.9; `hands` are signs of angles."""
+    common = {"module": 3e-3, "width": 0.08, "rack": Rack(addendum=0.5)} | changes
+    return Mesh(
+        *(
+            SpurGear(teeth=z, helix_angle=s * 0.35, **common)
+            for z, s in zip((25, 60), hands, strict=True)
+        )
+    )
+
+
 def own(**changes):
     """z 23/61, m 2.5 mm, b 18 mm: gears of a reader of the documentation."""
     pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=0.018, **changes) for z in (23, 61))

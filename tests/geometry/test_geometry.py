@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from gearlib import LoadSharingPair
 from gearlib.geometry import Mesh, SpurGear, Web
-from tests.geometry.drawings import gears_of_20_teeth, ring
+from tests.geometry.drawings import gears_of_20_teeth, ring, short_teeth
 
 COSINE = math.cos(math.radians(20.0))
 
@@ -51,3 +52,32 @@ def test_mass_and_inertia_are_those_of_hub_web_and_rim(gear, diameters, widths):
     mass, inertia = (np.diff(np.power(diameters, n)) @ widths for n in (2, 4))
     assert gear.mass == pytest.approx(7850.0 * math.pi / 4.0 * mass, rel=1e-12)
     assert gear.inertia == pytest.approx(7850.0 * math.pi / 32.0 * inertia, rel=1e-12)
+
+
+@pytest.mark.parametrize("hands", [(-1, -1), (1, -1), (-1, 1)])
+def test_the_mirror_image_of_gears_moves_as_they_do(hands):
+    systems = [
+        LoadSharingPair.from_geometry(
+            short_teeth(signs), torque=300.0, stiffness="energy", damping_ratio=0.05
+        ).system(0.7)
+        for signs in ((1, 1), hands)
+    ]
+    for value, mirrored in zip(*systems, strict=True):
+        np.testing.assert_array_equal(value, mirrored)
+
+
+@pytest.mark.parametrize(("angles", "internal"), [((0.3, -0.2), False), ((0.3, -0.3), True)])
+def test_helices_that_contradict_each_other_are_refused(angles, internal):
+    pinion, wheel = (
+        SpurGear(teeth=z, module=3e-3, width=0.02, helix_angle=angle, internal=z > 50 and internal)
+        for z, angle in zip((25, 80), angles, strict=True)
+    )
+    with pytest.raises(
+        ValueError, match=rf"^helix_angle of the wheel = {angles[1]} .* pinion, 0\.3"
+    ):
+        Mesh(pinion, wheel)
+
+
+def test_a_total_contact_ratio_below_1_is_refused():
+    with pytest.raises(ValueError, match=r"^total_contact_ratio = 0\.9\d* .* > 1"):
+        short_teeth(width=4e-3)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, nnls
 
-from gearlib.geometry import PathTable, TipRelief, optimum_relief
+from gearlib.geometry import Mesh, PathTable, Rack, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.load_sharing import ToothPairs
 from gearlib.models.geometry.mesh_stiffness import energy_stiffness
 from tests.geometry.drawings import fzg_c, gears_of_20_teeth, ring
@@ -84,6 +84,25 @@ def test_no_relief_of_a_grid_is_better_than_the_optimum(length, spans):
         reliefs = [TipRelief(amount=amount, length=span * mesh.longest_relief) for amount in pair]
         other = mesh.with_reliefs(*reliefs).transmission_error(TORQUE, phases=64)
         assert least <= other.peak_to_peak_error.item() * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("teeth", "module", "width", "torque", "shape", "least"),
+    # The least errors in um of 23 000 reliefs in a grid and of descents from the best of them.
+    [
+        ((24, 24), 4e-3, 0.02, 200.0, "parabolic", 0.6308),
+        ((25, 60), 3e-3, 0.02, 120.0, "parabolic", 0.4114),
+        ((31, 47), 2e-3, 0.015, 60.0, "linear", 0.2336),
+        ((23, -77), 2.5e-3, 0.025, 90.0, "linear", 0.1961),
+        ((40, 60), 3e-3, 0.02, 200.0, "parabolic", 0.2813),
+    ],
+)
+def test_optimum_relief_is_the_best_of_its_family(teeth, module, width, torque, shape, least):
+    rack = Rack(addendum=1.3, dedendum=1.55, tip_radius=0.1) if teeth[0] == 40 else "A"
+    common = {"module": module, "width": width, "rack": rack}
+    mesh = Mesh(*(SpurGear(teeth=abs(z), internal=z < 0, **common) for z in teeth))
+    found = optimum_relief(mesh, torque, shape=shape).transmission_error(torque)
+    assert found.peak_to_peak_error.item() <= 1.02e-6 * least
 
 
 def test_no_load_is_the_least_gap():

@@ -14,7 +14,13 @@ from gearlib.data.status import JAMMED
 from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.load_sharing import corner_gap, pairs_at, tooth_pairs
-from tests.geometry.drawings import fzg_c, gears_of_20_teeth, high_contact_ratio_mesh, ring
+from tests.geometry.drawings import (
+    fzg_c,
+    gears_of_20_teeth,
+    high_contact_ratio_mesh,
+    ring,
+    short_teeth,
+)
 
 TORQUE = 300.0
 OPTIONS = {"torque": TORQUE, "damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
@@ -131,6 +137,7 @@ SLOW = {
     "high contact ratio": (high_contact_ratio_mesh(), TORQUE, {"stiffness": "iso"}),
     "little helix": (spur(helix_angle=0.02, relief=RELIEF), 210.0, {}),
     "helical": (spur(helix_angle=0.3), 400.0, {}),
+    "short teeth": (short_teeth(), TORQUE, {}),
     "wide": (spur(helix_angle=0.6, width=0.06), 210.0, {"stiffness": "iso"}),
 }
 

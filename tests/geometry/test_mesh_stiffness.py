@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from gearlib import GearPair
 from gearlib.geometry import iso_stiffness
 from gearlib.models.geometry.mesh_stiffness import PairCompliance, Tooth, energy_stiffness
-from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example, ring
+from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example, ring, short_teeth
 
 
 def compliance_by_quadrature(tooth, phi):
@@ -113,6 +113,16 @@ def test_helical_stiffness_is_the_average_over_the_face(method, slices, accuracy
     assert phases.size == 4 or method == "energy"
     # The rectangle has the extrema and the mean of the table.
     assert [*found.ratios().values()] == pytest.approx(found.profile.ratios(), rel=1e-9)
+
+
+def test_below_a_contact_ratio_of_1_a_slice_has_one_pair_or_none():
+    mesh = short_teeth()
+    pitches = mesh.contact_ratio * (np.arange(1000) + 0.5) / 1000
+    mean = mesh.contact_ratio * energy_stiffness(mesh, pitches, 1).mean()
+    # Between 64 samples there are lines.
+    assert mesh.stiffness("energy").mean_stiffness == pytest.approx(mean, rel=1e-4)
+    with pytest.raises(ValueError, match=r"^contact_ratio = 0\.82.* >= 1 .* ISO 6336-1"):
+        mesh.stiffness("iso")
 
 
 def test_the_pair_of_a_drawing_has_its_load_and_damping():

@@ -8,10 +8,11 @@ import yaml
 
 TABLE = yaml.safe_load(Path(__file__).with_name("ranges.yaml").read_text(encoding="utf-8"))
 _LIST = re.compile(r"a list of (\d+|at least one) entr\w+, each (.*)")
-_NUMBER = r"(pi / [234]|2 pi|-?\d+\.?\d*)"
+_NUMBER = r"(-?pi / [234]|2 pi|-?\d+\.?\d*)"
 _LOWEST = re.compile(rf"(from|>=|>) {_NUMBER}")
 _HIGHEST = re.compile(rf"(to less than|to below|to|<=|<) {_NUMBER}")
 _MULTIPLES_OF_PI = {f"pi / {part}": math.pi / part for part in (2, 3, 4)} | {"2 pi": 2.0 * math.pi}
+_MULTIPLES_OF_PI |= {f"-{text}": -value for text, value in _MULTIPLES_OF_PI.items()}
 
 
 class Range:
@@ -53,7 +54,7 @@ class Range:
             for bound, allowed, outward in self.bounds
         ]
         # Multiples of pi are rounded in the sentences.
-        values = [0.999 * v if "pi" in self.words and v > 0.5 else v for v in values]
+        values = [0.999 * v if "pi" in self.words and abs(v) > 0.5 else v for v in values]
         return (values or [1.0]) + [math.inf] * self.infinite
 
 

@@ -108,6 +108,11 @@ def test_files_hold_what_the_library_computes_in_the_format_of_their_suffix(run,
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_left_hand_helix_is_a_negative_angle(run):
+    right, left = (run(f"gears DRAWN --helix-angle {sign}15deg").splitlines() for sign in ("", "-"))
+    assert "-15" in left[0] and right[1:] == left[1:]
+
+
 def test_a_run_up_an_orbit_and_trust_print_their_results(run):
     # Below this line stands the revolution with the largest force.
     line = "run-up PAIR --start 2000rpm --stop 2500 --acceleration 1000"

@@ -142,7 +142,7 @@ def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
     gears = (sun, planet, ring)
     if not all(isinstance(gear, SpurGear) for gear in gears):
         return
-    tooth_sizes = {(gear.module, gear.pressure_angle, gear.helix_angle) for gear in gears}
+    tooth_sizes = {(gear.module, gear.pressure_angle, abs(gear.helix_angle)) for gear in gears}
     ring_teeth = sun.teeth + 2 * planet.teeth
     shifted = centre_distance is not None or any(gear.shift for gear in gears)
     tolerance = _MAX_SHIFTED_TEETH if shifted else 0

@@ -215,8 +215,9 @@ class SpurGear:
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
-        parameters.Number("rad", "15.8 deg", ge=0, lt=math.pi / 3),
-        "Helix angle at the reference circle beta; 0 by default",
+        parameters.Number("rad", "15.8 deg", gt=-math.pi / 3, lt=math.pi / 3),
+        "Helix angle at the reference circle beta, > 0 for a right-hand helix, < 0 for a left-hand "
+        "one; 0 by default",
     ] = 0.0
     internal: Annotated[bool, parameters.BOOLEAN, "Whether it is a ring gear"] = False
     tip_diameter: Annotated[

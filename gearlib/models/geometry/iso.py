@@ -70,8 +70,23 @@ def iso_stiffness(
     with the larger shift. The standard gives it for x_1 >= x_2 and -0.5 <= x_1 + x_2 <= 2; outside
     this range it is an approximation. Materials other than steel enter by a factor of
     2 E_1 E_2 / (E_1 + E_2) over 206 GPa, helical gears by cos(beta).
+
+    Raises
+    ------
+    ValueError
+        If a value is impossible, or the transverse contact ratio is below 1.
     """
-    gears = (checks.gear_mesh(mesh).pinion, mesh.wheel)
+    ratio = checks.gear_mesh(mesh).contact_ratio
+    allowed = ">= 1 for the mesh stiffness of ISO 6336-1; that of the energy method has no limit"
+    checks.require(ratio >= 1.0, "contact_ratio", float(f"{ratio:.4f}"), allowed)
+    return _iso_stiffness(mesh, torque, application_factor)
+
+
+def _iso_stiffness(
+    mesh: "Mesh", torque: float | None = None, application_factor: float = 1.0
+) -> IsoStiffness:
+    """Return what `iso_stiffness` returns; only its mean needs a contact ratio of at least 1."""
+    gears = (mesh.pinion, mesh.wheel)
     if not mesh.wheel.internal:
         gears = sorted(gears, key=lambda gear: (gear.teeth, -gear.shift))
     teeth = tuple(math.inf if gear.internal else gear.virtual_teeth for gear in gears)
@@ -103,7 +118,7 @@ def pair_stiffness(mesh: "Mesh", **options: float | None) -> float:
     Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
     """
     # N/(mm um) is 1e9 N/m per m of face width.
-    return iso_stiffness(mesh, **options).single * 1e9 * mesh.width
+    return _iso_stiffness(mesh, **options).single * 1e9 * mesh.width
 
 
 def iso_rectangle(mesh: "Mesh", **options: float | None) -> tuple[float, float, float]:
@@ -115,7 +130,7 @@ def iso_rectangle(mesh: "Mesh", **options: float | None) -> tuple[float, float, 
     Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
     """
     checks.check_known_parameters("stiffness 'iso'", options, ("torque", "application_factor"))
-    single = pair_stiffness(mesh, **options)
+    single = iso_stiffness(mesh, **options).single * 1e9 * mesh.width
     fewer_pairs = math.floor(mesh.contact_ratio)
     segment = mesh.contact_ratio - fewer_pairs  # fraction of the period with one more pair
     low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75

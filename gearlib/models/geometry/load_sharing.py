@@ -243,6 +243,9 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     gap = gap[inverse] + np.repeat(errors[tooth_numbers % errors.size], slice_count, axis=0)
     if is_spur:
         return ToothPairs(pitches, position, in_mesh, compliance, gap)
+    valid = in_mesh.reshape(-1, slice_count * count).any(axis=-1).all()
+    allowed = "larger: at some phases no slice of the face is in mesh"
+    checks.require(valid, "total_contact_ratio", mesh.total_contact_ratio, allowed)
     mean_position = position.reshape(-1, slice_count, count).mean(axis=1)
     force, pair_stiffness, x = _face_equilibrium(
         face.width_fractions, compliance, in_mesh, gap, load

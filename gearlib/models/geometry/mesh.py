@@ -37,6 +37,10 @@ MAX_DEFLECTION = 0.1
 class Mesh:
     """A pinion and a wheel in mesh; immutable, in SI units.
 
+    Two helical gears of an external mesh have helices of opposite hand. The helix angle of the
+    wheel is that of the pinion with the opposite sign; the same number means the same gears, and
+    its sign is the hand of the pinion. The gears of an internal mesh have the same hand and sign.
+
     Raises
     ------
     ValueError
@@ -68,13 +72,10 @@ class Mesh:
         )
         object.__setattr__(self, "centre_distance", distance)
         self._check_interference()
-        if self.contact_ratio < 1.0:
-            raise ValueError(
-                f"contact_ratio = {self.contact_ratio:.4f} is not allowed: it must be >= 1; larger "
-                "tip diameters or a smaller centre distance raise it"
-            )
-        longest = self.longest_relief
-        allowed = f"<= {longest:.6g} m, (eps_alpha - 1) p_bt, or single contact has no involute"
+        self._check_contact_ratio()
+        longest, is_long = self.longest_relief, self.contact_ratio >= 1.0
+        reason = "(eps_alpha - 1) p_bt, or single contact has no involute"
+        allowed = f"<= {longest:.6g} m, {reason if is_long else 'half of the path of contact'}"
         for name in ("pinion", "wheel"):
             relief = getattr(self, name).tip_relief
             # The tolerance allows for the rounding error of a length that equals the longest.
@@ -93,11 +94,25 @@ class Mesh:
         checks.require(not pinion.internal, "internal of the pinion", True, allowed)
         for name in ("module", "pressure_angle", "helix_angle"):
             value, wheel_value = getattr(pinion, name), getattr(wheel, name)
-            equal = math.isclose(wheel_value, value, rel_tol=1e-9, abs_tol=1e-12)
-            allowed = f"that of the pinion, {value!r}"
+            values, allowed = {value}, f"that of the pinion, {value!r}"
+            if name == "helix_angle" and value and not wheel.internal:
+                values, allowed = {value, -value}, f"{allowed}, or {-value!r}, of the opposite hand"
+            equal = any(math.isclose(wheel_value, v, rel_tol=1e-9, abs_tol=1e-12) for v in values)
             checks.require(equal, f"{name} of the wheel", wheel_value, allowed)
         if wheel.internal:
             checks.integer("teeth of the ring gear", wheel.teeth, pinion.teeth + 1)
+
+    def _check_contact_ratio(self) -> None:
+        """Raise ValueError unless a pair of teeth is always in contact somewhere on the face."""
+        advice = "larger tip diameters or a smaller centre distance raise it"
+        name, ratio, allowed = "contact_ratio", self.contact_ratio, ">= 1"
+        valid = ratio >= 1.0
+        if self.overlap_ratio and not valid:
+            valid, allowed = ratio > 0.0, "> 0"
+            if valid:
+                name, ratio, allowed = "total_contact_ratio", self.total_contact_ratio, "> 1"
+                valid, advice = ratio > 1.0, f"{advice}, as does a larger width or helix angle"
+        checks.require(valid, name, float(f"{ratio:.4f}"), f"{allowed}; {advice}")
 
     def _nominal_angle(self) -> float:
         """Return the working pressure angle without backlash, rad; ISO 21771."""
@@ -241,14 +256,15 @@ class Mesh:
 
     @property
     def longest_relief(self) -> float:
-        """Longest possible tip relief, (eps_alpha - 1) p_bt, m."""
-        return (self.contact_ratio - 1.0) * self.base_pitch
+        """Longest possible tip relief, (eps_alpha - 1) p_bt; half of the path below 1, m."""
+        ratio = self.contact_ratio
+        return (ratio - 1.0 if ratio >= 1.0 else ratio / 2.0) * self.base_pitch
 
     @property
     def overlap_ratio(self) -> float:
-        """Overlap ratio eps_beta = b sin(beta) / (pi m_n), 0 for spur gears; ISO 21771."""
+        """Overlap ratio eps_beta = b sin|beta| / (pi m_n), 0 for spur gears; ISO 21771."""
         gear = self.pinion
-        return self.width * math.sin(gear.helix_angle) / (math.pi * gear.module)
+        return self.width * math.sin(abs(gear.helix_angle)) / (math.pi * gear.module)
 
     @property
     def total_contact_ratio(self) -> float:

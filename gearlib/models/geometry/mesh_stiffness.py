@@ -404,7 +404,9 @@ def _energy_curve(mesh, fewer_pairs, segment, samples, options):
         # Five points are enough for the mean of a parabola in a short segment.
         point_count = max(5, round(samples * (end - start)))
         pitches.append(np.linspace(start, end, point_count))
-        stiffnesses.append(energy_stiffness(mesh, pitches[-1], count, **options))
+        # Below a contact ratio of 1, no pair of a slice of a helical face touches for a while.
+        stiffness = energy_stiffness(mesh, pitches[-1], count, **options) if count else 0.0
+        stiffnesses.append(np.broadcast_to(stiffness, point_count))
         means.append(float(np.trapezoid(stiffnesses[-1], np.linspace(0.0, 1.0, point_count))))
     return _StiffnessCurve(np.concatenate(pitches), np.concatenate(stiffnesses)), means
 

@@ -22,16 +22,18 @@ if TYPE_CHECKING:
 _FLATNESS_TOLERANCE = 1e-12
 #: Decimals of the optimum; further ones depend on rounding and differ between machines.
 _DECIMALS = 6
-#: Grid of the search for the optimum relief: amounts over the deflection of a pair, lengths over
-#: the longest one.
-_GRID_AMOUNTS = tuple(n / 8 for n in range(1, 13))
-_GRID_LENGTHS = 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0
-#: Bounds of amounts and lengths on the same scales, and first steps of a descent.
-_MAX_AMOUNT, _MIN_LENGTH, _STEPS = 4.0, 0.01, (0.1, 0.1, -0.05)
-#: Number of grid points from which a descent starts, and its largest number of evaluations.
-_DESCENT_COUNTS, _RESTARTS, _MAX_EVALUATIONS = (3, 5), 2, 200
+#: Grid of the search for the optimum relief, in the variables of `optimum_relief`.
+_GRID_AMOUNTS = *(n / 10 for n in range(1, 11)), 1.25, 1.6, 2.0, 2.5, 3.0
+_GRID_LENGTHS = 0.4, 0.5, *(n / 20 for n in range(12, 21))
+_MAX_AMOUNT, _MIN_LENGTH = 4.0, 0.01
+#: Numbers of descents from minima over all variables, and from those over the amounts.
+_DESCENT_COUNTS = 2, 4
+#: Shifts of the length of the best descent from which further ones start.
+_SHIFTS = -0.05, -0.025, 0.025, 0.05
+#: First steps of a descent, and its largest number of evaluations.
+_STEPS, _MAX_EVALUATIONS = (0.1, 0.1, -0.05), 200
 #: Largest numbers of phases in the grid and in its descents.
-_GRID_PHASES, _DESCENT_PHASES = 64, 2048
+_GRID_PHASES, _DESCENT_PHASES = 64, 512
 
 
 def transmission_error(
@@ -112,10 +114,10 @@ def optimum_relief(
 
     If all pairs of teeth have the same constant compliance q, there is a relief without any error:
     it is linear over the whole segment with n + 1 pairs in mesh and has the amount of the
-    deflection of n pairs, C_a = q F / n (Harris 1958, n = 1). Otherwise amounts up to four times
-    that value are searched from the best points of a grid by the simplex of Nelder and Mead, and
-    the best one by sequential quadratic programming. There are many local minima, because the
-    error is the range at discrete phases: another relief may be a percent better.
+    deflection of n pairs, C_a = q F / n (Harris 1958, n = 1). Otherwise the simplex of Nelder and
+    Mead descends from the best points of a grid, and sequential quadratic programming from the best
+    of these minima. The range over discrete phases has many of them: another relief may be about a
+    percent better.
 
     Parameters
     ----------
@@ -146,6 +148,8 @@ def optimum_relief(
 
     checks.one_of("shape", shape, tuple(SHAPES))
     load = checks.gear_mesh(mesh).load(checks.finite_positive("torque", torque))
+    mesh = mesh.with_reliefs(None, None)
+    pairs = tooth_pairs(mesh, phases, **options)
     pair_count = math.floor(mesh.contact_ratio)
     long_length = (mesh.contact_ratio - pair_count) * mesh.base_pitch
     limit = mesh.longest_relief
@@ -154,22 +158,25 @@ def optimum_relief(
     if fixed_length is not None:
         allowed = f"'long', 'short' or > 0 and <= {limit:.6g} m, (eps_alpha - 1) p_bt"
         fixed_length = checks.number("length", fixed_length, allowed, lambda v: 0.0 < v <= limit)
-    mesh = mesh.with_reliefs(None, None)
-    pairs = tooth_pairs(mesh, phases, **options)
     # Deflections of single pairs under the load at the end and at the start of contact.
     compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
     compliance, position = compliance[pairs.can_touch], pairs.position[pairs.can_touch]
     ends = position.argmax(), position.argmin()
     deflections = [compliance[end] * load for end in ends]
+    # A tip relief is less than half of the thickness of the tip.
+    tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (mesh.pinion, mesh.wheel)]
 
     def values_in_m(points):
-        """Return both amounts and the length, m, of n points in the space of the variables, (n,).
+        """Return both amounts and the length in m, each (n,), of n points of the variables.
 
-        Variables are amounts over `deflections` and, without `fixed_length`, length over `limit`.
+        Variables are amounts over `deflections`, times the square of the length over `limit`, and
+        this length, unless there is a `fixed_length`: the valley of small errors runs along it.
         """
-        pinion_amount, wheel_amount, *lengths = np.transpose(points)
-        length = limit * lengths[0] if lengths else np.full(len(points), fixed_length)
-        return pinion_amount * deflections[0], wheel_amount * deflections[1], length
+        *amounts, length = np.transpose(points)
+        if fixed_length is not None:
+            amounts, length = [*amounts, length], np.full(len(points), fixed_length / limit)
+        ends = zip(amounts, deflections, tips, strict=True)
+        return *(np.minimum(v / length**2 * q, tip) for v, q, tip in ends), limit * length
 
     def errors(points, pairs=pairs):
         """Return the transmission errors at m phases over the sum of both deflections, (n, m)."""
@@ -183,37 +190,40 @@ def optimum_relief(
         displacement = repeated.forces_under_loads([load]).displacement
         return displacement.reshape(len(points), -1) / sum(deflections)
 
-    # A tip relief is less than half of the thickness of the tip.
-    tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (mesh.pinion, mesh.wheel)]
-    upper = [min(_MAX_AMOUNT, tip / d) for tip, d in zip(tips, deflections, strict=True)]
-    bounds = [(0.0, amount) for amount in upper] + [(_MIN_LENGTH, 1.0)] * (fixed_length is None)
-    optimum = np.array([*np.minimum(1.0 / pair_count, upper), long_length / limit][: len(bounds)])
+    def pairs_at_most(count):
+        """Return the pairs of teeth at no more than about `count` of the phases."""
+        return pairs.at_phases(np.arange(0, len(pairs.gap), math.ceil(len(pairs.gap) / count)))
+
+    is_free = fixed_length is None
+    length = (long_length if is_free else fixed_length) / limit
+    optimum = np.array([length**2 / pair_count] * 2 + [length] * is_free)
     if np.ptp(errors([optimum])) > _FLATNESS_TOLERANCE:
-        coarse_pairs, fine_pairs = (
-            pairs.at_phases(np.arange(0, pairs.pitches.size, math.ceil(pairs.pitches.size / count)))
-            for count in (_GRID_PHASES, _DESCENT_PHASES)
-        )
-        axes = [_GRID_AMOUNTS] * 2 + [_GRID_LENGTHS] * (fixed_length is None)
+        scale = 1.0 if is_free else length**2
+        bounds = [(0.0, _MAX_AMOUNT * scale)] * 2 + [(_MIN_LENGTH, 1.0)] * is_free
+        axes = [np.array(_GRID_AMOUNTS) * scale] * 2 + [_GRID_LENGTHS] * is_free
         points = list(itertools.product(*axes))
-        ranges = np.ptp(errors(points, coarse_pairs), axis=1)
+        ranges = np.ptp(errors(points, pairs_at_most(_GRID_PHASES)), axis=1)
         starts: dict[int, None] = {}
-        # There is a minimum over the amounts at most lengths, with many more between them.
-        for size, count in ((3, _DESCENT_COUNTS[0]), ((3, 3, 1)[: len(axes)], _DESCENT_COUNTS[1])):
+        for size, count in zip((3, (3, 3, 1)[: len(axes)]), _DESCENT_COUNTS, strict=True):
             lowest = minimum_filter(ranges.reshape([len(axis) for axis in axes]), size)
             minima = np.flatnonzero(ranges == lowest.ravel())
             starts |= dict.fromkeys(sorted(minima, key=lambda index: ranges[index])[:count])
+        fine_pairs = pairs_at_most(_DESCENT_PHASES)
 
         def range_of_error(variables):
             return float(np.ptp(errors([variables], fine_pairs)))
 
         minima = [_descend(range_of_error, points[index], bounds) for index in starts]
-        for _ in range(_RESTARTS):
-            minima.append(_descend(range_of_error, min(minima, key=range_of_error), bounds))
+        minimum = min(minima, key=range_of_error)
+        # The valley has a minimum wherever the reliefs begin at one of the phases.
+        shifted = [minimum + [0.0, 0.0, shift] for shift in _SHIFTS * is_free]
+        minima = [minimum, *(_descend(range_of_error, start, bounds) for start in shifted)]
         minimum = min(minima, key=range_of_error)
         minimax = _minimize_range(lambda variables: errors([variables])[0], minimum, bounds)
         candidates = [optimum, minimum, minimax]
         optimum = min(candidates, key=lambda point: round(np.ptp(errors([point])), _DECIMALS))
-    *amounts, length = (values.item() for values in values_in_m([np.round(optimum, _DECIMALS)]))
+        optimum = np.round(optimum, _DECIMALS)
+    *amounts, length = (values.item() for values in values_in_m([optimum]))
     return mesh.with_reliefs(*(TipRelief(amount=a, length=length, shape=shape) for a in amounts))
 
 
