@@ -12,6 +12,7 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import Orbit
+from gearlib.data import motions
 from gearlib.figures import (
     branches_figure,
     campbell_figure,
@@ -195,7 +196,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
 
 
 @style.styled()
-def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
+def run_up(*runs, axes=None, labels=None, variable=None):
     """Draw a variable of run-ups, by revolution, over the speed; dotted where the speed falls.
 
     Parameters
@@ -206,9 +207,9 @@ def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
         Axes to draw into; by default those of a new figure.
     labels : sequence of str, optional
         Legend label of each dataset.
-    variable : str
+    variable : str, optional
         Name of a variable over ``revolution``: extrema of displacement and dynamic_force,
-        mean_force, bounces, fraction_normal.
+        mean_force, bounces, fraction_normal. By default the largest dynamic force without its sign.
 
     Returns
     -------
@@ -219,10 +220,13 @@ def run_up(*runs, axes=None, labels=None, variable="dynamic_force_max"):
     ValueError
         If a dataset is not a run-up, or has no such variable.
     """
+    names = (variable,) if variable else ("dynamic_force_max", "dynamic_force_min")
     sources = {"dim": "revolution", "caller": "run_up", "source": "run_up"}
-    curves = plot_curves.curves(runs, labels, (variable, "revolution_speed"), **sources)
+    curves = plot_curves.curves(runs, labels, (*names, "revolution_speed"), **sources)
     axes = plot_curves.axes_or_new(axes)
-    variables = [curve.data[variable] for curve in curves]
+    variables = [
+        curve.data[variable] if variable else motions.largest_force(curve.data) for curve in curves
+    ]
     unit_size, unit = style.readable_unit(variables[0].units, *variables)
     for curve, values in zip(curves, variables, strict=True):
         speed = curve.data.revolution_speed.values

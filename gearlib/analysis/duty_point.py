@@ -8,6 +8,7 @@ sampled. Other motions are recorded over whole revolutions of the gear.
 
 import json
 import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import xarray as xr
 
 from gearlib import checks
 from gearlib.analysis.order_maps import mesh_order_amplitudes, transmission_error
+from gearlib.data.motions import largest_force
 from gearlib.data.result import result
 from gearlib.models.geometry import iso
 from gearlib.models.geometry.mesh import torque_of
@@ -67,11 +69,12 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
         degrees of freedom, ``body`` for trains; rigid bearings of a shaft are added up),
         error_peak_to_peak and error_rms (m, without the mean), lost_share (fraction of time in
         which no flank touches), settled and period; iso_dynamic_factor if both gears of a `Mesh`
-        have a quality and eps_alpha >= 1; mesh_order_force and mesh_order_error, amplitudes of the first mesh orders,
-        NaN if there are too few samples. Trains have the dimension ``mesh``. transient_periods and
-        record_periods are the mesh periods before and in the record, and the attribute ``comment``
-        says what the record is: an orbit, a whole cycle of the excitation, or a sample. The dynamic
-        factor is the largest mesh force over the static force, both without signs.
+        have a quality and eps_alpha >= 1; mesh_order_force and mesh_order_error, amplitudes of the
+        first mesh orders, NaN if there are too few samples. Trains have the dimension ``mesh``.
+        transient_periods and record_periods are the mesh periods before and in the record, and the
+        attribute ``comment`` says what the record is: an orbit, a whole cycle of the excitation, or
+        a sample. The dynamic factor is the largest mesh force over the static force, both without
+        signs.
 
     Raises
     ------
@@ -166,9 +169,13 @@ def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
     else:
         decay_periods = math.ceil(min(_decay_periods(model, tuning), 1e9))
         max_cycle = min(_MAX_CYCLE_PERIODS, int(_MAX_CYCLE_STEPS / steps))
-        teeth = round(model.periods_per_revolution)
+        # In a turning planetary train several revolutions have a whole number of mesh periods.
+        ratio = Fraction(model.periods_per_revolution).limit_denominator(10_000)
         max_record = min(max_periods, _MAX_RECORD_PERIODS)
-        record_periods = teeth * max(1, min(_RECORD_REVOLUTIONS, max_record // teeth))
+        revolutions = max(
+            1, min(_RECORD_REVOLUTIONS // ratio.denominator, max_record // ratio.numerator)
+        )
+        record_periods = ratio.numerator * revolutions
         comment = f"{record_periods} mesh periods, whole revolutions"
         if cycle > max_cycle:
             comment = (
@@ -236,8 +243,7 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
         dim = "body" if len(dims) > 1 else "bearing"
         data["bearing_force_max"], coords[dim] = (dim, max_forces), list(model.body_names)
     else:
-        largest_force = max(float(run.dynamic_force_max), -float(run.dynamic_force_min))
-        data["bearing_force_max"] = force_scale * largest_force
+        data["bearing_force_max"] = force_scale * float(largest_force(run))
     data |= {"mesh_order_force": (dims, order_forces), "mesh_order_error": (dims, order_errors)}
     return data, coords
 
@@ -293,5 +299,4 @@ def dynamic_factor(data: xr.Dataset, model: Any) -> xr.DataArray:
     """Return the largest mesh force over the static one, without signs, from a run or a sweep."""
     if "dynamic_factor" in data:
         return data.dynamic_factor
-    largest_force = np.maximum(data.dynamic_force_max, -data.dynamic_force_min)
-    return largest_force / abs(model.mean_forces)
+    return largest_force(data) / abs(model.mean_forces)

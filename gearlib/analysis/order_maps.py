@@ -13,6 +13,7 @@ amplitude of an order between two grid points is up to 3.9 dB too small.
 import json
 import math
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -570,7 +571,7 @@ def orders(run, *, count=None):
         data[f"mean_square_{name}"] = dims[1:], (values**2).mean(axis=0)
     data |= {name: run[name].values for name in ("tuning", "speed", "mesh_frequency", "period")}
     periods = _record_periods(run)
-    coords = {"order": np.arange(mesh_orders.size) * _teeth_of(run) / periods}
+    coords = {"order": np.arange(mesh_orders.size) * float(_periods_per_revolution(run)) / periods}
     coords |= {name: run[name].values for name in dims[1:]}
     dataset = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
     long_name = "order, waves per revolution of the gear to which the speed refers"
@@ -579,9 +580,13 @@ def orders(run, *, count=None):
     return dataset
 
 
-def _teeth_of(run: xr.Dataset) -> int:
-    """Return the mesh periods per revolution of the gear to which the speed of a run refers."""
-    return round(float(run.mesh_frequency) * 60.0 / (math.tau * float(run.speed)))
+def _periods_per_revolution(run: xr.Dataset) -> Fraction:
+    """Return the mesh periods per revolution of the gear to which the speed of a run refers.
+
+    They are its teeth, but in a turning planetary train not a whole number.
+    """
+    ratio = float(run.mesh_frequency) * 60.0 / (math.tau * float(run.speed))
+    return Fraction(ratio).limit_denominator(10_000)
 
 
 def _record_periods(run: xr.Dataset) -> int:
@@ -596,7 +601,7 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
     run of `simulate`, with `fractional_orders` in steps of 1 over the recorded mesh periods.
     """
     _check_status(run)
-    periods, teeth = _record_periods(run), _teeth_of(run)
+    periods, teeth = _record_periods(run), _periods_per_revolution(run).numerator
     orbit_periods = int(run.period)
     is_periodic = orbit_periods > 0 and periods % orbit_periods == 0
     if fractional_orders and periods % teeth and not is_periodic:

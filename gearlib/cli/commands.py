@@ -105,9 +105,9 @@ def _tuning_range(model, start, stop):
     return ends["start"], ends["stop"]
 
 
-def _at_largest(dataset, name, dimension):
-    """Return the dataset at the position in `dimension` where the variable `name` is largest."""
-    values = dataset[name].max("mesh") if "mesh" in dataset[name].dims else dataset[name]
+def _at_largest(dataset, values, dimension):
+    """Return the dataset at the position in `dimension` where the `values` are largest."""
+    values = values.max("mesh") if "mesh" in values.dims else values
     return dataset.isel({dimension: int(values.fillna(-math.inf).argmax(dimension))})
 
 
@@ -151,14 +151,18 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     else:
         curve = gearlib.sweep(model, grid, direction=direction, **settings)
     failed = int((curve.status != 0).sum())
-    click.echo(f"{curve.tuning.size} tunings, {failed} failed; at the largest displacement:")
-    output.show(_at_largest(curve, "displacement_max", "tuning"))
+    # The displacements of meshes that carry their load on the coast side are negative.
+    name = "dynamic_factor" if "dynamic_factor" in curve else "displacement_max"
+    text = name.replace("_max", "").replace("_", " ")
+    click.echo(f"{curve.tuning.size} tunings, {failed} failed; at the largest {text}:")
+    output.show(_at_largest(curve, curve[name], "tuning"))
     return curve, lambda plot: plot.resonance(curve)
 
 
 @gear_command("run-up", f"start stop {_RUN_UP}", "revolution")
 def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
     """Run the gears up or down: forces and contact losses over the speed."""
+    from gearlib.data.motions import largest_force
     from gearlib.runs.run_up import speed_profile
 
     start, stop = in_rpm("start", start), in_rpm("stop", stop)
@@ -167,7 +171,7 @@ def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
         speed_points.append([2.0 * speed_points[-1][0], start])
     run = gearlib.run_up(model, speed=speed_points, **settings)
     click.echo(f"{run.revolution.size} revolutions; that of the largest force:")
-    output.show(_at_largest(run, "dynamic_force_max", "revolution"))
+    output.show(_at_largest(run, largest_force(run), "revolution"))
     return run, lambda plot: plot.run_up(run)
 
 

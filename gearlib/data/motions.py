@@ -26,6 +26,12 @@ def true_intervals(condition):
     return [(int(i), int(j) - 1) for i, j in zip(edges[::2], edges[1::2], strict=True)]
 
 
+def largest_force(data):
+    """Return the largest dynamic mesh force in a dataset, without its sign, as a DataArray."""
+    largest = np.maximum(data.dynamic_force_max, -data.dynamic_force_min)
+    return largest.assign_attrs(data.dynamic_force_max.attrs)
+
+
 def mask_unbounded(sweep, extent):
     """Return a result of `gearlib.sweep` with NaN at tunings where the motion is unbounded.
 

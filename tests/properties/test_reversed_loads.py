@@ -12,6 +12,7 @@ import pytest
 import gearlib
 from gearlib.analysis.duty_point import duty_point
 from gearlib.analysis.orbits.jumps import main_resonance
+from gearlib.data.motions import largest_force
 from gearlib.uncertainty.design_quantities import DesignQuantities
 from tests.paper import PAPER
 from tests.properties.known_models import CHAIN, gears
@@ -103,3 +104,14 @@ def test_coast_sides_under_load_have_their_own_phases_in_tongues_and_phasing():
     widths = [gearlib.tongues(m, start=0.9, stop=2.2, step=0.02) for m in (coast, drive)]
     assert widths[0].sizes["tongue"] > 0
     np.testing.assert_allclose(widths[0].tuning_from, widths[1].tuning_from, rtol=1e-9)
+
+
+def test_a_run_up_on_the_coast_side_shows_its_largest_forces():
+    train = MODELS["planetary"]
+    drive, coast = (
+        gearlib.run_up(t, 2000.0, 3000.0, duration=0.2) for t in (train, reversed_loads(train))
+    )
+    expected = drive.dynamic_force_max.values
+    np.testing.assert_allclose(largest_force(coast), expected, rtol=1e-6)
+    (line, *_) = gearlib.plot.run_up(coast).lines
+    assert np.nanmax(line.get_ydata()) == pytest.approx(expected[:, 0].max(), rel=1e-6)
