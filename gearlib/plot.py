@@ -383,12 +383,16 @@ def values(data, *names, axes=None):
             raise ValueError(f"{name} is not allowed: it must be a variable over a dimension")
     axes = plot_curves.axes_or_new(axes)
     *other_dims, last_dim = data[names[0]].dims
+    texts = [
+        data[dim].values.tolist() if data[dim].dtype.kind in "OU" else style.number_texts(data[dim])
+        for dim in other_dims
+    ]
     curves = {}
     for name in names:
         prefix = [panels.name_and_unit(data[name])[0]] if len(names) > 1 else []
         for index in np.ndindex(*data[name].shape[:-1]):
             curve = data[name].isel(dict(zip(other_dims, index, strict=True)))
-            coordinates = [f"{curve[dim].item():g}" for dim in other_dims]
+            coordinates = [labels[i] for labels, i in zip(texts, index, strict=True)]
             curves[" ".join(prefix + coordinates)] = curve
     for label, curve_style in style.curve_styles(curves).items():
         axes.plot(curves[label], curve_style.marker, color=curve_style.colour, ms=4, label=label)

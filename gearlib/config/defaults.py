@@ -3,16 +3,17 @@
 All other defaults are in the fields of the sections.
 """
 
-import itertools
 import math
+import re
 from collections.abc import Iterable
 from decimal import Decimal
 from typing import Annotated, Any, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from gearlib import colours
 from gearlib.config import overlay
-from gearlib.config.experiments import Problem, Resonance
+from gearlib.config.experiments import COLOUR_PATTERN, Problem, Resonance
 from gearlib.config.gear_pair_section import Damping, GearPairSection
 from gearlib.config.gears_section import Gears
 from gearlib.config.types import Name, tuning_per_rpm
@@ -21,8 +22,6 @@ from gearlib.config.types import Name, tuning_per_rpm
 _VALID_PAIR = GearPairSection(**dict.fromkeys(GearPairSection.model_fields, 1.0) | {"teeth": 1})
 _VALID_DAMPINGS = {"k1": Damping(material_damping=1.0, backlash_damping=0.0)}
 _DAMPINGS_TYPE = TypeAdapter(Annotated[dict[Name, Damping], Field(min_length=1)])
-#: Colours that people with colour blindness can tell apart, also in grey. They repeat.
-_PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9", "#882255")
 #: Damping ratio of studies that need damping, if the configuration has none.
 _DAMPING_RATIO = 0.05
 #: Largest number of panels of one figure, see `Basins` and `Poincare`, and length of a title.
@@ -178,9 +177,8 @@ def _panel_cases(dampings: dict[str, Damping], tuning: float) -> list[dict]:
     return cases
 
 
-def _damping_colours(dampings: Iterable[str], colours: dict[str, str]) -> dict[str, str]:
-    """Return `colours` by damping, with colours of the palette for the dampings without one."""
-    used = {str(colour).upper() for colour in colours.values()}
-    unused = itertools.cycle([colour for colour in _PALETTE if colour not in used] or _PALETTE)
-    without_colour = (name for name in dampings if name not in colours)
-    return colours | dict(zip(without_colour, unused, strict=False))
+def _damping_colours(dampings: Iterable[str], given: dict[str, str]) -> dict[str, str]:
+    """Return `given` colours by damping, and others of their own for the dampings without one."""
+    valid = [colour for colour in map(str, given.values()) if re.fullmatch(COLOUR_PATTERN, colour)]
+    without_colour = (name for name in dampings if name not in given)
+    return given | dict(zip(without_colour, colours.of_categories(valid), strict=False))

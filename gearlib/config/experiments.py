@@ -205,13 +205,17 @@ class Certificates(Section):
     all_points: t.Boolean = field("Whether the file holds every point of the branches.", False)
 
 
+#: Pattern of a colour in a configuration.
+COLOUR_PATTERN = "^#[0-9A-Fa-f]{6}$"
+
+
 class Figures(Section):
     """Formats and colours of the figures; no computation depends on them."""
 
     formats: Distinct[Literal["png", "pdf", "svg"]] = field("Formats of figures.", ["png", "pdf"])
     dpi: integer(50, 1200) = field("Resolution of pixel formats, dots per inch.", 200)
     colours: dict[
-        t.DampingName, t.text("a colour '#rrggbb', in quotes", pattern="^#[0-9A-Fa-f]{6}$")
+        t.DampingName, t.text("a colour '#rrggbb', in quotes", pattern=COLOUR_PATTERN)
     ] = field("Colour of each damping, '#rrggbb'. Default: one of a palette.", {})
 
 

@@ -34,8 +34,8 @@ def name_of_drawing(pair: Any, modified: bool = True) -> str:
 
 def _module_and_helix(gear: GearSection) -> str:
     """Return normal module and helix angle of a drawn gear as text."""
-    helix = f", β {math.degrees(gear.helix_angle):.4g}°" if gear.helix_angle else ""
-    return f"m {1e3 * gear.module:.4g} mm{helix}"
+    helix = f", β {math.degrees(gear.helix_angle):.6g}°" if gear.helix_angle else ""
+    return f"m {1e3 * gear.module:.6g} mm{helix}"
 
 
 def name_of_parameters(pair: Any) -> str:
@@ -47,8 +47,8 @@ def name_of_parameters(pair: Any) -> str:
     if all(math.isclose(values[key], value, rel_tol=1e-9) for key, value in PAPER.items()):
         return "paper's pair"
     return (
-        "gear pair C_max {max_stiffness:.4g} N/m, κ {stiffness_ratio:.4g}, ε {contact_ratio:.4g}, "
-        "m_red {reduced_mass:.4g} kg"
+        "gear pair C_max {max_stiffness:.10g} N/m, κ {stiffness_ratio:.10g}, "
+        "ε {contact_ratio:.10g}, m_red {reduced_mass:.10g} kg"
     ).format(**values)
 
 

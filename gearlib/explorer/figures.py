@@ -60,7 +60,7 @@ class Figures:
         if self.drawn:
             self._draw_teeth(view)
         speed = resonance_speed * tuning
-        return view.message if self.drawn else f"{speed:.0f} rpm. {view.message}"
+        return view.message if self.drawn else f"{speed:.6g} rpm. {view.message}"
 
     def _draw_teeth(self, view: View) -> None:
         """Show the derived quantities, the Harris map and the load share of drawn gears."""
@@ -173,12 +173,12 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("centre distance", f"{1e3 * mesh.centre_distance:.3f} mm"),
         ("backlash", f"{1e6 * mesh.backlash:.4g} µm"),
         ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.4g} µm"),
-        ("C_max", f"{1e-6 * pair.max_stiffness:.1f} N/µm"),
+        ("C_max", f"{1e-6 * pair.max_stiffness:.4g} N/µm"),
         ("κ", f"{pair.stiffness_ratio:.4f}"),
         ("ε", f"{pair.contact_ratio:.4f}"),  # of the rectangular stiffness, at most 2
         ("static deflection", f"{1e6 * pair.static_deflection:.4g} µm"),
-        ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.0f} Hz"),
-        ("resonance speed", f"{pair.speed(1.0):.0f} rpm"),
+        ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.6g} Hz"),
+        ("resonance speed", f"{pair.speed(1.0):.6g} rpm"),
     ]
     if view.error is not None:
         static = view.error.isel(torque=-1)  # at the chosen torque

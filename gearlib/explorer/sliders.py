@@ -92,7 +92,7 @@ class Sliders:
         pair, grid, tuning = self.pair, settings.resonance, settings.phase_planes.tunings[0]
         # Infinite backlash is shown as four static deflections.
         backlash = pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
-        heading = f"Gear pair, z {pair.teeth}, load {pair.load:.4g} N"
+        heading = f"Gear pair, z {pair.teeth}, load {pair.load:.6g} N"
         values_and_limits = {
             "stiffness_ratio": (pair.stiffness_ratio, 0.05, 1.0),
             "contact_ratio": (pair.contact_ratio, 1.0, 2.0),

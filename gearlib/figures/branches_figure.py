@@ -113,7 +113,7 @@ def _write_tunings(axes, branches: xr.Dataset):
         close = (np.abs(positions[:, points] - positions[:, points[:1]]) < 1.0).all(axis=0)
         group, points = points[close], points[~close]
         first = group[labels[group].argmin()]
-        text = ", ".join(f"{value:.4f}" for value in np.sort(tuning[group]))
+        text = ", ".join(style.number_texts(np.sort(tuning[group]), digits=4, form="f", decimals=4))
         # Beside a fold the text stands on the side without a branch, elsewhere above the point.
         before = tuning[max(first - POINTS_BESIDE_FOLD, 0)]
         after = tuning[min(first + POINTS_BESIDE_FOLD, tuning.size - 1)]

@@ -62,12 +62,13 @@ def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
         axes.axhline(frequency, color=colours[str(kind)], linewidth=0.7, zorder=1)
     # Without the orders of the meshes, no order of the stiffness is known to be a multiple.
     mesh_orders = diagram.get("mesh_rate", diagram.stiffness_order).values
-    for order in diagram.stiffness_order.values:
+    orders = diagram.stiffness_order.values
+    for order, text in zip(orders, style.number_texts(orders, digits=3), strict=True):
         # The line ends at the right or at the upper limit of the axes: (speed, frequency).
         end = min(stop, top / (per_speed * order)) * np.array([1.0, per_speed * order])
         dashes = "-" if order in mesh_orders else "--"
         axes.plot([0.0, end[0]], [0.0, end[1]], dashes, color="0.3", linewidth=0.8)
-        box, text = style.white_box(padding=0.15), f"{order:.3g}"
+        box = style.white_box(padding=0.15)
         style.annotate(axes, text, 0.97 * end, anchor="center center", bbox=box)
     for is_excited, (_, face, size) in _INTERSECTIONS.items():
         mask = diagram.excites.values == is_excited

@@ -3,18 +3,18 @@
 import numpy as np
 import xarray as xr
 
+from gearlib.colours import MOTIONS, of_categories
 from gearlib.figures import panels, style
 
-#: Colours of periodic attractors; the attractors of every other kind have the same colour.
-_PERIODIC_COLOURS = (*style.PALETTE, "#F0E442", "#8C510A", "#762A83", "#A6DBA0", "#FDB863")
 _KINDS = ("period", "chaotic", "unbounded", "undecided")
 #: Code of periodic attractors, and codes of chaotic and undecided orbits in sections.
 _PERIODIC, _CHAOTIC, _UNDECIDED = 0, 1, 2
+#: Colour of the attractors of a kind; each periodic one has a colour of its own.
 _KIND_COLOURS = (None, "#000000", "#D9D9D9", "#FFFFFF")
 _MARKERS = "o^sDvP*X<>hp"
 #: Colours of regular orbits in sections, and of chaotic and undecided ones.
 _REGULAR_COLOURS = ("#0072B2", "#009E73", "#4D4D4D", "#56B4E9", "#CC79A7")
-_CHAOTIC_COLOUR, _UNDECIDED_COLOUR = "#D55E00", "#A0A0A0"
+_CHAOTIC_COLOUR, _UNDECIDED_COLOUR = MOTIONS["chaotic"], "#A0A0A0"
 #: Direction -> label, colour and size of its markers in bifurcation diagrams.
 _DIRECTIONS = {
     "cold": ("random initial states", "#8A8A8A", 1.4),
@@ -31,8 +31,8 @@ _LEGEND_BELOW = {"loc": "upper center", "frameon": False, "columnspacing": 1.0}
 
 def attractor_colours(kinds: np.ndarray) -> list[str]:
     """Return a colour for each attractor; `kinds` are indices in `_KINDS`, 0 for periodic ones."""
-    periodic = iter(np.resize(_PERIODIC_COLOURS, len(kinds)))
-    return [_KIND_COLOURS[kind] or str(next(periodic)) for kind in kinds]
+    periodic = of_categories()
+    return [_KIND_COLOURS[kind] or next(periodic) for kind in kinds]
 
 
 @style.styled()
@@ -92,7 +92,7 @@ def draw_sections(data: xr.Dataset):
             states, size = (case.displacement[j], case.velocity[j]), 0.9 if chaotic[j] else 1.2
             style.draw_markers(axes, *states, ".", colours[j], size, **_MARKER_OPTIONS)
         phase, share = np.degrees(float(case.phase)), 100.0 * chaotic.mean()
-        chaos = f"$\\tau$ = {phase:.0f}°; {share:.0f} % of {chaotic.size} orbits chaotic"
+        chaos = f"$\\tau$ = {phase:.5g}°; {share:.3g} % of {chaotic.size} orbits chaotic"
         suffix = f", {undecided.sum()} undecided" if undecided.any() else ""
         axes.set_title(f"{case.case.item()}\n{chaos}{suffix}")
         _label_plane(axes)
@@ -167,9 +167,10 @@ def _draw_family_shares(axes, shares: xr.Dataset):
     peak_to_peak = shares.displacement_max - shares.displacement_min
     heights = peak_to_peak.isel(tuning=share.argmax("tuning")).values
     kinds, periods = shares.attractor_kind.values, shares.period.values
+    texts = style.number_texts(heights, digits=1, form="f", decimals=1)
     names = [
-        f"period {period}, height {height:.1f}" if kind == _PERIODIC else _KINDS[kind]
-        for kind, period, height in zip(kinds, periods, heights, strict=True)
+        f"period {period}, height {height}" if kind == _PERIODIC else _KINDS[kind]
+        for kind, period, height in zip(kinds, periods, texts, strict=True)
     ]
     is_labelled = (share.max("tuning") >= MIN_SHARE_IN_LEGEND).values
     labels = [name if shown else None for name, shown in zip(names, is_labelled, strict=True)]

@@ -26,7 +26,7 @@ def draw(data: xr.Dataset):
     for axes, name in zip(maps, data.relief.values, strict=True):
         relief = data.sel(relief=name)
         draw_errors(axes, relief, load.values)
-        amounts = " and ".join(f"{1e6 * amount:.1f}" for amount in relief.relief_amount.values)
+        amounts = " and ".join(f"{1e6 * amount:.3g}" for amount in relief.relief_amount.values)
         title = panels.value_label(relief.relief)
         axes.set_title(f"{title}, {amounts} µm" if relief.relief_amount.any() else title)
     maps[0].set_ylabel(ERROR_LABEL)
@@ -51,11 +51,14 @@ def draw_errors(axes, data: xr.Dataset, loads: np.ndarray, design_load=1.0):
     periods = data.phase.values / (2.0 * math.pi)
     # The lightest colours are hard to see on white. The lower bound avoids a division by zero.
     colours = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))
-    for load, colour, error in zip(loads, colours, data.transmission_error.values, strict=True):
+    lines = zip(
+        loads, style.number_texts(loads), colours, data.transmission_error.values, strict=True
+    )
+    for load, text, colour, error in lines:
         width = 2.0 if math.isclose(load, design_load) else 0.9
         # The period begins within double contact, which only two periods show as a whole.
         x = np.concatenate([periods, periods + periods[-1] + periods[1]])
         axes.plot(x, 1e6 * np.tile(error, 2), color=colour, linewidth=width)
         options = {"coords": ("axes fraction", "data"), "fontsize": 5.5}
-        style.annotate(axes, f"{load:g}", (1.0, 1e6 * error[0]), (2, 0), **options)
+        style.annotate(axes, text, (1.0, 1e6 * error[0]), (2, 0), **options)
     axes.set(xlabel="mesh periods", xlim=(0.0, 2.0))

@@ -61,7 +61,7 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
     for nu in marked:
         axes.axvline(nu, color=_ORANGE, linewidth=0.6, linestyle="--")
     if marked:
-        title += f" (dashed: {' and '.join(f'{nu:.4f}' for nu in marked)})"
+        title += f" (dashed: {' and '.join(style.number_texts(marked, 4, 'f', 4))})"
     axes.set(title=title, xlim=(tuning[0], tuning[-1]))
 
 
@@ -89,7 +89,7 @@ def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str,
     axes.update_datalim(np.column_stack([value, np.zeros(value.size)]))
     axes.set_yscale("symlog", linthresh=MAX_LINEAR_SHIFT)
     axes.set_yticks([-1e-2, -1e-4, -1e-6, 0.0, 1e-6, 1e-4, 1e-2])
-    without_jump = ", ".join(f"{v:g}" for v in value[np.isnan(jumps.jump.values)])
+    without_jump = ", ".join(style.number_texts(value[np.isnan(jumps.jump.values)]))
     if without_jump:
         title = f"no jump in the scan where {label.split(' (')[0]} = {without_jump}"
         axes.set_title(title, fontsize=6, loc="left", pad=2.0)

@@ -3,10 +3,10 @@
 import numpy as np
 import xarray as xr
 
+from gearlib.colours import of_categories
 from gearlib.figures import panels, style
 
-#: Colours of measured sets, and markers for rising (1), falling (-1) and other (0) speed.
-_SET_COLOURS = ("#D55E00", "#CC79A7", "#56B4E9", "#882255")
+#: Markers for rising (1), falling (-1) and other (0) speed.
 _DIRECTION_MARKERS = {1: "^", -1: "v", 0: "o"}
 _SPEEDS_OF_JUMPS = ("jump_up", "jump_down", "onset_of_contact_loss")
 _POINT_COLOUR = "#8C8C8C"
@@ -15,14 +15,16 @@ _HISTORY_HEIGHT, _ORDER_HEIGHT, _LEGEND_HEIGHT = 2.6, 2.4, 0.5
 _MEASURED_ENTRY = style.legend_entry("measured", _POINT_COLOUR, "none", ".")
 
 
-def draw_curves(axes, curves: list[xr.Dataset], names: tuple) -> list:
+def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) -> list:
     """Draw measured points of the observables `names` over the tuning; return legend handles.
 
     `curves` are results of `gearlib.studies.measured.measured_response_curve`. Markers are open if
-    a gain or offset is unknown; dotted lines mark the speeds of jumps. The limits of the axes stay.
+    a gain or offset is unknown; dotted lines mark the speeds of jumps. No set has a colour of the
+    `computed` curves, name -> `CurveStyle`. The limits of the axes stay.
     """
     handles, limits = [], {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
-    for curve, colour in zip(curves, _SET_COLOURS * len(curves), strict=False):
+    colours = of_categories(curve.colour for curve in computed.values())
+    for curve, colour in zip(curves, colours, strict=False):
         face = colour
         for name in [name for name in names if name in curve]:
             attrs = curve[name].attrs
@@ -61,6 +63,7 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
     rows = max(1, -(-len(histories) // 2))
     figure = style.page_figure(_HISTORY_HEIGHT * rows + _LEGEND_HEIGHT)
     styles = panels.plot_options(courses[0].damping, colours)
+    speeds = style.number_texts([float(history.speed) for history in histories])
     for k, history in enumerate(histories):
         data = panels.in_mesh_periods(panels.in_mesh_periods(history), "point_phase")
         axes = figure.add_subplot(rows, 2, k + 1)
@@ -69,7 +72,7 @@ def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = 
         name = data.observable.item()
         # The attribute is a text such as "displacement in m, dynamic_force in N".
         unit = dict(entry.split(" in ") for entry in data.course_units.split(", "))[name]
-        axes.set_title(f"{data.title}, {float(data.speed):.5g} rpm")
+        axes.set_title(f"{data.title}, {speeds[k]} rpm")
         axes.set_ylabel(f"{name.replace('_', ' ')} ({unit})")
     style.legend(figure, [_MEASURED_ENTRY, *panels.legend_entries(styles)], columns=5)
     return figure

@@ -27,8 +27,11 @@ def draw(studies: list[xr.Dataset]):
         data = xr.concat(studies_of_location, "power", coords="minimal", compat="override")
         styles = panels.plot_options(data.power)
         _draw_characteristics(column[0], data, styles)
-        for axes, tuning in zip(column[1:], tunings, strict=True):
+        speeds = tunings * float(data.speed[0, -1] / data.tuning[-1])
+        labels = panels.tuning_texts(tunings, speeds)
+        for axes, tuning, label in zip(column[1:], tunings, labels, strict=True):
             _draw_phase_planes(axes, data.sel(shown=tuning), styles)
+            axes.set_title(f"$\\nu_s$ = {label}, from rest")
     grid[0, 0].set_ylabel("$y_\\mathrm{max}$, $y_\\mathrm{min}$ (static defl.)")
     for axes in grid[1:, 0]:
         axes.set_ylabel(style.VELOCITY_LABEL)
@@ -59,4 +62,4 @@ def _draw_phase_planes(axes, data: xr.Dataset, styles: dict[str, dict]):
     curve_options = {"colour": "power", "styles": styles, "linewidth": 0.8}
     panels.draw_curves(axes, data, "displacement", "velocity", **curve_options)
     style.shade_lost_contact(axes, float(data.backlash_ratio[0]), "x")
-    axes.set(title=f"{panels.value_label(data.shown)}, from rest", ylabel="")
+    axes.set(ylabel="")

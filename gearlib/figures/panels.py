@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
+from numpy.typing import ArrayLike
 
 from gearlib.figures import style
 
@@ -55,11 +56,25 @@ def axis_label(variable: xr.DataArray, width: int | None = None) -> str:
 
 def value_label(coordinate: xr.DataArray) -> str:
     """Return the label of a scalar coordinate: a readable name, or "name = number unit"."""
-    value = coordinate.item()
-    if isinstance(value, str):
-        return _VALUE_LABELS.get(value, style.typeset_dampings(value))
+    return value_labels(coordinate)[0]
+
+
+def value_labels(coordinate: xr.DataArray) -> list[str]:
+    """Return the label of each value of a coordinate, see `value_label`; they differ."""
+    values = np.ravel(coordinate.values).tolist()
+    if isinstance(values[0], str):
+        return [_VALUE_LABELS.get(value, style.typeset_dampings(value)) for value in values]
     name, unit = name_and_unit(coordinate)
-    return f"{name} = {value:g} {unit}".strip()
+    return [f"{name} = {text} {unit}".strip() for text in style.number_texts(values)]
+
+
+def tuning_texts(tunings: ArrayLike, speeds: ArrayLike | None = None) -> list[str]:
+    """Return the text of each tuning, with its speed in rpm if the tuning was given as a speed."""
+    texts = style.number_texts(tunings, digits=4, form="f", decimals=2)
+    if speeds is None:
+        return texts
+    rows = zip(texts, np.ravel(tunings).tolist(), style.number_texts(speeds), strict=True)
+    return [text if style.is_given(nu) else f"{text} ({rpm} rpm)" for text, nu, rpm in rows]
 
 
 def plot_options(coordinate: xr.DataArray, colours: dict | None = None) -> dict[Any, dict]:
@@ -67,10 +82,11 @@ def plot_options(coordinate: xr.DataArray, colours: dict | None = None) -> dict[
 
     `colours` maps some coordinate values to colours; others take the colours of the palette.
     """
-    styles = style.curve_styles(coordinate.values.tolist(), colours).values()
+    styles = style.curve_styles(coordinate.values.tolist(), colours)
+    labels = value_labels(coordinate) if styles else []
     return {
-        value.item(): {"color": curve.colour, "linestyle": curve.line, "label": value_label(value)}
-        for value, curve in zip(coordinate, styles, strict=True)
+        value: {"color": curve.colour, "linestyle": curve.line, "label": label}
+        for (value, curve), label in zip(styles.items(), labels, strict=True)
     }
 
 
@@ -110,9 +126,12 @@ def draw_curves(
     if colour is not None:
         colour_styles = styles or plot_options(data[colour])
     if line is not None:
+        values = data[line].values.tolist()
         line_styles = {
-            value.item(): {"linestyle": dashes, "label": value_label(value)}
-            for value, dashes in zip(data[line], cycle(style.LINES), strict=False)
+            value: {"linestyle": dashes, "label": label}
+            for value, label, dashes in zip(
+                values, value_labels(data[line]), cycle(style.LINES), strict=False
+            )
         }
     for colour_value, colour_style in colour_styles.items():
         for line_value, line_style in line_styles.items():
@@ -144,12 +163,12 @@ def draw_panels(
     selections = [data] if panel is None else [data.sel({panel: v}) for v in data[panel].values]
     figure = figure or style.page_figure(ROW_HEIGHT * len(names) + LEGEND_HEIGHT)
     grid = figure.subplots(len(names), len(selections), squeeze=False, sharex=True, sharey="row")
-    for column, selected in zip(grid.T, selections, strict=True):
+    titles = [""] if panel is None else value_labels(data[panel])
+    for column, selected, title in zip(grid.T, selections, titles, strict=True):
+        column[0].set_title(title)
         for axes, name in zip(column, names, strict=True):
             entries = draw_curves(axes, selected, x, name, colour=colour, line=line, styles=styles)
             axes.label_outer()
-        if panel is not None:
-            column[0].set_title(value_label(selected[panel]))
     # Matplotlib labels lines that have no label with a leading underscore.
     entries = [entry for entry in entries if not str(entry.get_label()).startswith("_")]
     if entries:

@@ -1,8 +1,11 @@
 """Parametric resonance: Ince-Strutt diagrams of the motion without loss of contact."""
 
+from itertools import chain
+
 import numpy as np
 import xarray as xr
 
+from gearlib.colours import of_categories
 from gearlib.figures import panels, style
 
 _Y_LABELS = {
@@ -59,10 +62,12 @@ def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
     growth = plane.growth.where(plane.growth > 0.0)
     options = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": max_growth, "shading": "nearest"}
     image = axes.pcolormesh(plane.tuning, plane.value, growth, rasterized=True, **options)
-    for damping, colour in zip(plane.damping, _COLOURS * plane.damping.size, strict=False):
+    colours = chain(_COLOURS, of_categories(_COLOURS))
+    texts = style.number_texts(plane.damping.values, digits=3)
+    for damping, text, colour in zip(plane.damping, texts, colours, strict=False):
         tongues = plane.sel(damping=damping).transpose("row", ...)
         options = {"color": colour, "linewidth": 0.8}
-        axes.plot([], [], label=f"edges, $\\beta$ = {float(damping):.3g}", **options)
+        axes.plot([], [], label=f"edges, $\\beta$ = {text}", **options)
         axes.plot(tongues.tuning_from, plane.value, **options)
         axes.plot(tongues.tuning_to, plane.value, **options)
     axes.set(xscale="log", xlim=plane.tuning.values[[0, -1]], ylim=plane.value.values[[0, -1]])

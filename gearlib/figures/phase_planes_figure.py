@@ -6,9 +6,11 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data import motions
-from gearlib.figures import style
+from gearlib.figures import panels, style
 
 _CELL_HEIGHT, _HEADER_HEIGHT = 1.25, 0.7
+#: Number of characters of the titles that fit beside each other.
+_TITLE_CHARACTERS = 120
 #: Repetitions of an orbit count as equal if they differ by less than this fraction of its width.
 SAME_ORBIT_TOLERANCE = 5e-3
 
@@ -24,15 +26,19 @@ def draw(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
     curve_styles = style.curve_styles([str(name) for name in phase_planes.damping.values], colours)
     figure = style.page_figure(_HEADER_HEIGHT + _CELL_HEIGHT * tunings.size)
     grid = figure.subplots(tunings.size, len(curve_styles), squeeze=False)
-    for i, (row, tuning) in enumerate(zip(grid, tunings, strict=True)):
-        row[0].set_ylabel(f"$\\nu_s$ = {tuning:.2f}\n$dy/d\\tau$")
+    width = min(30, _TITLE_CHARACTERS // max(1, len(curve_styles)))
+    labels = panels.tuning_texts(tunings, phase_planes.get("speed"))
+    for i, (row, tuning, label) in enumerate(zip(grid, tunings, labels, strict=True)):
+        row[0].set_ylabel(f"$\\nu_s$ = {label}\n$dy/d\\tau$".replace(" (", "\n("))
         for axes, (name, curve_style) in zip(row, curve_styles.items(), strict=True):
             run = phase_planes.sel(tuning=tuning, damping=name)
             line_width = 0.8 if int(run.period) else 0.3
             draw_plane(axes, run, color=curve_style.colour, linewidth=line_width)
             axes.tick_params(labelsize=5.5)
             header = [style.typeset_dampings(name)] if i == 0 else []
-            axes.set_title("\n".join([*header, *textwrap.wrap(_steadiness(run), 30)]), fontsize=6)
+            axes.set_title(
+                "\n".join([*header, *textwrap.wrap(_steadiness(run), width)]), fontsize=6
+            )
     for axes in grid[-1]:
         axes.set_xlabel(style.DISPLACEMENT_LABEL)
     return figure

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.patches import Patch
 
+from gearlib.colours import MOTIONS
 from gearlib.figures import measured_figure, panels, style
 from gearlib.figures.branches_figure import draw_curve
 from gearlib.figures.plot_curves import DIRECTION_LABELS, WARM_STARTED_STYLES
@@ -20,13 +21,7 @@ SHOWN_FRACTION = 0.95
 MARKER_COUNT = 14
 FROM_REST_COLOUR, TONGUE_COLOUR = "#8C8C8C", "#F0E44299"
 #: Name and colour of each kind of motion, by its code in `gearlib.analysis.trust`.
-MOTION_KINDS = (
-    ("periodic", "#009E73"),
-    ("quasi-periodic", "#56B4E9"),
-    ("chaotic", "#D55E00"),
-    ("undecided", "#CC79A7"),
-    ("unbounded", "#999999"),
-)
+MOTION_KINDS = tuple(MOTIONS.items())
 _MAIN_HEIGHT, _PANEL_HEIGHT, _LEGEND_HEIGHT, _COLUMNS = 4.8, 1.6, 0.4, 2
 
 
@@ -123,7 +118,7 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
         style.annotate(axes, name, (0.99, 0.5 * (low + high)), **options)
     _draw_dampings(axes, sweeps, curve_styles, EXTREMA, width=1.6)
     handles = axes.get_legend_handles_labels()[0] + measured_figure.draw_curves(
-        axes, measured, EXTREMA
+        axes, measured, EXTREMA, curve_styles
     )
     if (sweeps.period.values == 0).any():
         handles.append(style.legend_entry("not settled", "0.3", "none", ".", markersize=3))
@@ -151,7 +146,7 @@ def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
     title = "rectangular stiffness: the force jumps by 1/κ at every speed, it is not a $K_v$"
     axes.set_title(title, fontsize="small")
     style.second_scale(axes, float(sweeps.force_scale) / 1e3, "mesh force (kN)", "right")
-    measured_figure.draw_curves(axes, measured, FORCE)
+    measured_figure.draw_curves(axes, measured, FORCE, curve_styles)
 
 
 def _draw_dampings(axes, sweeps: xr.Dataset, curve_styles: dict, names: tuple, width=1.0):
@@ -262,10 +257,10 @@ def draw_cases(curves: list[xr.Dataset], labels: list[str]):
     mains = [_in_micrometres(sweeps_from_rest(data.sortby("tuning"))) for data in curves]
     above.set_ylim(style.limits(*(shown_range(main, EXTREMA) for main in mains)))
     below.set_ylim(0.0, 1.05 * max(shown_range(main, FORCE)[1] for main in mains))
-    for number, (main, case) in enumerate(zip(mains, labels, strict=True)):
-        colour = style.PALETTE[number % len(style.PALETTE)]
+    cases = zip(mains, labels, style.curve_styles(range(len(mains))).values(), strict=True)
+    for number, (main, case, case_style) in enumerate(cases):
         dampings = [str(name) for name in main.damping.values]
-        curve_styles = style.curve_styles(dampings, dict.fromkeys(dampings, colour))
+        curve_styles = style.curve_styles(dampings, dict.fromkeys(dampings, case_style.colour))
         for name, curve_style in curve_styles.items():
             sweep, marker_shift = main.sel(damping=name), number / len(mains)
             label = f"{case}, {style.typeset_dampings(name)}" if main.damping.size > 1 else case

@@ -1,7 +1,7 @@
 """Style of all figures, and their files: equal data give equal bytes.
 
-The colours are those of Okabe and Ito, which readers with red-green blindness can distinguish.
-Curves also differ in marker and line style, for print in grey.
+Colours are those of `gearlib.colours`. Curves also differ in marker and line style, for print in
+grey.
 """
 
 import re
@@ -19,6 +19,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
+from gearlib import colours as colours_of
 from gearlib.data.files import replacing
 
 #: Width of a figure, inches: the type area of a page.
@@ -35,8 +36,8 @@ DASHED, LONG_DASHES = (0, (4, 1.5)), (0, (5, 1.5))
 #: Shades of the areas without drive-side contact; the area of normal mesh stays white.
 AREA_COLOURS = {"backlash": "#EBEBEB", "inverse mesh": "#CFCFCF"}
 
-#: Colours of curves, and of dampings without a colour in the configuration.
-PALETTE = ("#0072B2", "#E69F00", "#009E73", "#4D4D4D", "#D55E00", "#CC79A7", "#56B4E9")
+#: Colours of curves that a figure names itself; `curve_styles` has those of categories.
+PALETTE = colours_of.PALETTE
 
 # The first four markers are those of the paper, in its order of the damping combinations.
 _MARKERS = ("s", "o", "x", "o", "^", "D")
@@ -66,6 +67,9 @@ _METADATA = {
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     "svg": {"Date": None, "Creator": None},
 }
+
+#: Digits of a number that someone wrote down; computed numbers have more.
+_GIVEN_DIGITS = 10
 
 #: Height of the line that names the gears, inches.
 _GEARS_LINE_HEIGHT = 0.14
@@ -101,20 +105,52 @@ def styled():
 def curve_styles(names, colours: dict | None = None) -> dict[Any, CurveStyle]:
     """Return a dict with a `CurveStyle` (colour, line style, marker) for each curve name.
 
-    `colours` maps some of the names to colours; other curves take the colours of the palette.
+    `colours` maps some of the names to colours; other curves have colours of their own, however
+    many there are, and never that of a kind of motion.
     """
-    given_colours = colours or {}
+    given = colours or {}
+    others = colours_of.of_categories(given.values())
     return {
-        name: CurveStyle(given_colours.get(name, colour), line, marker)
-        for name, colour, line, marker in zip(
-            names, cycle(PALETTE), cycle(LINES), cycle(_MARKERS), strict=False
-        )
+        name: CurveStyle(given[name] if name in given else next(others), line, marker)
+        for name, line, marker in zip(names, cycle(LINES), cycle(_MARKERS), strict=False)
     }
 
 
 def typeset_dampings(name: str) -> str:
     """Return a text with the symbols of damping models, k1 and k1m, as math."""
     return re.sub(r"\bk1(m?)\b", lambda match: f"$k_{{1{match[1]}}}$", name).replace("+", " + ")
+
+
+def is_given(number: float) -> bool:
+    """Return whether a number was given as it is: with few digits, unlike a computed one."""
+    return float(f"{number:.{_GIVEN_DIGITS}g}") == number
+
+
+def number_texts(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[str]:
+    """Return the texts of numbers, which differ where the numbers do.
+
+    Numbers that were given have all their digits, and at least so many `decimals`. Computed ones
+    have so many `digits`, after the point if the `form` is "f", or more if others would read the
+    same. Numbers that agree in the digits of a given one count as equal.
+    """
+    numbers = np.ravel(numbers).tolist()
+    given = [f"{number:.{_GIVEN_DIGITS}g}" for number in numbers]
+    for count in range(digits, _GIVEN_DIGITS + 1):
+        texts = [
+            _with_decimals(text, decimals) if is_given(number) else f"{number:.{count}{form}}"
+            for number, text in zip(numbers, given, strict=True)
+        ]
+        if len({*texts}) == len({*given}):
+            break
+    return texts
+
+
+def _with_decimals(text: str, decimals: int) -> str:
+    """Return the text of a number with at least so many decimals."""
+    whole, _, fraction = text.partition(".")
+    if not decimals or re.search("[a-z]", text):  # with an exponent, or infinite
+        return text
+    return f"{whole}.{fraction:0<{decimals}}"
 
 
 def length_unit(length: float) -> tuple[float, str]:

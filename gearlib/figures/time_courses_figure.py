@@ -1,5 +1,7 @@
 """Fig. 4, 6, 7, 8: phase planes and time histories of a few runs, in columns."""
 
+import re
+
 import numpy as np
 import xarray as xr
 
@@ -34,8 +36,10 @@ def draw(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
     for column, title in zip(grid.T, map(str, shown.case.values), strict=True):
         run = shown.sel(case=title)
         draw_plane(column[0], run, color=style.PALETTE[0], linewidth=0.8)
-        tuning = f"{float(run.tuning):g}"
-        column[0].set_title(title if tuning in title else f"{title}\n$\\nu_s$ = {tuning}")
+        (tuning,) = panels.tuning_texts(run.tuning, run.get("speed"))
+        stated = re.search(r"(?:tuning|nu|ν)\s*=?\s*(\d+(?:\.\d+)?)", title)
+        is_stated = stated is not None and float(stated[1]) == float(run.tuning)
+        column[0].set_title(title if is_stated else f"{title}\n$\\nu_s$ = {tuning}")
         column[0].set_xlabel(style.DISPLACEMENT_LABEL)
         column[0].set_xlim(style.limits(shown.displacement, 0.0))
         for axes, name in zip(column[1:], courses, strict=True):

@@ -53,7 +53,8 @@ def draw_reducer(characteristics: xr.Dataset):
     figure = style.page_figure(height=6.8)
     meshes, mesh_branches = characteristics.mesh.values, characteristics.mesh_branch.values
     branches = dict(zip(meshes, mesh_branches, strict=True))
-    colours = {mesh: style.PALETTE[int(branch) - 1] for mesh, branch in branches.items()}
+    branch_styles = style.curve_styles(characteristics.branch.values.tolist())
+    colours = {mesh: branch_styles[int(branch)].colour for mesh, branch in branches.items()}
     remaining = schematic.draw_train(figure, characteristics, colours, below=True)
     stages = {
         stage: _with_decreasing_widths(
@@ -161,10 +162,11 @@ def _mark_single_branches(axes, case: xr.Dataset):
     The variables are the fractions of the initial states from which this holds for a branch; all of
     them, stored under the direction "cold", must agree: a fraction of 1.
     """
+    styles = style.curve_styles(case.branch.values.tolist())
     for name, (height, marker, _) in _SINGLE_BRANCH_MARKERS.items():
         shares = case[name].sel(direction="cold")
-        for branch in case.branch.values:
+        for branch, branch_style in styles.items():
             tuning = case.tuning.values[shares.sel(branch=branch).values == 1.0]
-            y, colour = np.full(tuning.size, height), style.PALETTE[branch - 1]
+            y, colour = np.full(tuning.size, height), branch_style.colour
             options = {"transform": axes.get_xaxis_transform()}
             style.draw_markers(axes, tuning, y, marker, colour, 2.5, **options)

@@ -577,7 +577,7 @@ def _compare_time_histories(histories: xr.Dataset) -> Iterator[Comparison]:
         history = histories.isel(course=i, observable=j)
         if not math.isfinite(float(history.amplitude[0])):
             continue
-        where = f"of {history.observable.values} at {float(history.speed):.4g} min-1"
+        where = f"of {history.observable.values} at {float(history.speed):.6g} min-1"
         measured = [*zip(history.amplitude.values, history.amplitude_std.values, strict=True)]
         computed = [(amplitude, 0.0) for amplitude in history.computed_amplitude.values]
         for k in range(1, history.sizes["harmonic"]):

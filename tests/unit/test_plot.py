@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 import gearlib
-from gearlib import plot, run_up, simulate
+from gearlib import colours, plot, run_up, simulate
 from gearlib.figures import (
     jump_figure,
     nonlinear_damping_figure,
@@ -91,6 +91,30 @@ ODD = {
 def test_limits_are_numbers(figure, data):
     for axes in figure.draw(data).axes:
         assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
+
+
+def test_rows_of_phase_planes_say_their_tuning_as_given_and_the_speed_that_was_asked():
+    tunings = [0.332, 0.334, 0.735, float(PAPER.tuning_at(3600.0))]
+    planes = PLANES.isel(tuning=[0] * 4).assign_coords(tuning=tunings)
+    planes["speed"] = "tuning", PAPER.speed(np.array(tunings))
+    rows = phase_planes_figure.draw(planes).axes[:: planes.damping.size]
+    labels = [axes.get_ylabel().split("\n")[:2] for axes in rows]
+    assert [label[0][-5:] for label in labels[:3]] == ["0.332", "0.334", "0.735"]
+    assert labels[3][1] == "(3600 rpm)"
+
+
+def test_numbers_read_as_different_where_they_are():
+    numbers = np.array([1.0, 1.0 + 1e-8, 2.0]) / 3.0
+    assert style.number_texts(numbers, 3) == ["0.33333333", "0.33333334", "0.66666667"]
+    assert style.number_texts([0.3, 0.25, 1e-12], 2, "f", 2) == ["0.30", "0.25", "1e-12"]
+    # Equal but for rounding.
+    assert style.number_texts([0.1 + 0.2, 0.3], 3) == ["0.3", "0.3"]
+
+
+@pytest.mark.parametrize("given", [{}, {3: "#0072B2"}])
+def test_categories_have_colours_of_their_own_and_none_of_a_motion(given):
+    chosen = [curve.colour for curve in style.curve_styles(range(40), given).values()]
+    assert len({*chosen, *colours.MOTIONS.values()}) == 40 + len(colours.MOTIONS)
 
 
 def test_same_data_same_bytes(tmp_path):
