@@ -18,6 +18,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope
 from gearlib.analysis.orbits.shooting import NoOrbit, Orbit, compose, periodic_orbit
 from gearlib.engines import orbit as columns
+from gearlib.progress import Limit
 
 KINDS = ("periodic", "chaotic", "unbounded", "undecided")
 PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
@@ -81,10 +82,10 @@ class Attractor:
         return self.kind, self.period, height if np.isfinite(height) else np.inf
 
 
-def find_attractors(stroboscope: Stroboscope, states: np.ndarray, known_attractors: list) -> list:
+def find_attractors(stroboscope, states: np.ndarray, known_attractors: list, limit: Limit) -> list:
     """Return the periodic attractors near settled states (k, n) that are not yet known.
 
-    Each state is propagated over 64 more cycles of the excitation.
+    Each state is propagated over 64 more cycles of the excitation. `limit` is that of the time.
     """
     series = [states]
     for _ in range(2 * MAX_CYCLES):
@@ -92,7 +93,7 @@ def find_attractors(stroboscope: Stroboscope, states: np.ndarray, known_attracto
     # The last states come first, because they have settled best.
     series = np.array(series[::-1])
     scaled_series, attractors = stroboscope.scaled(series), list(known_attractors)
-    for k in range(len(states)):
+    for k in limit.each(range(len(states))):
         if not np.isfinite(scaled_series[:, k]).all():
             continue
         if any(attractor.ellipses.contain(scaled_series[:1, k])[0] for attractor in attractors):

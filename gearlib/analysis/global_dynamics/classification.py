@@ -93,7 +93,8 @@ class _Motions:
         while len(states) and not self.limit.is_over():
             # After a few states, most of the others lie in the ellipses of known attractors.
             sample, states = states[:_SAMPLE_SIZE], states[_SAMPLE_SIZE:]
-            self.attractors += attractors.find_attractors(stroboscope, sample, self.attractors)
+            arguments = sample, self.attractors, self.limit
+            self.attractors += attractors.find_attractors(stroboscope, *arguments)
             for attractor in self.attractors:
                 states = states[~attractor.ellipses.contain(stroboscope.scaled(states))]
         return len(self.attractors) > count_before
