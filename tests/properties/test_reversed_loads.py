@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gearlib
+from gearlib import plot
 from gearlib.analysis.duty_point import duty_point
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.data.motions import largest_force
@@ -114,5 +115,5 @@ def test_a_run_up_on_the_coast_side_shows_its_largest_forces():
     # Inertia forces of a fast run-up would load the drive side in both trains.
     expected = drive.dynamic_force_max.values
     np.testing.assert_allclose(largest_force(coast), expected, rtol=1e-6)
-    (line, *_) = gearlib.plot.run_up(coast).lines
+    (line, *_) = plot.run_up(coast).lines
     assert np.nanmax(line.get_ydata()) == pytest.approx(expected[:, 0].max(), rel=1e-6)
