@@ -219,7 +219,7 @@ def optimum_relief(
         minima = [minimum, *(_descend(range_of_error, start, bounds) for start in shifted)]
         minimum = min(minima, key=range_of_error)
         # Where single contact alone decides, many reliefs are equal: that near Harris' is taken.
-        candidates = [optimum]
+        candidates: list[Any] = [optimum]
         for start in (optimum, minimum):
             candidates += [_minimize_range(lambda point: errors([point])[0], start, bounds), start]
         optimum = min(candidates, key=lambda point: round(np.ptp(errors([point])), _DECIMALS))
