@@ -219,8 +219,10 @@ def optimum_relief(
         shifted = [minimum + [0.0, 0.0, shift] for shift in _SHIFTS * is_free]
         minima = [minimum, *(_descend(range_of_error, start, bounds) for start in shifted)]
         minimum = min(minima, key=range_of_error)
-        minimax = _minimize_range(lambda variables: errors([variables])[0], minimum, bounds)
-        candidates = [optimum, minimum, minimax]
+        # Where single contact alone decides, many reliefs are equal: that near Harris' is taken.
+        candidates: list[Any] = [optimum]
+        for start in (optimum, minimum):
+            candidates += [_minimize_range(lambda point: errors([point])[0], start, bounds), start]
         optimum = min(candidates, key=lambda point: round(np.ptp(errors([point])), _DECIMALS))
         optimum = np.round(optimum, _DECIMALS)
     *amounts, length = (values.item() for values in values_in_m([optimum]))
