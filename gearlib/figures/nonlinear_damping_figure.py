@@ -31,7 +31,7 @@ def draw(studies: list[xr.Dataset]):
         labels = panels.tuning_texts(tunings, speeds)
         for axes, tuning, label in zip(column[1:], tunings, labels, strict=True):
             _draw_phase_planes(axes, data.sel(shown=tuning), styles)
-            axes.set_title(f"$\\nu_s$ = {label}, from rest")
+            axes.set_title(f"tuning ν = {label}, from rest")
     grid[0, 0].set_ylabel("$y_\\mathrm{max}$, $y_\\mathrm{min}$ (static defl.)")
     for axes in grid[1:, 0]:
         axes.set_ylabel(style.VELOCITY_LABEL)

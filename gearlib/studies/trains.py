@@ -142,7 +142,7 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
         tuning_lists = [" ".join(f"{nu:g}" for nu in tunings[mask]) for mask in masks]
         factor = f"{float(cell.largest_factor):.4g}"
         names = [cell[name].item() for name in ("case", "direction", "mesh")]
-        speed = f"{speed_per_tuning * tuning:.0f}"
+        speed = _whole_number(speed_per_tuning * tuning)
         yield [*names, factor, f"{tuning:g}", speed, *tuning_lists]
 
 
@@ -195,7 +195,8 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
         for mode in diagram.mode.values:
             cell = diagram.sel(stiffness_order=order, mode=mode)
             speed, frequency = float(cell.critical_speed), float(cell.natural_frequency)
-            texts = f"{speed:.0f}", f"{order:.4g}", f"{frequency:.0f}", str(cell.mode_kind.item())
+            numbers = _whole_number(speed), f"{order:.4g}", _whole_number(frequency)
+            texts = *numbers, str(cell.mode_kind.item())
             if speed <= speeds[-1]:
                 _, is_excited = intersections.get(texts, (0.0, False))
                 intersections[texts] = speed, bool(cell.excites) or is_excited
@@ -204,3 +205,8 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     for texts, (speed, is_excited) in sorted(intersections.items(), key=lambda item: item[1][0]):
         contact_lost = "yes" if loses_contact[np.abs(speeds - speed).argmin()] else "no"
         yield [*texts, "yes" if is_excited else "no", contact_lost if speed >= speeds[0] else ""]
+
+
+def _whole_number(value: float) -> str:
+    """Return a value as a whole number, a small one with three digits."""
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
