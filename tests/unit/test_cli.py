@@ -17,6 +17,7 @@ from gearlib.data import storage
 from gearlib.parameters import WRITTEN_UNITS
 from tests.geometry import drawings
 from tests.paper import CONFIG, PAPER
+from tests.unit.test_gear_names import relieved
 
 PAIR = (
     "--max-stiffness '4e5 N/mm' --stiffness-ratio 0.5879 --contact-ratio 1.569 "
@@ -106,6 +107,14 @@ def test_files_hold_what_the_library_computes_in_the_format_of_their_suffix(run,
     # A variable with further dimensions has a column for each of their entries.
     assert "modes" not in command or "mode_shape input rotation" in heads
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_only_models_with_tip_relief_bear_its_name(run):
+    write("relieved.yaml", relieved())
+    gears = "--config relieved.yaml"
+    speeds = "--start 4000rpm --stop 4100 --duration 0.1"
+    assert run(f"run-up {gears} {speeds}").splitlines()[0].endswith(", tip relief left out")
+    assert run(f"simulate {gears} --tuning 0.3").splitlines()[0].endswith(", tip relief")
 
 
 def test_a_run_up_an_orbit_and_trust_print_their_results(run):
