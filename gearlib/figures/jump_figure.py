@@ -85,6 +85,9 @@ def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str,
     for mask, marker, size in ((~several_jumps, "o", 3), (several_jumps, "x", 4)):
         style.draw_markers(axes, value[mask], shift[mask], marker, _BLUE, size)
     axes.set(xscale=scale, xlabel=label)
+    if scale == "log" and value.max() < 10.0 * value.min():
+        # Within less than a decade the labels of ticks overlap, or read the same.
+        axes.set_xlim(0.1 * value.min(), 10.0 * value.max())
     # The x limits must include values without a jump.
     axes.update_datalim(np.column_stack([value, np.zeros(value.size)]))
     axes.set_yscale("symlog", linthresh=MAX_LINEAR_SHIFT)

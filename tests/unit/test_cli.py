@@ -17,6 +17,7 @@ from gearlib.data import storage
 from gearlib.parameters import WRITTEN_UNITS
 from tests.geometry import drawings
 from tests.paper import CONFIG, PAPER
+from tests.unit.test_gear_names import relieved
 
 PAIR = (
     "--max-stiffness '4e5 N/mm' --stiffness-ratio 0.5879 --contact-ratio 1.569 "
@@ -111,6 +112,14 @@ def test_files_hold_what_the_library_computes_in_the_format_of_their_suffix(run,
 def test_a_left_hand_helix_is_a_negative_angle(run):
     right, left = (run(f"gears DRAWN --helix-angle {sign}15deg").splitlines() for sign in ("", "-"))
     assert "-15" in left[0] and right[1:] == left[1:]
+
+
+def test_only_models_with_tip_relief_bear_its_name(run):
+    write("relieved.yaml", relieved())
+    gears = "--config relieved.yaml"
+    speeds = "--start 4000rpm --stop 4100 --duration 0.1"
+    assert run(f"run-up {gears} {speeds}").splitlines()[0].endswith(", tip relief left out")
+    assert run(f"simulate {gears} --tuning 0.3").splitlines()[0].endswith(", tip relief")
 
 
 def test_a_run_up_an_orbit_and_trust_print_their_results(run):
