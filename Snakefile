@@ -53,7 +53,9 @@ configfile: CONFIG_FILE
 
 given = workflow.config_settings.overwrite_config
 if given:
-    chosen = configuration.overlay_gears(config, given)
+    # Snakemake has merged the files, unless they replace the configuration of this folder.
+    replaced_base = workflow.config_settings.replace_workflow_config
+    chosen = configuration.overlay_gears(config if replaced_base else BASE, given)
     config.clear()
     config.update(chosen)
 

@@ -467,7 +467,10 @@ def workflow(arguments):
         if argument.startswith("-"):
             is_file = argument in ("--configfile", "--configfiles")
         elif is_file:
-            yaml_keys.read(argument)  # Unlike Snakemake, it reports a missing file, and lines.
+            # Unlike Snakemake, this reports a missing file, and the line of an error.
+            allowed = "a file; targets stand before this option"
+            checks.require(Path(argument).is_file(), "--configfile", argument, allowed)
+            yaml_keys.read(argument)
     _run_snakemake(Path(), arguments)
 
 

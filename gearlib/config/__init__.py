@@ -76,7 +76,8 @@ def overlay(base: dict, changes: dict) -> dict:
 def cases(mapping: dict) -> dict[str, dict]:
     """Return the configuration of each case by the name of the case, each accepted by `load`.
 
-    The keys of a case under ``cases`` replace those of the rest of the configuration `mapping`.
+    The keys of a case under ``cases`` replace those of the rest of the configuration `mapping`,
+    whose scenes are left out for another `gear_pair`.
     """
     case_changes = mapping["cases"]
     if not isinstance(case_changes, dict) or not case_changes:
@@ -98,7 +99,7 @@ def cases(mapping: dict) -> dict[str, dict]:
                 "mapping of the keys that differ"
             )
         else:
-            configurations[name] = overlay(common, changes)
+            configurations[name] = _overlay_pair(common, changes)
             try:
                 load(configurations[name])
             except ConfigError as error:
@@ -112,7 +113,8 @@ def overlay_gears(base: dict, changes: dict) -> dict:
     """Return the configuration `base` updated with `changes`, without keys that no longer fit.
 
     If `base` has a `gear_pair` and `changes` has drawn `gears`, return only `changes`, because the
-    dampings, bearings and scenes of `base` belong to another pair. If `changes` replaces the train
+    dampings, bearings and scenes of `base` belong to another pair; of another `gear_pair` only the
+    scenes are left out. If `changes` replaces the train
     without naming targets, the targets of `base` are dropped. If `changes` also replaces the gears,
     the default targets apply; otherwise only the targets of trains are kept.
     """
@@ -129,7 +131,17 @@ def overlay_gears(base: dict, changes: dict) -> dict:
         base = {key: value for key, value in base.items() if key != "targets"}
         if not changed & {"gears", "gear_pair"}:
             base["targets"] = list(TRAIN_TARGETS)
-    return overlay(base, changes)
+    return _overlay_pair(base, changes)
+
+
+def _overlay_pair(base: dict, changes: dict) -> dict:
+    """Return the configuration `base` updated with `changes`, without scenes of another pair."""
+    from gearlib.config import gear_names
+
+    merged = overlay(base, changes)
+    if "scenes" in base and gear_names.parameters_differ(base, merged):
+        return overlay({key: x for key, x in base.items() if key != "scenes"}, changes)
+    return merged
 
 
 @cache

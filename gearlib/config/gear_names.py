@@ -4,6 +4,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from pydantic import ValidationError
+
+from gearlib.config.gear_pair_section import GearPairSection
 from gearlib.config.gears_section import FZG_C, GearSection
 
 #: Values of the mesh of Hortel and Skuderova (2007), "the paper"; they identify its pair.
@@ -50,6 +53,15 @@ def name_of_parameters(pair: Any) -> str:
         "gear pair C_max {max_stiffness:.10g} N/m, κ {stiffness_ratio:.10g}, "
         "ε {contact_ratio:.10g}, m_red {reduced_mass:.10g} kg"
     ).format(**values)
+
+
+def parameters_differ(base: dict, changed: dict) -> bool:
+    """Return whether two configurations, each content of YAML, have different valid gear pairs."""
+    try:
+        pairs = [GearPairSection.model_validate(x.get("gear_pair")) for x in (base, changed)]
+    except ValidationError:
+        return False
+    return len(set(map(name_of_parameters, pairs))) > 1
 
 
 def name_of_pair(config: Any, modified: bool = True) -> str:

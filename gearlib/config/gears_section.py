@@ -32,6 +32,8 @@ Z20_PAIR = {
     "backlash": 50e-6,
     "torque": 500.0,
 }
+#: Section of a study of drawn gears -> its key of the gears.
+GEARS_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears"}
 _RING_KEYS = ("internal", "outer_diameter")
 
 
@@ -268,9 +270,8 @@ class HarrisMap(Section):
 
 def takes_configured_gears(config: Any, section_name: str) -> bool:
     """Return whether "mesh_stiffness" or "harris_map" has no gears and uses the configured ones."""
-    gears_key = {"mesh_stiffness": "pairs", "harris_map": "gears"}[section_name]
     section = getattr(config, section_name)
-    return config.gears is not None and gears_key not in section.model_fields_set
+    return config.gears is not None and GEARS_KEYS[section_name] not in section.model_fields_set
 
 
 def drawn_pairs(config: Any, section_name: str) -> dict[str, DrawnPair]:

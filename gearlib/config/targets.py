@@ -8,7 +8,7 @@ from functools import partial
 from importlib.util import find_spec
 from typing import Any, get_args
 
-from gearlib.config import gears_section
+from gearlib.config import gear_names, gears_section
 from gearlib.config.experiments import METHOD_PACKAGES
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
 from gearlib.config.train_section import PAIR_TRAINS, Kind
@@ -72,26 +72,38 @@ def _missing_bearings(config: Any) -> str:
     return MISSING_BEARINGS if config.six_degrees.bearing_stiffness is None else ""
 
 
-def _scene_bearings_error(config: Any) -> str:
-    """Return the error message if a scene may need bearings that are missing, else ""."""
+def _scenes_error(config: Any) -> str:
+    """Return why the scenes, and the models that suffice for them, cannot be computed, else ""."""
+    if not config.scenes:
+        return (
+            "scenes = {} is not allowed: the paper's scenes suit the paper's pair only, at least "
+            "one must be given"
+        )
     scenes = config.scenes.values()
     models = {model for scene in scenes for model in config.candidate_models(scene)}
     return _missing_bearings(config) if models - {"one_degree"} else ""
 
 
-def _scenes_error(config: Any) -> str:
-    """Return why the scenes cannot be computed for drawn gears, else ""."""
-    if config.gears and not config.scenes:
-        return (
-            "scenes = {} is not allowed: the paper's scenes suit the paper's pair only, at least "
-            "one must be given"
-        )
-    return _scene_bearings_error(config)
-
-
 def _drawn_gears_error(reason: str, config: Any) -> str:
     """Return the error message, with its reason, if the configuration has drawn gears, else ""."""
     return f"gears is not allowed: {reason}, it must be left out" if config.gears else ""
+
+
+def _claims_error(config: Any) -> str:
+    """Return the error message if the gears are not the paper's, else ""."""
+    if config.gears is None and not gear_names.is_paper(config):
+        values = ", ".join(f"{key} {value:g}" for key, value in gear_names.PAPER.items())
+        return f"gear_pair is not allowed: the statements are about the paper's pair, {values}"
+    return _drawn_gears_error("its statements are about the paper's pair", config)
+
+
+def _drawing_error(section_name: str, config: Any) -> str:
+    """Return why "mesh_stiffness" or "harris_map" has no drawing of the gears, else ""."""
+    key = gears_section.GEARS_KEYS[section_name]
+    is_given = config.gears or key in getattr(config, section_name).model_fields_set
+    if not is_given and not gear_names.is_paper(config):
+        return f"gears is missing: it must be the drawing of the gears, or {section_name}.{key}"
+    return gears_section.unsuitable_gears(config, section_name)
 
 
 def _reducer_error(config: Any) -> str:
@@ -142,8 +154,8 @@ def _tolerances_error(config: Any) -> str:
 #: Target -> function of the configuration that returns why the target is refused, or "".
 _REFUSALS = {
     "scenes": _scenes_error,
-    "claims": partial(_drawn_gears_error, "its statements are about the paper's pair"),
-    "models": _scene_bearings_error,
+    "claims": _claims_error,
+    "models": _scenes_error,
     "failures": partial(_drawn_gears_error, "its problems have gears of their own"),
     "work_precision": lambda x: (
         _missing_bearings(x) if "six_degrees" in x.work_precision.problems else ""
@@ -151,8 +163,8 @@ _REFUSALS = {
     "reducer": _reducer_error,
     "campbell": lambda x: _missing_teeth(x) if has_custom_train(x) else _reducer_error(x),
     "train_sweep": _train_sweep_error,
-    "mesh_stiffness": partial(gears_section.unsuitable_gears, section_name="mesh_stiffness"),
-    "harris_map": partial(gears_section.unsuitable_gears, section_name="harris_map"),
+    "mesh_stiffness": partial(_drawing_error, "mesh_stiffness"),
+    "harris_map": partial(_drawing_error, "harris_map"),
     "measured": lambda x: "" if x.measured else NO_MEASURED_SETS,
     "tolerances": _tolerances_error,
 }

@@ -220,7 +220,8 @@ def criteria_of_scene(wildcards):
 
 def label_of_scene(wildcards):
     """Return the labels of a scene in the report: its name with spaces, and its dampings."""
-    title = re.sub(r"^fig(\d+)_", r"Fig. \1: ", wildcards.scene).replace("_", " ")
+    number = r"Fig. \1: " if gear_names.is_paper(CONFIG) else ""
+    title = re.sub(r"^fig(\d+)_", number, wildcards.scene).replace("_", " ")
     dampings = dict.fromkeys(case["damping"] for case in config["scenes"][wildcards.scene]["cases"])
     return {"figure": f"{title}, damping {', '.join(dampings)}"}
 
