@@ -165,7 +165,8 @@ def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
         # A further transient lets the motion settle to rounding error before the record.
         record_periods = orbit_periods
         transient_periods = simulated_periods if cycle == 1 else cycle
-        comment = f"one period of the orbit, {orbit_periods} mesh periods"
+        plural = "s" if orbit_periods > 1 else ""
+        comment = f"one period of the orbit, {orbit_periods} mesh period{plural}"
     else:
         decay_periods = math.ceil(min(_decay_periods(model, tuning), 1e9))
         max_cycle = min(_MAX_CYCLE_PERIODS, int(_MAX_CYCLE_STEPS / steps))

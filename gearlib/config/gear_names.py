@@ -50,9 +50,9 @@ def name_of_parameters(pair: Any) -> str:
     if all(math.isclose(values[key], value, rel_tol=1e-9) for key, value in PAPER.items()):
         return "paper's pair"
     return (
-        "gear pair C_max {max_stiffness:.10g} N/m, κ {stiffness_ratio:.10g}, "
+        "gear pair C_max {stiffness:.10g} N/µm, κ {stiffness_ratio:.10g}, "
         "ε {contact_ratio:.10g}, m_red {reduced_mass:.10g} kg"
-    ).format(**values)
+    ).format(stiffness=1e-6 * values["max_stiffness"], **values)
 
 
 def parameters_differ(base: dict, changed: dict) -> bool:

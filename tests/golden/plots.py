@@ -76,7 +76,7 @@ def orders():
 
 
 def orders_of_meshes():
-    run = simulate(PLANETS, 0.9, periods=321, record_periods=21)
+    run = simulate(PLANETS, 0.9, periods=597, record_periods=297)
     return plot.orders(gearlib.orders(run, count=2))
 
 

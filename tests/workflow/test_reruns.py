@@ -188,7 +188,7 @@ def test_other_gears_have_their_own_folder(tmp_path):
     assert project.planned(*arguments) == {"compute_phase_lag": 1, "draw_phase_lag": 1}
     mine.write_text(yaml.safe_dump(gears | {"gear_pair": {"max_stiffness": 2e8}}))
     printed = project.snakemake("-j2", *arguments, succeed=False)
-    assert "results/mine/ holds what was computed for the gear pair C_max 3e+08 N/m" in printed
+    assert "results/mine/ holds what was computed for the gear pair C_max 300 N/µm" in printed
     mine.write_text(yaml.safe_dump(gears | {"project": "softer"}))
     assert "results/softer/phase_lag.nc" in project.snakemake("-n", *arguments)
 
