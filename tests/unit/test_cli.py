@@ -161,7 +161,7 @@ def test_optional_keys_of_a_new_project_stand_in_their_place_as_comments(run):
 
 #: Wrong command line | part of the error message.
 REFUSED = """
-simulate PAIR | tuning = None with speed = None is not allowed
+simulate PAIR | tuning and speed are missing
 trust PAIR --speed '50 Hz' | speed = '50 Hz' is not allowed: it must be
 simulate --tuning 1 | max_stiffness is missing
 simulate PAIR --tuning 1 -o no/run.nc | run.nc cannot be written: No such file
