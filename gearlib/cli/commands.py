@@ -335,6 +335,7 @@ def _read_measured(values):
     ranges = {} if values["free"] else dict(section.free)
     for text in values["free"]:
         name, equals, limits = text.partition("=")
+        checks.require(name, "--free", text, "NAME or NAME=LOW,HIGH")
         ranges[name] = limits.split(",") if equals else section.free.get(name, [])
     if not ranges:
         raise click.UsageError(f"--free is missing: give NAME=LOW,HIGH, or fit.free in {path}")
@@ -431,7 +432,9 @@ def init(path, force):
 
 @main.command()
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path), default="paper")
-@click.option("-j", "--jobs", default=2, show_default=True, help="Parallel processes.")
+@click.option(
+    "-j", "--jobs", default=2, type=click.IntRange(1), show_default=True, help="Parallel processes."
+)
 @click.option("--all", "everything", is_flag=True, help="Compute all targets.")
 def paper(folder, jobs, everything):
     """Reproduce the paper in FOLDER, by default ./paper: figures, and a table of its statements.
