@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from gearlib.config.gear_pair_section import GearPairSection
-from gearlib.config.gears_section import FZG_C, GearSection
+from gearlib.config.gears_section import FZG_C
 
 #: Values of the mesh of Hortel and Skuderova (2007), "the paper"; they identify its pair.
 PAPER = {
@@ -31,7 +31,7 @@ def name_of_drawing(pair: Any) -> str:
     return name
 
 
-def _module_and_helix(gear: GearSection) -> str:
+def _module_and_helix(gear: Any) -> str:
     """Return normal module and helix angle of a drawn gear as text."""
     helix = f", β {math.degrees(gear.helix_angle):.4g}°" if gear.helix_angle else ""
     return f"m {1e3 * gear.module:.4g} mm{helix}"

@@ -25,7 +25,6 @@ from gearlib.models.trains.elements import (
     ElementSequence,
     Mesh,
     Shaft,
-    check_balance,
     check_gears,
     check_names,
 )
@@ -108,7 +107,7 @@ class GearTrain(Model):
         checks.one_of("reference", self.reference, self.mesh_names)
         check_names(self)
         check_gears(self)
-        check_balance(self)
+        statics.check_balance(self)
 
     @property
     def body_names(self):
