@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 import signal
 import subprocess
@@ -481,13 +482,14 @@ def _run_snakemake(folder, arguments):
     command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
     # The path in the profile would be relative to the folder of the rules.
     command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
-    is_terminal = sys.stdout is not None and sys.stdout.isatty()
-    process = subprocess.Popen(command, stdout=None if is_terminal else subprocess.PIPE)
+    stdout = sys.__stdout__  # None where it is closed
+    is_pipe = stdout is not None and not stdout.isatty()
+    process = subprocess.Popen(command, stdout=subprocess.PIPE if is_pipe else None)
     # Leave Ctrl-C to Snakemake, which stops its jobs first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         for line in process.stdout or ():
-            click.echo(line, nl=False)
+            os.write(stdout.fileno(), line)
     finally:
         # Where nobody reads on, as behind `| head`, Snakemake goes on undisturbed.
         process.communicate()
