@@ -482,14 +482,14 @@ def _run_snakemake(folder, arguments):
     command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
     # The path in the profile would be relative to the folder of the rules.
     command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
-    stdout = sys.__stdout__  # None where it is closed
-    is_pipe = stdout is not None and not stdout.isatty()
+    # It is None where standard output, descriptor 1, is closed.
+    is_pipe = sys.__stdout__ is not None and not os.isatty(1)
     process = subprocess.Popen(command, stdout=subprocess.PIPE if is_pipe else None)
     # Leave Ctrl-C to Snakemake, which stops its jobs first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         for line in process.stdout or ():
-            os.write(stdout.fileno(), line)
+            os.write(1, line)
     finally:
         # Where nobody reads on, as behind `| head`, Snakemake goes on undisturbed.
         process.communicate()
