@@ -62,7 +62,8 @@ if given:
 NAME = projects.name_of(config, BASE, given, workflow.overwrite_configfiles)
 if NAME:
     config["project"] = NAME
-RESULTS = Path("results", NAME)
+# A name that is no text is refused below.
+RESULTS = Path("results", str(NAME))
 # Before rules add defaults to the configuration.
 MACHINES = projects.machines(RESULTS, config)
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 import signal
 import subprocess
@@ -339,6 +340,7 @@ def _read_measured(values):
     ranges = {} if values["free"] else dict(section.free)
     for text in values["free"]:
         name, equals, limits = text.partition("=")
+        checks.require(name, "--free", text, "NAME or NAME=LOW,HIGH")
         ranges[name] = limits.split(",") if equals else section.free.get(name, [])
     if not ranges:
         raise click.UsageError(f"--free is missing: give NAME=LOW,HIGH, or fit.free in {path}")
@@ -435,7 +437,9 @@ def init(path, force):
 
 @main.command()
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path), default="paper")
-@click.option("-j", "--jobs", default=2, show_default=True, help="Parallel processes.")
+@click.option(
+    "-j", "--jobs", default=2, type=click.IntRange(1), show_default=True, help="Parallel processes."
+)
 @click.option("--all", "everything", is_flag=True, help="Compute all targets.")
 def paper(folder, jobs, everything):
     """Reproduce the paper in FOLDER, by default ./paper: figures, and a table of its statements.
@@ -482,13 +486,14 @@ def _run_snakemake(folder, arguments):
     command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
     # The path in the profile would be relative to the folder of the rules.
     command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
-    is_terminal = sys.stdout is not None and sys.stdout.isatty()
-    process = subprocess.Popen(command, stdout=None if is_terminal else subprocess.PIPE)
+    # It is None where standard output, descriptor 1, is closed.
+    is_pipe = sys.__stdout__ is not None and not os.isatty(1)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE if is_pipe else None)
     # Leave Ctrl-C to Snakemake, which stops its jobs first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         for line in process.stdout or ():
-            click.echo(line, nl=False)
+            os.write(1, line)
     finally:
         # Where nobody reads on, as behind `| head`, Snakemake goes on undisturbed.
         process.communicate()

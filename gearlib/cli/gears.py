@@ -115,7 +115,8 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
             raise click.UsageError("gears is missing: the configuration describes a train only")
         mapping = _UNDAMPED | _UNUSED_PAIR | mapping
     # A damping that only options describe is named "options".
-    damping = damping or next(iter(mapping.get("dampings") or ()), "options")
+    configured = mapping.get("dampings")
+    damping = damping or next(iter(configured if isinstance(configured, dict) else ()), "options")
     dampings = {damping: coefficients} if coefficients or not mapping else {}
     changes = {"gear_pair": pair, "dampings": dampings, "six_degrees": bearings}
     # Without a configuration empty sections are kept, so that their missing keys are reported.
@@ -144,7 +145,10 @@ def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
         raise click.UsageError("\n".join(unknown))
     cases = config.cases(mapping) if "cases" in mapping else {"": mapping}
     if (case or "") not in cases:
-        raise click.UsageError(f"--case {case or 'is missing'}: it must be one of {[*cases]}")
+        allowed = (
+            f"one of {', '.join(cases)}" if "cases" in mapping else "left out: there are no cases"
+        )
+        raise click.UsageError(f"--case {case or 'is missing'}: it must be {allowed}")
     return cases[case or ""]
 
 

@@ -84,9 +84,9 @@ class Group(click.Group):
             text = with_original_values(message, mapping={})  # Only shorten computed numbers.
             raise click.UsageError(text) from None
         except ModuleNotFoundError as error:
-            extra = _EXTRAS.get(str(error.name).partition(".")[0])
-            hint = extra and f": it is in the extra {extra}, pip install 'gearlib[{extra}]'"
-            raise click.ClickException(f"{error}{hint or ''}") from None
+            package, extra = error.name, _EXTRAS.get(str(error.name).partition(".")[0])
+            hint = f"{package} is not installed: pip install 'gearlib[{extra}]', the extra {extra}"
+            raise click.ClickException(hint if extra else str(error)) from None
         except BrokenPipeError:  # as by `| head`; click ends in silence
             raise
         except OSError as error:

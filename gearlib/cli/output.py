@@ -116,13 +116,10 @@ def gear_table(rows, file_format):
     if file_format == "json":
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))
     elif file_format == "csv":
+        from gearlib.studies.gear_table import cells
+
         text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        # A row has values of gears or methods; "of" names the gear or method.
-        writer.writerow(["name", "of", "value", "unit", "meaning"])
-        for row in rows:
-            for column, value in row.values.items():
-                writer.writerow([row.name, column, repr(value), row.unit, row.meaning])
+        csv.writer(text, lineterminator="\n").writerows(cells(rows))
         click.echo(text.getvalue(), nl=False)
     else:
         for columns, block in itertools.groupby(rows, lambda row: tuple(row.values)):

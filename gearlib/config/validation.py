@@ -191,7 +191,8 @@ def node_at(path, schema):
     node = schema
     for part in path:
         node = resolve(node, schema)
-        if isinstance(part, int):
+        # A key that is an integer is no index.
+        if isinstance(part, int) and "items" in node:
             node = node["items"]
         elif "properties" in node:
             node = node["properties"][part]

@@ -1,10 +1,10 @@
 """Tabulate two drawn gears: geometry, stiffness by each method, and load, in common units."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
-from gearlib import checks
+from gearlib.models.geometry import drawings
 from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
@@ -54,6 +54,13 @@ _STIFFNESS_QUANTITIES = (
     ("damping_ratio", "", "beta", lambda p: p.damping_ratio),
     ("backlash_damping_ratio", "", "beta_m", lambda p: p.backlash_damping_ratio),
 )
+#: Those of a `GearPair` p that is given by its numbers.
+_PAIR_QUANTITIES = (
+    ("reduced_mass", "kg", "m_red", lambda p: p.reduced_mass),
+    ("load", "N", "F, along the line of action", lambda p: p.load),
+    ("backlash", "um", "s_k, along the line of action", lambda p: 1e6 * p.backlash),
+)
+_DAMPING_NAMES = {"material_damping", "damping_ratio", "backlash_damping_ratio"}
 
 
 class Quantity(NamedTuple):
@@ -74,20 +81,19 @@ def gear_quantities(
     method to its options; `load` has torque (N m), or power (W) and speed (rpm). A method that is
     not valid for these gears is omitted.
     """
-    pairs = {}  # method -> `GearPair`
+    pairs, refusals = {}, []  # method -> `GearPair`
     for method in METHODS:
         stiffness = {"stiffness": method, "options": (options or {}).get(method)}
         try:
             pair = GearPair.from_geometry(mesh, **load, **stiffness)
-        except ValueError:
+        except ValueError as error:
             # ISO 6336 has no stiffness for transverse contact ratios below 1, and the gear body of
             # the energy method is not defined for large bores.
-            if method == "iso" and mesh.contact_ratio >= 1.0:
-                raise
+            refusals.append(error)
             continue
         pairs[method] = pair.replace(**(damping or {"material_damping": 0.0}))
     if not pairs:
-        raise checks.refusal("contact_ratio", mesh.contact_ratio, ">= 1 for gears with such bores")
+        raise refusals[0]
     # Tip clearances (m), between the tip of a gear and the root of the other one.
     pinion_clearance, wheel_clearance = mesh.clearances
     gears = {"pinion": (mesh.pinion, pinion_clearance), "wheel": (mesh.wheel, wheel_clearance)}
@@ -101,7 +107,7 @@ def gear_quantities(
     return [*rows, Quantity("uncertainty", "%", uncertainties, f"of the stiffness; {sources}")]
 
 
-def _quantities(definitions: tuple, arguments: dict[str, tuple]) -> list[Quantity]:
+def _quantities(definitions: Iterable[tuple], arguments: dict[str, tuple]) -> list[Quantity]:
     """Return the quantities that are defined by (name, unit, meaning, function).
 
     `arguments` maps the name of each column of values to the arguments of the functions.
@@ -110,6 +116,34 @@ def _quantities(definitions: tuple, arguments: dict[str, tuple]) -> list[Quantit
         Quantity(name, unit, {column: value(*args) for column, args in arguments.items()}, meaning)
         for name, unit, meaning, value in definitions
     ]
+
+
+def cells(quantities: Iterable[Quantity]) -> Iterator[list]:
+    """Yield the names of the columns, then a row for each value; "of" names its gear or method."""
+    yield ["name", "of", "value", "unit", "meaning"]
+    for row in quantities:
+        yield from ([row.name, of, x, row.unit, row.meaning] for of, x in row.values.items())
+
+
+def rows(pairs: dict[str, dict], drawing: dict | None) -> Iterator[list]:
+    """Yield the rows of the table of a configuration: of its drawing, if any, and of its pairs.
+
+    `pairs` maps dampings to the parameters of the gear pair that runs.
+    """
+    models = {name: (GearPair(**values),) for name, values in pairs.items()}
+    if drawing:
+        options = {drawing.get("stiffness", "iso"): drawing.get("stiffness_options")}
+        mesh = drawings.mesh(drawing)
+        quantities = gear_quantities(mesh, options=options, torque=drawing["torque"])
+    else:
+        pair = next(iter(models.values()))
+        quantities = _quantities((*_PAIR_QUANTITIES, *_STIFFNESS_QUANTITIES), {"pair": pair})
+    quantities = [x for x in quantities if x.name not in _DAMPING_NAMES]
+    dampings = [x for x in _STIFFNESS_QUANTITIES if x[0] in _DAMPING_NAMES]
+    header, *body = cells([*quantities, *_quantities(dampings, models)])
+    yield header
+    for name, of, value, unit, meaning in body:
+        yield [name, of, f"{value:.6g}", unit, meaning]
 
 
 def duty_rows(

@@ -208,7 +208,9 @@ LIBRARY = {
     "mesh c-r ... connected with the reference mesh a-b": lambda: train(
         (A, B, C, LARGE), (AB, ab(pinion="c", wheel="r", name="c-r"))
     ),
-    "torque of bodies a, b ... must balance": lambda: train((A, b(torque=-200.0))),
+    "torque of bodies a, b ... must balance ... with 200 N m on b": lambda: train(
+        (A, b(torque=-200.0))
+    ),
     "support_stiffness of body a = ... the same along x and y in a turning frame": lambda: train(
         (a(mass=1.0, support_stiffness=(1e8, 2e8)), B), gyroscopic=True
     ),

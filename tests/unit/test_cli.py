@@ -1,7 +1,10 @@
 """The command line: what it prints and writes, how it ends."""
 
 import csv
+import os
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -186,12 +189,23 @@ simulate PAIR --tuning 1 --case a | --case and --damping need a configuration
 orbit --config binary.yaml --tuning 1 | binary.yaml is not YAML
 orbit --config twice.yaml --tuning 1 | a is given twice, again in line 3
 orbit --config syntax.yaml --tuning 1 | syntax.yaml is not YAML, line 2, col
+orbit --config colon.yaml --tuning 1 | colon.yaml: 'resonance' is not allowed: it must be a mapping
+workflow -n --configfile colon.yaml | colon.yaml: 'resonance' is not allowed: it must be a mapping
+workflow -n --configfile no.yaml | --configfile = 'no.yaml' is not allowed: it must be a file
+simulate --config five.yaml --tuning 1 | dampings = 5 is not allowed: it must be
+simulate --config four_planets.yaml --case a --tuning 1 | --case a: it must be left out
 modes --config four_planets.yaml | planets = 4 is not allowed: (z_s + z_r) / N
 simulate --config misspelt.yaml --tuning 1 | did you mean resonance
 simulate --config four_planets.yaml --damping k9 --tuning 1 | one of k1
 gears --teeth 23 --module '2 mm' | --teeth = 23 is not allowed: it must be
+gears --teeth 23 -59 --module '2 mm' | gears.wheel.teeth = -59 is not allowed: it must be an integer
+gears --teeth '1 2 3' --module '2 mm' | --teeth = '1 2 3' is not allowed: it must be
 gears --shift 0.2 --module '2 mm' | --module is not allowed as a value
 run-up PAIR --start 2000 --stop '5 kg' --acceleration 9 | stop = '5 kg' is not allowed
+run-up PAIR --start 2000 --duration 1 | stop is missing: it must be a finite number >= 0
+run-up PAIR --start 2000 --stop 3000 --duration '2 kg' | '2 kg' is not allowed: it must be
+sweep PAIR --start 0 | start = 0 is not allowed: it must be a finite number > 0
+sweep PAIR --start 1 --stop 1 | stop = 1 is not allowed: it must be another
 sweep DRAWN --stop 1e9rpm | stop = 1000000000.0 is not allowed
 simulate DRAWN --model six_degrees --speed 4000 | bearing_stiffness is missing
 simulate --tuning 1 UNDAMPED | damping_ratio is missing
@@ -200,6 +214,8 @@ modes DRAWN | train is missing
 campbell PAIR | train is missing
 scatter PAIR -t load | must have keys, each once, as 'load std=5%'
 scatter PAIR -t 'load std=1% std=2%' | must have keys
+scatter PAIR -t 'load stdd=5%' | must have keys of mean, std
+scatter DRAWN --thickness-class '1 2 3' | --thickness-class = '1 2 3' is not allowed: it must be
 scatter PAIR -t 'torque std=5%' | need drawn gears
 scatter PAIR --distance-class js7 | need drawn gears
 scatter DRAWN | --tolerance is missing
@@ -208,6 +224,8 @@ scatter DRAWN | --tolerance is missing
 
 def test_invalid_command_lines_exit_with_code_2(run):
     Path("binary.yaml").write_bytes(b"\xff\xfe")
+    Path("colon.yaml").write_text("resonance\n", encoding="utf-8")
+    write("five.yaml", {"gear_pair": CONFIG["gear_pair"], "dampings": 5})
     Path("syntax.yaml").write_text("run: [1\n", encoding="utf-8")
     Path("twice.yaml").write_text("run:\n  a: 1\n  a: 2\n", encoding="utf-8")
     write("four_planets.yaml", with_train({"kind": "planetary", "planetary": {"planets": 4}}))
@@ -215,6 +233,33 @@ def test_invalid_command_lines_exit_with_code_2(run):
     for row in REFUSED.strip().splitlines():
         line, message = row.replace("UNDAMPED", UNDAMPED).split(" | ")
         assert message in " ".join(run(line, code=2).split()), line
+
+
+@pytest.mark.parametrize(
+    "line", ["gears DRAWN", "gears DRAWN --format csv", "workflow --list-rules"]
+)
+def test_a_closed_pipe_ends_a_command_in_silence(line):
+    reader, writer = os.pipe()
+    os.close(reader)
+    words = shlex.split(line.replace("DRAWN", DRAWN))
+    command = [sys.executable, "-m", "gearlib", *words]
+    process = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    # Snakemake names its profile there.
+    assert "Error" not in process.stderr and "Traceback" not in process.stderr
+
+
+def test_speeds_and_durations_have_units(run):
+    expected = run("run-up PAIR --start 2000 --stop 2500 --duration 0.5")
+    line = "run-up PAIR --start '2000 1/min' --stop '2500 U/min' --duration '500 ms'"
+    assert run(line) == expected
+
+
+def test_explore_without_panel_names_the_extra(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "panel", None)
+    monkeypatch.delitem(sys.modules, "gearlib.explorer.page", raising=False)
+    monkeypatch.delattr("gearlib.explorer.page", raising=False)
+    assert "gearlib[explore]" in run("explore PAIR --no-show", code=1)
 
 
 def test_no_file_is_replaced_unasked_and_what_cannot_be_written_ends_with_code_1(run, monkeypatch):

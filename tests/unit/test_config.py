@@ -128,6 +128,11 @@ def test_a_removed_name_raises_an_error_that_names_its_replacement(name):
             changed(targets=["phase_lag", name])
 
 
+def test_a_mistyped_target_is_refused_with_its_likely_name():
+    with pytest.raises(ConfigError, match="targets.0. = 'resonace' .* did you mean resonance?"):
+        changed(targets=["resonace"])
+
+
 GEARS = {"max_stiffness": 3.1e8, "stiffness_ratio": 0.62, "contact_ratio": 1.47}
 GEARS |= {"reduced_mass": 0.85, "load": 2400.0, "backlash": 60e-6, "teeth": 31}
 #: Keys and sections whose values in config.yaml suit the paper's gears only: not the defaults.
@@ -230,6 +235,11 @@ def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, chan
         ("978.52 kg·cm^2", "kg m^2", 0.097852),
         ("-1 inch", "m", -0.0254),
         *((text, "rpm", 3000.0) for text in ("3000 min^-1", "3e3rpm", "50 Hz", "50 turn/s")),
+        *((text, "rpm", 3000.0) for text in ("3000 1/min", "3000 1 / min", "3000 U/min")),
+        *((text, "rpm", 3000.0) for text in ("3000 rev/min", "3000/min", "3000 min-1")),
+        # The numerator 1 stands alone; and rates count revolutions, as speeds do.
+        ("30001/min", "rpm", 30001.0),
+        *((text, "rpm/s", 60.0) for text in ("60 1/min/s", "60 min^-1/s", "1 Hz/s")),
     ],
 )
 def test_a_text_is_the_number_that_it_says(text, unit, value):
@@ -247,7 +257,20 @@ def test_units_of_drawings_are_those_of_pint():
 
 @pytest.mark.parametrize(
     "text",
-    ["10", "10 kg", "um", "10 foo", "1 m - 2 m", "nan m", "inf m", "10 20 m", "1 m^9^9^9", "m*"]
+    [
+        "10",
+        "10 kg",
+        "10 rpm",
+        "10 1/min",
+        "um",
+        "10 foo",
+        "1 m - 2 m",
+        "nan m",
+        "inf m",
+        "10 20 m",
+        "1 m^9^9^9",
+        "m*",
+    ]
     + ["__import__('os')", "1e400000 m"],
 )
 def test_texts_of_another_kind_are_refused(text):

@@ -55,6 +55,27 @@ def test_targets_that_cannot_take_drawn_gears_are_refused(target, change, words)
     assert target not in load(OWN | {"gears": gears}).computed_targets()
 
 
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        ("harris_map", "harris_map.gears"),
+        ("mesh_stiffness", "mesh_stiffness.pairs"),
+        ("claims", "gear_pair is not allowed"),
+        ("scenes", "scenes = {} is not allowed"),
+        ("models", "scenes = {} is not allowed"),
+    ],
+)
+def test_targets_of_a_drawing_or_of_the_paper_are_refused_for_another_pair(target, words):
+    own = overlay_gears(CONFIG, {"gear_pair": {"max_stiffness": "3e8 N/m"}})
+    (error,) = load(own | {"targets": [target]}).target_errors()
+    assert words in error and error.endswith(f"for the target {target}")
+    # The paper's list of all targets is no request.
+    assert load(own).target_errors() == [] and target not in load(own).computed_targets()
+    # Another load is no other pair.
+    heavier = overlay_gears(CONFIG, {"gear_pair": {"load": 1e4}})
+    assert target in load(heavier).computed_targets()
+
+
 def test_default_targets_of_a_drawn_train_with_and_without_a_pair():
     alone = load(overlay_gears(overlay(CONFIG, PLANETS), PLANETS))
     assert alone.computed_targets() == [*TRAIN_TARGETS]

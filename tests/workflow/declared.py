@@ -22,6 +22,7 @@ jobs = {
         "params": {name: value for name, value in job.params.items() if not callable(value)},
         "outputs": [*map(str, job.output)],
         "captions": captions(job),
+        "parts": [path.flags["report"].category for path in job.output if "report" in path.flags],
     }
     for job in workflow.rules
     if not job.name.startswith("_")

@@ -185,7 +185,8 @@ def test_other_gears_have_their_own_folder(tmp_path):
     assert [path.name for path in (project / "results").iterdir()] == ["mine"]
     # Another load belongs to the same gears, another stiffness to other gears.
     mine.write_text(yaml.safe_dump(gears | {"gear_pair": {"max_stiffness": 3e8, "load": 1e3}}))
-    assert project.planned(*arguments) == {"compute_phase_lag": 1, "draw_phase_lag": 1}
+    expected = {"compute_phase_lag": 1, "draw_phase_lag": 1, "gears_table": 1}
+    assert project.planned(*arguments) == expected
     mine.write_text(yaml.safe_dump(gears | {"gear_pair": {"max_stiffness": 2e8}}))
     printed = project.snakemake("-j2", *arguments, succeed=False)
     assert "results/mine/ holds what was computed for the gear pair C_max 300 N/µm" in printed

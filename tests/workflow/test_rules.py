@@ -6,6 +6,7 @@ import yaml
 from gearlib.config import overlay
 from gearlib.config.configuration import RESULT_FOLDERS, TARGETS
 from gearlib.config.targets import TRAIN_TARGETS
+from gearlib.studies import gear_table
 from tests.unit.test_gear_names import NAME, OWN, PLANETS, relieved
 from tests.workflow.declared import declared
 from tests.workflow.project import project_copy
@@ -58,6 +59,21 @@ def test_gears_of_the_user_reach_the_studies_of_drawn_gears(project, paper):
         # The sections of the paper's configuration draw gears of type C, which are named.
         assert "'teeth': 16" in repr(paper.rules[f"compute_{name}"]["params"])
         assert "FZG type C" in paper.rules[f"draw_{name}"]["params"]["gears"]
+
+
+def test_the_report_of_the_gears_of_a_user_has_their_table_and_no_figures_of_the_paper(project):
+    mine = rules_of(project, OWN)
+    table = mine.rules["gears_table"]
+    rows = [row[:3] for row in gear_table.rows(**table["params"]["settings"])]
+    assert ["teeth", "wheel", "61"] in rows and ["damping_ratio", "light", "0.03"] in rows
+    assert "stiffness" in mine.caption("gears_table")
+    parts = {part for rule in mine.rules.values() for part in rule["parts"]}
+    assert not [part for part in parts if "paper's figures" in part]
+
+
+def test_a_mistyped_target_is_refused_with_its_likely_name(project):
+    printed = project.snakemake("-n", "resonace", succeed=False)
+    assert "target = 'resonace' is not allowed" in printed and "mean resonance?" in printed
 
 
 def test_train_of_the_user_reaches_its_sweep_and_its_diagram(project):

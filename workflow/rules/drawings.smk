@@ -1,4 +1,23 @@
-"""Drawn gears: mesh stiffness by every method, and Harris maps of tip relief."""
+"""Drawn gears: mesh stiffness by every method, and Harris maps of tip relief; table of own gears."""
+
+if not IS_PAPER:
+
+    use rule _table as gears_table with:
+        pathvars:
+            job="gears_table",
+        input:
+            sources=sources_of("table", "studies.gear_table"),
+        output:
+            csv="results/gears.csv",
+            page=table_page("gears", "The gears: table", PAPER),
+        params:
+            function="gearlib.studies.gear_table:rows",
+            settings={
+                "pairs": PAIRS,
+                "drawing": canonical(CONFIG.gears and CONFIG.gears.drawing_dict()),
+            },
+            gears=GEAR_PAIR,
+
 
 
 use rule _compute as compute_mesh_stiffness with:

@@ -25,8 +25,7 @@ ROOT = Path(workflow.basedir)
 LIBRARY = Path(gearlib.__file__).parents[1]
 
 #: Parts of the report; numbered because its menu is in alphabetical order.
-PAPER, CLAIMS = "1 The paper's figures", "2 The paper's statements"
-EXPLANATIONS, METHODS = "3 Explanations", "4 Methods"
+CLAIMS, EXPLANATIONS, METHODS = "2 The paper's statements", "3 Explanations", "4 Methods"
 TRAINS, DRAWN = "5 Gear trains", "6 From the drawing"
 MEASURED, TOLERANCES = "7 Measured", "8 Tolerances"
 
@@ -87,6 +86,8 @@ def canonical(value):
 
 
 CONFIG = checked_configuration()
+IS_PAPER = gear_names.is_paper(CONFIG)
+PAPER = "1 The paper's figures" if IS_PAPER else "1 The gears and their motions"
 #: Targets if the command line names none.
 WANTED = CONFIG.computed_targets()
 # Rules and captions need the defaults, too.
@@ -167,7 +168,7 @@ def figure_files(name, label, part, caption=None):
     the numbers of its figures.
     """
     caption = caption or name
-    if not gear_names.is_paper(CONFIG):
+    if not IS_PAPER:
         name = re.sub(r"^fig\d+_", "", name)
         label = label if callable(label) else re.sub(r"^(Beside )?Fig. \d+: ", "", label)
     labels = label if callable(label) else {"figure": label}
@@ -220,7 +221,7 @@ def criteria_of_scene(wildcards):
 
 def label_of_scene(wildcards):
     """Return the labels of a scene in the report: its name with spaces, and its dampings."""
-    number = r"Fig. \1: " if gear_names.is_paper(CONFIG) else ""
+    number = r"Fig. \1: " if IS_PAPER else ""
     title = re.sub(r"^fig(\d+)_", number, wildcards.scene).replace("_", " ")
     dampings = dict.fromkeys(case["damping"] for case in config["scenes"][wildcards.scene]["cases"])
     return {"figure": f"{title}, damping {', '.join(dampings)}"}
@@ -273,7 +274,7 @@ if CONFIG.tolerances.concern_drawing() and CONFIG.gears:
 config["captions"] = {
     "dampings": ", ".join(CONFIG.dampings),
     "drawn": CONFIG.gears is not None,
-    "paper": gear_names.is_paper(CONFIG),
+    "paper": IS_PAPER,
     "forces": force_note(CONFIG.gear_pair.stiffness_ratio) if CONFIG.gears else "",
     "train": (
         f"the train of the section ``train``, {CONFIG.train.kind.replace('_', ' ')}"

@@ -90,7 +90,7 @@ use rule _draw as draw_resonance with:
     params:
         draw="resonance_figure.draw",
         # The paper's figure shows no forces.
-        settings=COLOURS | ({} if gear_names.is_paper(CONFIG) else {"forces": True}),
+        settings=COLOURS | ({} if IS_PAPER else {"forces": True}),
 
 
 rule resonance:

@@ -28,6 +28,58 @@ _MAX_NEWTON_STEPS = 200
 _RESIDUAL_TOLERANCE = 1e-9
 
 
+def _balancing_torques(train: "GearTrain") -> str:
+    """Return the torques, on the last loaded bodies, that would balance those on the others."""
+    radii, torques = np.array([(body.base_radius, body.torque) for body in train.bodies]).T
+    # The work of 1 N m on each body in each free motion, and what counts as none.
+    works = (train.structure.motions[:, 2] @ train.free_motions).T / radii
+    least = 1e-6 * abs(works).max()
+    # The first torque drives, and stays; a carried body is changed only if no other can be.
+    ranks = [(body.carrier is None, body.torque != 0.0) for body in train.bodies]
+    if torques.any():
+        ranks[int(torques.nonzero()[0][0])] = (False, False)
+    changed: list[int] = []
+    for i in sorted(range(len(ranks)), key=lambda i: (*ranks[i], i), reverse=True):
+        if np.linalg.matrix_rank(works[:, [*changed, i]], least) > len(changed):
+            changed.append(i)
+    torques[changed] = 0.0
+    balancing = np.linalg.lstsq(works[:, changed], -works @ torques)[0]
+    values = zip(balancing, changed, strict=True)
+    return " and ".join(f"{value:.12g} N m on {train.bodies[i].name}" for value, i in values)
+
+
+def check_balance(train: "GearTrain") -> None:
+    """Raise ValueError for a `GearTrain` without coordinates, masses or balanced torques.
+
+    A moving backlash is not possible where the axis of a gear moves freely.
+    """
+    if not train.structure.coordinates:
+        raise ValueError("bodies is not allowed: at least one of them must be able to move")
+    if train.structure.mass.diagonal().min() <= 0.0:
+        raise ValueError("bodies is not allowed: every motion must have a mass")
+    load = train.structure.load
+    for motion in train.free_motions.T:
+        power = motion * load
+        if abs(power.sum()) > 1e-9 * abs(power).sum():
+            moving_bodies = [
+                body.name
+                for body, rows in zip(train.bodies, train.structure.motions, strict=True)
+                if abs(rows @ motion).max() > 1e-6 * abs(motion).max()
+            ]
+            raise ValueError(
+                f"torque of bodies {', '.join(moving_bodies)} is not allowed: they must balance on "
+                f"the free rotation of the train, as with {_balancing_torques(train)}"
+            )
+    # A free motion must not change the distance of coast-side flanks with moving backlash.
+    changes = abs(train.coast_lines @ train.free_motions)
+    scale = abs(train.coast_lines) @ abs(train.free_motions)
+    changes_distance = (changes > 1e-9 * scale).any(axis=1)
+    for mesh, moves_freely in zip(train.meshes, changes_distance, strict=True):
+        name, allowed = f"moving_backlash of mesh {mesh.name}", "False where an axis of its gears "
+        valid = not (mesh.moving_backlash and moves_freely)
+        checks.require(valid, name, True, allowed + "moves freely")
+
+
 class Equilibrium(NamedTuple):
     """Static equilibrium of a train with n coordinates and m meshes."""
 
@@ -246,55 +298,3 @@ def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> f
         # Without a load the remaining slope is a rounding error.
         return None if energy.load.any() else start
     return start - start_slope * (end - start) / increase
-
-
-def _balancing_torques(train: "GearTrain") -> str:
-    """Return the torques, on the last loaded bodies, that would balance those on the others."""
-    radii, torques = np.array([(body.base_radius, body.torque) for body in train.bodies]).T
-    # The work of 1 N m on each body in each free motion, and what counts as none.
-    works = (train.structure.motions[:, 2] @ train.free_motions).T / radii
-    least = 1e-6 * abs(works).max()
-    # The first torque drives, and stays; a carried body is changed only if no other can be.
-    ranks = [(body.carrier is None, body.torque != 0.0) for body in train.bodies]
-    if torques.any():
-        ranks[int(torques.nonzero()[0][0])] = (False, False)
-    changed: list[int] = []
-    for i in sorted(range(len(ranks)), key=lambda i: (*ranks[i], i), reverse=True):
-        if np.linalg.matrix_rank(works[:, [*changed, i]], least) > len(changed):
-            changed.append(i)
-    torques[changed] = 0.0
-    balancing = np.linalg.lstsq(works[:, changed], -works @ torques)[0]
-    values = zip(balancing, changed, strict=True)
-    return " and ".join(f"{value:.12g} N m on {train.bodies[i].name}" for value, i in values)
-
-
-def check_balance(train: "GearTrain") -> None:
-    """Raise ValueError for a `GearTrain` without coordinates, masses or balanced torques.
-
-    A moving backlash is not possible where the axis of a gear moves freely.
-    """
-    if not train.structure.coordinates:
-        raise ValueError("bodies is not allowed: at least one of them must be able to move")
-    if train.structure.mass.diagonal().min() <= 0.0:
-        raise ValueError("bodies is not allowed: every motion must have a mass")
-    load = train.structure.load
-    for motion in train.free_motions.T:
-        power = motion * load
-        if abs(power.sum()) > 1e-9 * abs(power).sum():
-            moving_bodies = [
-                body.name
-                for body, rows in zip(train.bodies, train.structure.motions, strict=True)
-                if abs(rows @ motion).max() > 1e-6 * abs(motion).max()
-            ]
-            raise ValueError(
-                f"torque of bodies {', '.join(moving_bodies)} is not allowed: they must balance on "
-                f"the free rotation of the train, as with {_balancing_torques(train)}"
-            )
-    # A free motion must not change the distance of coast-side flanks with moving backlash.
-    changes = abs(train.coast_lines @ train.free_motions)
-    scale = abs(train.coast_lines) @ abs(train.free_motions)
-    changes_distance = (changes > 1e-9 * scale).any(axis=1)
-    for mesh, moves_freely in zip(train.meshes, changes_distance, strict=True):
-        name, allowed = f"moving_backlash of mesh {mesh.name}", "False where an axis of its gears "
-        valid = not (mesh.moving_backlash and moves_freely)
-        checks.require(valid, name, True, allowed + "moves freely")
