@@ -19,7 +19,6 @@ if not IS_PAPER:
             gears=GEAR_PAIR,
 
 
-
 use rule _compute as compute_mesh_stiffness with:
     pathvars:
         job="mesh_stiffness",
