@@ -116,7 +116,9 @@ class MethodSection(Section):
         "Stiffness by ISO 6336-1, method B, or by the energy method. Default: iso.", None
     )
     stiffness_options: dict[t.Name, t.Option] = field(
-        "Options of that method: iso has application_factor; energy samples, coupling, hertz.", None
+        "Options of that method: iso has application_factor; energy samples, coupling, twist, "
+        "hertz.",
+        None,
     )
 
     def stiffness_arguments(self, section_key: str = "") -> dict:

@@ -70,7 +70,7 @@ def compute_view(mapping: dict, damping: str) -> View:
     if not mesh.pinion.helix_angle:
         phases = max(_MIN_PHASES, min(_PHASES, _MAX_PHASES // repeat_periods))
         torques = [*(ratio * torque for ratio in TORQUE_RATIOS), torque]
-        options = {"stiffness": model.stiffness, "coupling": model.coupling}
+        options = {name: getattr(model, name) for name in ("stiffness", "coupling", "twist")}
         error = mesh.transmission_error(torques, phases=phases, **options)
     tuning = float(model.tuning_at(speed))
     view = _compute_motions(pair, model, tunings, tuning, repeat_periods)

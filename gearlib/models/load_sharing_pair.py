@@ -36,8 +36,9 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 
 #: Longest step times the highest frequency: a Taylor series of order 20 has an error of 1e-17.
 _MAX_STEP_ANGLE = 1.18
-#: Options of the stiffness methods; only the coupling concerns single pairs of teeth.
-_STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "coupling", "hertz")
+#: Options of the stiffness methods, and those that concern single pairs of teeth.
+_PAIR_OPTIONS = ("coupling", "twist")
+_STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "hertz", *_PAIR_OPTIONS)
 #: Tuning at which inertia adds less than 1 % to the load if corners touch over this many base
 #: pitches; with a shorter corner contact it is lower by a factor, and with pitch errors higher.
 _QUASI_STATIC_TUNING, _TYPICAL_CORNER_LENGTH = 2e-4, 0.05
@@ -73,10 +74,12 @@ class LoadSharingPair(WithPair):
     ] = 32
     stiffness: Any = "energy"
     coupling: Annotated[
-        float,
+        float | None,
         Number("1", ge=0, le=1),
-        "Share of the gear body's compliance that is common to all pairs of teeth",
-    ] = 1.0
+        "Share of the gear body's compliance that is common to all pairs of teeth, for comparison; "
+        "by default that of finite elements",
+    ] = None
+    twist: Annotated[bool, BOOLEAN, "Whether gear bodies twist about their bores"] = True
     deviation: PathTable | None = None
     pitch_errors: Any = None  #: tuple of pitch errors, m
     corner_contact: Annotated[
@@ -101,7 +104,7 @@ class LoadSharingPair(WithPair):
 
     @classmethod
     def from_geometry(
-        cls, mesh: Mesh, *, stiffness: str = "energy", coupling: float = 1.0, **options: Any
+        cls, mesh: Mesh, *, stiffness: str = "energy", coupling=None, twist=True, **options: Any
     ) -> "LoadSharingPair":
         """Return the pair of two gears; its scales follow from the mean of this mesh stiffness.
 
@@ -111,17 +114,21 @@ class LoadSharingPair(WithPair):
             Geometry of both gears.
         stiffness : {"energy", "iso"}, default "energy"
             Method of the mesh stiffness. For a table create the class with its fields instead.
-        coupling : float, default 1
-            Fraction of the gear bodies' compliance that all pairs have in common, from 0 to 1.
+        coupling : float, optional
+            Fraction of the gear bodies' compliance that all pairs have in common, from 0 to 1, for
+            comparison with papers. By default they share what finite elements give.
+        twist : bool, default True
+            Whether the bodies of gears with bores twist about them.
         **options
             Fields of the class: phases, deviation, pitch_errors, corner_contact; and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
         checks.one_of("stiffness", stiffness, ("energy", "iso"))
         fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
-        method_options = {"coupling": coupling} if stiffness == "energy" else {}
+        fields |= {"stiffness": stiffness, "coupling": coupling, "twist": twist}
+        method_options = {"coupling": coupling, "twist": twist} if stiffness == "energy" else {}
         pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=method_options, **options)
-        return cls(pair=pair, drawing=mesh, stiffness=stiffness, coupling=coupling, **fields)
+        return cls(pair=pair, drawing=mesh, **fields)
 
     def at_load(self, *, phases: int = 128, harmonics: int = 24) -> OneDegreePair:
         """Return the `OneDegreePair` with the same static transmission error at the load.
@@ -160,7 +167,7 @@ class LoadSharingPair(WithPair):
     @property
     def _options(self) -> dict[str, Any]:
         """Keyword arguments of `pairs_at` that follow from the fields of the model."""
-        names = ("stiffness", "coupling", "deviation", "pitch_errors", "load")
+        names = ("stiffness", "coupling", "twist", "deviation", "pitch_errors", "load")
         return {name: getattr(self, name) for name in names} | {"corners": self.corner_contact}
 
     def _pairs(self, pitches: np.ndarray, *selection: np.ndarray) -> load_sharing.ToothPairs:
@@ -387,7 +394,7 @@ def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments
     """Return the `LoadSharingPair` of a `gearlib.geometry.Mesh`, with a default stiffness method.
 
     The default is the energy method or, if a bore is too large for it, ISO 6336. `options` are
-    those of `gearlib.geometry.mesh_stiffness`, of which all but the coupling are ignored;
+    those of `gearlib.geometry.mesh_stiffness`, of which only coupling and twist count;
     `arguments` are those of `LoadSharingPair.from_geometry`, such as torque and damping_ratio.
     """
     if stiffness is None:
@@ -398,6 +405,6 @@ def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments
             stiffness = "iso"
     options = options or {}
     checks.check_known_parameters("stiffness", options, _STIFFNESS_OPTIONS)
-    if stiffness == "energy" and "coupling" in options:
-        arguments["coupling"] = options["coupling"]
+    if stiffness == "energy":
+        arguments |= {name: options[name] for name in _PAIR_OPTIONS if name in options}
     return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **arguments)

@@ -32,7 +32,11 @@ from numpy.typing import ArrayLike
 from gearlib import checks
 from gearlib.models.geometry.gear import PathTable, inv
 from gearlib.models.geometry.iso import pair_stiffness
-from gearlib.models.geometry.mesh_stiffness import PairCompliance, compliance_matrix
+from gearlib.models.geometry.mesh_stiffness import (
+    PairCompliance,
+    checked_coupling,
+    compliance_matrix,
+)
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh import Mesh
@@ -181,10 +185,11 @@ def tooth_pairs(mesh, phases, *, pitch_errors=None, **options) -> ToothPairs:
 
 
 class Options(NamedTuple):
-    """Options of pairs of teeth; the first four are those of `Mesh.transmission_error`."""
+    """Options of pairs of teeth; the first five are those of `Mesh.transmission_error`."""
 
     stiffness: Any = "energy"
-    coupling: float = 1.0
+    coupling: float | None = None
+    twist: bool = True
     deviation: PathTable | None = None
     pitch_errors: Any = None
     corners: bool = False  #: whether corners of tips touch beyond the path of contact
@@ -201,7 +206,7 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     `PathTable`), pitch_errors in m, corners (whether tip corners touch beyond the path) and the
     load in N, which corners and helical gears need.
     """
-    stiffness, coupling, deviation, pitch_errors, corners, load = Options(**options)
+    stiffness, coupling, twist, deviation, pitch_errors, corners, load = Options(**options)
     is_table = isinstance(deviation, PathTable | None)
     checks.require(is_table, "deviation", deviation, "a PathTable")
     errors, is_spur = checked_errors(mesh, pitch_errors), mesh.overlap_ratio == 0.0
@@ -232,7 +237,7 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     on_path = np.clip(position[unique], *mesh.path)
     # If the number of pairs changed where corners begin to touch, the forces would jump.
     pair_count = math.floor(mesh.contact_ratio) + 1 if corners else in_mesh[unique].sum(-1)
-    compliance = _compliance(mesh, on_path, stiffness, coupling, pair_count)[inverse]
+    compliance = _compliance(mesh, on_path, stiffness, coupling, twist, pair_count)[inverse]
     gap = relief_gap(mesh, on_path)
     if deviation is not None:
         gap = gap + deviation.at(on_path)
@@ -398,14 +403,15 @@ def relief_gap(mesh: "Mesh", position: np.ndarray) -> np.ndarray:
     return gap
 
 
-def _compliance(mesh, position, stiffness, coupling, pair_count) -> np.ndarray:
+def _compliance(mesh, position, stiffness, coupling, twist, pair_count) -> np.ndarray:
     """Return the compliance matrices of k pairs of teeth at m phases, shape (m, k, k), m/N.
 
     `position`, (m, k), is on the path of contact in m; `stiffness` is "iso", "energy" or a table
-    in N/m. `coupling`, 0 to 1, is the fraction of the compliance of the gear bodies that all pairs
-    have in common, and `pair_count`, int or (m,), the number of pairs on a body in ISO 6336.
+    in N/m. `coupling` and `twist` are those of `energy_stiffness`; in ISO 6336 a coupling, 1 by
+    default, is the share of the body that all pairs have in common. `pair_count`, int or (m,), is
+    the number of pairs on a body in ISO 6336.
     """
-    coupling = checks.number("coupling", coupling, "from 0 to 1", lambda v: 0.0 <= v <= 1.0)
+    coupling = checked_coupling(coupling)
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):
         stiffnesses = stiffness.at(position)
@@ -422,10 +428,12 @@ def _compliance(mesh, position, stiffness, coupling, pair_count) -> np.ndarray:
         "'iso', 'energy' or a PathTable",
     )
     if stiffness == "energy":
-        return compliance_matrix(PairCompliance(mesh), position, np.ones(position.shape), coupling)
+        pair = PairCompliance(mesh, twist=twist)
+        return compliance_matrix(pair, position, np.ones(position.shape), coupling)
     # If n pairs share a body of the compliance 1 / ((1 + 3 n) c'), their stiffness is
     # (0.25 + 0.75 n) c', as in ISO 6336.
     pair_compliance = 1.0 / pair_stiffness(mesh)
     count = np.broadcast_to(pair_count, len(position))[:, None, None]
-    body_compliance = pair_compliance * coupling / (1.0 + 3.0 * count)
+    share = 1.0 if coupling is None else coupling
+    body_compliance = pair_compliance * share / (1.0 + 3.0 * count)
     return (pair_compliance - body_compliance) * identity + body_compliance

@@ -358,9 +358,12 @@ class Mesh:
         stiffness : {"energy", "iso"} or PathTable, default "energy"
             Stiffness of a pair of teeth: the energy method with constant Hertz contact; c' of ISO
             6336-1, which is constant along the path; or a table in N/m.
-        coupling : float, default 1
+        coupling : float, optional
             Fraction of the compliance of the gear bodies that all pairs have in common, from 0 to
-            1. It has no effect if the stiffness is constant or a table.
+            1, for comparison with papers. By default they share what finite elements give. It has
+            no effect if the stiffness is a table.
+        twist : bool, default True
+            Whether the bodies of gears with bores twist about them; only for "energy".
         deviation : PathTable, optional
             Additional gap over the path of contact, m.
         pitch_errors : sequence of float, optional
