@@ -424,7 +424,12 @@ class Mesh:
         of the pinion in N m. If the user gave another argument in place of the torque,
         `load_argument` is (its name, its value, its physical unit), for error messages.
         """
-        parameters = self._mesh_parameters(torque=torque, **options)
+        if torque is not None:
+            allowed = "a finite number, not 0; negative on the coast side"
+            torque = checks.number("torque", torque, allowed, lambda v: math.isfinite(v) and v != 0)
+        # Both flanks have the same stiffness.
+        magnitude = None if torque is None else abs(torque)
+        parameters = self._mesh_parameters(torque=magnitude, **options)
         if torque is not None:
             load_argument = load_argument or ("torque", torque, "N m")
             self._checked_mean_stiffness(torque, parameters, *load_argument)

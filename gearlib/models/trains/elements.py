@@ -253,8 +253,8 @@ class Mesh:
         pinion, wheel : str
             Names of the bodies.
         torque : float, optional
-            Torque on the pinion in N m; "iso" needs it at low load, and so does the logarithmic
-            contact.
+            Torque on the pinion in N m, not 0; "iso" needs it at low load, and so does the
+            logarithmic contact. Its sign does not matter.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
             Damping in contact, given by at most one of them; ratio and decrement are those of the
             two gears without the rest of the train. Without any, the damping is unknown, and only

@@ -244,8 +244,9 @@ def planetary_set(
     *,
     torque: Annotated[
         float,
-        parameters.DRIVING_TORQUE,
-        "Torque on the sun; the torques on ring and carrier, if they turn, balance it",
+        parameters.TORQUE,
+        "Torque on the sun, negative on the coast sides; the torques on ring and carrier, if they "
+        "turn, balance it",
     ],
     planets: Planets = 3,
     positions: Positions = None,
