@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from gearlib import GearPair
-from gearlib.geometry import iso_stiffness
+from gearlib.geometry import Mesh, SpurGear, iso_stiffness, mesh_stiffness
 from gearlib.models.geometry.mesh_stiffness import PairCompliance, Tooth, energy_stiffness
 from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example, ring, short_teeth
 
@@ -146,3 +146,41 @@ def test_the_pair_of_a_drawing_has_its_load_and_damping():
     cosine = math.cos(helical.pinion.base_helix_angle)
     backlash = GearPair.from_geometry(helical, torque=9000.0).backlash
     assert backlash == pytest.approx(helical.backlash / cosine, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("teeth", "module", "bores", "expected", "without_twist"),
+    [
+        ((21, 58), 3.5e-3, (20e-3, 50e-3), 0.779, 0.708),
+        ((55, 75), 2e-3, (35.2e-3, 35.2e-3), 0.791, 0.732),
+        ((50, 50), 3e-3, (50e-3, 50e-3), 0.758, 0.718),
+        ((42, 62), 3e-3, (40e-3, 40e-3), 0.794, 0.724),
+    ],
+)
+def test_bodies_share_the_compliance_of_finite_elements(
+    teeth, module, bores, expected, without_twist
+):
+    """The ratio of the stiffness of one and of two pairs, against a finite-element computation."""
+    gears = (
+        SpurGear(teeth=z, module=module, width=0.02, bore=bore)
+        for z, bore in zip(teeth, bores, strict=True)
+    )
+    mesh = Mesh(*gears)
+    stiffness = mesh_stiffness(mesh, "energy", coupling=None)
+    assert stiffness.stiffness_ratio == pytest.approx(expected, abs=0.002)
+    # Without the twist the beam model of the tooth, too compliant, has more weight.
+    rigid = mesh_stiffness(mesh, "energy", coupling=None, twist=False)
+    assert without_twist - 0.025 < rigid.stiffness_ratio < without_twist
+    # Twist is a spring in series.
+    added = 1.0 / stiffness.max_stiffness - 1.0 / rigid.max_stiffness
+    single = 1.0 / stiffness.max_stiffness / stiffness.stiffness_ratio
+    single -= 1.0 / rigid.max_stiffness / rigid.stiffness_ratio
+    assert single == pytest.approx(added, rel=1e-3)
+
+
+def test_pairs_far_apart_share_less_and_never_more_than_a_body_gives():
+    pair = PairCompliance(short_teeth())
+    near, far = pair.shared_compliances(3)
+    assert 0.0 < far < near
+    ends = pair.body_compliances(np.array(short_teeth().path))
+    assert near <= ends.min(axis=1).sum() * (1.0 + 1e-12)
