@@ -251,7 +251,7 @@ class PairCompliance:
     def __init__(self, mesh: "Mesh", hertz: str = "constant", twist: bool = True) -> None:
         """Prepare a tooth of both gears of a mesh, and check the bores of the gears."""
         self.mesh, self.hertz = mesh, checks.one_of("hertz", hertz, ("constant", "logarithmic"))
-        checks.one_of("twist", twist, (True, False))
+        checks.one_of("twist", twist, (False, True))
         self._teeth = [Tooth(gear, mesh.width, twist) for gear in (mesh.pinion, mesh.wheel)]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
             max_bore = 2.0 * tooth.root_radius / MIN_ROOT_RATIO
