@@ -6,7 +6,6 @@ periods, the record is that whole cycle, after the start has decayed; a cycle th
 sampled. Other motions are recorded over whole revolutions of the gear.
 """
 
-import json
 import math
 from fractions import Fraction
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
-from gearlib.analysis.order_maps import mesh_order_amplitudes, transmission_error
+from gearlib.analysis.order_maps import mesh_order_amplitudes, recorded_periods, transmission_error
 from gearlib.data.motions import largest_force
 from gearlib.data.result import result
 from gearlib.models.geometry import iso
@@ -119,7 +118,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
     data |= variables
     data |= {
         "transient_periods": np.int32(transient_periods),
-        "record_periods": np.int32(json.loads(run.attrs["parameters"])["record_periods"]),
+        "record_periods": np.int32(recorded_periods(run)),
     }
     if cycle_periods:
         data["settled"] = np.int8(0)
@@ -300,4 +299,4 @@ def dynamic_factor(data: xr.Dataset, model: Any) -> xr.DataArray:
     """Return the largest mesh force over the static one, without signs, from a run or a sweep."""
     if "dynamic_factor" in data:
         return data.dynamic_factor
-    return largest_force(data) / abs(model.mean_forces)
+    return model.dynamic_factors(largest_force(data))

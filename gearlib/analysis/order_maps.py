@@ -570,7 +570,7 @@ def orders(run, *, count=None):
         data[f"{name}_amplitude_error"] = dims, peak_factor * changes
         data[f"mean_square_{name}"] = dims[1:], (values**2).mean(axis=0)
     data |= {name: run[name].values for name in ("tuning", "speed", "mesh_frequency", "period")}
-    periods = _record_periods(run)
+    periods = recorded_periods(run)
     coords = {"order": np.arange(mesh_orders.size) * float(_periods_per_revolution(run)) / periods}
     coords |= {name: run[name].values for name in dims[1:]}
     dataset = result_of_many("Order spectrum of a gear mesh", data, coords, "Fourier sums")
@@ -589,7 +589,7 @@ def _periods_per_revolution(run: xr.Dataset) -> Fraction:
     return Fraction(ratio).limit_denominator(10_000)
 
 
-def _record_periods(run: xr.Dataset) -> int:
+def recorded_periods(run: xr.Dataset) -> int:
     """Return the number of recorded mesh periods of a run of `simulate`."""
     return json.loads(run.attrs["parameters"])["record_periods"]
 
@@ -601,7 +601,7 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
     run of `simulate`, with `fractional_orders` in steps of 1 over the recorded mesh periods.
     """
     _check_status(run)
-    periods, teeth = _record_periods(run), _periods_per_revolution(run).numerator
+    periods, teeth = recorded_periods(run), _periods_per_revolution(run).numerator
     orbit_periods = int(run.period)
     is_periodic = orbit_periods > 0 and periods % orbit_periods == 0
     if fractional_orders and periods % teeth and not is_periodic:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearlib import checks, parameters
+from gearlib.engines.codes import INVERSE, NORMAL
 from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
 from gearlib.models.profiles import Profile
 
@@ -270,7 +271,15 @@ class Model:
     @property
     def loaded_sides(self) -> np.ndarray:
         """Contact codes of the flanks that carry the static load, of m meshes (m,) or one ()."""
-        return np.where(np.asarray(self.mean_forces) < 0.0, -1, 1)
+        return np.where(np.asarray(self.mean_forces) < 0.0, INVERSE, NORMAL)
+
+    def dynamic_factors(self, largest_forces: Any) -> Any:
+        """Return largest mesh forces over the static ones, NaN for meshes without load.
+
+        Both are without signs and over the load, with the last axis over the meshes of a train.
+        """
+        static = np.abs(self.mean_forces)
+        return largest_forces / np.where(static > 0.0, static, math.nan)
 
     def clearances(self, lowest: np.ndarray, highest: np.ndarray) -> np.ndarray:
         """Return how far loaded flanks stay from losing contact, by the extrema of displacements.
@@ -278,7 +287,7 @@ class Model:
         Negative distances are those of flanks that have lost contact, in static deflections.
         """
         drive_line, coast_line = self.flank_lines
-        return np.where(self.loaded_sides < 0, coast_line - highest, lowest - drive_line)
+        return np.where(self.loaded_sides == INVERSE, coast_line - highest, lowest - drive_line)
 
     @property
     def extent(self) -> float:

@@ -150,8 +150,7 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
     elif name == "force":
         values = largest_force(table) * model.load
     else:  # dynamic_factor
-        static = np.atleast_1d(np.abs(model.mean_forces))
-        values = largest_force(table) / np.where(static > 0.0, static, math.nan)
+        values = model.dynamic_factors(largest_force(table))
     # Meshes without load have no dynamic factor, so NaN is ignored.
     worst = np.fmin if name in _MINIMISED_QUANTITIES else np.fmax
     return float(worst.reduce(values))

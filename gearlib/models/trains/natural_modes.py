@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.variables import describe
+from gearlib.engines.codes import INVERSE
 from gearlib.models.trains.statics import mesh_groups
 from gearlib.models.trains.waves import stiffness_harmonic
 
@@ -112,7 +113,7 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
         train.meshes, train.frequency_ratios, train.loaded_sides, *displacements, strict=True
     ):
         # The flanks that carry the load vary the stiffness.
-        phase = (train.inverse_phases if side < 0 else train.phases)[mesh.name]
+        phase = (train.inverse_phases if side == INVERSE else train.phases)[mesh.name]
         for order in range(1, count + 1):
             if mesh.varies and order * ratio <= count:
                 harmonic = stiffness_harmonic(mesh, order, phase)

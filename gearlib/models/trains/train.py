@@ -424,7 +424,8 @@ class GearTrain(Model):
     def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, ...]:
         """Return the static equilibrium at phase 0; see `Model.static_state`."""
         try:
-            return tuple(self._static_state_under(load).tolist())
+            state = self._static_state if load == 1.0 else self._static_state_under(load)
+            return tuple(state.tolist())
         except ValueError:  # A mesh with infinite backlash opens permanently.
             return 0.0, 0.0
 
@@ -520,8 +521,7 @@ class GearTrain(Model):
         train, both without signs, NaN for a mesh without load.
         """
         mean = summaries[..., orbit.FORCE_SUM] / span
-        static = np.abs(self.mean_forces)
-        factor = summary.largest_force(summaries) / np.where(static > 0.0, static, math.nan)
+        factor = self.dynamic_factors(summary.largest_force(summaries))
         shares = statics.load_shares(self, mean)
         variables = {"mean_force": mean, "dynamic_factor": factor, "load_sharing": shares}
         return {name: (dims, values) for name, values in variables.items()}
