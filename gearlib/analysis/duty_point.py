@@ -58,7 +58,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
     **options
         With a `Mesh`: damping_ratio and other arguments of `gearlib.GearPair.from_geometry`. The
         tooth pair stiffness is "energy" by default, or "iso" if a bore is too large for the energy
-        method; its only option is the coupling.
+        method; options of the energy method are coupling and twist.
 
     Returns
     -------

@@ -78,7 +78,7 @@ class LoadSharingPair(WithPair):
         Number("1", ge=0, le=1),
         "Share of the gear body's compliance that is common to all pairs of teeth; None for that "
         "of finite elements",
-    ] = 1.0
+    ] = None
     twist: Annotated[bool, BOOLEAN, "Whether gear bodies twist about their bores"] = True
     deviation: PathTable | None = None
     pitch_errors: Any = None  #: tuple of pitch errors, m
@@ -104,7 +104,7 @@ class LoadSharingPair(WithPair):
 
     @classmethod
     def from_geometry(
-        cls, mesh: Mesh, *, stiffness: str = "energy", coupling=1.0, twist=True, **options: Any
+        cls, mesh: Mesh, *, stiffness: str = "energy", coupling=None, twist=True, **options: Any
     ) -> "LoadSharingPair":
         """Return the pair of two gears; its scales follow from the mean of this mesh stiffness.
 
@@ -114,9 +114,9 @@ class LoadSharingPair(WithPair):
             Geometry of both gears.
         stiffness : {"energy", "iso"}, default "energy"
             Method of the mesh stiffness. For a table create the class with its fields instead.
-        coupling : float or None, default 1
-            Fraction of the gear bodies' compliance that all pairs have in common, from 0 to 1;
-            None for what finite elements give.
+        coupling : float, optional
+            Fraction of the gear bodies' compliance that all pairs have in common, from 0 to 1; by
+            default what finite elements give, see `gearlib.models.geometry.mesh_stiffness`.
         twist : bool, default True
             Whether the bodies of gears with bores twist about them.
         **options

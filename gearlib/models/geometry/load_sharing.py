@@ -188,7 +188,7 @@ class Options(NamedTuple):
     """Options of pairs of teeth; the first five are those of `Mesh.transmission_error`."""
 
     stiffness: Any = "energy"
-    coupling: float | None = 1.0
+    coupling: float | None = None
     twist: bool = True
     deviation: PathTable | None = None
     pitch_errors: Any = None

@@ -358,9 +358,9 @@ class Mesh:
         stiffness : {"energy", "iso"} or PathTable, default "energy"
             Stiffness of a pair of teeth: the energy method with constant Hertz contact; c' of ISO
             6336-1, which is constant along the path; or a table in N/m.
-        coupling : float or None, default 1
+        coupling : float, optional
             Fraction of the compliance of the gear bodies that all pairs have in common, from 0 to
-            1; None for what finite elements give. It has no effect if the stiffness is a table.
+            1; by default what finite elements give. It has no effect if the stiffness is a table.
         twist : bool, default True
             Whether the bodies of gears with bores twist about them; only for "energy".
         deviation : PathTable, optional
