@@ -61,7 +61,7 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
         Legend label of each dataset; by default damping, direction and mesh where they differ.
     variable : str, optional
         Name of a variable over the tuning; by default the largest and smallest displacement, or
-        for a gear train the dynamic factor of each mesh.
+        for a gear train the largest over the static force of each mesh.
 
     Returns
     -------
@@ -73,8 +73,9 @@ def resonance(*sweeps, axes=None, labels=None, variable=None):
         If a dataset has no such variable over the tuning.
     """
     is_train = any("mesh" in getattr(sweep, "dims", ()) for sweep in sweeps)
-    default = ("dynamic_factor",) if is_train else resonance_figure.EXTREMA
-    names = default if variable is None else (variable,)
+    names = (variable,) if variable else resonance_figure.EXTREMA
+    if is_train and variable is None:
+        names = ("dynamic_factor" if "dynamic_factor" in sweeps[0] else "peak_force_ratio",)
     sources = {"dim": "tuning", "caller": "resonance", "source": "sweep"}
     curves = plot_curves.curves(sweeps, labels, (*names, "period"), **sources)
     axes = plot_curves.axes_or_new(axes)

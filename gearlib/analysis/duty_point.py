@@ -73,7 +73,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
         transient_periods and record_periods are the mesh periods before and in the record, and the
         attribute ``comment`` says what the record is: an orbit, a whole cycle of the excitation, or
         a sample. The dynamic factor is the largest mesh force over the static force, both without
-        signs.
+        signs. Models with a given stiffness have the same ratio as peak_force_ratio, since their
+        forces may jump where teeth enter.
 
     Raises
     ------
@@ -286,17 +287,10 @@ def si_variables(run: xr.Dataset, model: Any) -> dict:
         "mesh_frequency_hertz": float(run.mesh_frequency) / math.tau,
         "resonance_speed": model.speed(1.0),
         "static_force": (dims, model.mean_forces * force_scale),
-        "dynamic_factor": (dims, dynamic_factor(run, model).values),
+        model.force_ratio_name: (dims, model.force_ratios(largest_force(run)).values),
         "mesh_force_max": (dims, force_scale * run.dynamic_force_max.values),
         "mesh_force_min": (dims, force_scale * run.dynamic_force_min.values),
         "error_peak_to_peak": (dims, static_deflection * peak_to_peak),
         "error_rms": (dims, static_deflection * error.std(axis=0)),
         "lost_share": (dims, run.fraction_backlash.values),
     }
-
-
-def dynamic_factor(data: xr.Dataset, model: Any) -> xr.DataArray:
-    """Return the largest mesh force over the static one, without signs, from a run or a sweep."""
-    if "dynamic_factor" in data:
-        return data.dynamic_factor
-    return model.dynamic_factors(largest_force(data))

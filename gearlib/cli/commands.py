@@ -48,13 +48,16 @@ def main():
     """
 
 
-def gear_command(name, option_names, dimension, motion="sweep", arguments=(), prepare=None):
+def gear_command(
+    name, option_names, dimension, motion="sweep", arguments=(), prepare=None, rectangle=False
+):
     """Return a decorator that makes a command of a function of gears, their model and options.
 
     The function returns a dataset, whose table has a row for each entry of `dimension`, and a
     function that plots it. `motion` is "one speed", "sweep" over speeds or, for trains at rest,
     "none". `option_names` has spaces between the names, `arguments` are further parameters of the
-    command; `prepare` changes the dict of all their values.
+    command; `prepare` changes the dict of all their values. With `rectangle` the analysis needs a
+    rectangular stiffness.
     """
 
     def run(function, values):
@@ -68,28 +71,55 @@ def gear_command(name, option_names, dimension, motion="sweep", arguments=(), pr
             prepare(values)
         if motion == "none":
             values["model"] = "train"
-        gears = take_gears(values, moves=motion != "none")
-        # Sweeps have the rectangular mesh stiffness; `force_note` warns of its force jumps.
-        load_sharing, drawing = motion == "one speed", gears.settings.gears
-        model, name = gears.model(load_sharing), gears.name(load_sharing)
+        given = take_gears(values, moves=motion != "none")
+        gears, drawing = given.rectangle() if rectangle else given, given.settings.gears
+        # Whole cycles of pitch errors are too long for each speed of a sweep.
+        model = gears.model(pitch_errors=motion != "sweep")
+        description = gears.description(model)
         if motion == "one speed":
             speed = values.pop("speed")
             if speed is None and values["tuning"] is None and drawing:
                 speed = drawing.speed
             values["tuning"] = tuning_of(model, values["tuning"], in_rpm("speed", speed))
-        click.echo(name)
-        if motion != "none" and drawing and model.force_note:
-            click.echo(click.wrap_text(model.force_note, output.WIDTH))
+        if name in ("simulate", "sweep", "trust") and not values.get("initial_state"):
+            values["initial_state"] = "static" if gears.kind == "teeth" else (0.0, 0.0)
+        click.echo(click.wrap_text(description, output.WIDTH))
+        notes = [model.force_note] if motion != "none" and drawing else []
+        if gears.kind == "teeth" and motion == "sweep" and drawing.modification_key("pitch_errors"):
+            notes.append("Pitch errors are left out: `gearlib simulate` has them, at one speed.")
+        if gears is not given:
+            notes.append(_note_on_teeth(given, model, in_rpm("speed", values.get("speed"))))
+        for note in filter(None, notes):
+            click.echo(click.wrap_text(note, output.WIDTH))
         dataset, draw = function(gears, model, **values)
+        dataset.attrs["stiffness_model"] = gears.stiffness(model)
         if data_path:
             output.write(data_path, dataset, dimension)
         if plot_path:
-            output.save_picture(plot_path, name, draw, model, dataset)
+            output.save_picture(plot_path, description, draw, model, dataset)
 
     parameters = [*arguments, *(options.PAIR if motion == "none" else options.MODEL)]
     parameters += options.command_options(name, f"{option_names} output plot force")
     return lambda function: main.command(name, params=parameters, help=function.__doc__)(
         lambda **values: run(function, values)
+    )
+
+
+def _note_on_teeth(gears, model, speed):
+    """Return a sentence on what pairs of teeth do where an analysis needs a rectangle.
+
+    `gears` are those with pairs of teeth, `model` is that of the analysis. The speed is in rpm, by
+    default that of the gears, else the resonance speed of the model.
+    """
+    from gearlib.analysis.duty_point import duty_point
+
+    speed = speed or gears.drawn.speed or float(model.speed(1.0))
+    point = duty_point(gears.model(), speed)
+    contact = "lose" if float(point.lost_share) > 0.0 else "keep"
+    return (
+        "This analysis needs a rectangular stiffness, which changes all at once. At "
+        f"{speed:.6g} rpm pairs of teeth {contact} contact, with a dynamic factor of "
+        f"{float(point.dynamic_factor):.3f}."
     )
 
 
@@ -118,7 +148,10 @@ def simulate(gears, model, tuning, samples, **settings):
     from gearlib.analysis.duty_point import si_variables
     from gearlib.data.result import result
 
-    run = gearlib.simulate(model, tuning, samples_per_period=samples, **settings)
+    settings |= {"tuning": tuning, "samples_per_period": samples}
+    run = gearlib.simulate(model, **settings)
+    if settings["record_periods"] < int(run.period) <= settings["periods"]:
+        run = gearlib.simulate(model, **settings | {"record_periods": int(run.period)})
     output.show(run)
     if not model.mesh_names:  # Only trains have names of meshes.
         duty = result("Duty point of a gear mesh", model, si_variables(run, model), method="run")
@@ -153,7 +186,8 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
         curve = gearlib.sweep(model, grid, direction=direction, **settings)
     failed = int((curve.status != 0).sum())
     # The displacements of meshes that carry their load on the coast side are negative.
-    name = "dynamic_factor" if "dynamic_factor" in curve else "displacement_max"
+    names = ("dynamic_factor", "peak_force_ratio", "displacement_max")
+    name = next(name for name in names if name in curve)
     text = name.replace("_max", "").replace("_", " ")
     click.echo(f"{curve.tuning.size} tunings, {failed} failed; at the largest {text}:")
     output.show(_at_largest(curve, curve[name], "tuning"))
@@ -257,7 +291,7 @@ def _tolerance(text):
     return section.model_construct(parameter=name, shape=shape or None, **values)
 
 
-@gear_command("scatter", f"{_SCATTER} points seed max_seconds", "sample")
+@gear_command("scatter", f"{_SCATTER} points seed max_seconds", "sample", rectangle=True)
 def scatter(gears, model, quantity, samples, points, **settings):
     """Effect of tolerances on jumps, contact loss, peaks and the duty point, by many designs."""
     import numpy as np
@@ -318,7 +352,9 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     if not needs_drawing:
         return model, tolerances
     if gears.drawn is None:
-        raise click.UsageError("tolerances of a drawing need drawn gears and --model one_degree")
+        raise click.UsageError(
+            "tolerances of a drawing need gears given by geometry, not --model six_degrees or train"
+        )
     from gearlib.studies.tolerance_study import nominal_design
     from gearlib.uncertainty.quality_classes import by_class
 
@@ -353,10 +389,14 @@ def _read_measured(values):
     for name in (*GearPairSection.model_fields, *DAMPINGS):
         if values[name] is None and isinstance(known.get(name), int | float):
             values[name] = known[name]
-    values["model"] = values["model"] or section.model
+    values["model"] = values["model"] or {"one_degree": "rectangle"}.get(
+        section.model, section.model
+    )
 
 
-@gear_command("fit", "free", "parameter", arguments=[_DATA], prepare=_read_measured)
+@gear_command(
+    *("fit", "free", "parameter"), arguments=[_DATA], prepare=_read_measured, rectangle=True
+)
 def fit(gears, model, data, free):
     """Fit parameters of the gears to the measured set that the YAML file DATA describes."""
     text = f"{data.title}{', synthetic' if data.synthetic else ''}: {data.source}"
@@ -391,7 +431,7 @@ def gears(format, save, plot, force, **values):
     if drawing.speed and drawn.damping != NO_DAMPING:
         rows += gear_table.duty_rows(mesh, stiffness=method, options=method_options, **load)
     if format == "text":
-        click.echo(drawn.name(load_sharing=True))
+        click.echo(drawn.name)
     output.gear_table(rows, format)
     if drawing.speed and drawn.damping == NO_DAMPING:
         click.echo("There is no duty point without a damping: give --damping-ratio.", err=True)
@@ -402,7 +442,7 @@ def gears(format, save, plot, force, **values):
         # This is a `PublishedPair` without published values.
         pair_dict = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}
         curves = mesh_stiffness({"mesh stiffness": pair_dict}, samples=_CURVE_PHASES)
-        output.save_picture(plot, drawn.name(), lambda _: mesh_stiffness_figure.draw(curves))
+        output.save_picture(plot, drawn.name, lambda _: mesh_stiffness_figure.draw(curves))
     # The values of this row tell by method whether the motion repeats.
     if any(row.name == "settled" and not all(row.values.values()) for row in rows):
         raise click.ClickException("the motion at the duty point has not settled")

@@ -9,7 +9,7 @@ from gearlib import config
 from gearlib.checks import refusal
 from gearlib.cli import options
 from gearlib.config import gear_names, overlay, units, yaml_keys
-from gearlib.config.gear_pair_section import DAMPINGS, MISSING_BEARINGS
+from gearlib.config.gear_pair_section import MISSING_BEARINGS
 from gearlib.config.targets import NO_TRAIN, missing_mesh_damping
 from gearlib.config.train_section import PAIR_TRAINS
 
@@ -29,20 +29,26 @@ class Gears(NamedTuple):
     mapping: dict  #: the configuration with the options laid over it
     settings: Any  #: its sections that commands need, checked
     damping: str  #: name of the damping
-    kind: str  #: of the model: one_degree, six_degrees or train
+    kind: str  #: of the model: teeth, rectangle, six_degrees or train
     drawn: Any  #: the section `gears` if a single pair of gears is drawn, else None
 
-    def name(self, load_sharing: bool = False) -> str:
-        """Return the name of the gears as the model with this `load_sharing` has them."""
+    @property
+    def name(self) -> str:
+        """Name of the gears as the model has them."""
         if self.kind == "train":
             return gear_names.name_of_train(self.settings)
-        return gear_names.name_of_pair(self.settings, load_sharing and self.drawn is not None)
+        return gear_names.name_of_pair(self.settings, self.kind == "teeth")
 
-    def model(self, load_sharing: bool = False):
-        """Return the model; with `load_sharing`, modified drawn gears get a `LoadSharingPair`."""
+    def model(self, pitch_errors: bool = True):
+        """Return the model; without `pitch_errors` those of pairs of teeth are left out."""
         from gearlib import GearPair, SixDegreePair
 
-        settings, gears = self.settings, self.drawn
+        settings = self.settings
+        if self.kind == "teeth":
+            from gearlib.models.from_values import pairs_of_teeth
+
+            arguments = settings.teeth_parameters(self.damping)
+            return pairs_of_teeth(**arguments, pitch_errors=pitch_errors)
         if self.kind == "train":
             from gearlib.models.from_values import train_from_description
 
@@ -52,13 +58,30 @@ class Gears(NamedTuple):
             if settings.six_degrees.bearing_stiffness is None:
                 raise click.UsageError(f"{MISSING_BEARINGS}; --bearing-stiffness sets all four")
             return SixDegreePair(pair=pair, **settings.six_degree_parameters())
-        if not (load_sharing and gears and gears.modification_key()):
-            return pair
-        from gearlib.models.load_sharing_pair import default_load_sharing_pair
+        return pair
 
-        method = {"stiffness": gears.stiffness or "iso", "options": gears.stiffness_options}
-        model = default_load_sharing_pair(gears.mesh(), torque=gears.driving_torque(), **method)
-        return model.replace(**{name: getattr(pair, name) for name in DAMPINGS})
+    def rectangle(self) -> "Gears":
+        """Return these gears with the rectangular stiffness, for analyses that need it."""
+        return self._replace(kind="rectangle") if self.kind == "teeth" else self
+
+    def stiffness(self, model: Any) -> str:
+        """Return the mesh model and its stiffness in words, with the method of a rectangle."""
+        from gearlib.models.geometry.mesh_stiffness import METHOD_NAMES
+
+        if self.kind not in ("rectangle", "six_degrees") or not self.settings.gears:
+            return model.stiffness_model
+        return f"{model.stiffness_model}, {METHOD_NAMES[self.settings.gears.stiffness or 'iso']}"
+
+    def description(self, model: Any) -> str:
+        """Return the name of the gears, the stiffness of their model, and a backlash by default."""
+        parts = [self.name, self.stiffness(model)]
+        if self.drawn and self.drawn.backlash is None:
+            mesh = self.drawn.mesh()
+            if mesh.has_recommended_backlash:
+                parts.append(
+                    f"backlash {1e6 * mesh.backlash:.4g} um, recommended, as none is given"
+                )
+        return "; ".join(parts)
 
 
 def in_rpm(name, value):
@@ -76,7 +99,7 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     Options override the configuration. With `moves` the gears need a damping, with `needs_drawing`
     a drawing; otherwise `_UNDAMPED` and `_UNUSED_PAIR` replace missing sections.
     """
-    damping, kind = values.pop("damping"), values.pop("model", None) or "one_degree"
+    damping, kind = values.pop("damping"), values.pop("model", None)
     mapping = _read(values.pop("config"), values.pop("case"), damping)
     sections = _take_sections(values, needs_drawing)
     drawing, pair, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
@@ -128,7 +151,10 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
     if moves and kind == "train" and (message := missing_mesh_damping(settings)):
         raise click.UsageError(message)
-    drawn = settings.gears if kind == "one_degree" else None
+    kind = kind or ("teeth" if settings.gears else "rectangle")
+    if kind == "teeth" and not settings.gears:
+        raise refusal("--model", kind, "rectangle: the gears are not given by their geometry")
+    drawn = settings.gears if kind in ("teeth", "rectangle") else None
     return Gears(mapping, settings, damping=damping, kind=kind, drawn=drawn)
 
 

@@ -137,7 +137,7 @@ MESH = [(Gears, ["backlash", "power", "speed"], ["gears"])]
 _NAMES = [name for name in GearPairSection.model_fields if name != "teeth"]
 PAIR_KEYS = [(GearPairSection, _NAMES, ["gear_pair"]), (Damping, DAMPINGS, ["dampings"])]
 _CONFIGURATION = click.Path(exists=True, dir_okay=False, path_type=Path)
-_MODELS = click.Choice(["one_degree", "six_degrees", "train"])
+_MODELS = click.Choice(["teeth", "rectangle", "six_degrees", "train"])
 _BEARING = "of each bearing of --model six_degrees, along and across the line of action"
 _STATE = {"type": float, "nargs": 2, "metavar": "X V"}
 _DIRECTIONS = {"type": click.Choice(["cold", "up", "down"])}
@@ -150,12 +150,19 @@ _TABLE = {
     "case": ("Case of the configuration, by name.", str),
     "damping": ("Damping of the configuration, by name. Default: the first.", str),
     "teeth": ("Number of teeth, z.", number_or_text, {"metavar": "TEETH | PINION WHEEL"}),
-    "model": ("Model of the gears. Default: one_degree.", _MODELS),
+    "model": (
+        "Model of the gears. Default: pairs of teeth of gears given by geometry, else rectangle.",
+        _MODELS,
+    ),
     "bearing_stiffness": (f"Stiffness {_BEARING}, N/m.", number_or_text),
     "bearing_damping": (f"Damping {_BEARING}, N s/m.", number_or_text),
     "tuning": ("Mesh frequency over mean eigenfrequency, nu; or give --speed.", float),
     "speed": ("Speed of the pinion, rpm.", number_or_text),
-    "initial_state": ("Initial displacement, static deflections, and dx/dtau.", (0.0, 0.0), _STATE),
+    "initial_state": (
+        "Initial displacement, static deflections, and dx/dtau. Default: 0 0, of pairs of teeth "
+        "the static equilibrium.",
+        *(None, _STATE),
+    ),
     "run-up initial_state": (
         "Initial displacement, static deflections, and dx/dtau. Default: in static equilibrium.",
         *(None, _STATE),

@@ -194,6 +194,13 @@ class Config(Section):
         coefficients = self.dampings[damping] if isinstance(damping, str) else damping
         return self.gear_pair.model_dump() | coefficients.model_dump()
 
+    def teeth_parameters(self, damping: str | Damping) -> dict | None:
+        """Return the arguments of `from_values.pairs_of_teeth` of drawn gears, else None."""
+        if self.gears is None:
+            return None
+        section = self.dampings[damping] if isinstance(damping, str) else damping
+        return {"gears": self.gears.drawing_dict(), "damping": section.given()}
+
     def six_degree_parameters(self) -> dict:
         """Return the keyword arguments of `gearlib.SixDegreePair` except `pair`."""
         arguments = self.six_degrees.model_dump()

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from pydantic import ValidationInfo, model_validator
+from pydantic import PrivateAttr, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
 from gearlib import checks
@@ -54,6 +54,8 @@ class Damping(_Coefficients):
     damping_ratio: _DampingRatio = field("beta: material_damping is 2 beta m_red Omega_s.", None)
     logarithmic_decrement: _DampingRatio = field("delta = 2 pi beta / sqrt(1 - beta^2).", None)
     backlash_damping_ratio: _DampingRatio = field("beta_m: backlash_damping likewise.", None)
+    #: The coefficients or ratios as they are given; a ratio holds for every model of the gears.
+    _given: dict = PrivateAttr({})
 
     @model_validator(mode="after")
     def _to_coefficients(self, info: ValidationInfo) -> "Damping":
@@ -61,7 +63,7 @@ class Damping(_Coefficients):
 
         `info` is the validation context; without a valid gear pair in it nothing is converted.
         """
-        pair, coefficients = from_context(info, "pair"), {}
+        pair, coefficients, given = from_context(info, "pair"), {}, {}
         for coefficient_key, ratio_keys in RATIO_KEYS.items():
             keys = [coefficient_key, *ratio_keys]
             values = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
@@ -75,13 +77,23 @@ class Damping(_Coefficients):
                 # Drawn gears must be less than critically damped; only the check matters here.
                 with parameters_renamed(lambda parameter, owner: f".{parameter}"):
                     checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
+            given[key] = value
             if pair and key != coefficient_key:
                 if key == "logarithmic_decrement":
                     value /= math.hypot(math.tau, value)
                 value = damping_coefficient(value, pair.mean_stiffness, pair.reduced_mass)
                 value = rounded(value)
             coefficients[coefficient_key] = value
-        return Damping.model_construct(**coefficients) if pair else self
+        damping = Damping.model_construct(**coefficients) if pair else self
+        damping._given = given
+        return damping
+
+    def given(self) -> dict[str, float]:
+        """Return the coefficients, N s/m, or ratios by which the damping is given, by their keys.
+
+        A damping without a ratio and without a configuration has its coefficients.
+        """
+        return dict(self._given) or self.model_dump(include=set(DAMPINGS))
 
 
 class State(Section):

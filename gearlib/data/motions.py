@@ -32,6 +32,11 @@ def largest_force(data):
     return largest.assign_attrs(data.dynamic_force_max.attrs)
 
 
+def force_ratio(data):
+    """Return the largest over the static mesh force in a dataset of a model that states it."""
+    return data["dynamic_factor" if "dynamic_factor" in data else "peak_force_ratio"]
+
+
 def mask_unbounded(sweep, extent):
     """Return a result of `gearlib.sweep` with NaN at tunings where the motion is unbounded.
 

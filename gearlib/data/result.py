@@ -68,6 +68,7 @@ def result(title, model, data, coords=None, *, method, **parameters):
         "references": model.references,
         "gear_pair" if model.mesh else "model": canonical_json(model.as_dict()),
         "parameters": canonical_json(parameters),
+        **({"stiffness_model": model.stiffness_model} if model.stiffness_model else {}),
         **({"comment": model.force_note} if model.force_note else {}),
     }
     if (counts := _contact_counts.get()) is not None:

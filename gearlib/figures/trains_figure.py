@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from gearlib.data.motions import force_ratio
 from gearlib.figures import panels, schematic, style
 
 _SWEPT_MARKERS = {"up": "^", "down": "v"}
@@ -27,7 +28,7 @@ _MARKERS_ONLY = {"line": "none", "markersize": 3}
 
 @style.styled()
 def draw_sweep(curves: xr.Dataset):
-    """Return a figure of the dynamic factors and contact of all meshes of a train over speed.
+    """Return a figure of the force ratios and contact of all meshes of a train over speed.
 
     `curves` is a result of `gearlib.studies.trains.over_speed`.
     """
@@ -35,7 +36,7 @@ def draw_sweep(curves: xr.Dataset):
     styles = _with_decreasing_widths(panels.plot_options(curves.mesh))
     colours = {mesh: options["color"] for mesh, options in styles.items()}
     remaining = schematic.draw_train(figure, curves, colours)
-    rows = [(name, styles) for name in ("dynamic_factor", "fraction_backlash")]
+    rows = [(name, styles) for name in (force_ratio(curves).name, "fraction_backlash")]
     grid = _draw_columns(remaining, [curves], "speed", rows)
     grid[-1, 0].set_xlabel("speed of the reference pinion (rpm)")
     tuning_per_speed = float(curves.tuning[-1] / curves.speed[-1])
@@ -46,7 +47,7 @@ def draw_sweep(curves: xr.Dataset):
 
 @style.styled()
 def draw_reducer(characteristics: xr.Dataset):
-    """Return a figure of dynamic factors and load sharing of a reducer, a column for each case.
+    """Return a figure of force ratios and load sharing of a reducer, a column for each case.
 
     `characteristics` is a result of `gearlib.studies.trains.reducer`.
     """
@@ -67,7 +68,7 @@ def draw_reducer(characteristics: xr.Dataset):
     }
     rows = [
         (name, stages[i])
-        for name, i in (("dynamic_factor", 1), ("dynamic_factor", 2), ("load_sharing", 1))
+        for name, i in (("peak_force_ratio", 1), ("peak_force_ratio", 2), ("load_sharing", 1))
     ]
     cases = [characteristics.sel(case=case) for case in characteristics.case.values]
     grid = _draw_columns(remaining, cases, "tuning", rows)

@@ -8,7 +8,9 @@ from gearlib.data.files import canonical_json
 from gearlib.models import profiles
 from gearlib.models.geometry import mesh as geometry
 from gearlib.models.geometry.drawings import gear
+from gearlib.models.geometry.drawings import mesh as geometry_from_dict
 from gearlib.models.harmonics import Harmonics
+from gearlib.models.load_sharing_pair import LoadSharingPair, default_load_sharing_pair
 from gearlib.models.model import Model
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
@@ -18,6 +20,10 @@ from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import declared_parameters
 
+#: Keys of a damping that are arguments of `GearPair.from_geometry`.
+_PAIR_DAMPINGS = (
+    *("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio"),
+)
 _PROFILES = {
     profile.__name__.lower(): profile
     for profile in (profiles.Rectangular, profiles.Fourier, profiles.Tabulated)
@@ -65,6 +71,23 @@ def _model_with(values: dict[str, Any]) -> Model | None:
         profile = _PROFILES[profile_fields.pop("kind")](**profile_fields)
         return OneDegreePair(pair=pair, profile=profile, **values)
     return None if values else pair
+
+
+def pairs_of_teeth(gears: dict, damping: dict, pitch_errors: bool = True) -> LoadSharingPair:
+    """Return the `LoadSharingPair` of the section `gears` of a configuration.
+
+    `gears` are drawing data with the torque (N m), the stiffness method and its options, if given;
+    `damping` has coefficients (N s/m) or ratios by their keys in the configuration. Without
+    `pitch_errors` those of the gears are left out.
+    """
+    mesh = geometry_from_dict(gears)
+    arguments = {"torque": gears["torque"], "stiffness": gears.get("stiffness")}
+    arguments |= {} if pitch_errors else {"pitch_errors": (0.0,)}
+    arguments |= {name: damping[name] for name in _PAIR_DAMPINGS if name in damping}
+    options = gears.get("stiffness_options")
+    model = default_load_sharing_pair(mesh, options=options, **arguments)
+    backlash_damping = damping.get("backlash_damping")
+    return model.replace(backlash_damping=backlash_damping) if backlash_damping else model
 
 
 def train_from_description(kind: str, arguments: dict, pair: dict | None) -> GearTrain:

@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from gearlib import checks
+from gearlib.data import summary
 from gearlib.engines.taylor.teeth import ToothPairSystem
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.mesh_stiffness import PairCompliance
+from gearlib.models.geometry.mesh_stiffness import METHOD_NAMES, PairCompliance
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
@@ -89,6 +90,7 @@ class LoadSharingPair(WithPair):
     defaults = {"pitch_errors": lambda model: model.drawing.pitch_errors}
     propagators = {"exact": "taylor.teeth"}
     piecewise_linear = False
+    force_ratio_name = "dynamic_factor"
     has_damping = property(lambda model: model.pair.has_damping, doc="`GearPair.has_damping`.")
     references = (
         "Harris: Proc. Inst. Mech. Eng. 172 (1958) 87-112; "
@@ -129,6 +131,16 @@ class LoadSharingPair(WithPair):
         method_options = {"coupling": coupling, "twist": twist} if stiffness == "energy" else {}
         pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=method_options, **options)
         return cls(pair=pair, drawing=mesh, **fields)
+
+    @property
+    def stiffness_model(self) -> str:
+        """The mesh model and its stiffness in words."""
+        method = self.stiffness if isinstance(self.stiffness, str) else "table"
+        return f"pairs of teeth, {METHOD_NAMES[method]}"
+
+    def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
+        """Return the dynamic factor; see `Model.extra_summary_variables`."""
+        return {"dynamic_factor": (dims, self.force_ratios(summary.largest_force(summaries)))}
 
     def at_load(self, *, phases: int = 128, harmonics: int = 24) -> OneDegreePair:
         """Return the `OneDegreePair` with the same static transmission error at the load.

@@ -65,6 +65,10 @@ class Model:
     title_noun: str = "a gear mesh"  #: the model in titles of datasets
     slowest_tuning: Any = 0.0  #: least tuning of a simulated duty point: below it, inertia is small
     force_note: Any = ""  #: a sentence on the forces, for results, or ""
+    stiffness_model: Any = ""  #: the mesh model and its stiffness in words, or ""
+    #: Name of the largest over the static mesh force: "dynamic_factor" where teeth enter as they
+    #: do, under load; with a given stiffness, which may jump, "peak_force_ratio".
+    force_ratio_name: Any = "peak_force_ratio"
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
     def __post_init__(self):
@@ -134,7 +138,12 @@ class Model:
         return full_state
 
     def check_state(self, initial_state: Any) -> Any:
-        """Return a checked initial state: displacement and dx/dtau, or all components."""
+        """Return a checked initial state: displacement and dx/dtau, or all components.
+
+        The state "static" is the equilibrium, which is that of any tuning.
+        """
+        if isinstance(initial_state, str) and initial_state == "static":
+            return self.static_state(1.0)
         if isinstance(initial_state, (tuple, list)) and len(initial_state) == self.size > 2:
             return tuple(
                 checks.number("initial_state", entry, "finite", math.isfinite)
@@ -273,7 +282,7 @@ class Model:
         """Contact codes of the flanks that carry the static load, of m meshes (m,) or one ()."""
         return np.where(np.asarray(self.mean_forces) < 0.0, INVERSE, NORMAL)
 
-    def dynamic_factors(self, largest_forces: Any) -> Any:
+    def force_ratios(self, largest_forces: Any) -> Any:
         """Return largest mesh forces over the static ones, NaN for meshes without load.
 
         Both are without signs and over the load, with the last axis over the meshes of a train.

@@ -224,6 +224,11 @@ class OneDegreePair(WithPair):
         """A sentence on jumps of the mesh force for results; "" unless stiffness is rectangular."""
         return self.pair.force_note if isinstance(self.profile, Rectangular) else ""
 
+    @property
+    def stiffness_model(self) -> str:
+        """The mesh stiffness in words."""
+        return self.profile.description or self.pair.stiffness_model
+
     parameters = property(
         lambda model: units_and_names(type(model)), doc="Its numbers beside the pair's."
     )

@@ -35,6 +35,13 @@ class GearPair(PairParameters, Model):
         """A sentence on jumps of the mesh force for results; "" for a constant stiffness."""
         return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
 
+    @property
+    def stiffness_model(self) -> str:
+        """The mesh stiffness in words."""
+        if not self.force_note:
+            return "constant stiffness"
+        return f"rectangle, kappa {self.stiffness_ratio:.4g}, epsilon {self.contact_ratio:.4g}"
+
     def __post_init__(self) -> None:
         """Check the parameters, their scales and the damping ratios."""
         super().__post_init__()

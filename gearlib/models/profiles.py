@@ -48,6 +48,8 @@ class Pieces:
 class Profile:
     """A stiffness over one mesh period; subclasses have a method ``pieces``."""
 
+    description = ""  #: in words, "" for the rectangle of the pair
+
     def as_dict(self) -> dict:
         """Return the kind of the profile and its parameters as plain values."""
         return {"kind": type(self).__name__.lower(), **asdict(self)}
@@ -82,6 +84,11 @@ class Fourier(Profile):
     """
 
     harmonics: Annotated[int, parameters.Integer(1, 10_000), "Number of terms of the series"]
+
+    @property
+    def description(self) -> str:  # type: ignore[override]
+        """The stiffness in words."""
+        return f"Fourier series of {self.harmonics} harmonics"
 
     def __post_init__(self):
         parameters.check(self)
@@ -182,6 +189,11 @@ class Tabulated(Profile):
 
     def __post_init__(self):
         _check_table(self, 2)
+
+    @property
+    def description(self) -> str:  # type: ignore[override]
+        """The stiffness in words."""
+        return f"table of {len(self.phase)} phases"
 
     @classmethod
     def read(

@@ -97,6 +97,7 @@ class SixDegreePair(WithPair):
     """
 
     force_note = property(lambda model: model.pair.force_note, doc="`GearPair.force_note`.")
+    stiffness_model = property(lambda model: model.pair.stiffness_model, doc="As of `GearPair`.")
     pair: Annotated[GearPair, Instance((GearPair,)), "Stiffness, load, backlash, damping"]
     base_radii: Annotated[tuple, Many(LENGTH, 2), "Base radii", "Rb3, Rb2"]
     inertias: Annotated[tuple, Many(INERTIA, 2), "Moments of inertia", "J3, J2"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from gearlib.data.motions import FRACTION_TOLERANCE
+from gearlib.data.motions import FRACTION_TOLERANCE, force_ratio
 from gearlib.data.result import result
 from gearlib.models.from_values import train_from_description
 from gearlib.models.pair import GearPair
@@ -19,7 +19,7 @@ from gearlib.studies import many_starts
 #: Number of equal branches that share the power of the reducer: countershafts with two gears each.
 BRANCHES = 3
 #: Variables of the sweeps of trains, with median and range over the initial states.
-_QUANTITIES = ("dynamic_factor", "load_sharing", "fraction_backlash")
+_QUANTITIES = ("load_sharing", "fraction_backlash")
 
 
 def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
@@ -82,26 +82,27 @@ def reducer(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
 def _reducer_case(
     train: Any, tunings: np.ndarray, settings: dict, mesh_branches: np.ndarray
 ) -> xr.Dataset:
-    """Return the sweep of a reducer, its largest dynamic factors, and fractions of initial states.
+    """Return the sweep of a reducer, its largest force ratios, and fractions of initial states.
 
     By branch, lost_alone_share is the fraction of initial states from which only this branch loses
     contact, struck_alone_share the fraction from which only this branch has coast-side contact.
     `mesh_branches` has the branch of each mesh, `settings` have the keys of `many_starts.SETTINGS`.
     """
-    sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, _QUANTITIES)
+    quantities = train.force_ratio_name, *_QUANTITIES
+    sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, quantities)
     losses = [motion.fraction_backlash.values > FRACTION_TOLERANCE for motion in motions]
     coast_contacts = [motion.fraction_inverse.values > FRACTION_TOLERANCE for motion in motions]
     loss_fractions = [single_branch_fraction(loss, mesh_branches) for loss in losses]
     coast_fractions = [single_branch_fraction(contact, mesh_branches) for contact in coast_contacts]
-    factors = sweep.dynamic_factor.where(sweep.settled == 1)
-    largest_index = factors.fillna(-np.inf).argmax("tuning")
+    ratios = force_ratio(sweep).where(sweep.settled == 1)
+    largest_index = ratios.fillna(-np.inf).argmax("tuning")
     largest_tuning = xr.DataArray(tunings, dims="tuning").isel(tuning=largest_index)
     dims = ("direction", "tuning", "branch")
     return sweep.assign(
         lost_alone_share=(dims, loss_fractions),
         struck_alone_share=(dims, coast_fractions),
-        largest_factor=factors.max("tuning"),
-        factor_tuning=largest_tuning.where(factors.notnull().any("tuning")),
+        largest_ratio=ratios.max("tuning"),
+        largest_ratio_tuning=largest_tuning.where(ratios.notnull().any("tuning")),
     )
 
 
@@ -125,25 +126,25 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
     loses contact, those at which only this branch has coast-side contact (far_flank_struck), and
     those at which the motion does not settle.
     """
-    factor_names = ["largest_dynamic_factor", "at_tuning", "at_speed_rpm"]
+    ratio_names = ["largest_peak_force_ratio", "at_tuning", "at_speed_rpm"]
     events = ("contact_lost", "far_flank_struck")
     branch_names = [f"{event}_in_its_branch_only_at" for event in events]
-    yield ["case", "direction", "mesh", *factor_names, *branch_names, "not_settled_at"]
+    yield ["case", "direction", "mesh", *ratio_names, *branch_names, "not_settled_at"]
     tunings = characteristics.tuning.values
     speed_per_tuning = float(characteristics.speed[0] / characteristics.tuning[0])
     cells = characteristics.stack(cell=("case", "direction", "mesh"), create_index=False)
     for i in range(cells.sizes["cell"]):
         cell = cells.isel(cell=i)
-        is_settled, tuning = cell.settled.values == 1, float(cell.factor_tuning)
+        is_settled, tuning = cell.settled.values == 1, float(cell.largest_ratio_tuning)
         branch = cell.sel(branch=int(cell.mesh_branch))
         loses_contact = is_settled & (branch.lost_alone_share.values == 1.0)
         has_coast_contact = is_settled & (branch.struck_alone_share.values == 1.0)
         masks = loses_contact, has_coast_contact, ~is_settled
         tuning_lists = [" ".join(f"{nu:g}" for nu in tunings[mask]) for mask in masks]
-        factor = f"{float(cell.largest_factor):.4g}"
+        ratio = f"{float(cell.largest_ratio):.4g}"
         names = [cell[name].item() for name in ("case", "direction", "mesh")]
         speed = _whole_number(speed_per_tuning * tuning)
-        yield [*names, factor, f"{tuning:g}", speed, *tuning_lists]
+        yield [*names, ratio, f"{tuning:g}", speed, *tuning_lists]
 
 
 def over_speed(train: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
@@ -153,7 +154,8 @@ def over_speed(train: dict, tunings: Sequence[float], settings: dict) -> xr.Data
     the keys of `many_starts.SETTINGS`.
     """
     model, tunings = train_from_description(**train), np.asarray(tunings, float)
-    dataset, _ = many_starts.sweep_with_seeded_starts(model, tunings, settings, _QUANTITIES)
+    quantities = model.force_ratio_name, *_QUANTITIES
+    dataset, _ = many_starts.sweep_with_seeded_starts(model, tunings, settings, quantities)
     dataset = dataset.assign(speed=("tuning", model.speed(tunings)))
     dataset = dataset.assign_coords(tuning=tunings, mesh=list(model.mesh_names))
     title = "All meshes of a gear train over speed"

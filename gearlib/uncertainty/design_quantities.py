@@ -21,12 +21,13 @@ FOUND, ABSENT, LOST = range(len(STATUS_MEANINGS))
 NO_DESIGN = -1
 #: Speed of the main resonance -> its attribute of `MainResonance`.
 RESONANCE_NAMES = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
-_PEAK_QUANTITIES = {"peak", "peak_dynamic_factor"}
+_PEAK_QUANTITIES = {"peak", "resonance_force_ratio"}
 _SHARING_QUANTITIES = {"load_sharing", "least_load_sharing"}
 #: Quantities whose worst value is the least one.
 _MINIMISED_QUANTITIES = {"contact_margin", "least_load_sharing"}
-_DUTY_QUANTITIES = {"dynamic_factor", "force", "transmission_error", "contact_margin"}
-_DUTY_QUANTITIES |= _SHARING_QUANTITIES
+_FORCE_RATIOS = {"dynamic_factor", "peak_force_ratio"}
+_DUTY_QUANTITIES = {"force", "transmission_error", "contact_margin"}
+_DUTY_QUANTITIES |= _SHARING_QUANTITIES | _FORCE_RATIOS
 
 
 class DesignQuantities:
@@ -56,6 +57,9 @@ class DesignQuantities:
             if sharing_quantities and not duty_model.mesh_names:
                 name = min(sharing_quantities)
                 raise ValueError(f"quantities = {name!r} is not allowed: only trains have it")
+            for name in duty_quantities & _FORCE_RATIOS:
+                allowed = f"{duty_model.force_ratio_name!r}, which this model has"
+                checks.require(name == duty_model.force_ratio_name, "quantities", name, allowed)
             equation = duty_model.equation
             if "transmission_error" in duty_quantities and equation and len(equation.deviation):
                 raise ValueError(
@@ -86,7 +90,7 @@ class DesignQuantities:
                 values[i] = _duty_value(name, duty_model, summary, self._nominal_orbit.period)
             elif name == "peak":
                 values[i] = resonance.peak_displacement * model.static_deflection
-            elif name == "peak_dynamic_factor":
+            elif name == "resonance_force_ratio":
                 values[i] = resonance.peak_force
             else:  # the resonance has tunings
                 values[i] = float(model.speed(1.0)) * getattr(resonance, RESONANCE_NAMES[name])
@@ -149,9 +153,9 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
             return float(values[model.mesh_names.index(model.reference)])
     elif name == "force":
         values = largest_force(table) * model.load
-    else:  # dynamic_factor
-        values = model.dynamic_factors(largest_force(table))
-    # Meshes without load have no dynamic factor, so NaN is ignored.
+    else:
+        values = model.force_ratios(largest_force(table))
+    # Meshes without load have no force ratio, so NaN is ignored.
     worst = np.fmin if name in _MINIMISED_QUANTITIES else np.fmax
     return float(worst.reduce(values))
 

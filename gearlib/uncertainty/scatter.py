@@ -15,8 +15,8 @@ import numpy as np
 import xarray as xr
 
 from gearlib import checks
-from gearlib.analysis.duty_point import dynamic_factor
 from gearlib.data.files import canonical_json
+from gearlib.data.motions import largest_force
 from gearlib.data.result import result
 from gearlib.data.variables import describe
 from gearlib.progress import Limit, with_bar
@@ -293,7 +293,7 @@ def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, row
             threads=1,
         )
         peak_to_peak = curve.displacement_max - curve.displacement_min
-        factor = dynamic_factor(curve, model)
+        factor = model.force_ratios(largest_force(curve))
         loses_contact = curve.fraction_backlash > 0.0
         if model.mesh_names:
             peak_to_peak, factor = peak_to_peak.max("mesh"), factor.max("mesh")

@@ -23,8 +23,8 @@ from gearlib.engines import orbit as columns
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Quantities that `main_resonance` computes.
-QUANTITIES = ("onset", "jump_up", "jump_down", "peak", "peak_dynamic_factor")
-_EXTREMUM_COLUMNS = {"peak": columns.X_MAX, "peak_dynamic_factor": columns.FORCE_MAX}
+QUANTITIES = ("onset", "jump_up", "jump_down", "peak", "resonance_force_ratio")
+_EXTREMUM_COLUMNS = {"peak": columns.X_MAX, "resonance_force_ratio": columns.FORCE_MAX}
 #: Exceptions that mean that a quantity could not be computed.
 _FAILURES = (ContinuationFailed, NoOrbit, np.linalg.LinAlgError)
 
@@ -67,7 +67,7 @@ class MainResonance:
     jump_up: float = math.nan  #: first fold in a run-up, where the motion jumps up
     jump_down: float = math.nan  #: fold in a run-down where the motion jumps down
     peak: float = math.nan  #: largest displacement of the stable branch in a run-down
-    peak_dynamic_factor: float = math.nan  #: largest force of the same branch
+    resonance_force_ratio: float = math.nan  #: largest force of the same branch
     #: Name of a special point -> its state at the start of a mesh period, shape (n,).
     states: dict = field(default_factory=dict)
     #: Names of the quantities that could not be computed.
@@ -115,7 +115,7 @@ def main_resonance(model, quantities=QUANTITIES):
         **{name: search.tuning(unknowns) for name, unknowns in points.items()},
         states={name: search.state(unknowns) for name, unknowns in points.items()},
         peak_displacement=values.get("peak", math.nan),
-        peak_force=values.get("peak_dynamic_factor", math.nan),
+        peak_force=values.get("resonance_force_ratio", math.nan),
         failed=frozenset(failed),
     )
 

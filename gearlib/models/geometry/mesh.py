@@ -22,7 +22,7 @@ from gearlib.parameters import DIAMETER, RUN_OUT, Instance, documented
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh_stiffness import MeshStiffness
 
-#: Largest negative backlash, in modules, that counts as 0, from rounded shifts and distances.
+#: Largest backlash, in modules, that may follow from rounded shifts and centre distances.
 _MAX_ROUNDED_BACKLASH = 1e-3
 #: Largest depth of contact below the start of the involute, in modules. The fillet deviates there
 #: from the involute by only 0.002 modules, and rings of published planetary sets reach a depth of
@@ -56,7 +56,7 @@ class Mesh:
         float | None,
         RUN_OUT,
         "Normal backlash j_bn; by default what shifts, centre distance and allowances of the tooth "
-        "thickness leave",
+        "thickness leave, or where they leave none, `recommended_backlash`",
     ] = None
 
     def __post_init__(self) -> None:
@@ -205,8 +205,9 @@ class Mesh:
         thicknesses = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
         backlash = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - thicknesses
         backlash = backlash * cosine * math.cos(self.pinion.base_helix_angle)
-        if -_MAX_ROUNDED_BACKLASH * module <= backlash < 1e-12 * module:
-            backlash = 0.0
+        if abs(backlash) <= _MAX_ROUNDED_BACKLASH * module:
+            is_given = any(gear.thickness_allowance for gear in gears)
+            backlash = max(backlash, 0.0) if is_given else self.recommended_backlash
         allowed = ">= 0; shifts, allowances of the tooth thickness and centre_distance leave"
         allowed += " too little room"
         backlash = checks.number("backlash", backlash, allowed, lambda v: 0 <= v < math.inf)
@@ -304,6 +305,11 @@ class Mesh:
         It is 2/3 (0.06 + 0.0005 a + 0.03 m_n), all in mm.
         """
         return 2.0 / 3.0 * (6e-5 + 0.0005 * self.centre_distance + 0.03 * self.pinion.module)
+
+    @property
+    def has_recommended_backlash(self) -> bool:
+        """Whether the backlash is the recommended one."""
+        return self.backlash == self.recommended_backlash
 
     @property
     def reduced_mass(self) -> float:

@@ -100,6 +100,16 @@ class GearTrain(Model):
         """A sentence on the jumps of mesh forces where the stiffness changes most."""
         return force_note(min(mesh.stiffness_ratio for mesh in self.meshes))
 
+    @property
+    def force_ratio_name(self) -> str:
+        """Whether mesh forces jump where teeth enter; see `Model.force_ratio_name`."""
+        return "peak_force_ratio" if self.force_note else "dynamic_factor"
+
+    @property
+    def stiffness_model(self) -> str:
+        """The mesh stiffness in words."""
+        return "rectangles" if self.force_note else "mean stiffness"
+
     def __post_init__(self) -> None:
         """Check the elements, names, gears and torques of the train."""
         check(self)
@@ -514,16 +524,16 @@ class GearTrain(Model):
         return {"body_motion": (("phase", "body", "axis"), motion)}
 
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
-        """Return mean force, dynamic factor and load sharing of each mesh: name -> (dims, values).
+        """Return mean force, force ratio and load sharing of each mesh: name -> (dims, values).
 
         `summaries`, shape (..., m, 10), has the dimensions `dims` and holds sums and extrema over a
-        span of phase. The dynamic factor is the largest force over the static force of the linear
+        span of phase. The force ratio is the largest force over the static force of the linear
         train, both without signs, NaN for a mesh without load.
         """
         mean = summaries[..., orbit.FORCE_SUM] / span
-        factor = self.dynamic_factors(summary.largest_force(summaries))
+        ratio = self.force_ratios(summary.largest_force(summaries))
         shares = statics.load_shares(self, mean)
-        variables = {"mean_force": mean, "dynamic_factor": factor, "load_sharing": shares}
+        variables = {"mean_force": mean, self.force_ratio_name: ratio, "load_sharing": shares}
         return {name: (dims, values) for name, values in variables.items()}
 
     def layout(self) -> xr.Dataset:
