@@ -154,8 +154,9 @@ def simulate(gears, model, tuning, samples, **settings):
         run = gearlib.simulate(model, **settings | {"record_periods": int(run.period)})
     output.show(run)
     if not model.mesh_names:  # Only trains have names of meshes.
-        duty = result("Duty point of a gear mesh", model, si_variables(run, model), method="run")
-        output.show(duty.drop_vars(["tuning", "speed"]))  # They are printed with the run.
+        variables = si_variables(run, model)
+        variables = {name: value for name, value in variables.items() if name not in run}
+        output.show(result("Duty point of a gear mesh", model, variables, method="run"))
     return run, lambda plot: plot.time_course(run)
 
 
@@ -389,9 +390,9 @@ def _read_measured(values):
     for name in (*GearPairSection.model_fields, *DAMPINGS):
         if values[name] is None and isinstance(known.get(name), int | float):
             values[name] = known[name]
-    values["model"] = values["model"] or {"one_degree": "rectangle"}.get(
-        section.model, section.model
-    )
+    values["model"] = values["model"] or section.model
+    if values["model"] == "one_degree":
+        values["model"] = "rectangle"
 
 
 @gear_command(

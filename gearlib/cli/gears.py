@@ -78,9 +78,7 @@ class Gears(NamedTuple):
         if self.drawn and self.drawn.backlash is None:
             mesh = self.drawn.mesh()
             if mesh.has_recommended_backlash:
-                parts.append(
-                    f"backlash {1e6 * mesh.backlash:.4g} um, recommended, as none is given"
-                )
+                parts.append(f"recommended backlash {1e6 * mesh.backlash:.4g} um, as none is given")
         return "; ".join(parts)
 
 
