@@ -92,7 +92,8 @@ def gear_command(
         for note in filter(None, notes):
             click.echo(click.wrap_text(note, output.WIDTH))
         dataset, draw = function(gears, model, **values)
-        dataset.attrs["stiffness_model"] = gears.stiffness(model)
+        if "stiffness_model" in dataset.attrs:
+            dataset.attrs["stiffness_model"] = gears.stiffness(model)
         if data_path:
             output.write(data_path, dataset, dimension)
         if plot_path:

@@ -13,7 +13,11 @@ COSINE = math.cos(math.radians(20.0))
 
 
 def test_thickness_allowances_open_backlash_along_the_line_of_action():
-    assert gears_of_20_teeth().backlash == 0.0
+    tight = gears_of_20_teeth()
+    # Gears without play get the least backlash of ISO/TR 10064-2, 2/3 (0.06 + 0.1 + 0.3) mm.
+    assert tight.has_recommended_backlash
+    assert tight.backlash == pytest.approx(0.46e-3 / 1.5, rel=1e-12)
+    assert Mesh(tight.pinion, tight.wheel, backlash=0.0).backlash == 0.0
     loose = gears_of_20_teeth(thickness_allowance=-5e-5)
     assert loose.backlash == pytest.approx(2.0 * 5e-5 * COSINE, rel=1e-9)
     assert Mesh(loose.pinion, loose.wheel, backlash=3e-5).backlash == 3e-5

@@ -61,9 +61,9 @@ def test_reversed_loads_have_the_same_duty_point_on_the_coast_side(name):
     model = MODELS[name]
     speed = float(model.speed(TUNINGS[name]))
     drive, coast = duty_point(model, speed), duty_point(reversed_loads(model), speed)
-    assert drive.settled == 1 and np.isfinite(drive.dynamic_factor).all()
+    assert drive.settled == 1 and np.isfinite(drive.peak_force_ratio).all()
     assert (drive.lost_share.max() > 0.05) == (name != "chain")
-    variables = ["dynamic_factor", "error_peak_to_peak", "lost_share"]
+    variables = ["peak_force_ratio", "error_peak_to_peak", "lost_share"]
     # Rigid bearings have no forces, and those of pins of a turning carrier hold its planets, too.
     variables += ["bearing_force_max"] if name in ("planetary", "six degrees") else []
     for variable in variables:
@@ -85,7 +85,7 @@ def test_reversed_loads_have_the_same_main_resonance(name):
 
 
 def test_reversed_loads_have_the_same_quantities_of_designs():
-    names = ("dynamic_factor", "force", "transmission_error", "contact_margin")
+    names = ("peak_force_ratio", "force", "transmission_error", "contact_margin")
     for model in (MODELS["chain"], SIX):
         speed = float(model.speed(0.6))
         drive, coast = (

@@ -83,22 +83,22 @@ def test_settled_motions_are_the_periodic_orbit():
     assert result.settled and (result.period == TRAIN.repeats).all()
     orbit = periodic_orbit(TRAIN, 1.2, guess=result.state[0], period=TRAIN.repeats)
     exact = simulate(TRAIN, 1.2, periods=12, record_periods=12, initial_state=tuple(orbit.state))
-    summary = many_starts.summarise(TRAIN, [result], MANY, ["dynamic_factor"])
-    factors = summary.dynamic_factor.isel(tuning=0)
-    np.testing.assert_allclose(factors, [exact.dynamic_factor] * MANY["starts"], rtol=1e-11)
+    summary = many_starts.summarise(TRAIN, [result], MANY, ["peak_force_ratio"])
+    factors = summary.peak_force_ratio.isel(tuning=0)
+    np.testing.assert_allclose(factors, [exact.peak_force_ratio] * MANY["starts"], rtol=1e-11)
     assert float(summary.settled_share[0]) == float(summary.largest_share[0]) == 1.0
 
 
 def test_motions_that_do_not_settle_are_summarised_by_a_range():
     # At this tuning motions in which all branches of the train move alike are unstable.
     (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.6], MANY)
-    summary = many_starts.summarise(TRAIN, [result], MANY, ["dynamic_factor"])
+    summary = many_starts.summarise(TRAIN, [result], MANY, ["peak_force_ratio"])
     assert not result.settled and int(summary.settled[0]) == 0 and int(summary.period[0]) == 0
     # The orbit -1 stands for a motion that has not settled.
     unsettled = result.orbit < 0
     assert unsettled.any() and not result.period[unsettled].any()
-    ranges = many_starts.ranges_over_starts(summary, ["dynamic_factor"])
-    assert (ranges["dynamic_factor_high"] > 1.1 * ranges["dynamic_factor_low"]).all()
+    ranges = many_starts.ranges_over_starts(summary, ["peak_force_ratio"])
+    assert (ranges["peak_force_ratio_high"] > 1.1 * ranges["peak_force_ratio_low"]).all()
 
 
 def test_shares_of_motions_are_those_of_the_starts_that_lead_to_them():

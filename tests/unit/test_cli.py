@@ -117,12 +117,12 @@ def test_a_left_hand_helix_is_a_negative_angle(run):
     assert "-15" in left[0] and right[1:] == left[1:]
 
 
-def test_only_models_with_tip_relief_bear_its_name(run):
+def test_the_name_of_gears_says_what_their_model_takes_of_them(run):
     write("relieved.yaml", relieved())
-    gears = "--config relieved.yaml"
-    speeds = "--start 4000rpm --stop 4100 --duration 0.1"
-    assert run(f"run-up {gears} {speeds}").splitlines()[0].endswith(", tip relief left out")
-    assert run(f"simulate {gears} --tuning 0.3").splitlines()[0].endswith(", tip relief")
+    line = "simulate --config relieved.yaml --speed 4000rpm"
+    rectangle = "tip relief left out; rectangle, kappa 0.5714, epsilon 1.689, ISO 6336-1"
+    assert rectangle in " ".join(run(f"{line} --model rectangle").split())
+    assert "tip relief; pairs of teeth, energy method" in " ".join(run(line).split())
 
 
 def test_a_run_up_an_orbit_and_trust_print_their_results(run):
@@ -135,7 +135,7 @@ def test_a_run_up_an_orbit_and_trust_print_their_results(run):
     assert all(f"{x:.6g}" in output for x in orbit.state)
     assert all(f"{x.real:.6g} " in output for x in orbit.multipliers)
     output = run("trust PAIR --tuning 0.7 --periods 500")
-    assert output.startswith("paper's pair\nperiodic: ")
+    assert output.startswith("paper's pair; rectangle, kappa 0.5879, epsilon 1.569\nperiodic: ")
     write("train.yaml", with_train({"kind": "planetary"}))
     output = run("orbit --config train.yaml --model train --tuning 2.5")
     # The table of the state of a train counts its rows from 0.
@@ -146,19 +146,20 @@ def test_a_run_up_an_orbit_and_trust_print_their_results(run):
 def test_drawn_gears_come_from_options_or_a_saved_file(run):
     run("gears DRAWN --save mine.yaml --plot stiffness.svg")
     assert Path("stiffness.svg").exists()
-    pair = gearlib.GearPair.from_geometry(drawings.own(), torque=85.0, damping_ratio=0.05)
-    expected = gearlib.simulate(pair, speed=4000.0, periods=200)
+    pair = gearlib.LoadSharingPair.from_geometry(drawings.own(), torque=85.0, damping_ratio=0.05)
+    expected = gearlib.simulate(pair, speed=4000.0, periods=200, initial_state="static")
     outputs = {gears: run(f"simulate {gears} --speed 4000") for gears in ("DRAWN", FROM_FILE)}
     run(f"simulate {FROM_FILE} --speed 4000 -o run.nc")
     displacement = xr.load_dataset("run.nc").displacement
     np.testing.assert_allclose(displacement, expected.displacement, rtol=1e-9)
-    assert outputs["DRAWN"].startswith("gear pair z 23/61, m 2.5 mm\n")
+    first_line = outputs["DRAWN"].splitlines()[0]
+    assert first_line == "gear pair z 23/61, m 2.5 mm; pairs of teeth, energy method"
     # A speed saved with the gears is the speed of runs that name none.
     run("gears DRAWN --speed 4000 --save fast.yaml")
     assert run("simulate --config fast.yaml") == outputs["DRAWN"] == outputs[FROM_FILE]
     # Options replace values of the saved file: here the static deflection at twice the torque.
     output = run(f"simulate {FROM_FILE} --torque '170 Nm' --speed 4000")
-    assert " 1.719953376e-05 m " in output
+    assert f" {2.0 * pair.static_deflection:.10g} m " in output
     # Gears that are not drawn have one number of teeth, that of the pinion.
     assert " 1500 rpm " in run("simulate PAIR --teeth 48 --speed 1500")
     # Undamped gears have a table, but a motion at a speed that does not settle is an error.
@@ -216,8 +217,8 @@ scatter PAIR -t load | must have keys, each once, as 'load std=5%'
 scatter PAIR -t 'load std=1% std=2%' | must have keys
 scatter PAIR -t 'load stdd=5%' | must have keys of mean, std
 scatter DRAWN --thickness-class '1 2 3' | --thickness-class = '1 2 3' is not allowed: it must be
-scatter PAIR -t 'torque std=5%' | need drawn gears
-scatter PAIR --distance-class js7 | need drawn gears
+scatter PAIR -t 'torque std=5%' | need gears given by geometry
+scatter PAIR --distance-class js7 | need gears given by geometry
 scatter DRAWN | --tolerance is missing
 """
 
@@ -306,7 +307,7 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
     columns = ["displacement_max", "displacement_min", "dynamic_force_max"]
     columns += [
         "dynamic_force_min",
-        "dynamic_factor",
+        "peak_force_ratio",
         "mean_force",
         "load_sharing",
         "fraction_normal",
@@ -321,7 +322,7 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
     assert_rows(output, expected, columns)
     output = run(f"sweep {train_options} --start 0.3 --stop 0.5 --points 3")
     curve = gearlib.sweep(reducer, np.linspace(0.3, 0.5, 3), periods=30, record_periods=10)
-    top = curve.isel(tuning=int(curve.dynamic_factor.max("mesh").argmax("tuning")))
+    top = curve.isel(tuning=int(curve.peak_force_ratio.max("mesh").argmax("tuning")))
     assert f"{top.tuning.item():.10g} " in output
     assert_rows(output, top, columns)
 
