@@ -12,6 +12,7 @@ from gearlib.config import gear_names, overlay, units, yaml_keys
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
 from gearlib.config.targets import NO_TRAIN, missing_mesh_damping
 from gearlib.config.train_section import PAIR_TRAINS
+from gearlib.models.geometry.iso import METHOD_NAMES
 
 DEFAULT_CONFIG = Path("config.yaml")
 _BEARINGS = ("bearing_stiffness", "bearing_damping")
@@ -66,8 +67,6 @@ class Gears(NamedTuple):
 
     def stiffness(self, model: Any) -> str:
         """Return the mesh model and its stiffness in words, with the method of a rectangle."""
-        from gearlib.models.geometry.mesh_stiffness import METHOD_NAMES
-
         if self.kind not in ("rectangle", "six_degrees") or not self.settings.gears:
             return model.stiffness_model
         return f"{model.stiffness_model}, {METHOD_NAMES[self.settings.gears.stiffness or 'iso']}"

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from gearlib.config.gear_pair_section import GearPairSection
 from gearlib.config.gears_section import FZG_C
+from gearlib.models.geometry.iso import METHOD_NAMES
 
 #: Values of the mesh of Hortel and Skuderova (2007), "the paper"; they identify its pair.
 PAPER = {
@@ -69,6 +70,18 @@ def name_of_pair(config: Any, modified: bool = True) -> str:
     if config.gears:
         return name_of_drawing(config.gears, modified)
     return name_of_parameters(config.gear_pair)
+
+
+def name_with_stiffness(config: Any, teeth: bool) -> str:
+    """Return the name of the gear pair with its model: pairs of teeth of drawn gears, or not.
+
+    Gears without a drawing are named by their rectangle.
+    """
+    gears, name = config.gears, name_of_pair(config, modified=teeth)
+    if gears is None:
+        return name
+    method = gears.stiffness or (gears.mesh().tooth_stiffness if teeth else "iso")
+    return f"{name}; {'pairs of teeth' if teeth else 'rectangle'}, {METHOD_NAMES[method]}"
 
 
 def name_of_reducer(config: Any) -> str:

@@ -90,6 +90,19 @@ def pairs_of_teeth(gears: dict, damping: dict, pitch_errors: bool = True) -> Loa
     return model.replace(backlash_damping=backlash_damping) if backlash_damping else model
 
 
+def gear_model(pair: dict, teeth: dict | None = None, pitch_errors: bool = False) -> tuple:
+    """Return (model, ratio) of the gears of a configuration.
+
+    The model is the `GearPair` with the arguments `pair`, or the `LoadSharingPair` with `teeth`,
+    arguments of `pairs_of_teeth`; `ratio` is its tuning over that of the pair at the same speed.
+    """
+    model = GearPair(**pair)
+    if teeth is None:
+        return model, 1.0
+    teeth_model = pairs_of_teeth(**teeth, pitch_errors=pitch_errors)
+    return teeth_model, float(model.speed(1.0) / teeth_model.speed(1.0))
+
+
 def train_from_description(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
     """Return the gear train that the section `train` of a configuration describes.
 

@@ -24,8 +24,8 @@ from gearlib.data import summary
 from gearlib.engines.taylor.teeth import ToothPairSystem
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.gear import PathTable
+from gearlib.models.geometry.iso import METHOD_NAMES
 from gearlib.models.geometry.mesh import Mesh
-from gearlib.models.geometry.mesh_stiffness import METHOD_NAMES, PairCompliance
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
@@ -409,12 +409,7 @@ def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments
     those of `gearlib.geometry.mesh_stiffness`, of which only coupling and twist count;
     `arguments` are those of `LoadSharingPair.from_geometry`, such as torque and damping_ratio.
     """
-    if stiffness is None:
-        try:
-            PairCompliance(mesh)
-            stiffness = "energy"
-        except ValueError:
-            stiffness = "iso"
+    stiffness = stiffness or checks.gear_mesh(mesh).tooth_stiffness
     options = options or {}
     checks.check_known_parameters("stiffness", options, _STIFFNESS_OPTIONS)
     if stiffness == "energy":

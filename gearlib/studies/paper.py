@@ -13,26 +13,33 @@ import xarray as xr
 from gearlib.analysis import trust
 from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_grows
 from gearlib.data.variables import describe
+from gearlib.models.from_values import gear_model
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 
 
-def phase_plane_run(pair: dict, tuning: float, run: dict, damping: str) -> xr.Dataset:
+def phase_plane_run(pair: dict, tuning: float, run: dict, damping: str, teeth=None) -> xr.Dataset:
     """Simulate the time history behind a phase portrait, labelled with the name of its damping.
 
-    `pair` has arguments of `GearPair`, `run` those of `gearlib.simulate`.
+    `pair` and `teeth` are arguments of `gear_model`, `run` has those of `gearlib.simulate`; the
+    tuning is that of the pair, which pairs of teeth have at the same speed.
     """
-    motion = simulate(GearPair(**pair), tuning, until_settled=True, **run)
+    model, ratio = gear_model(pair, teeth, pitch_errors=True)
+    motion = simulate(model, ratio * tuning, until_settled=True, **run)
     return describe(motion.assign_coords(damping=damping))
 
 
-def labels(pair: dict, tunings: Sequence[float], settings: dict, damping: str) -> xr.Dataset:
+def labels(
+    pair: dict, tunings: Sequence[float], settings: dict, damping: str, teeth=None
+) -> xr.Dataset:
     """Return labels of the motion from rest (periodic, chaotic, ...) over tuning.
 
-    `pair` has arguments of `GearPair`, `settings` further arguments of `gearlib.trust`, which
-    classifies a motion and says how reliable that is; `damping` is the name of the damping.
+    `pair` and `teeth` are arguments of `gear_model`, `settings` further arguments of
+    `gearlib.trust`, which classifies a motion and says how reliable that is; `damping` is the name
+    of the damping.
     """
-    classified = trust.classify_at_tunings(GearPair(**pair), tunings, **settings)
+    model, ratio = gear_model(pair, teeth)
+    classified = trust.classify_at_tunings(model, ratio * np.asarray(tunings), **settings)
     return describe(classified.assign_coords(damping=damping))
 
 

@@ -15,6 +15,7 @@ from gearlib.analysis.orbits.loci import locus
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.data.variables import describe
+from gearlib.models.from_values import gear_model
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep, sweep_down
 from gearlib.tunings import grid
@@ -24,19 +25,29 @@ _MIN_TUNING_CHANGE = 1e-9
 
 
 def sweep_window(
-    pair: dict, window: tuple, step: float, run: dict, damping, direction, threads, lowest=None
+    pair: dict,
+    window: tuple,
+    step: float,
+    run: dict,
+    damping,
+    direction,
+    threads,
+    lowest=None,
+    teeth=None,
 ) -> xr.Dataset:
     """Return a sweep over a window of tunings (first, last), labelled with damping and direction.
 
-    `pair` has arguments of `GearPair`, `run` those of `gearlib.sweep`; `step` is that of the
-    tuning, `damping` the name of the damping of the pair, `direction` "cold" (every run from the
-    same initial state), "up" or "down", and `threads` the number of threads. A downward sweep that
-    has not jumped continues below the window, down to the tuning `lowest`.
+    `pair` and `teeth` are arguments of `gear_model`, `run` has those of `gearlib.sweep`; the
+    tunings are those of the pair, which pairs of teeth have at the same speeds. `step` is that of
+    the tuning, `damping` the name of the damping, `direction` "cold" (every run from the same
+    initial state), "up" or "down", and `threads` the number of threads. A downward sweep that has
+    not jumped continues below the window, down to the tuning `lowest`.
     """
     first, last = window
-    tunings, model = np.array(grid(first, last, step)), GearPair(**pair)
+    model, ratio = gear_model(pair, teeth)
+    tunings = ratio * np.array(grid(first, last, step))
     if direction == "down" and lowest is not None:
-        curve, _ = sweep_down(model, tunings, lowest, threads=threads, **run)
+        curve, _ = sweep_down(model, tunings, ratio * lowest, threads=threads, **run)
     else:
         curve = sweep(model, tunings, direction=direction, threads=threads, **run)
     return describe(curve.assign_coords(damping=damping, direction=direction))

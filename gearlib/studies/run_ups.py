@@ -11,7 +11,7 @@ import xarray as xr
 
 from gearlib.analysis.order_maps import order_map
 from gearlib.data.result import result
-from gearlib.models.pair import GearPair
+from gearlib.models.from_values import gear_model
 from gearlib.runs.run_up import run_up
 
 DIRECTIONS = ("up", "down")
@@ -20,16 +20,25 @@ _ORDER_MAP_BLOCKS, SAMPLES_PER_PERIOD = 480, 128
 
 
 def run_ups_at_several_rates(
-    pair: dict, start: float, stop: float, revolutions: Sequence[int], *, mesh_orders: int, damping
+    pair: dict,
+    start: float,
+    stop: float,
+    revolutions: Sequence[int],
+    *,
+    mesh_orders: int,
+    damping,
+    teeth=None,
 ) -> xr.Dataset:
     """Return tuning and extrema of the displacement in each revolution of several run-ups.
 
-    `pair` has arguments of `GearPair`. In each run the tuning rises linearly from `start` to `stop`
-    and falls back at the same rate; `revolutions` has the number of revolutions from `start` to
-    `stop` for each run. The dataset also has the order map of the slowest run, up to `mesh_orders`
-    times the mesh order. `damping` is the name of the damping of the pair.
+    `pair` and `teeth` are arguments of `gear_model`, `start` and `stop` are tunings of the pair,
+    which pairs of teeth have at the same speeds. In each run the tuning rises linearly from `start`
+    to `stop` and falls back at the same rate; `revolutions` has the number of revolutions from
+    `start` to `stop` for each run. The dataset also has the order map of the slowest run, up to
+    `mesh_orders` times the mesh order. `damping` is the name of the damping.
     """
-    model = GearPair(**pair)
+    model, ratio = gear_model(pair, teeth)
+    start, stop = ratio * start, ratio * stop
     start_speed, stop_speed = (float(model.speed(nu)) for nu in (start, stop))
     names = ("tuning", "displacement_max", "displacement_min")
     shape = len(revolutions), len(DIRECTIONS), max(revolutions)
@@ -64,5 +73,5 @@ def run_ups_at_several_rates(
     # xarray and the CF conventions take "time" for dates; blocks have seconds from the start.
     map_names = ["amplitude", "rpm", "overall", "teeth", "order_resolution"]
     dataset = dataset.merge(slow_map[map_names].rename(time="block"))
-    dataset = result("Run-ups of a gear mesh", model, dataset, method="closed forms")
+    dataset = result("Run-ups of a gear mesh", model, dataset, method="exact")
     return dataset.assign_attrs({name: slow_map.attrs[name] for name in ("variable", "amplitude")})

@@ -123,7 +123,11 @@ def with_pairs(cases):
 #: Damping -> parameters of the gear pair with this damping.
 PAIRS = canonical({damping: CONFIG.pair_parameters(damping) for damping in CONFIG.dampings})
 SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
-GEAR_PAIR = gear_names.name_of_pair(CONFIG, modified=False)
+#: Damping -> arguments of the pairs of teeth of drawn gears; None for gears given by numbers.
+TEETH = canonical({damping: CONFIG.teeth_parameters(damping) for damping in CONFIG.dampings})
+#: Names of the gears with the rectangular stiffness, and with the model of sweeps and run-ups.
+GEAR_PAIR = gear_names.name_with_stiffness(CONFIG, teeth=False)
+GEARS = gear_names.name_with_stiffness(CONFIG, teeth=True)
 #: Common arguments of `sweep` and `simulate`, and those of `simulate` with samples.
 RUN = {
     "initial_state": [
@@ -132,6 +136,10 @@ RUN = {
     "periods": CONFIG.periods,
     "record_periods": CONFIG.record_periods,
 }
+#: The same for the model of sweeps, in which pairs of teeth start in static equilibrium.
+GEARS_RUN = dict(RUN)
+if CONFIG.gears and "initial_state" not in CONFIG.run.model_fields_set:
+    GEARS_RUN["initial_state"] = "static"
 SAMPLED_RUN = RUN | {"samples_per_period": config["run"]["samples_per_period"]}
 COLOURS = {"colours": config["figures"]["colours"]}
 
@@ -199,9 +207,12 @@ def target_files(target, *files):
     return lambda wildcards: refuse(message)
 
 
-def if_wanted(target, files):
-    """Return files if their target is wanted, else an empty list."""
-    return files if target in WANTED else []
+def if_wanted(target, files, pairs_only=False):
+    """Return files if their target is wanted, else an empty list.
+
+    With `pairs_only` files are left out for drawn gears, whose sweeps have pairs of teeth.
+    """
+    return [] if target not in WANTED or (pairs_only and CONFIG.gears) else files
 
 
 # Scenes and measured sets.
@@ -276,6 +287,13 @@ config["captions"] = {
     "drawn": CONFIG.gears is not None,
     "paper": IS_PAPER,
     "forces": force_note(CONFIG.gear_pair.stiffness_ratio) if CONFIG.gears else "",
+    # The model of sweeps and run-ups.
+    "model": (
+        f"Model: {GEARS.partition('; ')[2]}, which share the load and touch early at their tip "
+        "corners; with tip relief, without pitch errors."
+        if CONFIG.gears
+        else ""
+    ),
     "train": (
         f"the train of the section ``train``, {CONFIG.train.kind.replace('_', ' ')}"
         if targets.has_custom_train(CONFIG)

@@ -16,6 +16,7 @@ use rule _compute as compute_run_ups with:
         **pick(config["run_ups"], "start", "stop", "damping", "revolutions"),
         function="gearlib.studies.run_ups:run_ups_at_several_rates",
         pair=PAIRS[config["run_ups"]["damping"]],
+        teeth=TEETH[config["run_ups"]["damping"]],
         mesh_orders=config["run_ups"]["orders"],
 
 
@@ -25,12 +26,15 @@ use rule _draw as draw_run_ups with:
     input:
         run_ups="results/run_ups.nc",
         resonance=if_wanted("resonance", "results/resonance.nc"),
-        branches=if_wanted("branches", f"results/branches/{config['run_ups']['damping']}.nc"),
+        branches=if_wanted(
+            "branches", f"results/branches/{config['run_ups']['damping']}.nc", pairs_only=True
+        ),
         sources=sources_of("draw", "figures.run_ups_figure"),
     output:
         figure_files("run_ups", "Beside Fig. 3: run-ups, and their orders", EXPLANATIONS),
     params:
         draw="run_ups_figure.draw",
+        gears=GEARS,
 
 
 rule run_ups:
@@ -89,6 +93,7 @@ use rule _compute as label with:
     params:
         function="gearlib.studies.paper:labels",
         pair=lambda wildcards: PAIRS[wildcards.damping],
+        teeth=lambda wildcards: TEETH[wildcards.damping],
         tunings=grid(config["labels"]),
         settings=without(config["labels"], *GRID),
         damping="{damping}",

@@ -52,8 +52,9 @@ use rule _compute as sweep_window with:
         **pick(config["resonance"], "step", "lowest"),
         function="gearlib.studies.resonance:sweep_window",
         pair=lambda wildcards: PAIRS[wildcards.damping],
+        teeth=lambda wildcards: TEETH[wildcards.damping],
         window=lambda wildcards: tunings.values_of(wildcards.window),
-        run=RUN,
+        run=GEARS_RUN,
         damping="{damping}",
         direction="{direction}",
 
@@ -81,14 +82,18 @@ use rule _draw as draw_resonance with:
     input:
         resonance="results/resonance.nc",
         labels=if_wanted("labels", per_damping("results/labels/{damping}.nc")),
-        branches=if_wanted("branches", per_damping("results/branches/{damping}.nc")),
-        tongues=if_wanted("parametric_resonance", "results/tongues.nc"),
+        # Those of drawn gears are of the rectangle, another model than that of the sweeps.
+        branches=if_wanted(
+            "branches", per_damping("results/branches/{damping}.nc"), pairs_only=True
+        ),
+        tongues=if_wanted("parametric_resonance", "results/tongues.nc", pairs_only=True),
         measured=expand("results/measured/{measured}.nc", measured=MEASURED_SETS),
         sources=sources_of("draw", "figures.resonance_figure"),
     output:
         figure_files("fig3_resonance", "Fig. 3: resonance characteristics, all dampings", PAPER),
     params:
         draw="resonance_figure.draw",
+        gears=GEARS,
         # The paper's figure shows no forces.
         settings=COLOURS | ({} if IS_PAPER else {"forces": True}),
 
@@ -112,8 +117,9 @@ use rule _compute as phase_plane with:
     params:
         function="gearlib.studies.paper:phase_plane_run",
         pair=lambda wildcards: PAIRS[wildcards.damping],
+        teeth=lambda wildcards: TEETH[wildcards.damping],
         tuning=lambda wildcards: tunings.values_of(wildcards.tuning)[0],
-        run=SAMPLED_RUN,
+        run=GEARS_RUN | {"samples_per_period": config["run"]["samples_per_period"]},
         damping="{damping}",
 
 
@@ -143,6 +149,7 @@ use rule _draw as draw_phase_planes with:
         figure_files("fig5_phase_planes", "Fig. 5: phase planes, all dampings", PAPER),
     params:
         draw="phase_planes_figure.draw",
+        gears=GEARS,
         settings=COLOURS,
 
 

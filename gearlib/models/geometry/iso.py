@@ -30,6 +30,10 @@ _FULL_STIFFNESS_FORCE = 100.0  # N/mm; below it c' falls with the force
 _FULL_RESONANCE_LOAD = 1e5  # N/m; below it the main resonance range begins at a lower speed
 _MAIN_RANGE_END, _UPPER_RANGE_START = 1.15, 1.5  # limits of N
 _FIRST_QUALITY_WITHOUT_RELIEF = 6  # tip relief has no effect from this quality on
+#: Short names of the methods of the mesh stiffness.
+METHOD_NAMES = {"iso": "ISO 6336-1", "energy": "energy method", "table": "table"}
+#: Least ratio of root and bore for which the energy method has the compliance of the body.
+MIN_ROOT_RATIO = 1.4
 
 
 @dataclass(frozen=True)

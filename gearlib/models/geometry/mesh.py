@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import SpurGear, TipRelief, inv, inverse_involute
-from gearlib.models.geometry.iso import iso_rectangle
+from gearlib.models.geometry.iso import MIN_ROOT_RATIO, iso_rectangle
 from gearlib.parameters import DIAMETER, RUN_OUT, Instance, documented
 
 if TYPE_CHECKING:
@@ -292,6 +292,13 @@ class Mesh:
         pinion, wheel = self.pinion.pitch_errors or (0.0,), self.wheel.pitch_errors or (0.0,)
         count = math.lcm(len(pinion), len(wheel))
         return tuple(pinion[i % len(pinion)] + wheel[i % len(wheel)] for i in range(count))
+
+    @property
+    def tooth_stiffness(self) -> str:
+        """Default stiffness of pairs of teeth: "energy", or "iso" where a bore is too large."""
+        gears = self.pinion, self.wheel
+        is_valid = all(gear.bore <= gear.root_diameter / MIN_ROOT_RATIO for gear in gears)
+        return "energy" if is_valid else "iso"
 
     @property
     def line_backlash(self) -> float:

@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import inv
-from gearlib.models.geometry.iso import iso_rectangle, pair_stiffness
+from gearlib.models.geometry.iso import MIN_ROOT_RATIO, iso_rectangle, pair_stiffness
 from gearlib.models.profiles import Rectangular, Tabulated
 
 if TYPE_CHECKING:
@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 #: Length, in base pitches, of the ramp that replaces a step of the stiffness in a table.
 _RAMP_LENGTH = 1e-7
 
-#: Short names of the methods.
-METHOD_NAMES = {"iso": "ISO 6336-1", "energy": "energy method", "table": "table"}
 SOURCES = {
     "iso": "ISO 6336-1, method B",
     "energy": "energy method, body after Sainsot, Velex & Duverger (2004)",
@@ -75,8 +73,8 @@ _BODY_COEFFICIENTS = np.array(
 _SHARED_WITHOUT_BORE = 1.0
 #: Number of positions on the path at which the least compliance of a body is sought.
 _BODY_POSITIONS = 33
-#: Range of the ratio h = r_root / r_bore of these coefficients; larger ratios count as the largest.
-MIN_ROOT_RATIO, MAX_ROOT_RATIO = 1.4, 7.0
+#: Largest ratio h = r_root / r_bore of these coefficients; larger ratios count as the largest.
+MAX_ROOT_RATIO = 7.0
 
 
 class Tooth:
@@ -256,7 +254,7 @@ class PairCompliance:
         checks.one_of("twist", twist, (False, True))
         self._teeth = [Tooth(gear, mesh.width, twist) for gear in (mesh.pinion, mesh.wheel)]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
-            max_bore = 2.0 * tooth.root_radius / MIN_ROOT_RATIO
+            max_bore = tooth.gear.root_diameter / MIN_ROOT_RATIO
             if tooth.gear.bore > max_bore:
                 raise ValueError(
                     f"bore of the {name} = {tooth.gear.bore!r} is not allowed: the energy method "
