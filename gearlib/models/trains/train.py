@@ -378,7 +378,9 @@ class GearTrain(Model):
         return natural_modes.modes(self)
 
     def phasing(self, count: int = 12) -> xr.Dataset:
-        """Return the modal forces by which harmonics of the mesh stiffness excite the modes.
+        """Return the modal forces by which harmonics of the mesh frequencies excite the modes.
+
+        They are those of the mesh stiffness and of the transmission error of the teeth.
 
         Parameters
         ----------
