@@ -51,8 +51,9 @@ SOURCES = {
     "table": "a table of one's own",
 }
 #: Relative uncertainty of the methods. "iso": quoted bounds of c' are +5 % and -8 %. "energy": for
-#: seven gear pairs a logarithmic Hertz contact changes the mean by -8 to -21 %, and a tooth as stiff
-#: as by finite elements, where the beam is too compliant by 0.4 / (E b) for each gear, by +3 to +6 %.
+#: seven gear pairs a logarithmic Hertz contact changes the mean by -8 to -21 %, and a tooth as
+#: stiff as by finite elements, where the beam is too compliant by 0.4 / (E b) for each gear, by +3
+#: to +6 %.
 UNCERTAINTY = {"iso": 0.08, "energy": 0.2, "table": math.nan}
 #: Iterations of the loads of pairs with logarithmic contact; each adds two digits.
 _LOAD_ITERATIONS = 8
