@@ -90,7 +90,7 @@ def train_from_description(kind: str, arguments: dict, pair: dict | None) -> Gea
         gears["ring"] = gear(ring, sun, internal=True)
         return planetary.planetary_set(**(arguments | gears))
     gears = {body["name"]: gear(body["gear"]) for body in arguments["bodies"] if "gear" in body}
-    elements = {
+    elements: dict[str, list] = {
         "bodies": [_body(gears, **body) for body in arguments["bodies"]],
         "shafts": [Shaft(**shaft) for shaft in arguments["shafts"]],
     }

@@ -37,7 +37,6 @@ from gearlib.models.geometry.mesh_stiffness import (
     checked_coupling,
     compliance_matrix,
 )
-from gearlib.models.harmonics import Harmonics
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh import Mesh
@@ -58,12 +57,6 @@ MAX_CORNER_GAP = 6.0
 _MAX_CORNER_DISTANCE = 0.45
 #: Number of distances at which the gap of a corner is computed for the length of its contact.
 _CORNER_SAMPLES = 201
-#: Number of phases and largest number of harmonics of the transmission error that excites a train.
-#: Twice as many harmonics change dynamic factors by less than 1 %; below a fifteenth of the main
-#: resonance speed by up to 2 %, where they are at most 1.1.
-ERROR_PHASES, ERROR_HARMONICS = 256, 32
-#: Harmonics are left out behind the last whose amplitude exceeds this fraction of the mean error.
-_MIN_ERROR_AMPLITUDE = 1e-4
 #: Largest number of Newton steps for the displacement of a helical mesh, and their tolerance.
 _MAX_NEWTON_STEPS, _NEWTON_TOLERANCE = 50, 1e-12
 
@@ -189,22 +182,6 @@ def tooth_pairs(mesh, phases, *, pitch_errors=None, **options) -> ToothPairs:
     pitch_errors = checked_errors(mesh, pitch_errors)
     pitches = start + np.arange(pitch_errors.size * phases) / phases
     return pairs_at(mesh, pitches, pitch_errors=pitch_errors, **options)
-
-
-def loaded_error(mesh: "Mesh", load: float, **options: Any) -> Harmonics:
-    """Return the transmission error of the teeth under a load in N without its mean, m.
-
-    The harmonics of the mesh phase hold as long as the pinion drives; tip corners touch, and pitch
-    errors do not count. Options are stiffness, coupling and twist of `pairs_at`.
-    """
-    pairs = tooth_pairs(mesh, ERROR_PHASES, pitch_errors=(0.0,), corners=True, load=load, **options)
-    (error,) = pairs.forces_under_loads([load]).displacement
-    phase = math.tau * np.arange(ERROR_PHASES) / ERROR_PHASES
-    harmonics = Harmonics.from_table(phase, error, ERROR_HARMONICS)
-    amplitudes = np.hypot(harmonics.cosines, harmonics.sines)
-    significant = np.flatnonzero(amplitudes > _MIN_ERROR_AMPLITUDE * error.mean())
-    count = int(significant.max(initial=-1)) + 1
-    return Harmonics(harmonics.cosines[:count], harmonics.sines[:count])
 
 
 class Options(NamedTuple):

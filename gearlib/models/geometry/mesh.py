@@ -445,8 +445,8 @@ class Mesh:
             )
         if with_teeth:
             # Imported here, because the checks of the geometry need no numpy.
-            from gearlib.models.geometry.load_sharing import loaded_error
             from gearlib.models.geometry.mesh_stiffness import default_method
+            from gearlib.models.geometry.transmission_error import loaded_error
 
             method = default_method(self) if stiffness is None else stiffness
             stiffness = checks.one_of("stiffness", method, ("energy", "iso"))
