@@ -150,6 +150,28 @@ def test_the_transmission_error_is_that_of_a_separate_sum():
         np.testing.assert_allclose(values, getattr(expected, name)[: len(values)], atol=1e-11)
 
 
+@pytest.mark.parametrize("torque", [85.0, -85.0])
+def test_gears_at_rest_follow_the_transmission_error_of_pairs_of_teeth(torque):
+    gears = spur(23, 61)
+    mesh = Mesh(*gears, backlash=80e-6)
+    pair = gearlib.LoadSharingPair.from_geometry(mesh, torque=85.0, damping_ratio=0.05).at_load()
+    table = pair.load / np.array(pair.profile.stiffness)  # there is none without a load
+    train, name = pair_train(gears, torque), "pinion-wheel"
+    # On the coast side the wheel drives, and the pairs move the other way.
+    sign, lag = (1.0, train.phases) if torque > 0.0 else (-1.0, train.inverse_phases)
+    phases = np.linspace(0.0, math.tau, 24, endpoint=False)
+    approach = [
+        sign * float(train.static(phase).body_displacement.sel(axis="rotation").sum())
+        for phase in phases
+    ]
+    expected = np.interp(
+        sign * (phases - math.tau * lag[name]), pair.profile.phase, table, period=math.tau
+    )
+    np.testing.assert_allclose(
+        approach - np.mean(approach), expected - expected.mean(), atol=0.03 * np.ptp(expected)
+    )
+
+
 def test_teeth_that_the_wheel_drives_are_those_of_exchanged_gears():
     gears = spur(23, 61)
     trains = [
