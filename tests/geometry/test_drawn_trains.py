@@ -80,10 +80,10 @@ def spur(*teeth, **changes):
     return [SpurGear(teeth=z, **{"module": 2.5e-3, "width": 0.018} | changes) for z in teeth]
 
 
-def set_of_geometry(**options):
-    """Return a planetary set with six meshes, whose planets are in phase."""
-    sun, planet = (SpurGear(teeth=z, **COMMON) for z in (27, 36))
-    ring = SpurGear(teeth=99, internal=True, outer_diameter=0.34, **COMMON)
+def set_of_geometry(teeth=(27, 36, 99), **options):
+    """Return a planetary set with six meshes; by default its planets are in phase."""
+    sun, planet = (SpurGear(teeth=z, **COMMON) for z in teeth[:2])
+    ring = SpurGear(teeth=teeth[2], internal=True, outer_diameter=0.34, **COMMON)
     return planetary_set(sun, planet, ring, **{"torque": 300.0, "damping_ratio": 0.05} | options)
 
 
@@ -217,6 +217,19 @@ def test_a_mirror_image_of_two_meshes_has_the_same_dynamic_factors():
 
     np.testing.assert_allclose(factors(-85.0, "a"), factors(85.0, "b"), rtol=1e-7)
     assert not np.allclose(factors(85.0, "a"), factors(85.0, "b"), rtol=1e-2)
+
+
+def test_phasing_is_that_of_the_transmission_error():
+    """Planets in phase excite rotational modes only, others by (order z_s) mod 3; Parker (2000)."""
+    error = pair_train(spur(23, 61)).meshes[0].transmission_error
+    amplitudes = np.hypot(error.cosines, error.sines)[:12]
+    forces = pair_train(spur(23, 61)).phasing(12).modal_force.values[:, 0]
+    np.testing.assert_allclose(forces / forces[0], amplitudes / amplitudes[0], rtol=1e-9)
+    supports = {"support_stiffness": (1e8, 1e8, 1e8, 1e8), "torsional_stiffness": (0.0, 1e9, 0.0)}
+    for sun_teeth, kind in ((27, "rotational"), (28, "translational")):
+        teeth = (sun_teeth, 63 - sun_teeth, 126 - sun_teeth)
+        phasing = set_of_geometry(teeth, **supports).phasing(1).sel(stiffness_order=1.0)
+        assert {*phasing.mode_kind.values[phasing.excites.values]} == {kind}
 
 
 def test_teeth_need_a_torque():

@@ -193,8 +193,7 @@ def deviation_of_teeth(train: "GearTrain", mesh: Mesh, side: int) -> tuple[float
     """Return the phase of a side, 0 coast and 1 drive, and its deviation by loaded teeth.
 
     The phase is in mesh periods, and the rows of the deviation are (order, cosine, sine) in m. The
-    linear spring of a mesh carries its load where the distance of its drive sides, or minus that of
-    its coast sides, is the transmission error.
+    mesh force is constant while the gears follow the transmission error.
     """
     pinion_drives = turning.driving_gear(mesh, train.speeds) == mesh.pinion
     # Where the wheel drives, the pairs of teeth move the other way along the path of contact. On
