@@ -31,11 +31,33 @@ _DOC = "The ring gear of a planetary set; what it shares with the sun is the sun
 RingSection = create_section(
     "RingSection", _DOC, SpurGear, *_RING_KEYS, base=GearSection, required=_RING_KEYS
 )
+_MESH_KEYS = ("model", *_DAMPINGS)
+_METHOD_DOC = (
+    "Stiffness by ISO 6336-1, method B, or by the energy method. Default: energy or, if a bore is "
+    "too large for it, iso; of the rectangle iso."
+)
 _DOC = "Stiffness and damping of drawn meshes."
-DrawnMesh = create_section("DrawnMesh", _DOC, planetary_set, *_DAMPINGS, base=MethodSection)
-_Set = create_section("_Set", "", planetary_set, base=DrawnMesh, exclude=("torque", *_DAMPINGS))
+DrawnMesh = create_section(
+    "DrawnMesh",
+    _DOC,
+    planetary_set,
+    *_MESH_KEYS,
+    base=MethodSection,
+    stiffness=(Literal["iso", "energy"], field(_METHOD_DOC, None)),
+)
+_Set = create_section("_Set", "", planetary_set, base=DrawnMesh, exclude=("torque", *_MESH_KEYS))
 #: Keys of a mesh that are for drawn gears only, and the coefficient in place of ratios.
 DRAWN_MESH_KEYS = {*DrawnMesh.model_fields, "torque", "centre_distance"}
+
+
+def _rectangle(arguments: dict) -> dict:
+    """Return the arguments of `Mesh.train_parameters` of the rectangle, which checks them quickly.
+
+    It needs no transmission error and, with the stiffness of ISO 6336, no numpy.
+    """
+    has_teeth = arguments.get("model", "teeth") == "teeth"
+    method = {"stiffness": "energy"} if has_teeth and arguments.get("options") else {}
+    return method | arguments | {"model": "rectangle"}
 
 
 class PlanetarySet(_Set):
@@ -59,7 +81,7 @@ class PlanetarySet(_Set):
             planets = planetary_meshes(sun, planet, ring, **self.model_dump(include=layout_keys))
             arguments = self.arguments()
             mesh_keys = {*DrawnMesh.model_fields, "options"} & arguments.keys()
-            mesh_arguments = {key: arguments[key] for key in mesh_keys}
+            mesh_arguments = _rectangle({key: arguments[key] for key in mesh_keys})
             torque = arguments["torque"]
             sun_mesh_torque = torque / len(planets.positions)
             for mesh in (planets.sun_mesh, planets.ring_mesh):
@@ -119,7 +141,7 @@ class Deviation(Section):
 
 
 _DOC = "Centre distance of drawn gears, m. Default: without backlash by the shifts."
-_TORQUE_DOC = "Torque of the pinion, N m; the stiffness of drawn gears may need it."
+_TORQUE_DOC = "Torque of the pinion of drawn gears, N m. Default: by the torques of the bodies."
 MeshPart = create_section(
     "MeshPart",
     "Two gears in mesh, see `gearlib.Mesh`; stiffness, ratios, phases follow where both are drawn.",
@@ -157,7 +179,7 @@ class Own(Section):
             # Torque and dampings; the keys of the stiffness method have other names as arguments.
             arguments = mesh.model_dump(include=DRAWN_MESH_KEYS - MethodSection.model_fields.keys())
             distance = arguments.pop("centre_distance", None)
-            arguments |= mesh.stiffness_arguments(key)
+            arguments = _rectangle(arguments | mesh.stiffness_arguments(key))
             gear_keys = {"pinion": keys[pinion], "wheel": keys[wheel]}
             with config_errors(key, mesh.stiffness_options, **gear_keys):
                 # Only the errors matter; the train itself computes the parameters again.

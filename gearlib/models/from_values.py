@@ -4,6 +4,8 @@ import json
 import math
 from typing import Any
 
+import numpy as np
+
 from gearlib.data.files import canonical_json
 from gearlib.models import profiles
 from gearlib.models.geometry import mesh as geometry
@@ -24,6 +26,9 @@ from gearlib.parameters import declared_parameters
 _PAIR_DAMPINGS = (
     *("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio"),
 )
+#: Load of an unloaded mesh over the largest force of the train.
+_LEAST_FORCE = 1e-6
+
 _PROFILES = {
     profile.__name__.lower(): profile
     for profile in (profiles.Rectangular, profiles.Fourier, profiles.Tabulated)
@@ -120,11 +125,27 @@ def train_from_description(kind: str, arguments: dict, pair: dict | None) -> Gea
         gears["ring"] = gear(ring, sun, internal=True)
         return planetary.planetary_set(**(arguments | gears))
     gears = {body["name"]: gear(body["gear"]) for body in arguments["bodies"] if "gear" in body}
-    elements = {
+    elements: dict[str, list] = {
         "bodies": [_body(gears, **body) for body in arguments["bodies"]],
         "shafts": [Shaft(**shaft) for shaft in arguments["shafts"]],
-        "meshes": [_mesh(gears, **mesh) for mesh in arguments["meshes"]],
     }
+    on_shafts = {name for shaft in elements["shafts"] for name in shaft.bodies}
+    descriptions = arguments["meshes"]
+    # Without a torque this train has drafts of its meshes, which suffice for its static forces.
+    elements["meshes"] = [_mesh(gears, on_shafts, **mesh) for mesh in descriptions]
+    train = GearTrain(**(arguments | elements))
+    forces = np.abs(train.mean_forces) * train.load
+    # An unloaded mesh gets a small load, whose transmission error is that of its reliefs.
+    forces = np.maximum(forces, _LEAST_FORCE * forces.max())
+    for i, (mesh, description) in enumerate(zip(train.meshes, descriptions, strict=True)):
+        if _is_draft(gears, **description):
+            if forces[i] == 0.0:
+                raise ValueError(
+                    f"torque of mesh {mesh.name} is missing: it must be given for the model "
+                    "'teeth', because the torques of the bodies do not load the train"
+                )
+            torque = float(forces[i]) * train.by_name[mesh.pinion].base_radius
+            elements["meshes"][i] = _mesh(gears, on_shafts, **description, torque=torque)
     return GearTrain(**(arguments | elements))
 
 
@@ -138,12 +159,23 @@ def _body(gears: dict, *, name: str, gear: dict | None = None, **fields: Any) ->
     return Body(name=name, **fields)
 
 
-def _mesh(gears, *, stiffness="iso", stiffness_options=None, centre_distance=None, **values):
+def _is_draft(gears: dict, **values: Any) -> bool:
+    """Return whether a mesh of gears given by geometry has teeth whose torque is not known yet."""
+    by_geometry = {values["pinion"], values["wheel"]} <= gears.keys()
+    has_teeth = values.get("model", "teeth") == "teeth" and "max_stiffness" not in values
+    return by_geometry and has_teeth and "torque" not in values
+
+
+def _mesh(
+    gears, on_shafts, *, stiffness=None, stiffness_options=None, centre_distance=None, **values
+):
     """Return the `Mesh` with the fields in the dict `values`, which names its pinion and wheel.
 
     `gears` maps names of bodies with a gear geometry to `SpurGear`. If both gears of the mesh have
     one and `values` have no stiffness, the stiffness follows by a method, "iso" or "energy", with a
     dict of its options, and the other missing fields from the geometry. `centre_distance` is in m.
+    The twist of the bodies in the set `on_shafts` is not part of the stiffness. A mesh of teeth
+    without a torque gets the rectangle as a draft.
     """
     values = {"material_damping": None} | values  # None: the damping is unknown.
     for name in {"deviation", "inverse_deviation"} & values.keys():
@@ -152,4 +184,13 @@ def _mesh(gears, *, stiffness="iso", stiffness_options=None, centre_distance=Non
     if pinion is None or wheel is None or "max_stiffness" in values:
         return Mesh(**values)
     mesh = geometry.Mesh(pinion, wheel, centre_distance)
-    return Mesh.from_geometry(mesh, stiffness=stiffness, options=stiffness_options, **values)
+    if stiffness is None:
+        is_rectangle = values.get("model") == "rectangle"
+        stiffness = "iso" if is_rectangle else mesh.tooth_stiffness
+    options = stiffness_options or {}
+    twists = [values[name] not in on_shafts for name in ("pinion", "wheel")]
+    if stiffness == "energy" and not all(twists):
+        options = {"twist": twists} | options
+    if _is_draft(gears, **values):
+        values["model"] = "rectangle"
+    return Mesh.from_geometry(mesh, stiffness=stiffness, options=options, **values)

@@ -25,7 +25,7 @@ from gearlib.engines.taylor.teeth import ToothPairSystem
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.iso import METHOD_NAMES
-from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.mesh import PAIR_OPTIONS, Mesh
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
@@ -37,9 +37,8 @@ if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
 
 #: Longest step times the highest frequency: a Taylor series of order 20 has an error of 1e-17.
 _MAX_STEP_ANGLE = 1.18
-#: Options of the stiffness methods, and those that concern single pairs of teeth.
-_PAIR_OPTIONS = ("coupling", "twist")
-_STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "hertz", *_PAIR_OPTIONS)
+#: Options of the stiffness methods.
+_STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "hertz", *PAIR_OPTIONS)
 #: Tuning at which inertia adds less than 1 % to the load if corners touch over this many base
 #: pitches; with a shorter corner contact it is lower by a factor, and with pitch errors higher.
 _QUASI_STATIC_TUNING, _TYPICAL_CORNER_LENGTH = 2e-4, 0.05
@@ -413,5 +412,5 @@ def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments
     options = options or {}
     checks.check_known_parameters("stiffness", options, _STIFFNESS_OPTIONS)
     if stiffness == "energy":
-        arguments |= {name: options[name] for name in _PAIR_OPTIONS if name in options}
+        arguments |= {name: options[name] for name in PAIR_OPTIONS if name in options}
     return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **arguments)

@@ -1,11 +1,14 @@
 """Trains of drawn gears: the numbers of their drawings; phases are in test_phases_by_teeth.py."""
 
+import math
+
 import numpy as np
 import pytest
 
 import gearlib
 from gearlib import Body, GearPair, GearTrain
-from gearlib.geometry import Mesh, SpurGear, planetary_set
+from gearlib.geometry import Mesh, SpurGear, TipRelief, iso_stiffness, planetary_set
+from gearlib.models.geometry.gear import inv
 from tests.geometry.drawings import fzg_c
 
 COMMON = {"module": 3e-3, "width": 0.025}
@@ -14,7 +17,8 @@ COMMON = {"module": 3e-3, "width": 0.025}
 def test_a_planetary_set_has_the_numbers_of_its_drawing():
     sun, planet = (SpurGear(teeth=z, **COMMON) for z in (27, 36))
     ring = SpurGear(teeth=99, internal=True, outer_diameter=0.34, **COMMON)
-    train = planetary_set(sun, planet, ring, torque=300.0, damping_ratio=0.05, carrier_mass=4.0)
+    options = {"torque": 300.0, "damping_ratio": 0.05, "carrier_mass": 4.0, "model": "rectangle"}
+    train = planetary_set(sun, planet, ring, **options)
     centre = 3e-3 * (27 + 36) / 2.0
     assert train.by_name["carrier"].base_radius == pytest.approx(centre, rel=1e-12)
     assert train.by_name["carrier"].mass == 4.0
@@ -45,7 +49,7 @@ def test_a_pair_as_a_train_of_drawn_gears():
     pair = GearPair.from_geometry(mesh, **options)
     pinion = Body.from_gear(mesh.pinion, "pinion", torque=302.0)
     wheel = Body.from_gear(mesh.wheel, "wheel", torque=302.0 * 24 / 16)
-    meshes = [gearlib.Mesh.from_geometry(mesh, "pinion", "wheel", **options)]
+    meshes = [gearlib.Mesh.from_geometry(mesh, "pinion", "wheel", model="rectangle", **options)]
     train = GearTrain(bodies=[pinion, wheel], meshes=meshes)
     run, expected = (gearlib.simulate(m, 0.7, periods=20, record_periods=1) for m in (train, pair))
     # A train goes by matrices, a pair by scalar closed forms: rounding of 20 periods.
@@ -54,3 +58,180 @@ def test_a_pair_as_a_train_of_drawn_gears():
     )
     light = Body.from_gear(mesh.pinion, "pinion", inertia=1e-4)
     assert light.inertia == 1e-4 and light.mass == mesh.pinion.mass
+
+
+def pair_train(gears, torque=85.0, centre_distance=None, driving=None, **options):
+    """Return the train of two gears given by geometry, with a damping ratio of 0.05."""
+    names = "pinion", "wheel"
+    mesh = Mesh(*gears, centre_distance, backlash=80e-6)
+    sign = -1.0 if mesh.wheel.internal else 1.0
+    torques = torque, sign * torque * gears[1].teeth / gears[0].teeth
+    meshes = gearlib.Mesh.from_geometry(
+        mesh, *names, torque=torque, damping_ratio=0.05, driving=driving, **options
+    )
+    values = zip(gears, names, torques, strict=True)
+    return GearTrain(
+        bodies=[Body.from_gear(gear, name, torque=t) for gear, name, t in values], meshes=[meshes]
+    )
+
+
+def spur(*teeth, **changes):
+    """Return spur gears with a module of 2.5 mm and a width of 18 mm."""
+    return [SpurGear(teeth=z, **{"module": 2.5e-3, "width": 0.018} | changes) for z in teeth]
+
+
+def set_of_geometry(teeth=(27, 36, 99), **options):
+    """Return a planetary set with six meshes; by default its planets are in phase."""
+    sun, planet = (SpurGear(teeth=z, **COMMON) for z in teeth[:2])
+    ring = SpurGear(teeth=teeth[2], internal=True, outer_diameter=0.34, **COMMON)
+    return planetary_set(sun, planet, ring, **{"torque": 300.0, "damping_ratio": 0.05} | options)
+
+
+RING = SpurGear(teeth=99, module=2.5e-3, width=0.018, internal=True, outer_diameter=0.3)
+AT_LOW_SPEED = {
+    "pair": lambda: pair_train(spur(23, 61)),
+    "iso": lambda: pair_train(spur(23, 61), stiffness="iso"),
+    "helical": lambda: pair_train(spur(23, 61, helix_angle=0.3)),
+    "relief": lambda: pair_train(spur(23, 61, tip_relief=TipRelief(amount=20e-6, length=2e-3))),
+    "internal": lambda: pair_train([*spur(36), RING]),
+    "reversed": lambda: pair_train(spur(23, 61), -85.0),
+    "planetary": set_of_geometry,
+    "reversed planetary": lambda: set_of_geometry(torque=-300.0),
+}
+
+
+@pytest.mark.parametrize("name", AT_LOW_SPEED)
+def test_the_mesh_force_at_low_speed_is_the_static_force(name):
+    factors = gearlib.duty_point(AT_LOW_SPEED[name](), 10.0).dynamic_factor
+    np.testing.assert_allclose(factors, 1.0, atol=0.002)
+
+
+def test_the_rectangle_has_two_levels_whose_force_jumps_at_any_speed():
+    train = pair_train(spur(23, 61), model="rectangle")
+    assert train.meshes[0].transmission_error == gearlib.Harmonics()
+    factor = gearlib.duty_point(train, 10.0).dynamic_factor
+    assert factor == pytest.approx(1.0 / train.meshes[0].stiffness_ratio, rel=0.05)
+
+
+def test_the_transmission_error_is_that_of_a_separate_sum():
+    """Bodies of ISO 6336 share q / (1 + 3 n), so that each pair adds a spring of its own."""
+    relief, load = TipRelief(amount=12e-6, length=1.5e-3), 3000.0
+    pinion, wheel = spur(23, tip_relief=relief)[0], spur(61)[0]
+    mesh = Mesh(pinion, wheel)
+    train = pair_train((pinion, wheel), load * pinion.base_diameter / 2.0, stiffness="iso")
+    stiffness = iso_stiffness(mesh).single * 1e9 * mesh.width * 7.0 / 6.0  # two pairs share a body
+    start, end = mesh.path
+    phases = np.arange(256) / 256.0
+    pitches = phases[:, None] + np.arange(-1, 3) + mesh.contact_ratio % 1.0 / 2.0
+    positions = start + pitches * mesh.base_pitch
+    gaps = np.maximum(0.0, relief.amount * (1.0 - (end - np.minimum(positions, end)) / 1.5e-3))
+    # Beyond the path the corners of the tips touch; formulas in geometry.md of the project.
+    a, alpha = mesh.centre_distance, mesh.working_pressure_angle
+    for flank, corner, angle in (
+        (pinion, wheel, np.minimum(positions - start, 0.0) + start - mesh.pitch_point),
+        (wheel, pinion, mesh.pitch_point - end - np.maximum(positions - end, 0.0)),
+    ):
+        r_flank, r_tip = flank.base_diameter / 2.0, corner.tip_diameter / 2.0
+        phi = angle / r_flank
+        tip_alpha = math.acos(corner.base_diameter / corner.tip_diameter)
+        psi = -phi * flank.teeth / corner.teeth + inv(alpha) - inv(tip_alpha)
+        x, y = a - r_tip * np.cos(psi), -r_tip * np.sin(psi)
+        pressure = np.arccos(r_flank / np.hypot(x, y))
+        gap = r_flank * (np.arctan2(y, x) - (phi + inv(alpha) - (np.tan(pressure) - pressure)))
+        gaps = gaps + np.where(np.abs(gap) > 1e-12, gap, 0.0)
+    gaps.sort(axis=1)
+    counts = np.arange(1, gaps.shape[1] + 1)
+    # The displacement at which the nearest pairs carry the load: the number with the least one.
+    error = ((load / stiffness + gaps.cumsum(axis=1)) / counts).min(axis=1)
+    expected = gearlib.Harmonics.from_table(math.tau * phases, error, 32)
+    found = train.meshes[0].transmission_error
+    for name in ("cosines", "sines"):
+        values = getattr(found, name)
+        np.testing.assert_allclose(values, getattr(expected, name)[: len(values)], atol=1e-11)
+
+
+@pytest.mark.parametrize("torque", [85.0, -85.0])
+def test_gears_at_rest_follow_the_transmission_error_of_pairs_of_teeth(torque):
+    gears = spur(23, 61)
+    mesh = Mesh(*gears, backlash=80e-6)
+    pair = gearlib.LoadSharingPair.from_geometry(mesh, torque=85.0, damping_ratio=0.05).at_load()
+    table = pair.load / np.array(pair.profile.stiffness)  # there is none without a load
+    train, name = pair_train(gears, torque), "pinion-wheel"
+    # On the coast side the wheel drives, and the pairs move the other way.
+    sign, lag = (1.0, train.phases) if torque > 0.0 else (-1.0, train.inverse_phases)
+    phases = np.linspace(0.0, math.tau, 24, endpoint=False)
+    approach = [
+        sign * float(train.static(phase).body_displacement.sel(axis="rotation").sum())
+        for phase in phases
+    ]
+    expected = np.interp(
+        sign * (phases - math.tau * lag[name]), pair.profile.phase, table, period=math.tau
+    )
+    np.testing.assert_allclose(
+        approach - np.mean(approach), expected - expected.mean(), atol=0.03 * np.ptp(expected)
+    )
+
+
+def test_teeth_that_the_wheel_drives_are_those_of_exchanged_gears():
+    gears = spur(23, 61)
+    trains = [
+        pair_train(gears, driving="wheel"),
+        pair_train(gears, -85.0),
+        pair_train(gears[::-1], 85.0 * 61 / 23),
+    ]
+    factors = [
+        gearlib.duty_point(train, 2000.0 * s).dynamic_factor.item()
+        for train, s in zip(trains, (1.0, 1.0, 23 / 61), strict=True)
+    ]
+    assert factors == pytest.approx([factors[0]] * 3, rel=1e-6)
+    driven = gearlib.duty_point(pair_train(gears), 2000.0).dynamic_factor.item()
+    assert abs(driven / factors[0] - 1.0) > 0.01
+    # Equal gears have no direction.
+    same = [gearlib.duty_point(pair_train(spur(30, 30), t), 2000.0) for t in (85.0, -85.0)]
+    assert same[0].dynamic_factor.item() == pytest.approx(same[1].dynamic_factor.item(), rel=1e-9)
+
+
+def test_a_mirror_image_of_two_meshes_has_the_same_dynamic_factors():
+    """Reversed torques on the coast sides are drive sides of the mirror image."""
+    gears = [*spur(23, shift=0.3), *spur(37), *spur(61, shift=-0.2)]
+
+    def factors(torque, driving):
+        torques = torque, 0.0, -torque * 61 / 23
+        names = "a", "b", "c"
+        meshes = [
+            gearlib.Mesh.from_geometry(
+                Mesh(*gears[i : i + 2], backlash=80e-6),
+                *names[i : i + 2],
+                torque=torque * gears[i].teeth / 23,
+                damping_ratio=0.05,
+                position=0.0,
+                direction=(-1) ** i,
+                driving=driving if i == 0 else None,
+            )
+            for i in range(2)
+        ]
+        values = zip(gears, names, torques, strict=True)
+        bodies = [Body.from_gear(gear, name, torque=t) for gear, name, t in values]
+        train = GearTrain(bodies=bodies, meshes=meshes)
+        return gearlib.duty_point(train, 3000.0).dynamic_factor.values
+
+    np.testing.assert_allclose(factors(-85.0, "a"), factors(85.0, "b"), rtol=1e-7)
+    assert not np.allclose(factors(85.0, "a"), factors(85.0, "b"), rtol=1e-2)
+
+
+def test_phasing_is_that_of_the_transmission_error():
+    """Planets in phase excite rotational modes only, others by (order z_s) mod 3; Parker (2000)."""
+    error = pair_train(spur(23, 61)).meshes[0].transmission_error
+    amplitudes = np.hypot(error.cosines, error.sines)[:12]
+    forces = pair_train(spur(23, 61)).phasing(12).modal_force.values[:, 0]
+    np.testing.assert_allclose(forces / forces[0], amplitudes / amplitudes[0], rtol=1e-9)
+    supports = {"support_stiffness": (1e8, 1e8, 1e8, 1e8), "torsional_stiffness": (0.0, 1e9, 0.0)}
+    for sun_teeth, kind in ((27, "rotational"), (28, "translational")):
+        teeth = (sun_teeth, 63 - sun_teeth, 126 - sun_teeth)
+        phasing = set_of_geometry(teeth, **supports).phasing(1).sel(stiffness_order=1.0)
+        assert {*phasing.mode_kind.values[phasing.excites.values]} == {kind}
+
+
+def test_teeth_need_a_torque():
+    with pytest.raises(ValueError, match=r"^torque is missing: it must be given in N m for the"):
+        gearlib.Mesh.from_geometry(Mesh(*spur(23, 61)), "pinion", "wheel")

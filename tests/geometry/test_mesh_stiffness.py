@@ -184,3 +184,15 @@ def test_pairs_far_apart_share_less_and_never_more_than_a_body_gives():
     assert 0.0 < far < near
     ends = pair.body_compliances(np.array(short_teeth().path))
     assert near <= ends.min(axis=1).sum() * (1.0 + 1e-12)
+
+
+def test_the_twist_of_each_gear_counts_by_itself():
+    gears = [SpurGear(teeth=z, module=3e-3, width=0.02, bore=b) for z, b in ((30, 0.03), (40, 0.0))]
+    pinion, none, wheel, both = (
+        mesh_stiffness(Mesh(*gears), "energy", twist=twist).mean_stiffness
+        for twist in ((True, False), (False, False), (False, True), True)
+    )
+    # The wheel has no bore about which it could twist.
+    assert pinion == both < none == wheel
+    with pytest.raises(ValueError, match="^twist = .* must be one of False, True, or two of them"):
+        mesh_stiffness(Mesh(*gears), "energy", twist=(True,))

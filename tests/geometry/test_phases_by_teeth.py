@@ -79,7 +79,9 @@ def train_of(machine, rng):
         fields["position"] = angle if centre == driver else angle + math.pi
         fields["driving"] = driver if names_driver else None
         drawing = drawn_mesh(gears, (pinion, wheel, centre_distance))
-        meshes.append(gearlib.Mesh.from_geometry(drawing, pinion, wheel, **fields))
+        meshes.append(
+            gearlib.Mesh.from_geometry(drawing, pinion, wheel, model="rectangle", **fields)
+        )
     bodies = [Body.from_gear(drawing_of(gear), name) for name, gear in gears.items()]
     shafts = [
         Shaft(bodies=(first, second), stiffness=1e6, keying=angle or None)

@@ -14,7 +14,9 @@ from tests.paper import PAPER
 from tests.properties.known_models import gears
 
 DAMPED = PAPER.replace(material_damping=4.5e3, backlash_damping=300.0)
-NAMES = tuple(name for name in QUANTITIES if "load_sharing" not in name and name != "dynamic_factor")
+NAMES = tuple(
+    name for name in QUANTITIES if "load_sharing" not in name and name != "dynamic_factor"
+)
 JUMPS = ("jump_up", "jump_down")
 
 

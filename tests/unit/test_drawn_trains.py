@@ -1,6 +1,7 @@
 """The section `train` of a configuration: it says all that the library takes, and builds that."""
 
 import inspect
+from dataclasses import replace
 from pathlib import Path
 
 import pint
@@ -24,12 +25,12 @@ SET = yaml.safe_load("""
  support_stiffness: [100000000.0, .inf, 100000000.0, 100000000.0],
  torsional_stiffness: [0.0, 1000000000.0, 0.0], carrier_mass: 5.0, carrier_inertia: 0.05,
  positions: [0.0, 120 deg, 240 deg], pin_errors: [[0.0, 10 um], [0.0, 0.0], [0.0, 0.0]],
- turning: true, driving: ring, gyroscopic: true}
+ turning: true, driving: ring, gyroscopic: true, model: rectangle}
 """)
 OWN = yaml.safe_load("""
 bodies:
 - {name: motor, inertia: 0.02, base_radius: 0.05, torque: 90.0}
-- {name: pinion, gear: {teeth: 21, module: 4 mm, width: 30 mm, shift: 0.2}}
+- {name: pinion, gear: {teeth: 21, module: 4 mm, width: 30 mm, shift: 0.2, bore: 25 mm}}
 - name: idler
   gear: {teeth: 37, module: 4 mm, width: 30 mm}
   support_stiffness: [500000000.0, 500000000.0]
@@ -102,8 +103,8 @@ def test_a_planetary_set_is_that_of_the_library():
 
 def test_a_train_of_drawn_gears_is_that_of_the_library():
     pinion, idler, wheel = (
-        SpurGear(teeth=z, shift=x, module=4e-3, width=0.03)
-        for z, x in ((21, 0.2), (37, 0.0), (42, 0.0))
+        SpurGear(teeth=z, shift=x, module=4e-3, width=0.03, bore=bore)
+        for z, x, bore in ((21, 0.2, 0.025), (37, 0.0, 0.0), (42, 0.0, 0.0))
     )
     bodies = [
         Body(name="motor", inertia=0.02, base_radius=0.05, torque=90.0),
@@ -111,16 +112,31 @@ def test_a_train_of_drawn_gears_is_that_of_the_library():
         Body.from_gear(idler, "idler", support_stiffness=5e8),
         Body.from_gear(wheel, "wheel", torque=-180.0),
     ]
+    # The twist of the pinion is part of its shaft.
     first = {"position": 0.0, "damping_ratio": 0.05, "torque": 90.0}
+    first["options"] = {"twist": (False, True)}
     second = {"stiffness": "energy", "options": {"coupling": 0.5}, "material_damping": 1500.0}
-    second |= {"direction": -1, "backlash": 50e-6}
+    second |= {"direction": -1, "backlash": 50e-6, "torque": 90.0 * 37 / 21}
     make = gearlib.Mesh.from_geometry
     meshes = [
         make(Mesh(pinion, idler, 0.117), "pinion", "idler", **first),
         make(Mesh(idler, wheel), "idler", "wheel", **second),
     ]
     shafts = [Shaft(bodies=("motor", "pinion"), stiffness=2e5)]
-    assert read("own", OWN) == GearTrain(bodies=bodies, shafts=shafts, meshes=meshes)
+    expected, found = GearTrain(bodies=bodies, shafts=shafts, meshes=meshes), read("own", OWN)
+    # The torque of the second mesh follows by statics, up to rounding.
+    for name in ("cosines", "sines"):
+        one, other = (getattr(t.meshes[1].transmission_error, name) for t in (expected, found))
+        assert other == pytest.approx(one, rel=1e-9, abs=1e-15)
+    second = replace(found.meshes[1], transmission_error=meshes[1].transmission_error)
+    assert found.replace(meshes=(found.meshes[0], second)) == expected
+
+
+def test_teeth_without_a_load_need_a_torque():
+    gear = {"teeth": 30, "module": "3 mm", "width": "20 mm"}
+    bodies = [{"name": name, "gear": gear} for name in "ab"]
+    with pytest.raises(ValueError, match=r"^torque of mesh a-b is missing: .* do not load"):
+        read("own", {"bodies": bodies, "meshes": [{"pinion": "a", "wheel": "b"}]})
 
 
 def test_simulations_need_a_damping_and_modes_and_statics_do_not():

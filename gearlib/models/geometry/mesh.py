@@ -28,6 +28,10 @@ _MAX_ROUNDED_BACKLASH = 1e-3
 #: from the involute by only 0.002 modules, and rings of published planetary sets reach a depth of
 #: 0.03.
 _MAX_FILLET_CONTACT = 0.05
+#: Models of a mesh of a train, see `gearlib.Mesh.from_geometry`.
+TRAIN_MODELS = "teeth", "rectangle"
+#: Options of the energy method that concern single pairs of teeth.
+PAIR_OPTIONS = "coupling", "twist"
 #: Largest static deflection, in modules: a hardened tooth breaks at about 0.02, plastic at 0.1.
 MAX_DEFLECTION = 0.1
 
@@ -428,23 +432,55 @@ class Mesh:
         return parameters
 
     def train_parameters(
-        self, *, torque: float | None = None, load_argument: tuple | None = None, **options: Any
+        self,
+        *,
+        torque: float | None = None,
+        load_argument: tuple | None = None,
+        model: str = "teeth",
+        stiffness: Any = None,
+        options: dict | None = None,
+        **dampings: Any,
     ) -> dict[str, Any]:
         """Return the parameters of a mesh of a train as a dict, in SI units.
 
-        Options are the dampings and the stiffness of `gearlib.Mesh.from_geometry`; `torque` is that
-        of the pinion in N m. If the user gave another argument in place of the torque,
-        `load_argument` is (its name, its value, its physical unit), for error messages.
+        Arguments are those of `gearlib.Mesh.from_geometry`; `torque` is that of the pinion in N m.
+        If the user gave another argument in place of the torque, `load_argument` is (its name, its
+        value, its physical unit), for error messages.
         """
+        with_teeth = checks.one_of("model", model, TRAIN_MODELS) == "teeth"
         if torque is not None:
             allowed = "a finite number, not 0; negative on the coast side"
             torque = checks.number("torque", torque, allowed, lambda v: math.isfinite(v) and v != 0)
+        elif with_teeth:
+            raise ValueError(
+                "torque is missing: it must be given in N m for the model 'teeth', whose "
+                "transmission error depends on it; the model 'rectangle' needs none"
+            )
+        if with_teeth:
+            # Imported here, because the checks of the geometry need no numpy.
+            from gearlib.models.geometry.transmission_error import loaded_error
+
+            method = self.tooth_stiffness if stiffness is None else stiffness
+            stiffness = checks.one_of("stiffness", method, ("energy", "iso"))
         # Both flanks have the same stiffness.
         magnitude = None if torque is None else abs(torque)
-        parameters = self._mesh_parameters(torque=magnitude, **options)
+        parameters = self._mesh_parameters(
+            torque=magnitude,
+            stiffness="iso" if stiffness is None else stiffness,
+            options=options,
+            **dampings,
+        )
         if torque is not None:
             load_argument = load_argument or ("torque", torque, "N m")
-            self._checked_mean_stiffness(torque, parameters, *load_argument)
+            mean_stiffness = self._checked_mean_stiffness(torque, parameters, *load_argument)
+        if with_teeth:
+            pair_options = {k: v for k, v in (options or {}).items() if k in PAIR_OPTIONS}
+            load = self.load(magnitude)
+            parameters |= {
+                "max_stiffness": mean_stiffness,
+                "stiffness_ratio": 1.0,
+                "transmission_error": loaded_error(self, load, stiffness=stiffness, **pair_options),
+            }
         angle = self.working_pressure_angle
         thicknesses = []  # in pitches on the working circles
         for gear in (self.pinion, self.wheel):

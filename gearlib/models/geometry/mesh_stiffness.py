@@ -248,11 +248,14 @@ class PairCompliance:
     Raises ValueError if a bore is too large for the method.
     """
 
-    def __init__(self, mesh: "Mesh", hertz: str = "constant", twist: bool = True) -> None:
+    def __init__(self, mesh: "Mesh", hertz: str = "constant", twist: Any = True) -> None:
         """Prepare a tooth of both gears of a mesh, and check the bores of the gears."""
         self.mesh, self.hertz = mesh, checks.one_of("hertz", hertz, ("constant", "logarithmic"))
-        checks.one_of("twist", twist, (False, True))
-        self._teeth = [Tooth(gear, mesh.width, twist) for gear in (mesh.pinion, mesh.wheel)]
+        twists = tuple(twist) if isinstance(twist, (tuple, list)) else (twist, twist)
+        if len(twists) != 2 or not all(isinstance(value, bool) for value in twists):
+            raise checks.refusal("twist", twist, "one of False, True, or two of them")
+        gears = zip((mesh.pinion, mesh.wheel), twists, strict=True)
+        self._teeth = [Tooth(gear, mesh.width, gear_twist) for gear, gear_twist in gears]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
             max_bore = tooth.gear.root_diameter / MIN_ROOT_RATIO
             if tooth.gear.bore > max_bore:
@@ -425,10 +428,10 @@ def mesh_stiffness(
     coupling : float, optional
         Fraction of the compliance of the gear bodies that all pairs of teeth have in common for
         "energy", from 0 to 1; by default they share the compliance that finite elements give.
-    twist : bool, default True
-        Whether the twist of gear bodies about their bores counts for "energy". It is a spring in
-        series: it raises kappa and leaves load sharing and the step of the transmission error as
-        they are. ISO 6336 does not count it.
+    twist : bool or pair of bool, default True
+        Whether the twist of gear bodies about their bores counts for "energy", for both gears or
+        for (pinion, wheel). It is a spring in series: it raises kappa and leaves load sharing and
+        the step of the transmission error as they are. ISO 6336 does not count it.
     hertz : {"constant", "logarithmic"}, default "constant"
         Dependence of the Hertz contact on the load for "energy".
 

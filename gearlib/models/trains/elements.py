@@ -16,7 +16,7 @@ from gearlib.models.harmonics import Harmonics
 #: Arguments of `Mesh.from_geometry` that determine the stiffness and damping of the mesh.
 _STIFFNESS_AND_DAMPING = (
     *("torque", "damping_ratio", "logarithmic_decrement", "material_damping"),
-    *("backlash_damping_ratio", "stiffness", "options"),
+    *("backlash_damping_ratio", "model", "stiffness", "options"),
 )
 #: Largest relative difference of base pitches, from rounded base radii.
 _PITCH_TOLERANCE = 1e-4
@@ -206,6 +206,12 @@ class Mesh:
         parameters.Instance((Harmonics,)),
         "Deviation of the coast-side flanks in m; by default that of the drive side",
     ] = None
+    transmission_error: Annotated[
+        Harmonics,
+        parameters.Instance((Harmonics,)),
+        "Transmission error of the teeth under load in m, without its mean, over the phase of this "
+        "mesh if the pinion drives; it excites both flanks",
+    ] = Harmonics()
     error: Annotated[
         float, parameters.ERROR, "Error of assembly: constant displacement along the line of action"
     ] = 0.0
@@ -253,16 +259,25 @@ class Mesh:
         pinion, wheel : str
             Names of the bodies.
         torque : float, optional
-            Torque on the pinion in N m, not 0; "iso" needs it at low load, and so does the
-            logarithmic contact. Its sign does not matter.
+            Torque on the pinion in N m, not 0; its sign does not matter. "teeth" needs it. Of
+            "rectangle" the stiffness "iso" needs it at low load, and so does the logarithmic
+            contact.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
             Damping in contact, given by at most one of them; ratio and decrement are those of the
             two gears without the rest of the train. Without any, the damping is unknown, and only
             modes and statics can be computed.
         backlash_damping_ratio : float, default 0
             Damping ratio in the backlash.
+        model : {"teeth", "rectangle"}, default "teeth"
+            "teeth": the mean stiffness, excited by the transmission error of the teeth under the
+            torque, with tip reliefs and corner contact, so that the mesh force is static at low
+            speed. "rectangle": two levels of stiffness, as for parametric resonance.
         stiffness, options
-            Method of the mesh stiffness and its options, see `GearPair.from_geometry`.
+            Method of the mesh stiffness and its options, see `GearPair.from_geometry`. By default
+            "iso" for "rectangle", and for "teeth" the energy method, or "iso" if a bore is too
+            large for it. Where a gear sits on an elastic `Shaft` that counts the twist of its
+            body, the option twist of the energy method is False for it, as in {"twist": (False,
+            True)}.
         **fields
             Other parameters of the class; they replace those of the geometry.
         """

@@ -8,7 +8,7 @@ Sound Vib. 236 (2000) 561-573.
 """
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -16,7 +16,7 @@ import xarray as xr
 from gearlib.data.variables import describe
 from gearlib.engines.codes import INVERSE
 from gearlib.models.trains.statics import mesh_groups
-from gearlib.models.trains.waves import stiffness_harmonic
+from gearlib.models.trains.waves import deviation_of_teeth, stiffness_harmonic
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -101,7 +101,7 @@ def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
 
 
 def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
-    """Return the modal forces of stiffness harmonics as the dataset of `GearTrain.phasing`.
+    """Return the modal forces of the teeth as the dataset of `GearTrain.phasing`.
 
     `count` is the highest order of the harmonics.
     """
@@ -112,13 +112,16 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
     for mesh, ratio, side, modal, static in zip(
         train.meshes, train.frequency_ratios, train.loaded_sides, *displacements, strict=True
     ):
-        # The flanks that carry the load vary the stiffness.
-        phase = (train.inverse_phases if side == INVERSE else train.phases)[mesh.name]
-        for order in range(1, count + 1):
-            if mesh.varies and order * ratio <= count:
-                harmonic = stiffness_harmonic(mesh, order, phase)
-                forces = mesh_forces.setdefault(order * ratio, [])
-                forces.append(harmonic * static * modal)
+        # The flanks that carry the load vary the stiffness, or deviate by the transmission error.
+        phase, table = deviation_of_teeth(train, mesh, 0 if side == INVERSE else 1)
+        for order in range(1, math.floor(count / ratio) + 1):
+            if mesh.varies or order <= len(table):
+                force: Any = stiffness_harmonic(mesh, order, phase) * static if mesh.varies else 0.0
+                if order <= len(table):
+                    amplitude = complex(table[order - 1, 1], -table[order - 1, 2])
+                    rotation = np.exp(-2.0j * np.pi * order * phase)
+                    force += mesh.mean_stiffness * amplitude * rotation
+                mesh_forces.setdefault(order * ratio, []).append(force * modal)
     orders = sorted(mesh_forces)
     shape = len(orders), squares.size
     force = np.reshape([np.abs(np.sum(mesh_forces[order], axis=0)) for order in orders], shape)

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.drawings import equal_positions, planetary_meshes
+from gearlib.models.geometry.mesh import TRAIN_MODELS
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.ready_made import (
     STRUCTURAL_DAMPING,
@@ -276,7 +277,12 @@ def planetary_set(
     logarithmic_decrement: parameters.Decrement = None,
     material_damping: parameters.DrawnDamping = None,
     backlash_damping_ratio: parameters.BacklashDampingRatio = 0.0,
-    stiffness="iso",
+    model: Annotated[
+        str,
+        OneOf(TRAIN_MODELS),
+        "Mean stiffness excited by the transmission error of loaded teeth, or two levels of it",
+    ] = "teeth",
+    stiffness=None,
     options=None,
     pin_errors: PinErrors = None,
     turning: Turning = True,
@@ -288,8 +294,8 @@ def planetary_set(
 
     Each gear is a `gearlib.geometry.SpurGear`; the ring needs its `outer_diameter`. Stiffness,
     contact ratios, backlash, inertias, pressure angles and phases follow from the geometry. Bodies
-    and meshes have the same names as in `gearlib.planetary`. `stiffness`, `options` and the damping
-    are those of `gearlib.Mesh.from_geometry`, other options those of `GearTrain`.
+    and meshes have the same names as in `gearlib.planetary`. `model`, `stiffness`, `options` and
+    the damping are those of `gearlib.Mesh.from_geometry`, other options those of `GearTrain`.
 
     Raises
     ------
@@ -319,6 +325,7 @@ def planetary_set(
     sun_torque = torque / n
     planet_torque = sun_torque * planet.teeth / sun.teeth
     mesh_options = {
+        "model": model,
         "stiffness": stiffness,
         "options": options,
         "load_argument": ("torque", torque, "N m"),

@@ -108,7 +108,10 @@ class GearTrain(Model):
     @property
     def stiffness_model(self) -> str:
         """The mesh stiffness in words."""
-        return "rectangles" if self.force_note else "mean stiffness"
+        if self.force_note:
+            return "rectangles"
+        with_teeth = any(mesh.transmission_error.table().any() for mesh in self.meshes)
+        return "mean stiffness" + with_teeth * " and transmission error of loaded teeth"
 
     def __post_init__(self) -> None:
         """Check the elements, names, gears and torques of the train."""
@@ -388,7 +391,9 @@ class GearTrain(Model):
         return natural_modes.modes(self)
 
     def phasing(self, count: int = 12) -> xr.Dataset:
-        """Return the modal forces by which harmonics of the mesh stiffness excite the modes.
+        """Return the modal forces by which harmonics of the mesh frequencies excite the modes.
+
+        They are those of the mesh stiffness and of the transmission error of the teeth.
 
         Parameters
         ----------

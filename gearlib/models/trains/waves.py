@@ -180,11 +180,28 @@ def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
                 add_harmonic(train.speeds[name], j, sides, run_out * c, -run_out * s)
         ratio, mesh_phase = train.frequency_ratios[j], train.phases[mesh.name]
         for side, deviation in enumerate((mesh.inverse_deviation, mesh.deviation)):
-            for order, cosine, sine in deviation.table().tolist():
-                c, s = arithmetic.cos_sin(2.0 * arithmetic.pi * order * mesh_phase)
-                rotated = cosine * c - sine * s, cosine * s + sine * c
-                add_harmonic(int(order) * ratio, j, [side], *rotated)
+            tooth_phase, tooth_deviation = deviation_of_teeth(train, mesh, side)
+            for phase, table in ((mesh_phase, deviation.table()), (tooth_phase, tooth_deviation)):
+                for order, cosine, sine in table.tolist():
+                    c, s = arithmetic.cos_sin(2.0 * arithmetic.pi * order * phase)
+                    rotated = cosine * c - sine * s, cosine * s + sine * c
+                    add_harmonic(int(order) * ratio, j, [side], *rotated)
     return harmonics, constants
+
+
+def deviation_of_teeth(train: "GearTrain", mesh: Mesh, side: int) -> tuple[float, np.ndarray]:
+    """Return the phase of a side, 0 coast and 1 drive, and its deviation by loaded teeth.
+
+    The phase is in mesh periods, and the rows of the deviation are (order, cosine, sine) in m. The
+    mesh force is constant while the gears follow the transmission error.
+    """
+    pinion_drives = turning.driving_gear(mesh, train.speeds) == mesh.pinion
+    # Where the wheel drives, the pairs of teeth move the other way along the path of contact. On
+    # the coast side the other gear drives.
+    direction = 1.0 if pinion_drives == bool(side) else -1.0
+    sign = -1.0 if side else 1.0
+    phases = train.phases if side else train.inverse_phases
+    return phases[mesh.name], mesh.transmission_error.table() * (1.0, sign, sign * direction)
 
 
 def common_period(train: "GearTrain") -> int:
