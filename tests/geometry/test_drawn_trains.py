@@ -109,7 +109,7 @@ def test_the_mesh_force_at_low_speed_is_the_static_force(name):
 def test_the_rectangle_has_two_levels_whose_force_jumps_at_any_speed():
     train = pair_train(spur(23, 61), model="rectangle")
     assert train.meshes[0].transmission_error == gearlib.Harmonics()
-    factor = gearlib.duty_point(train, 10.0).dynamic_factor
+    factor = gearlib.duty_point(train, 10.0).peak_force_ratio
     assert factor == pytest.approx(1.0 / train.meshes[0].stiffness_ratio, rel=0.05)
 
 
