@@ -89,6 +89,19 @@ def describe_steadiness(run):
     return "steady, 1 mesh period" if int(run.period) == 1 else f"a single line, {settling}"
 
 
+def describe_contact_loss(sweeps):
+    """Return a sentence on the speeds at which sweeps of pairs of teeth lose contact.
+
+    `sweeps` are results of `gearlib.sweep` over ``tuning``, with further dimensions or without.
+    """
+    others = [dim for dim in sweeps.fraction_backlash.dims if dim != "tuning"]
+    loses = (sweeps.fraction_backlash > FRACTION_TOLERANCE).any(others).values
+    speed, factor = sweeps.speed.values, float(sweeps.dynamic_factor.max())
+    intervals = [f"{speed[i]:.0f} to {speed[j]:.0f}" for i, j in true_intervals(loses)]
+    lost = f"lose contact at {', '.join(intervals)} rpm" if intervals else "keep contact"
+    return f"Pairs of teeth {lost}; their largest dynamic factor is {factor:.3g}."
+
+
 def describe(run):
     """Return a sentence on the period and the contact loss of a run of `gearlib.simulate`."""
     if int(run.status):

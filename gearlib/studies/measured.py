@@ -13,7 +13,7 @@ from gearlib import checks
 from gearlib.analysis.order_maps import order_map
 from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.data.variables import SI_SCALES
-from gearlib.models.pair import GearPair
+from gearlib.models.from_values import gear_model
 from gearlib.runs.run_up import run_up
 from gearlib.runs.simulation import simulate
 from gearlib.uncertainty.course_observations import complete_blocks
@@ -175,17 +175,17 @@ def _with_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
     return resonance.assign(orbit_height=resonance.displacement_max - resonance.displacement_min)
 
 
-def time_history_harmonics(path: str, pairs: Mapping[str, dict], run: dict) -> xr.Dataset:
+def time_history_harmonics(path: str, pairs: Mapping[str, dict], run: dict, teeth) -> xr.Dataset:
     """Return the harmonics of measured time histories and of the settled motions of a model.
 
-    `path` is the YAML file of the measured data set, `pairs` maps the name of a damping to
-    arguments of `GearPair`, `run` has arguments of `gearlib.simulate`. The dimensions are "course",
-    a time history at constant speed, observable, harmonic of the mesh period, and damping. The
-    shape_phase (degrees) of harmonic k is its phase minus k times the phase of the first harmonic,
-    so it does not depend on the unknown phase of the shaft.
+    `path` is the YAML file of the measured data set, `pairs` and `teeth` map the name of a damping
+    to arguments of `gear_model`, `run` has arguments of `gearlib.simulate`. The dimensions are
+    "course", a time history at constant speed, observable, harmonic of the mesh period, and
+    damping. The shape_phase (degrees) of harmonic k is its phase minus k times the phase of the
+    first harmonic, so it does not depend on the unknown phase of the shaft.
     """
     measurement = read_measured(path)
-    models = [GearPair(**parameters) for parameters in pairs.values()]
+    models = [gear_model(pair, teeth[name])[0] for name, pair in pairs.items()]
     names = [name for name in SI_SCALES if name in measurement]
     conditions = []
     for condition in _conditions(measurement, constant_speed=True):
@@ -301,17 +301,17 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
     )
 
 
-def run_up_orders(path: str, pairs: Mapping[str, dict]) -> xr.Dataset:
+def run_up_orders(path: str, pairs: Mapping[str, dict], teeth) -> xr.Dataset:
     """Return the mesh orders 1 to 3 (`_MESH_ORDERS`) of measured and of computed run-ups.
 
-    `path` is the YAML file of the measured data set, `pairs` maps the name of a damping to
-    arguments of `GearPair`. The dimensions are "track", a run-up or run-down, observable, order (a
-    multiple of the mesh order) and block of whole revolutions; computed_amplitude also has the
-    dimension damping. Amplitudes are rms values in SI units. A computed run-up starts in the
+    `path` is the YAML file of the measured data set, `pairs` and `teeth` map the name of a damping
+    to arguments of `gear_model`. The dimensions are "track", a run-up or run-down, observable,
+    order (a multiple of the mesh order) and block of whole revolutions; computed_amplitude also has
+    the dimension damping. Amplitudes are rms values in SI units. A computed run-up starts in the
     static state and has the measured speed profile.
     """
     measurement = read_measured(path)
-    models = [GearPair(**parameters) for parameters in pairs.values()]
+    models = [gear_model(pair, teeth[name])[0] for name, pair in pairs.items()]
     names = [name for name in SI_SCALES if name in measurement]
     teeth, dims, run_ups = models[0].teeth, ("observable", "order", "block"), []
     for condition in _conditions(measurement, constant_speed=False):

@@ -140,7 +140,10 @@ RUN = {
 GEARS_RUN = dict(RUN)
 if CONFIG.gears and "initial_state" not in CONFIG.run.model_fields_set:
     GEARS_RUN["initial_state"] = "static"
-SAMPLED_RUN = RUN | {"samples_per_period": config["run"]["samples_per_period"]}
+SAMPLES = {"samples_per_period": config["run"]["samples_per_period"]}
+SAMPLED_RUN, GEARS_SAMPLED_RUN = RUN | SAMPLES, GEARS_RUN | SAMPLES
+#: Sweeps of pairs of teeth, for a note on figures of drawn gears that need a rectangle.
+TEETH_SWEEPS = ["results/resonance.nc"] if CONFIG.gears else []
 COLOURS = {"colours": config["figures"]["colours"]}
 
 

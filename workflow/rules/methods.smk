@@ -21,6 +21,7 @@ use rule _draw as draw_analytic_method with:
     pathvars:
         job="draw_analytic_method",
     input:
+        teeth=TEETH_SWEEPS,
         data="results/analytic_method.nc",
         sources=sources_of("draw", "figures.analytic_method_figure"),
     output:
@@ -62,6 +63,7 @@ use rule _draw as draw_stability_chart with:
     pathvars:
         job="draw_stability_chart",
     input:
+        teeth=TEETH_SWEEPS,
         chart="results/stability_chart.nc",
         sources=sources_of("draw", "figures.stability_figure"),
     output:

@@ -65,6 +65,7 @@ use rule _draw as draw_jump with:
     pathvars:
         job="draw_jump",
     input:
+        teeth=TEETH_SWEEPS,
         jumps="results/jump.nc",
         sources=sources_of("draw", "figures.jump_figure"),
     output:
@@ -141,6 +142,7 @@ use rule _draw as draw_branches with:
     pathvars:
         job="draw_branches",
     input:
+        teeth=TEETH_SWEEPS,
         branches=rules.loci.input.branches,
         loci="results/loci.nc",
         sources=sources_of("draw", "figures.branches_figure"),
@@ -242,6 +244,7 @@ use rule _draw as draw_nonlinear_damping with:
     pathvars:
         job="draw_nonlinear_damping",
     input:
+        teeth=TEETH_SWEEPS,
         studies=PLACES_AND_POWERS,
         sources=sources_of("draw", "figures.nonlinear_damping_figure"),
     output:
@@ -300,6 +303,7 @@ use rule _draw as draw_models with:
     pathvars:
         job="draw_models",
     input:
+        teeth=TEETH_SWEEPS,
         comparisons=expand(rules.compare_models.output, scene=CONFIG.scenes),
         sources=sources_of("draw", "figures.models_figure"),
     output:
@@ -371,6 +375,7 @@ use rule _draw as draw_parametric_resonance with:
     pathvars:
         job="draw_parametric_resonance",
     input:
+        teeth=TEETH_SWEEPS,
         chart="results/parametric_resonance.nc",
         contact_loss="results/tongues.nc",
         sources=sources_of("draw", "figures.parametric_resonance_figure"),
@@ -411,6 +416,7 @@ use rule _draw as draw_basins with:
     pathvars:
         job="draw_basins",
     input:
+        teeth=TEETH_SWEEPS,
         data="results/basins.nc",
         sources=sources_of("draw", "figures.global_picture_figure"),
     output:
@@ -464,6 +470,7 @@ use rule _draw as draw_bifurcation with:
     pathvars:
         job="draw_bifurcation",
     input:
+        teeth=TEETH_SWEEPS,
         diagram=rules.compute_bifurcation.output.diagram,
         shares=rules.compute_bifurcation.output.shares,
         branches="results/bifurcation_branches.nc",
@@ -499,6 +506,7 @@ use rule _draw as draw_poincare with:
     pathvars:
         job="draw_poincare",
     input:
+        teeth=TEETH_SWEEPS,
         data="results/poincare.nc",
         sources=sources_of("draw", "figures.global_picture_figure"),
     output:

@@ -24,6 +24,7 @@ use rule _draw as draw_phase_lag with:
     pathvars:
         job="draw_phase_lag",
     input:
+        teeth=TEETH_SWEEPS,
         lags="results/phase_lag.nc",
         sources=sources_of("draw", "figures.phase_shift_figure"),
     output:
@@ -119,7 +120,7 @@ use rule _compute as phase_plane with:
         pair=lambda wildcards: PAIRS[wildcards.damping],
         teeth=lambda wildcards: TEETH[wildcards.damping],
         tuning=lambda wildcards: tunings.values_of(wildcards.tuning)[0],
-        run=GEARS_RUN | {"samples_per_period": config["run"]["samples_per_period"]},
+        run=GEARS_SAMPLED_RUN,
         damping="{damping}",
 
 

@@ -28,7 +28,8 @@ use rule _compute as measured_course with:
         function="gearlib.studies.measured:time_history_harmonics",
         path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
         pairs=PAIRS,
-        run=SAMPLED_RUN,
+        teeth=TEETH,
+        run=GEARS_SAMPLED_RUN,
 
 
 use rule _compute as measured_orders with:
@@ -45,6 +46,7 @@ use rule _compute as measured_orders with:
         function="gearlib.studies.measured:run_up_orders",
         path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
         pairs=PAIRS,
+        teeth=TEETH,
 
 
 MEASURED_COURSES = [name for name, (_, data) in MEASURED_SETS.items() if data.has_courses()]
@@ -166,6 +168,7 @@ use rule _draw as draw_tolerances with:
     pathvars:
         job="draw_tolerances",
     input:
+        teeth=TEETH_SWEEPS,
         scattered="results/tolerances.nc",
         # Correlated parameters have no indices.
         indices=[] if config["tolerances"]["correlations"] else "results/tolerance_indices.nc",

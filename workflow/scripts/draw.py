@@ -3,6 +3,7 @@
 from pathlib import Path
 from pkgutil import resolve_name
 
+from gearlib.data import motions
 from gearlib.figures import style
 from job import datasets, redirect_output
 
@@ -12,9 +13,13 @@ def draw_figures(files, paths, draw, settings, gears, absent, dpi):
 
     `files` are the named inputs of the rule, `paths` its outputs. `draw`, module and function of
     `gearlib.figures`, gets the datasets and the `settings`. A figure names drawn `gears`, "" for
-    none, and the methods whose packages are `absent`.
+    none, and the methods whose packages are `absent`. A figure of a rectangle says what sweeps of
+    pairs of teeth do, an input `teeth`.
     """
-    figures = resolve_name(f"gearlib.figures.{draw}")(**datasets(files), **settings)
+    data = datasets(files)
+    if teeth := data.pop("teeth", None):
+        gears = f"{gears}. {motions.describe_contact_loss(teeth)}"
+    figures = resolve_name(f"gearlib.figures.{draw}")(**data, **settings)
     # The function of a rule with several figures returns a dict, name -> figure.
     has_several = isinstance(figures, dict)
     for figure in figures.values() if has_several else [figures]:
