@@ -17,7 +17,7 @@ def draw_figures(files, paths, draw, settings, gears, absent, dpi):
     pairs of teeth do, an input `teeth`.
     """
     data = datasets(files)
-    if teeth := data.pop("teeth", None):
+    for teeth in data.pop("teeth", []):
         gears = f"{gears}. {motions.describe_contact_loss(teeth)}"
     figures = resolve_name(f"gearlib.figures.{draw}")(**data, **settings)
     # The function of a rule with several figures returns a dict, name -> figure.
