@@ -5,6 +5,7 @@ grey.
 """
 
 import re
+import textwrap
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import cycle
@@ -73,6 +74,8 @@ _GIVEN_DIGITS = 10
 
 #: Height of the line that names the gears, inches.
 _GEARS_LINE_HEIGHT = 0.14
+#: Number of characters of the name of the gears in an inch.
+_CHARACTERS_PER_INCH = 20.0
 
 #: Decimal places of positions relative to the figure size: a thousandth of a pixel.
 _POSITION_DIGITS = 6
@@ -303,15 +306,18 @@ def note_absent(figure: Figure, methods: list[str]):
 
 
 def name_gears(figure: Figure, name: str):
-    """Write the name of the gears in a line below a figure, which becomes higher by this line."""
+    """Write the name of the gears in lines below a figure, which becomes higher by them."""
     width, height = figure.get_size_inches()
-    figure.set_size_inches(width, height + _GEARS_LINE_HEIGHT)
-    bottom = _GEARS_LINE_HEIGHT / (height + _GEARS_LINE_HEIGHT)
+    lines = textwrap.wrap(name, int(_CHARACTERS_PER_INCH * width)) or [""]
+    added = _GEARS_LINE_HEIGHT * (1.0 + 0.6 * (len(lines) - 1))
+    figure.set_size_inches(width, height + added)
+    bottom = added / (height + added)
     if figure.get_layout_engine() is None:
         figure.set_layout_engine("constrained")
     figure.get_layout_engine().set(rect=(0.0, bottom, 1.0, 1.0 - bottom))  # type: ignore[call-arg]
     options = {"fontsize": 6, "color": "#707070", "ha": "left", "va": "bottom"}
-    figure.text(0.01, 0.2 * bottom, name, in_layout=False, **options)
+    offset = 0.2 * _GEARS_LINE_HEIGHT / (height + added)
+    figure.text(0.01, offset, "\n".join(lines), in_layout=False, **options)
 
 
 def _freeze(figure: Figure):
