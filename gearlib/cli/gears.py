@@ -67,7 +67,9 @@ class Gears(NamedTuple):
 
     def stiffness(self, model: Any) -> str:
         """Return the mesh model and its stiffness in words, with the method of a rectangle."""
-        if self.kind not in ("rectangle", "six_degrees") or not self.settings.gears:
+        if self.kind == "teeth":
+            return model.stiffness_model + gear_names.unused_options(self.settings.gears)
+        if self.kind == "train" or not self.settings.gears:
             return model.stiffness_model
         return f"{model.stiffness_model}, {METHOD_NAMES[self.settings.gears.stiffness or 'iso']}"
 

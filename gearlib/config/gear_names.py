@@ -81,7 +81,14 @@ def name_with_stiffness(config: Any, teeth: bool) -> str:
     if gears is None:
         return name
     method = gears.stiffness or (gears.mesh().tooth_stiffness if teeth else "iso")
-    return f"{name}; {'pairs of teeth' if teeth else 'rectangle'}, {METHOD_NAMES[method]}"
+    name += f"; {'pairs of teeth' if teeth else 'rectangle'}, {METHOD_NAMES[method]}"
+    return name + (unused_options(gears) if teeth else "")
+
+
+def unused_options(gears: Any) -> str:
+    """Return a text on stiffness options that concern the rectangle only, "" if there are none."""
+    names = {*(gears.stiffness_options or ())} & {"hertz", "application_factor"}
+    return f", without {' and '.join(sorted(names))}" if names else ""
 
 
 def name_of_reducer(config: Any) -> str:
