@@ -10,7 +10,7 @@ UNITS = {
     field: powers
     for powers, fields in {
         (1, 0, 0): "backlash deviation inverse_deviation base_radii base_radius eccentricities "
-        "eccentricity offset error",
+        "eccentricity offset error transmission_error",
         (0, 1, 0): "reduced_mass masses mass",
         (2, 1, 0): "inertias inertia",
         (1, 1, -2): "load excitation",

@@ -47,7 +47,8 @@ def test_the_settings_of_the_file_are_fitted(run):
     result = run("-o", "fit.nc", "--plot", "fit.png")
     assert result.exit_code == 0 and "drawn in fit.png" in result.output, result.output
     lines = result.output.splitlines()
-    assert lines[1] == "Rig 1, synthetic: computed for this test" and "[[Variables]]" in lines
+    # The name of the gears above it may have two lines.
+    assert "Rig 1, synthetic: computed for this test" in lines and "[[Variables]]" in lines
     # A fit starts from the middle of the bounds, computed as in the library: another last digit may
     # change its number of steps.
     middle = (2.6 + 3.7) / 2.0
