@@ -204,14 +204,15 @@ def add_samples(tuning, phase, step, contact_code, series, samples, sample):
 
 
 @inlined_kernel
-def samples_of_period(samples, recorded_period, record_periods):
+def samples_of_period(samples, recorded_period, record_periods, duration):
     """Return the samples of one recorded mesh period, with their phases filled in.
 
-    `samples` has equally many samples for each recorded period; the period is given by its number.
+    `samples` has equally many samples for each recorded period; the period is given by its number
+    and its duration.
     """
     count = samples.shape[0] // max(record_periods, 1)
     period_samples = samples[max(recorded_period, 0) * count : (recorded_period + 1) * count]
-    orbit.fill_sample_phases(period_samples, orbit.SAMPLE_PHASE, 2.0 * math.pi)
+    orbit.fill_sample_phases(period_samples, orbit.SAMPLE_PHASE, duration)
     return period_samples
 
 
@@ -246,7 +247,7 @@ def run_nonlinear(
             set_identity(period_maps[period])
         recorded_period = period - (periods - recorded)
         sample_count, steps_before = 0, steps
-        period_samples = samples_of_period(samples, recorded_period, recorded)
+        period_samples = samples_of_period(samples, recorded_period, recorded, 2.0 * math.pi)
         for segment in range(below_mean.shape[0]):
             phase, end = segment_bounds[segment], segment_bounds[segment + 1]
             while phase < end:
