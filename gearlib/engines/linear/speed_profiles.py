@@ -176,12 +176,12 @@ class PieceIntervals(NamedTuple):
         `length`, shape (p,), has the durations of the segments. Each interval is summed on its own,
         so that rounding does not grow with the run.
         """
-        segment_counts, end = np.diff(self.first_segments), length.copy()
-        position = np.arange(length.size) - np.repeat(self.first_segments[:-1], segment_counts)
-        for k in range(1, position.max() + 1):
-            later = np.flatnonzero(position == k)
-            end[later] += end[later - 1]
-        return end
+        segment_counts = np.diff(self.first_segments)
+        interval = np.repeat(np.arange(segment_counts.size), segment_counts)
+        position = np.arange(length.size) - self.first_segments[interval]
+        padded_lengths = np.zeros((segment_counts.size, segment_counts.max()))
+        padded_lengths[interval, position] = length
+        return np.cumsum(padded_lengths, axis=1)[interval, position]
 
     def bounds(self, piece: ProfilePiece, length: np.ndarray) -> np.ndarray:
         """Return theta at the bounds of the k intervals, from the segments' `length`s, (k + 1,)."""

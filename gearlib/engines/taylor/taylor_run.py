@@ -27,6 +27,7 @@ from gearlib.engines.taylor.series import (
     D2,
     DISPLACEMENT,
     DRIVE_LINE,
+    INVERSE_INTEGERS,
     MESH_FORCE,
     ORDER,
     ROWS,
@@ -169,8 +170,10 @@ def add_step_to_summary(
     if contact_code != BACKLASH:
         _fill_scaled_polynomial(series, MESH_FORCE, 0.0, tuning * tuning, step)
         if summary.shape[0] > orbit.FORCE_SUM:
+            integral = 0.0
             for k in range(ORDER + 1):
-                summary[orbit.FORCE_SUM] += step * polynomial[k] / (k + 1.0)
+                integral += polynomial[k] * INVERSE_INTEGERS[k]
+            summary[orbit.FORCE_SUM] += step * integral
         orbit.add_polynomial_extrema(
             polynomial, to_bernstein, work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN
         )
