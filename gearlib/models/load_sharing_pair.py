@@ -33,7 +33,7 @@ from gearlib.models.profiles import Tabulated
 from gearlib.parameters import BOOLEAN, Instance, Integer, Number, documented
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.taylor import teeth  # noqa: F401
+    from gearlib.engines.taylor import teeth, teeth_profiles  # noqa: F401
 
 #: Longest step times the highest frequency: a Taylor series of order 20 has an error of 1e-17.
 _MAX_STEP_ANGLE = 1.18
@@ -88,6 +88,7 @@ class LoadSharingPair(WithPair):
 
     defaults = {"pitch_errors": lambda model: model.drawing.pitch_errors}
     propagators = {"exact": "taylor.teeth"}
+    profile_engine = "taylor.teeth_profiles"
     piecewise_linear = False
     force_ratio_name = "dynamic_factor"
     has_damping = property(lambda model: model.pair.has_damping, doc="`GearPair.has_damping`.")
@@ -288,9 +289,19 @@ class LoadSharingPair(WithPair):
         masks_change = pair_masks != np.roll(pair_masks, 1)
         starts = math.tau * (pitches - offset)
         period_starts = math.tau * np.arange(repeats + 1)
+        first_segment = np.searchsorted(starts, period_starts - _PHASE_TOLERANCE)
         system = ToothPairSystem(
             starts=starts,
-            first_segment=np.searchsorted(starts, period_starts - _PHASE_TOLERANCE),
+            times=starts[:-1] - np.repeat(starts[first_segment[:-1]], np.diff(first_segment)),
+            lengths=np.diff(starts),
+            first_segment=first_segment,
+            summary_blocks=np.zeros(repeats, int),
+            intervals=np.arange(left.size),
+            start_phases=np.zeros(left.size),
+            speeds=np.ones(left.size),
+            acceleration=0.0,
+            loads=np.ones(left.size),
+            load_rate=0.0,
             pairs_change=masks_change | (pair_numbers != np.roll(pair_numbers, 1)),
             active_pairs=pair_masks,
             force_lines=_coefficients_and_slopes(left_forces, right_forces, lengths),

@@ -89,6 +89,11 @@ class Model:
         exact = {"exact": "linear.one_mesh"} if self.piecewise_linear else {}
         return exact | {"taylor": "taylor.propagator"}
 
+    @property
+    def profile_engine(self) -> str | None:
+        """Module of `gearlib.engines` that runs the model along speed profiles; None if none."""
+        return "linear.speed_profiles" if self.piecewise_linear else None
+
     def steps_per_period(self, tuning: float) -> float:
         """Return the minimum number of integration steps per mesh period; 1 for closed forms."""
         return 1.0

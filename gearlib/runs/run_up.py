@@ -61,15 +61,16 @@ def run_up(
     """Run a model up, down, or along any piecewise linear profile of speed and load.
 
     At constant acceleration the stiffness switches at roots of a quadratic equation, and between
-    these switches the solution has a closed form, as at constant speed. With run-out or profile
-    deviations it is a power series, accurate to rounding error; the attribute ``source`` says so.
+    these switches the solution has a closed form, as at constant speed. With run-out, profile
+    deviations or pairs of teeth it is a power series, accurate to rounding error; the attribute
+    ``source`` says so.
     The mesh transmits the load and the inertia torque, see `gearlib.models.acceleration`.
 
     Parameters
     ----------
-    model : GearPair, OneDegreePair, SixDegreePair or GearTrain
-        The model to run. It must be piecewise linear, with linear damping and a stiffness that is
-        constant between switches, and without gyroscopic forces.
+    model : GearPair, LoadSharingPair, OneDegreePair, SixDegreePair or GearTrain
+        The model to run. It must be piecewise linear, with linear damping and, unless it has pairs
+        of teeth, a stiffness that is constant between switches, and without gyroscopic forces.
     start, stop : float
         First and last speed in rpm, >= 0, of the gear whose teeth define the mesh frequency (of a
         train, the reference pinion). Give `duration` or `acceleration` as well.
@@ -176,13 +177,13 @@ def run_up(
 
 
 def _check_model(model):
-    """Raise ValueError unless `run_up` can run the model: it rotates and is piecewise linear."""
+    """Raise ValueError unless `run_up` can run the model, which rotates and has an engine."""
     type_name = type(model).__name__
     if not is_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
     if model.speed is None:
         raise ValueError(f"model of type {type_name} is not allowed: nothing turns in it")
-    if not model.piecewise_linear:
+    if model.profile_engine is None:
         raise ValueError(
             f"model of type {type_name} is not allowed in a run-up: it must be piecewise linear; "
             "gearlib.simulate runs it at constant speeds"

@@ -1,13 +1,18 @@
 """Run-ups: against runs at constant speed, a second code, their own time courses."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import gearlib
+from gearlib.engines.taylor.teeth import touching_set
+from gearlib.geometry import optimum_relief
 from gearlib.models import acceleration
+from tests.geometry.drawings import fzg_c
 from tests.independent.systems import RunUp, describe
 from tests.paper import PAPER
 from tests.properties.known_models import GEARS
@@ -27,6 +32,14 @@ RUN_OUT = GEARS.replace(
     deviation=WAVES["deviation"],
     inverse_deviation=gearlib.Harmonics((5e-7,)),
 )
+#: Pairs of teeth with relief, of which every third touches late.
+TEETH = gearlib.LoadSharingPair.from_geometry(
+    optimum_relief(replace(fzg_c(), backlash=30e-6), 150.0, length="long"),
+    torque=300.0,
+    damping_ratio=0.05,
+    backlash_damping_ratio=0.01,
+    pitch_errors=(0.0, -4e-6, 1e-6),
+)
 #: Errors of the pins, so that no two planets have events at once.
 PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
 
@@ -39,6 +52,7 @@ PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
         (SIX, 0.9, (0, 0)),
         (TRAIN, 0.12, (0, 0)),
         (RUN_OUT, 0.5, (0.0, 0.0)),
+        (TEETH, 0.9, (2.0, -0.5)),
     ],
 )
 def test_a_run_up_without_acceleration_is_a_run_at_constant_speed(model, tuning, start):
@@ -110,6 +124,67 @@ def test_pairs_that_drive_a_mass_move_as_in_the_independent_program(model, stand
     assert ("Taylor steps" in run.attrs["source"]) == (model is WAVY)
     code = reference(model, speed, load, mass * radius / model.teeth / model.reduced_mass)
     assert_moves_as_the_reference(run, code, np.zeros(2), 1e-12, model.mean_eigenfrequency)
+
+
+@pytest.mark.parametrize("standstill", [0, 3])
+def test_pairs_of_teeth_of_the_standard_move_as_their_gear_pair(standstill):
+    """Without relief pairs of teeth of constant stiffness are the rectangle of closed forms."""
+    iso = {"stiffness": "iso", "corner_contact": False, "torque": 300.0, "damping_ratio": 0.05}
+    mesh = replace(fzg_c(), backlash=2e-6)
+    model = gearlib.LoadSharingPair.from_geometry(mesh, **iso, backlash_damping_ratio=0.01)
+    speed, load = random_course(np.random.default_rng(3), model, 0.7, 60, swing=0.6)
+    speed[standstill] = speed[standstill][0], 0.0
+    mass, radius = 0.5 * model.reduced_mass, 0.05
+    options = {"load": load, "driven_mass": mass, "base_radius": radius, "samples_per_period": 8}
+    ours, theirs = (
+        gearlib.run_up(pair, speed=speed, initial_state=(0.5, 0.0), **options)
+        for pair in (model, model.pair)
+    )
+    assert ours.sizes == theirs.sizes and ours.sizes["event"] > 2
+    assert ours.sizes["revolution"] > 1
+    for name in theirs.data_vars:
+        # The force jumps at a switch of the stiffness, a sample may lie before or behind it.
+        scale, allowed = np.abs(theirs[name]).max(), 2 * (name in ("acceleration", "dynamic_force"))
+        different = np.abs(ours[name] - theirs[name]) > 1e-9 * scale
+        assert int(different.sum()) <= allowed, name
+
+
+def test_pairs_of_teeth_run_up_as_by_scipy():
+    """The lines of teeth with relief and errors, integrated over time from one to the next."""
+    system, turn = TEETH.system(1.0), float(TEETH.mesh_frequency(1.0))
+    first, last = 0.5, 0.9
+    end = 2.0 * system.starts[-1] / (first + last)
+    rate, load_rate = (last - first) / end, 0.6 / end
+    times, state = [0.0], np.array([-0.5, 1.5])
+    for i, (begin, stop) in enumerate(pairwise(system.starts)):
+        speeds = np.sqrt(first**2 + 2.0 * rate * np.array([begin, stop]))
+        times.append(times[-1] + 2.0 * (stop - begin) / speeds.sum())
+
+        def rates(t, z, i=i, start=times[-2], speed=speeds[0]):
+            phase = (t - start) * (speed + 0.5 * rate * (t - start))
+            lines, active = system.overlap_lines[i], system.active_pairs[i]
+            touching = touching_set(lines, active, system.coast_line, phase, z[0])
+            a, p, b, r = system.force_lines[i, touching]
+            gap_rate = system.gap_rate[i] * (speed + rate * (t - start))
+            damping = system.damping[int(touching > 0)] * (z[1] - gap_rate)
+            return z[1], 1.0 + load_rate * t - (a + p * phase) * z[0] + b + r * phase - damping
+
+        motion = solve_ivp(rates, times[-2:], state, "DOP853", rtol=1e-11, atol=1e-11)
+        state = motion.y[:, -1]
+    seconds = times[-1] / turn
+    # The last piece begins with a sample where the integration ends.
+    course = [(0.0, first), (seconds, last), (1.1 * seconds, last)]
+    run = gearlib.run_up(
+        TEETH,
+        speed=[(t, float(TEETH.speed(tuning))) for t, tuning in course],
+        load=[(0.0, 1.0), (seconds, 1.6)],
+        initial_state=(-0.5, 1.5 / first),
+        samples_per_period=1,
+    )
+    assert times[-1] == pytest.approx(end, rel=1e-12) and run.sizes["event"] > 2
+    found = run.isel(time=int(np.abs(run.time.values - seconds).argmin()))
+    scales = TEETH.static_deflection * np.array([1.0, turn])
+    np.testing.assert_allclose([found.displacement, found.velocity] / scales, state, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -136,7 +136,7 @@ REFUSED = [
     (TRAINS, "basins basin_stability bifurcation_diagram poincare_section"),
     (NO_GEARS, "continue_orbit duty_point sobol_indices orders"),
     (NO_GEARS | {"pairs of teeth"}, "tongues"),
-    (NO_GEARS | {"pairs of teeth", "one degree", "gyroscopic forces"}, "run_up order_map"),
+    (NO_GEARS | {"one degree", "gyroscopic forces"}, "run_up order_map"),
     (NO_GEARS | MANY_COORDINATES, "schmidt harmonic_balance"),
 ]
 #: Words about gears, which texts about an oscillator must not have.

@@ -11,6 +11,7 @@ a unit of theta.
 
 import math
 from functools import cached_property
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,7 +101,8 @@ def start_profile_run(model, speeds, loads, state):
     `speeds` and `loads` are those of `pieces_of`; the velocities in `state`, by phase, become
     velocities by theta in z.
     """
-    runner, pieces = propagator_of(model), pieces_of(model, speeds, loads)
+    engine = import_module(f"gearlib.engines.{model.profile_engine}")
+    runner, pieces = engine.propagator_of(model), pieces_of(model, speeds, loads)
     z = np.array(runner.initial_state(state), float)
     z[z.size // 2 :] *= pieces[0].speed
     return runner, pieces, z
@@ -174,12 +176,12 @@ class PieceIntervals(NamedTuple):
         `length`, shape (p,), has the durations of the segments. Each interval is summed on its own,
         so that rounding does not grow with the run.
         """
-        segment_counts, end = np.diff(self.first_segments), length.copy()
-        position = np.arange(length.size) - np.repeat(self.first_segments[:-1], segment_counts)
-        for k in range(1, position.max() + 1):
-            later = np.flatnonzero(position == k)
-            end[later] += end[later - 1]
-        return end
+        segment_counts = np.diff(self.first_segments)
+        interval = np.repeat(np.arange(segment_counts.size), segment_counts)
+        position = np.arange(length.size) - self.first_segments[interval]
+        padded_lengths = np.zeros((segment_counts.size, segment_counts.max()))
+        padded_lengths[interval, position] = length
+        return np.cumsum(padded_lengths, axis=1)[interval, position]
 
     def bounds(self, piece: ProfilePiece, length: np.ndarray) -> np.ndarray:
         """Return theta at the bounds of the k intervals, from the segments' `length`s, (k + 1,)."""

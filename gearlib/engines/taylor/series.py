@@ -23,7 +23,7 @@ from gearlib.engines.pair.elementary import cos_sin
 #: its logarithm; between 16 and 24 the cost per phase hardly changes.
 ORDER = 20
 #: Entry k is 1 / (k + 1).
-_INVERSE = 1.0 / np.arange(1, ORDER + 2)
+INVERSE_INTEGERS = 1.0 / np.arange(1, ORDER + 2)
 
 # Steps take plain arrays, since the reference counts of named tuples cost more than the sums.
 #: Rows of the array of series: x, x', elastic deflection, stiffness, deflection with its powers,
@@ -261,8 +261,8 @@ def expand_motion(
             square, cube = _square_and_cube_terms(series, VELOCITY, VELOCITY_SQUARE, k)
             series[VELOCITY_SQUARE, k] = square + 2.0 * v * newest
             acceleration -= d2 * square + d3 * cube
-        series[DISPLACEMENT, k + 1] = series[DEFLECTION, k + 1] = newest * _INVERSE[k]
-        series[VELOCITY, k + 1] = (acceleration - damping_factor * newest) * _INVERSE[k]
+        series[DISPLACEMENT, k + 1] = series[DEFLECTION, k + 1] = newest * INVERSE_INTEGERS[k]
+        series[VELOCITY, k + 1] = (acceleration - damping_factor * newest) * INVERSE_INTEGERS[k]
     # The last term of the mesh force is below rounding.
     series[MESH_FORCE, ORDER] = 0.0
 

@@ -27,6 +27,7 @@ from gearlib.engines.taylor.series import (
     D2,
     DISPLACEMENT,
     DRIVE_LINE,
+    INVERSE_INTEGERS,
     MESH_FORCE,
     ORDER,
     ROWS,
@@ -169,8 +170,10 @@ def add_step_to_summary(
     if contact_code != BACKLASH:
         _fill_scaled_polynomial(series, MESH_FORCE, 0.0, tuning * tuning, step)
         if summary.shape[0] > orbit.FORCE_SUM:
+            integral = 0.0
             for k in range(ORDER + 1):
-                summary[orbit.FORCE_SUM] += step * polynomial[k] / (k + 1.0)
+                integral += polynomial[k] * INVERSE_INTEGERS[k]
+            summary[orbit.FORCE_SUM] += step * integral
         orbit.add_polynomial_extrema(
             polynomial, to_bernstein, work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN
         )
@@ -204,14 +207,15 @@ def add_samples(tuning, phase, step, contact_code, series, samples, sample):
 
 
 @inlined_kernel
-def samples_of_period(samples, recorded_period, record_periods):
+def samples_of_period(samples, recorded_period, record_periods, duration):
     """Return the samples of one recorded mesh period, with their phases filled in.
 
-    `samples` has equally many samples for each recorded period; the period is given by its number.
+    `samples` has equally many samples for each recorded period; the period is given by its number
+    and its duration.
     """
     count = samples.shape[0] // max(record_periods, 1)
     period_samples = samples[max(recorded_period, 0) * count : (recorded_period + 1) * count]
-    orbit.fill_sample_phases(period_samples, orbit.SAMPLE_PHASE, 2.0 * math.pi)
+    orbit.fill_sample_phases(period_samples, orbit.SAMPLE_PHASE, duration)
     return period_samples
 
 
@@ -246,7 +250,7 @@ def run_nonlinear(
             set_identity(period_maps[period])
         recorded_period = period - (periods - recorded)
         sample_count, steps_before = 0, steps
-        period_samples = samples_of_period(samples, recorded_period, recorded)
+        period_samples = samples_of_period(samples, recorded_period, recorded, 2.0 * math.pi)
         for segment in range(below_mean.shape[0]):
             phase, end = segment_bounds[segment], segment_bounds[segment + 1]
             while phase < end:

@@ -1,15 +1,17 @@
 """One mesh with individual pairs of teeth: Taylor steps end where a pair touches or separates.
 
-While the pairs of one set touch, the displacement x over the phase tau follows
+While the pairs of one set touch, the displacement x over a time follows
 
-    x'' = (1 - a x + b) / nu^2 - d (x' - e'),
+    x'' = s (L - a x + b) - d (x' - e'),
 
-where a and b are straight lines on each segment of phase. A set of the k pairs is an integer with a
-bit for each pair; set 0 is the backlash and set 2^k the contact of the coast side. If the other
-pairs of a set carry the load, pair i overlaps by p x - r, and touches where this is > 0.
-Displacements are in static deflections, forces over the load. The series converges to rounding on
-steps below 1.18 over the natural frequency. A step ends with its segment and at the first crossing
-of its polynomial, where a pair touches or separates.
+where a and b are straight lines over the mesh phase tau on each segment, and L is the load. At
+constant speed the time is the phase and s = 1 / nu^2. In a run-up it is theta, s = 1, L is linear
+in theta, and the phase is quadratic in theta, and so are a and b. A set of the k pairs is an
+integer with a bit for each pair; set 0 is the backlash and set 2^k the contact of the coast side.
+If the other pairs of a set carry the load, pair i overlaps by p x - r, and touches where this is
+> 0. Displacements are in static deflections, forces over the load. The series converges to rounding
+on steps below 1.18 over the natural frequency. A step ends with its segment and at the first
+crossing of its polynomial, where a pair touches or separates.
 """
 
 import math
@@ -31,12 +33,13 @@ from gearlib.engines.codes import (
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.orbit import is_within_range
 from gearlib.engines.pair.maps import multiply_from_left
-from gearlib.engines.polynomial import WORK_ROWS
+from gearlib.engines.polynomial import WORK_ROWS, parabola_minimum
 from gearlib.engines.protocol import Base
 from gearlib.engines.taylor import propagator
 from gearlib.engines.taylor.perturbations import set_identity
 from gearlib.engines.taylor.series import (
     DISPLACEMENT,
+    INVERSE_INTEGERS,
     MESH_FORCE,
     ORDER,
     ROWS,
@@ -54,23 +57,38 @@ from gearlib.engines.taylor.taylor_run import (
 #: Columns of tables of lines factor x - offset: value at the start of a segment and slope of the
 #: factor (a, p), and of the offset (b, r).
 FACTOR, FACTOR_SLOPE, OFFSET, OFFSET_SLOPE = range(4)
+#: A series ends after this many terms in succession that are smaller than this fraction of x: each
+#: term follows from the terms up to three before it.
+_SMALL_TERMS, _SMALL_TERM = 3, 1e-17
 
 
 class ToothPairSystem(NamedTuple):
-    """One mesh at one tuning: k pairs of teeth, p segments of phase."""
+    """One mesh along p segments of time: k pairs of teeth with lines on m intervals of phase.
 
-    starts: np.ndarray  #: phases that bound the segments, shape (p + 1,)
+    At constant speed segments and intervals are the same, and the time is the mesh phase.
+    """
+
+    starts: np.ndarray  #: phases that bound the intervals, shape (m + 1,)
+    times: np.ndarray  #: time from the start of its mesh period to a segment, shape (p,)
+    lengths: np.ndarray  #: durations of the segments, shape (p,)
     first_segment: np.ndarray  #: int, where each mesh period begins, shape (repeats + 1,)
-    pairs_change: np.ndarray  #: bool, whether pairs change at the start of a segment, shape (p,)
-    active_pairs: np.ndarray  #: int, set of the pairs on their path of contact, shape (p,)
-    force_lines: np.ndarray  #: of a set, a and b, shape (p, 2^k + 1, 4)
-    overlap_lines: np.ndarray  #: of a pair beside a set without it, p and r, shape (p, 2^k, k, 4)
-    gap_rate: np.ndarray  #: e', rate of the gap without load, shape (p,)
-    damping: np.ndarray  #: d in the backlash and in contact, over nu, shape (2,)
+    summary_blocks: np.ndarray  #: int, row of the summary of each mesh period, shape (repeats,)
+    intervals: np.ndarray  #: int, the interval of phase of each segment, shape (p,)
+    start_phases: np.ndarray  #: phase from the start of the interval to the segment, shape (p,)
+    speeds: np.ndarray  #: rate of the phase by time at the starts of segments, shape (p,)
+    acceleration: float  #: rate of the speed
+    loads: np.ndarray  #: at the starts of segments, over the load of the model, shape (p,)
+    load_rate: float  #: rate of the load
+    pairs_change: np.ndarray  #: bool, whether pairs change at the start of an interval, shape (m,)
+    active_pairs: np.ndarray  #: int, set of the pairs on their path of contact, shape (m,)
+    force_lines: np.ndarray  #: of a set, a and b, shape (m, 2^k + 1, 4)
+    overlap_lines: np.ndarray  #: of a pair beside a set without it, p and r, shape (m, 2^k, k, 4)
+    gap_rate: np.ndarray  #: rate of the gap without load by phase, shape (m,)
+    damping: np.ndarray  #: d in the backlash and in contact, shape (2,)
     coast_line: float  #: displacement of the coast side, may be -inf
-    max_step: float  #: largest step in phase
-    tuning: float  #: nu
-    repeats: int  #: mesh periods after which the pairs of teeth repeat
+    max_step: float  #: largest step in time
+    tuning: float  #: nu at constant speed, otherwise 1
+    repeats: int  #: mesh periods after which the segments repeat
     may_jam: bool  #: whether pairs of teeth and the coast side may touch at once
 
 
@@ -111,50 +129,104 @@ def touching_set(overlaps, active_set, coast_line, t, x):
 
 
 @inlined_kernel
-def _fill_linear(series, quantity, line, t):
-    """Fill the row `quantity` of `series` with factor x - offset, both linear in phase.
+def _expand_line(line, t, speed, acceleration):
+    """Return the Taylor coefficients of factor and offset over time, three of each.
 
-    The line is (factor, factor slope, offset, offset slope), with values at the segment start; the
-    series starts at the phase t since then.
+    The line is (factor, factor slope, offset, offset slope), with values at phase 0; at time 0 the
+    phase is t and grows with this speed and acceleration.
     """
-    factor, factor_slope = line[FACTOR] + line[FACTOR_SLOPE] * t, line[FACTOR_SLOPE]
-    series[quantity, 0] = factor * series[DISPLACEMENT, 0] - line[OFFSET] - line[OFFSET_SLOPE] * t
-    series[quantity, 1] = (
-        factor * series[DISPLACEMENT, 1]
-        + factor_slope * series[DISPLACEMENT, 0]
-        - line[OFFSET_SLOPE]
+    slope, offset_slope, half_acceleration = (
+        line[FACTOR_SLOPE],
+        line[OFFSET_SLOPE],
+        0.5 * acceleration,
     )
-    for k in range(2, ORDER + 1):
+    return (
+        line[FACTOR] + slope * t,
+        slope * speed,
+        slope * half_acceleration,
+        line[OFFSET] + offset_slope * t,
+        offset_slope * speed,
+        offset_slope * half_acceleration,
+    )
+
+
+@inlined_kernel
+def _fill_product(series, quantity, line):
+    """Fill the row `quantity` of `series` with factor x - offset.
+
+    `line` has three Taylor coefficients of the factor, then three of the offset.
+    """
+    a0, a1, a2, b0, b1, b2 = line
+    x0, x1 = series[DISPLACEMENT, 0], series[DISPLACEMENT, 1]
+    series[quantity, 0] = a0 * x0 - b0
+    series[quantity, 1] = a0 * x1 + a1 * x0 - b1
+    series[quantity, 2] = a0 * series[DISPLACEMENT, 2] + a1 * x1 + a2 * x0 - b2
+    for k in range(3, ORDER + 1):
         series[quantity, k] = (
-            factor * series[DISPLACEMENT, k] + factor_slope * series[DISPLACEMENT, k - 1]
+            a0 * series[DISPLACEMENT, k]
+            + a1 * series[DISPLACEMENT, k - 1]
+            + a2 * series[DISPLACEMENT, k - 2]
         )
 
 
 @inlined_kernel
-def _expand_motion(line, t, damping, gap_rate, force_scale, x, v, series):
-    """Fill the Taylor series of the motion through (x, v), t after the start of a segment.
+def _expand_motion(line, load, load_rate, damping, force_scale, x, v, step, max_step, series):
+    """Fill the Taylor series of the motion through (x, v), as far as a step needs it.
 
-    The mesh force is factor x - offset, times `force_scale`, 1 / nu^2; the line is (factor, factor
-    slope, offset, offset slope). The gap without load changes at a rate by phase.
+    `line` has three Taylor coefficients of the factor and of the offset of the mesh force, which is
+    factor x - offset, times `force_scale`. The load includes the damping force due to the gap.
+    Returns the changes of x and v in the step and the sum of magnitudes of the terms of x in it
+    beyond the square term.
     """
-    stiffness = (line[FACTOR] + line[FACTOR_SLOPE] * t) * force_scale
-    stiffness_slope = line[FACTOR_SLOPE] * force_scale
-    # The external force is the load and the damping force due to the rate of the gap.
-    load = force_scale + damping * gap_rate
+    a0, a1, a2 = force_scale * line[0], force_scale * line[1], force_scale * line[2]
+    b0, b1, b2 = force_scale * line[3], force_scale * line[4], force_scale * line[5]
     series[DISPLACEMENT, 0], series[VELOCITY, 0] = x, v
-    force = stiffness * x - (line[OFFSET] + line[OFFSET_SLOPE] * t) * force_scale
+    x_change, v_change, tail, power, small_terms = 0.0, 0.0, 0.0, 1.0, 0
+    # Coefficients k, k - 1 and k - 2 of x and k of v.
+    x_k, x_before, x_older, v_k = x, 0.0, 0.0, v
+    limit = _SMALL_TERM * max(1.0, abs(x)) / max_step
+    count = ORDER
     for k in range(ORDER):
+        force = a0 * x_k + (a1 * x_before + a2 * x_older - b0)
         series[MESH_FORCE, k] = force
-        series[DISPLACEMENT, k + 1] = series[VELOCITY, k] / (k + 1.0)
-        series[VELOCITY, k + 1] = (load - force - damping * series[VELOCITY, k]) / (k + 1.0)
-        load = 0.0
-        force = stiffness * series[DISPLACEMENT, k + 1] + stiffness_slope * series[DISPLACEMENT, k]
-        if k == 0:
-            force -= line[OFFSET_SLOPE] * force_scale
-    series[MESH_FORCE, ORDER] = 0.0
-    for k in range(ORDER + 1):
-        series[STIFFNESS, k] = 0.0
-    series[STIFFNESS, 0], series[STIFFNESS, 1] = stiffness, stiffness_slope
+        x_older, x_before, x_k = x_before, x_k, v_k * INVERSE_INTEGERS[k]
+        # The chain of v from term to term is as short as possible: it takes most of the time.
+        v_k = (load - force) * INVERSE_INTEGERS[k] - (damping * INVERSE_INTEGERS[k]) * v_k
+        series[DISPLACEMENT, k + 1], series[VELOCITY, k + 1] = x_k, v_k
+        load, load_rate, b0, b1, b2 = load_rate, 0.0, b1, b2, 0.0
+        power *= step
+        term, v_term = x_k * power, v_k * power
+        x_change += term
+        v_change += v_term
+        if k >= 2:
+            tail += abs(term)
+            small_terms = small_terms + 1 if abs(v_term) < limit else 0
+            if small_terms == _SMALL_TERMS:
+                count = k + 1
+                break
+    series[MESH_FORCE, count] = 0.0
+    for k in range(count + 1, ORDER + 1):
+        series[DISPLACEMENT, k] = series[VELOCITY, k] = series[MESH_FORCE, k] = 0.0
+    series[STIFFNESS, 0], series[STIFFNESS, 1], series[STIFFNESS, 2] = a0, a1, a2
+    return x_change, v_change, tail
+
+
+@inlined_kernel
+def _keeps_sign(line, sign, step, tail, series):
+    """Return whether bounds prove that sign (factor x - offset) stays positive in a step.
+
+    `line` has three Taylor coefficients of the factor and of the offset. `tail` is the sum of
+    magnitudes of the terms of x beyond the square term.
+    """
+    a0, a1, a2, b0, b1, b2 = line
+    a1, a2, b1, b2 = a1 * step, a2 * step * step, b1 * step, b2 * step * step
+    x0, x1 = series[DISPLACEMENT, 0], series[DISPLACEMENT, 1] * step
+    x2 = series[DISPLACEMENT, 2] * step * step
+    constant, slope = a0 * x0 - b0, a0 * x1 + a1 * x0 - b1
+    square = a0 * x2 + a1 * x1 + a2 * x0 - b2
+    rest = (abs(a0) + abs(a1) + abs(a2)) * tail
+    rest += (abs(a1) + abs(a2)) * abs(x2) + abs(a2 * x1)
+    return parabola_minimum(sign * constant, sign * slope, sign * square) > rest
 
 
 @kernel
@@ -194,45 +266,52 @@ def _first_contact_event(
     contact_set,
     start_pair,
     t,
+    speed,
+    acceleration,
     step,
-    x,
+    tail,
     series,
     to_bernstein,
     work,
 ):
     """Return (fraction of a step, number of the pair) of the first pair that touches or separates.
 
-    The step, of length `step`, starts at x, t after the start of a segment with its overlaps, (2^k,
-    k, 4), and its active pairs. Bits of `contact_set` mark the pairs that touch; 2^k stands for
-    contact of the coast side, below `coast_line`, which has the pair number k. The fraction is 2 if
-    there is no event and -1 if rounding hides whether there is one. The step starts on the line of
-    `start_pair`, or on none if that is -1. If the sides `may_jam`, touches on the other side count
-    as well. `series` has the motion in its first rows; rows from ROWS on receive the overlaps, and
-    `to_bernstein` and `work` are those of `first_crossing`.
+    The step, of length `step`, starts at the phase t of an interval with its overlaps, (2^k, k, 4),
+    and its active pairs; the phase grows with this speed and acceleration. Bits of `contact_set`
+    mark the pairs that touch; 2^k stands for contact of the coast side, below `coast_line`, which
+    has the pair number k. The fraction is 2 if there is no event and -1 if rounding hides whether
+    there is one. The step starts on the line of `start_pair`, or on none if that is -1. If the
+    sides `may_jam`, touches on the other side count as well. `series` has the motion in its first
+    rows, and the row ROWS receives the overlaps; `tail` is the sum of magnitudes of the terms of x
+    beyond the square term. `to_bernstein` and `work` are those of `first_crossing`.
     """
     coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
     first_fraction, first_pair = 2.0, -1
-    for i in range(pair_count):
-        pair_bit = 1 << i
-        if (contact_set == coast_set and not may_jam) or not active_set & pair_bit:
+    for i in range(pair_count + 1):
+        is_coast = i == pair_count
+        if is_coast:
+            if coast_line == -math.inf or not (
+                may_jam or contact_set == 0 or contact_set == coast_set
+            ):
+                continue
+            line, touches = (1.0, 0.0, 0.0, coast_line, 0.0, 0.0), contact_set == coast_set
+            sign = -1.0 if touches else 1.0
+        else:
+            pair_bit = 1 << i
+            if (contact_set == coast_set and not may_jam) or not active_set & pair_bit:
+                continue
+            touches = contact_set != coast_set and contact_set & pair_bit != 0
+            other_pairs = contact_set & ~pair_bit if contact_set != coast_set else 0
+            line = _expand_line(overlaps[other_pairs, i], t, speed, acceleration)
+            sign = 1.0 if touches else -1.0
+        if start_pair != i and _keeps_sign(line, sign, step, tail, series):
             continue
-        touches = contact_set != coast_set and contact_set & pair_bit != 0
-        other_pairs = contact_set & ~pair_bit if contact_set != coast_set else 0
-        _fill_linear(series, ROWS + i, overlaps[other_pairs, i], t)
+        _fill_product(series, ROWS, line)
         if start_pair == i:
-            series[ROWS + i, 0] = 0.0
-        sign = 1.0 if touches else -1.0
-        fraction = first_crossing(series, ROWS + i, 0.0, sign, step, to_bernstein, work)
+            series[ROWS, 0] = 0.0
+        fraction = first_crossing(series, ROWS, 0.0, sign, step, to_bernstein, work)
         if fraction < first_fraction:
             first_fraction, first_pair = fraction, i
-    if coast_line > -math.inf and (may_jam or contact_set == 0 or contact_set == coast_set):
-        for j in range(ORDER + 1):
-            series[ROWS + pair_count, j] = series[DISPLACEMENT, j]
-        series[ROWS + pair_count, 0] = 0.0 if start_pair == pair_count else x - coast_line
-        sign = 1.0 if contact_set != coast_set else -1.0
-        fraction = first_crossing(series, ROWS + pair_count, 0.0, sign, step, to_bernstein, work)
-        if fraction < first_fraction:
-            first_fraction, first_pair = fraction, pair_count
     return first_fraction, first_pair
 
 
@@ -255,26 +334,31 @@ def run_tooth_pairs(
     samples,
     events,
     max_events,
-    summary,
+    summaries,
     period_maps,
     first_period,
 ):
     """Run the mesh; arguments and first returns are those of `pair.pair_run.run`.
 
-    The period maps, shape (periods, 2, 2) or (0, 2, 2), get the derivatives of the state after each
-    period by the state before. The run begins in mesh period `first_period` of the excitation.
-    Returns also the number of steps.
+    The `summaries` have a row for each of the `summary_blocks` of the system. The period maps,
+    shape (periods, 2, 2) or (0, 2, 2), get the derivatives of the state after each period by the
+    state before, at constant speed only. The run begins in mesh period `first_period` of the
+    excitation. Returns also the number of steps.
     """
-    orbit.clear_summary(summary)
+    for block in range(summaries.shape[0]):
+        orbit.clear_summary(summaries[block])
     first_segment, active_set = system.first_segment, system.active_pairs
-    starts, renewed = system.starts, system.pairs_change
+    blocks, intervals, start_phases = system.summary_blocks, system.intervals, system.start_phases
+    speeds, acceleration = system.speeds, system.acceleration
+    loads, load_rate = system.loads, system.load_rate
+    times, lengths, renewed = system.times, system.lengths, system.pairs_change
     force, overlaps = system.force_lines, system.overlap_lines
     gap_rate, damping_levels = system.gap_rate, system.damping
     coast_line, max_step, tuning = system.coast_line, system.max_step, system.tuning
     may_jam = system.may_jam
     pair_count, coast_set = overlaps.shape[2], overlaps.shape[1]
     force_scale = 1.0 / (tuning * tuning)
-    series, work = np.zeros((ROWS + pair_count + 1, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
+    series, work = np.zeros((ROWS + 1, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
     strobe_count = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((strobe_count + 1, 2))
     rows, steps, contact_set, start_pair = 0, 0, 0, -1
@@ -287,32 +371,49 @@ def run_tooth_pairs(
         if period_maps.shape[0] > 0:
             set_identity(period_maps[period])
         number = (first_period + period) % system.repeats
-        period_start = starts[first_segment[number]]
-        period_samples = samples_of_period(samples, recorded, record_periods)
+        summary, last_segment = summaries[blocks[number]], first_segment[number + 1] - 1
+        duration = times[last_segment] + lengths[last_segment]
+        period_samples = samples_of_period(samples, recorded, record_periods, duration)
         for segment in range(first_segment[number], first_segment[number + 1]):
             is_run_start = period == 0 and segment == first_segment[number]
-            segment_overlaps, active_pairs = overlaps[segment], active_set[segment]
-            if is_run_start or renewed[segment]:
+            interval = intervals[segment]
+            segment_overlaps, active_pairs = overlaps[interval], active_set[interval]
+            if is_run_start or renewed[interval]:
                 code_before = _contact_code_of(contact_set, coast_set)
-                contact_set = touching_set(segment_overlaps, active_pairs, coast_line, 0.0, x)
+                contact_set = touching_set(
+                    segment_overlaps, active_pairs, coast_line, start_phases[segment], x
+                )
                 start_pair = -1
                 code_after = _contact_code_of(contact_set, coast_set)
                 if code_after == NORMAL and x < coast_line:
                     return x, v, 0, events, 0, JAMMED, steps
                 if recorded >= 0 and code_after != code_before and not is_run_start:
-                    phase = starts[segment] - period_start
                     events, rows = orbit.count_event(
-                        events, rows, period, phase, code_before, code_after, v, summary
+                        events, rows, period, times[segment], code_before, code_after, v, summary
                     )
-            phase, end = starts[segment], starts[segment + 1]
-            while phase < end:
-                t, damping = phase - starts[segment], damping_levels[1 if contact_set else 0]
+            time, length = 0.0, lengths[segment]
+            while time < length:
+                damping = damping_levels[1 if contact_set else 0]
+                speed = speeds[segment] + acceleration * time
+                t = start_phases[segment] + 0.5 * (speeds[segment] + speed) * time
                 contact_code = _contact_code_of(contact_set, coast_set)
-                force_line = force[segment, contact_set]
-                _expand_motion(force_line, t, damping, gap_rate[segment], force_scale, x, v, series)
-                h = min(max_step, end - phase)
-                if end - phase - h < 1e-13:
-                    h = end - phase
+                force_line = force[interval, contact_set]
+                h = min(max_step, length - time)
+                if length - time - h < 1e-13:
+                    h = length - time
+                gap_force = damping * gap_rate[interval]
+                x_change, v_change, tail = _expand_motion(
+                    _expand_line(force_line, t, speed, acceleration),
+                    force_scale * (loads[segment] + load_rate * time) + gap_force * speed,
+                    force_scale * load_rate + gap_force * acceleration,
+                    damping,
+                    force_scale,
+                    x,
+                    v,
+                    h,
+                    max_step,
+                    series,
+                )
                 event_fraction, pair = _first_contact_event(
                     segment_overlaps,
                     active_pairs,
@@ -321,8 +422,10 @@ def run_tooth_pairs(
                     contact_set,
                     start_pair,
                     t,
+                    speed,
+                    acceleration,
                     h,
-                    x,
+                    tail,
                     series,
                     to_bernstein,
                     work,
@@ -335,8 +438,11 @@ def run_tooth_pairs(
                     else pair < pair_count
                 ):
                     return x, v, 0, events, 0, JAMMED, steps
-                h = h if event_fraction > 1.0 else event_fraction * h
-                x, v = state_at(series, h)
+                if event_fraction > 1.0:
+                    x, v = x + x_change, v + v_change
+                else:
+                    h *= event_fraction
+                    x, v = state_at(series, h)
                 steps += 1
                 if not is_within_range(x, v):
                     return x, v, 0, events, 0, OVERFLOW, steps
@@ -350,11 +456,11 @@ def run_tooth_pairs(
                     )
                     if orbit.has_unresolved_extremum(summary):
                         return x, v, 0, events, 0, UNRESOLVED, steps
-                    step_phase = phase - period_start
+                    step_start = times[segment] + time
                     sample_count = add_samples(
-                        tuning, step_phase, h, contact_code, series, period_samples, sample_count
+                        tuning, step_start, h, contact_code, series, period_samples, sample_count
                     )
-                phase += h
+                time += h
                 if event_fraction > 1.0:
                     start_pair = -1
                     continue
@@ -369,18 +475,17 @@ def run_tooth_pairs(
                 )
                 code_after = _contact_code_of(contact_set, coast_set)
                 if period_maps.shape[0] > 0:
-                    t = phase - starts[segment]
                     jump = (
-                        _line_value(force[segment, contact_set], t, x)
-                        - _line_value(force_line, t, x)
+                        _line_value(force[interval, contact_set], time, x)
+                        - _line_value(force_line, time, x)
                     ) * force_scale
                     jump += (damping_levels[1 if contact_set else 0] - damping) * (
-                        v - gap_rate[segment]
+                        v - gap_rate[interval]
                     )
                     factor, rate = 1.0, v
                     if pair < pair_count:
                         overlap_line = segment_overlaps[contact_set & ~(1 << pair), pair]
-                        factor = overlap_line[FACTOR] + overlap_line[FACTOR_SLOPE] * t
+                        factor = overlap_line[FACTOR] + overlap_line[FACTOR_SLOPE] * time
                         rate = (
                             factor * v + overlap_line[FACTOR_SLOPE] * x - overlap_line[OFFSET_SLOPE]
                         )
@@ -390,12 +495,12 @@ def run_tooth_pairs(
                             1.0, 0.0, -jump * factor / rate, 1.0, period_maps[period]
                         )
                 if code_after != contact_code and recorded >= 0:
-                    event_phase = phase - period_start
+                    event_time = times[segment] + time
                     events, rows = orbit.count_event(
-                        events, rows, period, event_phase, contact_code, code_after, v, summary
+                        events, rows, period, event_time, contact_code, code_after, v, summary
                     )
     strobes[strobe_count, 0], strobes[strobe_count, 1] = x, v
-    displacement_range = summary[orbit.X_MAX] - summary[orbit.X_MIN]
+    displacement_range = summaries[0, orbit.X_MAX] - summaries[0, orbit.X_MIN]
     orbit_period = orbit.orbit_period(strobes, tuning, displacement_range, system.repeats)
     return x, v, orbit_period, events, rows, OK, steps
 
@@ -415,5 +520,7 @@ class Propagator(propagator.Propagator):
 
         `tables` are its arguments from samples to period maps.
         """
+        samples, events, max_events, summary, maps = tables
+        tables = samples, events, max_events, summary.reshape(1, -1), maps
         arguments = x, v, periods, recorded, *tables, first_period
         return run_tooth_pairs(self.system, propagator.TO_BERNSTEIN, *arguments)

@@ -1,0 +1,97 @@
+"""Pairs of teeth along a speed and a load profile: Taylor steps in theta, the time of the model.
+
+While the acceleration is constant the mesh phase is quadratic in theta, and so are stiffness and
+gaps, which are straight lines over the phase: the series of `teeth` hold from standstill on.
+"""
+
+import numpy as np
+
+from gearlib.engines import orbit
+from gearlib.engines.codes import OK
+from gearlib.engines.linear.speed_profiles import IntervalRecord, PieceIntervals, ProfilePiece
+from gearlib.engines.taylor import teeth
+from gearlib.engines.taylor.propagator import TO_BERNSTEIN
+
+#: Number of rows of a new event table.
+_FIRST_EVENT_ROWS = 64
+
+
+class ProfilePropagator(teeth.Propagator):
+    """A `LoadSharingPair` along a speed and load profile."""
+
+    meshes, long_run_out = 1, False
+    #: Load due to the acceleration of the present piece, over the load of the model.
+    inertia_load = 0.0
+
+    @property
+    def base_system(self) -> teeth.ToothPairSystem:
+        """The `ToothPairSystem` of the model at tuning 1."""
+        return self.system
+
+    def set_piece(self, piece: ProfilePiece, base_acceleration: np.ndarray) -> None:
+        """Set the load due to the acceleration of a `ProfilePiece`.
+
+        `base_acceleration`, shape (1,), is the acceleration that d2tau/dtheta2 = 1 causes.
+        """
+        self.inertia_load = float(base_acceleration[0]) * piece.acceleration
+
+    def _system_of(
+        self, piece: ProfilePiece, intervals: PieceIntervals, lengths: np.ndarray, theta: np.ndarray
+    ) -> teeth.ToothPairSystem:
+        """Return the `ToothPairSystem` of the p segments of k intervals of a piece.
+
+        `lengths`, shape (p,), are their durations; `theta`, (k + 1,), bounds the intervals.
+        """
+        base, times = self.system, intervals.end_times(lengths) - lengths
+        # The piece may begin within an interval of phase, one or more cycles of the teeth later.
+        start_phases, cycle = np.zeros(lengths.size), base.starts[-1]
+        cut = intervals.phase[0] - base.starts[intervals.segments[0]]
+        start_phases[0] = max(cut - cycle * round(cut / cycle), 0.0)
+        segment_counts = np.diff(intervals.first_segments)
+        load_times = np.repeat(theta[:-1] - piece.start, segment_counts) + times
+        return base._replace(
+            times=times,
+            lengths=lengths,
+            first_segment=intervals.first_segments,
+            summary_blocks=intervals.block - intervals.block[0],
+            intervals=intervals.segments,
+            start_phases=start_phases,
+            speeds=intervals.speeds(piece)[:-1],
+            acceleration=piece.acceleration,
+            loads=piece.load + self.inertia_load + piece.slope * load_times,
+            load_rate=piece.slope,
+            repeats=len(intervals.block),
+        )
+
+    def run_intervals(self, piece, state, intervals, samples_per_period, max_events):
+        """Run through `PieceIntervals` of a piece; return their record, an `IntervalRecord`.
+
+        `state`, shape (2,), has the velocity by theta and changes in place. Each interval has
+        `samples_per_period` samples and at most `max_events` contact events.
+        """
+        lengths, periods = intervals.lengths(piece), len(intervals.block)
+        theta = intervals.bounds(piece, lengths)
+        system = self._system_of(piece, intervals, lengths, theta)
+        samples = np.zeros((periods * samples_per_period, orbit.SAMPLE_COLUMNS))
+        summaries = np.empty((system.summary_blocks[-1] + 1, orbit.SUMMARY_COLUMNS + 1))
+        events = np.empty((_FIRST_EVENT_ROWS, orbit.EVENT_COLUMNS))
+        tables = samples, events, max_events, summaries, np.empty((0, 2, 2))
+        *state[:], _, events, event_count, status, _ = teeth.run_tooth_pairs(
+            system, TO_BERNSTEIN, *state, periods, periods, *tables, 0
+        )
+        events = events[: event_count if status == OK else 0]
+        interval, time = events[:, orbit.EVENT_PERIOD].astype(int), events[:, orbit.EVENT_PHASE]
+        changes = events[:, orbit.EVENT_FROM :]
+        mesh_numbers = np.zeros(len(events))
+        event_rows = np.column_stack(
+            [theta[interval] + time, mesh_numbers, changes, interval, time]
+        )
+        phases = intervals.offset + intervals.phase[intervals.first_segments]
+        states = samples[:, [orbit.SAMPLE_X, orbit.SAMPLE_V]]
+        record = samples[:, None], states, intervals.block, summaries[:, None], event_rows
+        return IntervalRecord(piece, phases, theta, *record, status)
+
+
+def propagator_of(model) -> ProfilePropagator:
+    """Return the propagator, with time theta, of a model along speed and load profiles."""
+    return ProfilePropagator(model, 1.0)
