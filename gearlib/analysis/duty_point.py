@@ -183,7 +183,8 @@ def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
                 f"a sample of {record_periods} mesh periods; the excitation repeats after {cycle}, "
                 "too many to compute"
             )
-        elif not simulated_periods:
+        elif simulated_periods <= 2 * cycle:
+            # Two cycles may be too few to see whether the motion repeats.
             record_periods = cycle
             comment = f"a whole cycle of the excitation, {cycle} mesh periods"
         # The periods that were already simulated are part of the transient.

@@ -7,12 +7,14 @@ satisfy Q F = x - g, the others have no force. The smallest gap e(tau) is the di
 flanks touch without load; x - e is the relative displacement y of `OneDegreePair`. The coast side
 touches at x = -backlash, where all pairs on their path of contact carry load, without gaps.
 
-Gaps and compliances are linear between phases, ends of the path, starts of reliefs and points of
-tables, so that linear reliefs with constant stiffness are exact. Intervals are shorter where tip
-corners touch or where the slices of a helical face begin and end their contact.
+Forces and overlaps have parabolas between phases, ends of the path, starts of reliefs and points of
+tables, through their values at both ends and in the middle, so that linear and parabolic reliefs
+with constant stiffness are exact. Intervals are shorter where tip corners touch. They are straight
+lines between the phases at which slices of a helical face begin and end their contact.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
@@ -46,7 +48,7 @@ _MIN_CORNER_FACTOR, _PITCH_ERROR_FACTOR = 0.25, 10.0
 #: Phases of boundaries of segments closer than this, in rad, count as equal.
 _PHASE_TOLERANCE = 1e-9
 #: Intervals between the phases at which a pair begins to touch and reaches its path of contact.
-_CORNER_INTERVALS = 32
+_CORNER_INTERVALS = 8
 
 
 @documented
@@ -70,8 +72,8 @@ class LoadSharingPair(WithPair):
     phases: Annotated[
         int,
         Integer(8, 100_000),
-        "Number of equal intervals of a mesh period in which gaps and compliances are linear",
-    ] = 32
+        "Number of equal intervals of a mesh period in which gaps and compliances are parabolas",
+    ] = 16
     stiffness: Any = "energy"
     coupling: Annotated[
         float | None,
@@ -212,7 +214,7 @@ class LoadSharingPair(WithPair):
             sharing = pairs.forces_under_loads([load * self.load])
             return float(sharing.displacement[0, 0]) / self.static_deflection, 0.0
         # On the coast side the force is stiffness * x - offset, negative below its flank line.
-        stiffness, _, offset, _ = self.system_and_max_stiffness[0].force_lines[0, -1]
+        stiffness, _, _, offset, _, _ = self.system_and_max_stiffness[0].force_laws[0, -1]
         return (float((load + offset) / stiffness) if self.backlash < math.inf else 0.0), 0.0
 
     @property
@@ -278,12 +280,13 @@ class LoadSharingPair(WithPair):
         pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + offset]])
         left, right = pitches[:-1], pitches[1:]
         midpoints = (left + right) / 2.0
-        can_touch, on_path, ends = self._segments(left, midpoints, right)
+        can_touch, on_path, points = self._segments(left, midpoints, right)
         pair_numbers = self._pair_numbers(midpoints)
         lengths = math.tau * (right - left)
-        left_forces, left_overlaps = self._force_coefficients(ends[0], on_path)
-        right_forces, right_overlaps = self._force_coefficients(ends[1], on_path)
-        smallest_gaps = [np.where(can_touch, end.gap, math.inf).min(-1) for end in ends]
+        forces, overlaps = zip(
+            *(self._force_coefficients(pairs, on_path) for pairs in points), strict=True
+        )
+        smallest_gaps = [np.where(can_touch, points[i].gap, math.inf).min(-1) for i in (0, -1)]
         # Bit i of a mask is set if pair i can touch.
         pair_masks = can_touch @ 2 ** np.arange(can_touch.shape[1])
         masks_change = pair_masks != np.roll(pair_masks, 1)
@@ -304,8 +307,8 @@ class LoadSharingPair(WithPair):
             load_rate=0.0,
             pairs_change=masks_change | (pair_numbers != np.roll(pair_numbers, 1)),
             active_pairs=pair_masks,
-            force_lines=_coefficients_and_slopes(left_forces, right_forces, lengths),
-            overlap_lines=_coefficients_and_slopes(left_overlaps, right_overlaps, lengths),
+            force_laws=_parabolas(forces, lengths),
+            overlap_laws=_parabolas(overlaps, lengths),
             gap_rate=(smallest_gaps[1] - smallest_gaps[0]) / lengths / self.static_deflection,
             damping=np.zeros(2),
             coast_line=-self.backlash_ratio,
@@ -314,35 +317,34 @@ class LoadSharingPair(WithPair):
             repeats=repeats,
             may_jam=bool(-np.min(smallest_gaps) > self.backlash),
         )
-        return system, max(left_forces[..., 0].max(), right_forces[..., 0].max())
+        return system, max(values[..., 0].max() for values in forces)
 
     def _segments(
         self, left, midpoints, right
     ) -> tuple[np.ndarray, np.ndarray, list[load_sharing.ToothPairs]]:
-        """Return the k pairs of teeth in mesh in p segments as (can_touch, on_path, ends).
+        """Return the k pairs of teeth in mesh in p segments as (can_touch, on_path, points).
 
         The segments are given by their ends and midpoints in base pitches, (p,) each. `can_touch`,
         (p, k), is whether a pair can touch, `on_path`, (p, k), whether it also lies on its path of
-        contact, and `ends` holds the `ToothPairs` at the left and at the right ends.
+        contact, and `points` holds the `ToothPairs` at the left ends, of spur gears also in the
+        middle, and at the right ends.
         """
-        mesh, pitches = self.drawing, np.concatenate([left, right])
-        segment_middles = np.concatenate([midpoints] * 2)
+        mesh = self.drawing
         if mesh.overlap_ratio == 0.0:
             pairs = self._pairs(midpoints)
             can_touch = pairs.can_touch
             on_path = pairs.position == np.clip(pairs.position, *mesh.path)
-            both_ends = np.concatenate([can_touch] * 2)
-            pairs = self._pairs(pitches, segment_middles, both_ends)
-            indices = np.arange(pitches.size)
-        else:
-            # Most segments start with the pairs at the end of the one before, computed only once.
-            phases = np.column_stack([pitches, self._pair_numbers(segment_middles)])
-            _, first, indices = np.unique(phases, axis=0, return_index=True, return_inverse=True)
-            pairs = self._pairs(pitches[first], segment_middles[first])
+            ends = (self._pairs(end, midpoints, can_touch) for end in (left, right))
+            first, last = (replace(end, can_touch=can_touch) for end in ends)
+            return can_touch, can_touch & on_path, [first, pairs, last]
+        # Most segments start with the pairs at the end of the one before, computed only once.
+        pitches, middles = np.concatenate([left, right]), np.concatenate([midpoints] * 2)
+        phases = np.column_stack([pitches, self._pair_numbers(middles)])
+        _, first, indices = np.unique(phases, axis=0, return_index=True, return_inverse=True)
+        pairs = self._pairs(pitches[first], middles[first])
         ends = [pairs.at_phases(end_indices) for end_indices in np.split(indices.reshape(-1), 2)]
-        if mesh.overlap_ratio != 0.0:
-            can_touch = on_path = ends[0].can_touch | ends[1].can_touch
-        return can_touch, can_touch & on_path, [replace(end, can_touch=can_touch) for end in ends]
+        can_touch = ends[0].can_touch | ends[1].can_touch
+        return can_touch, can_touch, [replace(end, can_touch=can_touch) for end in ends]
 
     def _force_coefficients(self, pairs, on_path) -> tuple[np.ndarray, np.ndarray]:
         """Return dimensionless coefficients (forces, overlaps) for all sets of touching pairs.
@@ -379,7 +381,7 @@ class LoadSharingPair(WithPair):
     def steps_per_period(self, tuning: float) -> float:
         """Return the minimum number of integration steps per mesh period."""
         system = self.system(tuning)
-        return max(len(system.force_lines) / self.repeats, math.tau / system.max_step)
+        return max(len(system.force_laws) / self.repeats, math.tau / system.max_step)
 
     @property
     def slowest_tuning(self) -> float:
@@ -400,16 +402,19 @@ class LoadSharingPair(WithPair):
         return system._replace(damping=damping, max_step=max_step, tuning=tuning)
 
 
-def _coefficients_and_slopes(
-    left: np.ndarray, right: np.ndarray, lengths: np.ndarray
-) -> np.ndarray:
-    """Return the coefficients (a, b) of a x - b, linear on p segments, with slopes, (p, ..., 4).
+def _parabolas(values: Sequence[np.ndarray], lengths: np.ndarray) -> np.ndarray:
+    """Return the coefficients of parabolas a x - b on p segments, by powers of the phase.
 
-    `left` and `right`, shape (p, ..., 2), are the coefficients at both ends of segments with these
-    lengths in mesh phase tau, (p,). The last axis is (a, da/dtau, b, db/dtau) at the left ends.
+    `values` are the coefficients (a, b), (p, ..., 2), at the left ends, in the middle and at the
+    right ends of segments with these lengths in mesh phase, (p,); without those in the middle the
+    parabolas are straight lines. The last axis, of 6, has three coefficients of a, then of b.
     """
-    slopes = (right - left) / lengths.reshape(-1, *[1] * (left.ndim - 1))
-    return np.concatenate([left, slopes], axis=-1)[..., [0, 2, 1, 3]]
+    left, right = values[0], values[-1]
+    middle = values[1] if len(values) == 3 else 0.5 * (left + right)
+    lengths = lengths.reshape(-1, *[1] * (left.ndim - 1))
+    slopes = (4.0 * middle - 3.0 * left - right) / lengths
+    squares = 2.0 * (left - 2.0 * middle + right) / lengths**2
+    return np.stack([left, slopes, squares], -1).reshape(*left.shape[:-1], 6)
 
 
 def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments):

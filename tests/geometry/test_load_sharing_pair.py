@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import KroghInterpolator
 from scipy.optimize import nnls
 
 from gearlib import GearPair, LoadSharingPair, duty_point, simulate
@@ -69,12 +70,13 @@ def test_pairs_that_share_a_body_against_scipy(corners):
         middle = (left + right) / 2.0
         reached = pairs(middle, middle).can_touch[0]
         cholesky = np.linalg.cholesky(pairs(middle, middle).compliance[0][np.ix_(reached, reached)])
-        gaps = [pairs(tau, middle).gap[0, reached] for tau in (left, right)]
-        first, last = (gap / model.static_deflection for gap in gaps)
-        gap_rate = (last.min() - first.min()) / (right - left)
+        phases = left, middle, right
+        gaps = [pairs(tau, middle).gap[0, reached] / model.static_deflection for tau in phases]
+        gap_rate = (gaps[-1].min() - gaps[0].min()) / (right - left)
+        parabola = KroghInterpolator(phases, gaps)
 
-        def rates(tau, z, left=left, right=right, ends=(first, last), law=(cholesky, gap_rate)):
-            gap = ends[0] + (ends[1] - ends[0]) * (tau - left) / (right - left)
+        def rates(tau, z, parabola=parabola, law=(cholesky, gap_rate)):
+            gap = parabola(tau)
             deflection = np.linalg.solve(law[0], z[0] - gap) * model.static_deflection
             force = nnls(law[0].T, deflection)[0].sum() / model.load
             ratio = model.damping_ratio if force > 0.0 else model.backlash_damping_ratio

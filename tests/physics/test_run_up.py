@@ -150,7 +150,7 @@ def test_pairs_of_teeth_of_the_standard_move_as_their_gear_pair(standstill):
 
 
 def test_pairs_of_teeth_run_up_as_by_scipy():
-    """The lines of teeth with relief and errors, integrated over time from one to the next."""
+    """The parabolas of teeth with relief and errors, integrated over time from one to the next."""
     system, turn = TEETH.system(1.0), float(TEETH.mesh_frequency(1.0))
     first, last = 0.5, 0.9
     end = 2.0 * system.starts[-1] / (first + last)
@@ -162,12 +162,13 @@ def test_pairs_of_teeth_run_up_as_by_scipy():
 
         def rates(t, z, i=i, start=times[-2], speed=speeds[0]):
             phase = (t - start) * (speed + 0.5 * rate * (t - start))
-            lines, active = system.overlap_lines[i], system.active_pairs[i]
-            touching = touching_set(lines, active, system.coast_line, phase, z[0])
-            a, p, b, r = system.force_lines[i, touching]
+            overlaps, active = system.overlap_laws[i], system.active_pairs[i]
+            touching = touching_set(overlaps, active, system.coast_line, phase, z[0])
+            law, powers = system.force_laws[i, touching], phase ** np.arange(3)
             gap_rate = system.gap_rate[i] * (speed + rate * (t - start))
             damping = system.damping[int(touching > 0)] * (z[1] - gap_rate)
-            return z[1], 1.0 + load_rate * t - (a + p * phase) * z[0] + b + r * phase - damping
+            force = law[:3] @ powers * z[0] - law[3:] @ powers
+            return z[1], 1.0 + load_rate * t - force - damping
 
         motion = solve_ivp(rates, times[-2:], state, "DOP853", rtol=1e-11, atol=1e-11)
         state = motion.y[:, -1]

@@ -4,9 +4,9 @@ While the pairs of one set touch, the displacement x over a time follows
 
     x'' = s (L - a x + b) - d (x' - e'),
 
-where a and b are straight lines over the mesh phase tau on each segment, and L is the load. At
-constant speed the time is the phase and s = 1 / nu^2. In a run-up it is theta, s = 1, L is linear
-in theta, and the phase is quadratic in theta, and so are a and b. A set of the k pairs is an
+where a and b are parabolas over the mesh phase tau on each segment, and L is the load. At constant
+speed the time is the phase and s = 1 / nu^2. In a run-up it is theta, s = 1, L is linear in theta,
+and the phase is quadratic in theta, so that a and b have the degree 4. A set of the k pairs is an
 integer with a bit for each pair; set 0 is the backlash and set 2^k the contact of the coast side.
 If the other pairs of a set carry the load, pair i overlaps by p x - r, and touches where this is
 > 0. Displacements are in static deflections, forces over the load. The series converges to rounding
@@ -54,16 +54,18 @@ from gearlib.engines.taylor.taylor_run import (
     samples_of_period,
 )
 
-#: Columns of tables of lines factor x - offset: value at the start of a segment and slope of the
-#: factor (a, p), and of the offset (b, r).
-FACTOR, FACTOR_SLOPE, OFFSET, OFFSET_SLOPE = range(4)
+#: Columns of tables of laws factor x - offset: coefficients of the factor (a, p) by powers of the
+#: phase since the start of a segment, 0 to 2, and of the offset (b, r).
+FACTOR, FACTOR_SLOPE, FACTOR_SQUARE, OFFSET, OFFSET_SLOPE, OFFSET_SQUARE = range(6)
+#: Degree of factor and offset of a law over time, and their coefficients of a constant.
+_DEGREE, _ZEROS = 4, (0.0, 0.0, 0.0, 0.0)
 #: A series ends after this many terms in succession that are smaller than this fraction of x: each
-#: term follows from the terms up to three before it.
-_SMALL_TERMS, _SMALL_TERM = 3, 1e-17
+#: term follows from the terms up to five before it.
+_SMALL_TERMS, _SMALL_TERM = 5, 1e-17
 
 
 class ToothPairSystem(NamedTuple):
-    """One mesh along p segments of time: k pairs of teeth with lines on m intervals of phase.
+    """One mesh along p segments of time: k pairs of teeth with parabolas on m intervals of phase.
 
     At constant speed segments and intervals are the same, and the time is the mesh phase.
     """
@@ -81,8 +83,8 @@ class ToothPairSystem(NamedTuple):
     load_rate: float  #: rate of the load
     pairs_change: np.ndarray  #: bool, whether pairs change at the start of an interval, shape (m,)
     active_pairs: np.ndarray  #: int, set of the pairs on their path of contact, shape (m,)
-    force_lines: np.ndarray  #: of a set, a and b, shape (m, 2^k + 1, 4)
-    overlap_lines: np.ndarray  #: of a pair beside a set without it, p and r, shape (m, 2^k, k, 4)
+    force_laws: np.ndarray  #: of a set, a and b, shape (m, 2^k + 1, 6)
+    overlap_laws: np.ndarray  #: of a pair beside a set without it, p and r, shape (m, 2^k, k, 6)
     gap_rate: np.ndarray  #: rate of the gap without load by phase, shape (m,)
     damping: np.ndarray  #: d in the backlash and in contact, shape (2,)
     coast_line: float  #: displacement of the coast side, may be -inf
@@ -93,13 +95,10 @@ class ToothPairSystem(NamedTuple):
 
 
 @inlined_kernel
-def _line_value(line, t, x):
-    """Return factor x - offset, both linear in the phase t since the start of a segment.
-
-    The line is (factor, factor slope, offset, offset slope), with values at the segment start.
-    """
-    factor = line[FACTOR] + line[FACTOR_SLOPE] * t
-    return factor * x - line[OFFSET] - line[OFFSET_SLOPE] * t
+def _law_value(law, t, x):
+    """Return factor x - offset, both parabolas over the phase t since the start of a segment."""
+    factor = law[FACTOR] + t * (law[FACTOR_SLOPE] + t * law[FACTOR_SQUARE])
+    return factor * x - law[OFFSET] - t * (law[OFFSET_SLOPE] + t * law[OFFSET_SQUARE])
 
 
 @kernel
@@ -109,7 +108,7 @@ def touching_set(overlaps, active_set, coast_line, t, x):
     Sets are integers with a bit for each of the k pairs; 2^k stands for the coast side, which
     touches below `coast_line`. Bits of `active_set` mark pairs on their path of contact. If the
     pairs of a set carry the load, the overlap of another pair i is factor x - offset, with the
-    `_line_value` of ``overlaps[set, i]``, shape (4,), of the segment; it touches where this is > 0.
+    `_law_value` of ``overlaps[set, i]``, shape (6,), of the segment; it touches where this is > 0.
     """
     # The set of which all pairs overlap and no other pair does, or the nearest to this.
     coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
@@ -121,7 +120,7 @@ def touching_set(overlaps, active_set, coast_line, t, x):
         for i in range(pair_count):
             if active_set >> i & 1:
                 pair_bit = 1 << i
-                value = _line_value(overlaps[contact_set & ~pair_bit, i], t, x)
+                value = _law_value(overlaps[contact_set & ~pair_bit, i], t, x)
                 violation = max(violation, -value if contact_set & pair_bit else value)
         if violation < min_violation:
             best_set, min_violation = contact_set, violation
@@ -129,71 +128,71 @@ def touching_set(overlaps, active_set, coast_line, t, x):
 
 
 @inlined_kernel
-def _expand_line(line, t, speed, acceleration):
-    """Return the Taylor coefficients of factor and offset over time, three of each.
+def _expand_parabola(value, slope, square, t, speed, acceleration):
+    """Return five Taylor coefficients over time of a parabola over the phase.
 
-    The line is (factor, factor slope, offset, offset slope), with values at phase 0; at time 0 the
-    phase is t and grows with this speed and acceleration.
+    Its coefficients are by powers of the phase; at time 0 the phase is t and grows with this speed
+    and acceleration.
     """
-    slope, offset_slope, half_acceleration = (
-        line[FACTOR_SLOPE],
-        line[OFFSET_SLOPE],
-        0.5 * acceleration,
-    )
+    rate, half = slope + 2.0 * square * t, 0.5 * acceleration
     return (
-        line[FACTOR] + slope * t,
-        slope * speed,
-        slope * half_acceleration,
-        line[OFFSET] + offset_slope * t,
-        offset_slope * speed,
-        offset_slope * half_acceleration,
+        value + t * (slope + t * square),
+        rate * speed,
+        rate * half + square * speed * speed,
+        2.0 * square * speed * half,
+        square * half * half,
     )
 
 
 @inlined_kernel
-def _fill_product(series, quantity, line):
-    """Fill the row `quantity` of `series` with factor x - offset.
-
-    `line` has three Taylor coefficients of the factor, then three of the offset.
-    """
-    a0, a1, a2, b0, b1, b2 = line
-    x0, x1 = series[DISPLACEMENT, 0], series[DISPLACEMENT, 1]
-    series[quantity, 0] = a0 * x0 - b0
-    series[quantity, 1] = a0 * x1 + a1 * x0 - b1
-    series[quantity, 2] = a0 * series[DISPLACEMENT, 2] + a1 * x1 + a2 * x0 - b2
-    for k in range(3, ORDER + 1):
-        series[quantity, k] = (
-            a0 * series[DISPLACEMENT, k]
-            + a1 * series[DISPLACEMENT, k - 1]
-            + a2 * series[DISPLACEMENT, k - 2]
-        )
+def _expand_law(law, t, speed, acceleration):
+    """Return the Taylor coefficients over time of factor and offset of a law, five of each."""
+    factors = law[FACTOR], law[FACTOR_SLOPE], law[FACTOR_SQUARE]
+    offsets = law[OFFSET], law[OFFSET_SLOPE], law[OFFSET_SQUARE]
+    return (
+        _expand_parabola(*factors, t, speed, acceleration),
+        _expand_parabola(*offsets, t, speed, acceleration),
+    )
 
 
 @inlined_kernel
-def _expand_motion(line, load, load_rate, damping, force_scale, x, v, step, max_step, series):
+def _fill_product(series, quantity, law):
+    """Fill the row `quantity` of `series` with factor x - offset; `law` has their coefficients."""
+    factors, offsets = law
+    for k in range(ORDER + 1):
+        value = factors[0] * series[DISPLACEMENT, k]
+        for j in range(1, min(k, _DEGREE) + 1):
+            value += factors[j] * series[DISPLACEMENT, k - j]
+        series[quantity, k] = value - offsets[k] if k <= _DEGREE else value
+
+
+@inlined_kernel
+def _expand_motion(law, load, load_rate, damping, force_scale, x, v, step, max_step, series):
     """Fill the Taylor series of the motion through (x, v), as far as a step needs it.
 
-    `line` has three Taylor coefficients of the factor and of the offset of the mesh force, which is
-    factor x - offset, times `force_scale`. The load includes the damping force due to the gap.
-    Returns the changes of x and v in the step and the sum of magnitudes of the terms of x in it
-    beyond the square term.
+    `law` has the Taylor coefficients of factor and offset of the mesh force, which is factor x -
+    offset, times `force_scale`. The load includes the damping force due to the gap. Returns the
+    changes of x and v in the step and the sum of magnitudes of the terms of x in it beyond the
+    square term.
     """
-    a0, a1, a2 = force_scale * line[0], force_scale * line[1], force_scale * line[2]
-    b0, b1, b2 = force_scale * line[3], force_scale * line[4], force_scale * line[5]
+    (a0, a1, a2, a3, a4), (b0, b1, b2, b3, b4) = law
+    a0, a1, a2, b0 = force_scale * a0, force_scale * a1, force_scale * a2, force_scale * b0
+    a3, a4, b1, b2 = force_scale * a3, force_scale * a4, force_scale * b1, force_scale * b2
+    b3, b4 = force_scale * b3, force_scale * b4
     series[DISPLACEMENT, 0], series[VELOCITY, 0] = x, v
     x_change, v_change, tail, power, small_terms = 0.0, 0.0, 0.0, 1.0, 0
-    # Coefficients k, k - 1 and k - 2 of x and k of v.
-    x_k, x_before, x_older, v_k = x, 0.0, 0.0, v
+    # Coefficients k to k - 4 of x and k of v.
+    x_k, x_1, x_2, x_3, x_4, v_k = x, 0.0, 0.0, 0.0, 0.0, v
     limit = _SMALL_TERM * max(1.0, abs(x)) / max_step
     count = ORDER
     for k in range(ORDER):
-        force = a0 * x_k + (a1 * x_before + a2 * x_older - b0)
+        force = a0 * x_k + (a1 * x_1 + a2 * x_2 + a3 * x_3 + a4 * x_4 - b0)
         series[MESH_FORCE, k] = force
-        x_older, x_before, x_k = x_before, x_k, v_k * INVERSE_INTEGERS[k]
+        x_4, x_3, x_2, x_1, x_k = x_3, x_2, x_1, x_k, v_k * INVERSE_INTEGERS[k]
         # The chain of v from term to term is as short as possible: it takes most of the time.
         v_k = (load - force) * INVERSE_INTEGERS[k] - (damping * INVERSE_INTEGERS[k]) * v_k
         series[DISPLACEMENT, k + 1], series[VELOCITY, k + 1] = x_k, v_k
-        load, load_rate, b0, b1, b2 = load_rate, 0.0, b1, b2, 0.0
+        load, load_rate, b0, b1, b2, b3, b4 = load_rate, 0.0, b1, b2, b3, b4, 0.0
         power *= step
         term, v_term = x_k * power, v_k * power
         x_change += term
@@ -208,50 +207,52 @@ def _expand_motion(line, load, load_rate, damping, force_scale, x, v, step, max_
     for k in range(count + 1, ORDER + 1):
         series[DISPLACEMENT, k] = series[VELOCITY, k] = series[MESH_FORCE, k] = 0.0
     series[STIFFNESS, 0], series[STIFFNESS, 1], series[STIFFNESS, 2] = a0, a1, a2
+    series[STIFFNESS, 3], series[STIFFNESS, 4] = a3, a4
     return x_change, v_change, tail
 
 
 @inlined_kernel
-def _keeps_sign(line, sign, step, tail, series):
+def _keeps_sign(law, sign, step, tail, series):
     """Return whether bounds prove that sign (factor x - offset) stays positive in a step.
 
-    `line` has three Taylor coefficients of the factor and of the offset. `tail` is the sum of
-    magnitudes of the terms of x beyond the square term.
+    `law` has the Taylor coefficients of factor and offset. `tail` is the sum of magnitudes of the
+    terms of x beyond the square term.
     """
-    a0, a1, a2, b0, b1, b2 = line
-    a1, a2, b1, b2 = a1 * step, a2 * step * step, b1 * step, b2 * step * step
+    (a0, a1, a2, a3, a4), (b0, b1, b2, b3, b4) = law
+    square_step = step * step
+    a1, a2, a3 = a1 * step, a2 * square_step, a3 * step * square_step
+    a4, b1, b2 = a4 * square_step * square_step, b1 * step, b2 * square_step
     x0, x1 = series[DISPLACEMENT, 0], series[DISPLACEMENT, 1] * step
-    x2 = series[DISPLACEMENT, 2] * step * step
+    x2 = series[DISPLACEMENT, 2] * square_step
     constant, slope = a0 * x0 - b0, a0 * x1 + a1 * x0 - b1
     square = a0 * x2 + a1 * x1 + a2 * x0 - b2
-    rest = (abs(a0) + abs(a1) + abs(a2)) * tail
+    high = abs(a3) + abs(a4)
+    rest = (abs(a0) + abs(a1) + abs(a2) + high) * tail + high * (abs(x0) + abs(x1) + abs(x2))
     rest += (abs(a1) + abs(a2)) * abs(x2) + abs(a2 * x1)
+    rest += (abs(b3) + abs(b4) * step) * step * square_step
     return parabola_minimum(sign * constant, sign * slope, sign * square) > rest
 
 
 @kernel
-def _map_step(line, t, damping, force_scale, step, map_matrix):
+def _map_step(law, t, damping, force_scale, step, map_matrix):
     """Multiply a map of perturbations, shape (2, 2), in place by the map of a Taylor step.
 
-    The step starts t after the start of a segment, whose mesh force is factor x - offset, times
-    `force_scale`; the line is (factor, factor slope, offset, offset slope).
+    The step starts t after the start of a segment, whose mesh force is factor x - offset of `law`,
+    times `force_scale`.
     """
-    stiffness = (line[FACTOR] + line[FACTOR_SLOPE] * t) * force_scale
-    stiffness_slope = line[FACTOR_SLOPE] * force_scale
+    stiffness = (law[FACTOR] + t * (law[FACTOR_SLOPE] + t * law[FACTOR_SQUARE])) * force_scale
+    slope = (law[FACTOR_SLOPE] + 2.0 * law[FACTOR_SQUARE] * t) * force_scale
+    square = law[FACTOR_SQUARE] * force_scale
     image = np.empty((2, 2))
     for j in range(2):
-        previous_term, displacement_term, velocity_term = 0.0, 1.0 - j, 1.0 * j
-        displacement, velocity, power = displacement_term, velocity_term, 1.0
+        older_term, previous_term, term, velocity_term = 0.0, 0.0, 1.0 - j, 1.0 * j
+        displacement, velocity, power = term, velocity_term, 1.0
         for k in range(ORDER):
-            new_term = velocity_term / (k + 1.0)
-            velocity_term = -(
-                stiffness * displacement_term
-                + stiffness_slope * previous_term
-                + damping * velocity_term
-            ) / (k + 1.0)
-            previous_term, displacement_term = displacement_term, new_term
+            force = stiffness * term + slope * previous_term + square * older_term
+            older_term, previous_term, term = previous_term, term, velocity_term / (k + 1.0)
+            velocity_term = -(force + damping * velocity_term) / (k + 1.0)
             power *= step
-            displacement += displacement_term * power
+            displacement += term * power
             velocity += velocity_term * power
         image[0, j], image[1, j] = displacement, velocity
     multiply_from_left(image[0, 0], image[0, 1], image[1, 0], image[1, 1], map_matrix)
@@ -276,7 +277,7 @@ def _first_contact_event(
 ):
     """Return (fraction of a step, number of the pair) of the first pair that touches or separates.
 
-    The step, of length `step`, starts at the phase t of an interval with its overlaps, (2^k, k, 4),
+    The step, of length `step`, starts at the phase t of an interval with its overlaps, (2^k, k, 6),
     and its active pairs; the phase grows with this speed and acceleration. Bits of `contact_set`
     mark the pairs that touch; 2^k stands for contact of the coast side, below `coast_line`, which
     has the pair number k. The fraction is 2 if there is no event and -1 if rounding hides whether
@@ -294,7 +295,7 @@ def _first_contact_event(
                 may_jam or contact_set == 0 or contact_set == coast_set
             ):
                 continue
-            line, touches = (1.0, 0.0, 0.0, coast_line, 0.0, 0.0), contact_set == coast_set
+            law, touches = ((1.0, *_ZEROS), (coast_line, *_ZEROS)), contact_set == coast_set
             sign = -1.0 if touches else 1.0
         else:
             pair_bit = 1 << i
@@ -302,11 +303,11 @@ def _first_contact_event(
                 continue
             touches = contact_set != coast_set and contact_set & pair_bit != 0
             other_pairs = contact_set & ~pair_bit if contact_set != coast_set else 0
-            line = _expand_line(overlaps[other_pairs, i], t, speed, acceleration)
+            law = _expand_law(overlaps[other_pairs, i], t, speed, acceleration)
             sign = 1.0 if touches else -1.0
-        if start_pair != i and _keeps_sign(line, sign, step, tail, series):
+        if start_pair != i and _keeps_sign(law, sign, step, tail, series):
             continue
-        _fill_product(series, ROWS, line)
+        _fill_product(series, ROWS, law)
         if start_pair == i:
             series[ROWS, 0] = 0.0
         fraction = first_crossing(series, ROWS, 0.0, sign, step, to_bernstein, work)
@@ -352,7 +353,7 @@ def run_tooth_pairs(
     speeds, acceleration = system.speeds, system.acceleration
     loads, load_rate = system.loads, system.load_rate
     times, lengths, renewed = system.times, system.lengths, system.pairs_change
-    force, overlaps = system.force_lines, system.overlap_lines
+    force, overlaps = system.force_laws, system.overlap_laws
     gap_rate, damping_levels = system.gap_rate, system.damping
     coast_line, max_step, tuning = system.coast_line, system.max_step, system.tuning
     may_jam = system.may_jam
@@ -397,13 +398,13 @@ def run_tooth_pairs(
                 speed = speeds[segment] + acceleration * time
                 t = start_phases[segment] + 0.5 * (speeds[segment] + speed) * time
                 contact_code = _contact_code_of(contact_set, coast_set)
-                force_line = force[interval, contact_set]
+                force_law = force[interval, contact_set]
                 h = min(max_step, length - time)
                 if length - time - h < 1e-13:
                     h = length - time
                 gap_force = damping * gap_rate[interval]
                 x_change, v_change, tail = _expand_motion(
-                    _expand_line(force_line, t, speed, acceleration),
+                    _expand_law(force_law, t, speed, acceleration),
                     force_scale * (loads[segment] + load_rate * time) + gap_force * speed,
                     force_scale * load_rate + gap_force * acceleration,
                     damping,
@@ -447,7 +448,7 @@ def run_tooth_pairs(
                 if not is_within_range(x, v):
                     return x, v, 0, events, 0, OVERFLOW, steps
                 if period_maps.shape[0] > 0:
-                    _map_step(force_line, t, damping, force_scale, h, period_maps[period])
+                    _map_step(force_law, t, damping, force_scale, h, period_maps[period])
                 if recorded >= 0:
                     # The lower stiffness is that of a single pair.
                     low = contact_set < coast_set and contact_set & (contact_set - 1) == 0
@@ -476,19 +477,20 @@ def run_tooth_pairs(
                 code_after = _contact_code_of(contact_set, coast_set)
                 if period_maps.shape[0] > 0:
                     jump = (
-                        _line_value(force[interval, contact_set], time, x)
-                        - _line_value(force_line, time, x)
+                        _law_value(force[interval, contact_set], time, x)
+                        - _law_value(force_law, time, x)
                     ) * force_scale
                     jump += (damping_levels[1 if contact_set else 0] - damping) * (
                         v - gap_rate[interval]
                     )
                     factor, rate = 1.0, v
                     if pair < pair_count:
-                        overlap_line = segment_overlaps[contact_set & ~(1 << pair), pair]
-                        factor = overlap_line[FACTOR] + overlap_line[FACTOR_SLOPE] * time
-                        rate = (
-                            factor * v + overlap_line[FACTOR_SLOPE] * x - overlap_line[OFFSET_SLOPE]
+                        law = segment_overlaps[contact_set & ~(1 << pair), pair]
+                        factor, factor_slope, _, _, _ = _expand_parabola(
+                            law[FACTOR], law[FACTOR_SLOPE], law[FACTOR_SQUARE], time, 1.0, 0.0
                         )
+                        offset_slope = law[OFFSET_SLOPE] + 2.0 * law[OFFSET_SQUARE] * time
+                        rate = factor * v + factor_slope * x - offset_slope
                     # The saltation matrix of a tangential crossing is the identity.
                     if rate != 0.0:
                         multiply_from_left(

@@ -1,7 +1,7 @@
 """Pairs of teeth along a speed and a load profile: Taylor steps in theta, the time of the model.
 
-While the acceleration is constant the mesh phase is quadratic in theta, and so are stiffness and
-gaps, which are straight lines over the phase: the series of `teeth` hold from standstill on.
+While the acceleration is constant the mesh phase is quadratic in theta, so that stiffness and gaps,
+parabolas over the phase, are polynomials in theta: the series of `teeth` hold from standstill on.
 """
 
 import numpy as np
