@@ -55,7 +55,7 @@ def sweep(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair, DeadZoneOscillator or GearTrain
+    pair : GearPair, LoadSharingPair, OneDegreePair, SixDegreePair, DeadZoneOscillator or GearTrain
         The model to run.
     tunings : array_like of float, shape (n,)
         Tunings nu = mesh frequency / mean eigenfrequency, finite, > 0, all different. Give either
