@@ -21,7 +21,7 @@ from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
 from gearlib.models.profiles import Profile
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.linear import one_mesh  # noqa: F401
+    from gearlib.engines.linear import one_mesh, speed_profiles  # noqa: F401
     from gearlib.engines.pair import propagator as pair  # noqa: F401
     from gearlib.engines.taylor import propagator as taylor  # noqa: F401
 
@@ -93,6 +93,10 @@ class Model:
     def profile_engine(self) -> str | None:
         """Module of `gearlib.engines` that runs the model along speed profiles; None if none."""
         return "linear.speed_profiles" if self.piecewise_linear else None
+
+    def profile_propagator(self) -> Any:
+        """Return the integrator of the model along speed profiles, of `profile_engine`."""
+        return import_module(f"gearlib.engines.{self.profile_engine}").propagator_of(self)
 
     def steps_per_period(self, tuning: float) -> float:
         """Return the minimum number of integration steps per mesh period; 1 for closed forms."""

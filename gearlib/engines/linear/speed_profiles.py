@@ -11,7 +11,6 @@ a unit of theta.
 
 import math
 from functools import cached_property
-from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,8 +100,7 @@ def start_profile_run(model, speeds, loads, state):
     `speeds` and `loads` are those of `pieces_of`; the velocities in `state`, by phase, become
     velocities by theta in z.
     """
-    engine = import_module(f"gearlib.engines.{model.profile_engine}")
-    runner, pieces = engine.propagator_of(model), pieces_of(model, speeds, loads)
+    runner, pieces = model.profile_propagator(), pieces_of(model, speeds, loads)
     z = np.array(runner.initial_state(state), float)
     z[z.size // 2 :] *= pieces[0].speed
     return runner, pieces, z
