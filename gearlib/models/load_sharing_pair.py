@@ -334,8 +334,7 @@ class LoadSharingPair(WithPair):
             pairs = self._pairs(midpoints)
             can_touch = pairs.can_touch
             on_path = pairs.position == np.clip(pairs.position, *mesh.path)
-            ends = (self._pairs(end, midpoints, can_touch) for end in (left, right))
-            first, last = (replace(end, can_touch=can_touch) for end in ends)
+            first, last = (self._pairs(end, midpoints, can_touch) for end in (left, right))
             return can_touch, can_touch & on_path, [first, pairs, last]
         # Most segments start with the pairs at the end of the one before, computed only once.
         pitches, middles = np.concatenate([left, right]), np.concatenate([midpoints] * 2)
