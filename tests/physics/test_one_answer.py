@@ -1,0 +1,79 @@
+"""One gear set has one dynamic factor, however it is asked for, and one close to 1 at low speed."""
+
+import json
+
+import pytest
+import xarray as xr
+import yaml
+from click.testing import CliRunner
+
+from gearlib import config, duty_point
+from gearlib.cli import main
+from gearlib.studies import paper
+
+DAMPINGS = {"usual": {"damping_ratio": 0.05, "backlash_damping_ratio": 0.0}}
+RELIEF = {"tip_relief": {"amount": 25e-6, "length": 4e-3}}
+SPUR = {
+    "pinion": {"teeth": 24, "module": 5e-3, "width": 45e-3, **RELIEF},
+    "wheel": {"teeth": 71, **RELIEF},
+    **{"torque": 900.0, "speed": 1800.0},
+}
+HELICAL = {
+    "pinion": {"teeth": 33, "module": 2.5e-3, "width": 52e-3, "helix_angle": "21 deg"},
+    "wheel": {"teeth": 70},
+    **{"torque": 310.0, "speed": 4200.0},
+}
+RING = {
+    "pinion": {"teeth": 26, "module": 3e-3, "width": 30e-3},
+    "wheel": {"teeth": 89, "internal": True, "outer_diameter": 0.31},
+    **{"torque": 220.0, "speed": 2100.0},
+}
+
+
+def command(*arguments):
+    """Return what a command prints for the gears in gears.yaml."""
+    line = [arguments[0], "--config", "gears.yaml", *map(str, arguments[1:])]
+    result = CliRunner().invoke(main, line)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def dynamic_factors(settings, gears):
+    """Yield the dynamic factor at the speed of the gears, by each way to ask for it."""
+    speed, damping_ratio = gears["speed"], DAMPINGS["usual"]["damping_ratio"]
+    mesh = settings.gears.mesh()
+    load = {"torque": gears["torque"], "damping_ratio": damping_ratio}
+    yield duty_point(mesh, speed, **load).dynamic_factor.item()
+    rows = {row["name"]: row["values"] for row in json.loads(command("gears", "--format", "json"))}
+    yield from rows["dynamic_factor"].values()
+    command("simulate", "-o", "run.nc")
+    yield xr.load_dataset("run.nc").dynamic_factor.item()
+    speeds = ("--start", f"{speed} rpm", "--stop", f"{1.01 * speed} rpm", "--points", 2)
+    command("sweep", *speeds, "--direction", "cold", "-o", "sweep.nc")
+    yield float(xr.load_dataset("sweep.nc").dynamic_factor[0])
+    run = {"periods": settings.periods, "record_periods": 10, "initial_state": "static"}
+    arguments = settings.pair_parameters("usual"), settings.phase_planes.tunings[0], run, "usual"
+    teeth = settings.teeth_parameters("usual")
+    yield paper.phase_plane_run(*arguments, teeth=teeth).dynamic_factor.item()
+    from gearlib.explorer import view
+
+    yield view.compute_view(settings_mapping(gears), "usual").run.dynamic_factor.item()
+
+
+def settings_mapping(gears):
+    """Return the configuration of gears."""
+    tunings = {"tunings": [f"{gears['speed']} rpm"]}
+    return {"gears": gears, "dampings": DAMPINGS, "phase_planes": tunings}
+
+
+@pytest.mark.parametrize("gears", [SPUR, HELICAL, RING])
+def test_every_way_to_ask_gives_the_same_dynamic_factor(gears, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mapping = settings_mapping(gears)
+    (tmp_path / "gears.yaml").write_text(yaml.safe_dump(mapping), encoding="utf-8")
+    first, *others = dynamic_factors(config.load(mapping), gears)
+    assert first > 1.005 and len(others) == 5
+    assert others == pytest.approx([first] * 5, rel=1e-9)
+    mesh = config.load(mapping).gears.mesh()
+    slow = duty_point(mesh, 1.0, torque=gears["torque"], damping_ratio=0.05)
+    assert slow.dynamic_factor == pytest.approx(1.0, abs=0.01)
