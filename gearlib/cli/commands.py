@@ -118,9 +118,9 @@ def _note_on_teeth(gears, model, speed):
     point = duty_point(gears.model(), speed)
     contact = "lose" if float(point.lost_share) > 0.0 else "keep"
     return (
-        "This analysis needs a rectangular stiffness, which changes all at once. At "
-        f"{speed:.6g} rpm pairs of teeth {contact} contact, with a dynamic factor of "
-        f"{float(point.dynamic_factor):.3f}."
+        "This analysis needs a rectangular stiffness, which changes all at once. Pairs of teeth "
+        f"that start in static equilibrium {contact} contact at {speed:.6g} rpm; their dynamic "
+        f"factor is {float(point.dynamic_factor):.3f}."
     )
 
 
