@@ -4,7 +4,8 @@
 
 with the forces F_i of `gearlib.models.geometry.load_sharing` at a displacement x: touching pairs
 satisfy Q F = x - g, the others have no force. The smallest gap e(tau) is the displacement at which
-flanks touch without load; x - e is the relative displacement y of `OneDegreePair`. The coast side
+flanks touch without load, its mean over the face of helical gears; x - e is the relative
+displacement y of `OneDegreePair`. The coast side
 touches at x = -backlash, where all pairs on their path of contact carry load, without gaps.
 
 Gaps and compliances are linear between phases, ends of the path, starts of reliefs and points of
@@ -271,7 +272,7 @@ class LoadSharingPair(WithPair):
         lengths = math.tau * (right - left)
         left_forces, left_overlaps = self._force_coefficients(ends[0], on_path)
         right_forces, right_overlaps = self._force_coefficients(ends[1], on_path)
-        smallest_gaps = [np.where(can_touch, end.gap, math.inf).min(-1) for end in ends]
+        smallest_gaps = [end.smallest_gap for end in ends]
         # Bit i of a mask is set if pair i can touch.
         pair_masks = can_touch @ 2 ** np.arange(can_touch.shape[1])
         masks_change = pair_masks != np.roll(pair_masks, 1)

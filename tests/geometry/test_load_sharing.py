@@ -125,7 +125,8 @@ def random_pairs(count, coupled):
     inside = rng.uniform(size=(40, count)) < 0.8
     inside[:, 0] = True
     gap = rng.uniform(-1.0, 3.0, (40, count))
-    return ToothPairs(np.zeros(40), np.zeros((40, count)), inside, compliance, gap)
+    position, smallest_gap = np.zeros((40, count)), np.where(inside, gap, np.inf).min(1)
+    return ToothPairs(np.zeros(40), position, inside, compliance, gap, smallest_gap)
 
 
 @pytest.mark.parametrize(("count", "coupled"), [(2, True), (3, False), (4, True)])

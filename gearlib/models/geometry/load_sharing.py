@@ -80,6 +80,7 @@ class ToothPairs:
     can_touch: np.ndarray  #: whether a pair can touch, bool, shape (m, k)
     compliance: np.ndarray  #: compliance matrix Q, m/N, shape (m, k, k)
     gap: np.ndarray  #: gap g, m, shape (m, k)
+    smallest_gap: np.ndarray  #: smallest gap of all pairs, mean over the face, m, shape (m,)
 
     def at_phases(self, phase_indices: np.ndarray) -> "ToothPairs":
         """Return the pairs of teeth at the phases with these indices, shape (j,)."""
@@ -246,11 +247,15 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     else:
         position = np.clip(position, *mesh.path)
     gap = gap[inverse] + np.repeat(errors[tooth_numbers % errors.size], slice_count, axis=0)
-    if is_spur:
-        return ToothPairs(pitches, position, in_mesh, compliance, gap)
     valid = in_mesh.reshape(-1, slice_count * count).any(axis=-1).all()
     allowed = "larger: at some phases no slice of the face is in mesh"
     checks.require(valid, "total_contact_ratio", mesh.total_contact_ratio, allowed)
+    slice_gaps = np.where(in_mesh, gap, math.inf).min(axis=1).reshape(-1, slice_count)
+    # Slices without a pair of teeth in mesh do not count.
+    slice_gaps = np.ma.masked_invalid(slice_gaps)
+    smallest_gap = np.ma.average(slice_gaps, axis=1, weights=face.width_fractions).data
+    if is_spur:
+        return ToothPairs(pitches, position, in_mesh, compliance, gap, smallest_gap)
     mean_position = position.reshape(-1, slice_count, count).mean(axis=1)
     force, pair_stiffness, x = _face_equilibrium(
         face.width_fractions, compliance, in_mesh, gap, load
@@ -260,7 +265,7 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     min_stiffness = 1e-9 * pair_stiffness.sum(-1, keepdims=True)
     pair_stiffness = np.maximum(pair_stiffness, min_stiffness)
     compliance, gap = np.eye(count) / pair_stiffness[..., None], x[:, None] - force / pair_stiffness
-    return ToothPairs(pitches, mean_position, can_touch, compliance, gap)
+    return ToothPairs(pitches, mean_position, can_touch, compliance, gap, smallest_gap)
 
 
 class FaceSlices(NamedTuple):
