@@ -5,8 +5,8 @@
 with the forces F_i of `gearlib.models.geometry.load_sharing` at a displacement x: touching pairs
 satisfy Q F = x - g, the others have no force. The smallest gap e(tau) is the displacement at which
 flanks touch without load, its mean over the face of helical gears; x - e is the relative
-displacement y of `OneDegreePair`. The coast side
-touches at x = -backlash, where all pairs on their path of contact carry load, without gaps.
+displacement y of `OneDegreePair`. The coast side touches at x = -backlash, where all pairs on their
+path of contact carry load, without gaps.
 
 Gaps and compliances are linear between phases, ends of the path, starts of reliefs and points of
 tables, so that linear reliefs with constant stiffness are exact. Intervals are shorter where tip
