@@ -66,10 +66,7 @@ class Figures:
         """Show the derived quantities, the Harris map and the load share of drawn gears."""
         rows = [f"| {name} | {value} |" for name, value in derived_quantities(view)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
-        for teeth_pane in self.teeth_panes:
-            teeth_pane.visible = view.error is not None
-        if (error := view.error) is None:
-            return
+        error = view.error
         # With pitch errors the curves span several mesh periods; their first point closes them.
         period_count = len(view.mesh.pitch_errors)
         phase = np.append(error.phase.values / math.tau, period_count)
@@ -145,7 +142,7 @@ def _load_share_along_path(error, phases: int):
     """
     static = error.isel(torque=-1)  # at the chosen torque
     position, load_share = static.path_position.values, static.load_share.values
-    start = int(np.argmin(position[:phases, 0]))  # where a pair reaches the path of contact
+    start = int(np.nanargmin(position[:phases, 0]))  # where a pair reaches the path of contact
     steps = np.arange(phases * position.shape[1])
     # After each mesh period the pair has the next index.
     entries = (start + steps) % len(position), steps // phases
@@ -180,10 +177,9 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.6g} Hz"),
         ("resonance speed", f"{pair.speed(1.0):.6g} rpm"),
     ]
-    if view.error is not None:
-        static = view.error.isel(torque=-1)  # at the chosen torque
-        error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
-        quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))
+    static = view.error.isel(torque=-1)  # at the chosen torque
+    error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
+    quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))
         quantities.append(("effective contact ratio", f"{ratio:.4f}"))
     return quantities
 

@@ -290,7 +290,9 @@ def _optimum_of_helical(
         """Return the mesh with amounts over the deflection, and a length over the limit if free."""
         length = float(limit * variables[2]) if fixed_length is None else fixed_length
         amounts = (min(float(v * deflection), tip) for v, tip in zip(variables, tips, strict=False))
-        return mesh.with_reliefs(*(TipRelief(amount=a, length=length, shape=shape) for a in amounts))
+        return mesh.with_reliefs(
+            *(TipRelief(amount=a, length=length, shape=shape) for a in amounts)
+        )
 
     def relative_error(variables):
         found = relieved_mesh(variables).transmission_error(torque, phases=phases, **options)
