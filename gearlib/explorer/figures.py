@@ -180,7 +180,7 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
     static = view.error.isel(torque=-1)  # at the chosen torque
     error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
     quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))
-        quantities.append(("effective contact ratio", f"{ratio:.4f}"))
+    quantities.append(("effective contact ratio", f"{ratio:.4f}"))
     return quantities
 
 

@@ -43,7 +43,7 @@ _DESCENT_COUNTS = 2, 4
 _SHIFTS = -0.05, -0.025, 0.025, 0.05
 #: First steps of a descent, and its largest number of evaluations.
 _STEPS, _MAX_EVALUATIONS = (0.1, 0.1, -0.05), 200
-#: Grid of helical gears, over their mean deflection and the longest relief, and largest number of phases.
+#: Grid of helical gears, over their mean deflection and the longest relief, and its phases at most.
 _HELICAL_AMOUNTS, _HELICAL_LENGTHS = (0.0, 0.25, 0.5, 1.0, 2.0), (0.25, 0.5, 0.75, 1.0)
 _HELICAL_PHASES = 64
 #: Largest numbers of phases in the grid and in its descents.
@@ -289,10 +289,11 @@ def _optimum_of_helical(
     def relieved_mesh(variables):
         """Return the mesh with amounts over the deflection, and a length over the limit if free."""
         length = float(limit * variables[2]) if fixed_length is None else fixed_length
-        amounts = (min(float(v * deflection), tip) for v, tip in zip(variables, tips, strict=False))
-        return mesh.with_reliefs(
-            *(TipRelief(amount=a, length=length, shape=shape) for a in amounts)
-        )
+        amounts = [
+            min(float(v) * deflection, tip) for v, tip in zip(variables[:2], tips, strict=True)
+        ]
+        reliefs = (TipRelief(amount=amount, length=length, shape=shape) for amount in amounts)
+        return mesh.with_reliefs(*reliefs)
 
     def relative_error(variables):
         found = relieved_mesh(variables).transmission_error(torque, phases=phases, **options)
