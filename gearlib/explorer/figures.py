@@ -142,7 +142,7 @@ def _load_share_along_path(error, phases: int):
     """
     static = error.isel(torque=-1)  # at the chosen torque
     position, load_share = static.path_position.values, static.load_share.values
-    start = int(np.nanargmin(position[:phases, 0]))  # where a pair reaches the path of contact
+    start = int(np.argmin(position[:phases, 0]))  # where a pair reaches the path of contact
     steps = np.arange(phases * position.shape[1])
     # After each mesh period the pair has the next index.
     entries = (start + steps) % len(position), steps // phases

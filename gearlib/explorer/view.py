@@ -43,7 +43,7 @@ class View(NamedTuple):
     message: str  #: sentences about the motion
     orders: xr.Dataset | None  #: order spectrum, if the run did not fail
     mesh: Any = None  #: of drawn gears
-    error: xr.Dataset | None = None  #: `Mesh.transmission_error` of drawn gears at torques
+    error: Any = None  #: `Mesh.transmission_error` of drawn gears at torques
 
 
 def compute_view(mapping: dict, damping: str) -> View:

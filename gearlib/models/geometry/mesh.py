@@ -375,9 +375,9 @@ class Mesh:
             Over torque and phase, for as many mesh periods as there are pitch errors:
             transmission_error (m, approach of the teeth along the line of action),
             pairs_in_contact, mesh_stiffness (dF/dx), and load_share over tooth_pair, NaN without
-            load. Over phase and tooth_pair, NaN out of mesh: path_position, in the middle of the
-            face, and, of spur gears, gap. Over torque: peak_to_peak_error, effective_contact_ratio,
-            mesh_force.
+            load. Over phase and tooth_pair: path_position, in the middle of the face, and the gap
+            of spur gears; both are NaN where spur gears are out of mesh. Over torque:
+            peak_to_peak_error, effective_contact_ratio, mesh_force.
 
         Raises
         ------

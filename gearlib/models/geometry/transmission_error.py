@@ -70,7 +70,6 @@ def transmission_error(
         equilibrium = pairs.forces_under_loads(loads)
     else:
         pairs, equilibrium = _helical_equilibrium(mesh, phases, loads, options)
-    in_mesh = pairs.can_touch if is_spur else equilibrium.touching.any(axis=0)
     # Without a load the forces are rounding errors, and load shares are undefined.
     load_share = np.full_like(equilibrium.force, math.nan)
     total_forces = loads[:, None, None]
@@ -81,12 +80,13 @@ def transmission_error(
         "load_share": ((*dims, "tooth_pair"), load_share),
         "pairs_in_contact": (dims, equilibrium.touching.sum(-1)),
         "mesh_stiffness": (dims, equilibrium.stiffness.sum(-1)),
-        "path_position": (pair_dims, np.where(in_mesh, pairs.position, math.nan)),
+        "path_position": (pair_dims, pairs.position),
         "peak_to_peak_error": ("torque", np.ptp(equilibrium.displacement, axis=1)),
         "mesh_force": ("torque", loads),
     }
     if is_spur:
-        data["gap"] = (pair_dims, np.where(pairs.can_touch, pairs.gap, math.nan))
+        for name, values in (("path_position", pairs.position), ("gap", pairs.gap)):
+            data[name] = pair_dims, np.where(pairs.can_touch, values, math.nan)
         contact_ratios = _contact_ratios(mesh, pairs, equilibrium, phases)
     else:
         contact_ratios = equilibrium.touching.sum(-1).mean(-1)
