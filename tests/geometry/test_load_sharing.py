@@ -234,3 +234,5 @@ def test_optimum_relief_of_helical_gears_is_better_than_others():
         other = mesh.with_reliefs(relief, relief).transmission_error(torque)
         assert least < other.peak_to_peak_error.item()
     assert least < 0.15 * mesh.transmission_error(torque).peak_to_peak_error.item()
+    with pytest.raises(ValueError, match=r"^phases = 800 is not allowed: it must be at most 744, "):
+        mesh.transmission_error(torque, phases=800)

@@ -103,9 +103,10 @@ def _helical_equilibrium(mesh, phases, loads, options) -> tuple[ToothPairs, Load
     A load of 0 counts as one that is too light to deflect the teeth.
     """
     period_count = checked_errors(mesh, options.get("pitch_errors")).size
-    slices_at_phases = phases * period_count * max(MIN_SLICES, phases * mesh.overlap_ratio)
-    allowed = "fewer: those of helical gears need too much memory"
-    checks.require(slices_at_phases <= _MAX_SLICES_AT_PHASES, "phases", phases, allowed)
+    most_slices = _MAX_SLICES_AT_PHASES / period_count
+    max_phases = min(most_slices / MIN_SLICES, math.sqrt(most_slices / mesh.overlap_ratio))
+    allowed = f"at most {max_phases:.0f}, where the faces of helical gears are divided into slices"
+    checks.require(phases <= max_phases, "phases", phases, allowed)
     light_load = _LIGHT_DEFLECTION * mesh.pinion.module * pair_stiffness(mesh)
     settings = {"intervals": phases, **options}
     pairs = [tooth_pairs(mesh, phases, load=max(load, light_load), **settings) for load in loads]
