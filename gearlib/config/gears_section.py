@@ -242,10 +242,10 @@ class MeshStiffness(Section):
 
 
 class HarrisMap(Section):
-    """The static transmission error of spur gears at several loads, with designed tip reliefs."""
+    """The static transmission error of gears at several loads, with own and best tip reliefs."""
 
     gears: DrawnPair = field(
-        "The pair at its design load, without tip relief; by default FZG type C.",
+        "The pair at its design load; pitch errors are left out. By default FZG type C.",
         FZG_C | {"backlash": 160e-6},
     )
     stiffness: Literal["energy", "iso"] = field("Stiffness of a pair of teeth.", "energy")
@@ -257,17 +257,8 @@ class HarrisMap(Section):
     @model_validator(mode="after")
     def _check(self) -> "HarrisMap":
         """Raise ValueError if there is no Harris map of the gears."""
-        self.check_gears(".gears", self.gears)
+        self.gears.check(".gears", stiffness_methods=[self.stiffness])
         return self
-
-    def check_gears(self, pair_key: str, pair: DrawnPair) -> None:
-        """Raise ValueError if the pair with the config key `pair_key` has no Harris map."""
-        if key := pair.modification_key("helix_angle", "tip_relief", "pitch_errors"):
-            raise ValueError(
-                f"{pair_key}.{key} is not allowed: it must be left out, because the Harris map is "
-                "of spur gears without errors, and designs their reliefs"
-            )
-        pair.check(pair_key, stiffness_methods=[self.stiffness])
 
 
 def takes_configured_gears(config: Any, section_name: str) -> bool:
@@ -287,11 +278,6 @@ def drawn_pairs(config: Any, section_name: str) -> dict[str, DrawnPair]:
     torque = config.gears.driving_torque()
     # The class of the pairs of "mesh_stiffness"; `published` keeps its default, no values.
     pair = PublishedPair.model_construct(**dict(config.gears) | {"torque": torque})
-    if section_name == "harris_map":
-        # The study of the Harris map designs the tip reliefs itself.
-        for name in ("pinion", "wheel"):
-            gear = getattr(pair, name).model_copy(update={"tip_relief": None})
-            pair = pair.model_copy(update={name: gear})
     return {f"z{pair.pinion.teeth}-{pair.wheel.teeth}": pair}
 
 
@@ -299,12 +285,12 @@ def unsuitable_gears(config: Any, section_name: str) -> str:
     """Return why "mesh_stiffness" or "harris_map" cannot use the configured gears, else ""."""
     if not takes_configured_gears(config, section_name):
         return ""
+    methods = ["iso", "energy"]
+    if section_name == "harris_map":
+        methods = [config.harris_map.stiffness]
     try:
         for pair in drawn_pairs(config, section_name).values():
-            if section_name == "harris_map":
-                config.harris_map.check_gears("gears", pair)
-            else:
-                pair.check("gears", stiffness_methods=("iso", "energy"))
+            pair.check("gears", stiffness_methods=methods)
     except ValueError as error:
         return str(error)
     return ""

@@ -66,10 +66,7 @@ class Figures:
         """Show the derived quantities, the Harris map and the load share of drawn gears."""
         rows = [f"| {name} | {value} |" for name, value in derived_quantities(view)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
-        for teeth_pane in self.teeth_panes:
-            teeth_pane.visible = view.error is not None
-        if (error := view.error) is None:
-            return
+        error = view.error
         # With pitch errors the curves span several mesh periods; their first point closes them.
         period_count = len(view.mesh.pitch_errors)
         phase = np.append(error.phase.values / math.tau, period_count)
@@ -180,11 +177,10 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.6g} Hz"),
         ("resonance speed", f"{pair.speed(1.0):.6g} rpm"),
     ]
-    if view.error is not None:
-        static = view.error.isel(torque=-1)  # at the chosen torque
-        error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
-        quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))
-        quantities.append(("effective contact ratio", f"{ratio:.4f}"))
+    static = view.error.isel(torque=-1)  # at the chosen torque
+    error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
+    quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))
+    quantities.append(("effective contact ratio", f"{ratio:.4f}"))
     return quantities
 
 

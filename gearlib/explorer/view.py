@@ -28,6 +28,8 @@ MIN_SPEED_RATIO, MAX_SPEED_RATIO = 0.2, 2.2
 TORQUE_RATIOS = 0.0, 0.5, 1.5, 2.0
 #: Phases of a mesh period; largest number of all phases with pitch errors, smallest of a period.
 _PHASES, _MAX_PHASES, _MIN_PHASES = 256, 2048, 16
+#: Phases of a mesh period of helical gears, whose face is divided into slices.
+_HELICAL_PHASES = 64
 
 
 class View(NamedTuple):
@@ -41,7 +43,7 @@ class View(NamedTuple):
     message: str  #: sentences about the motion
     orders: xr.Dataset | None  #: order spectrum, if the run did not fail
     mesh: Any = None  #: of drawn gears
-    error: xr.Dataset | None = None  #: `Mesh.transmission_error` of spur gears at torques
+    error: Any = None  #: `Mesh.transmission_error` of drawn gears at torques
 
 
 def compute_view(mapping: dict, damping: str) -> View:
@@ -66,12 +68,11 @@ def compute_view(mapping: dict, damping: str) -> View:
     tunings = pair.tuning_at(np.linspace(min_speed, max_speed, _POINTS))
     # The same teeth meet again after as many mesh periods as there are pitch errors.
     repeat_periods = len(mesh.pitch_errors)
-    error = None
-    if not mesh.pinion.helix_angle:
-        phases = max(_MIN_PHASES, min(_PHASES, _MAX_PHASES // repeat_periods))
-        torques = [*(ratio * torque for ratio in TORQUE_RATIOS), torque]
-        options = {name: getattr(model, name) for name in ("stiffness", "coupling", "twist")}
-        error = mesh.transmission_error(torques, phases=phases, **options)
+    most_phases = _HELICAL_PHASES if mesh.overlap_ratio else _PHASES
+    phases = max(_MIN_PHASES, min(most_phases, _MAX_PHASES // repeat_periods))
+    torques = [*(ratio * torque for ratio in TORQUE_RATIOS), torque]
+    options = {name: getattr(model, name) for name in ("stiffness", "coupling", "twist")}
+    error = mesh.transmission_error(torques, phases=phases, **options)
     tuning = float(model.tuning_at(speed))
     view = _compute_motions(pair, model, tunings, tuning, repeat_periods)
     return view._replace(mesh=mesh, error=error)

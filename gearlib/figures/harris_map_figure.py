@@ -28,7 +28,7 @@ def draw(data: xr.Dataset):
         draw_errors(axes, relief, load.values)
         amounts = " and ".join(f"{1e6 * amount:.3g}" for amount in relief.relief_amount.values)
         title = panels.value_label(relief.relief)
-        axes.set_title(f"{title}, {amounts} µm" if relief.relief_amount.any() else title)
+        axes.set_title(f"{title}\n{amounts} µm" if relief.relief_amount.any() else title)
     maps[0].set_ylabel(ERROR_LABEL)
     peak_to_peak = panels.in_unit(data.peak_to_peak_error, 1e-6, "µm")
     ranges = data.assign(peak_to_peak_error=peak_to_peak).assign_coords(torque=load)

@@ -32,6 +32,7 @@ _VALUE_LABELS = {
     "energy_twice": "a body for each pair",
     "energy_logarithmic": "logarithmic contact",
     "none": "no relief",
+    "own": "own relief",
     "short": "short relief",
     "long": "long relief",
 }

@@ -4,8 +4,9 @@
 
 with the forces F_i of `gearlib.models.geometry.load_sharing` at a displacement x: touching pairs
 satisfy Q F = x - g, the others have no force. The smallest gap e(tau) is the displacement at which
-flanks touch without load; x - e is the relative displacement y of `OneDegreePair`. The coast side
-touches at x = -backlash, where all pairs on their path of contact carry load, without gaps.
+flanks touch without load, its mean over the face of helical gears; x - e is the relative
+displacement y of `OneDegreePair`. The coast side touches at x = -backlash, where all pairs on their
+path of contact carry load, without gaps.
 
 Forces and overlaps have parabolas between phases, ends of the path, starts of reliefs and points of
 tables, through their values at both ends and in the middle, so that linear and parabolic reliefs
@@ -286,7 +287,7 @@ class LoadSharingPair(WithPair):
         forces, overlaps = zip(
             *(self._force_coefficients(pairs, on_path) for pairs in points), strict=True
         )
-        smallest_gaps = [np.where(can_touch, points[i].gap, math.inf).min(-1) for i in (0, -1)]
+        smallest_gaps = [points[i].smallest_gap for i in (0, -1)]
         # Bit i of a mask is set if pair i can touch.
         pair_masks = can_touch @ 2 ** np.arange(can_touch.shape[1])
         masks_change = pair_masks != np.roll(pair_masks, 1)

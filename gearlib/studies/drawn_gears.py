@@ -25,8 +25,7 @@ METHODS: dict[str, tuple[str, dict]] = {
 REFERENCE_METHOD = "energy"
 #: Relative distance of the two points on both sides of a jump of the stiffness.
 _JUMP_WIDTH = 1e-6
-#: Tip reliefs: the long one is optimal for the design load; the short one has half its length.
-RELIEFS = ("none", "short", "long")
+_GEARS = ["pinion", "wheel"]
 
 
 def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
@@ -110,22 +109,29 @@ def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
 def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int) -> xr.Dataset:
     """Return the static transmission error of a gear pair at several loads, with each tip relief.
 
-    `gears` are drawing data without relief, and the design torque (N m); `loads` are relative to
-    the design load; `stiffness` and `phases` are arguments of `Mesh.transmission_error`.
+    `gears` are drawing data and the design torque (N m); pitch errors are left out. `loads` are
+    relative to the design load; `stiffness` and `phases` are arguments of
+    `Mesh.transmission_error`. The reliefs are none, the gears' own if they have any, the best long
+    one at the design load, and a short one with its amounts on half of the length: at the design
+    load the amounts of a short relief make little difference.
     """
-    without_relief, torque = drawings.mesh(gears), gears["torque"]
-    options = {"stiffness": stiffness, "phases": phases}
-    long_relief = optimum_relief(without_relief, torque, length="long", **options)
+    torque, options = gears["torque"], {"stiffness": stiffness, "phases": phases}
+    own = drawings.mesh(gears | {name: gears[name] | {"pitch_errors": ()} for name in _GEARS})
+    meshes = {"none": own.with_reliefs(None, None), "own": own}
+    if meshes["none"] == own:
+        del meshes["own"]
+    long_relief = optimum_relief(own, torque, length="long", **options)
     reliefs: list = [gear.tip_relief for gear in (long_relief.pinion, long_relief.wheel)]
     halved = [replace(relief, length=relief.length / 2.0) for relief in reliefs]
+    meshes |= {"short": long_relief.with_reliefs(*halved), "long": long_relief}
     errors, amounts = [], []
-    for mesh in (without_relief, long_relief.with_reliefs(*halved), long_relief):
+    for mesh in meshes.values():
         errors.append(mesh.transmission_error(torque * np.asarray(loads), **options))
-        reliefs = (mesh.pinion.tip_relief, mesh.wheel.tip_relief)
+        reliefs = [mesh.pinion.tip_relief, mesh.wheel.tip_relief]
         amounts.append([relief.amount if relief else 0.0 for relief in reliefs])
     variables = {"relief_amount": (("relief", "gear"), amounts), "design_torque": float(torque)}
     dataset = xr.concat(errors, "relief").assign(variables)
-    dataset = dataset.assign_coords(relief=list(RELIEFS), gear=["pinion", "wheel"])
-    model = LoadSharingPair.from_geometry(long_relief, torque=torque, stiffness=stiffness)
-    title = "Harris map: static transmission error at several loads"
+    dataset = dataset.assign_coords(relief=list(meshes), gear=_GEARS)
+    model = LoadSharingPair.from_geometry(own, torque=torque, stiffness=stiffness)
+    title = "Harris map: static transmission error at several loads, without pitch errors"
     return result(title, model, dataset, method="load sharing", phases=phases)

@@ -176,7 +176,7 @@ def test_slices_of_a_face_excite_nothing(monkeypatch, helix_angle):
 
     found = factor()
     for name, more in (
-        ("_MIN_SLICES", 96),
+        ("MIN_SLICES", 96),
         ("MIN_INTERVALS_PER_PITCH", 96),
         ("_MAX_SLICES_AT_PHASES", 1e7),
     ):

@@ -3,6 +3,7 @@
 import json
 import math
 
+import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
@@ -12,7 +13,9 @@ from gearlib.cli import main
 from gearlib.config import cases, load, overlay, overlay_gears
 from gearlib.config.gears_section import DrawnPair, PinionSection
 from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web, iso_stiffness
+from gearlib.models.geometry import drawings
 from gearlib.studies import gear_table
+from gearlib.studies.drawn_gears import harris_map
 from tests.geometry.drawings import fzg_c, ring
 from tests.paper import CONFIG
 
@@ -136,3 +139,22 @@ def test_command_line_options_override_the_configuration(tmp_path):
         assert table["backlash"]["mesh"] == pytest.approx(160.5, rel=1e-12)
         assert table["damping_ratio"]["iso"] == pytest.approx(damping, rel=1e-10)
         assert table["torque"]["mesh"] == pytest.approx(torque, rel=1e-12)
+
+
+@pytest.mark.parametrize("helix_angle", [0.0, 0.3])
+def test_harris_map_has_the_own_relief_without_pitch_errors(helix_angle):
+    gear = {"teeth": 24, "module": 4e-3, "width": 0.03, "helix_angle": helix_angle}
+    relief = {"amount": 1e-5, "length": 2e-3}
+    gears = {
+        "pinion": gear | {"pitch_errors": (1e-6,) * 24},
+        "wheel": gear | {"tip_relief": relief},
+    }
+    found = harris_map(gears | {"torque": 200.0}, [0.5, 1.0], "iso", 32)
+    assert found.relief.values.tolist() == ["none", "own", "short", "long"]
+    mesh = drawings.mesh({"pinion": gear, "wheel": gear | {"tip_relief": relief}})
+    error = mesh.transmission_error(200.0, phases=32, stiffness="iso").transmission_error[0]
+    own = found.sel(relief="own")
+    np.testing.assert_array_equal(own.transmission_error[1], error)
+    assert own.relief_amount.values.tolist() == [0.0, 1e-5]
+    peaks = found.peak_to_peak_error.sel(torque=200.0)
+    assert peaks.sel(relief="long") < 0.2 * peaks.sel(relief="none")

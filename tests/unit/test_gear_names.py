@@ -37,7 +37,6 @@ def relieved():
 @pytest.mark.parametrize(
     ("target", "change", "words"),
     [
-        ("harris_map", {"helix_angle": "12 deg"}, "gears.pinion.helix_angle is not allowed"),
         ("scenes", {}, "scenes = {} is not allowed"),
         ("claims", {}, "gears is not allowed: its statements are about the paper's pair"),
         ("failures", {}, "gears is not allowed: its problems have gears of their own"),

@@ -88,7 +88,9 @@ def test_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
 
 
 def test_captions_of_relieved_gears_name_the_limits_of_the_model(project):
-    mine = rules_of(project, relieved())
+    errors = {"gears": {"pinion": {"pitch_errors": ["1 um"] * 23}}}
+    mine = rules_of(project, overlay(relieved(), errors))
+    assert "pitch errors of the gears are left out" in mine.caption("harris_map")
     for name in ("fig3_resonance", "run_ups"):
         assert "pairs of teeth, energy method" in mine.caption(name)
     caption = mine.caption("tolerance_bands")

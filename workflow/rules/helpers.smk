@@ -284,6 +284,9 @@ DESIGNS = canonical(
 if CONFIG.tolerances.concern_drawing() and CONFIG.gears:
     DESIGNS["drawing"] = canonical(CONFIG.gears.drawing_dict())
 
+#: The gears of the Harris map.
+HARRIS_PAIR = next(iter(drawn_pairs(CONFIG, "harris_map").values()))
+
 #: Values for captions that the configuration does not contain.
 config["captions"] = {
     "dampings": ", ".join(CONFIG.dampings),
@@ -310,5 +313,6 @@ config["captions"] = {
         and CONFIG.gears.modification_key()
         and takes_configured_gears(CONFIG, "mesh_stiffness")
     ),
-    "design_torque": next(iter(drawn_pairs(CONFIG, "harris_map").values())).torque,
+    "design_torque": HARRIS_PAIR.torque,
+    "errors_left_out": bool(HARRIS_PAIR.modification_key("pitch_errors")),
 }

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 #: Positions closer than this fraction of a base pitch count as equal.
 SAME_POSITION_TOLERANCE = 1e-12
 #: Smallest number of slices of a helical face, and limits of the number of phases per base pitch.
-_MIN_SLICES, MIN_INTERVALS_PER_PITCH, _MAX_INTERVALS_PER_PITCH = 48, 48, 128
+MIN_SLICES, MIN_INTERVALS_PER_PITCH, _MAX_INTERVALS_PER_PITCH = 48, 48, 128
 #: Smallest number of phases per base pitch if there are many mesh periods.
 _MIN_COARSE_INTERVALS = 8
 #: Largest number of slices at all phases, which take 0.4 s; slices become wider beyond it.
@@ -76,10 +76,11 @@ class ToothPairs:
     """At most k pairs of teeth in mesh at m phases; pair 0 is the last that came into mesh."""
 
     pitches: np.ndarray  #: base pitches since pair 0 of the first mesh period, shape (m,)
-    position: np.ndarray  #: position on the path of contact, m, shape (m, k)
+    position: np.ndarray  #: on the path of contact in the middle of the face, m, shape (m, k)
     can_touch: np.ndarray  #: whether a pair can touch, bool, shape (m, k)
     compliance: np.ndarray  #: compliance matrix Q, m/N, shape (m, k, k)
     gap: np.ndarray  #: gap g, m, shape (m, k)
+    smallest_gap: np.ndarray  #: smallest gap of all pairs, mean over the face, m, shape (m,)
 
     def at_phases(self, phase_indices: np.ndarray) -> "ToothPairs":
         """Return the pairs of teeth at the phases with these indices, shape (j,)."""
@@ -194,6 +195,7 @@ class Options(NamedTuple):
     pitch_errors: Any = None
     corners: bool = False  #: whether corners of tips touch beyond the path of contact
     load: float | None = None  #: load of corner contact and of helical gears, N
+    intervals: int | None = None  #: equal intervals of a base pitch, see `FaceSlices`
 
 
 def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -> ToothPairs:
@@ -203,17 +205,19 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     contact. `selection_pitches`, by default equal to them, decide which pairs are in mesh;
     `can_touch`, bool, shape (m, k), is computed by default. Options are stiffness ("iso", "energy"
     or a `PathTable`), coupling of the pairs by the gear bodies, deviation of the flanks (a
-    `PathTable`), pitch_errors in m, corners (whether tip corners touch beyond the path) and the
-    load in N, which corners and helical gears need.
+    `PathTable`), pitch_errors in m, corners (whether tip corners touch beyond the path), the load
+    in N, which corners and helical gears need, and the intervals of `face_slices`.
     """
-    stiffness, coupling, twist, deviation, pitch_errors, corners, load = Options(**options)
+    stiffness, coupling, twist, deviation, pitch_errors, corners, load, intervals = Options(
+        **options
+    )
     is_table = isinstance(deviation, PathTable | None)
     checks.require(is_table, "deviation", deviation, "a PathTable")
     errors, is_spur = checked_errors(mesh, pitch_errors), mesh.overlap_ratio == 0.0
     allowed = "0, load sharing along the path of contact is that of spur gears"
     checks.require(is_spur or load is not None, "helix_angle", mesh.pinion.helix_angle, allowed)
     entry_length, exit_length = corner_contact_lengths(mesh, corners, load, errors)
-    face = face_slices(mesh, errors.size)
+    face = face_slices(mesh, errors.size, intervals)
     selection_pitches = pitches if selection_pitches is None else selection_pitches
     last_pair = np.floor(selection_pitches + entry_length + face.half_overlap)
     mesh_length = entry_length + mesh.contact_ratio + exit_length + 2.0 * face.half_overlap
@@ -243,14 +247,18 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
         gap = gap + deviation.at(on_path)
     if corners:
         gap = gap + corner_gap(mesh, position[unique])
-    else:
+    elif is_spur:
         position = np.clip(position, *mesh.path)
     gap = gap[inverse] + np.repeat(errors[tooth_numbers % errors.size], slice_count, axis=0)
-    if is_spur:
-        return ToothPairs(pitches, position, in_mesh, compliance, gap)
     valid = in_mesh.reshape(-1, slice_count * count).any(axis=-1).all()
     allowed = "larger: at some phases no slice of the face is in mesh"
     checks.require(valid, "total_contact_ratio", mesh.total_contact_ratio, allowed)
+    slice_gaps = np.where(in_mesh, gap, math.inf).min(axis=1).reshape(-1, slice_count)
+    # Slices without a pair of teeth in mesh do not count.
+    weights = np.where(slice_gaps < math.inf, face.width_fractions, 0.0)
+    smallest_gap = np.average(np.minimum(slice_gaps, 1.0), axis=1, weights=weights)
+    if is_spur:
+        return ToothPairs(pitches, position, in_mesh, compliance, gap, smallest_gap)
     mean_position = position.reshape(-1, slice_count, count).mean(axis=1)
     force, pair_stiffness, x = _face_equilibrium(
         face.width_fractions, compliance, in_mesh, gap, load
@@ -260,7 +268,7 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     min_stiffness = 1e-9 * pair_stiffness.sum(-1, keepdims=True)
     pair_stiffness = np.maximum(pair_stiffness, min_stiffness)
     compliance, gap = np.eye(count) / pair_stiffness[..., None], x[:, None] - force / pair_stiffness
-    return ToothPairs(pitches, mean_position, can_touch, compliance, gap)
+    return ToothPairs(pitches, mean_position, can_touch, compliance, gap, smallest_gap)
 
 
 class FaceSlices(NamedTuple):
@@ -273,21 +281,24 @@ class FaceSlices(NamedTuple):
     half_overlap: float  #: base pitches by which a pair meshes before the middle of its face
 
 
-def face_slices(mesh: "Mesh", periods: int) -> FaceSlices:
+def face_slices(mesh: "Mesh", periods: int, intervals: int | None = None) -> FaceSlices:
     """Divide the face of a mesh into slices, and return them; a spur gear has one slice.
 
     `periods` is the number of mesh periods that are computed. If there are many, slices are wider,
-    so that the number of slices at all phases stays near `_MAX_SLICES_AT_PHASES`.
+    so that the number of slices at all phases stays near `_MAX_SLICES_AT_PHASES`. If `intervals`,
+    the number of equal intervals of a base pitch, is given, the slices have their regular width.
     """
     overlap = mesh.overlap_ratio
     if overlap == 0.0:
         return FaceSlices(np.ones(1), np.zeros(1), intervals_per_pitch=0, half_overlap=0.0)
-    intervals = max(math.ceil(_MIN_SLICES / overlap), MIN_INTERVALS_PER_PITCH)
-    intervals = min(intervals, _MAX_INTERVALS_PER_PITCH)
-    slices_at_phases = periods * intervals * max(_MIN_SLICES, overlap * intervals)
-    coarsening = max(1.0, math.sqrt(slices_at_phases / _MAX_SLICES_AT_PHASES))
-    intervals = max(_MIN_COARSE_INTERVALS, round(intervals / coarsening))
-    slices_per_pitch = intervals * max(1, round(_MIN_SLICES / coarsening / overlap / intervals))
+    coarsening = 1.0
+    if intervals is None:
+        intervals = max(math.ceil(MIN_SLICES / overlap), MIN_INTERVALS_PER_PITCH)
+        intervals = min(intervals, _MAX_INTERVALS_PER_PITCH)
+        slices_at_phases = periods * intervals * max(MIN_SLICES, overlap * intervals)
+        coarsening = max(1.0, math.sqrt(slices_at_phases / _MAX_SLICES_AT_PHASES))
+        intervals = max(_MIN_COARSE_INTERVALS, round(intervals / coarsening))
+    slices_per_pitch = intervals * max(1, round(MIN_SLICES / coarsening / overlap / intervals))
     count = math.ceil(overlap * slices_per_pitch)
     width_fractions = np.full(count, 1.0 / (overlap * slices_per_pitch))
     width_fractions[[0, -1]] = (1.0 - width_fractions[1:-1].sum()) / 2.0
@@ -310,6 +321,7 @@ def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
         return width_fractions @ values.reshape(-1, slice_count, pair_count)
 
     diagonal = np.einsum("mii->mi", compliance)
+    gap_scale = np.abs(gap[can_touch]).max()  # m, by which rounding errors of a light load count
     x = np.full(len(gap) // slice_count, load * compliance.max() + gap[can_touch].max())
     for _ in range(_MAX_NEWTON_STEPS):
         approach = np.repeat(x, slice_count)[:, None] - gap
@@ -320,7 +332,8 @@ def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
         violation = can_touch * np.where(touching, -diagonal * slice_forces, overlap)
         forces, stiffnesses = face_sum(slice_forces), face_sum(np.einsum("mij->mi", inverse))
         step = (forces.sum(-1) - load) / stiffnesses.sum(-1)
-        if max(np.abs(step).max(), violation.max()) <= _NEWTON_TOLERANCE * np.abs(x).max():
+        scale = max(np.abs(x).max(), gap_scale)
+        if max(np.abs(step).max(), violation.max()) <= _NEWTON_TOLERANCE * scale:
             return forces, stiffnesses, x
         x, touching = x - step, touching ^ (violation > 0.0)
     raise RuntimeError(f"the forces of a helical mesh do not converge in {_MAX_NEWTON_STEPS} steps")

@@ -361,10 +361,10 @@ class Mesh:
     def transmission_error(
         self, torque: float | Sequence[float], *, phases: int = 256, **options: Any
     ) -> Any:
-        """Return the static transmission error and the load sharing of spur gears under load.
+        """Return the static transmission error and the load sharing of the gears under load.
 
         The model is that of the module ``load_sharing`` in `gearlib.models.geometry`, with the tip
-        reliefs of the gears.
+        reliefs of the gears. Helical faces are divided into slices.
 
         Parameters
         ----------
@@ -392,8 +392,9 @@ class Mesh:
             Over torque and phase, for as many mesh periods as there are pitch errors:
             transmission_error (m, approach of the teeth along the line of action),
             pairs_in_contact, mesh_stiffness (dF/dx), and load_share over tooth_pair, NaN without
-            load. Over phase and tooth_pair: path_position and gap, NaN outside of the path. Over
-            torque: peak_to_peak_error, effective_contact_ratio, mesh_force.
+            load. Over phase and tooth_pair: path_position, in the middle of the face, and the gap
+            of spur gears; both are NaN where spur gears are out of mesh. Over torque:
+            peak_to_peak_error, effective_contact_ratio, mesh_force.
 
         Raises
         ------

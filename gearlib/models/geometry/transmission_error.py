@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,12 +13,23 @@ from gearlib import checks
 from gearlib.data.motions import float_array
 from gearlib.data.variables import describe
 from gearlib.models.geometry.gear import SHAPES, TipRelief, gap_of_relief
-from gearlib.models.geometry.load_sharing import tooth_pairs
+from gearlib.models.geometry.iso import pair_stiffness
+from gearlib.models.geometry.load_sharing import (
+    MIN_SLICES,
+    LoadSharing,
+    ToothPairs,
+    checked_errors,
+    tooth_pairs,
+)
 from gearlib.models.harmonics import Harmonics
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh import Mesh
 
+#: Largest number of slices of helical faces at all phases, which take about 0.3 GB.
+_MAX_SLICES_AT_PHASES = 600_000
+#: Deflection in modules under a load of helical gears that counts as none.
+_LIGHT_DEFLECTION = 1e-9
 #: A peak-to-peak error below this share of the deflection is a rounding error.
 _FLATNESS_TOLERANCE = 1e-12
 #: Decimals of the optimum; further ones depend on rounding and differ between machines.
@@ -33,6 +44,9 @@ _DESCENT_COUNTS = 2, 4
 _SHIFTS = -0.05, -0.025, 0.025, 0.05
 #: First steps of a descent, and its largest number of evaluations.
 _STEPS, _MAX_EVALUATIONS = (0.1, 0.1, -0.05), 200
+#: Grid of helical gears, over their mean deflection and the longest relief, and its phases at most.
+_HELICAL_AMOUNTS, _HELICAL_LENGTHS = (0.0, 0.25, 0.5, 1.0, 2.0), (0.25, 0.5, 0.75, 1.0)
+_HELICAL_PHASES = 64
 #: Largest numbers of phases in the grid and in its descents.
 _GRID_PHASES, _DESCENT_PHASES = 64, 512
 #: Number of phases and largest number of harmonics of the transmission error that excites a train.
@@ -49,14 +63,20 @@ def transmission_error(
     """Return the static transmission error and the load sharing of a mesh as a dataset.
 
     `torque`, one or several of the pinion in N m, is at least 0; `phases` is the number of phases
-    in each mesh period. Options and variables are those of `Mesh.transmission_error`.
+    in each mesh period. Options and variables are those of `Mesh.transmission_error`. The slices of
+    helical gears are linearized at each load, and their gaps are left out.
     """
+    phases = checks.integer("phases", phases, 8, 100_000)
     torques = np.atleast_1d(float_array(torque))
     valid = torques.ndim == 1 and torques.size and ((torques >= 0.0) & (torques < math.inf)).all()
     checks.require(valid, "torque", torque, "a finite number >= 0, or at least one in a sequence")
-    pairs = tooth_pairs(mesh, phases, **options)
     loads = mesh.load(torques)
-    equilibrium = pairs.forces_under_loads(loads)
+    is_spur = mesh.overlap_ratio == 0.0
+    if is_spur:
+        pairs = tooth_pairs(mesh, phases, **options)
+        equilibrium = pairs.forces_under_loads(loads)
+    else:
+        pairs, equilibrium = _helical_equilibrium(mesh, phases, loads, options)
     # Without a load the forces are rounding errors, and load shares are undefined.
     load_share = np.full_like(equilibrium.force, math.nan)
     total_forces = loads[:, None, None]
@@ -67,12 +87,17 @@ def transmission_error(
         "load_share": ((*dims, "tooth_pair"), load_share),
         "pairs_in_contact": (dims, equilibrium.touching.sum(-1)),
         "mesh_stiffness": (dims, equilibrium.stiffness.sum(-1)),
-        "path_position": (pair_dims, np.where(pairs.can_touch, pairs.position, math.nan)),
-        "gap": (pair_dims, np.where(pairs.can_touch, pairs.gap, math.nan)),
+        "path_position": (pair_dims, pairs.position),
         "peak_to_peak_error": ("torque", np.ptp(equilibrium.displacement, axis=1)),
-        "effective_contact_ratio": ("torque", _contact_ratios(mesh, pairs, equilibrium, phases)),
         "mesh_force": ("torque", loads),
     }
+    if is_spur:
+        for name, values in (("path_position", pairs.position), ("gap", pairs.gap)):
+            data[name] = pair_dims, np.where(pairs.can_touch, values, math.nan)
+        contact_ratios = _contact_ratios(mesh, pairs, equilibrium, phases)
+    else:
+        contact_ratios = equilibrium.touching.sum(-1).mean(-1)
+    data["effective_contact_ratio"] = "torque", contact_ratios
     mesh_phase = math.tau * np.arange(pairs.pitches.size) / phases
     coords = {"torque": torques, "phase": mesh_phase, "tooth_pair": np.arange(pairs.gap.shape[1])}
     title = "Static transmission error and load sharing of a gear mesh"
@@ -95,6 +120,24 @@ def loaded_error(mesh: "Mesh", load: float, **options: Any) -> Harmonics:
     significant = np.flatnonzero(amplitudes > _MIN_ERROR_AMPLITUDE * error.mean())
     count = int(significant.max(initial=-1)) + 1
     return Harmonics(harmonics.cosines[:count], harmonics.sines[:count])
+
+
+def _helical_equilibrium(mesh, phases, loads, options) -> tuple[ToothPairs, LoadSharing]:
+    """Return the tooth pairs of helical gears at the first of n loads in N, and their equilibrium.
+
+    A load of 0 counts as one that is too light to deflect the teeth.
+    """
+    period_count = checked_errors(mesh, options.get("pitch_errors")).size
+    most_slices = _MAX_SLICES_AT_PHASES / period_count
+    max_phases = min(most_slices / MIN_SLICES, math.sqrt(most_slices / mesh.overlap_ratio))
+    allowed = f"at most {max_phases:.0f}, where the faces of helical gears are divided into slices"
+    checks.require(phases <= max_phases, "phases", phases, allowed)
+    light_load = _LIGHT_DEFLECTION * mesh.pinion.module * pair_stiffness(mesh)
+    settings = {"intervals": phases, **options}
+    pairs = [tooth_pairs(mesh, phases, load=max(load, light_load), **settings) for load in loads]
+    sharings = [p.forces_under_loads([load]) for p, load in zip(pairs, loads, strict=True)]
+    arrays = ([getattr(s, field.name) for s in sharings] for field in fields(LoadSharing))
+    return pairs[0], LoadSharing(*map(np.concatenate, arrays))
 
 
 def _contact_ratios(mesh, pairs, equilibrium, phases) -> list[float]:
@@ -142,12 +185,13 @@ def optimum_relief(
     deflection of n pairs, C_a = q F / n (Harris 1958, n = 1). Otherwise the simplex of Nelder and
     Mead descends from the best points of a grid, and sequential quadratic programming from the best
     of these minima. The range over discrete phases has many of them: another relief may be about a
-    percent better.
+    percent better. For helical gears, whose face is divided into slices, the simplex descends from
+    the best point of a coarse grid only, at few phases.
 
     Parameters
     ----------
     mesh : gearlib.geometry.Mesh
-        Spur gears; their tip reliefs are replaced.
+        Gears; their tip reliefs are replaced.
     torque : float
         Design torque of the pinion, N m; finite, > 0.
     length : {"long", "short"} or float, optional
@@ -174,22 +218,24 @@ def optimum_relief(
     checks.one_of("shape", shape, tuple(SHAPES))
     load = checks.gear_mesh(mesh).load(checks.finite_positive("torque", torque))
     mesh = mesh.with_reliefs(None, None)
-    pairs = tooth_pairs(mesh, phases, **options)
     pair_count = math.floor(mesh.contact_ratio)
-    long_length = (mesh.contact_ratio - pair_count) * mesh.base_pitch
     limit = mesh.longest_relief
+    long_length = min((mesh.contact_ratio - pair_count) * mesh.base_pitch, limit)
     named_lengths = {"long": long_length, "short": long_length / 2.0}
     fixed_length = named_lengths[length] if checks.is_one_of(length, named_lengths) else length
     if fixed_length is not None:
         allowed = f"'long', 'short' or > 0 and <= {limit:.6g} m, (eps_alpha - 1) p_bt"
         fixed_length = checks.number("length", fixed_length, allowed, lambda v: 0.0 < v <= limit)
+    # A tip relief is less than half of the thickness of the tip.
+    tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (mesh.pinion, mesh.wheel)]
+    if mesh.overlap_ratio > 0.0:
+        return _optimum_of_helical(mesh, torque, fixed_length, shape, tips, phases, options)
+    pairs = tooth_pairs(mesh, phases, **options)
     # Deflections of single pairs under the load at the end and at the start of contact.
     compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
     compliance, position = compliance[pairs.can_touch], pairs.position[pairs.can_touch]
     ends = position.argmax(), position.argmin()
     deflections = [compliance[end] * load for end in ends]
-    # A tip relief is less than half of the thickness of the tip.
-    tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (mesh.pinion, mesh.wheel)]
 
     def values_in_m(points):
         """Return both amounts and the length in m, each (n,), of n points of the variables.
@@ -252,6 +298,38 @@ def optimum_relief(
         optimum = np.round(optimum, _DECIMALS)
     *amounts, length = (values.item() for values in values_in_m([optimum]))
     return mesh.with_reliefs(*(TipRelief(amount=a, length=length, shape=shape) for a in amounts))
+
+
+def _optimum_of_helical(
+    mesh: "Mesh", torque: float, fixed_length, shape: str, tips: list, phases: int, options: dict
+) -> "Mesh":
+    """Return a helical mesh with the tip reliefs of least peak-to-peak transmission error.
+
+    `fixed_length` is the length of both reliefs in m or None, and `tips` are their largest amounts.
+    """
+    phases = min(checks.integer("phases", phases, 8, 100_000), _HELICAL_PHASES)
+    limit = mesh.longest_relief
+    unrelieved = mesh.transmission_error(torque, phases=phases, **options)
+    deflection = float(unrelieved.transmission_error.mean())
+
+    def relieved_mesh(variables):
+        """Return the mesh with amounts over the deflection, and a length over the limit if free."""
+        length = float(limit * variables[2]) if fixed_length is None else fixed_length
+        amounts = [
+            min(float(v) * deflection, tip) for v, tip in zip(variables[:2], tips, strict=True)
+        ]
+        reliefs = (TipRelief(amount=amount, length=length, shape=shape) for amount in amounts)
+        return mesh.with_reliefs(*reliefs)
+
+    def relative_error(variables):
+        found = relieved_mesh(variables).transmission_error(torque, phases=phases, **options)
+        return found.peak_to_peak_error.item() / deflection
+
+    lengths = [(length,) for length in _HELICAL_LENGTHS] if fixed_length is None else [()]
+    points = [(a, a, *length) for a, length in itertools.product(_HELICAL_AMOUNTS, lengths)]
+    start = min(points, key=relative_error)
+    bounds = [(0.0, _MAX_AMOUNT)] * 2 + [(_MIN_LENGTH, 1.0)] * len(lengths[0])
+    return relieved_mesh(np.round(_descend(relative_error, start, bounds), _DECIMALS))
 
 
 def _descend(function, start, bounds) -> np.ndarray:
