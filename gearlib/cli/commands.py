@@ -460,8 +460,8 @@ def gears(format, save, plot, force, **values):
         import yaml
 
         output.write_text(save, yaml.safe_dump(drawn.mapping, sort_keys=False, allow_unicode=True))
-    drawing, pair = drawn.settings.gears, drawn.settings.pair_parameters(drawn.damping)
-    load = drawing.load() | {"damping": {name: pair[name] for name in DAMPINGS}}
+    drawing = drawn.settings.gears
+    load = drawing.load() | {"damping": drawn.settings.dampings[drawn.damping].given()}
     mesh, method, method_options = drawing.mesh(), drawing.stiffness, drawing.stiffness_options
     # The table has all methods; the options belong to the configured one, by default iso.
     rows = gear_table.gear_quantities(mesh, options={method or "iso": method_options}, **load)

@@ -4,13 +4,15 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from gearlib.models.geometry import drawings
 from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 
 METHODS = ("iso", "energy")
-#: Multiples of the mesh order in the table of the operating point.
-_MESH_ORDERS = (1, 2, 3)
+#: Mesh orders stand in the table where their amplitude exceeds this fraction of the largest.
+_SMALLEST_ORDER = 0.05
 _DEGREE = math.pi / 180.0
 #: Name, unit and meaning of a quantity, and its value from a gear and its tip clearance.
 _GEAR_QUANTITIES = (
@@ -77,21 +79,22 @@ def gear_quantities(
 ) -> list[Quantity]:
     """Return geometry, stiffness and load of a `Mesh` as rows of a table.
 
-    `damping` has material_damping and backlash_damping (N s/m); `options` maps each stiffness
-    method to its options; `load` has torque (N m), or power (W) and speed (rpm). A method that is
-    not valid for these gears is omitted.
+    `damping` has coefficients (N s/m) or ratios by their keys in the configuration; a ratio holds
+    for every method. `options` maps each stiffness method to its options; `load` has torque (N m),
+    or power (W) and speed (rpm). A method that is not valid for these gears is omitted.
     """
+    damping = damping or {"material_damping": 0.0}
     pairs, refusals = {}, []  # method -> `GearPair`
     for method in METHODS:
         stiffness = {"stiffness": method, "options": (options or {}).get(method)}
         try:
-            pair = GearPair.from_geometry(mesh, **load, **stiffness)
+            pair = _pair(mesh, damping, **load, **stiffness)
         except ValueError as error:
             # ISO 6336 has no stiffness for transverse contact ratios below 1, and the gear body of
             # the energy method is not defined for large bores.
             refusals.append(error)
             continue
-        pairs[method] = pair.replace(**(damping or {"material_damping": 0.0}))
+        pairs[method] = pair
     if not pairs:
         raise refusals[0]
     # Tip clearances (m), between the tip of a gear and the root of the other one.
@@ -104,7 +107,26 @@ def gear_quantities(
     ]
     uncertainties = {method: 100.0 * UNCERTAINTY[method] for method in pairs}
     sources = "; ".join(f"{method}: {SOURCES[method]}" for method in pairs)
-    return [*rows, Quantity("uncertainty", "%", uncertainties, f"of the stiffness; {sources}")]
+    meaning = f"of the stiffness; {sources}{_note_on_ranges(pairs)}"
+    return [*rows, Quantity("uncertainty", "%", uncertainties, meaning)]
+
+
+def _pair(mesh: Any, damping: dict, **arguments: Any) -> GearPair:
+    """Return the `GearPair` of a mesh with a damping by its keys in the configuration."""
+    backlash_damping = {name: x for name, x in damping.items() if name == "backlash_damping"}
+    arguments |= {name: x for name, x in damping.items() if name not in backlash_damping}
+    return GearPair.from_geometry(mesh, **arguments).replace(**backlash_damping)
+
+
+def _note_on_ranges(pairs: dict[str, GearPair]) -> str:
+    """Return a text if the uncertain mean stiffnesses of the methods do not overlap, else ""."""
+    means = {method: pair.mean_stiffness for method, pair in pairs.items()}
+    lowest = max(mean * (1.0 - UNCERTAINTY[method]) for method, mean in means.items())
+    highest = min(mean * (1.0 + UNCERTAINTY[method]) for method, mean in means.items())
+    if lowest <= highest:
+        return ""
+    ratio = max(means.values()) / min(means.values())
+    return f". The means differ by the factor {ratio:.3g}: these ranges do not overlap"
 
 
 def _quantities(definitions: Iterable[tuple], arguments: dict[str, tuple]) -> list[Quantity]:
@@ -147,26 +169,32 @@ def rows(pairs: dict[str, dict], drawing: dict | None) -> Iterator[list]:
 
 
 def duty_rows(
-    mesh: Any, speed: float, *, damping=None, stiffness=None, options=None, **load: Any
+    mesh: Any, speed: float, *, damping: dict, stiffness=None, options=None, **load: Any
 ) -> Iterator[Quantity]:
-    """Yield the quantities of a `Mesh` at an operating point, a speed in rpm and a load.
+    """Yield the quantities of pairs of teeth at an operating point, a speed in rpm and a load.
 
-    `load` has torque (N m) or power (W); `damping` has material_damping and backlash_damping
-    (N s/m); `stiffness` is the name of the stiffness method ("iso" by default), `options` are those
-    of this method.
+    `load` has torque (N m) or power (W); `damping` has coefficients (N s/m) or ratios by their keys
+    in the configuration; `stiffness` is the name of the stiffness method, by default "energy" where
+    it is valid, `options` are those of this method.
     """
     # Imported here, because a table without this point does not need the compiled kernels.
     from gearlib.analysis.duty_point import duty_point
 
-    arguments = {"stiffness": stiffness or "iso", "options": options, "speed": speed}
-    pair = GearPair.from_geometry(mesh, **arguments, **load).replace(**(damping or {}))
+    method = {"stiffness": stiffness or mesh.tooth_stiffness, "options": options}
+    pair = _pair(mesh, damping, **method, speed=speed, **load)
     load |= {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
-    point = duty_point(mesh, speed, stiffness=stiffness, options=options, **load)
+    point = duty_point(mesh, speed, **method, **load)
+    meanings = {
+        "dynamic_factor": f"largest over static mesh force, {point.attrs['stiffness_model']}",
+        "iso_dynamic_factor": "K_v of ISO 6336-1, method B; only this row uses the quality",
+    }
     table_units = {"m": ("um", 1e6), "min-1": ("rpm", 1.0), "1": ("", 1.0)}
     for name, variable in point.drop_vars("torque").data_vars.items():
         unit, scale = table_units.get(variable.units, (variable.units, 1.0))
         if variable.ndim:
-            values = {f"order {n}": scale * variable.values[n - 1] for n in _MESH_ORDERS}
+            amplitudes = scale * variable.values
+            shown = np.flatnonzero(amplitudes > _SMALLEST_ORDER * np.nanmax(amplitudes))
+            values = {f"order {i + 1}": float(amplitudes[i]) for i in shown}
         else:
             values = {"duty point": scale * variable.item()}
-        yield Quantity(name, unit, values, variable.long_name)
+        yield Quantity(name, unit, values, meanings.get(name, variable.long_name))
