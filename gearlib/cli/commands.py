@@ -460,13 +460,15 @@ def gears(format, save, plot, force, **values):
         import yaml
 
         output.write_text(save, yaml.safe_dump(drawn.mapping, sort_keys=False, allow_unicode=True))
-    drawing = drawn.settings.gears
-    load = drawing.load() | {"damping": drawn.settings.dampings[drawn.damping].given()}
-    mesh, method, method_options = drawing.mesh(), drawing.stiffness, drawing.stiffness_options
+    drawing, damping = drawn.settings.gears, drawn.settings.dampings[drawn.damping].given()
     # The table has all methods; the options belong to the configured one, by default iso.
-    rows = gear_table.gear_quantities(mesh, options={method or "iso": method_options}, **load)
+    options_by_method = {drawing.stiffness or "iso": drawing.stiffness_options}
+    load = drawing.load() | {"damping": damping}
+    rows = gear_table.gear_quantities(drawing.mesh(), options=options_by_method, **load)
     if drawing.speed and drawn.damping != NO_DAMPING:
-        rows += gear_table.duty_rows(mesh, stiffness=method, options=method_options, **load)
+        model = drawn.model()
+        point = drawing.speed, drawing.driving_torque()
+        rows += gear_table.duty_rows(model, *point, drawn.stiffness(model))
     if format == "text":
         click.echo(drawn.name)
     output.gear_table(rows, format)

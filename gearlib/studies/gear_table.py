@@ -7,12 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib.models.geometry import drawings
+from gearlib.models.geometry.mesh import PAIR_OPTIONS
 from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
+from gearlib.models.pair_parameters import RATIOS
 
 METHODS = ("iso", "energy")
-#: Mesh orders stand in the table where their amplitude exceeds this fraction of the largest.
-_SMALLEST_ORDER = 0.05
+#: Smallest amplitude of a mesh order in the table, of force or error, over the largest.
+_LEAST_AMPLITUDE = 0.05
+#: Note on K_v of ISO 6336-1.
+_QUALITY = "; here the quality of the gears counts, and in `gearlib scatter`, not in other rows"
 _DEGREE = math.pi / 180.0
 #: Name, unit and meaning of a quantity, and its value from a gear and its tip clearance.
 _GEAR_QUANTITIES = (
@@ -79,22 +83,24 @@ def gear_quantities(
 ) -> list[Quantity]:
     """Return geometry, stiffness and load of a `Mesh` as rows of a table.
 
-    `damping` has coefficients (N s/m) or ratios by their keys in the configuration; a ratio holds
-    for every method. `options` maps each stiffness method to its options; `load` has torque (N m),
-    or power (W) and speed (rpm). A method that is not valid for these gears is omitted.
+    `damping` has ratios, which hold for every method, or material_damping and backlash_damping
+    (N s/m); `options` maps each stiffness method to its options; `load` has torque (N m), or power
+    (W) and speed (rpm). A method that is not valid for these gears is omitted.
     """
     damping = damping or {"material_damping": 0.0}
+    coefficients = {name: value for name, value in damping.items() if name in RATIOS.values()}
+    ratios = {name: value for name, value in damping.items() if name not in coefficients}
     pairs, refusals = {}, []  # method -> `GearPair`
     for method in METHODS:
         stiffness = {"stiffness": method, "options": (options or {}).get(method)}
         try:
-            pair = _pair(mesh, damping, **load, **stiffness)
+            pair = GearPair.from_geometry(mesh, **load, **stiffness, **ratios)
         except ValueError as error:
             # ISO 6336 has no stiffness for transverse contact ratios below 1, and the gear body of
             # the energy method is not defined for large bores.
             refusals.append(error)
             continue
-        pairs[method] = pair
+        pairs[method] = pair.replace(**coefficients)
     if not pairs:
         raise refusals[0]
     # Tip clearances (m), between the tip of a gear and the root of the other one.
@@ -109,13 +115,6 @@ def gear_quantities(
     sources = "; ".join(f"{method}: {SOURCES[method]}" for method in pairs)
     meaning = f"of the stiffness; {sources}{_note_on_ranges(pairs)}"
     return [*rows, Quantity("uncertainty", "%", uncertainties, meaning)]
-
-
-def _pair(mesh: Any, damping: dict, **arguments: Any) -> GearPair:
-    """Return the `GearPair` of a mesh with a damping by its keys in the configuration."""
-    backlash_damping = {name: x for name, x in damping.items() if name == "backlash_damping"}
-    arguments |= {name: x for name, x in damping.items() if name not in backlash_damping}
-    return GearPair.from_geometry(mesh, **arguments).replace(**backlash_damping)
 
 
 def _note_on_ranges(pairs: dict[str, GearPair]) -> str:
@@ -168,33 +167,29 @@ def rows(pairs: dict[str, dict], drawing: dict | None) -> Iterator[list]:
         yield [name, of, f"{value:.6g}", unit, meaning]
 
 
-def duty_rows(
-    mesh: Any, speed: float, *, damping: dict, stiffness=None, options=None, **load: Any
-) -> Iterator[Quantity]:
-    """Yield the quantities of pairs of teeth at an operating point, a speed in rpm and a load.
+def duty_rows(model: Any, speed: float, torque: float, stiffness_model: str) -> Iterator[Quantity]:
+    """Yield the quantities of a `LoadSharingPair` at a speed in rpm and a torque in N m.
 
-    `load` has torque (N m) or power (W); `damping` has coefficients (N s/m) or ratios by their keys
-    in the configuration; `stiffness` is the name of the stiffness method, by default "energy" where
-    it is valid, `options` are those of this method.
+    Gears, damping and stiffness are those of the model; `stiffness_model` describes it in words.
     """
     # Imported here, because a table without this point does not need the compiled kernels.
     from gearlib.analysis.duty_point import duty_point
 
-    method = {"stiffness": stiffness or mesh.tooth_stiffness, "options": options}
-    pair = _pair(mesh, damping, **method, speed=speed, **load)
-    load |= {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
-    point = duty_point(mesh, speed, **method, **load)
-    meanings = {
-        "dynamic_factor": f"largest over static mesh force, {point.attrs['stiffness_model']}",
-        "iso_dynamic_factor": "K_v of ISO 6336-1, method B; only this row uses the quality",
-    }
+    ratios = {name: getattr(model, name) for name in ("damping_ratio", "backlash_damping_ratio")}
+    options = {name: getattr(model, name) for name in PAIR_OPTIONS}
+    method = {"stiffness": model.stiffness, "options": options}
+    point = duty_point(model.drawing, speed, torque=torque, **method, **ratios)
+    damping = "beta {damping_ratio:.4g}, beta_m {backlash_damping_ratio:.4g}".format(**ratios)
+    notes = {"dynamic_factor": f"; {stiffness_model}; {damping}", "iso_dynamic_factor": _QUALITY}
+    amplitudes = np.stack([point[name] for name in ("mesh_order_force", "mesh_order_error")])
+    # Amplitudes are NaN if there are too few samples.
+    largest = np.fmax.reduce(amplitudes, axis=1, keepdims=True)
+    listed = np.flatnonzero((amplitudes > _LEAST_AMPLITUDE * largest).any(0))
     table_units = {"m": ("um", 1e6), "min-1": ("rpm", 1.0), "1": ("", 1.0)}
     for name, variable in point.drop_vars("torque").data_vars.items():
         unit, scale = table_units.get(variable.units, (variable.units, 1.0))
         if variable.ndim:
-            amplitudes = scale * variable.values
-            shown = np.flatnonzero(amplitudes > _SMALLEST_ORDER * np.nanmax(amplitudes))
-            values = {f"order {i + 1}": float(amplitudes[i]) for i in shown}
+            values = {f"order {i + 1}": scale * float(variable[i]) for i in listed}
         else:
             values = {"duty point": scale * variable.item()}
-        yield Quantity(name, unit, values, meanings.get(name, variable.long_name))
+        yield Quantity(name, unit, values, variable.long_name + notes.get(name, ""))
