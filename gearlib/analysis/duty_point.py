@@ -133,8 +133,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
     return dataset.assign_attrs(comment=f"The record is {comment}.")
 
 
-def iso_dynamic_factor(mesh: Mesh, torque: float, speed: float) -> float | None:
-    """Return K_v of ISO 6336-1, method B, at a torque in N m and a speed in rpm of the pinion.
+def iso_dynamic_factor(mesh: Mesh, torque: float, speed: Any) -> Any:
+    """Return K_v of ISO 6336-1, method B, at a torque in N m and speeds in rpm of the pinion.
 
     It is None if a gear has no quality or eps_alpha < 1.
     """

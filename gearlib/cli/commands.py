@@ -226,7 +226,10 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
     output.frame(pandas.DataFrame({name: x.values for name, x in columns.items()}).set_index("rpm"))
     jumps = zip(curves.jump_up_speed.values, curves.jump_down_speed.values, strict=True)
     for up, down in jumps:
-        click.echo(f"The motion jumps at {up:.0f} rpm going up and at {down:.0f} rpm going down.")
+        speeds = {"up": up, "down": down}
+        known = [f"at {x:.0f} rpm going {to}" for to, x in speeds.items() if math.isfinite(x)]
+        if known:
+            click.echo(f"The motion jumps {' and '.join(known)}.")
     click.echo(click.wrap_text(motions.describe_contact_loss(curves), output.WIDTH))
     return curves, lambda plot: dynamic_factor_figure.draw(curves).axes[0]
 

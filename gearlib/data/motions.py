@@ -105,8 +105,11 @@ def describe_contact_loss(sweeps):
     return f"Pairs of teeth {lost}; their largest dynamic factor is {factor:.3g}."
 
 
-def describe(run):
-    """Return a sentence on the period and the contact loss of a run of `gearlib.simulate`."""
+def describe(run, start="rest"):
+    """Return a sentence on the period and the contact loss of a run of `gearlib.simulate`.
+
+    `start` says from which state the motion started.
+    """
     if int(run.status):
         return run.status.attrs["message"]
     period, bounces = int(run.period), f"{float(run.bounces):.3g} times"
@@ -119,4 +122,4 @@ def describe(run):
     elif float(run.bounces) > 0.0:
         times = "once" if bounces == "1 times" else bounces
         contact = f"it loses contact {times} per mesh period"
-    return f"The motion from rest {motion}; {contact}."
+    return f"The motion from {start} {motion}; {contact}."

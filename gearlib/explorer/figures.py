@@ -8,6 +8,7 @@ import panel as pn
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
 
+from gearlib.analysis.duty_point import iso_dynamic_factor
 from gearlib.explorer.view import SAMPLES, SHOWN_PERIODS, TORQUE_RATIOS, View
 from gearlib.figures.style import PALETTE
 
@@ -76,7 +77,10 @@ class Figures:
         iso = curves.get("iso_dynamic_factor")
         factors = np.full(speed.size, np.nan) if iso is None else iso.values
         self._set("iso", speed, factors)
-        jumps = np.append(curves.jump_up_speed.values, curves.jump_down_speed.values)
+        # Where both ends are equal, the directions differ at a single speed.
+        is_wide = curves.jump_up_speed.values > curves.jump_down_speed.values
+        ends = (curves.jump_up_speed.values, curves.jump_down_speed.values)
+        jumps = np.concatenate([values[is_wide] for values in ends])
         top = float(np.nanmax(curves.dynamic_factor))
         # Vertical lines, separated by NaN; at least one NaN, for a curve without points.
         x = np.column_stack([jumps, jumps, np.full(jumps.size, np.nan)]).ravel()
@@ -202,7 +206,7 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("contact ratio", f"{mesh.contact_ratio:.4f}"),
         ("working pressure angle", f"{math.degrees(mesh.working_pressure_angle):.2f}°"),
         ("centre distance", f"{1e3 * mesh.centre_distance:.3f} mm"),
-        ("dynamic factor at this speed", f"{float(view.run.dynamic_factor):.4f}"),
+        ("K_v at the speed, without the quality", f"{float(view.run.dynamic_factor):.4f}"),
         ("stiffness", str(view.run.attrs["stiffness_model"])),
         ("backlash", f"{1e6 * mesh.backlash:.4g} µm"),
         ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.4g} µm"),
@@ -213,6 +217,10 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.6g} Hz"),
         ("resonance speed", f"{pair.speed(1.0):.6g} rpm"),
     ]
+    torque = pair.load * mesh.pinion.base_diameter / 2.0
+    factor = iso_dynamic_factor(mesh, torque, float(view.run.speed))
+    if factor is not None:
+        quantities.append(("K_v of ISO 6336-1, with the quality", f"{factor:.4f}"))
     static = view.error.isel(torque=-1)  # at the chosen torque
     error, ratio = static.peak_to_peak_error.item(), static.effective_contact_ratio.item()
     quantities.append(("peak-to-peak error", f"{1e6 * error:.2f} µm"))

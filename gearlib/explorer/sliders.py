@@ -8,6 +8,7 @@ from gearlib import config
 from gearlib.config import units
 from gearlib.config.gears_section import Gears
 from gearlib.explorer.view import MAX_SPEED_RATIO, MIN_SPEED_RATIO
+from gearlib.models.from_values import pairs_of_teeth
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair import GearPair
@@ -75,7 +76,11 @@ class Sliders:
         self.mapping, self.damping = mapping, damping
         settings = config.load(mapping)
         self.drawn = settings.gears is not None
-        self.pair = GearPair(**settings.pair_parameters(damping))
+        if self.drawn:
+            model = pairs_of_teeth(**settings.teeth_parameters(damping))
+            self.pair, self.stiffness_model = model.pair, model.stiffness_model
+        else:
+            self.pair = GearPair(**settings.pair_parameters(damping))
         # Rounding restores ratios from which the coefficients were computed.
         ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
         self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
@@ -111,8 +116,7 @@ class Sliders:
         reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
         heading = (
             f"Drawn gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
-            f"width {1e3 * pinion.width:g} mm, {torque:g} N m. The motion at the speed has load "
-            "sharing between pairs of teeth, the characteristic has the rectangular stiffness."
+            f"width {1e3 * pinion.width:g} mm, {torque:g} N m; {self.stiffness_model}"
         )
         resonance_speed, relief = float(self.pair.speed(1.0)), max(reliefs, default=0.0)
         speed = settings.gears.speed or float(round(0.9 * resonance_speed))

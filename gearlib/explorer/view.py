@@ -15,7 +15,7 @@ from gearlib.models.from_values import pairs_of_teeth
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
-from gearlib.studies.teeth_over_speed import over_speed
+from gearlib.studies.teeth_over_speed import SPEED_RANGE, over_speed
 
 #: Mesh periods of the time history that is drawn, and samples of each.
 SHOWN_PERIODS, SAMPLES = 3, 256
@@ -26,7 +26,7 @@ _SPEEDS = 301
 #: Mesh periods of the motion at the setting before its record, and the longest record of them.
 _SETTLING_PERIODS, _MAX_RECORDED = 280, 100
 #: Ends of the resonance curve of drawn gears, over the resonance speed.
-MIN_SPEED_RATIO, MAX_SPEED_RATIO = 0.2, 2.2
+MIN_SPEED_RATIO, MAX_SPEED_RATIO = SPEED_RANGE
 #: Torques of the Harris map besides the given one, over it.
 TORQUE_RATIOS = 0.0, 0.5, 1.5, 2.0
 #: Phases of a mesh period; largest number of all phases with pitch errors, smallest of a period.
@@ -83,6 +83,12 @@ def compute_view(mapping: dict, damping: str) -> View:
     error = mesh.transmission_error(torques, phases=phases, **options)
     view = _view_of_motion(model, float(model.tuning_at(speed)), repeat_periods)
     message = f"{view.message} {describe_contact_loss(curves)}"
+    jumps = zip(curves.jump_up_speed.values, curves.jump_down_speed.values, strict=True)
+    for up, down in jumps:
+        if up > down:  # Otherwise the directions differ at a single speed.
+            message += f" They jump at {up:.0f} rpm going up and at {down:.0f} rpm going down."
+    if repeat_periods > 1:
+        message += " The curves over the speed leave out the pitch errors."
     return view._replace(curves=curves, mesh=mesh, error=error, message=message)
 
 
@@ -103,17 +109,19 @@ def _view_of_motion(model: Any, tuning: float, repeat_periods: int = 1) -> View:
     # The record spans a revolution, or with pitch errors the periods until the same teeth meet.
     recorded = max(round(model.periods_per_revolution), min(repeat_periods, _MAX_RECORDED))
     periods = {"periods": _SETTLING_PERIODS + recorded, "record_periods": recorded}
-    start = (0.0, 0.0) if model.mesh is model else "static"
+    start, initial_state = "rest", (0.0, 0.0)
+    if model.mesh is not model:
+        start, initial_state = "static equilibrium", "static"
     run = simulate(
         model,
         tuning,
         **periods,
-        initial_state=start,
+        initial_state=initial_state,
         samples_per_period=SAMPLES,
         until_settled=True,
     )
-    message = f"{motions.describe(run)} Followed for {periods['periods']} mesh periods, at each "
-    message += f"speed of the characteristic for {_PERIODS}."
+    message = f"{motions.describe(run, start)} Followed for {periods['periods']} mesh periods, at "
+    message += f"each speed of the characteristic for {_PERIODS}."
     multipliers = _floquet_multipliers(model, run)
     if multipliers.size:
         magnitudes = ", ".join(f"{abs(multiplier):.4g}" for multiplier in multipliers)

@@ -39,7 +39,7 @@ def draw(curves: xr.Dataset):
             line = axes.axvline(float(curves.operating_speed), label="operating speed", **options)
         handles.append(line)
     for name, curve_style in curve_styles.items():
-        for jump in curves[f"jump_{name}_speed"].values:
+        for jump in curves[f"jump_{name}_speed"].dropna("hysteresis").values:
             above.axvline(jump, color=curve_style.colour, linestyle=":", linewidth=0.8)
             text = f"{'↑' if name == 'up' else '↓'} {jump:.0f}"
             style.annotate(above, text, (jump, 0.93), (2, 0), coords=("data", "axes fraction"))

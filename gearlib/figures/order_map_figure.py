@@ -86,6 +86,8 @@ def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, 
             options = {"zorder": 1, "label": "measured"}
             style.draw_markers(level_axes, rig.rpm, rig.overall, ".", "#8C8C8C", 2.0, **options)
         level_axes.set_xlabel("speed (rpm)")
+        # Speeds of five digits do not overlap.
+        level_axes.locator_params(axis="x", nbins=5)
     grid[0, 0].set_ylabel("order" if vertical == "order" else "frequency (Hz)")
     grid[1, 0].set_ylabel(f"overall\n({unit})")
     label = f"{found.attrs['variable'].replace('_', ' ')}, {found.attrs['amplitude']}\n({unit})"

@@ -203,12 +203,16 @@ def sweep_down(pair, tunings: np.ndarray, lowest: float, **settings):
         return curve, False
     down = curve.isel(tuning=slice(count + 1))
     up = sweep(pair, down.tuning.values, direction="up", **settings)
-    displacement_range = up.displacement_max - up.displacement_min
-    errors = [np.abs(down[name] - up[name]) for name in ("displacement_max", "displacement_min")]
-    agrees = np.maximum(*errors) <= _SAME_MOTION_TOLERANCE * displacement_range
-    agreeing_indices = np.flatnonzero(agrees)
+    agreeing_indices = np.flatnonzero(motions_agree(up, down))
     start = agreeing_indices[-1] if agreeing_indices.size else 0
     return curve.isel(tuning=slice(start, None)), bool(agreeing_indices.size)
+
+
+def motions_agree(up, down) -> np.ndarray:
+    """Return whether the motions of two sweeps over the same tunings are the same, (n,)."""
+    displacement_range = up.displacement_max - up.displacement_min
+    errors = [np.abs(down[name] - up[name]) for name in ("displacement_max", "displacement_min")]
+    return (np.maximum(*errors) <= _SAME_MOTION_TOLERANCE * displacement_range).values
 
 
 def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Compute dynamic factor and transmission error of pairs of teeth over the speed, up and down."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -11,14 +12,12 @@ from gearlib.data.motions import true_intervals
 from gearlib.data.result import result
 from gearlib.data.status import NO_START
 from gearlib.models.from_values import pairs_of_teeth
-from gearlib.runs.sweeping import WARM_STARTED, sweep
+from gearlib.runs.sweeping import WARM_STARTED, motions_agree, sweep
 
 #: First and last speed over the resonance speed, unless the operating speed lies beyond them.
 SPEED_RANGE = 0.1, 1.4
-#: Variables of sweeps that are kept.
-_VARIABLES = ("dynamic_factor", "fraction_backlash", "period", "status", "complete")
-#: Dynamic factors of two directions that differ by less, relative to the largest, are equal.
-_SAME_FACTOR = 1e-3
+#: Values of codes at tunings that a sweep with a limit of time has not reached.
+_NOT_REACHED = {"period": np.int32(0), "status": np.int8(NO_START)}
 
 
 def of_gears(gears: dict, damping: dict, points: int, start=None, stop=None, speed=None):
@@ -41,7 +40,9 @@ def speed_range(model: Any, speed=None, start=None, stop=None) -> tuple[float, f
     return first, last
 
 
-def over_speed(model: Any, speeds: np.ndarray, speed=None, **settings: Any) -> xr.Dataset:
+def over_speed(
+    model: Any, speeds: np.ndarray, speed=None, directions=WARM_STARTED, **settings: Any
+) -> xr.Dataset:
     """Return dynamic factor and transmission error of pairs of teeth over the speed, up and down.
 
     Parameters
@@ -52,43 +53,65 @@ def over_speed(model: Any, speeds: np.ndarray, speed=None, **settings: Any) -> x
         Speeds of the pinion in rpm, increasing.
     speed : float, optional
         Operating speed in rpm.
+    directions : sequence of str, default ("up", "down")
+        Directions of `gearlib.sweep`.
     **settings
         Arguments of `gearlib.sweep`, such as periods and record_periods.
 
     Returns
     -------
     xarray.Dataset
-        Over direction and tuning: dynamic_factor, error_peak_to_peak (m), fraction_backlash (share
-        of the time without contact), period, status. Over tuning: speed, and iso_dynamic_factor if
-        both gears have a quality. Over hysteresis, an interval of speeds in which the directions
-        differ: jump_up_speed and jump_down_speed (rpm). operating_speed (rpm), NaN if unknown.
+        Over direction and tuning: the variables of `gearlib.sweep`, such as dynamic_factor,
+        fraction_backlash (share of the time without contact), period and status, and
+        error_peak_to_peak (m). Over tuning: speed, and iso_dynamic_factor if both gears have a
+        quality. Over hysteresis, an interval of speeds in which the motions going up and down
+        differ: jump_up_speed and jump_down_speed (rpm), its ends, NaN where it goes on beyond the
+        speeds. operating_speed (rpm), NaN if unknown, and torque of the pinion (N m).
     """
     settings = {"initial_state": "static"} | settings
-    curves = []
-    for direction in WARM_STARTED:
-        curve = sweep(model, speeds=speeds, direction=direction, **settings)
-        height = (curve.displacement_max - curve.displacement_min) * model.static_deflection
-        kept = curve[[name for name in _VARIABLES if name in curve]]
-        curves.append(kept.assign(error_peak_to_peak=height.drop_attrs()))
-    directions = xr.IndexVariable("direction", list(WARM_STARTED))
+    scales = [*model.scales(), *model.speed_scales(1.0)]
+
+    def sweep_in(direction: str) -> xr.Dataset:
+        """Return the sweep in a direction without its scales."""
+        return sweep(model, speeds=speeds, direction=direction, **settings).drop_vars(scales)
+
+    # The kernels release the interpreter lock, so both directions run at the same time.
+    with ThreadPoolExecutor() as pool:
+        curves = list(pool.map(sweep_in, directions))
+    names = xr.IndexVariable("direction", list(directions))
     # Sweeps that a limit of time has stopped have other tunings.
-    fill_values = {"period": np.int32(0), "status": np.int8(NO_START)}
-    data = xr.concat(curves, directions, join="outer", fill_value=fill_values)
-    speeds = np.asarray(model.speed(data.tuning.values))
-    data["speed"] = "tuning", speeds
+    data = xr.concat(curves, names, join="outer", fill_value=_NOT_REACHED)
+    data = data.assign(model.scales())
+    speed_scales = model.speed_scales(data.tuning.values)
+    data = data.assign({name: ("tuning", values) for name, values in speed_scales.items()})
+    height = (data.displacement_max - data.displacement_min) * model.static_deflection
+    data["error_peak_to_peak"] = height.drop_attrs()
     data["operating_speed"] = math.nan if speed is None else speed
-    mesh, torque = model.drawing, model.load * model.drawing.pinion.base_diameter / 2.0
-    if iso_dynamic_factor(mesh, torque, float(speeds[0])) is not None:
-        factors = [iso_dynamic_factor(mesh, torque, rpm) for rpm in speeds.tolist()]
+    mesh = model.drawing
+    data["torque"] = torque = model.load * mesh.pinion.base_diameter / 2.0
+    factors = iso_dynamic_factor(mesh, torque, data.speed.values)
+    if factors is not None:
         data["iso_dynamic_factor"] = "tuning", factors
-    up, down = data.dynamic_factor.values
-    differ = np.abs(up - down) > _SAME_FACTOR * np.nanmax(data.dynamic_factor)
-    intervals = true_intervals(differ)
-    data["jump_down_speed"] = "hysteresis", np.array([speeds[i] for i, _ in intervals], float)
-    data["jump_up_speed"] = "hysteresis", np.array([speeds[j] for _, j in intervals], float)
+    jumps = _jumps(data) if {*WARM_STARTED} <= {*directions} else np.empty((0, 2))
+    data["jump_down_speed"], data["jump_up_speed"] = (("hysteresis", ends) for ends in jumps.T)
     title = "Dynamic factor and transmission error of a gear mesh over the speed"
-    if "complete" in curve:
-        data["complete"] = min(curve.complete for curve in curves)
+    if "complete" in data:
+        data["complete"] = data.complete.min()
     parameters = {name: settings[name] for name in ("periods", "record_periods")}
     method = settings.get("method") or next(iter(model.propagators))
-    return result(title, model, data.drop_attrs(deep=False), method=method, **parameters)
+    data = result(title, model, data.drop_attrs(deep=False), method=method, **parameters)
+    if any(mesh.pitch_errors):
+        data.attrs["comment"] = "The pitch errors of the gears are left out."
+    return data
+
+
+def _jumps(data: xr.Dataset) -> np.ndarray:
+    """Return the ends (rpm) of the k intervals in which motions up and down differ, (k, 2)."""
+    up, down = (data.sel(direction=name) for name in WARM_STARTED)
+    # Runs that failed, and two motions that have not settled, are no evidence of two motions.
+    known = (up.status == 0) & (down.status == 0) & ((up.period > 0) | (down.period > 0))
+    intervals = true_intervals(~motions_agree(up, down) & known.values)
+    # A motion jumps between two speeds of the sweep, and perhaps beyond the first or the last.
+    speeds = np.pad(data.speed.values, 1, constant_values=math.nan)
+    middles = (speeds[1:] + speeds[:-1]) / 2.0
+    return np.array([(middles[i], middles[j + 1]) for i, j in intervals]).reshape(-1, 2)

@@ -15,10 +15,11 @@ from click.testing import CliRunner
 from selenium.webdriver.common.keys import Keys
 
 import gearlib
-from gearlib import cli, config
+from gearlib import cli, config, geometry
 from gearlib.explorer import page, sliders
 from gearlib.explorer.figures import derived_quantities
 from gearlib.explorer.view import SAMPLES, SHOWN_PERIODS, compute_view
+from gearlib.models.from_values import pairs_of_teeth
 from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
 from tests.paper import CONFIG
 
@@ -144,8 +145,43 @@ def test_a_view_of_drawn_gears_shows_the_load_sharing_model():
     )
     assert float(view.run.displacement_max) == pytest.approx(float(run.displacement_max), rel=1e-9)
     quantities = dict(derived_quantities(view))
+    factor = gearlib.duty_point(model, 9000.0).dynamic_factor.item()
+    assert float(view.run.dynamic_factor) == pytest.approx(factor, rel=1e-9)
+    assert quantities["K_v at the speed, without the quality"] == f"{factor:.4f}"
     assert quantities["contact ratio"] == f"{gears.mesh().contact_ratio:.4f}"
     assert quantities["peak-to-peak error"] == f"{1e6 * error.peak_to_peak_error.item():.2f} µm"
+
+
+def test_curves_over_the_speed_are_sweeps_of_pairs_of_teeth_with_iso_beside():
+    quality = {"gears": {"pinion": {"quality": 6}, "wheel": {"quality": 6}}}
+    settings = config.overlay(DRAWN, quality)
+    shown, gears = page.Page(settings, "d"), config.load(settings).gears
+    arguments = {"damping_ratio": 0.03, "backlash_damping_ratio": 0.01}
+    torque = gears.driving_torque()
+    model = gearlib.LoadSharingPair.from_geometry(gears.mesh(), torque=torque, **arguments)
+    curves = {name: source.data for name, source in shown.figures.sources.items()}
+    speeds = curves["up"]["x"]
+    for direction in ("up", "down"):
+        run = {"periods": 70, "record_periods": 10, "initial_state": "static"}
+        sweep = gearlib.sweep(model, speeds=speeds, direction=direction, **run)
+        np.testing.assert_allclose(curves[direction]["y"], sweep.dynamic_factor, rtol=1e-9)
+        height = 1e6 * model.static_deflection * (sweep.displacement_max - sweep.displacement_min)
+        np.testing.assert_allclose(curves[f"{direction}_error"]["y"], height, rtol=1e-9)
+    iso = geometry.dynamic_factor(gears.mesh(), torque, speeds).factor
+    np.testing.assert_allclose(curves["iso"]["y"], iso, rtol=1e-9)
+    jumps = curves["jumps"]["x"]
+    assert 0.0 < np.nanmin(jumps) < np.nanmax(jumps) - 1000.0
+
+
+def test_sliders_of_a_drawing_have_the_damping_ratio_of_pairs_of_teeth():
+    damping = {"material_damping": 500.0, "backlash_damping": 3.0}
+    settings = DRAWN | {"dampings": {"d": damping}}
+    model = pairs_of_teeth(**config.load(settings).teeth_parameters("d"))
+    shown = sliders.Sliders(settings, "d")
+    assert shown.sliders["damping_ratio"].initial == pytest.approx(model.damping_ratio, rel=1e-11)
+    # A change of the torque leaves the damping of the motion as it is.
+    changed = config.load(moved(settings, "d", torque=40.0)).teeth_parameters("d")
+    assert pairs_of_teeth(**changed).material_damping == pytest.approx(500.0, rel=0.02)
 
 
 @pytest.mark.parametrize("settings", [DRAWN, RELIEVED])
@@ -244,7 +280,7 @@ def address(tmp_path_factory):
 
 def _note(driver, old=""):
     """Return the note about the motion; an empty text while the page still shows the old note."""
-    notes = (text for text in texts(driver, "p") if "The motion from rest" in text)
+    notes = (text for text in texts(driver, "p") if "The motion from static equilibrium" in text)
     return next((text for text in notes if text != old), "")
 
 

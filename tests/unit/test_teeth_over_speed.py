@@ -1,0 +1,28 @@
+"""Dynamic factors over speed: jumps, and speeds beyond which they lie."""
+
+import numpy as np
+import pytest
+
+from gearlib.models.from_values import pairs_of_teeth
+from gearlib.studies.jump import find_jump
+from gearlib.studies.teeth_over_speed import over_speed
+
+GEARS = {
+    "pinion": {"teeth": 23, "module": 2.5e-3, "width": 20e-3},
+    "wheel": {"teeth": 61},
+    "torque": 100.0,
+}
+RUN = {"periods": 200, "record_periods": 10}
+
+
+def test_jumps_lie_where_bisection_finds_them_and_not_at_the_ends_of_the_sweep():
+    model = pairs_of_teeth(GEARS, {"damping_ratio": 0.05}, pitch_errors=False)
+    tunings = np.linspace(0.36, 1.1, 149)
+    step = float(model.speed(tunings[1] - tunings[0]))
+    curves = over_speed(model, model.speed(tunings), **RUN)
+    for name in ("up", "down"):
+        jump = find_jump(model, tunings, 1e-4, name, initial_state="static", **RUN)
+        (found,) = curves[f"jump_{name}_speed"].values
+        assert found == pytest.approx(float(model.speed(jump.tuning)), abs=0.51 * step)
+    above = over_speed(model, model.speed(tunings[49:]), **RUN)  # from tuning 0.605
+    assert np.isnan(above.jump_down_speed).all() and above.jump_up_speed == curves.jump_up_speed
