@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from gearlib import GearPair, sweep
+from gearlib import LoadSharingPair, sweep
 from gearlib.figures import style
 from gearlib.geometry import Mesh, SpurGear
 from gearlib.models.geometry.mesh_stiffness import Tooth
@@ -39,7 +39,7 @@ def draw():
     pinion = SpurGear(teeth=23, module=2.5e-3, width=18e-3)
     wheel = SpurGear(teeth=61, module=2.5e-3, width=18e-3)
     mesh = Mesh(pinion, wheel, backlash=80e-6)
-    pair = GearPair.from_geometry(mesh, torque=85.0, damping_ratio=0.12)
+    pair = LoadSharingPair.from_geometry(mesh, torque=85.0, damping_ratio=0.12)
     tunings = np.linspace(0.6, 1.3, 701)
     figure = Figure((8.0, 3.2), layout="constrained")
     gears, curve = figure.subplots(1, 2, width_ratios=(1.0, 1.7))
@@ -54,7 +54,7 @@ def draw():
         ("up", style.PALETTE[0], 6.0),
         ("down", style.PALETTE[4], -32.0),
     ):
-        found = sweep(pair, tunings, periods=400, record_periods=8, direction=direction)
+        found = sweep(pair, tunings, periods=200, record_periods=8, direction=direction)
         height = found.displacement_max.values
         curve.plot(found.tuning, height, color=colour, label=f"speed {direction}")
         k = int(np.argmax(np.abs(np.diff(height))))
