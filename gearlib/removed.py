@@ -17,7 +17,7 @@ _REPLACEMENTS = {
     "order_map takes single orders": "order_track",
     "heyoka and scipy are methods of other packages": "cvode, diffrax",
     "look at the signal": "channels.bits, channels.limits",
-    "duty_point gives the dynamic factor at one speed": "dynamic_factor, relief_dynamics",
+    "duty_point gives the dynamic factor at one speed": "relief_dynamics",
     "the target mesh_stiffness compares stiffnesses": "rectangle",
     "failures and work_precision compare methods": "jump_by_method",
     "the target reducer shows the motions of the train": "one_mesh",

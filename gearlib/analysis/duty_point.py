@@ -18,7 +18,7 @@ from gearlib.analysis.order_maps import mesh_order_amplitudes, recorded_periods,
 from gearlib.data.motions import largest_force
 from gearlib.data.result import result
 from gearlib.models.geometry import iso
-from gearlib.models.geometry.mesh import torque_of
+from gearlib.models.geometry.mesh import Mesh, torque_of
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.model import is_model
 from gearlib.models.one_mesh_system import contact_decay_rate
@@ -101,13 +101,8 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
             cycle_periods = model.repeats
             errors = _worst_stretch(np.array(model.pitch_errors), max_periods)
             model = model.replace(pitch_errors=tuple(errors.tolist()))
-        has_quality = gears.pinion.quality is not None and gears.wheel.quality is not None
-        if has_quality and gears.contact_ratio >= 1.0:
-            checks.finite_positive("speed", speed)
-            # ISO 6336 takes the smaller tip relief of the two gears.
-            reliefs = gears.pinion.tip_relief, gears.wheel.tip_relief
-            tip_relief = min(relief.amount if relief else 0.0 for relief in reliefs)
-            factor = iso.dynamic_factor(gears, torque, speed, tip_relief=tip_relief).factor
+        factor = iso_dynamic_factor(gears, torque, checks.finite_positive("speed", speed))
+        if factor is not None:
             data["iso_dynamic_factor"] = factor
         data["torque"] = float(torque)
     if model.speed is None:
@@ -136,6 +131,19 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
     dataset = result("Duty point of a gear mesh", model, data, meshes | coords, **options)
     dataset["record_periods"].attrs["long_name"] = f"mesh periods of the record, {comment}"
     return dataset.assign_attrs(comment=f"The record is {comment}.")
+
+
+def iso_dynamic_factor(mesh: Mesh, torque: float, speed: float) -> float | None:
+    """Return K_v of ISO 6336-1, method B, at a torque in N m and a speed in rpm of the pinion.
+
+    It is None if a gear has no quality or eps_alpha < 1.
+    """
+    gears = mesh.pinion, mesh.wheel
+    if any(gear.quality is None for gear in gears) or mesh.contact_ratio < 1.0:
+        return None
+    # ISO 6336 takes the smaller tip relief of the two gears.
+    tip_relief = min(gear.tip_relief.amount if gear.tip_relief else 0.0 for gear in gears)
+    return iso.dynamic_factor(mesh, torque, speed, tip_relief=tip_relief).factor
 
 
 def _worst_stretch(pitch_errors: np.ndarray, count: int) -> np.ndarray:

@@ -30,6 +30,7 @@ _RUN_UP = "duration acceleration back initial_state driver max_seconds"
 _SWEEP = "periods record_periods method max_seconds"
 _SCATTER = "tolerance thickness_class distance_class quality quantity samples speed start stop"
 _DATA = click.Argument(["path"], metavar="DATA", type=options.FILE)
+_SPEEDS_IN_TABLE = 14  #: number of speeds in the table of a sweep up and down
 _CURVE_PHASES = 257  #: number of mesh phases of the curve of the mesh stiffness
 
 
@@ -166,19 +167,24 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     """Run many tunings: the resonance characteristic.
 
     The default range of drawn gears includes their --speed. With --direction down it extends
-    downwards until the motion has jumped down.
+    downwards until the motion has jumped down. Pairs of teeth are swept up and down, unless a
+    direction is given.
     """
     import numpy as np
 
     from gearlib.runs import run_arguments, sweeping
 
-    first, last = _tuning_range(model, start, stop)
+    both_ways = direction is None and gears.kind == "teeth"
+    direction = direction or "cold"
+    first, last = _tuning_range(model, 0.1 if both_ways and start is None else start, stop)
     checks.require(first != last, "stop", stop, "another tuning than start")
     is_default_range, speed = gears.drawn and start is None and stop is None, in_rpm("speed", speed)
     if is_default_range and (speed := speed or gears.drawn.speed):
         tuning = run_arguments.tuning_at_speed(model, "speed", speed)
         first, last = min(first, tuning), max(last, tuning)
     grid = np.linspace(first, last, points)
+    if both_ways:
+        return _sweep_up_and_down(gears, model, grid, **settings)
     if is_default_range and direction == "down":
         lowest = sweeping.EXTENSION_RATIO * first
         curve, jumped = sweeping.sweep_down(model, grid, lowest, **settings)
@@ -194,6 +200,35 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     click.echo(f"{curve.tuning.size} tunings, {failed} failed; at the largest {text}:")
     output.show(_at_largest(curve, curve[name], "tuning"))
     return curve, lambda plot: plot.resonance(curve)
+
+
+def _sweep_up_and_down(gears, model, tunings, **settings):
+    """Print dynamic factor and transmission error of pairs of teeth over the speed, up and down."""
+    import numpy as np
+    import pandas
+
+    from gearlib.data import motions
+    from gearlib.figures import dynamic_factor_figure
+    from gearlib.studies.teeth_over_speed import over_speed
+
+    curves = over_speed(model, model.speed(np.sort(tunings)), gears.drawn.speed, **settings)
+    if not curves.get("complete", True):
+        click.echo("The sweeps were stopped after --max-seconds.")
+    rows = np.unique(np.linspace(0, curves.tuning.size - 1, _SPEEDS_IN_TABLE).round().astype(int))
+    shown = curves.isel(tuning=rows)
+    columns = {"rpm": shown.speed}
+    for direction in shown.direction.values:
+        curve = shown.sel(direction=direction)
+        columns[f"K_v {direction}"] = curve.dynamic_factor
+        columns[f"error {direction}, um"] = 1e6 * curve.error_peak_to_peak
+    if "iso_dynamic_factor" in shown:
+        columns["K_v ISO 6336"] = shown.iso_dynamic_factor
+    output.frame(pandas.DataFrame({name: x.values for name, x in columns.items()}).set_index("rpm"))
+    jumps = zip(curves.jump_up_speed.values, curves.jump_down_speed.values, strict=True)
+    for up, down in jumps:
+        click.echo(f"The motion jumps at {up:.0f} rpm going up and at {down:.0f} rpm going down.")
+    click.echo(click.wrap_text(motions.describe_contact_loss(curves), output.WIDTH))
+    return curves, lambda plot: dynamic_factor_figure.draw(curves).axes[0]
 
 
 @gear_command("run-up", f"start stop {_RUN_UP}", "revolution")
@@ -425,13 +460,15 @@ def gears(format, save, plot, force, **values):
         import yaml
 
         output.write_text(save, yaml.safe_dump(drawn.mapping, sort_keys=False, allow_unicode=True))
-    drawing, pair = drawn.settings.gears, drawn.settings.pair_parameters(drawn.damping)
-    load = drawing.load() | {"damping": {name: pair[name] for name in DAMPINGS}}
-    mesh, method, method_options = drawing.mesh(), drawing.stiffness, drawing.stiffness_options
+    drawing, damping = drawn.settings.gears, drawn.settings.dampings[drawn.damping].given()
     # The table has all methods; the options belong to the configured one, by default iso.
-    rows = gear_table.gear_quantities(mesh, options={method or "iso": method_options}, **load)
+    options_by_method = {drawing.stiffness or "iso": drawing.stiffness_options}
+    load = drawing.load() | {"damping": damping}
+    rows = gear_table.gear_quantities(drawing.mesh(), options=options_by_method, **load)
     if drawing.speed and drawn.damping != NO_DAMPING:
-        rows += gear_table.duty_rows(mesh, stiffness=method, options=method_options, **load)
+        model = drawn.model()
+        point = drawing.speed, drawing.driving_torque()
+        rows += gear_table.duty_rows(model, *point, drawn.stiffness(model))
     if format == "text":
         click.echo(drawn.name)
     output.gear_table(rows, format)

@@ -183,7 +183,11 @@ _TABLE = {
     "start": ("First tuning, or speed such as 1500rpm. Default: 0.5.", number_or_text),
     "stop": ("Last tuning, or speed such as 5000rpm. Default: 1.4.", number_or_text),
     "points": ("Number of tunings.", 901, {"type": click.IntRange(2, 10_000_000)}),
-    "direction": ("Start from rest, or from the run before, up or down.", "cold", _DIRECTIONS),
+    "direction": (
+        "Start from rest, or from the run before, up or down. Default: up and down for pairs of "
+        "teeth, else cold.",
+        *(None, _DIRECTIONS),
+    ),
     "run-up start": ("First speed, rpm.", number_or_text),
     "run-up stop": ("Last speed, rpm.", number_or_text),
     "duration": ("Time from the first to the last speed, s.", in_unit("s", "2 s")),

@@ -122,10 +122,18 @@ def gear_table(rows, file_format):
         csv.writer(text, lineterminator="\n").writerows(cells(rows))
         click.echo(text.getvalue(), nl=False)
     else:
-        for columns, block in itertools.groupby(rows, lambda row: tuple(row.values)):
+        # Mesh orders have a row each.
+        amplitudes = [row for row in rows if row.name.startswith("mesh_order")]
+        others = [row for row in rows if row not in amplitudes]
+        for columns, block in itertools.groupby(others, lambda row: tuple(row.values)):
             click.echo(f"{'':25}{''.join(f'{column:13}' for column in columns)}")
             terms = []
             for row in block:
                 values = "".join(f"{value:<13.6g}" for value in row.values.values())
                 terms.append((f"{row.name:25}{values}{row.unit:6}", row.meaning))
             definitions(terms)
+        if amplitudes:
+            import pandas
+
+            columns = {f"{row.name}, {row.unit}": row.values for row in amplitudes}
+            frame(pandas.DataFrame(columns).rename_axis("peak amplitudes"))

@@ -10,7 +10,7 @@ from gearlib.config import gear_names, measured_description, targets
 from gearlib.config import types as t
 from gearlib.config.experiments import FRICTION_HISTORIES, SIX_DEGREE_HISTORIES
 from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
-from gearlib.config.gears_section import Gears, HarrisMap, MeshStiffness
+from gearlib.config.gears_section import DynamicFactor, Gears, HarrisMap, MeshStiffness
 from gearlib.config.tolerances_section import Tolerances
 from gearlib.config.train_section import PAIR_TRAINS, Campbell, Reducer, Train, TrainSweep
 from gearlib.config.types import MAX_JOBS, SECTION, Distinct, Name, Section, field
@@ -21,6 +21,7 @@ Target = Literal[
     *("branches", "certificates", "nonlinear_damping", "models", "parametric_resonance"),
     *("basins", "bifurcation", "poincare", "analytic_method", "stability_chart", "failures"),
     *("work_precision", "reducer", "campbell", "train_sweep", "mesh_stiffness", "harris_map"),
+    "dynamic_factor",
     *("measured", "tolerances"),
 ]
 TARGETS = get_args(Target)
@@ -90,6 +91,7 @@ class Config(Section):
     train_sweep: TrainSweep = SECTION
     mesh_stiffness: MeshStiffness = SECTION
     harris_map: HarrisMap = SECTION
+    dynamic_factor: DynamicFactor = SECTION
     tolerances: Tolerances = SECTION
 
     @field_validator("targets", mode="before")

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from gearlib import parameters
+from gearlib import checks, parameters
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
 from gearlib.config.types import Section, create_section, field
@@ -33,7 +33,7 @@ Z20_PAIR = {
     "torque": 500.0,
 }
 #: Section of a study of drawn gears -> its key of the gears.
-GEARS_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears"}
+GEARS_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears", "dynamic_factor": "gears"}
 _RING_KEYS = ("internal", "outer_diameter")
 
 
@@ -261,20 +261,46 @@ class HarrisMap(Section):
         return self
 
 
+class DynamicFactor(Section):
+    """Dynamic factor and transmission error of pairs of teeth over speed, up and down."""
+
+    gears: DrawnPair = field(
+        "The pair and its load; pitch errors are left out. By default FZG type C.",
+        FZG_C | {"backlash": 160e-6},
+    )
+    damping_ratio: t.number(gt=0, lt=1) = field(
+        "Damping ratio of these gears; those of the section gears have their own damping.", 0.05
+    )
+    start: t.Speed = field(
+        "First speed of the pinion, rpm. Default: a tenth of the resonance speed.", None
+    )
+    stop: t.Speed = field("Last speed, rpm. Default: 1.4 times the resonance speed.", None)
+    points: t.integer(2, 10_000) = field("Number of speeds.", 301)
+
+    @model_validator(mode="after")
+    def _check(self) -> "DynamicFactor":
+        """Raise ValueError if the gears are impossible or the speeds do not increase."""
+        self.gears.check(".gears", stiffness_methods=())
+        allowed = f"above .start = {self.start!r}"
+        is_range = self.start is None or self.stop is None or self.start < self.stop
+        checks.require(is_range, ".stop", self.stop, allowed)
+        return self
+
+
 def takes_configured_gears(config: Any, section_name: str) -> bool:
-    """Return whether "mesh_stiffness" or "harris_map" has no gears and uses the configured ones."""
+    """Return whether a section in `GEARS_KEYS` has no gears and uses the configured ones."""
     section = getattr(config, section_name)
     return config.gears is not None and GEARS_KEYS[section_name] not in section.model_fields_set
 
 
 def drawn_pairs(config: Any, section_name: str) -> dict[str, DrawnPair]:
-    """Return name -> drawn pair of the section "mesh_stiffness" or "harris_map".
+    """Return name -> drawn pair of a section in `GEARS_KEYS`.
 
     If the section has no gears, these are the drawn gears of the configuration.
     """
     if not takes_configured_gears(config, section_name):
-        is_map = section_name == "harris_map"
-        return {section_name: config.harris_map.gears} if is_map else config.mesh_stiffness.pairs
+        pairs = getattr(getattr(config, section_name), GEARS_KEYS[section_name])
+        return pairs if isinstance(pairs, dict) else {section_name: pairs}
     torque = config.gears.driving_torque()
     # The class of the pairs of "mesh_stiffness"; `published` keeps its default, no values.
     pair = PublishedPair.model_construct(**dict(config.gears) | {"torque": torque})
@@ -282,15 +308,13 @@ def drawn_pairs(config: Any, section_name: str) -> dict[str, DrawnPair]:
 
 
 def unsuitable_gears(config: Any, section_name: str) -> str:
-    """Return why "mesh_stiffness" or "harris_map" cannot use the configured gears, else ""."""
+    """Return why a section in `GEARS_KEYS` cannot use the configured gears, else ""."""
     if not takes_configured_gears(config, section_name):
         return ""
-    methods = ["iso", "energy"]
-    if section_name == "harris_map":
-        methods = [config.harris_map.stiffness]
+    methods = {"mesh_stiffness": ["iso", "energy"], "harris_map": [config.harris_map.stiffness]}
     try:
         for pair in drawn_pairs(config, section_name).values():
-            pair.check("gears", stiffness_methods=methods)
+            pair.check("gears", stiffness_methods=methods.get(section_name, ()))
     except ValueError as error:
         return str(error)
     return ""

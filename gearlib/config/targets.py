@@ -98,7 +98,7 @@ def _claims_error(config: Any) -> str:
 
 
 def _drawing_error(section_name: str, config: Any) -> str:
-    """Return why "mesh_stiffness" or "harris_map" has no drawing of the gears, else ""."""
+    """Return why a section of drawn gears has none, else ""."""
     key = gears_section.GEARS_KEYS[section_name]
     is_given = config.gears or key in getattr(config, section_name).model_fields_set
     if not is_given and not gear_names.is_paper(config):
@@ -165,6 +165,7 @@ _REFUSALS = {
     "train_sweep": _train_sweep_error,
     "mesh_stiffness": partial(_drawing_error, "mesh_stiffness"),
     "harris_map": partial(_drawing_error, "harris_map"),
+    "dynamic_factor": partial(_drawing_error, "dynamic_factor"),
     "measured": lambda x: "" if x.measured else NO_MEASURED_SETS,
     "tolerances": _tolerances_error,
 }

@@ -97,7 +97,10 @@ def describe_contact_loss(sweeps):
     others = [dim for dim in sweeps.fraction_backlash.dims if dim != "tuning"]
     loses = (sweeps.fraction_backlash > FRACTION_TOLERANCE).any(others).values
     speed, factor = sweeps.speed.values, float(sweeps.dynamic_factor.max())
-    intervals = [f"{speed[i]:.0f} to {speed[j]:.0f}" for i, j in true_intervals(loses)]
+    intervals = [
+        f"{speed[i]:.0f} to {speed[j]:.0f}" if j > i else f"{speed[i]:.0f}"
+        for i, j in true_intervals(loses)
+    ]
     lost = f"lose contact at {', '.join(intervals)} rpm" if intervals else "keep contact"
     return f"Pairs of teeth {lost}; their largest dynamic factor is {factor:.3g}."
 

@@ -126,6 +126,9 @@ DESCRIPTIONS = {
     # duty point
     "mesh_frequency_hertz": ("Hz", "mesh frequency"),
     "resonance_speed": ("min-1", "speed at tuning 1"),
+    "operating_speed": ("min-1", "operating speed of the pinion"),
+    "jump_up_speed": ("min-1", "speed above which the motion jumps, running up"),
+    "jump_down_speed": ("min-1", "speed below which the motion jumps, running down"),
     "iso_dynamic_factor": ("1", "dynamic factor K_v of ISO 6336-1, method B"),
     "static_force": ("N", "static mesh force"),
     "mesh_force_max": ("N", "largest mesh force"),

@@ -20,6 +20,7 @@ _MIN_AMPLITUDE = 1e-6
 #: Curves of the resonance figure: extrema of both sweeps. Indices of colours in the palette.
 _SWEEPS = ("up", "up_min", "down", "down_min")
 _FIRST_COLOUR, _SECOND_COLOUR, _GREY = 0, 4, 3
+_SPEED_LABEL = "speed of the pinion, rpm"
 
 
 class Figures:
@@ -43,11 +44,13 @@ class Figures:
 
     def draw(self, view: View) -> str:
         """Draw the results of a view into all figures, and return its message."""
-        resonance_speed, tuning = float(view.pair.speed(1.0)), float(view.run.tuning)
-        for name, curve in (("up", view.up), ("down", view.down)):
-            x = curve.tuning.values * (resonance_speed if self.drawn else 1.0)
-            self._set(name, x, curve.displacement_max.values)
-            self._set(f"{name}_min", x, curve.displacement_min.values)
+        tuning = float(view.run.tuning)
+        if self.drawn:
+            self._draw_curves(view.curves)
+        else:
+            for name, curve in (("up", view.up), ("down", view.down)):
+                self._set(name, curve.tuning.values, curve.displacement_max.values)
+                self._set(f"{name}_min", curve.tuning.values, curve.displacement_min.values)
         history = view.run.isel(phase=slice(-SHOWN_PERIODS * SAMPLES, None))
         phase, displacement = history.phase.values, history.displacement.values
         self._set("plane", displacement, history.velocity.values)
@@ -56,11 +59,29 @@ class Figures:
         self._set("multipliers", view.multipliers.real, view.multipliers.imag)
         if view.orders is not None:
             self._set("orders", *_stems(view.orders))
-        self.marker.location = float(view.run.speed) if self.drawn else tuning
         if self.drawn:
+            self.marker.location = float(view.run.speed)
             self._draw_teeth(view)
-        speed = resonance_speed * tuning
-        return view.message if self.drawn else f"{speed:.6g} rpm. {view.message}"
+            return view.message
+        self.marker.location = tuning
+        return f"{float(view.run.speed):.6g} rpm. {view.message}"
+
+    def _draw_curves(self, curves) -> None:
+        """Draw dynamic factor and transmission error over the speed, and where the motion jumps."""
+        speed = curves.speed.values
+        for name in ("up", "down"):
+            curve = curves.sel(direction=name)
+            self._set(name, speed, curve.dynamic_factor.values)
+            self._set(f"{name}_error", speed, 1e6 * curve.error_peak_to_peak.values)
+        iso = curves.get("iso_dynamic_factor")
+        factors = np.full(speed.size, np.nan) if iso is None else iso.values
+        self._set("iso", speed, factors)
+        jumps = np.append(curves.jump_up_speed.values, curves.jump_down_speed.values)
+        top = float(np.nanmax(curves.dynamic_factor))
+        # Vertical lines, separated by NaN; at least one NaN, for a curve without points.
+        x = np.column_stack([jumps, jumps, np.full(jumps.size, np.nan)]).ravel()
+        y = np.tile([0.0, top, np.nan], jumps.size)
+        self._set("jumps", np.append(x, np.nan), np.append(y, np.nan))
 
     def _draw_teeth(self, view: View) -> None:
         """Show the derived quantities, the Harris map and the load share of drawn gears."""
@@ -93,11 +114,21 @@ class Figures:
 
     def _resonance_figure(self):
         """Return the figure of the resonance curve and its marker at the chosen speed or tuning."""
-        labels = {name: {"legend_label": f"sweep {name.split('_')[0]}"} for name in _SWEEPS}
-        colours = (_FIRST_COLOUR, _FIRST_COLOUR, _SECOND_COLOUR, _SECOND_COLOUR)
-        lines = zip(_SWEEPS, colours, labels.values(), strict=True)
-        x = "speed of the pinion, rpm" if self.drawn else "tuning ν"
-        title, y = "Resonance characteristic: extrema", "displacement, static deflections"
+        if self.drawn:
+            title, y = "Pairs of teeth: dynamic factor", "dynamic factor"
+            x = _SPEED_LABEL
+            lines = [
+                ("up", _FIRST_COLOUR, {"legend_label": "running up"}),
+                ("down", _SECOND_COLOUR, {"legend_label": "running down"}),
+                ("iso", _GREY, {"legend_label": "ISO 6336-1, method B"}),
+                ("jumps", _GREY, {"legend_label": "jumps", "line_dash": "dotted"}),
+            ]
+        else:
+            title, y = "Resonance characteristic: extrema", "displacement, static deflections"
+            x = "tuning ν"
+            labels = [{"legend_label": f"sweep {name.split('_')[0]}"} for name in _SWEEPS]
+            colours = (_FIRST_COLOUR, _FIRST_COLOUR, _SECOND_COLOUR, _SECOND_COLOUR)
+            lines = list(zip(_SWEEPS, colours, labels, strict=True))
         plot = self._plot(title, x, y, *lines, toolbar_location="right")
         plot.legend.click_policy = "hide"
         marker = Span(dimension="height", line_color="#999999", line_dash="dashed")
@@ -124,7 +155,7 @@ class Figures:
         return [plane, history, multipliers, spectrum]
 
     def _teeth_figures(self) -> list:
-        """Return figures of the Harris map and of the load share of a pair of teeth."""
+        """Return figures of the Harris map, of load share and of transmission error over speed."""
         lines = [(name, _GREY, {"legend_label": name}) for name in self.harris_names[:-1]]
         lines.append(("chosen", _FIRST_COLOUR, {"line_width": 3, "legend_label": "1"}))  # ratio
         x, y = "mesh phase / 2π", "transmission error, µm"
@@ -132,7 +163,10 @@ class Figures:
         harris_map.add_layout(harris_map.legend[0], "below")
         harris_map.legend.update(orientation="horizontal", title="torque over the chosen one")
         title, x = "Load share of a pair of teeth", "position on the path of contact, mm"
-        return [harris_map, self._plot(title, x, "", ("share", _FIRST_COLOUR, {}))]
+        share = self._plot(title, x, "", ("share", _FIRST_COLOUR, {}))
+        lines = [("up_error", _FIRST_COLOUR, {}), ("down_error", _SECOND_COLOUR, {})]
+        title = "Transmission error, peak to peak"
+        return [harris_map, share, self._plot(title, _SPEED_LABEL, "µm", *lines)]
 
 
 def _load_share_along_path(error, phases: int):
@@ -168,6 +202,8 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("contact ratio", f"{mesh.contact_ratio:.4f}"),
         ("working pressure angle", f"{math.degrees(mesh.working_pressure_angle):.2f}°"),
         ("centre distance", f"{1e3 * mesh.centre_distance:.3f} mm"),
+        ("dynamic factor at this speed", f"{float(view.run.dynamic_factor):.4f}"),
+        ("stiffness", str(view.run.attrs["stiffness_model"])),
         ("backlash", f"{1e6 * mesh.backlash:.4g} µm"),
         ("least backlash, ISO/TR 10064-2", f"{1e6 * mesh.recommended_backlash:.4g} µm"),
         ("C_max", f"{1e-6 * pair.max_stiffness:.4g} N/µm"),

@@ -10,16 +10,19 @@ from gearlib import config
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.order_maps import orders
 from gearlib.data import motions
-from gearlib.data.motions import mask_unbounded
-from gearlib.models.load_sharing_pair import default_load_sharing_pair
+from gearlib.data.motions import describe_contact_loss, mask_unbounded
+from gearlib.models.from_values import pairs_of_teeth
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
-from gearlib.runs.sweeping import EXTENSION_RATIO, sweep, sweep_down
+from gearlib.runs.sweeping import sweep
+from gearlib.studies.teeth_over_speed import over_speed
 
 #: Mesh periods of the time history that is drawn, and samples of each.
 SHOWN_PERIODS, SAMPLES = 3, 256
 #: Points of a resonance curve; mesh periods of each, of which the last are evaluated.
 _POINTS, _PERIODS, _RECORDED = 500, 70, 10
+#: Speeds of the curves of gears given by geometry.
+_SPEEDS = 301
 #: Mesh periods of the motion at the setting before its record, and the longest record of them.
 _SETTLING_PERIODS, _MAX_RECORDED = 280, 100
 #: Ends of the resonance curve of drawn gears, over the resonance speed.
@@ -35,15 +38,16 @@ _HELICAL_PHASES = 64
 class View(NamedTuple):
     """The results of one configuration at its speed or tuning."""
 
-    pair: GearPair  #: with the rectangular stiffness of the resonance curve
-    up: xr.Dataset  #: of a sweep up
-    down: xr.Dataset  #: of a sweep down
-    run: xr.Dataset  #: of `gearlib.simulate` at the tuning; of drawn gears with load sharing
+    pair: GearPair  #: of gears given by geometry, that of their pairs of teeth
+    run: xr.Dataset  #: of `gearlib.simulate` at the speed or tuning
     multipliers: np.ndarray  #: Floquet multipliers, empty if no orbit was found
     message: str  #: sentences about the motion
     orders: xr.Dataset | None  #: order spectrum, if the run did not fail
-    mesh: Any = None  #: of drawn gears
-    error: Any = None  #: `Mesh.transmission_error` of drawn gears at torques
+    up: Any = None  #: of a sweep up of gears given by numbers
+    down: Any = None  #: of a sweep down
+    curves: Any = None  #: of `over_speed` of gears given by geometry
+    mesh: Any = None  #: of gears given by geometry
+    error: Any = None  #: `Mesh.transmission_error` at torques
 
 
 def compute_view(mapping: dict, damping: str) -> View:
@@ -56,16 +60,20 @@ def compute_view(mapping: dict, damping: str) -> View:
     tuning = settings.phase_planes.tunings[0]
     if settings.gears is None:
         tunings = np.linspace(settings.resonance.start, settings.resonance.stop, _POINTS)
-        return _compute_motions(pair, pair, tunings, tuning)
+        # The kernels release the interpreter lock.
+        with ThreadPoolExecutor(2) as pool:
+            up, down = pool.map(lambda to: _resonance_curve(pair, tunings, to), ("up", "down"))
+        return _view_of_motion(pair, tuning)._replace(up=up, down=down)
     gears = settings.gears
     mesh, torque = gears.mesh(), gears.driving_torque()
-    ratios = {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
-    method = {"stiffness": gears.stiffness, "options": gears.stiffness_options}
-    model = default_load_sharing_pair(mesh, torque=torque, **ratios, **method)
-    resonance_speed, speed = pair.speed(1.0), float(pair.speed(tuning))
-    min_speed = min(MIN_SPEED_RATIO * resonance_speed, speed)
-    max_speed = max(MAX_SPEED_RATIO * resonance_speed, speed)
-    tunings = pair.tuning_at(np.linspace(min_speed, max_speed, _POINTS))
+    model = pairs_of_teeth(**settings.teeth_parameters(damping))
+    resonance_speed, speed = float(model.speed(1.0)), float(pair.speed(tuning))
+    lowest = min(MIN_SPEED_RATIO * resonance_speed, speed)
+    highest = max(MAX_SPEED_RATIO * resonance_speed, speed)
+    # The whole cycle of pitch errors is too long for each speed.
+    without_errors = model.replace(pitch_errors=(0.0,))
+    periods = {"periods": _PERIODS, "record_periods": _RECORDED}
+    curves = over_speed(without_errors, np.linspace(lowest, highest, _SPEEDS), speed, **periods)
     # The same teeth meet again after as many mesh periods as there are pitch errors.
     repeat_periods = len(mesh.pitch_errors)
     most_phases = _HELICAL_PHASES if mesh.overlap_ratio else _PHASES
@@ -73,46 +81,45 @@ def compute_view(mapping: dict, damping: str) -> View:
     torques = [*(ratio * torque for ratio in TORQUE_RATIOS), torque]
     options = {name: getattr(model, name) for name in ("stiffness", "coupling", "twist")}
     error = mesh.transmission_error(torques, phases=phases, **options)
-    tuning = float(model.tuning_at(speed))
-    view = _compute_motions(pair, model, tunings, tuning, repeat_periods)
-    return view._replace(mesh=mesh, error=error)
+    view = _view_of_motion(model, float(model.tuning_at(speed)), repeat_periods)
+    message = f"{view.message} {describe_contact_loss(curves)}"
+    return view._replace(curves=curves, mesh=mesh, error=error, message=message)
 
 
-def _compute_motions(pair, model, tunings: np.ndarray, tuning: float, repeat_periods: int = 1):
-    """Return the `View` of the resonance curves of `pair` and the motion of `model` at a tuning.
-
-    The model is `pair` itself, or has load sharing if the gears are drawn; its pitch errors repeat
-    after `repeat_periods` mesh periods. `tunings` are those of the curves.
-    """
+def _resonance_curve(pair: GearPair, tunings: np.ndarray, direction: str) -> xr.Dataset:
+    """Return a sweep "up" or "down" of gears given by numbers, NaN where it is unbounded."""
     settings = {"periods": _PERIODS, "record_periods": _RECORDED, "threads": 1}
+    curve = sweep(pair, tunings, direction=direction, **settings)
+    # Motions far beyond the larger of backlash and static deflection count as unbounded.
+    return mask_unbounded(curve, pair.extent)
 
-    def resonance_curve(direction):
-        """Return (dataset of a sweep "up" or "down", False if it ends before the jump down)."""
-        # Only the sweep of drawn gears is extended down to the jump.
-        if model is not pair and direction == "down":
-            curve, jumped = sweep_down(pair, tunings, EXTENSION_RATIO * tunings[0], **settings)
-        else:
-            curve, jumped = sweep(pair, tunings, direction=direction, **settings), True
-        # Motions far beyond the larger of backlash and static deflection count as unbounded.
-        return mask_unbounded(curve, pair.extent), jumped
 
-    # The kernels release the interpreter lock.
-    with ThreadPoolExecutor(2) as pool:
-        (up, _), (down, jumped) = pool.map(resonance_curve, ("up", "down"))
+def _view_of_motion(model: Any, tuning: float, repeat_periods: int = 1) -> View:
+    """Return the `View` of the motion of a model at a tuning, without curves over the speed.
+
+    Pitch errors repeat after `repeat_periods` mesh periods. Pairs of teeth start in static
+    equilibrium.
+    """
     # The record spans a revolution, or with pitch errors the periods until the same teeth meet.
     recorded = max(round(model.periods_per_revolution), min(repeat_periods, _MAX_RECORDED))
     periods = {"periods": _SETTLING_PERIODS + recorded, "record_periods": recorded}
-    run = simulate(model, tuning, **periods, samples_per_period=SAMPLES, until_settled=True)
+    start = (0.0, 0.0) if model.mesh is model else "static"
+    run = simulate(
+        model,
+        tuning,
+        **periods,
+        initial_state=start,
+        samples_per_period=SAMPLES,
+        until_settled=True,
+    )
     message = f"{motions.describe(run)} Followed for {periods['periods']} mesh periods, at each "
     message += f"speed of the characteristic for {_PERIODS}."
-    if not jumped:
-        message += f" Going down it has not jumped at {float(down.speed[0]):.0f} rpm, the lowest."
     multipliers = _floquet_multipliers(model, run)
     if multipliers.size:
         magnitudes = ", ".join(f"{abs(multiplier):.4g}" for multiplier in multipliers)
         message += f" Floquet multipliers in magnitude: {magnitudes}."
     spectrum = None if int(run.status) else orders(run)
-    return View(pair, up, down, run, multipliers, message, spectrum)
+    return View(model.mesh, run, multipliers, message, spectrum)
 
 
 def _floquet_multipliers(model, run: xr.Dataset) -> np.ndarray:

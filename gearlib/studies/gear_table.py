@@ -4,13 +4,19 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from gearlib.models.geometry import drawings
+from gearlib.models.geometry.mesh import PAIR_OPTIONS
 from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
+from gearlib.models.pair_parameters import RATIOS
 
 METHODS = ("iso", "energy")
-#: Multiples of the mesh order in the table of the operating point.
-_MESH_ORDERS = (1, 2, 3)
+#: Smallest amplitude of a mesh order in the table, of force or error, over the largest.
+_LEAST_AMPLITUDE = 0.05
+#: Note on K_v of ISO 6336-1.
+_QUALITY = "; here the quality of the gears counts, and in `gearlib scatter`, not in other rows"
 _DEGREE = math.pi / 180.0
 #: Name, unit and meaning of a quantity, and its value from a gear and its tip clearance.
 _GEAR_QUANTITIES = (
@@ -77,21 +83,24 @@ def gear_quantities(
 ) -> list[Quantity]:
     """Return geometry, stiffness and load of a `Mesh` as rows of a table.
 
-    `damping` has material_damping and backlash_damping (N s/m); `options` maps each stiffness
-    method to its options; `load` has torque (N m), or power (W) and speed (rpm). A method that is
-    not valid for these gears is omitted.
+    `damping` has ratios, which hold for every method, or material_damping and backlash_damping
+    (N s/m); `options` maps each stiffness method to its options; `load` has torque (N m), or power
+    (W) and speed (rpm). A method that is not valid for these gears is omitted.
     """
+    damping = damping or {"material_damping": 0.0}
+    coefficients = {name: value for name, value in damping.items() if name in RATIOS.values()}
+    ratios = {name: value for name, value in damping.items() if name not in coefficients}
     pairs, refusals = {}, []  # method -> `GearPair`
     for method in METHODS:
         stiffness = {"stiffness": method, "options": (options or {}).get(method)}
         try:
-            pair = GearPair.from_geometry(mesh, **load, **stiffness)
+            pair = GearPair.from_geometry(mesh, **load, **stiffness, **ratios)
         except ValueError as error:
             # ISO 6336 has no stiffness for transverse contact ratios below 1, and the gear body of
             # the energy method is not defined for large bores.
             refusals.append(error)
             continue
-        pairs[method] = pair.replace(**(damping or {"material_damping": 0.0}))
+        pairs[method] = pair.replace(**coefficients)
     if not pairs:
         raise refusals[0]
     # Tip clearances (m), between the tip of a gear and the root of the other one.
@@ -104,7 +113,19 @@ def gear_quantities(
     ]
     uncertainties = {method: 100.0 * UNCERTAINTY[method] for method in pairs}
     sources = "; ".join(f"{method}: {SOURCES[method]}" for method in pairs)
-    return [*rows, Quantity("uncertainty", "%", uncertainties, f"of the stiffness; {sources}")]
+    meaning = f"of the stiffness; {sources}{_note_on_ranges(pairs)}"
+    return [*rows, Quantity("uncertainty", "%", uncertainties, meaning)]
+
+
+def _note_on_ranges(pairs: dict[str, GearPair]) -> str:
+    """Return a text if the uncertain mean stiffnesses of the methods do not overlap, else ""."""
+    means = {method: pair.mean_stiffness for method, pair in pairs.items()}
+    lowest = max(mean * (1.0 - UNCERTAINTY[method]) for method, mean in means.items())
+    highest = min(mean * (1.0 + UNCERTAINTY[method]) for method, mean in means.items())
+    if lowest <= highest:
+        return ""
+    ratio = max(means.values()) / min(means.values())
+    return f". The means differ by the factor {ratio:.3g}: these ranges do not overlap"
 
 
 def _quantities(definitions: Iterable[tuple], arguments: dict[str, tuple]) -> list[Quantity]:
@@ -146,27 +167,29 @@ def rows(pairs: dict[str, dict], drawing: dict | None) -> Iterator[list]:
         yield [name, of, f"{value:.6g}", unit, meaning]
 
 
-def duty_rows(
-    mesh: Any, speed: float, *, damping=None, stiffness=None, options=None, **load: Any
-) -> Iterator[Quantity]:
-    """Yield the quantities of a `Mesh` at an operating point, a speed in rpm and a load.
+def duty_rows(model: Any, speed: float, torque: float, stiffness_model: str) -> Iterator[Quantity]:
+    """Yield the quantities of a `LoadSharingPair` at a speed in rpm and a torque in N m.
 
-    `load` has torque (N m) or power (W); `damping` has material_damping and backlash_damping
-    (N s/m); `stiffness` is the name of the stiffness method ("iso" by default), `options` are those
-    of this method.
+    Gears, damping and stiffness are those of the model; `stiffness_model` describes it in words.
     """
     # Imported here, because a table without this point does not need the compiled kernels.
     from gearlib.analysis.duty_point import duty_point
 
-    arguments = {"stiffness": stiffness or "iso", "options": options, "speed": speed}
-    pair = GearPair.from_geometry(mesh, **arguments, **load).replace(**(damping or {}))
-    load |= {name: getattr(pair, name) for name in ("damping_ratio", "backlash_damping_ratio")}
-    point = duty_point(mesh, speed, stiffness=stiffness, options=options, **load)
+    ratios = {name: getattr(model, name) for name in ("damping_ratio", "backlash_damping_ratio")}
+    options = {name: getattr(model, name) for name in PAIR_OPTIONS}
+    method = {"stiffness": model.stiffness, "options": options}
+    point = duty_point(model.drawing, speed, torque=torque, **method, **ratios)
+    damping = "beta {damping_ratio:.4g}, beta_m {backlash_damping_ratio:.4g}".format(**ratios)
+    notes = {"dynamic_factor": f"; {stiffness_model}; {damping}", "iso_dynamic_factor": _QUALITY}
+    amplitudes = np.stack([point[name] for name in ("mesh_order_force", "mesh_order_error")])
+    # Amplitudes are NaN if there are too few samples.
+    largest = np.fmax.reduce(amplitudes, axis=1, keepdims=True)
+    listed = np.flatnonzero((amplitudes > _LEAST_AMPLITUDE * largest).any(0))
     table_units = {"m": ("um", 1e6), "min-1": ("rpm", 1.0), "1": ("", 1.0)}
     for name, variable in point.drop_vars("torque").data_vars.items():
         unit, scale = table_units.get(variable.units, (variable.units, 1.0))
         if variable.ndim:
-            values = {f"order {n}": scale * variable.values[n - 1] for n in _MESH_ORDERS}
+            values = {f"order {i + 1}": scale * float(variable[i]) for i in listed}
         else:
             values = {"duty point": scale * variable.item()}
-        yield Quantity(name, unit, values, variable.long_name)
+        yield Quantity(name, unit, values, variable.long_name + notes.get(name, ""))

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from gearlib import GearPair
+from gearlib import GearPair, LoadSharingPair, duty_point
 from gearlib.cli import main
 from gearlib.config import cases, load, overlay, overlay_gears
 from gearlib.config.gears_section import DrawnPair, PinionSection
@@ -137,8 +137,25 @@ def test_command_line_options_override_the_configuration(tmp_path):
     for changes, torque, damping in (((), 302.0, 0.06), (options, 100.0, 0.1)):
         table = values(json.loads(call("--format", "json", *changes).output))
         assert table["backlash"]["mesh"] == pytest.approx(160.5, rel=1e-12)
-        assert table["damping_ratio"]["iso"] == pytest.approx(damping, rel=1e-10)
+        # The ratio that the user gives holds for every method.
+        assert table["damping_ratio"] == pytest.approx(dict.fromkeys(table["uncertainty"], damping))
         assert table["torque"]["mesh"] == pytest.approx(torque, rel=1e-12)
+
+
+@pytest.mark.parametrize("damping", [{"damping_ratio": 0.05}, {"material_damping": 800.0}])
+def test_table_has_the_duty_point_of_pairs_of_teeth_with_its_damping_and_large_orders(damping):
+    mesh, load = fzg(), {"torque": 302.0, **damping}
+    model = LoadSharingPair.from_geometry(mesh, **load)
+    rows = gear_table.duty_rows(model, 2170.0, 302.0, model.stiffness_model)
+    table = values([row._asdict() for row in rows])
+    point = duty_point(mesh, 2170.0, **load)
+    factor = pytest.approx(point.dynamic_factor.item(), rel=1e-9)
+    assert table["dynamic_factor"]["duty point"] == factor
+    curves = [point.mesh_order_force.values, point.mesh_order_error.values]
+    is_large = np.any([curve > 0.05 * curve.max() for curve in curves], axis=0)
+    large = [f"order {n + 1}" for n in np.flatnonzero(is_large)]
+    assert list(table["mesh_order_force"]) == list(table["mesh_order_error"]) == large
+    assert 0 < len(large) < is_large.size
 
 
 @pytest.mark.parametrize("helix_angle", [0.0, 0.3])

@@ -51,7 +51,7 @@ def test_gears_of_the_user_reach_the_studies_of_drawn_gears(project, paper):
     quality = {"pinion": {**OWN["gears"]["pinion"], "quality": 6}}
     quality["wheel"] = {"teeth": 61, "quality": 6}
     mine = rules_of(project, OWN | {"gears": OWN["gears"] | quality})
-    for name in ("mesh_stiffness", "harris_map"):
+    for name in ("mesh_stiffness", "harris_map", "dynamic_factor"):
         computation = repr(mine.rules[f"compute_{name}"]["params"])
         assert "'teeth': 23" in computation and "'torque': 85.0" in computation
         assert "'teeth': 16" not in computation

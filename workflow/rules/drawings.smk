@@ -1,4 +1,4 @@
-"""Drawn gears: mesh stiffness by every method, and Harris maps of tip relief; table of own gears."""
+"""Drawn gears: mesh stiffness, Harris maps, dynamic factors over speed; table of own gears."""
 
 if not IS_PAPER:
 
@@ -97,3 +97,35 @@ use rule _draw as draw_harris_map with:
 rule harris_map:
     input:
         target_files("harris_map", rules.draw_harris_map.output),
+
+
+use rule _compute as compute_dynamic_factor with:
+    pathvars:
+        job="dynamic_factor",
+    input:
+        kernels=KERNELS,
+        sources=sources_of("compute", "studies.teeth_over_speed"),
+    output:
+        "results/dynamic_factor.nc",
+    params:
+        **pick(config["dynamic_factor"], "points", "start", "stop"),
+        **teeth_over_speed(),
+        function="gearlib.studies.teeth_over_speed:of_gears",
+
+
+use rule _draw as draw_dynamic_factor with:
+    pathvars:
+        job="draw_dynamic_factor",
+    input:
+        curves="results/dynamic_factor.nc",
+        sources=sources_of("draw", "figures.dynamic_factor_figure"),
+    output:
+        figure_files("dynamic_factor", "Dynamic factor and transmission error over speed", DRAWN),
+    params:
+        draw="dynamic_factor_figure.draw",
+        gears=names_of_drawings("dynamic_factor") + "; pairs of teeth",
+
+
+rule dynamic_factor:
+    input:
+        target_files("dynamic_factor", rules.draw_dynamic_factor.output),

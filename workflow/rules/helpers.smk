@@ -271,6 +271,15 @@ def names_of_drawings(section):
     return " and ".join(dict.fromkeys(gear_names.name_of_drawing(pair, False) for pair in pairs))
 
 
+def teeth_over_speed():
+    """Return gears, damping and operating speed for the study of the dynamic factor over speed."""
+    if takes_configured_gears(CONFIG, "dynamic_factor"):
+        return next(iter(TEETH.values())) | {"speed": CONFIG.gears.speed}
+    gears = canonical(CONFIG.dynamic_factor.gears.model_dump())
+    ratio = CONFIG.dynamic_factor.damping_ratio
+    return {"gears": gears, "damping": {"damping_ratio": ratio}}
+
+
 #: Arguments of the study of tolerances that describe the designs.
 DESIGNS = canonical(
     {
@@ -314,5 +323,6 @@ config["captions"] = {
         and takes_configured_gears(CONFIG, "mesh_stiffness")
     ),
     "design_torque": HARRIS_PAIR.torque,
+    "dynamic_factor_torque": next(iter(drawn_pairs(CONFIG, "dynamic_factor").values())).torque,
     "errors_left_out": bool(HARRIS_PAIR.modification_key("pitch_errors")),
 }
