@@ -20,19 +20,21 @@ PAPER = {
 _TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 
 
-def name_of_drawing(pair: Any, modified: bool = True) -> str:
-    """Return the name of drawn gears, such as "gear pair z 23/61, m 2.5 mm, tip relief".
+def name_of_drawing(pair: Any, modified: bool = True, pitch_errors: bool = True) -> str:
+    """Return the name of gears given by geometry: "gear pair z 23/61, m 2.5 mm, tip relief".
 
-    If what the name stands below has no modified flanks, `modified` is False, and the name says
-    that they are left out.
+    If what the name stands below has no modified flanks, `modified` is False; if it has tip reliefs
+    but no pitch errors, `pitch_errors` is False. The name says what is left out.
     """
     pinion, wheel = pair.pinion, pair.wheel
     is_fzg = all(getattr(pair, gear).model_dump() == FZG_C[gear] for gear in ("pinion", "wheel"))
     teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
     name = f"{'FZG type C' if is_fzg else 'gear pair'} {teeth}, {_module_and_helix(pinion)}"
-    keys = [key for key in ("tip_relief", "pitch_errors") if pair.modification_key(key)]
-    if keys:
-        name += f", {' and '.join(keys).replace('_', ' ')}{'' if modified else ' left out'}"
+    is_used = {"tip_relief": modified, "pitch_errors": modified and pitch_errors}
+    for used, suffix in ((True, ""), (False, " left out")):
+        keys = [key for key in is_used if is_used[key] == used and pair.modification_key(key)]
+        if keys:
+            name += f", {' and '.join(keys).replace('_', ' ')}{suffix}"
     return name
 
 
@@ -65,19 +67,19 @@ def parameters_differ(base: dict, changed: dict) -> bool:
     return len(set(map(name_of_parameters, pairs))) > 1
 
 
-def name_of_pair(config: Any, modified: bool = True) -> str:
-    """Return the name of the gear pair of a configuration; `modified` as in `name_of_drawing`."""
+def name_of_pair(config: Any, modified: bool = True, pitch_errors: bool = True) -> str:
+    """Return the name of the gear pair of a configuration; options as in `name_of_drawing`."""
     if config.gears:
-        return name_of_drawing(config.gears, modified)
+        return name_of_drawing(config.gears, modified, pitch_errors)
     return name_of_parameters(config.gear_pair)
 
 
-def name_with_stiffness(config: Any, teeth: bool) -> str:
+def name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) -> str:
     """Return the name of the gear pair with its model: pairs of teeth of drawn gears, or not.
 
     Gears without a drawing are named by their rectangle.
     """
-    gears, name = config.gears, name_of_pair(config, modified=teeth)
+    gears, name = config.gears, name_of_pair(config, modified=teeth, pitch_errors=pitch_errors)
     if gears is None:
         return name
     method = gears.stiffness or (gears.mesh().tooth_stiffness if teeth else "iso")

@@ -91,7 +91,7 @@ use rule _draw as draw_harris_map with:
         figure_files("harris_map", "Tip relief: Harris maps", DRAWN),
     params:
         draw="harris_map_figure.draw",
-        gears=names_of_drawings("harris_map"),
+        gears=names_of_drawings("harris_map", teeth=True),
 
 
 rule harris_map:
@@ -123,7 +123,7 @@ use rule _draw as draw_dynamic_factor with:
         figure_files("dynamic_factor", "Dynamic factor and transmission error over speed", DRAWN),
     params:
         draw="dynamic_factor_figure.draw",
-        gears=names_of_drawings("dynamic_factor") + "; pairs of teeth",
+        gears=names_of_drawings("dynamic_factor", teeth=True),
 
 
 rule dynamic_factor:

@@ -17,6 +17,7 @@ from gearlib.config import gear_names, measured_description, targets, yaml_keys
 from gearlib.config.gears_section import drawn_pairs, takes_configured_gears
 from gearlib.config.tolerances_section import known_parameters
 from gearlib.engines.pair.stiffness import force_note
+from gearlib.models.geometry.iso import METHOD_NAMES
 from workflow.refusal import refuse
 from workflow.sources import listed, sources
 
@@ -265,10 +266,15 @@ def drawings(section):
     return canonical({name: pair.model_dump() for name, pair in pairs.items()})
 
 
-def names_of_drawings(section):
-    """Return a text with the names of the gears of a section."""
-    pairs = drawn_pairs(CONFIG, section).values()
-    return " and ".join(dict.fromkeys(gear_names.name_of_drawing(pair, False) for pair in pairs))
+def names_of_drawings(section, teeth=False):
+    """Return a text with the names of the gears of a section; with `teeth`, as pairs of teeth."""
+    pairs, suffix = drawn_pairs(CONFIG, section).values(), ""
+    if teeth:
+        method = config[section].get("stiffness") or CONFIG.gears and CONFIG.gears.stiffness
+        method = method or next(iter(pairs)).mesh().tooth_stiffness
+        suffix = f"; pairs of teeth, {METHOD_NAMES[method]}"
+    names = (gear_names.name_of_drawing(pair, teeth, pitch_errors=False) for pair in pairs)
+    return " and ".join(dict.fromkeys(names)) + suffix
 
 
 def teeth_over_speed():

@@ -150,7 +150,7 @@ use rule _draw as draw_phase_planes with:
         figure_files("fig5_phase_planes", "Fig. 5: phase planes, all dampings", PAPER),
     params:
         draw="phase_planes_figure.draw",
-        gears=GEARS,
+        gears=gear_names.name_with_stiffness(CONFIG, teeth=True, pitch_errors=True),
         settings=COLOURS,
 
 
