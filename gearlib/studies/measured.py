@@ -175,7 +175,9 @@ def _with_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
     return resonance.assign(orbit_height=resonance.displacement_max - resonance.displacement_min)
 
 
-def time_history_harmonics(path: str, pairs: Mapping[str, dict], run: dict, teeth) -> xr.Dataset:
+def time_history_harmonics(
+    path: str, pairs: Mapping[str, dict], run: dict, teeth: Mapping | None = None
+) -> xr.Dataset:
     """Return the harmonics of measured time histories and of the settled motions of a model.
 
     `path` is the YAML file of the measured data set, `pairs` and `teeth` map the name of a damping
@@ -185,7 +187,7 @@ def time_history_harmonics(path: str, pairs: Mapping[str, dict], run: dict, teet
     first harmonic, so it does not depend on the unknown phase of the shaft.
     """
     measurement = read_measured(path)
-    models = [gear_model(pair, teeth[name])[0] for name, pair in pairs.items()]
+    models = [gear_model(pair, (teeth or {}).get(name))[0] for name, pair in pairs.items()]
     names = [name for name in SI_SCALES if name in measurement]
     conditions = []
     for condition in _conditions(measurement, constant_speed=True):
@@ -301,7 +303,7 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
     )
 
 
-def run_up_orders(path: str, pairs: Mapping[str, dict], teeth) -> xr.Dataset:
+def run_up_orders(path: str, pairs: Mapping[str, dict], teeth: Mapping | None = None) -> xr.Dataset:
     """Return the mesh orders 1 to 3 (`_MESH_ORDERS`) of measured and of computed run-ups.
 
     `path` is the YAML file of the measured data set, `pairs` and `teeth` map the name of a damping
@@ -311,9 +313,9 @@ def run_up_orders(path: str, pairs: Mapping[str, dict], teeth) -> xr.Dataset:
     static state and has the measured speed profile.
     """
     measurement = read_measured(path)
-    models = [gear_model(pair, teeth[name])[0] for name, pair in pairs.items()]
+    models = [gear_model(pair, (teeth or {}).get(name))[0] for name, pair in pairs.items()]
     names = [name for name in SI_SCALES if name in measurement]
-    teeth, dims, run_ups = models[0].teeth, ("observable", "order", "block"), []
+    tooth_count, dims, run_ups = models[0].teeth, ("observable", "order", "block"), []
     for condition in _conditions(measurement, constant_speed=False):
         speed = condition.speed.values
         revolutions = cumulative_trapezoid(speed / 60.0, condition.time.values, initial=0.0)
@@ -322,13 +324,13 @@ def run_up_orders(path: str, pairs: Mapping[str, dict], teeth) -> xr.Dataset:
         checks.require(revolutions[-1] >= 1.0, f"time in {path}", interval, allowed)
         block_size = max(1, int(revolutions[-1] / _MAX_BLOCKS))
         edges = np.arange(int(revolutions[-1] / block_size) + 1) * block_size
-        measured = [_mesh_orders(condition[name], revolutions, edges, teeth) for name in names]
+        measured = [_mesh_orders(condition[name], revolutions, edges, tooth_count) for name in names]
         block_speed = np.interp(0.5 * (edges[1:] + edges[:-1]), revolutions, speed)
         measured_run_up = xr.Dataset(
             {"speed": ("block", block_speed), "amplitude": (dims, np.array(measured))},
             {"block": np.arange(edges.size - 1)},
         )
-        options = {"resolution": 1.0 / block_size, "orders": teeth * _MESH_ORDERS}
+        options = {"resolution": 1.0 / block_size, "orders": tooth_count * _MESH_ORDERS}
         computed = []
         for model in models:
             profile = _speed_profile(condition)
