@@ -315,7 +315,7 @@ def run_up_orders(path: str, pairs: Mapping[str, dict], teeth: Mapping | None = 
     measurement = read_measured(path)
     models = [gear_model(pair, (teeth or {}).get(name))[0] for name, pair in pairs.items()]
     names = [name for name in SI_SCALES if name in measurement]
-    tooth_count, dims, run_ups = models[0].teeth, ("observable", "order", "block"), []
+    z, dims, run_ups = models[0].teeth, ("observable", "order", "block"), []
     for condition in _conditions(measurement, constant_speed=False):
         speed = condition.speed.values
         revolutions = cumulative_trapezoid(speed / 60.0, condition.time.values, initial=0.0)
@@ -324,13 +324,13 @@ def run_up_orders(path: str, pairs: Mapping[str, dict], teeth: Mapping | None = 
         checks.require(revolutions[-1] >= 1.0, f"time in {path}", interval, allowed)
         block_size = max(1, int(revolutions[-1] / _MAX_BLOCKS))
         edges = np.arange(int(revolutions[-1] / block_size) + 1) * block_size
-        measured = [_mesh_orders(condition[name], revolutions, edges, tooth_count) for name in names]
+        measured = [_mesh_orders(condition[name], revolutions, edges, z) for name in names]
         block_speed = np.interp(0.5 * (edges[1:] + edges[:-1]), revolutions, speed)
         measured_run_up = xr.Dataset(
             {"speed": ("block", block_speed), "amplitude": (dims, np.array(measured))},
             {"block": np.arange(edges.size - 1)},
         )
-        options = {"resolution": 1.0 / block_size, "orders": tooth_count * _MESH_ORDERS}
+        options = {"resolution": 1.0 / block_size, "orders": z * _MESH_ORDERS}
         computed = []
         for model in models:
             profile = _speed_profile(condition)
