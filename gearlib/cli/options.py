@@ -180,7 +180,10 @@ _TABLE = {
     "max_seconds": ("Seconds after which the command ends with what is done.", float),
     "method": ("Method, a name of gearlib.methods().", str),
     "until_settled": ("Continue until the motion repeats.", False),
-    "start": ("First tuning, or speed such as 1500rpm. Default: 0.5.", number_or_text),
+    "start": (
+        "First tuning, or speed such as 1500rpm. Default: 0.5, of sweeps up and down 0.1.",
+        number_or_text,
+    ),
     "stop": ("Last tuning, or speed such as 5000rpm. Default: 1.4.", number_or_text),
     "points": ("Number of tunings.", 901, {"type": click.IntRange(2, 10_000_000)}),
     "direction": (

@@ -113,7 +113,9 @@ class MethodSection(Section):
     """Method of computing the mesh stiffness of drawn gears."""
 
     stiffness: Literal["iso", "energy"] = field(
-        "Stiffness by ISO 6336-1, method B, or by the energy method. Default: iso.", None
+        "Stiffness by ISO 6336-1, method B, or by the energy method. Default: energy or, if a bore "
+        "is too large for it, iso; of the rectangle iso.",
+        None,
     )
     stiffness_options: dict[t.Name, t.Option] = field(
         "Options of that method: iso has application_factor; energy samples, coupling, twist, "

@@ -25,7 +25,7 @@ gears:
     teeth: 61
     # internal: true        # a ring gear, with its outer_diameter
   torque: 85 N m            # of the pinion; or power and speed
-  backlash: 80 um           # normal backlash; by default what shifts and distance leave
+  backlash: 80 um           # normal; by default by shifts and distance, or ISO/TR 10064-2
   # centre_distance: 105 mm # by default without backlash
 
 dampings:

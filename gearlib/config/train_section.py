@@ -32,19 +32,8 @@ RingSection = create_section(
     "RingSection", _DOC, SpurGear, *_RING_KEYS, base=GearSection, required=_RING_KEYS
 )
 _MESH_KEYS = ("model", *_DAMPINGS)
-_METHOD_DOC = (
-    "Stiffness by ISO 6336-1, method B, or by the energy method. Default: energy or, if a bore is "
-    "too large for it, iso; of the rectangle iso."
-)
 _DOC = "Stiffness and damping of drawn meshes."
-DrawnMesh = create_section(
-    "DrawnMesh",
-    _DOC,
-    planetary_set,
-    *_MESH_KEYS,
-    base=MethodSection,
-    stiffness=(Literal["iso", "energy"], field(_METHOD_DOC, None)),
-)
+DrawnMesh = create_section("DrawnMesh", _DOC, planetary_set, *_MESH_KEYS, base=MethodSection)
 _Set = create_section("_Set", "", planetary_set, base=DrawnMesh, exclude=("torque", *_MESH_KEYS))
 #: Keys of a mesh that are for drawn gears only, and the coefficient in place of ratios.
 DRAWN_MESH_KEYS = {*DrawnMesh.model_fields, "torque", "centre_distance"}

@@ -217,8 +217,7 @@ def derived_quantities(view: View) -> list[tuple[str, str]]:
         ("mean eigenfrequency", f"{pair.mean_eigenfrequency / math.tau:.6g} Hz"),
         ("resonance speed", f"{pair.speed(1.0):.6g} rpm"),
     ]
-    torque = pair.load * mesh.pinion.base_diameter / 2.0
-    factor = iso_dynamic_factor(mesh, torque, float(view.run.speed))
+    factor = iso_dynamic_factor(mesh, float(view.curves.torque), float(view.run.speed))
     if factor is not None:
         quantities.append(("K_v of ISO 6336-1, with the quality", f"{factor:.4f}"))
     static = view.error.isel(torque=-1)  # at the chosen torque
