@@ -1,7 +1,8 @@
-"""Checks of arguments, with messages that name the argument, its value and the allowed values."""
+"""Checks of values, and the error that says which value is wrong and what it must be."""
 
 import math
 from collections.abc import Hashable, Mapping
+from contextlib import contextmanager
 from numbers import Integral, Real
 
 #: Tunings of the slowest and the fastest allowed speed, as in the configuration.
@@ -10,15 +11,58 @@ MIN_SPEED_TUNING, MAX_SPEED_TUNING = 1e-12, 100.0
 _MAX_INTEGER = 2**63 - 1
 
 
-def refusal(name, value, allowed):
-    """Return the ValueError for a wrong value; the text `allowed` says what it must be."""
-    return ValueError(f"{name} = {value!r} is not allowed: it must be {allowed}")
+class InputError(ValueError):
+    """A wrong value; its text is one sentence that names place, value and what is allowed.
+
+    `path` is the place of the value, such as "wheel.tip_relief.length"; `requirement` says what the
+    value must be, as in "a finite number > 0". A `problem` such as "is missing: it must be given"
+    replaces the words about the value. `owner` is the part that has the value, such as "body sun".
+    """
+
+    def __init__(self, path, value=None, requirement="", problem="", owner=""):
+        super().__init__(path, value, requirement, problem, owner)
+        self.path, self.value, self.requirement = path, value, requirement
+        self.problem, self.owner = problem, owner
+
+    def __str__(self):
+        place = f"{self.path} of {self.owner}" if self.owner else self.path
+        return f"{place} {self.problem or problem_of(repr(self.value), self.requirement)}"
 
 
-def require(condition, name, value, allowed):
-    """Raise the ValueError of `refusal` unless the condition holds."""
+def problem_of(value_text, requirement):
+    """Return the end of a sentence about a wrong value, after its place."""
+    return f"= {value_text} is not allowed: it must be {requirement}"
+
+
+@contextmanager
+def below(section, owner="", **names):
+    """Return a context that puts the paths of errors below a section such as "gears.wheel".
+
+    `names` maps paths or their first names to places of their own; values without such a name are
+    those of `owner`, if it is given.
+    """
+    try:
+        yield
+    except InputError as error:
+        first, dot, rest = error.path.partition(".")
+        if error.path in names:
+            path, owner = names[error.path], ""
+        elif first in names:
+            path, owner = f"{names[first]}{dot}{rest}", ""
+        else:
+            path = f"{section}{'.' if section and error.path[:1] != '[' else ''}{error.path}"
+        raise InputError(path, error.value, error.requirement, error.problem, owner) from None
+
+
+def refusal(name, value, allowed, owner=""):
+    """Return the error for a wrong value; the text `allowed` says what it must be."""
+    return InputError(name, value, allowed, owner=owner)
+
+
+def require(condition, name, value, allowed, owner=""):
+    """Raise the error of `refusal` unless the condition holds."""
     if not condition:
-        raise refusal(name, value, allowed)
+        raise refusal(name, value, allowed, owner)
 
 
 def number(name, value, allowed, accept):

@@ -1,237 +1,458 @@
-"""Declarations of parameters: unit, allowed values, description and symbol.
+"""Declarations of parameters: type, unit, allowed values, description and symbol in one annotation.
 
-Annotations of a constructor or function declare its parameters. ::
+    max_stiffness: Annotated[Stiffness, described("Maximum mesh stiffness", "C_max")]
 
-    max_stiffness: Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
-
-All else follows from them: checks with error messages (`check`, `checked`), docstrings and tables
-of the documentation (`documented`), sections of the configuration with their schema, options of the
-command (`gearlib.config.types.create_section`). This module loads no numerical stack.
+pydantic checks the annotations of models (`declared`) and functions (`checked`). Docstrings, tables
+of the documentation, sections of the configuration with their schema, options of commands and
+sliders are made from them. This module loads no numerical stack.
 """
 
+import contextlib
+import dataclasses
 import functools
 import inspect
 import math
 import re
 import textwrap
+import types
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, get_origin
+from numbers import Integral, Real
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+)
 
-from gearlib import checks
+import pydantic.dataclasses
+from annotated_types import Ge, Gt, Le, Lt, MinLen
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+)
+from pydantic_core import core_schema
+
+from gearlib import checks, units
+from gearlib.checks import InputError
+
+_T = TypeVar("_T")
 
 #: Default of a required parameter.
 MISSING = inspect.Parameter.empty
+#: Wrong values are refused rather than converted, and so are unknown names.
+STRICT = ConfigDict(strict=True, extra="forbid", arbitrary_types_allowed=True)
 
 
-class Kind:
-    """The values that a parameter may have; `allowed` describes them, `accepts` is a predicate."""
-
-    allowed: Any
-
-    def __init__(self, allowed, accepts):
-        self.allowed, self.accepts = allowed, accepts
-
-    def check(self, name, value):
-        """Return the value in its stored type, or raise ValueError if it is not allowed."""
-        checks.require(self.accepts(value), name, value, self.allowed)
-        return value
+def described(text: str, symbol: str = "") -> Any:
+    """Return the part of an annotation that describes a parameter, with its symbol."""
+    return Field(description=text, title=symbol)
 
 
-class Number(Kind):
-    """A real number in a unit, with `bounds` named like those of pydantic: gt, ge, lt, le.
+# Parts of annotations that read values. Only in a configuration, whose validation has a context,
+# may a text stand for a number.
 
-    The unit is that of SI, or "1". `example` is a value in another unit, as a configuration may
-    have it. `infinite` is a text that says what infinity means, "" if it is not allowed. If
-    `optional`, None is allowed.
+
+@dataclass(frozen=True)
+class Unit:
+    """The SI unit of a real number, or "1".
+
+    `example` is a value in another unit, as a configuration may have it. `infinite` says what
+    infinity means, "" if it is not allowed.
     """
 
-    gt = ge = lt = le = None  # type: float | None
-    optional = False
+    unit: str
+    example: str = ""
+    infinite: str = ""
 
-    def __init__(self, unit, example="", infinite="", **bounds):
-        self.unit, self.example, self.infinite = unit, example, infinite
-        vars(self).update(bounds)
+    def read(self, value: Any, info: ValidationInfo | None = None) -> float:
+        """Return a real number as float, in a configuration also from a text with a unit."""
+        if isinstance(value, str) and info is not None and info.context is not None:
+            value = self._number_of(value)
+        if isinstance(value, Real) and not isinstance(value, bool):
+            with contextlib.suppress(OverflowError):
+                number = float(value)
+                if math.isfinite(number) or (self.infinite and number > 0.0):
+                    return number
+        raise ValueError
 
-    @property
-    def allowed(self):
-        """Description of the allowed numbers for error messages, such as "a finite number > 0"."""
-        noun = "a number" if self.infinite else "a finite number"
-        if self.ge is not None and self.le is not None:
-            bounds = f"from {_bound_text(self.ge)} to {_bound_text(self.le)}"
-        else:
-            signs = {">": self.gt, ">=": self.ge, "<": self.lt, "<=": self.le}
-            texts = (f"{sign} {_bound_text(x)}" for sign, x in signs.items() if x is not None)
-            bounds = " and ".join(texts)
-        # In parentheses: the meaning of infinity, or the unit where degrees would be expected.
-        note = f"({self.infinite})" if self.infinite else "(rad)" if self.unit == "rad" else ""
-        return " ".join(filter(None, (noun, bounds, note)))
+    def _number_of(self, text: str) -> float:
+        """Return the number of a text, which YAML does not convert if it is 4e8 or .inf."""
+        if self.infinite and text == ".inf":
+            return math.inf
+        if units.NUMBER.fullmatch(text) or self.unit == "1":
+            return float(text) if units.NUMBER.fullmatch(text) else math.nan
+        return units.read(text, self.unit)
 
-    def accepts(self, value):
-        """Return whether a number is within the bounds."""
-        return (
-            (math.isfinite(value) or (bool(self.infinite) and value > 0.0))
-            and (self.gt is None or value > self.gt)
-            and (self.ge is None or value >= self.ge)
-            and (self.lt is None or value < self.lt)
-            and (self.le is None or value <= self.le)
-        )
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.with_info_before_validator_function(self.read, handler(source))
 
-    def check(self, name, value):
-        if (value is None and self.optional) or (type(value) is float and self.accepts(value)):
-            return value  # Valid values need no description, which takes time.
-        maximum = self.lt if self.le is None else self.le
-        hint = unit_hint(value, self.example, maximum, self.gt if self.ge is None else self.ge)
-        return checks.number(name, value, self.allowed + hint, self.accepts)
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict:
+        node = handler(schema)
+        if self.unit != "1":
+            node |= {"type": ["number", "string"], "pattern": f"^{units.TEXT.pattern}$"}
+        return node
 
 
-class Integer(Kind):
-    """An integer; the configuration refuses numbers above `limit` as mistakes."""
+@dataclass(frozen=True)
+class Allowed:
+    """The allowed values in words, where the type does not say them."""
 
-    def __init__(self, minimum, maximum=None, limit=None):
-        self.minimum, self.maximum, self.limit = minimum, maximum, limit
-        self.allowed = checks.integers(minimum, maximum)
-
-    def check(self, name, value):
-        return checks.integer(name, value, self.minimum, self.maximum)
+    words: str
 
 
-class OneOf(Kind):
-    """One of a few numbers, strings or booleans."""
+@dataclass(frozen=True)
+class Values:
+    """A sequence of values, of a certain number of them if `count` is given.
 
-    def __init__(self, choices):
-        allowed = f"one of {', '.join(map(repr, choices))}"
-        super().__init__(allowed, lambda value: checks.is_one_of(value, choices))
-        self.choices = choices
+    If `repeat`, a single value stands for each of them.
+    """
 
+    count: int | None = None
+    repeat: bool = False
 
-class Instance(Kind):
-    """An instance of one of the `classes`, a tuple."""
+    def read(self, values: Any) -> tuple | None:
+        """Return the values as a tuple, or raise ValueError if they are no sequence."""
+        if values is None:
+            return None  # allowed or not by the type
+        if self.repeat and not isinstance(values, (tuple, list)):
+            values = (values,) * (self.count or 1)
+        return tuple(checks.sequence("", values, self.count))
 
-    def __init__(self, classes, allowed=""):
-        allowed = allowed or " or ".join(f"a {x.__name__}" for x in classes)
-        super().__init__(allowed, lambda value: isinstance(value, classes))
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
 
-
-class Many(Kind):
-    """A sequence of values of the kind `item`, of length `count` if that is given."""
-
-    def __init__(self, item, count=None):
-        self.item, self.count = item, count
-        length = "several values" if count is None else f"{count} values"
-        self.allowed = f"{length}, each {item.allowed}"
-
-    def check(self, name, values):
-        items = enumerate(checks.sequence(name, values, self.count))
-        return tuple(self.item.check(f"{name}[{i}]", value) for i, value in items)
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict:
+        node = handler(schema)
+        return node | ({"minItems": self.count, "maxItems": self.count} if self.count else {})
 
 
-class Two(Kind):
-    """Two values of the kind `item` along x and y, or one for both."""
+def _read_integer(value: Any, info: ValidationInfo) -> int:
+    """Return an integer, in a configuration also from a text."""
+    if isinstance(value, str) and info.context is not None:
+        value = int(value)
+    if not isinstance(value, Integral) or isinstance(value, bool):
+        raise ValueError
+    return int(value)
 
-    count = 2
 
-    def __init__(self, item):
-        self.item, self.allowed = item, f"one or two numbers, each {item.allowed}"
+def _read_boolean(value: Any, info: ValidationInfo) -> Any:
+    """Return a boolean, in a configuration also from a text."""
+    is_text = isinstance(value, str) and info.context is not None
+    return {"true": True, "false": False}.get(value.lower(), value) if is_text else value
 
-    def check(self, name, values):
-        """Return the checked values (x, y); a single number is that of both axes."""
-        values = values if isinstance(values, (tuple, list)) else (values, values)
-        checks.require(len(values) == 2, name, values, self.allowed)
-        axes = zip("xy", values, strict=True)
-        return tuple(self.item.check(f"{name}, {axis}", value) for axis, value in axes)
+
+def _read_choice(value: Any, info: ValidationInfo) -> Any:
+    """Return a value that may be a choice, in a configuration an integer also from a text."""
+    if isinstance(value, bool):  # True is not 1
+        raise ValueError
+    is_text = isinstance(value, str) and info.context is not None
+    return int(value) if is_text and re.fullmatch(r"[-+]?\d+", value) else value
+
+
+INTEGER, CHOICE = BeforeValidator(_read_integer), BeforeValidator(_read_choice)
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A declared parameter of a constructor or function; `text` describes it."""
+    """A declared parameter of a constructor or function."""
 
-    kind: Kind
-    text: str
-    symbol: str = ""
+    annotation: Any
     default: Any = MISSING
 
-    @property
-    def unit(self):
-        """Unit of the parameter or of each of its values; "" if it is dimensionless."""
-        kind = self.kind
-        while hasattr(kind, "item"):
-            kind = kind.item
-        unit = getattr(kind, "unit", "1")
-        return "" if unit == "1" else unit
+    @functools.cached_property
+    def text(self) -> str:
+        """The description."""
+        return self._field.description or ""
+
+    @functools.cached_property
+    def symbol(self) -> str:
+        """The symbol, or ""."""
+        return self._field.title or ""
+
+    @functools.cached_property
+    def _field(self) -> Any:
+        return pydantic.fields.FieldInfo.from_annotation(self.annotation)
+
+    @functools.cached_property
+    def number(self) -> Unit | None:
+        """The unit of a real number; None if it is no number, or several."""
+        return _unit_of(self.annotation)
 
     @property
-    def long_name(self):
+    def unit(self) -> str:
+        """Unit of the parameter or of each of its values; "" if it is dimensionless."""
+        annotation = self.annotation
+        while (item := _item_of(annotation)) is not None:
+            annotation = item
+        number = _unit_of(annotation)
+        return "" if number is None or number.unit == "1" else number.unit
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values in words."""
+        return requirement(self.annotation)
+
+    @property
+    def long_name(self) -> str:
         """The text up to the first comma, semicolon or equals sign, in lower case."""
         name = re.split(r"[;,=]", self.text)[0].strip()
         return name[:1].lower() + name[1:]
 
     @property
-    def description(self):
+    def description(self) -> str:
         """A sentence with text, symbol and unit, such as "Mass m, kg; ..."."""
         name = re.split(r";|\. ", self.text)[0]
         name_and_symbol = " ".join(filter(None, (name, self.symbol)))
         return f"{', '.join(filter(None, (name_and_symbol, self.unit)))}{self.text[len(name) :]}."
 
+    def check(self, name: str, value: Any) -> Any:
+        """Return a value in its stored type, or raise the `InputError` of a wrong one."""
+        try:
+            return self._adapter.validate_python(value)
+        except ValidationError as error:
+            path, annotation = place_of(self.annotation, error.errors()[0]["loc"])
+            for index in path:
+                value = value[index]
+            raise InputError(f"{name}{dotted(path)}", value, requirement(annotation)) from None
+
+    @functools.cached_property
+    def _adapter(self) -> TypeAdapter:
+        return TypeAdapter(self.annotation, config=STRICT)
+
 
 @functools.cache
-def declared_parameters(constructor):
+def declared_parameters(constructor: Any) -> dict[str, Parameter]:
     """Return name -> `Parameter` of the declared parameters of a dataclass or function."""
-    is_class = inspect.isclass(constructor)
-    function = constructor.__init__ if is_class else inspect.unwrap(constructor)
-    declarations = {}
-    for name, parameter in inspect.signature(function).parameters.items():
-        if get_origin(parameter.annotation) is Annotated:
-            kind, text, symbol = (*parameter.annotation.__metadata__, "")[:3]
-            declarations[name] = Parameter(kind, text, symbol, parameter.default)
-    return declarations
+    if dataclasses.is_dataclass(constructor):
+        return {
+            field.name: Parameter(
+                field.type, MISSING if field.default is dataclasses.MISSING else field.default
+            )
+            for field in dataclasses.fields(constructor)
+            if get_origin(field.type) is Annotated
+        }
+    return {
+        name: Parameter(parameter.annotation, parameter.default)
+        for name, parameter in inspect.signature(inspect.unwrap(constructor)).parameters.items()
+        if get_origin(parameter.annotation) is Annotated
+    }
 
 
-def numeric_parameters(constructor):
+def numeric_parameters(constructor: Any) -> dict[str, Parameter]:
     """Return name -> `Parameter` of the declared parameters that are real numbers."""
-    declarations = declared_parameters(constructor)
-    return {name: x for name, x in declarations.items() if isinstance(x.kind, Number)}
+    return {name: x for name, x in declared_parameters(constructor).items() if x.number}
 
 
-def units_and_names(constructor):
+def units_and_names(constructor: Any) -> dict[str, tuple[str, str]]:
     """Return name -> (CF units, long name) of the declared parameters that are real numbers."""
     numeric = numeric_parameters(constructor)
-    return {name: (cf_units(x.unit), x.long_name) for name, x in numeric.items()}
+    return {name: (units.cf_units(x.unit), x.long_name) for name, x in numeric.items()}
 
 
-#: CF units -> the same units as engineers write them.
-WRITTEN_UNITS = {"1": "", "min-1": "rpm"}
+# Annotations taken apart.
 
 
-def cf_units(unit):
-    """Convert a unit to the notation of CF: "N s^2/m^2" to "N s2 m-2", "" to "1"."""
-    numerator, _, denominator = unit.partition("/")
-    factors = [factor.replace("^", "") for factor in numerator.split() if factor != "1"]
-    for factor in denominator.split():
-        base, _, power = factor.partition("^")
-        factors.append(f"{base}-{power or 1}")
-    return " ".join(factors) or "1"
+def parts(annotation: Any) -> tuple[Any, tuple]:
+    """Return the type of an annotation and its metadata, without None as an alternative."""
+    if get_origin(annotation) is Annotated:
+        base, *metadata = get_args(annotation)
+        inner, inner_metadata = parts(base)
+        return inner, (*inner_metadata, *metadata)
+    options = [x for x in get_args(annotation) if x is not types.NoneType]
+    if is_union(annotation) and len(options) == 1:
+        return parts(options[0])
+    return annotation, ()
 
 
-def check(instance, owner=""):
-    """Check the declared fields of a frozen dataclass, and convert them to their stored types.
+def is_union(annotation: Any) -> bool:
+    """Return whether an annotation is a union of types."""
+    return get_origin(annotation) in (Union, types.UnionType)
 
-    `owner` follows names of fields in error messages, as in " of body sun". Default fields that are
-    None are not checked.
+
+def _item_of(annotation: Any) -> Any:
+    """Return the type of the items of a sequence, None for other types."""
+    base, _ = parts(annotation)
+    return get_args(base)[0] if get_origin(base) in (tuple, list) and get_args(base) else None
+
+
+def _unit_of(annotation: Any) -> Unit | None:
+    """Return the unit in an annotation of a real number, None for other types."""
+    base, metadata = parts(annotation)
+    found = [x for x in metadata if isinstance(x, Unit)]
+    return found[-1] if found and base is float else None
+
+
+def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
+    """Return (path, annotation) of the value at pydantic's location of an error below `root`.
+
+    The path ends where the annotation has alternatives, or no such name.
     """
-    for name, parameter in declared_parameters(type(instance)).items():
-        value = getattr(instance, name)
-        if value is not None or parameter.default is not None:
-            object.__setattr__(instance, name, parameter.kind.check(f"{name}{owner}", value))
+    path: list = []
+    for name in location:
+        base, _ = parts(root)
+        field = getattr(base, "__pydantic_fields__", {}).get(name)
+        if field is not None:
+            root = Annotated[(field.annotation, *field.metadata, field)]
+        elif get_origin(base) is dict:
+            root = get_args(base)[1]
+        elif isinstance(name, int) and _item_of(base) is not None:
+            root = _item_of(base)
+        else:
+            break
+        path.append(name)
+    return tuple(path), root
 
 
-def checked(function):
+def dotted(path: tuple) -> str:
+    """Return a path of names and indices as text, such as "scenes.fig6.cases[0]"."""
+    return "".join(f"[{x}]" if isinstance(x, int) else f".{x}" for x in path).removeprefix(".")
+
+
+# Allowed values in words.
+
+
+def requirement(annotation: Any, in_file: bool = False) -> str:
+    """Return the allowed values of an annotation in words, such as "a finite number > 0".
+
+    With `in_file` they are the values of a configuration, where texts may have units.
+    """
+    base, metadata = parts(annotation)
+    for part in reversed(metadata):
+        if isinstance(part, Allowed):
+            return part.words
+    origin = get_origin(base)
+    if base in (float, int):
+        return _number_in_words(base, metadata, in_file)
+    if base is bool:
+        return "true or false" if in_file else "True or False"
+    if origin is Literal:
+        return f"one of {', '.join(map(str if in_file else repr, get_args(base)))}"
+    if origin in (tuple, list):
+        return _list_in_words(get_args(base)[0], metadata, in_file)
+    if origin is dict:
+        names = "at least one name" if any(isinstance(x, MinLen) for x in metadata) else "names"
+        return f"a mapping of {names} to {requirement(get_args(base)[1], in_file)}"
+    if is_union(base):
+        options = (x for x in get_args(base) if x is not types.NoneType)
+        return " or ".join(requirement(option, in_file) for option in options)
+    if base is str:
+        return "a text"
+    if issubclass(base, pydantic.BaseModel):
+        return f"a mapping with the keys {', '.join(base.__pydantic_fields__)}"
+    return f"a {base.__name__}"
+
+
+def _number_in_words(base: type, metadata: tuple, in_file: bool) -> str:
+    """Return the allowed numbers in words, with their unit."""
+    unit = next((x for x in reversed(metadata) if isinstance(x, Unit)), Unit("1"))
+    bounds = {
+        sign: getattr(x, name)
+        for kind, name, sign in (
+            (Gt, "gt", ">"),
+            (Ge, "ge", ">="),
+            (Lt, "lt", "<"),
+            (Le, "le", "<="),
+        )
+        for x in metadata
+        if isinstance(x, kind)
+    }
+    texts = {sign: _bound_in_words(bound) for sign, bound in bounds.items()}
+    if texts.keys() >= {">=", "<="}:
+        limits = f"from {texts['>=']} to {texts['<=']}"
+    else:
+        limits = " and ".join(f"{sign} {text}" for sign, text in texts.items())
+    noun = "an integer" if base is int else "a number" if unit.infinite else "a finite number"
+    note = f"({unit.infinite})" if unit.infinite else "(rad)" if unit.unit == "rad" else ""
+    if in_file and unit.unit != "1":
+        infinity = "or .inf, " if unit.infinite else ""
+        note = f"{infinity}in {unit.unit} or a text with its unit such as {unit.example!r}"
+    return " ".join(filter(None, (noun, limits, note)))
+
+
+def _list_in_words(item: Any, metadata: tuple, in_file: bool) -> str:
+    """Return the allowed lists in words."""
+    values = next((x for x in metadata if isinstance(x, Values)), Values())
+    least = max((x.min_length for x in metadata if isinstance(x, MinLen)), default=0)
+    count = (
+        f"{values.count} entries" if values.count else "at least one entry" if least else "entries"
+    )
+    single = "one value or " if values.repeat else ""
+    return f"{single}a list of {count}, each {requirement(item, in_file)}"
+
+
+def _bound_in_words(value: float) -> str:
+    """Return a bound as text, with fractions such as "pi / 2"."""
+    for n in (2, 3, 4):
+        if abs(value) == math.pi / n:
+            return f"{'-' * (value < 0.0)}pi / {n}"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+# Models and functions with declared parameters.
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
+    """Return a decorator that makes an immutable dataclass, whose fields pydantic checks.
+
+    Its errors are `InputError`; the parameters are written into its docstring.
+    """
+
+    def decorate(cls: type[_T]) -> type[_T]:
+        made = pydantic.dataclasses.dataclass(frozen=True, kw_only=kw_only, config=STRICT)(cls)
+        initialize = made.__init__
+        names = [field.name for field in dataclasses.fields(made)]
+
+        @functools.wraps(initialize)
+        def __init__(self, *args, **arguments):
+            try:
+                initialize(self, *args, **arguments)
+            except ValidationError as error:
+                given = dict(zip(names, args, strict=False)) | arguments
+                raise _input_error(error, made, given) from None
+
+        made.__init__ = __init__
+        return documented(made)
+
+    return decorate
+
+
+def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exception:
+    """Return the first of pydantic's errors as `InputError`; wrong names are a TypeError."""
+    details = error.errors(include_url=False)[0]
+    location, cause = details["loc"], details.get("ctx", {}).get("error")
+    if not location and cause is not None:
+        return cause  # an error of `__post_init__`
+    path, annotation = place_of(cls, location)
+    if details["type"] == "missing" or not path:
+        known = ", ".join(field.name for field in dataclasses.fields(cls))
+        problem = "missing" if details["type"] == "missing" else "no parameter, or not by name"
+        name = ".".join(map(str, location))
+        return TypeError(f"{cls.__name__}: {name} is {problem}; its parameters are {known}")
+    value = arguments.get(path[0])
+    for index in path[1:]:
+        value = value[index] if isinstance(value, tuple | list) else details["input"]
+    return InputError(dotted(path), value, requirement(annotation))
+
+
+def checked(function: Callable) -> Callable:
     """Decorate a function so that its declared keyword arguments are checked and documented."""
+    parameters = declared_parameters(function)
 
     @functools.wraps(function)
     def call(*args, **arguments):
-        for name, parameter in declared_parameters(function).items():
+        for name, parameter in parameters.items():
             if arguments.get(name, parameter.default) is not parameter.default:
-                arguments[name] = parameter.kind.check(name, arguments[name])
+                arguments[name] = parameter.check(name, arguments[name])
         return function(*args, **arguments)
 
     return documented(call)
@@ -246,20 +467,19 @@ ValueError
     If a value is impossible; the message names parameter, value and range."""
 
 
-def documented(constructor):
-    """Decorate a class or function: put declared parameters into docstring, types in signature."""
+def documented(constructor: Any) -> Any:
+    """Put declared parameters into the docstring of a class or function, types in its signature."""
     lines = ["", "Parameters", "----------"]
     for name, parameter in declared_parameters(constructor).items():
         default = "" if parameter.default is MISSING else f", default {parameter.default!r}"
         default = ", optional" if parameter.default is None else default
-        lines.append(f"{name} : {parameter.kind.allowed}{default}")
+        lines.append(f"{name} : {parameter.allowed}{default}")
         lines.append(textwrap.indent(textwrap.fill(parameter.description, 92), "    "))
     head, raises, errors = (inspect.getdoc(constructor) or "").partition("\n\nRaises\n---")
     constructor.__doc__ = "\n".join([head, *lines]) + (raises + errors or _RAISES)
     signature = inspect.signature(constructor)
     plain_parameters = [
-        x.replace(annotation=getattr(x.annotation, "__origin__", x.annotation))
-        for x in signature.parameters.values()
+        x.replace(annotation=parts(x.annotation)[0]) for x in signature.parameters.values()
     ]
     constructor.__signature__ = signature.replace(parameters=plain_parameters)
     return constructor
@@ -269,86 +489,88 @@ def documented(constructor):
 _DRAWING_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 
 
-def unit_hint(value, example, maximum, minimum=None):
-    """Return "; did you mean 3 mm?" if `value` is beyond a limit in SI, but not in mm.
-
-    The unit is that of `example`, such as "2 mm". Return "" if there is nothing to ask.
-    """
-    unit = example.partition(" ")[2]
-    try:
-        scaled = float(value) * _DRAWING_UNITS[unit]
-        fits = maximum is not None and float(value) > maximum >= scaled
-        fits = fits or (minimum is not None and float(value) < minimum <= scaled)
-    except (TypeError, ValueError, OverflowError, KeyError):
+def unit_hint(value: Any, annotation: Any) -> str:
+    """Return "; did you mean 3 mm?" if `value` is beyond a bound in SI, but not in mm, else ""."""
+    base, metadata = parts(annotation)
+    unit = next((x.example.partition(" ")[2] for x in metadata if isinstance(x, Unit)), "")
+    if unit not in _DRAWING_UNITS or isinstance(value, bool) or not isinstance(value, Real):
         return ""
-    return f"; did you mean {float(value):g} {unit}?" if fits else ""
+    scaled = float(value) * _DRAWING_UNITS[unit]
+    for part in metadata:
+        if isinstance(part, Le | Lt):
+            bound = getattr(part, "le", None) or getattr(part, "lt", None)
+            if scaled <= bound < value:
+                return f"; did you mean {float(value):g} {unit}?"
+    return ""
 
 
-def _bound_text(value):
-    """Return a bound as text, with fractions such as "pi / 2"."""
-    for n in (2, 3, 4):
-        if abs(value) == math.pi / n:
-            return f"{'-' * (value < 0.0)}pi / {n}"
-    return f"{value:g}"
+# Types of parameters.
 
-
-# Common kinds and parameters.
-
-POSITIVE = Number("1", gt=0)
-NONNEGATIVE = Number("1", ge=0)
-FINITE = Number("1")
-ANGLE = Number("rad", "30 deg")
+Finite = Annotated[float, Unit("1")]
+Positive = Annotated[float, Unit("1"), Gt(0)]
+NonNegative = Annotated[float, Unit("1"), Ge(0)]
+Angle = Annotated[float, Unit("rad", "30 deg")]
 #: Working pressure angle.
-WORKING_ANGLE = Number("rad", "20 deg", ge=0, lt=math.pi / 2)
-LENGTH = Number("m", "100 mm", gt=0)
+WorkingAngle = Annotated[float, Unit("rad", "20 deg"), Ge(0), Lt(math.pi / 2)]
+Length = Annotated[float, Unit("m", "100 mm"), Gt(0)]
 #: Dimensions of drawings; larger numbers must have been meant in another unit.
-MODULE = Number("m", "2.5 mm", gt=0, le=0.1)
-WIDTH = Number("m", "20 mm", gt=0, le=2)
-DIAMETER = Number("m", "100 mm", gt=0, le=20)
-BORE = Number("m", "30 mm", ge=0, le=20)
-RELIEF = Number("m", "10 um", ge=0, le=0.1)
-RELIEF_LENGTH = Number("m", "4 mm", gt=0, le=0.5)
-BACKLASH = Number("m", "40 um", ge=0, infinite="infinity included")
-RUN_OUT = Number("m", "10 um", ge=0)
-ERROR = Number("m", "10 um")
-STIFFNESS = Number("N/m", "4e5 N/mm", gt=0)
+Module = Annotated[float, Unit("m", "2.5 mm"), Gt(0), Le(0.1)]
+Width = Annotated[float, Unit("m", "20 mm"), Gt(0), Le(2)]
+Diameter = Annotated[float, Unit("m", "100 mm"), Gt(0), Le(20)]
+Bore = Annotated[float, Unit("m", "30 mm"), Ge(0), Le(20)]
+Relief = Annotated[float, Unit("m", "10 um"), Ge(0), Le(0.1)]
+ReliefLength = Annotated[float, Unit("m", "4 mm"), Gt(0), Le(0.5)]
+RunOut = Annotated[float, Unit("m", "10 um"), Ge(0)]
+Error = Annotated[float, Unit("m", "10 um")]
+Stiffness = Annotated[float, Unit("N/m", "4e5 N/mm"), Gt(0)]
 #: Stiffness of a support.
-SUPPORT = Number("N/m", "1 kN/um", ge=0, infinite="infinity: rigid")
-SHAFT_STIFFNESS = Number("N m/rad", "1 MN m/rad", gt=0)
-MASS = Number("kg", "3123 g", gt=0)
-INERTIA = Number("kg m^2", "978.52 kg cm^2", gt=0)
-POWER = Number("W", "30 kW", gt=0)
-SPEED = Number("rpm", "2000 rpm", gt=0)
-LOAD = Number("N", "3.3 kN", gt=0)
-FORCE = Number("N", "2 kN")
-TORQUE = Number("N m", "200 N m")
-DRIVING_TORQUE = Number("N m", "302 N m", gt=0)
-DAMPING = Number("N s/m", "3.95 N s/mm", ge=0)
-#: Damping in contact; None means unknown, which is allowed at rest.
-CONTACT_DAMPING = Number("N s/m", "3.95 N s/mm", ge=0, optional=True)
-TWIST_DAMPING = Number("N m s/rad", "10 N m s/rad", ge=0)
-TIME = Number("s", "1 us", ge=0)
-TEETH = Integer(3, limit=100_000)
-STIFFNESS_RATIO = Number("1", gt=0, le=1)
-CONTACT_RATIO = Number("1", ge=1, le=2)
-BOOLEAN = OneOf((False, True))
+Support = Annotated[float, Unit("N/m", "1 kN/um", "infinity: rigid"), Ge(0)]
+ShaftStiffness = Annotated[float, Unit("N m/rad", "1 MN m/rad"), Gt(0)]
+Mass = Annotated[float, Unit("kg", "3123 g"), Gt(0)]
+Inertia = Annotated[float, Unit("kg m^2", "978.52 kg cm^2"), Gt(0)]
+Power = Annotated[float, Unit("W", "30 kW"), Gt(0)]
+Speed = Annotated[float, Unit("rpm", "2000 rpm"), Gt(0)]
+Load = Annotated[float, Unit("N", "3.3 kN"), Gt(0)]
+Force = Annotated[float, Unit("N", "2 kN")]
+Torque = Annotated[float, Unit("N m", "200 N m")]
+DrivingTorque = Annotated[float, Unit("N m", "302 N m"), Gt(0)]
+Damping = Annotated[float, Unit("N s/m", "3.95 N s/mm"), Ge(0)]
+TwistDamping = Annotated[float, Unit("N m s/rad", "10 N m s/rad"), Ge(0)]
+Time = Annotated[float, Unit("s", "1 us"), Ge(0)]
+Teeth = Annotated[int, INTEGER, Ge(3), Le(100_000)]
+Boolean = Annotated[bool, BeforeValidator(_read_boolean)]
 #: Name of a part.
-TEXT = Kind("a text", lambda value: isinstance(value, str) and value != "")
+Text = Annotated[str, MinLen(1)]
 
-MaxStiffness = Annotated[float, STIFFNESS, "Maximum mesh stiffness", "C_max"]
-StiffnessRatio = Annotated[float, STIFFNESS_RATIO, "Stiffness ratio kappa", "= C_min / C_max"]
+# Parameters of several models.
+
+MaxStiffness = Annotated[Stiffness, described("Maximum mesh stiffness", "C_max")]
+StiffnessRatio = Annotated[
+    float, Unit("1"), Gt(0), Le(1), described("Stiffness ratio kappa", "= C_min / C_max")
+]
 ContactRatio = Annotated[
-    float, CONTACT_RATIO, "Contact ratio epsilon; both ends mean constant stiffness"
+    float,
+    Unit("1"),
+    Ge(1),
+    Le(2),
+    described("Contact ratio epsilon; both ends mean constant stiffness"),
 ]
-Backlash = Annotated[float, BACKLASH, "Backlash; infinite without a second flank", "s_k"]
-MaterialDamping = Annotated[float, CONTACT_DAMPING, "Damping of the material in contact", "k_1"]
-BacklashDamping = Annotated[float, DAMPING, "Damping of the oil in the backlash", "k_1m"]
-PressureAngle = Annotated[float, WORKING_ANGLE, "Pressure angle in operation"]
+Backlash = Annotated[
+    float,
+    Unit("m", "40 um", "infinity included"),
+    Ge(0),
+    described("Backlash; infinite without a second flank", "s_k"),
+]
+#: Unknown if None, which is allowed at rest.
+MaterialDamping = Annotated[Damping | None, described("Damping of the material in contact", "k_1")]
+BacklashDamping = Annotated[Damping, described("Damping of the oil in the backlash", "k_1m")]
+PressureAngle = Annotated[WorkingAngle, described("Pressure angle in operation")]
 
-# Damping of drawn gears; of the first three at most one is given.
-DampingRatio = Annotated[float | None, NONNEGATIVE, "Damping ratio in contact, beta"]
+# Damping of gears given by geometry; of the first three at most one is given.
+DampingRatio = Annotated[NonNegative | None, described("Damping ratio in contact, beta")]
 Decrement = Annotated[
-    float | None, NONNEGATIVE, "delta = 2 pi beta / sqrt(1 - beta^2), in place of damping_ratio"
+    NonNegative | None,
+    described("delta = 2 pi beta / sqrt(1 - beta^2), in place of damping_ratio"),
 ]
-DrawnDamping = Annotated[float | None, DAMPING, "k_1 in contact, in place of damping_ratio"]
-BacklashDampingRatio = Annotated[float, NONNEGATIVE, "Damping ratio in the backlash, beta_m"]
+DrawnDamping = Annotated[Damping | None, described("k_1 in contact, in place of damping_ratio")]
+BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in the backlash, beta_m")]

@@ -19,7 +19,7 @@ from gearlib.cli.gears import DEFAULT_CONFIG, NO_DAMPING, in_rpm, take_gears
 from gearlib.config import measured_description, schema_text, tolerances_section, yaml_keys
 from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
 from gearlib.models import tolerated
-from gearlib.parameters import WRITTEN_UNITS
+from gearlib.units import WRITTEN_UNITS
 
 #: Folder of the Snakefile, in the installed package or in a checkout.
 _INSTALLED = Path(__file__).parents[1] / "installed_workflow"

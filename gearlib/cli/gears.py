@@ -8,7 +8,8 @@ import click
 from gearlib import config
 from gearlib.checks import refusal
 from gearlib.cli import options
-from gearlib.config import gear_names, overlay, units, yaml_keys
+from gearlib import units
+from gearlib.config import gear_names, overlay, yaml_keys
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
 from gearlib.config.targets import NO_TRAIN, missing_mesh_damping
 from gearlib.config.train_section import PAIR_TRAINS

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from gearlib.config import units
+from gearlib import units
 from gearlib.config.gear_pair_section import DAMPINGS, Damping, GearPairSection
 from gearlib.config.gears_section import Gears, WheelSection
 from gearlib.config.validation import with_original_values

@@ -8,7 +8,7 @@ import tempfile
 
 import click
 
-from gearlib.parameters import WRITTEN_UNITS
+from gearlib.units import WRITTEN_UNITS
 
 WIDTH = 80
 #: Variables of datasets that are printed.

@@ -12,7 +12,8 @@ from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError, model
 
 from gearlib.checks import refusal, require
 from gearlib.config import types as t
-from gearlib.config import units, yaml_keys
+from gearlib import units
+from gearlib.config import yaml_keys
 from gearlib.config.types import Section, field, list_of, quantity, type_of
 from gearlib.config.validation import error_messages
 from gearlib.data import measured_names

@@ -7,7 +7,7 @@ from pydantic import model_validator
 
 from gearlib import checks
 from gearlib.config import types as t
-from gearlib.config import units
+from gearlib import units
 from gearlib.config.types import MAX_JOBS, Section, check_unique, field, list_of
 from gearlib.data.variables import QUANTITIES
 from gearlib.models import tolerated

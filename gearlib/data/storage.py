@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.files import replacing, source_hash, write_table
-from gearlib.parameters import WRITTEN_UNITS
+from gearlib.units import WRITTEN_UNITS
 from gearlib.version import __version__
 
 

@@ -5,7 +5,7 @@ import math
 from typing import NamedTuple
 
 from gearlib import config
-from gearlib.config import units
+from gearlib import units
 from gearlib.config.gears_section import Gears
 from gearlib.explorer.view import MAX_SPEED_RATIO, MIN_SPEED_RATIO
 from gearlib.models.from_values import pairs_of_teeth
@@ -52,11 +52,11 @@ def slider(label: str, initial: float, low: float, high: float, unit: float = 1.
 def parameter_slider(model: type, name: str, initial: float, low: float, high: float) -> Slider:
     """Return the slider of a declared parameter of a class; initial value and limits are in SI."""
     parameter = declared_parameters(model)[name]
-    kind, label = parameter.kind, parameter.long_name
-    unit_name = getattr(kind, "example", "").partition(" ")[2]
+    number, label = parameter.number, parameter.long_name
+    unit_name = number.example.partition(" ")[2]
     # Show forces in N rather than kN.
-    unit_name = kind.unit if unit_name.startswith("k") else unit_name
-    unit = units.read(f"1 {unit_name}", kind.unit) if unit_name else 1.0
+    unit_name = number.unit if unit_name.startswith("k") else unit_name
+    unit = units.read(f"1 {unit_name}", number.unit) if unit_name else 1.0
     for letter, greek in _GREEK.items():
         label = label.replace(letter, greek)
     if unit_name:

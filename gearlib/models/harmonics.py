@@ -1,15 +1,13 @@
 """Harmonics of the mesh phase, given by their amplitudes or computed from a table."""
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from gearlib import checks
-from gearlib.parameters import FINITE, Many, check, documented
+from gearlib.parameters import Finite, Values, declared, described
 
 
-@documented
-@dataclass(frozen=True)
+@declared(kw_only=False)
 class Harmonics:
     """The sum over n >= 1 of cosines[n - 1] cos(n tau) + sines[n - 1] sin(n tau).
 
@@ -20,14 +18,15 @@ class Harmonics:
     """
 
     cosines: Annotated[
-        tuple, Many(FINITE), "Amplitudes of cosines of orders 1, 2, ... per mesh period"
+        tuple[Finite, ...],
+        Values(),
+        described("Amplitudes of cosines of orders 1, 2, ... per mesh period"),
     ] = ()
     sines: Annotated[
-        tuple, Many(FINITE), "Amplitudes of sines; the shorter tuple is filled with zeros"
+        tuple[Finite, ...],
+        Values(),
+        described("Amplitudes of sines; the shorter tuple is filled with zeros"),
     ] = ()
-
-    def __post_init__(self):
-        check(self)
 
     @classmethod
     def from_table(cls, phase: Any, values: Any, count: int | None = None) -> "Harmonics":

@@ -16,11 +16,12 @@ lines between the phases at which slices of a helical face begin and end their c
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from gearlib import checks
 from gearlib.data import summary
@@ -33,7 +34,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Tabulated
-from gearlib.parameters import BOOLEAN, Instance, Integer, Number, documented
+from gearlib.parameters import INTEGER, Boolean, Unit, declared, described
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.taylor import teeth, teeth_profiles  # noqa: F401
@@ -52,8 +53,7 @@ _PHASE_TOLERANCE = 1e-9
 _CORNER_INTERVALS = 8
 
 
-@documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class LoadSharingPair(WithPair):
     """A gear pair in which pairs of teeth with tip relief and errors share the load; immutable.
 
@@ -64,29 +64,33 @@ class LoadSharingPair(WithPair):
 
     pair: Annotated[
         GearPair,
-        Instance((GearPair,)),
-        "Gear pair with mass, load, damping, backlash and scales; its stiffness is not used",
+        described(
+            "Gear pair with mass, load, damping, backlash and scales; its stiffness is not used"
+        ),
     ]
-    drawing: Annotated[
-        Mesh, Instance((Mesh,), "a gearlib.geometry.Mesh"), "Gears with their tip reliefs"
-    ]
+    drawing: Annotated[Mesh, described("Gears with their tip reliefs")]
     phases: Annotated[
         int,
-        Integer(8, 100_000),
-        "Number of equal intervals of a mesh period in which gaps and compliances are parabolas",
+        INTEGER,
+        Ge(8),
+        Le(100_000),
+        described(
+            "Number of equal intervals of a mesh period in which gaps and compliances are parabolas"
+        ),
     ] = 16
     stiffness: Any = "energy"
     coupling: Annotated[
-        float | None,
-        Number("1", ge=0, le=1),
-        "Share of the gear body's compliance that is common to all pairs of teeth; None for that "
-        "of finite elements",
+        Annotated[float, Unit("1"), Ge(0), Le(1)] | None,
+        described(
+            "Share of the gear body's compliance that is common to all pairs of teeth; None for "
+            "that of finite elements"
+        ),
     ] = None
-    twist: Annotated[bool, BOOLEAN, "Whether gear bodies twist about their bores"] = True
+    twist: Annotated[Boolean, described("Whether gear bodies twist about their bores")] = True
     deviation: PathTable | None = None
     pitch_errors: Any = None  #: tuple of pitch errors, m
     corner_contact: Annotated[
-        bool, BOOLEAN, "Whether tip corners touch before and behind the path of contact"
+        Boolean, described("Whether tip corners touch before and behind the path of contact")
     ] = True
 
     defaults = {"pitch_errors": lambda model: model.drawing.pitch_errors}

@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearlib import checks, parameters
+from gearlib import checks
 from gearlib.engines.codes import INVERSE, NORMAL
 from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
 from gearlib.models.profiles import Profile
+from gearlib.parameters import declared_parameters
+from gearlib.units import cf_units
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.linear import one_mesh, speed_profiles  # noqa: F401
@@ -72,8 +74,7 @@ class Model:
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
     def __post_init__(self):
-        """Check the parameters and compute the default values of fields that are None."""
-        parameters.check(self)
+        """Compute the default values of fields that are None."""
         for name, default in self.defaults.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, default(self))
@@ -194,10 +195,12 @@ class Model:
         """
         settable: dict = {}
         for model in filter(None, (self, self.mesh)):
-            declarations = parameters.declared_parameters(type(model))
+            declarations = declared_parameters(type(model))
             for name, value in fields_of(model).items():
-                parameter = declarations.get(name, parameters.Parameter(None, name))
-                units, description = parameters.cf_units(parameter.unit), parameter.long_name
+                units, description = "1", name
+                if name in declarations:
+                    units = cf_units(declarations[name].unit)
+                    description = declarations[name].long_name
                 if type(value) is float and math.isfinite(value):
                     settable.setdefault(name, (units, description))
                 elif isinstance(value, tuple) and all(type(entry) is float for entry in value):

@@ -27,9 +27,10 @@ d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge
 
 from gearlib import checks
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
@@ -40,10 +41,18 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Fourier, Pieces, Rectangular, Series, Steps, Tabulated
-from gearlib.parameters import FINITE, NONNEGATIVE, Instance, Number, documented, units_and_names
+from gearlib.parameters import (
+    Allowed,
+    Finite,
+    NonNegative,
+    Unit,
+    declared,
+    described,
+    units_and_names,
+)
 
-_HARMONICS = Instance((Harmonics,))
-_QUADRATIC, _CUBIC = Number("N s^2/m^2", ge=0), Number("N s^3/m^3", ge=0)
+_Quadratic = Annotated[float, Unit("N s^2/m^2"), Ge(0)]
+_Cubic = Annotated[float, Unit("N s^3/m^3"), Ge(0)]
 
 
 @dataclass(frozen=True)
@@ -181,8 +190,7 @@ def pair_equation(pair, stiffness, nonlinear_damping=0.0, **other_terms) -> Equa
     return Equation(upper, lower, stiffness, stiffness, damping, **other_terms)
 
 
-@documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class OneDegreePair(WithPair):
     """A gear pair with nonlinear damping, other stiffness profiles and external excitation.
 
@@ -190,30 +198,25 @@ class OneDegreePair(WithPair):
     stiffness is not possible, because the flanks could pass through each other.
     """
 
-    pair: Annotated[
-        GearPair, Instance((GearPair,)), "Stiffness, mass, load, backlash, linear damping"
-    ]
-    quadratic_damping: Annotated[float, _QUADRATIC, "Quadratic damping D2 in contact"] = 0.0
-    cubic_damping: Annotated[float, _CUBIC, "Cubic damping D3 in contact"] = 0.0
-    backlash_quadratic_damping: Annotated[float, _QUADRATIC, "Quadratic damping D2m of the oil"] = (
-        0.0
-    )
-    backlash_cubic_damping: Annotated[float, _CUBIC, "Cubic damping D3m of the oil"] = 0.0
-    quadratic_stiffness: Annotated[
-        float, Number("1/m", ge=0), "Quadratic stiffness g2; power law in contact, |g| g"
+    pair: Annotated[GearPair, described("Stiffness, mass, load, backlash, linear damping")]
+    quadratic_damping: Annotated[_Quadratic, described("Quadratic damping D2 in contact")] = 0.0
+    cubic_damping: Annotated[_Cubic, described("Cubic damping D3 in contact")] = 0.0
+    backlash_quadratic_damping: Annotated[
+        _Quadratic, described("Quadratic damping D2m of the oil")
     ] = 0.0
-    cubic_stiffness: Annotated[float, Number("1/m^2", ge=0), "Cubic stiffness g3"] = 0.0
+    backlash_cubic_damping: Annotated[_Cubic, described("Cubic damping D3m of the oil")] = 0.0
+    quadratic_stiffness: Annotated[
+        float, Unit("1/m"), Ge(0), described("Quadratic stiffness g2; power law in contact, |g| g")
+    ] = 0.0
+    cubic_stiffness: Annotated[float, Unit("1/m^2"), Ge(0), described("Cubic stiffness g3")] = 0.0
     profile: Annotated[
-        Rectangular | Fourier | Tabulated,
-        Instance((Rectangular, Fourier, Tabulated)),
-        "Mesh stiffness over the phase",
-        "C(tau)",
+        Rectangular | Fourier | Tabulated, described("Mesh stiffness over the phase", "C(tau)")
     ] = Rectangular()
-    excitation: Annotated[Harmonics, _HARMONICS, "External force in N, added to the load"] = (
+    excitation: Annotated[Harmonics, described("External force in N, added to the load")] = (
         Harmonics()
     )
     deviation: Annotated[
-        Harmonics, _HARMONICS, "Deviation f(tau) of the flanks from the involute in m"
+        Harmonics, described("Deviation f(tau) of the flanks from the involute in m")
     ] = Harmonics()
 
     one_mesh = True
@@ -258,30 +261,11 @@ class OneDegreePair(WithPair):
         )
 
 
-class _StiffnessKind(Number):
-    """A constant stiffness, a `Series` or `Steps`."""
-
-    allowed = "a finite number >= 0, a Series or Steps"
-
-    def check(self, name: str, value: Any) -> Any:
-        return value if isinstance(value, (Series, Steps)) else super().check(name, value)
+#: A constant or periodic stiffness.
+_Stiffness = NonNegative | Series | Steps
 
 
-class _LowerEdge(Number):
-    """The lower edge, which may be at -infinity."""
-
-    allowed = "a number < infinity"
-
-    def accepts(self, value: float) -> bool:
-        return value < math.inf
-
-
-_STIFFNESS = _StiffnessKind("1", ge=0)
-_StiffnessValue = float | Series | Steps
-
-
-@documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class DeadZoneOscillator(Model):
     """A driven oscillator between two elastic contacts with a gap; immutable.
 
@@ -296,36 +280,38 @@ class DeadZoneOscillator(Model):
     (1990) 49-75.
     """
 
-    upper_edge: Annotated[float, FINITE, "Upper edge, where the upper contact begins"] = 0.0
+    upper_edge: Annotated[Finite, described("Upper edge, where the upper contact begins")] = 0.0
     lower_edge: Annotated[
-        float, _LowerEdge("1"), "Lower edge, where the lower contact begins; -inf: there is none"
+        float,
+        Allowed("a number <= upper_edge"),
+        described("Lower edge, where the lower contact begins; -inf: there is none"),
     ] = -math.inf
-    upper_stiffness: Annotated[_StiffnessValue, _STIFFNESS, "Stiffness of the upper contact", "c_u"]
+    upper_stiffness: Annotated[_Stiffness, described("Stiffness of the upper contact", "c_u")]
     lower_stiffness: Annotated[
-        _StiffnessValue | None,
-        _STIFFNESS,
-        "Stiffness of the lower contact; by default that of the upper one",
-        "c_l",
+        _Stiffness | None,
+        described("Stiffness of the lower contact; by default that of the upper one", "c_l"),
     ] = None
-    damping: Annotated[float, NONNEGATIVE, "Damping of the gap", "d"] = 0.0
+    damping: Annotated[NonNegative, described("Damping of the gap", "d")] = 0.0
     upper_damping: Annotated[
-        float | None, NONNEGATIVE, "Damping of the upper contact; by default that of the gap", "d"
+        NonNegative | None,
+        described("Damping of the upper contact; by default that of the gap", "d"),
     ] = None
     lower_damping: Annotated[
-        float | None, NONNEGATIVE, "Damping of the lower contact; by default that of the gap", "d"
+        NonNegative | None,
+        described("Damping of the lower contact; by default that of the gap", "d"),
     ] = None
     ground_stiffness: Annotated[
-        float, NONNEGATIVE, "Stiffness to the ground; a spring to x = 0 that never parts", "e"
+        NonNegative, described("Stiffness to the ground; a spring to x = 0 that never parts", "e")
     ] = 0.0
-    load: Annotated[float, FINITE, "Load, the mean force", "F"] = 0.0
+    load: Annotated[Finite, described("Load, the mean force", "F")] = 0.0
     forcing: Annotated[
-        Harmonics, _HARMONICS, "Force; its amplitudes do not depend on the frequency", "a_n, b_n"
+        Harmonics, described("Force; its amplitudes do not depend on the frequency", "a_n, b_n")
     ] = Harmonics()
     deviation: Annotated[
         Harmonics,
-        _HARMONICS,
-        "Motion of the support; its inertia is a force with amplitudes times (n W)^2",
-        "f",
+        described(
+            "Motion of the support; its inertia is a force with amplitudes times (n W)^2", "f"
+        ),
     ] = Harmonics()
 
     # The tuning is W, the frequency of the forcing in the model's unit of time, phase is W t and
@@ -369,9 +355,9 @@ class DeadZoneOscillator(Model):
 
     def __post_init__(self) -> None:
         """Check the edges and stiffnesses, and set default values."""
-        upper = FINITE.check("upper_edge", self.upper_edge)
-        allowed = f"from -inf to upper_edge = {upper!r}"
-        checks.number("lower_edge", self.lower_edge, allowed, lambda x: x <= upper)
+        allowed = f"from -inf to upper_edge = {self.upper_edge!r}"
+        valid = self.lower_edge <= self.upper_edge
+        checks.require(valid, "lower_edge", self.lower_edge, allowed)
         super().__post_init__()
         names = ["upper_stiffness"]
         if math.isfinite(self.lower_edge):

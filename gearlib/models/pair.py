@@ -7,15 +7,15 @@ Source: Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104. The paper pr
 """
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from gearlib import checks, parameters
+from gearlib import checks
 from gearlib.engines.pair.stiffness import force_note, mean_over_max
 from gearlib.models.model import Model
 from gearlib.models.pair_parameters import MAX_MAGNITUDE, PairParameters, check_scales
+from gearlib.parameters import declared, declared_parameters
 
 #: Smallest stiffness ratio of the scalar closed forms. They are written about the equilibrium of
 #: each segment; for a smaller ratio that of the softer segment lies so far away that they lose
@@ -23,8 +23,7 @@ from gearlib.models.pair_parameters import MAX_MAGNITUDE, PairParameters, check_
 _MIN_SCALAR_STIFFNESS_RATIO = 1e-4
 
 
-@parameters.documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class GearPair(PairParameters, Model):
     """One pair of spur gears, in SI units; immutable."""
 
@@ -88,8 +87,9 @@ class GearPair(PairParameters, Model):
         """
         damping = checks.finite_nonnegative("damping", damping)
         backlash_damping = checks.finite_nonnegative("backlash_damping", backlash_damping)
-        contact_ratio = parameters.CONTACT_RATIO.check("contact_ratio", contact_ratio)
-        stiffness_ratio = parameters.STIFFNESS_RATIO.check("stiffness_ratio", stiffness_ratio)
+        declared = declared_parameters(PairParameters)
+        contact_ratio = declared["contact_ratio"].check("contact_ratio", contact_ratio)
+        stiffness_ratio = declared["stiffness_ratio"].check("stiffness_ratio", stiffness_ratio)
         stiffness_quotient = mean_over_max(contact_ratio, stiffness_ratio)
         # Mass and load equal the rounded mean stiffness, so that the static deflection and the
         # eigenfrequency are exactly 1 and the ratios keep their last digit.

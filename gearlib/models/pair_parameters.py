@@ -1,11 +1,24 @@
 """Parameters of a gear pair, their scales and ratios; this module loads no numpy."""
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
+
+from annotated_types import Ge, Le
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
+from gearlib.parameters import (
+    Backlash,
+    BacklashDamping,
+    ContactRatio,
+    Load,
+    Mass,
+    MaterialDamping,
+    MaxStiffness,
+    StiffnessRatio,
+    declared,
+    described,
+)
 
 #: Limits of scales and damping ratios: squares of numbers beyond them overflow or underflow.
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-30, 1e30
@@ -61,20 +74,24 @@ class PairScales:
         return self.backlash / self.static_deflection
 
 
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class PairParameters(PairScales):
     """Parameters of a gear pair in SI units."""
 
-    max_stiffness: parameters.MaxStiffness
-    stiffness_ratio: parameters.StiffnessRatio
-    contact_ratio: parameters.ContactRatio
-    reduced_mass: Annotated[float, parameters.MASS, "Reduced mass", "m_red"]
-    load: Annotated[float, parameters.LOAD, "Load, the mean force along the line of action,", "F"]
-    backlash: parameters.Backlash
-    material_damping: parameters.MaterialDamping = 0.0
-    backlash_damping: parameters.BacklashDamping = 0.0
+    max_stiffness: MaxStiffness
+    stiffness_ratio: StiffnessRatio
+    contact_ratio: ContactRatio
+    reduced_mass: Annotated[Mass, described("Reduced mass", "m_red")]
+    load: Annotated[Load, described("Load, the mean force along the line of action,", "F")]
+    backlash: Backlash
+    material_damping: MaterialDamping = 0.0
+    backlash_damping: BacklashDamping = 0.0
     teeth: Annotated[
-        int, parameters.Integer(1, limit=10_000), "Teeth z: mesh periods per revolution"
+        int,
+        parameters.INTEGER,
+        Ge(1),
+        Le(10_000),
+        described("Teeth z: mesh periods per revolution"),
     ] = 24
 
 

@@ -18,12 +18,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from gearlib.models.harmonics import Harmonics
+from gearlib.parameters import Angle, NonNegative, Positive, Stiffness, Values, declared, described
 
-_PHASES = parameters.Many(parameters.ANGLE)
 #: Samples per period of the highest harmonic in a search for crossings of the mean.
 _SAMPLES_PER_WAVE = 32
 
@@ -72,8 +73,7 @@ class Rectangular(Profile):
         return _constant_pieces(breaks, values[nonempty], is_low[nonempty])
 
 
-@parameters.documented
-@dataclass(frozen=True)
+@declared(kw_only=False)
 class Fourier(Profile):
     """The Fourier series of Eq. (1), truncated after `harmonics` terms: a smooth stiffness.
 
@@ -83,15 +83,14 @@ class Fourier(Profile):
         If `harmonics` is not an integer >= 1.
     """
 
-    harmonics: Annotated[int, parameters.Integer(1, 10_000), "Number of terms of the series"]
+    harmonics: Annotated[
+        int, parameters.INTEGER, Ge(1), Le(10_000), described("Number of terms of the series")
+    ]
 
     @property
     def description(self) -> str:  # type: ignore[override]
         """The stiffness in words."""
         return f"Fourier series of {self.harmonics} harmonics"
-
-    def __post_init__(self):
-        parameters.check(self)
 
     def pieces(self, pair: Any) -> Pieces:
         """Return the truncated Fourier series of the stiffness of a `GearPair` over its mean."""
@@ -103,8 +102,7 @@ class Fourier(Profile):
         return _harmonic_pieces(1.0, harmonics)
 
 
-@parameters.documented
-@dataclass(frozen=True)
+@declared(kw_only=False)
 class Series(Profile):
     """A mean stiffness plus harmonics, for `gearlib.DeadZoneOscillator`.
 
@@ -114,14 +112,11 @@ class Series(Profile):
         If the mean is not allowed, or the harmonics make the stiffness negative somewhere.
     """
 
-    mean: Annotated[float, parameters.POSITIVE, "Mean stiffness"]
-    harmonics: Annotated[
-        Harmonics, parameters.Instance((Harmonics,), "Harmonics"), "Harmonics added to the mean"
-    ]
+    mean: Annotated[Positive, described("Mean stiffness")]
+    harmonics: Annotated[Harmonics, described("Harmonics added to the mean")]
 
     def __post_init__(self) -> None:
         """Check that the stiffness is not negative at any phase."""
-        parameters.check(self)
         table = self.harmonics.table()
         phase = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * len(table) + 1)
         minimum = self.mean + float(_sum_of_harmonics(table, phase).min())
@@ -137,8 +132,7 @@ class Series(Profile):
         return _harmonic_pieces(self.mean, self.harmonics.table())
 
 
-@parameters.documented
-@dataclass(frozen=True)
+@declared(kw_only=False)
 class Steps(Profile):
     """A periodic stiffness of constant segments, for `gearlib.DeadZoneOscillator`.
 
@@ -149,12 +143,14 @@ class Steps(Profile):
     """
 
     phase: Annotated[
-        tuple, _PHASES, "Phases at which segments start, strictly increasing within [0, 2 pi)"
+        tuple[Angle, ...],
+        Values(),
+        described("Phases at which segments start, strictly increasing within [0, 2 pi)"),
     ]
     stiffness: Annotated[
-        tuple,
-        parameters.Many(parameters.NONNEGATIVE),
-        "Stiffness of each segment in the unit of the model",
+        tuple[NonNegative, ...],
+        Values(),
+        described("Stiffness of each segment in the unit of the model"),
     ]
 
     def __post_init__(self):
@@ -171,8 +167,7 @@ class Steps(Profile):
         return _constant_pieces(breaks, values, values < (1.0 - 1e-12) * mean)
 
 
-@parameters.documented
-@dataclass(frozen=True)
+@declared(kw_only=False)
 class Tabulated(Profile):
     """A periodic table of the mesh stiffness, linear between its points.
 
@@ -182,10 +177,10 @@ class Tabulated(Profile):
         Naming the entry that is wrong.
     """
 
-    phase: Annotated[tuple, _PHASES, "Mesh phases, strictly increasing within [0, 2 pi)"]
-    stiffness: Annotated[
-        tuple, parameters.Many(parameters.STIFFNESS), "Mesh stiffness at each phase"
+    phase: Annotated[
+        tuple[Angle, ...], Values(), described("Mesh phases, strictly increasing within [0, 2 pi)")
     ]
+    stiffness: Annotated[tuple[Stiffness, ...], Values(), described("Mesh stiffness at each phase")]
 
     def __post_init__(self):
         _check_table(self, 2)

@@ -36,6 +36,7 @@ from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Gt
 
 from gearlib import checks
 from gearlib.engines.linear.train_system import TrainSystem
@@ -49,24 +50,24 @@ from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.structure import FLOAT_ARITHMETIC, Arithmetic, Structure, structure
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import (
-    ANGLE,
-    BOOLEAN,
-    DAMPING,
-    INERTIA,
-    LENGTH,
-    MASS,
-    NONNEGATIVE,
-    RUN_OUT,
-    TORQUE,
-    Instance,
-    Integer,
-    Many,
-    Number,
-    documented,
+    INTEGER,
+    Angle,
+    Boolean,
+    Damping,
+    Inertia,
+    Length,
+    Mass,
+    NonNegative,
+    RunOut,
+    Torque,
+    Unit,
+    Values,
+    declared,
+    described,
     units_and_names,
 )
 
-_BEARING = Number("N/m", "1 kN/um", gt=0, infinite="infinity: rigid")
+_Bearing = Annotated[float, Unit("N/m", "1 kN/um", "infinity: rigid"), Gt(0)]
 BEARINGS = ("y3", "z3", "y2", "z2")
 #: Derivatives of the relative displacement y by the bearing coordinates.
 _Y_DERIVATIVES = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
@@ -86,8 +87,7 @@ EXTRA_VARIABLES = (
 )
 
 
-@documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class SixDegreePair(WithPair):
     """A pair of gears on elastic bearings, in SI units; immutable.
 
@@ -98,51 +98,63 @@ class SixDegreePair(WithPair):
 
     force_note = property(lambda model: model.pair.force_note, doc="`GearPair.force_note`.")
     stiffness_model = property(lambda model: model.pair.stiffness_model, doc="As of `GearPair`.")
-    pair: Annotated[GearPair, Instance((GearPair,)), "Stiffness, load, backlash, damping"]
-    base_radii: Annotated[tuple, Many(LENGTH, 2), "Base radii", "Rb3, Rb2"]
-    inertias: Annotated[tuple, Many(INERTIA, 2), "Moments of inertia", "J3, J2"]
-    masses: Annotated[tuple, Many(MASS, 2), "Masses", "m3, m2"]
+    pair: Annotated[GearPair, described("Stiffness, load, backlash, damping")]
+    base_radii: Annotated[tuple[Length, ...], Values(2), described("Base radii", "Rb3, Rb2")]
+    inertias: Annotated[tuple[Inertia, ...], Values(2), described("Moments of inertia", "J3, J2")]
+    masses: Annotated[tuple[Mass, ...], Values(2), described("Masses", "m3, m2")]
     bearing_stiffness: Annotated[
-        tuple, Many(_BEARING, 4), "Stiffness of the bearings", "C3y, C3z, C2y, C2z"
+        tuple[_Bearing, ...],
+        Values(4),
+        described("Stiffness of the bearings", "C3y, C3z, C2y, C2z"),
     ]
     bearing_damping: Annotated[
-        tuple, Many(DAMPING, 4), "Damping of the bearings", "k3y, k3z, k2y, k2z"
+        tuple[Damping, ...], Values(4), described("Damping of the bearings", "k3y, k3z, k2y, k2z")
     ] = (0.0, 0.0, 0.0, 0.0)
-    eccentricities: Annotated[tuple, Many(RUN_OUT, 2), "Run-out of the pitch circles", "e3, e2"] = (
+    eccentricities: Annotated[
+        tuple[RunOut, ...], Values(2), described("Run-out of the pitch circles", "e3, e2")
+    ] = (
         0.0,
         0.0,
     )
-    run_out_phase: Annotated[float, ANGLE, "Relative phase of the run-outs", "Delta"] = 0.0
+    run_out_phase: Annotated[Angle, described("Relative phase of the run-outs", "Delta")] = 0.0
     teeth: Annotated[
-        tuple | None, Many(Integer(1), 2), "Teeth of both gears; by default those of the pair"
+        tuple[Annotated[int, INTEGER, Ge(1)], ...] | None,
+        Values(2),
+        described("Teeth of both gears; by default those of the pair"),
     ] = None
     torques: Annotated[
-        tuple | None, Many(TORQUE, 2), "Torques M3, M2; by default those of the load, F Rb"
+        tuple[Torque, ...] | None,
+        Values(2),
+        described("Torques M3, M2; by default those of the load, F Rb"),
     ] = None
     deviation: Annotated[
-        Harmonics, Instance((Harmonics,)), "Deviation of the drive-side flanks in m", "f(tau)"
+        Harmonics, described("Deviation of the drive-side flanks in m", "f(tau)")
     ] = Harmonics()
     inverse_deviation: Annotated[
         Harmonics | None,
-        Instance((Harmonics,)),
-        "Deviation of the coast-side flanks in m; by default that of the drive side",
+        described("Deviation of the coast-side flanks in m; by default that of the drive side"),
     ] = None
     friction: Annotated[
-        tuple, Many(NONNEGATIVE, 2), "Friction coefficients mu of drive-side and coast-side contact"
+        tuple[NonNegative, ...],
+        Values(2),
+        described("Friction coefficients mu of drive-side and coast-side contact"),
     ] = (0.0, 0.0)
     pitch_phase: Annotated[
-        float, ANGLE, "Mesh phase at which the friction turns; it changes from negative to positive"
+        Angle,
+        described("Mesh phase at which the friction turns; it changes from negative to positive"),
     ] = 0.0
     moving_backlash: Annotated[
-        bool,
-        BOOLEAN,
-        "Whether the backlash line s(tau) moves as in Eq. (4), so that bearings do not close the "
-        "backlash; otherwise the coast-side flank stays s_k behind y = 0",
+        Boolean,
+        described(
+            "Whether the backlash line s(tau) moves as in Eq. (4), so that bearings do not close "
+            "the backlash; otherwise the coast-side flank stays s_k behind y = 0"
+        ),
     ] = True
     preload: Annotated[
-        bool,
-        BOOLEAN,
-        "Whether the bearings start in their deflection under the load, instead of undeflected",
+        Boolean,
+        described(
+            "Whether the bearings start in their deflection under the load, instead of undeflected"
+        ),
     ] = True
 
     extra_samples = EXTRA_VARIABLES

@@ -2,13 +2,22 @@
 
 import math
 import re
-from typing import Any
+from typing import Annotated, Any
 
-from gearlib import checks, parameters
+from gearlib import checks
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair_parameters import RATIOS, PairParameters
-from gearlib.parameters import Parameter, numeric_parameters
+from gearlib.parameters import (
+    BacklashDampingRatio,
+    DrivingTorque,
+    Error,
+    MaterialDamping,
+    NonNegative,
+    Parameter,
+    described,
+    numeric_parameters,
+)
 
 #: Config keys of the plain descriptions of a scattering value.
 SCATTER_KEYS = (("mean", "std"), ("min", "max"), ("nominal", "upper", "lower"))
@@ -23,17 +32,17 @@ _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
 #: Parameters of the load and the damping of gears with a geometry.
 LOAD_PARAMETERS = {
-    "torque": Parameter(parameters.DRIVING_TORQUE, "Torque of the pinion", "T"),
-    "damping_ratio": Parameter(parameters.NONNEGATIVE, "Damping ratio in contact", "beta"),
-    "material_damping": Parameter(parameters.DAMPING, "Damping of the material in contact", "k_1"),
-    "backlash_damping_ratio": Parameter(
-        parameters.NONNEGATIVE, "Damping ratio in the backlash", "beta_m"
-    ),
+    "torque": Parameter(Annotated[DrivingTorque, described("Torque of the pinion", "T")]),
+    "damping_ratio": Parameter(Annotated[NonNegative, described("Damping ratio in contact")]),
+    "material_damping": Parameter(MaterialDamping),
+    "backlash_damping_ratio": Parameter(BacklashDampingRatio),
 }
 #: Parameters of the first mesh harmonic of the flank deviation of gears with a geometry.
 FLANK_PARAMETERS = {
     f"deviation_{name}": Parameter(
-        parameters.ERROR, f"First mesh harmonic of the deviation of the flanks, its {name}", "f"
+        Annotated[
+            Error, described(f"First mesh harmonic of the deviation of the flanks, its {name}", "f")
+        ]
     )
     for name in ("cosine", "sine")
 }
@@ -41,7 +50,10 @@ FLANK_PARAMETERS = {
 
 def pair_parameters() -> dict[str, Parameter]:
     """Return the parameters and ratios of a gear pair that can scatter, name -> `Parameter`."""
-    ratios = {name: Parameter(parameters.NONNEGATIVE, name.replace("_", " ")) for name in RATIOS}
+    ratios = {
+        name: Parameter(Annotated[NonNegative, described(name.replace("_", " "))])
+        for name in RATIOS
+    }
     return numeric_parameters(PairParameters) | ratios
 
 
@@ -111,8 +123,7 @@ def check_range(parameter_name, scatter, parameter, values) -> None:
 
     `scatter` is the plain description, `values` are its (centre, smallest value, largest value).
     """
-    kind = getattr(parameter, "kind", None)
-    if not isinstance(kind, parameters.Number):
+    if parameter is None or parameter.number is None:
         return
     centre, *limits = values
     if "min" in scatter:
@@ -121,7 +132,7 @@ def check_range(parameter_name, scatter, parameter, values) -> None:
         limit_names = f"least value of {parameter_name}", f"largest value of {parameter_name}"
     for limit_name, limit in zip(limit_names, limits, strict=True):
         if math.isfinite(limit):
-            kind.check(limit_name, limit)
+            parameter.check(limit_name, limit)
     centre_key = next((key for key in _OPTIONAL_KEYS if key in scatter), None)
     centre_name = f"{parameter_name}.{centre_key}" if centre_key else f"middle of {parameter_name}"
-    kind.check(centre_name, centre)
+    parameter.check(centre_name, centre)

@@ -29,6 +29,7 @@ from gearlib.models.tolerated import (
     numeric_parameters,
 )
 from gearlib.uncertainty import distributions
+from gearlib.units import cf_units
 
 #: Bits of the coordinates of Sobol' points; they limit the number of different points.
 _SOBOL_BITS = 30
@@ -80,7 +81,7 @@ class DrawnPair:
         self.options = options
         self.parameters = geometry_parameters()
         self.descriptions = {
-            name: (parameters.cf_units(parameter.kind.unit), _parameter_text(name, parameter))
+            name: (cf_units(parameter.unit), _parameter_text(name, parameter))
             for name, parameter in self.parameters.items()
         }
 
@@ -172,7 +173,7 @@ class FunctionSource:
             declared = parameters.declared_parameters(function)
         self.parameters = {argument.name: declared.get(argument.name) for argument in arguments}
         self.descriptions = {
-            name: (parameters.cf_units(parameter.unit), _parameter_text(name, parameter))
+            name: (cf_units(parameter.unit), _parameter_text(name, parameter))
             for name, parameter in self.parameters.items()
             if parameter
         }

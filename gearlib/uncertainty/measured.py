@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from gearlib import checks
-from gearlib.config import measured_description, units
+from gearlib import checks, units
+from gearlib.config import measured_description
 from gearlib.data import measured_names
 from gearlib.data.files import canonical_json
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.parameters import Number, declared_parameters
+from gearlib.parameters import declared_parameters
 from gearlib.uncertainty import measured_tables
 from gearlib.uncertainty.measured_tables import CONDITION_COLUMN, DIRECTION_SIGNS, LONG_COLUMNS
 
@@ -102,8 +102,8 @@ def _json_value(name: str, value: Any) -> Any:
     if isinstance(value, float) and math.isnan(value):
         raise checks.refusal(f"known.{name}", value, "a number or a text")
     parameter = declared_parameters(PairParameters).get(name)
-    unit = parameter.kind.unit if parameter and isinstance(parameter.kind, Number) else "1"
-    if isinstance(value, str) and value[:1].isdigit() and unit != "1":
+    unit = parameter.unit if parameter else ""
+    if isinstance(value, str) and value[:1].isdigit() and unit:
         try:
             return units.read(value, unit)
         except ValueError:

@@ -2,9 +2,7 @@
 
 import dataclasses
 import math
-import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from gearlib import checks
@@ -15,13 +13,6 @@ from gearlib.models.geometry.mesh import Mesh
 _COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material")
 #: Key of a gear -> field of its `Rack` that it replaces.
 RACK_FIELDS = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": "tip_radius"}
-#: Names of gears and of their parts in error messages, as in "module of the wheel".
-_PART_NAMES = (
-    "pinion|wheel|ring gear|sun mesh|ring mesh|sun|planet|ring|rack|web|material|tip relief"
-)
-_PARAMETER_OF_PART = re.compile(
-    rf"(\w+(?: of the tip relief(?= of))?) of (?:the|a) ({_PART_NAMES})\b"
-)
 
 
 def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -> SpurGear:
@@ -40,11 +31,14 @@ def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -
         fields = {name: mate_values[name] for name in names if name in mate_values} | fields
     rack = {field: fields.pop(name) for name, field in RACK_FIELDS.items() if name in fields}
     if rack:
-        fields["rack"] = dataclasses.replace(RACKS[fields.get("rack", "A")], **rack)
+        with checks.below("", **{field: name for name, field in RACK_FIELDS.items()}):
+            fields["rack"] = dataclasses.replace(RACKS[fields.get("rack", "A")], **rack)
     for name, field_class in (("material", Material), ("web", Web), ("tip_relief", TipRelief)):
         if name in fields:
-            fields[name] = field_class(**fields[name])
-    return SpurGear(**(default_fields | fields))
+            with checks.below(name):
+                fields[name] = field_class(**fields[name])
+    with checks.below("", **{"rack.dedendum": "dedendum"}):
+        return SpurGear(**(default_fields | fields))
 
 
 def mesh(values: dict) -> Mesh:
@@ -53,28 +47,11 @@ def mesh(values: dict) -> Mesh:
     Pinion and wheel are dicts of gears; the wheel takes missing values from the pinion. Lengths are
     in m, and other keys are ignored.
     """
-    pinion, wheel = gear(values["pinion"]), gear(values["wheel"], mate_values=values["pinion"])
+    with checks.below("pinion"):
+        pinion = gear(values["pinion"])
+    with checks.below("wheel"):
+        wheel = gear(values["wheel"], mate_values=values["pinion"])
     return Mesh(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
-
-
-@contextmanager
-def parameters_renamed(rename: Callable[[str, str | None], str]) -> Iterator[None]:
-    """Return a context that renames the parameter at the beginning of ValueErrors raised in it.
-
-    `rename` is called with the name of the parameter and that of the gear or part that has it, and
-    returns the new text: for "width of the wheel = -1 ..." it is called with "width" and "wheel",
-    for "width = -1 ..." with "width" and None.
-    """
-    try:
-        yield
-    except ValueError as error:
-        message = str(error)
-        # Messages begin with "parameter of the part", "sum of the shifts" or only "parameter".
-        match = _PARAMETER_OF_PART.match(message) or re.match(
-            r"(sum) of the (shifts)|(\w+)", message
-        )
-        parameter_name, part_name = match[1] or match[3], match[2]
-        raise ValueError(f"{rename(parameter_name, part_name)}{message[match.end() :]}") from None
 
 
 #: Largest position error of a planet in tooth pitches, since angles are often rounded.
@@ -102,11 +79,11 @@ def planetary_meshes(
     """
     backlash = (None, None) if backlashes is None else checks.sequence("backlashes", backlashes, 2)
     internal = getattr(ring, "internal", False)
-    checks.require(internal, "internal of the ring", False, "True, of a ring gear")
+    checks.require(internal, "ring.internal", False, "True, of a ring gear")
     try:
-        with _planetary_names("sun mesh", pinion="sun", wheel="planet"):
+        with checks.below("", owner="the sun mesh", pinion="sun", wheel="planet"):
             sun_mesh = Mesh(sun, planet, centre_distance, backlash[0])
-        with _planetary_names("ring mesh", **{"ring gear": "ring"}, pinion="planet", wheel="ring"):
+        with checks.below("", owner="the ring mesh", pinion="planet", wheel="ring"):
             ring_mesh = Mesh(planet, ring, sun_mesh.centre_distance, backlash[1])
     except ValueError:
         _check_ring_teeth(sun, planet, ring, centre_distance)
@@ -118,11 +95,11 @@ def planetary_meshes(
     for i, angle in enumerate(angles):
         pitches = tooth_sum * (angle - angles[0]) / math.tau
         if abs(pitches - round(pitches)) > _POSITION_TOLERANCE:
-            raise ValueError(
-                f"positions[{i}] = {angle!r} is not allowed: the planet can be assembled only a "
-                f"whole multiple of 2 pi / (z_s + z_r) = {math.tau / tooth_sum:.6g} rad from the "
-                "first"
+            allowed = (
+                f"a whole multiple of 2 pi / (z_s + z_r) = {math.tau / tooth_sum:.6g} rad from the "
+                "first, or the planet cannot be assembled"
             )
+            raise checks.refusal(f"positions[{i}]", angle, allowed)
     _check_planet_spacing(sun_mesh, count, angles)
     return PlanetaryMeshes(sun_mesh, ring_mesh, angles)
 
@@ -130,10 +107,11 @@ def planetary_meshes(
 def equal_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
     """Return the angles in rad of `count` equally spaced planets; ValueError if they do not fit."""
     if (sun_teeth + ring_teeth) % count:
-        raise ValueError(
-            f"planets = {count} is not allowed: (z_s + z_r) / N = ({sun_teeth} + {ring_teeth}) / "
-            f"{count} must be an integer for equal spacing"
+        allowed = (
+            f"such that (z_s + z_r) / N = ({sun_teeth} + {ring_teeth}) / {count} is an integer, "
+            "for equal spacing"
         )
+        raise checks.refusal("planets", count, allowed)
     return [2.0 * math.pi * i / count for i in range(count)]
 
 
@@ -147,11 +125,11 @@ def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
     shifted = centre_distance is not None or any(gear.shift for gear in gears)
     tolerance = _MAX_SHIFTED_TEETH if shifted else 0
     if len(tooth_sizes) == 1 and abs(ring.teeth - ring_teeth) > tolerance:
-        raise ValueError(
-            f"teeth of the ring = {ring.teeth} is not allowed: it must be z_s + 2 z_p = "
-            f"{sun.teeth} + 2 * {planet.teeth} = {ring_teeth}, or so near that profile shifts make "
-            "up for the difference"
-        ) from None
+        allowed = (
+            f"z_s + 2 z_p = {sun.teeth} + 2 * {planet.teeth} = {ring_teeth}, or so near that "
+            "profile shifts make up for the difference"
+        )
+        raise checks.refusal("ring.teeth", ring.teeth, allowed) from None
 
 
 def _check_planet_spacing(sun_mesh: Mesh, count: int, angles: Sequence[float]) -> None:
@@ -164,21 +142,8 @@ def _check_planet_spacing(sun_mesh: Mesh, count: int, angles: Sequence[float]) -
     distance = 2.0 * sun_mesh.centre_distance * math.sin(min(*spacings, math.pi) / 2.0)
     tip_diameter = sun_mesh.wheel.tip_diameter
     if count > 1 and distance <= tip_diameter:
-        raise ValueError(
-            f"planets = {count} is not allowed: the tip circles of neighbours, {tip_diameter:.6g} "
-            f"m in diameter, must keep clear of each other, and their axes are {distance:.6g} m "
-            "apart"
+        allowed = (
+            f"such that the tip circles of neighbours, {tip_diameter:.6g} m in diameter, keep "
+            f"clear of each other; their axes are {distance:.6g} m apart"
         )
-
-
-def _planetary_names(mesh_name: str, **new_names: str) -> AbstractContextManager:
-    """Return a context in which ValueErrors name the gears of a planetary set.
-
-    `new_names` maps "pinion" and "wheel" of a mesh to names of the set; `mesh_name` replaces every
-    other name.
-    """
-    return parameters_renamed(
-        lambda parameter_name, part_name: (
-            f"{parameter_name} of the {new_names.get(part_name, mesh_name)}"
-        )
-    )
+        raise checks.refusal("planets", count, allowed)

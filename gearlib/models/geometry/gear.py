@@ -7,12 +7,28 @@ action, in m. Positions on the path of contact are those of `gearlib.models.geom
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from annotated_types import Ge, Gt, Le, Lt
 
 from gearlib import checks, parameters
+from gearlib.parameters import (
+    Boolean,
+    Bore,
+    Diameter,
+    Error,
+    Module,
+    NonNegative,
+    Relief,
+    ReliefLength,
+    Unit,
+    Values,
+    Width,
+    declared,
+    described,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,41 +59,36 @@ def inverse_involute(involute: float) -> float:
     return math.atan(tangent)
 
 
-@parameters.documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class Material:
     """An elastic material; steel of ISO 6336-1 by default."""
 
-    young: Annotated[float, parameters.Number("Pa", "206 GPa", gt=0), "Modulus of elasticity"] = (
+    young: Annotated[float, Unit("Pa", "206 GPa"), Gt(0), described("Modulus of elasticity")] = (
         206e9
     )
-    poisson: Annotated[float, parameters.Number("1", ge=0, lt=0.5), "Poisson's ratio"] = 0.3
-    density: Annotated[float, parameters.Number("kg/m^3", "7.85 g/cm^3", gt=0), "Density"] = 7850.0
-
-    def __post_init__(self) -> None:
-        parameters.check(self, " of a material")
+    poisson: Annotated[float, Unit("1"), Ge(0), Lt(0.5), described("Poisson's ratio")] = 0.3
+    density: Annotated[float, Unit("kg/m^3", "7.85 g/cm^3"), Gt(0), described("Density")] = 7850.0
 
 
-@parameters.documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class Rack:
     """The basic rack that generates the teeth, in modules."""
 
-    addendum: Annotated[float, parameters.Number("1", gt=0, le=3), "Of the rack,", "h_aP"] = 1.0
-    dedendum: Annotated[float, parameters.Number("1", gt=0, le=3), "Of the rack,", "h_fP"] = 1.25
+    addendum: Annotated[float, Unit("1"), Gt(0), Le(3), described("Of the rack,", "h_aP")] = 1.0
+    dedendum: Annotated[float, Unit("1"), Gt(0), Le(3), described("Of the rack,", "h_fP")] = 1.25
     tip_radius: Annotated[
-        float,
-        parameters.NONNEGATIVE,
-        "Of its tip, which cuts the fillet, rho_fP, below the dedendum; where it would not fit "
-        "between the flanks, the largest that does",
+        NonNegative,
+        described(
+            "Of its tip, which cuts the fillet, rho_fP, below the dedendum; where it would not fit "
+            "between the flanks, the largest that does"
+        ),
     ] = 0.38
 
     def __post_init__(self) -> None:
         """Raise ValueError if a dimension is impossible or the tip radius exceeds the dedendum."""
-        parameters.check(self, " of a rack")
         allowed = f">= 0 and below the dedendum, {self.dedendum}"
         valid = self.tip_radius < self.dedendum
-        checks.require(valid, "tip_radius of a rack", self.tip_radius, allowed)
+        checks.require(valid, "tip_radius", self.tip_radius, allowed)
 
 
 #: The four basic racks of ISO 53.
@@ -89,23 +100,19 @@ RACKS = {
 }
 
 
-@parameters.documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class Web:
     """A web between rim and hub, thinner than the face width."""
 
-    thickness: Annotated[float, parameters.WIDTH, "Of the web,", "b_s"]
-    rim_diameter: Annotated[float, parameters.DIAMETER, "Inside of the rim"]
-    hub_diameter: Annotated[
-        float, parameters.DIAMETER, "Outside of the hub, smaller than that of the rim"
-    ]
+    thickness: Annotated[Width, described("Of the web,", "b_s")]
+    rim_diameter: Annotated[Diameter, described("Inside of the rim")]
+    hub_diameter: Annotated[Diameter, described("Outside of the hub, smaller than that of the rim")]
 
     def __post_init__(self) -> None:
         """Raise ValueError if a dimension of the web is impossible or its rim is inside its hub."""
-        parameters.check(self, " of a web")
         valid = self.rim_diameter > self.hub_diameter
         allowed = f"above hub_diameter, {self.hub_diameter!r}"
-        checks.require(valid, "rim_diameter of a web", self.rim_diameter, allowed)
+        checks.require(valid, "rim_diameter", self.rim_diameter, allowed)
 
 
 #: Shape of a tip relief -> exponent of the gap over the length.
@@ -120,24 +127,20 @@ def gap_of_relief(tip_distance, amount, length, shape: str) -> "np.ndarray":
     return amount * fraction ** SHAPES[shape]
 
 
-@parameters.documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class TipRelief:
     """Tip relief of a gear; immutable.
 
     Its length is the difference of the radii of curvature between the tip and its start.
     """
 
-    amount: Annotated[
-        float, parameters.RELIEF, "C_a, by how much the tip lies back, normal to the flank"
-    ]
+    amount: Annotated[Relief, described("C_a, by how much the tip lies back, normal to the flank")]
     length: Annotated[
-        float, parameters.RELIEF_LENGTH, "L_Ca, of the relieved part along the path of contact"
+        ReliefLength, described("L_Ca, of the relieved part along the path of contact")
     ]
-    shape: Annotated[str, parameters.OneOf(tuple(SHAPES)), "Over that length"] = "linear"
-
-    def __post_init__(self) -> None:
-        parameters.check(self, " of a tip relief")
+    shape: Annotated[
+        Literal["linear", "parabolic"], parameters.CHOICE, described("Over that length")
+    ] = "linear"
 
     def gap(self, tip_distance: "ArrayLike") -> "np.ndarray":
         """Return the gap in m at distances from the tip in m, measured along the contact path."""
@@ -173,8 +176,7 @@ class PathTable:
             table = f"a table of {len(self.position)} positions and {len(self.value)} values"
             raise ValueError(f"{table} is not allowed: it must have equally many, at least 1")
         if any(position >= next_position for position, next_position in pairwise(self.position)):
-            allowed = "it must increase strictly"
-            raise ValueError(f"position = {self.position!r} is not allowed: {allowed}")
+            raise checks.refusal("position", self.position, "strictly increasing")
 
     def at(self, position: "ArrayLike") -> "np.ndarray":
         """Return the values at positions on the path of contact, in m, interpolated linearly."""
@@ -183,15 +185,7 @@ class PathTable:
         return np.interp(position, self.position, self.value)
 
 
-class _RackKind(parameters.OneOf):
-    """Type of a field that is a basic rack or its letter in ISO 53."""
-
-    def check(self, name: str, value: Any) -> Rack:
-        return value if isinstance(value, Rack) else RACKS[super().check(name, value)]
-
-
-@parameters.documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class SpurGear:
     """A cylindrical gear, external or internal, spur or helical; immutable, in SI units.
 
@@ -202,77 +196,79 @@ class SpurGear:
         message names parameter, value and range.
     """
 
-    teeth: Annotated[int, parameters.Integer(3, limit=10_000), "Number of teeth", "z"]
-    module: Annotated[float, parameters.MODULE, "Normal module", "m_n"]
-    width: Annotated[float, parameters.WIDTH, "Face width", "b"]
+    teeth: Annotated[int, parameters.INTEGER, Ge(3), Le(10_000), described("Number of teeth", "z")]
+    module: Annotated[Module, described("Normal module", "m_n")]
+    width: Annotated[Width, described("Face width", "b")]
     shift: Annotated[
-        float, parameters.Number("1", ge=-3, le=3), "Profile shift coefficient", "x"
+        float, Unit("1"), Ge(-3), Le(3), described("Profile shift coefficient", "x")
     ] = 0.0
     pressure_angle: Annotated[
         float,
-        parameters.Number("rad", "20 deg", gt=0, lt=math.pi / 4),
-        "Pressure angle of the basic rack alpha_n; 20 degrees by default",
+        Unit("rad", "20 deg"),
+        Gt(0),
+        Lt(math.pi / 4),
+        described("Pressure angle of the basic rack alpha_n; 20 degrees by default"),
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
-        parameters.Number("rad", "15.8 deg", gt=-math.pi / 3, lt=math.pi / 3),
-        "Helix angle at the reference circle beta, > 0 for a right-hand helix, < 0 for a left-hand "
-        "one; 0 by default",
+        Unit("rad", "15.8 deg"),
+        Gt(-math.pi / 3),
+        Lt(math.pi / 3),
+        described(
+            "Helix angle at the reference circle beta, > 0 for a right-hand helix, < 0 for a left-"
+            "hand one; 0 by default"
+        ),
     ] = 0.0
-    internal: Annotated[bool, parameters.BOOLEAN, "Whether it is a ring gear"] = False
+    internal: Annotated[Boolean, described("Whether it is a ring gear")] = False
     tip_diameter: Annotated[
-        float | None,
-        parameters.DIAMETER,
-        "d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -",
+        Diameter | None, described("d_a; by default d + 2 m_n (x + h_aP), of a ring gear with -")
     ] = None
     rack: Annotated[
-        Rack | str, _RackKind(tuple(RACKS)), "Basic rack, by its letter in ISO 53; A by default"
+        Rack | Literal["A", "B", "C", "D"],
+        described("Basic rack, by its letter in ISO 53; A by default"),
     ] = "A"
     thickness_allowance: Annotated[
         float,
-        parameters.Number("m", "-50 um", le=0),
-        "Upper allowance of the normal tooth thickness E_sns; DIN 3967",
+        Unit("m", "-50 um"),
+        Le(0),
+        described("Upper allowance of the normal tooth thickness E_sns; DIN 3967"),
     ] = 0.0
-    bore: Annotated[float, parameters.BORE, "Diameter; below that of the root"] = 0.0
+    bore: Annotated[Bore, described("Diameter; below that of the root")] = 0.0
     outer_diameter: Annotated[
-        float | None, parameters.DIAMETER, "Of the rim of a ring gear; its mass and inertia need it"
+        Diameter | None, described("Of the rim of a ring gear; its mass and inertia need it")
     ] = None
-    web: Annotated[Web | None, parameters.Instance((Web,)), "Between rim and hub"] = None
-    material: Annotated[Material, parameters.Instance((Material,)), "Steel by default"] = Material()
+    web: Annotated[Web | None, described("Between rim and hub")] = None
+    material: Annotated[Material, described("Steel by default")] = Material()
     quality: Annotated[
-        int | None,
-        parameters.Integer(1, 11),
-        "Flank tolerance class of ISO 1328-1:2013; `pitch_deviation` and `form_deviation` need it",
+        Annotated[int, parameters.INTEGER, Ge(1), Le(11)] | None,
+        described(
+            "Flank tolerance class of ISO 1328-1:2013; `pitch_deviation` and `form_deviation` need"
+            " it"
+        ),
     ] = None
-    tip_relief: Annotated[
-        TipRelief | None, parameters.Instance((TipRelief,)), "None by default"
-    ] = None
+    tip_relief: Annotated[TipRelief | None, described("None by default")] = None
     pitch_errors: Annotated[
-        tuple,
-        parameters.Many(parameters.ERROR),
-        "By how much each flank lies back from its place along the line of action, tooth after "
-        "tooth as they come into mesh; as many as teeth, or none",
+        tuple[Error, ...],
+        Values(),
+        described(
+            "By how much each flank lies back from its place along the line of action, tooth after "
+            "tooth as they come into mesh; as many as teeth, or none"
+        ),
     ] = ()
 
     def __post_init__(self) -> None:
-        parameters.check(self)
+        """Set the rack and the default tip diameter, and check the teeth and the blank."""
+        if isinstance(self.rack, str):
+            object.__setattr__(self, "rack", RACKS[self.rack])
         self._set_tip_and_check_teeth()
         self._check_blank()
-
-    def _check_field(self, name: str, allowed: str, accept: Callable[[float], bool]) -> None:
-        """Convert a field to float, or raise ValueError unless `accept` returns True for it.
-
-        `allowed` is the end of the error message "... it must be ...".
-        """
-        value = checks.number(name, getattr(self, name), allowed, accept)
-        object.__setattr__(self, name, value)
 
     def _set_tip_and_check_teeth(self) -> None:
         """Set the default tip diameter; raise ValueError if the teeth are impossible."""
         rack, root, base = self.rack, self.root_diameter, self.base_diameter
         max_dedendum = math.pi / 4.0 / math.tan(self.pressure_angle)
         allowed = f"<= {max_dedendum:.4g} at this pressure angle, where its own tips are pointed"
-        checks.require(rack.dedendum <= max_dedendum, "dedendum of a rack", rack.dedendum, allowed)
+        checks.require(rack.dedendum <= max_dedendum, "rack.dedendum", rack.dedendum, allowed)
         if not self.internal:
             radius = self.teeth / (2.0 * math.cos(self.helix_angle))  # in modules
             height = self.rack_form_height / self.module
@@ -285,11 +281,12 @@ class SpurGear:
             object.__setattr__(self, "tip_diameter", self.reference_diameter + self.sign * addenda)
             valid = not self.internal or self.tip_diameter > base
             allowed = "larger, or a tip_diameter be given outside of its base circle"
-            checks.require(valid, "teeth of the ring gear", self.teeth, allowed)
+            checks.require(valid, "teeth", self.teeth, allowed)
         lower, upper = (base, root) if self.internal else (max(root, base), math.inf)
         allowed = f"from {lower:.6g} to {upper:.6g} m" if self.internal else f"above {lower:.6g} m"
         allowed += ", by its base and root circles"
-        self._check_field("tip_diameter", allowed, lambda diameter: lower < diameter < upper)
+        valid = lower < self.tip_diameter < upper
+        checks.require(valid, "tip_diameter", self.tip_diameter, allowed)
         thickness = self.thickness_at(self.tip_diameter)
         allowed = f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick;"
         allowed += " > 0 is allowed)"
@@ -300,27 +297,29 @@ class SpurGear:
         if self.tip_relief is not None:
             amount = self.tip_relief.amount
             allowed = f"below half of the thickness of the tip, {thickness / 2.0:.4g} m"
-            checks.require(amount < thickness / 2.0, "amount of a tip relief", amount, allowed)
+            checks.require(amount < thickness / 2.0, "tip_relief.amount", amount, allowed)
 
     def _check_blank(self) -> None:
         """Raise ValueError if the bore, the rim of a ring gear or the web do not fit the root."""
         root, internal, web = self.root_diameter, self.internal, self.web
         allowed = "0 for a ring gear" if internal else f">= 0 and < {root:.6g} m"
-        self._check_field("bore", allowed, lambda v: v == 0.0 if internal else 0.0 <= v < root)
+        valid = self.bore == 0.0 if internal else self.bore < root
+        checks.require(valid, "bore", self.bore, allowed)
         if self.outer_diameter is not None:
             allowed = f"above the root circle of a ring gear, {root:.6g} m"
             allowed = allowed if internal else "left out: only a ring gear has one"
-            self._check_field("outer_diameter", allowed, lambda v: internal and root < v < math.inf)
+            valid = internal and self.outer_diameter > root
+            checks.require(valid, "outer_diameter", self.outer_diameter, allowed)
         if web is None:
             return
         checks.require(not internal, "web", web, "left out of a ring gear")
         thickness, rim, hub = web.thickness, web.rim_diameter, web.hub_diameter
         allowed = f"at most the face width, {self.width!r} m"
-        checks.require(thickness <= self.width, "thickness of the web", thickness, allowed)
+        checks.require(thickness <= self.width, "web.thickness", thickness, allowed)
         allowed = f"below the root circle, {root:.6g} m"
-        checks.require(rim < root, "rim_diameter of the web", rim, allowed)
+        checks.require(rim < root, "web.rim_diameter", rim, allowed)
         allowed = f"at least the bore, {self.bore!r} m"
-        checks.require(hub >= self.bore, "hub_diameter of the web", hub, allowed)
+        checks.require(hub >= self.bore, "web.hub_diameter", hub, allowed)
 
     @property
     def sign(self) -> int:

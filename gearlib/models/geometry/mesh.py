@@ -10,14 +10,14 @@ contact, as in `gearlib.engines.pair.stiffness`; one transverse base pitch is 2 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import SpurGear, TipRelief, inv, inverse_involute
 from gearlib.models.geometry.iso import MIN_ROOT_RATIO, iso_rectangle
-from gearlib.parameters import DIAMETER, RUN_OUT, Instance, documented
+from gearlib.parameters import Diameter, RunOut, declared, described
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh_stiffness import MeshStiffness
@@ -36,8 +36,7 @@ PAIR_OPTIONS = "coupling", "twist"
 MAX_DEFLECTION = 0.1
 
 
-@documented
-@dataclass(frozen=True)
+@declared(kw_only=False)
 class Mesh:
     """A pinion and a wheel in mesh; immutable, in SI units.
 
@@ -51,21 +50,22 @@ class Mesh:
         If the gears do not fit together; the message names parameter, value and range.
     """
 
-    pinion: Annotated[SpurGear, Instance((SpurGear,)), "The driving gear, external"]
-    wheel: Annotated[SpurGear, Instance((SpurGear,)), "Of an internal mesh the ring gear"]
+    pinion: Annotated[SpurGear, described("The driving gear, external")]
+    wheel: Annotated[SpurGear, described("Of an internal mesh the ring gear")]
     centre_distance: Annotated[
-        float | None, DIAMETER, "a; by default that at which the nominal teeth touch on both flanks"
+        Diameter | None,
+        described("a; by default that at which the nominal teeth touch on both flanks"),
     ] = None
     backlash: Annotated[
-        float | None,
-        RUN_OUT,
-        "Normal backlash j_bn; by default what shifts, centre distance and allowances of the tooth "
-        "thickness leave, or where they leave none, `recommended_backlash`",
+        RunOut | None,
+        described(
+            "Normal backlash j_bn; by default what shifts, centre distance and allowances of the "
+            "tooth thickness leave, or where they leave none, `recommended_backlash`"
+        ),
     ] = None
 
     def __post_init__(self) -> None:
         """Check that both gears fit together, and set default distance and backlash."""
-        parameters.check(self)
         self._check_gears()
         lower = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
         if self.centre_distance is None:
@@ -84,7 +84,7 @@ class Mesh:
             relief = getattr(self, name).tip_relief
             # The tolerance allows for the rounding error of a length that equals the longest.
             valid = relief is None or relief.length <= longest * (1.0 + 1e-9)
-            field = f"length of the tip relief of the {name}"
+            field = f"{name}.tip_relief.length"
             checks.require(valid, field, relief and relief.length, allowed)
         self._set_backlash()
 
@@ -95,16 +95,16 @@ class Mesh:
         """Raise ValueError unless module and angles agree and only the larger gear is internal."""
         pinion, wheel = self.pinion, self.wheel
         allowed = "False; the ring gear is the wheel"
-        checks.require(not pinion.internal, "internal of the pinion", True, allowed)
+        checks.require(not pinion.internal, "pinion.internal", True, allowed)
         for name in ("module", "pressure_angle", "helix_angle"):
             value, wheel_value = getattr(pinion, name), getattr(wheel, name)
             values, allowed = {value}, f"that of the pinion, {value!r}"
             if name == "helix_angle" and value and not wheel.internal:
                 values, allowed = {value, -value}, f"{allowed}, or {-value!r}, of the opposite hand"
             equal = any(math.isclose(wheel_value, v, rel_tol=1e-9, abs_tol=1e-12) for v in values)
-            checks.require(equal, f"{name} of the wheel", wheel_value, allowed)
+            checks.require(equal, f"wheel.{name}", wheel_value, allowed)
         if wheel.internal:
-            checks.integer("teeth of the ring gear", wheel.teeth, pinion.teeth + 1)
+            checks.integer("wheel.teeth", wheel.teeth, pinion.teeth + 1)
 
     def _check_contact_ratio(self) -> None:
         """Raise ValueError unless a pair of teeth is always in contact somewhere on the face."""
@@ -125,16 +125,15 @@ class Mesh:
         involute = inv(self.pinion.transverse_pressure_angle)
         involute += 2.0 * math.tan(self.pinion.pressure_angle) * shifts / teeth
         allowed = "such that the gears find a centre distance without backlash"
-        checks.require(involute > 0.0, "sum of the shifts", shifts, allowed)
+        checks.require(involute > 0.0, "wheel.shift", self.wheel.shift, allowed)
         return inverse_involute(involute)
 
     def _check_interference(self) -> None:
         """Raise ValueError if a tip would touch the fillet, the root or a tip of the other gear."""
         pinion, wheel, (start, end) = self.pinion, self.wheel, self.path
-        wheel_name = "ring gear" if wheel.internal else "wheel"
         # The tip of each gear ends the contact at a radius of curvature of the flank of its mate.
         end_contacts = (
-            (wheel, wheel_name, pinion, start),
+            (wheel, "wheel", pinion, start),
             (pinion, "pinion", wheel, self.wheel_roll_length(end)),
         )
         for gear, name, mate, roll_length in end_contacts:
@@ -143,22 +142,22 @@ class Mesh:
             depth = mate.sign * (form_radius - math.hypot(roll_length, base_radius))
             checks.require(
                 roll_length >= 0.0 and depth <= _MAX_FILLET_CONTACT * mate.module,
-                f"tip_diameter of the {name}",
+                f"{name}.tip_diameter",
                 gear.tip_diameter,
                 "such that it keeps out of the fillet of the mating tooth, whose involute begins "
                 f"{form_roll_length:.4g} m along the line of action; contact would reach "
                 f"{roll_length:.4g} m (interference)",
             )
-        for gear, mate, name in ((pinion, wheel, "pinion"), (wheel, pinion, wheel_name)):
+        for gear, mate, name in ((pinion, wheel, "pinion"), (wheel, pinion, "wheel")):
             clearance = self._clearance(gear, mate)
             allowed = "such that tip and root keep clear of each other"
             allowed += f" (clearance {clearance:.4g} m)"
-            field = f"tip_diameter of the {name}"
+            field = f"{name}.tip_diameter"
             checks.require(clearance >= 0.0, field, gear.tip_diameter, allowed)
         if wheel.internal:
             checks.require(
                 self._tips_clear_each_other(),
-                "teeth of the ring gear",
+                "wheel.teeth",
                 wheel.teeth,
                 f"larger by more than {wheel.teeth - pinion.teeth} than that of the pinion, or the "
                 "tips strike each other (tip interference)",
@@ -453,10 +452,11 @@ class Mesh:
             allowed = "a finite number, not 0; negative on the coast side"
             torque = checks.number("torque", torque, allowed, lambda v: math.isfinite(v) and v != 0)
         elif with_teeth:
-            raise ValueError(
-                "torque is missing: it must be given in N m for the model 'teeth', whose "
-                "transmission error depends on it; the model 'rectangle' needs none"
+            problem = (
+                "is missing: it must be given in N m for the model 'teeth', whose transmission "
+                "error depends on it; the model 'rectangle' needs none"
             )
+            raise checks.InputError("torque", problem=problem)
         if with_teeth:
             # Imported here, because the checks of the geometry need no numpy.
             from gearlib.models.geometry.transmission_error import loaded_error
@@ -527,8 +527,9 @@ class Mesh:
         }
         dampings = {name: value for name, value in dampings.items() if value is not None}
         if len(dampings) > 1:
-            names = " and ".join(dampings)
-            raise ValueError(f"{names} are not allowed together: it must be one of them at most")
+            first, *others = dampings
+            problem = f"and {' and '.join(others)} are not allowed together: it must be one of them"
+            raise checks.InputError(first, problem=problem)
         mass, damping = self.reduced_mass, None
         for name, value in dampings.items():
             damping = checked_damping(name, value, mean_stiffness, mass)
@@ -600,11 +601,14 @@ def damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> 
 def torque_of(torque: float | None, power: float | None, speed: float | None) -> float:
     """Return the torque of the pinion, N m, given directly or by power in W and speed in rpm."""
     if torque is not None and power is not None:
-        raise ValueError("torque and power are not allowed together: it must be one of them")
+        problem = "and power are not allowed together: it must be one of them"
+        raise checks.InputError("torque", problem=problem)
     if torque is None and power is None:
-        raise ValueError("torque is missing: it must be given in N m, or power and speed")
+        problem = "is missing: it must be given in N m, or power and speed"
+        raise checks.InputError("torque", problem=problem)
     if power is not None and speed is None:
-        raise ValueError("speed is missing: it must be given in rpm, where power is given")
+        problem = "is missing: it must be given in rpm, where power is given"
+        raise checks.InputError("speed", problem=problem)
     if speed is not None:
         speed = checks.finite_positive("speed", speed)
     if power is None:

@@ -259,10 +259,10 @@ class PairCompliance:
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
             max_bore = tooth.gear.root_diameter / MIN_ROOT_RATIO
             if tooth.gear.bore > max_bore:
-                raise ValueError(
-                    f"bore of the {name} = {tooth.gear.bore!r} is not allowed: the energy method "
-                    f"holds for at most {max_bore:.6g} m, root over {MIN_ROOT_RATIO}"
+                allowed = (
+                    f"at most {max_bore:.6g} m, root over {MIN_ROOT_RATIO}, for the energy method"
                 )
+                raise checks.refusal(f"{name}.bore", tooth.gear.bore, allowed)
 
     def teeth_with_phi(self, position: np.ndarray) -> list[tuple[Tooth, np.ndarray]]:
         """Return both teeth that touch at positions in m, each with phi of its flank there.

@@ -6,12 +6,42 @@ the mass inertia / base_radius^2. `gearlib.models.trains.structure` assembles th
 """
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Gt, Lt
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.harmonics import Harmonics
+from gearlib.parameters import (
+    Angle,
+    Backlash,
+    BacklashDamping,
+    Boolean,
+    ContactRatio,
+    Damping,
+    Error,
+    Finite,
+    Inertia,
+    Length,
+    Mass,
+    MaterialDamping,
+    MaxStiffness,
+    NonNegative,
+    PressureAngle,
+    RunOut,
+    ShaftStiffness,
+    StiffnessRatio,
+    Support,
+    Teeth,
+    Text,
+    Torque,
+    TwistDamping,
+    Unit,
+    Values,
+    declared,
+    described,
+)
 
 #: Arguments of `Mesh.from_geometry` that determine the stiffness and damping of the mesh.
 _STIFFNESS_AND_DAMPING = (
@@ -22,61 +52,66 @@ _STIFFNESS_AND_DAMPING = (
 _PITCH_TOLERANCE = 1e-4
 #: Largest number of meshes: those of the largest planetary train.
 _MAX_MESHES = 200
+_Thickness = Annotated[float, Unit("1"), Gt(0), Lt(1)]
 
 
-@parameters.documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class Body:
     """A gear or a carrier of a `GearTrain`; immutable.
 
     The support of its axis acts along x and y, for a body on a carrier radially and tangentially.
     """
 
-    name: Annotated[str, parameters.TEXT, "Name of the body"]
-    inertia: Annotated[float, parameters.INERTIA, "Moment of inertia about its axis"]
-    base_radius: Annotated[
-        float, parameters.LENGTH, "Base radius; for a carrier the radius of its pins"
-    ]
-    teeth: Annotated[int | None, parameters.TEETH, "Number of teeth; carriers have none"] = None
-    mass: Annotated[float | None, parameters.MASS, "Mass; needed if the axis can move"] = None
+    name: Annotated[Text, described("Name of the body")]
+    inertia: Annotated[Inertia, described("Moment of inertia about its axis")]
+    base_radius: Annotated[Length, described("Base radius; for a carrier the radius of its pins")]
+    teeth: Annotated[Teeth | None, described("Number of teeth; carriers have none")] = None
+    mass: Annotated[Mass | None, described("Mass; needed if the axis can move")] = None
     support_stiffness: Annotated[
-        tuple, parameters.Two(parameters.SUPPORT), "Stiffness of the support along x and y"
+        tuple[Support, ...],
+        Values(2, repeat=True),
+        described("Stiffness of the support along x and y"),
     ] = (math.inf, math.inf)
     support_damping: Annotated[
-        tuple, parameters.Two(parameters.DAMPING), "Damping of the support along x and y"
+        tuple[Damping, ...],
+        Values(2, repeat=True),
+        described("Damping of the support along x and y"),
     ] = (0.0, 0.0)
     torsional_stiffness: Annotated[
         float,
-        parameters.Number("N m/rad", "1 kN m/rad", ge=0, infinite="infinity: rigid"),
-        "Stiffness of a support against rotation",
+        Unit("N m/rad", "1 kN m/rad", "infinity: rigid"),
+        Ge(0),
+        described("Stiffness of a support against rotation"),
     ] = 0.0
     torsional_damping: Annotated[
-        float, parameters.TWIST_DAMPING, "Damping of the support against rotation"
+        TwistDamping, described("Damping of the support against rotation")
     ] = 0.0
     torque: Annotated[
-        float, parameters.TORQUE, "Constant torque on the body; positive if counterclockwise"
+        Torque, described("Constant torque on the body; positive if counterclockwise")
     ] = 0.0
-    eccentricity: Annotated[float, parameters.RUN_OUT, "Run-out of the base circle"] = 0.0
+    eccentricity: Annotated[RunOut, described("Run-out of the base circle")] = 0.0
     eccentricity_phase: Annotated[
-        float,
-        parameters.ANGLE,
-        "Direction of the run-out at tau = 0; on a carrier from the radius of the pin",
+        Angle,
+        described("Direction of the run-out at tau = 0; on a carrier from the radius of the pin"),
     ] = 0.0
     offset: Annotated[
-        tuple, parameters.Two(parameters.ERROR), "Offset of the axis along x and y by assembly"
+        tuple[Error, ...],
+        Values(2, repeat=True),
+        described("Offset of the axis along x and y by assembly"),
     ] = (0.0, 0.0)
-    carrier: Annotated[str | None, parameters.TEXT, "Name of the body that carries the axis"] = None
-    angle: Annotated[float, parameters.ANGLE, "Angle of its pin on the carrier"] = 0.0
+    carrier: Annotated[Text | None, described("Name of the body that carries the axis")] = None
+    angle: Annotated[Angle, described("Angle of its pin on the carrier")] = 0.0
 
     def __post_init__(self) -> None:
-        """Check the parameters, the mass of a body on an elastic support, and the run-out."""
-        parameters.check(self, f" of body {self.name}")
-        rigid = all(map(math.isinf, self.support_stiffness))
+        """Check the mass of a body on an elastic support, and the run-out."""
+        owner, rigid = f"body {self.name}", all(map(math.isinf, self.support_stiffness))
         allowed = "a finite number > 0 where the support is elastic"
-        checks.require(self.mass is not None or rigid, f"mass of body {self.name}", None, allowed)
-        name, allowed = f"eccentricity of body {self.name}", "0 for a body without teeth"
-        valid = self.teeth is not None or not self.eccentricity
-        checks.require(valid, name, self.eccentricity, allowed)
+        checks.require(self.mass is not None or rigid, "mass", None, allowed, owner)
+        valid, allowed = (
+            self.teeth is not None or not self.eccentricity,
+            "0 for a body without teeth",
+        )
+        checks.require(valid, "eccentricity", self.eccentricity, allowed, owner)
 
     @classmethod
     def from_gear(cls, gear: Any, name: str, **fields: Any) -> "Body":
@@ -100,42 +135,39 @@ class Body:
         return cls(name=name, **(gear_fields | fields))
 
 
-@parameters.documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class Shaft:
     """An elastic shaft that joins two bodies; immutable."""
 
     bodies: Annotated[
-        tuple, parameters.Many(parameters.TEXT, 2), "Names of the two bodies that it joins"
+        tuple[Text, ...], Values(2), described("Names of the two bodies that it joins")
     ]
-    stiffness: Annotated[float, parameters.SHAFT_STIFFNESS, "Torsional stiffness"]
-    damping: Annotated[float, parameters.TWIST_DAMPING, "Torsional damping"] = 0.0
+    stiffness: Annotated[ShaftStiffness, described("Torsional stiffness")]
+    damping: Annotated[TwistDamping, described("Torsional damping")] = 0.0
     bending_stiffness: Annotated[
         float,
-        parameters.Number("N/m", "1 kN/um", ge=0),
-        "Stiffness between the displacements of both bodies; the same along x and y",
+        Unit("N/m", "1 kN/um"),
+        Ge(0),
+        described("Stiffness between the displacements of both bodies; the same along x and y"),
     ] = 0.0
     bending_damping: Annotated[
-        float, parameters.DAMPING, "Damping between the displacements of both bodies"
+        Damping, described("Damping between the displacements of both bodies")
     ] = 0.0
     keying: Annotated[
-        float | None,
-        parameters.ANGLE,
-        "Angle from the middle of a tooth of the first gear counterclockwise to the middle of a "
-        "tooth of the second; by default 0 or the angle that loops of meshes require",
+        Angle | None,
+        described(
+            "Angle from the middle of a tooth of the first gear counterclockwise to the middle of "
+            "a tooth of the second; by default 0 or the angle that loops of meshes require"
+        ),
     ] = None
 
     def __post_init__(self) -> None:
-        """Check the names of the bodies and the parameters of the shaft."""
-        names = self.bodies
-        valid = isinstance(names, (tuple, list)) and len(names) == 2 and names[0] != names[1]
-        valid = valid and all(isinstance(name, str) for name in names)
-        checks.require(valid, "bodies of a shaft", names, "the names of two bodies")
-        parameters.check(self, f" of shaft {names[0]}-{names[1]}")
+        """Check that the shaft joins two bodies."""
+        first, second = self.bodies
+        checks.require(first != second, "bodies", self.bodies, "the names of two bodies", "a shaft")
 
 
-@parameters.documented
-@dataclass(frozen=True, kw_only=True)
+@declared()
 class Mesh:
     """Two gears in mesh; immutable.
 
@@ -145,108 +177,115 @@ class Mesh:
     later.
     """
 
-    pinion: Annotated[str, parameters.TEXT, "Name of the body that is the pinion"]
-    wheel: Annotated[str, parameters.TEXT, "Name of the body that is the wheel or ring gear"]
-    max_stiffness: parameters.MaxStiffness
-    stiffness_ratio: parameters.StiffnessRatio
-    contact_ratio: parameters.ContactRatio
-    name: Annotated[str | None, parameters.TEXT, "Name of the mesh; by default pinion-wheel"] = None
-    internal: Annotated[bool, parameters.BOOLEAN, "Whether the wheel is a ring gear"] = False
-    position: Annotated[
-        float | None, parameters.ANGLE, "Angle of the line of centres; 0 by default"
-    ] = None
-    pressure_angle: parameters.PressureAngle = math.radians(20.0)
+    pinion: Annotated[Text, described("Name of the body that is the pinion")]
+    wheel: Annotated[Text, described("Name of the body that is the wheel or ring gear")]
+    max_stiffness: MaxStiffness
+    stiffness_ratio: StiffnessRatio
+    contact_ratio: ContactRatio
+    name: Annotated[Text | None, described("Name of the mesh; by default pinion-wheel")] = None
+    internal: Annotated[Boolean, described("Whether the wheel is a ring gear")] = False
+    position: Annotated[Angle | None, described("Angle of the line of centres; 0 by default")] = (
+        None
+    )
+    pressure_angle: PressureAngle = math.radians(20.0)
     line_of_action: Annotated[
-        float | None,
-        parameters.ANGLE,
-        "Direction of the mesh force on the pinion, or on the wheel of an internal mesh; an "
-        "alternative to `position`",
+        Angle | None,
+        described(
+            "Direction of the mesh force on the pinion, or on the wheel of an internal mesh; an "
+            "alternative to `position`"
+        ),
     ] = None
     direction: Annotated[
-        int,
-        parameters.OneOf((1, -1)),
-        "1 if the drive-side flanks touch when the pinion, or the wheel of an internal mesh, is "
-        "turned counterclockwise; otherwise -1",
+        Literal[1, -1],
+        parameters.CHOICE,
+        described(
+            "1 if the drive-side flanks touch when the pinion, or the wheel of an internal mesh, "
+            "is turned counterclockwise; otherwise -1",
+        ),
     ] = 1
     driving: Annotated[
-        str | None,
-        parameters.TEXT,
-        "Name of the gear that drives through the drive side, which determines the sense of "
-        "rotation of the train; by default it follows from other meshes, and the pinion drives in "
-        "the reference mesh",
+        Text | None,
+        described(
+            "Name of the gear that drives through the drive side, which determines the sense of "
+            "rotation of the train; by default it follows from other meshes, and the pinion drives"
+            " in the reference mesh"
+        ),
     ] = None
     phase: Annotated[
-        float | None,
-        parameters.FINITE,
-        "Lag of the stiffness behind the reference mesh in periods of this mesh; by default it "
-        "follows from tooth numbers, positions, `tooth_thickness` and `pitch_phase`",
+        Finite | None,
+        described(
+            "Lag of the stiffness behind the reference mesh in periods of this mesh; by default it "
+            "follows from tooth numbers, positions, `tooth_thickness` and `pitch_phase`"
+        ),
     ] = None
     inverse_phase: Annotated[
-        float | None,
-        parameters.FINITE,
-        "The same lag for the coast-side flanks; by default it follows from `tooth_thickness` and "
-        "`pitch_phase`, or equals `phase` if no thickness is given",
+        Finite | None,
+        described(
+            "The same lag for the coast-side flanks; by default it follows from `tooth_thickness` "
+            "and `pitch_phase`, or equals `phase` if no thickness is given"
+        ),
     ] = None
-    backlash: parameters.Backlash = math.inf
-    material_damping: parameters.MaterialDamping = 0.0
-    backlash_damping: parameters.BacklashDamping = 0.0
+    backlash: Backlash = math.inf
+    material_damping: MaterialDamping = 0.0
+    backlash_damping: BacklashDamping = 0.0
     moving_backlash: Annotated[
-        bool,
-        parameters.BOOLEAN,
-        "Whether the coast-side flank moves with supports and run-out as in Eq. (4), so that "
-        "bearings do not close the backlash; otherwise it stays a backlash behind the drive side",
+        Boolean,
+        described(
+            "Whether the coast-side flank moves with supports and run-out as in Eq. (4), so that "
+            "bearings do not close the backlash; otherwise it stays a backlash behind the drive "
+            "side"
+        ),
     ] = False
     deviation: Annotated[
-        Harmonics,
-        parameters.Instance((Harmonics,)),
-        "Deviation of the drive-side flanks over the phase of this mesh in m",
+        Harmonics, described("Deviation of the drive-side flanks over the phase of this mesh in m")
     ] = Harmonics()
     inverse_deviation: Annotated[
         Harmonics | None,
-        parameters.Instance((Harmonics,)),
-        "Deviation of the coast-side flanks in m; by default that of the drive side",
+        described("Deviation of the coast-side flanks in m; by default that of the drive side"),
     ] = None
     transmission_error: Annotated[
         Harmonics,
-        parameters.Instance((Harmonics,)),
-        "Transmission error of the teeth under load in m, without its mean, over the phase of this "
-        "mesh if the pinion drives; it excites both flanks",
+        described(
+            "Transmission error of the teeth under load in m, without its mean, over the phase of "
+            "this mesh if the pinion drives; it excites both flanks"
+        ),
     ] = Harmonics()
     error: Annotated[
-        float, parameters.ERROR, "Error of assembly: constant displacement along the line of action"
+        Error, described("Error of assembly: constant displacement along the line of action")
     ] = 0.0
     friction: Annotated[
-        tuple,
-        parameters.Two(parameters.NONNEGATIVE),
-        "Friction coefficients of drive-side and coast-side contact",
+        tuple[NonNegative, ...],
+        Values(2, repeat=True),
+        described("Friction coefficients of drive-side and coast-side contact"),
     ] = (0.0, 0.0)
     pitch_phase: Annotated[
-        float,
-        parameters.ANGLE,
-        "Phase of this mesh at which drive-side flanks touch at the pitch point if the pinion "
-        "drives; if the wheel drives, minus that phase. Coast-side flanks touch there a tooth "
-        "thickness later or earlier",
+        Angle,
+        described(
+            "Phase of this mesh at which drive-side flanks touch at the pitch point if the pinion "
+            "drives; if the wheel drives, minus that phase. Coast-side flanks touch there a tooth "
+            "thickness later or earlier"
+        ),
     ] = 0.0
     tooth_thickness: Annotated[
-        tuple | None,
-        parameters.Two(parameters.Number("1", gt=0, lt=1)),
-        "Tooth thickness of pinion and wheel on their working circles in pitches; by default half "
-        "a pitch",
+        Annotated[tuple[_Thickness, ...] | None, Values(2, repeat=True)] | None,
+        described(
+            "Tooth thickness of pinion and wheel on their working circles in pitches; by default "
+            "half a pitch"
+        ),
     ] = None
 
     def __post_init__(self) -> None:
-        """Check the parameters of the mesh, and set its default name and deviation."""
+        """Set the default name and deviation, and check which gear drives and its position."""
         if self.name is None:
             object.__setattr__(self, "name", f"{self.pinion}-{self.wheel}")
-        suffix = f" of mesh {self.name}"
-        parameters.check(self, suffix)
-        if self.driving is not None:
-            checks.one_of(f"driving{suffix}", self.driving, (self.pinion, self.wheel))
+        owner, gears = f"mesh {self.name}", (self.pinion, self.wheel)
+        allowed = f"one of {self.pinion!r}, {self.wheel!r}"
+        checks.require(self.driving in (None, *gears), "driving", self.driving, allowed, owner)
         if self.inverse_deviation is None:
             object.__setattr__(self, "inverse_deviation", self.deviation)
-        name, allowed = f"line_of_action{suffix}", "left out where position is given"
         unique = self.line_of_action is None or self.position is None
-        checks.require(unique, name, self.line_of_action, allowed)
+        allowed = "left out where position is given"
+        checks.require(unique, "line_of_action", self.line_of_action, allowed, owner)
 
     @classmethod
     def from_geometry(cls, mesh: Any, pinion: str, wheel: str, **fields: Any) -> "Mesh":
@@ -329,21 +368,6 @@ class Mesh:
     def varies(self):
         """Whether the stiffness changes within a mesh period."""
         return self.two_levels and 1.0 < self.contact_ratio < 2.0
-
-
-class ElementSequence:
-    """Type of a parameter that is a sequence of bodies, meshes or shafts of a train."""
-
-    def __init__(self, element_class: type, min_length: int = 1) -> None:
-        self.element_class, self.min_length = element_class, min_length
-        self.allowed = f"a sequence of {element_class.__name__}"
-
-    def check(self, parameter_name: str, elements: Any) -> tuple:
-        """Return the elements as a tuple; raise ValueError if one is not of the element class."""
-        valid = isinstance(elements, (tuple, list)) and len(elements) >= self.min_length
-        valid = valid and all(isinstance(element, self.element_class) for element in elements)
-        checks.require(valid, parameter_name, elements, self.allowed)
-        return tuple(elements)
 
 
 def check_names(train: Any) -> None:

@@ -2,9 +2,11 @@
 
 import dataclasses
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from gearlib import checks, parameters
+from annotated_types import Ge, Le
+
+from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.drawings import equal_positions, planetary_meshes
 from gearlib.models.geometry.mesh import TRAIN_MODELS
@@ -17,54 +19,68 @@ from gearlib.models.trains.ready_made import (
     proportional_damping,
 )
 from gearlib.parameters import (
-    ANGLE,
-    BOOLEAN,
-    CONTACT_RATIO,
-    FINITE,
-    FORCE,
-    LENGTH,
-    MASS,
-    STIFFNESS,
-    STIFFNESS_RATIO,
-    SUPPORT,
-    TEETH,
-    WORKING_ANGLE,
+    CHOICE,
+    INTEGER,
+    Angle,
     Backlash,
     BacklashDamping,
-    Integer,
-    Many,
+    BacklashDampingRatio,
+    Boolean,
+    ContactRatio,
+    DampingRatio,
+    Decrement,
+    Diameter,
+    DrawnDamping,
+    Finite,
+    Force,
+    Inertia,
+    Length,
+    Mass,
     MaterialDamping,
-    OneOf,
+    RunOut,
+    Stiffness,
+    StiffnessRatio,
+    Support,
+    Teeth,
+    Torque,
+    Values,
+    WorkingAngle,
     checked,
+    described,
 )
 
 #: Largest pressure angle of a ring mesh, rad.
 _MAX_RING_ANGLE = math.radians(45.0)
+_PRESSURE_ANGLE = math.radians(24.6)
 
-Planets = Annotated[int, Integer(1, limit=100), "Number of planets"]
-Positions = Annotated[tuple | None, Many(ANGLE), "Angles of the planets; equally spaced by default"]
+Planets = Annotated[int, INTEGER, Ge(1), Le(100), described("Number of planets")]
+Positions = Annotated[
+    tuple[Angle, ...] | None,
+    Values(),
+    described("Angles of the planets; equally spaced by default"),
+]
 Supports = Annotated[
-    tuple, Many(SUPPORT, 4), "Stiffness of the supports of sun, ring, carrier and planets"
+    tuple[Support, ...],
+    Values(4),
+    described("Stiffness of the supports of sun, ring, carrier and planets"),
 ]
 Twists = Annotated[
-    tuple,
-    Many(SUPPORT, 3),
-    "Tangential stiffness of the supports of sun, ring and carrier at their base radius",
+    tuple[Support, ...],
+    Values(3),
+    described("Tangential stiffness of the supports of sun, ring and carrier at their base radius"),
 ]
 Turning = Annotated[
-    bool,
-    BOOLEAN,
-    "Whether the carrier turns and the ring stands, which determines the speed in rpm",
+    Boolean,
+    described("Whether the carrier turns and the ring stands, which determines the speed in rpm"),
 ]
 Driving = Annotated[
-    str,
-    OneOf(("sun", "ring")),
-    'Gear that drives, seen from the carrier; "ring" also if the carrier drives the sun',
+    Literal["sun", "ring"],
+    CHOICE,
+    described('Gear that drives, seen from the carrier; "ring" also if the carrier drives the sun'),
 ]
 Gyroscopic = Annotated[
-    bool,
-    BOOLEAN,
-    "Whether Coriolis and centrifugal forces of the turning carrier act on moving axes",
+    Boolean,
+    described("Whether Coriolis and centrifugal forces of the turning carrier act on moving axes"),
 ]
 
 
@@ -72,46 +88,57 @@ Gyroscopic = Annotated[
 def planetary(
     *,
     planets: Planets = 3,
-    teeth: Annotated[tuple, Many(TEETH, 2), "Numbers of teeth of sun and ring"] = (27, 99),
+    teeth: Annotated[
+        tuple[Teeth, ...], Values(2), described("Numbers of teeth of sun and ring")
+    ] = (27, 99),
     planet_teeth: Annotated[
-        int | None, TEETH, "Teeth of a planet; by default half the difference of ring and sun"
+        Teeth | None, described("Teeth of a planet; by default half the difference of ring and sun")
     ] = None,
     positions: Positions = None,
-    masses: Annotated[tuple, Many(MASS, 4), "Masses of sun, ring, carrier and one planet"] = (
+    masses: Annotated[
+        tuple[Mass, ...], Values(4), described("Masses of sun, ring, carrier and one planet")
+    ] = (
         0.4,
         2.35,
         5.43,
         0.66,
     ),
     reduced_inertias: Annotated[
-        tuple,
-        Many(MASS, 4),
-        "Inertias over squared base radius of sun, ring, carrier (radius of the pins) and planet",
+        tuple[Mass, ...],
+        Values(4),
+        described(
+            "Inertias over squared base radius of sun, ring, carrier (radius of the pins) and "
+            "planet"
+        ),
     ] = (0.39, 3.0, 6.29, 0.61),
     sun_base_radius: Annotated[
-        float, LENGTH, "Base radius of the sun; those of ring and planets follow from the teeth"
+        Length, described("Base radius of the sun; those of ring and planets follow from the teeth")
     ] = 0.0387,
     pressure_angle: Annotated[
-        float, WORKING_ANGLE, "Working pressure angle of sun meshes; that of ring meshes follows"
-    ] = math.radians(24.6),
+        WorkingAngle, described("Working pressure angle of sun meshes; that of ring meshes follows")
+    ] = _PRESSURE_ANGLE,
     support_stiffness: Supports = (1e8, 1e8, 1e8, 1e8),
     torsional_stiffness: Twists = (0.0, 1e9, 0.0),
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
     mean_stiffness: Annotated[
-        tuple, Many(STIFFNESS, 2), "Mean stiffness of sun and ring meshes"
+        tuple[Stiffness, ...], Values(2), described("Mean stiffness of sun and ring meshes")
     ] = (5e8, 5e8),
     stiffness_ratio: Annotated[
-        tuple, Many(STIFFNESS_RATIO, 2), "Stiffness ratios kappa of sun and ring meshes"
+        tuple[StiffnessRatio, ...],
+        Values(2),
+        described("Stiffness ratios kappa of sun and ring meshes"),
     ] = (1.0, 1.0),
     contact_ratio: Annotated[
-        tuple, Many(CONTACT_RATIO, 2), "Contact ratios epsilon of sun and ring meshes"
+        tuple[ContactRatio, ...],
+        Values(2),
+        described("Contact ratios epsilon of sun and ring meshes"),
     ] = (1.4, 1.6),
     material_damping: MaterialDamping = 1000.0,
     backlash_damping: BacklashDamping = 300.0,
     backlash: Backlash = 30e-6,
-    load: Annotated[float, FORCE, "Force on every mesh of the sun"] = 2000.0,
+    load: Annotated[Force, described("Force on every mesh of the sun")] = 2000.0,
     ring_phase: Annotated[
-        float | None, FINITE, "Phase of the first ring mesh; by default from the planets' teeth"
+        Finite | None, described("Phase of the first ring mesh; by default from the planets' teeth")
     ] = None,
     pin_errors: PinErrors = None,
     turning: Turning = False,
@@ -244,43 +271,46 @@ def planetary_set(
     ring,
     *,
     torque: Annotated[
-        float,
-        parameters.TORQUE,
-        "Torque on the sun, negative on the coast sides; the torques on ring and carrier, if they "
-        "turn, balance it",
+        Torque,
+        described(
+            "Torque on the sun, negative on the coast sides; the torques on ring and carrier, if "
+            "they turn, balance it"
+        ),
     ],
     planets: Planets = 3,
     positions: Positions = None,
     centre_distance: Annotated[
-        float | None,
-        parameters.DIAMETER,
-        "Centre distance; by default that of sun and planet without backlash",
+        Diameter | None,
+        described("Centre distance; by default that of sun and planet without backlash"),
     ] = None,
     backlashes: Annotated[
-        tuple | None,
-        Many(parameters.RUN_OUT, 2),
-        "Normal backlash of sun and ring meshes; by default it follows from the gears",
+        tuple[RunOut, ...] | None,
+        Values(2),
+        described("Normal backlash of sun and ring meshes; by default it follows from the gears"),
     ] = None,
     carrier_mass: Annotated[
-        float | None, MASS, "Mass of the carrier without planets; by default that of a disc"
+        Mass | None, described("Mass of the carrier without planets; by default that of a disc")
     ] = None,
     carrier_inertia: Annotated[
-        float | None,
-        parameters.INERTIA,
-        "Inertia of the carrier without planets; by default that of a disc with the material and "
-        "width of a planet and the radius of the pins",
+        Inertia | None,
+        described(
+            "Inertia of the carrier without planets; by default that of a disc with the material "
+            "and width of a planet and the radius of the pins"
+        ),
     ] = None,
     support_stiffness: Supports = (math.inf,) * 4,
     torsional_stiffness: Twists = (0.0, math.inf, 0.0),
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    damping_ratio: parameters.DampingRatio = None,
-    logarithmic_decrement: parameters.Decrement = None,
-    material_damping: parameters.DrawnDamping = None,
-    backlash_damping_ratio: parameters.BacklashDampingRatio = 0.0,
+    damping_ratio: DampingRatio = None,
+    logarithmic_decrement: Decrement = None,
+    material_damping: DrawnDamping = None,
+    backlash_damping_ratio: BacklashDampingRatio = 0.0,
     model: Annotated[
-        str,
-        OneOf(TRAIN_MODELS),
-        "Mean stiffness excited by the transmission error of loaded teeth, or two levels of it",
+        Literal[TRAIN_MODELS],
+        CHOICE,
+        described(
+            "Mean stiffness excited by the transmission error of loaded teeth, or two levels"
+        ),
     ] = "teeth",
     stiffness=None,
     options=None,

@@ -18,8 +18,26 @@ All other numbers are choices:
 import math
 from typing import Annotated, Any
 
+from annotated_types import Ge, Le
+
 from gearlib import checks, parameters
 from gearlib.models.trains.elements import Body, Mesh, Shaft
+from gearlib.parameters import (
+    Angle,
+    Backlash,
+    Boolean,
+    Error,
+    Mass,
+    Module,
+    PressureAngle,
+    ShaftStiffness,
+    Support,
+    Teeth,
+    Time,
+    Values,
+    checked,
+    described,
+)
 
 #: Default damping of supports and shafts over their stiffness, s.
 STRUCTURAL_DAMPING = 1e-6
@@ -32,22 +50,20 @@ _INERTIA_DESCRIPTION = (
 _MASS_DESCRIPTION = "Mass of each gear; by default that of a disc with its inertia"
 
 StructuralDamping = Annotated[
-    float, parameters.TIME, "Ratio of damping to stiffness for supports and shafts"
+    Time, described("Ratio of damping to stiffness for supports and shafts")
 ]
-AxisStiffness = Annotated[
-    float, parameters.SUPPORT, "Stiffness of the support of each gear along x and y"
-]
-ShaftStiffness = Annotated[float, parameters.SHAFT_STIFFNESS, "Torsional stiffness of each shaft"]
+AxisStiffness = Annotated[Support, described("Stiffness of the support of each gear along x and y")]
+ShaftTwist = Annotated[ShaftStiffness, described("Torsional stiffness of each shaft")]
 Modules = Annotated[
-    tuple, parameters.Many(parameters.MODULE, 2), "Modules of the first and the second stage"
+    tuple[Module, ...], Values(2), described("Modules of the first and the second stage")
 ]
 PinErrors = Annotated[
-    tuple | None,
-    parameters.Many(parameters.Many(parameters.ERROR, 2)),
-    "Radial and tangential offsets of the axes of the planets or satellites by assembly",
+    tuple[Annotated[tuple[Error, ...], Values(2)], ...] | None,
+    Values(),
+    described("Radial and tangential offsets of the axes of the planets or satellites by assembly"),
 ]
-FourReduced = Annotated[tuple | None, parameters.Many(parameters.MASS, 4), _INERTIA_DESCRIPTION]
-FourMasses = Annotated[tuple | None, parameters.Many(parameters.MASS, 4), _MASS_DESCRIPTION]
+FourReduced = Annotated[tuple[Mass, ...] | None, Values(4), described(_INERTIA_DESCRIPTION)]
+FourMasses = Annotated[tuple[Mass, ...] | None, Values(4), described(_MASS_DESCRIPTION)]
 
 
 def create_train(**fields: Any) -> Any:
@@ -79,7 +95,8 @@ class _GearSet:
         """
         from gearlib.models.pair import GearPair
 
-        self.pair = parameters.Instance((GearPair,)).check("pair", pair)
+        checks.require(isinstance(pair, GearPair), "pair", pair, "a GearPair")
+        self.pair = pair
         self.support_stiffness, self.structural_damping = support
         self.pressure_angle, self.teeth = pressure_angle, [z for stage in stages for z in stage]
         self.reduced_inertias = inertias or []
@@ -122,26 +139,24 @@ class _GearSet:
         return Shaft(bodies=(first_body, second_body), stiffness=stiffness, damping=damping)
 
 
-@parameters.checked
+@checked
 def idler(
     pair,
     *,
     teeth: Annotated[
-        tuple, parameters.Many(parameters.TEETH, 3), "Numbers of teeth of pinion, idler and wheel"
+        tuple[Teeth, ...], Values(3), described("Numbers of teeth of pinion, idler and wheel")
     ] = (24, 24, 24),
     angle: Annotated[
-        float,
-        parameters.ANGLE,
-        "Angle between the lines of centres at the idler; pi for gears in a row",
+        Angle, described("Angle between the lines of centres at the idler; pi for gears in a row")
     ] = math.pi,
-    module: Annotated[float, parameters.MODULE, "Module of all gears"] = 0.004,
+    module: Annotated[Module, described("Module of all gears")] = 0.004,
     reduced_inertias: Annotated[
-        tuple | None, parameters.Many(parameters.MASS, 3), _INERTIA_DESCRIPTION
+        tuple[Mass, ...] | None, Values(3), described(_INERTIA_DESCRIPTION)
     ] = None,
-    masses: Annotated[tuple | None, parameters.Many(parameters.MASS, 3), _MASS_DESCRIPTION] = None,
+    masses: Annotated[tuple[Mass, ...] | None, Values(3), described(_MASS_DESCRIPTION)] = None,
     support_stiffness: AxisStiffness = math.inf,
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    pressure_angle: parameters.PressureAngle = PRESSURE_ANGLE,
+    pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
     """Return a train of three gears, ``pinion``, ``idler`` and ``wheel``, with two meshes.
@@ -164,22 +179,22 @@ def idler(
     return create_train(bodies=bodies, meshes=meshes, **options)
 
 
-@parameters.checked
+@checked
 def two_stage(
     pair,
     *,
     teeth: Annotated[
-        tuple,
-        parameters.Many(parameters.TEETH, 4),
-        "Numbers of teeth of pinion and wheel of each stage",
+        tuple[Teeth, ...],
+        Values(4),
+        described("Numbers of teeth of pinion and wheel of each stage"),
     ] = (24, 36, 24, 36),
     modules: Modules = (0.004, 0.004),
-    shaft_stiffness: ShaftStiffness = 1e6,
+    shaft_stiffness: ShaftTwist = 1e6,
     reduced_inertias: FourReduced = None,
     masses: FourMasses = None,
     support_stiffness: AxisStiffness = math.inf,
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
-    pressure_angle: parameters.PressureAngle = PRESSURE_ANGLE,
+    pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
     """Return a train of two stages that a shaft joins: pinion 1, wheel 1, pinion 2 and wheel 2.
@@ -206,32 +221,40 @@ def two_stage(
     return create_train(bodies=bodies, meshes=meshes, shafts=shafts, **options)
 
 
-@parameters.checked
+@checked
 def split_power_reducer(
     pair,
     *,
     branches: Annotated[
-        int, parameters.Integer(1, limit=100), "Number of double satellites, equally spaced"
+        int,
+        parameters.INTEGER,
+        Ge(1),
+        Le(100),
+        described("Number of double satellites, equally spaced"),
     ] = 3,
     teeth: Annotated[
-        tuple | None,
-        parameters.Many(parameters.TEETH, 4),
-        "Numbers of teeth of input, both gears of a satellite, and output; by default "
-        "(24, 36, 24, 36), with a ring gear (24, 36, 24, 84)",
+        tuple[Teeth, ...] | None,
+        Values(4),
+        described(
+            "Numbers of teeth of input, both gears of a satellite, and output; by default "
+            "(24, 36, 24, 36), with a ring gear (24, 36, 24, 84)"
+        ),
     ] = None,
-    internal: Annotated[bool, parameters.BOOLEAN, "Whether the output is a ring gear"] = False,
+    internal: Annotated[Boolean, described("Whether the output is a ring gear")] = False,
     modules: Modules = (0.004, 0.004),
-    pressure_angle: parameters.PressureAngle = PRESSURE_ANGLE,
+    pressure_angle: PressureAngle = PRESSURE_ANGLE,
     reduced_inertias: FourReduced = None,
     masses: FourMasses = None,
-    shaft_stiffness: ShaftStiffness = 1e6,
+    shaft_stiffness: ShaftTwist = 1e6,
     support_stiffness: AxisStiffness = 1e9,
     structural_damping: StructuralDamping = STRUCTURAL_DAMPING,
     pin_errors: PinErrors = None,
     backlashes: Annotated[
-        tuple | None,
-        parameters.Many(parameters.Many(parameters.BACKLASH, 2)),
-        "Backlashes of the first and second mesh of each branch; by default that of the pair",
+        tuple[Annotated[tuple[Backlash, ...], Values(2)], ...] | None,
+        Values(),
+        described(
+            "Backlashes of the first and second mesh of each branch; by default that of the pair"
+        ),
     ] = None,
     **options,
 ):

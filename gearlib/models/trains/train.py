@@ -1,13 +1,13 @@
 """Gear trains of bodies, shafts and meshes as one piecewise-linear model."""
 
 import math
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import xarray as xr
+from annotated_types import Gt, MinLen
 
 from gearlib import checks
 from gearlib.data import summary
@@ -23,7 +23,6 @@ from gearlib.models.trains import layout, natural_modes, statics, train_values, 
 from gearlib.models.trains.elastic import LinearModes, free_motions_and_modes
 from gearlib.models.trains.elements import (
     Body,
-    ElementSequence,
     Mesh,
     Shaft,
     check_gears,
@@ -43,14 +42,15 @@ from gearlib.models.trains.system import (
     largest_norm,
     train_system,
 )
-from gearlib.parameters import BOOLEAN, FINITE, Kind, Number, check, documented
+from gearlib.parameters import Allowed, Boolean, Finite, Unit, Values, declared, described
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.linear import propagator  # noqa: F401
 
+_Frequency = Annotated[float, Unit("Hz"), Gt(0)]
 
-@documented
-@dataclass(frozen=True, kw_only=True)
+
+@declared()
 class GearTrain(Model):
     """Any number of gears in mesh, in SI units; immutable.
 
@@ -60,32 +60,35 @@ class GearTrain(Model):
         If a value is impossible or the train cannot be assembled, turn, or stay in balance.
     """
 
-    bodies: Annotated[tuple, ElementSequence(Body), "Gears and carriers"]
-    meshes: Annotated[tuple, ElementSequence(Mesh), "Meshes of the gears"]
-    shafts: Annotated[tuple, ElementSequence(Shaft, 0), "Shafts that join bodies"] = ()
+    bodies: Annotated[tuple[Body, ...], Values(), MinLen(1), described("Gears and carriers")]
+    meshes: Annotated[tuple[Mesh, ...], Values(), MinLen(1), described("Meshes of the gears")]
+    shafts: Annotated[tuple[Shaft, ...], Values(), described("Shafts that join bodies")] = ()
     reference: Annotated[
         str | None,
-        Kind("the name of a mesh", lambda value: True),
-        "Name of the mesh that sets scales, mesh phase and tuning; by default the first",
+        Allowed("the name of a mesh"),
+        described("Name of the mesh that sets scales, mesh phase and tuning; by default the first"),
     ] = None
     reference_frequency: Annotated[
-        float | None,
-        Number(unit="Hz", gt=0),
-        "Mesh frequency at which the tuning is 1; by default the natural frequency of the elastic "
-        "mode with the most strain energy in the reference mesh, with mean stiffness and all "
-        "flanks in contact",
+        _Frequency | None,
+        described(
+            "Mesh frequency at which the tuning is 1; by default the natural frequency of the "
+            "elastic mode with the most strain energy in the reference mesh, with mean stiffness "
+            "and all flanks in contact"
+        ),
     ] = None
     carrier_ratio: Annotated[
-        float,
-        FINITE,
-        "Speed of the frame in which positions are given, over the speed of the reference pinion "
-        "in this frame; not 0 if a carrier turns",
+        Finite,
+        described(
+            "Speed of the frame in which positions are given, over the speed of the reference "
+            "pinion in this frame; not 0 if a carrier turns"
+        ),
     ] = 0.0
     gyroscopic: Annotated[
-        bool,
-        BOOLEAN,
-        "Whether Coriolis and centrifugal forces of the turning frame act on axes that can move; "
-        "bodies without a carrier then lie on its axis",
+        Boolean,
+        described(
+            "Whether Coriolis and centrifugal forces of the turning frame act on axes that can "
+            "move; bodies without a carrier then lie on its axis"
+        ),
     ] = False
 
     propagators = {"exact": "linear.propagator"}
@@ -115,7 +118,6 @@ class GearTrain(Model):
 
     def __post_init__(self) -> None:
         """Check the elements, names, gears and torques of the train."""
-        check(self)
         if self.reference is None:
             object.__setattr__(self, "reference", self.meshes[0].name)
         checks.one_of("reference", self.reference, self.mesh_names)

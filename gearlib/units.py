@@ -1,7 +1,7 @@
 """Values with units: texts such as ``10 um`` or ``4e5 N/mm``, read as SI numbers.
 
-pint is imported for rare units only. Numbers are converted as decimal fractions, so that ``10 um``
-is exactly 1e-5, and results that were computed with 1e-5 stay valid.
+pint is imported where a text has another unit than the parameter. Numbers are converted as decimal
+fractions, so that ``10 um`` is exactly 1e-5, and results that were computed with 1e-5 stay valid.
 """
 
 import re
@@ -9,6 +9,8 @@ from decimal import Decimal
 from functools import cache
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
+#: A number without a unit.
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _FACTOR = r"[A-Za-zµμ°]+(?:(?:\^|\*\*)-?\d)?"
 #: The unit of a speed, revolutions per minute, in its spellings.
 _RPM = (
@@ -18,21 +20,6 @@ _RPM = (
 TEXT = re.compile(rf"({_NUMBER})((?:{_RPM}|\s*{_FACTOR})(?:\s*[ */·⋅]\s*{_FACTOR})*)")
 #: A speed in rpm. In Hz it would be ambiguous.
 RPM = re.compile(rf"({_NUMBER}){_RPM}")
-#: (unit, target unit) -> factor of units that are common in drawings, because pint loads slowly.
-FACTORS = {
-    ("mm", "m"): "1e-3",
-    ("cm", "m"): "1e-2",
-    ("um", "m"): "1e-6",
-    ("kN", "N"): "1e3",
-    ("kN m", "N m"): "1e3",
-    ("kW", "W"): "1e3",
-    ("GPa", "Pa"): "1e9",
-    ("MPa", "Pa"): "1e6",
-    ("deg", "rad"): "0.01745329251994329576923690768",
-    ("g", "m/s^2"): "9.80665",  # pint would read grams
-}
-
-
 @cache
 def _registry():
     """Return the unit registry of pint, which computes with Decimal."""
@@ -56,16 +43,16 @@ def read(text, unit):
     source_unit = re.sub(f"^{_RPM}", "rpm", re.sub("[µμ]", "u", match[2])).strip()
     source_unit = re.sub(r"\b([umkMG]?N)([mc]?m)\b", r"\1 \2", source_unit)
     source_unit = re.sub(r"\s*(?:[ ·⋅]|(?<!\*)\*(?!\*))\s*", " ", source_unit)
-    if source_unit == unit:
-        factor = "1"
-    else:
-        factor = FACTORS.get((source_unit, unit)) or _conversion_factor(text, source_unit, unit)
-    return float(Decimal(match[1]) * Decimal(factor))
+    factor = 1 if source_unit == unit else _conversion_factor(text, source_unit, unit)
+    return float(Decimal(match[1]) * factor)
 
 
+@cache
 def _conversion_factor(text, source_unit, unit):
     """Return `source_unit` over `unit` by pint, or raise ValueError that names the whole text."""
     registry = _registry()
+    if unit == "m/s^2":  # Accelerations are often measured in g, which pint reads as grams.
+        source_unit = re.sub(r"\bg\b", "g_n", source_unit)
     try:
         # pint sees the unit alone, so that it evaluates no arithmetic of the user.
         quantity = registry.Quantity(Decimal(1), source_unit)
@@ -77,3 +64,17 @@ def _conversion_factor(text, source_unit, unit):
         return quantity.to(unit).magnitude
     except Exception as error:  # pint raises its own, tokenize's and Python's errors
         raise ValueError(f"{text!r} is not in a unit of the dimension of {unit}") from error
+
+
+#: CF units -> the same units as engineers write them.
+WRITTEN_UNITS = {"1": "", "min-1": "rpm"}
+
+
+def cf_units(unit):
+    """Convert a unit to the notation of CF: "N s^2/m^2" to "N s2 m-2", "" to "1"."""
+    numerator, _, denominator = unit.partition("/")
+    factors = [factor.replace("^", "") for factor in numerator.split() if factor != "1"]
+    for factor in denominator.split():
+        base, _, power = factor.partition("^")
+        factors.append(f"{base}-{power or 1}")
+    return " ".join(factors) or "1"
