@@ -15,7 +15,7 @@ import math
 import re
 import textwrap
 import types
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import (
@@ -30,7 +30,7 @@ from typing import (
 )
 
 import pydantic.dataclasses
-from annotated_types import Ge, Gt, Le, Lt, MinLen
+from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic import (
     BeforeValidator,
     ConfigDict,
@@ -54,7 +54,7 @@ STRICT = ConfigDict(strict=True, extra="forbid", arbitrary_types_allowed=True)
 
 def described(text: str, symbol: str = "") -> Any:
     """Return the part of an annotation that describes a parameter, with its symbol."""
-    return Field(description=text, title=symbol)
+    return Field(description=text, title=symbol or None)
 
 
 # Parts of annotations that read values. Only in a configuration, whose validation has a context,
@@ -291,6 +291,16 @@ def _unit_of(annotation: Any) -> Unit | None:
     return found[-1] if found and base is float else None
 
 
+def plain_type(annotation: Any) -> Any:
+    """Return an annotation without None and without parts of models, None if nothing is left."""
+    base, metadata = parts(annotation)
+    options = [x for x in get_args(base) if is_union(base) and not dataclasses.is_dataclass(x)]
+    if dataclasses.is_dataclass(base) or (is_union(base) and not options):
+        return None
+    base = options[0] if options else base
+    return Annotated[(base, *metadata)] if metadata else base
+
+
 def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
     """Return (path, annotation) of the value at pydantic's location of an error below `root`.
 
@@ -343,9 +353,10 @@ def requirement(annotation: Any, in_file: bool = False) -> str:
         return f"a mapping of {names} to {requirement(get_args(base)[1], in_file)}"
     if is_union(base):
         options = (x for x in get_args(base) if x is not types.NoneType)
-        return " or ".join(requirement(option, in_file) for option in options)
+        *others, last = (requirement(option, in_file) for option in options)
+        return f"{', '.join(others)} or {last}"
     if base is str:
-        return "a text"
+        return _text_in_words(metadata)
     if issubclass(base, pydantic.BaseModel):
         return f"a mapping with the keys {', '.join(base.__pydantic_fields__)}"
     return f"a {base.__name__}"
@@ -381,12 +392,22 @@ def _number_in_words(base: type, metadata: tuple, in_file: bool) -> str:
 def _list_in_words(item: Any, metadata: tuple, in_file: bool) -> str:
     """Return the allowed lists in words."""
     values = next((x for x in metadata if isinstance(x, Values)), Values())
-    least = max((x.min_length for x in metadata if isinstance(x, MinLen)), default=0)
-    count = (
-        f"{values.count} entries" if values.count else "at least one entry" if least else "entries"
-    )
+    least = next((x.min_length for x in metadata if isinstance(x, MinLen)), 0)
+    most = next((x.max_length for x in metadata if isinstance(x, MaxLen)), None)
+    exact = values.count or (least if least == most else None)
+    count = f"{exact} entries" if exact else "at least one entry" if least else "entries"
     single = "one value or " if values.repeat else ""
     return f"{single}a list of {count}, each {requirement(item, in_file)}"
+
+
+def _text_in_words(metadata: tuple) -> str:
+    """Return the allowed texts in words."""
+    for part in metadata:
+        if pattern := getattr(part, "pattern", None):
+            return f"a text matching {pattern}"
+        if isinstance(part, MaxLen):
+            return f"a text of 1 to {part.max_length} characters"
+    return "a text"
 
 
 def _bound_in_words(value: float) -> str:
@@ -432,16 +453,19 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
     location, cause = details["loc"], details.get("ctx", {}).get("error")
     if not location and cause is not None:
         return cause  # an error of `__post_init__`
+    names, problem = list(arguments), details["type"].replace("_", " ")
+    if location[0] in range(len(names)) and "unexpected" not in problem:
+        location = names[location[0]], *location[1:]  # pydantic counts positional arguments
     path, annotation = place_of(cls, location)
-    if details["type"] == "missing" or not path:
+    if problem == "missing" or not path:
         known = ", ".join(field.name for field in dataclasses.fields(cls))
-        problem = "missing" if details["type"] == "missing" else "no parameter, or not by name"
-        name = ".".join(map(str, location))
-        return TypeError(f"{cls.__name__}: {name} is {problem}; its parameters are {known}")
+        return TypeError(f"{cls.__name__}: {problem} {location[0]!r}; its parameters are {known}")
     value = arguments.get(path[0])
     for index in path[1:]:
         value = value[index] if isinstance(value, tuple | list) else details["input"]
-    return InputError(dotted(path), value, requirement(annotation))
+    name = arguments.get("name")  # of a body or mesh of a train
+    owner = f"{cls.__name__.lower()} {name}" if isinstance(name, str) else ""
+    return InputError(dotted(path), value, requirement(annotation), owner=owner)
 
 
 def checked(function: Callable) -> Callable:

@@ -20,6 +20,8 @@ _RPM = (
 TEXT = re.compile(rf"({_NUMBER})((?:{_RPM}|\s*{_FACTOR})(?:\s*[ */·⋅]\s*{_FACTOR})*)")
 #: A speed in rpm. In Hz it would be ambiguous.
 RPM = re.compile(rf"({_NUMBER}){_RPM}")
+
+
 @cache
 def _registry():
     """Return the unit registry of pint, which computes with Decimal."""

@@ -5,10 +5,9 @@ from typing import Any, NamedTuple
 
 import click
 
-from gearlib import config
+from gearlib import config, units
 from gearlib.checks import refusal
 from gearlib.cli import options
-from gearlib import units
 from gearlib.config import gear_names, overlay, yaml_keys
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
 from gearlib.config.targets import NO_TRAIN, missing_mesh_damping

@@ -8,9 +8,10 @@ from pathlib import Path
 import click
 
 from gearlib import units
+from gearlib.checks import InputError
+from gearlib.config import validation
 from gearlib.config.gear_pair_section import DAMPINGS, Damping, GearPairSection
 from gearlib.config.gears_section import Gears, WheelSection
-from gearlib.config.validation import with_original_values
 from gearlib.data.variables import QUANTITIES
 from gearlib.removed import REMOVED, removal_message
 
@@ -79,10 +80,10 @@ class Group(click.Group):
                 warnings.showwarning = lambda text, *_: click.echo(f"Warning: {text}", err=True)
                 return super().invoke(ctx)
         except ValueError as error:
+            is_input = isinstance(error, InputError)
+            text = validation.sentence(error, "", {}) if is_input else str(error)
             # Without a configuration the options of a damping form one called "options".
-            message = str(error).replace("dampings.options.", "")
-            text = with_original_values(message, mapping={})  # Only shorten computed numbers.
-            raise click.UsageError(text) from None
+            raise click.UsageError(text.replace("dampings.options.", "")) from None
         except ModuleNotFoundError as error:
             package, extra = error.name, _EXTRAS.get(str(error.name).partition(".")[0])
             hint = f"{package} is not installed: pip install 'gearlib[{extra}]', the extra {extra}"

@@ -46,8 +46,7 @@ def load(mapping: dict) -> Any:
         completed, context = defaults.add_defaults(mapping)
         return Config.model_validate(completed, context=context)
     except ValidationError as error:
-        messages = validation.error_messages(error.errors(), schema())
-        messages = [validation.with_original_values(message, mapping) for message in messages]
+        messages = validation.sentences(error, Config, mapping)
         raise ConfigError("\n".join(messages)) from None
 
 

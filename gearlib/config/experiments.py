@@ -5,6 +5,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, model_validator
 
 from gearlib import checks, tunings
+from gearlib import parameters as p
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import Damping, MeshCase
 from gearlib.config.types import Distinct, Section, check_unique, field, grid_base, integer, list_of
@@ -13,7 +14,7 @@ from gearlib.config.types import Distinct, Section, check_unique, field, grid_ba
 MAX_TUNINGS = 1_000_000
 _SettlingPeriods = integer(1, 1_000_000)
 _ExponentPeriods = integer(20, 1_000_000)
-_Range = list_of(t.Finite, 2)
+_Range = list_of(p.Finite, 2)
 _RANGE = "Lowest and highest initial value."
 
 
@@ -37,7 +38,7 @@ class Resonance(grid_base(0.5, 1.4, 0.0005)):
         self.check_steps("step", MAX_TUNINGS)
         is_multiple = tunings.steps(0.0, self.window, self.step) % 1 == 0
         allowed = f"a whole multiple of .step = {self.step!r}"
-        checks.require(is_multiple, ".window", self.window, allowed)
+        checks.require(is_multiple, "window", self.window, allowed)
         return self
 
     def windows(self, direction):
@@ -59,7 +60,7 @@ class PhasePlanes(Section):
 class PhaseLag(grid_base(0.56, 0.79, 0.005)):
     """The phase lag of the motion behind the mesh stiffness (Fig. 2)."""
 
-    material_dampings: Distinct[t.DampingCoefficient] = field(
+    material_dampings: Distinct[p.Damping] = field(
         "Material damping k_1 of each curve, N s/m. Default: the largest, and a hundredth of it.",
         None,
     )
@@ -76,13 +77,13 @@ class Jump(t.SeededStarts, grid_base(0.78, 0.86, 0.001)):
     harmonics: Distinct[t.Count] = field(
         "Numbers of stiffness harmonics instead of the full rectangle.", [1, 2, 3, 5, 10, 20]
     )
-    factors: Distinct[t.Positive] = field(
+    factors: Distinct[p.Positive] = field(
         "Factors on the damping, and on the backlash.", [0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0]
     )
-    displacements: Distinct[t.Finite] = field(
+    displacements: Distinct[p.Finite] = field(
         "Other initial displacements, static deflections.", [-1.0, -0.5, -0.1, 0.1, 0.5, 1.0, 2.0]
     )
-    velocities: Distinct[t.Finite] = field(
+    velocities: Distinct[p.Finite] = field(
         "Other initial velocities, static deflections per radian.",
         [-1.0, -0.5, -0.1, 0.1, 0.5, 1.0],
     )
@@ -117,7 +118,7 @@ class NonlinearDamping(grid_base(0.5, 1.4, 0.004)):
     """Linear, quadratic and cubic damping that dissipate alike at one amplitude."""
 
     damping: t.PositiveDamping = field("Linear coefficient, N s/m. Default: the largest.", None)
-    amplitude: t.Positive = field("Amplitude of equal dissipation, static deflections.", 1.0)
+    amplitude: p.Positive = field("Amplitude of equal dissipation, static deflections.", 1.0)
     tuning: t.Tuning = field("Tuning that gives its frequency.", 0.8)
     shown: Distinct[t.Tuning] = field("Tunings of the phase planes.", [0.78, 0.82, 0.95])
 
@@ -131,7 +132,7 @@ class ParametricResonance(t.Grid):
     asked: t.Tuning = field("Tuning of the sentence about the singular region.", 0.66)
     values: integer(2, 10_000) = field("Number of values of both ratios and of the damping.", 161)
     least_stiffness_ratio: t.number(ge=0.001, lt=1) = field("Smallest stiffness ratio.", 0.2)
-    damping_ratios: Distinct[t.NonNegative] = field(
+    damping_ratios: Distinct[p.NonNegative] = field(
         "Damping ratios whose tongues are drawn; the first one has the shades.",
         [0.0, 0.01, 0.03, 0.0617],
     )
@@ -142,13 +143,13 @@ class Labels(grid_base(0.5, 1.4, 0.01)):
 
     periods: _SettlingPeriods = field("Mesh periods of a run, to settle.", 1500)
     exponent_periods: _ExponentPeriods = field("Mesh periods of the mean exponent.", 2000)
-    disturbance: t.Positive = field("Disturbance of the start, static deflections.", 0.001)
+    disturbance: p.Positive = field("Disturbance of the start, static deflections.", 0.001)
 
 
 def check_increasing(section, low_key, high_key):
     """Raise ValueError unless the value of `high_key` is greater than that of `low_key`."""
     low, high = getattr(section, low_key), getattr(section, high_key)
-    checks.require(high > low, f".{high_key}", high, f"greater than .{low_key} = {low!r}")
+    checks.require(high > low, high_key, high, f"greater than {low_key} = {low!r}")
 
 
 class LociSection(Section):
@@ -182,7 +183,7 @@ class Branches(_TuningRange):
     start: t.Tuning = field("Tuning at which the branches begin.", 0.5)
     stop: t.Tuning = field("Tuning at which the branches end.", 1.4)
     step: t.number(gt=0, le=1) = field("Largest step; the range of tunings counts as 1.", 0.05)
-    max_height: t.Positive = field("Height of orbits that ends a branch, static deflections.", 20.0)
+    max_height: p.Positive = field("Height of orbits that ends a branch, static deflections.", 20.0)
     max_points: integer(2, 1_000_000) = field("Largest number of points of one branch.", 2000)
     loci: LociSection = t.SECTION
 
@@ -202,7 +203,7 @@ class RunUps(_TuningRange):
 class Certificates(Section):
     """Proofs about the orbits, in a file that a second program can check."""
 
-    all_points: t.Boolean = field("Whether the file holds every point of the branches.", False)
+    all_points: p.Boolean = field("Whether the file holds every point of the branches.", False)
 
 
 #: Pattern of a colour in a configuration.
@@ -267,7 +268,7 @@ class Scene(Section):
 
         `courses` are the names of time histories; friction and bearing forces need six degrees.
         """
-        check_unique(".cases", self.cases, "title")
+        check_unique("cases", self.cases, "title")
         missing_histories = {
             "one_degree": (SIX_DEGREE_HISTORIES, "one_degree"),
             "six_degrees_plain": (FRICTION_HISTORIES, "six_degrees_plain (no friction)"),
@@ -275,7 +276,7 @@ class Scene(Section):
         missing, model_name = missing_histories.get(self.model, ((), ""))
         for history in self.courses:
             allowed = f"a time history of the model {model_name}, or the model must be six_degrees"
-            checks.require(history not in missing, ".courses", history, allowed)
+            checks.require(history not in missing, "courses", history, allowed)
         return self
 
 
@@ -303,18 +304,16 @@ class _InitialStates(Section):
         """Raise ValueError if a range is not increasing or titles are not unique."""
         for key in ("displacement", "velocity"):
             low, high = getattr(self, key)
-            checks.require(low < high, f".{key}", [low, high], "a lower value and a higher one")
-        check_unique(".cases", getattr(self, "cases", ()), "title")
+            checks.require(low < high, key, [low, high], "a lower value and a higher one")
+        check_unique("cases", getattr(self, "cases", ()), "title")
         return self
 
 
 def _check_damped(key, damping):
     """Raise ValueError if `damping` is zero, because undamped motions have no attractors."""
     if damping.material_damping == damping.backlash_damping == 0.0:
-        raise ValueError(
-            f"{key} = 0 is not allowed: material or backlash must be > 0, for a mesh without "
-            "damping has no attractors"
-        )
+        allowed = "> 0 for material or backlash, because a mesh without damping has no attractors"
+        raise checks.refusal(key, 0, allowed)
 
 
 class Basins(_InitialStates):
@@ -330,7 +329,7 @@ class Basins(_InitialStates):
     def _check(self):
         """Raise ValueError if one of the cases has no damping."""
         for i, case in enumerate(self.cases):
-            _check_damped(f".cases[{i}].damping", case.damping)
+            _check_damped(f"cases[{i}].damping", case.damping)
         return self
 
 
@@ -349,7 +348,7 @@ class Bifurcation(_InitialStates, grid_base(0.45, 0.95, 0.001)):
     @model_validator(mode="after")
     def _check(self):
         """Raise ValueError without damping, or if the range is no multiple of a step."""
-        _check_damped(".damping", self.damping)
+        _check_damped("damping", self.damping)
         self.check_steps("share_step")  # of the tunings at which shares of basins are computed
         return self
 
@@ -369,7 +368,7 @@ class FixedStepMethod(Section):
     """A fixed-step method of the stability chart."""
 
     method: Literal["rk4", "newmark", "generalised_alpha"] = field("Name of the method.")
-    options: dict[t.Name, t.Finite] = field("Its options, except the steps per period.", {})
+    options: dict[t.Name, p.Finite] = field("Its options, except the steps per period.", {})
 
 
 _ALPHA = {"method": "generalised_alpha"}
@@ -447,7 +446,7 @@ class Failures(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        check_unique(".trials", self.trials, "name")
+        check_unique("trials", self.trials, "name")
         return self
 
 

@@ -4,16 +4,15 @@ import math
 from typing import Any
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
 
 from gearlib import checks
+from gearlib import parameters as p
 from gearlib.config import RATIO_KEYS
 from gearlib.config import types as t
 from gearlib.config.types import Section, create_section, field, from_context, list_of
-from gearlib.models.geometry.drawings import parameters_renamed
 from gearlib.models.geometry.mesh import checked_damping, damping_coefficient
 from gearlib.models.pair_parameters import MIN_MAGNITUDE, PairParameters, PairScales, check_scales
-from gearlib.parameters import RUN_OUT
+from gearlib.parameters import RunOut
 
 DAMPINGS = tuple(RATIO_KEYS)
 #: Digits of derived values; rounding makes them independent of the units of the drawing.
@@ -35,10 +34,10 @@ class GearPairSection(_Pair, PairScales):
     @model_validator(mode="after")
     def _check(self) -> "GearPairSection":
         """Raise ValueError if stiffness, mass or load of the pair are numerically out of range."""
-        check_scales(self, prefix=".")  # "." stands for the key of the section.
+        check_scales(self)
         mean, ratio = self.mean_stiffness, self.stiffness_ratio
         allowed = f"large enough for a mean stiffness, {mean!r} N/m, >= {MIN_MAGNITUDE}"
-        checks.require(mean >= MIN_MAGNITUDE, ".stiffness_ratio", ratio, allowed)
+        checks.require(mean >= MIN_MAGNITUDE, "stiffness_ratio", ratio, allowed)
         return self
 
 
@@ -68,15 +67,17 @@ class Damping(_Coefficients):
             keys = [coefficient_key, *ratio_keys]
             values = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
             if not values:
-                raise PydanticCustomError("missing_key", "", {"key": coefficient_key})
+                raise self.missing(coefficient_key)
             if len(values) > 1:
-                key_list = " and ".join(f".{key}" for key in values)
-                raise ValueError(f"{key_list} are not allowed together: it must be one of them")
+                first, *others = values
+                problem = (
+                    f"and {' and '.join(others)} are not allowed together: it must be one of them"
+                )
+                raise checks.InputError(first, problem=problem)
             ((key, value),) = values.items()
             if pair and from_context(info, "drawn"):
                 # Drawn gears must be less than critically damped; only the check matters here.
-                with parameters_renamed(lambda parameter, owner: f".{parameter}"):
-                    checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
+                checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
             given[key] = value
             if pair and key != coefficient_key:
                 if key == "logarithmic_decrement":
@@ -99,8 +100,8 @@ class Damping(_Coefficients):
 class State(Section):
     """State at the start, tau = 0: the middle of the segment of C_max."""
 
-    displacement: t.Finite = field("x, in static deflections.", 0.0)
-    velocity: t.Finite = field("dx/dtau, in static deflections per radian.", 0.0)
+    displacement: p.Finite = field("x, in static deflections.", 0.0)
+    velocity: p.Finite = field("dx/dtau, in static deflections per radian.", 0.0)
 
 
 class MeshCase(Section):
@@ -126,8 +127,8 @@ class Run(Section):
     def _check(self) -> "Run":
         """Raise ValueError if there are more recorded revolutions than revolutions."""
         recorded, revolutions = self.recorded_revolutions, self.revolutions
-        allowed = f"an integer from 1 to .revolutions = {revolutions}"
-        checks.require(recorded <= revolutions, ".recorded_revolutions", recorded, allowed)
+        allowed = f"an integer from 1 to revolutions = {revolutions}"
+        checks.require(recorded <= revolutions, "recorded_revolutions", recorded, allowed)
         return self
 
 
@@ -146,29 +147,29 @@ class SixDegrees(Section):
     The defaults of other gears assume two equal gears on soft bearings.
     """
 
-    base_radii: list_of(t.Length, 2) = field("Base radii Rb3, Rb2, m. Default: 0.1 m.", None)
-    inertias: list_of(t.Inertia, 2) = field("Inertias J3, J2, kg m^2. Default: 3 Rb^2 m_red.", None)
-    masses: list_of(t.Mass, 2) = field(
+    base_radii: list_of(p.Length, 2) = field("Base radii Rb3, Rb2, m. Default: 0.1 m.", None)
+    inertias: list_of(p.Inertia, 2) = field("Inertias J3, J2, kg m^2. Default: 3 Rb^2 m_red.", None)
+    masses: list_of(p.Mass, 2) = field(
         "Masses m3, m2, kg. Default: 6 reduced_mass; radii, inertias and masses come together.",
         None,
     )
-    bearing_stiffness: list_of(t.Stiffness, 4) = field(
+    bearing_stiffness: list_of(p.Stiffness, 4) = field(
         "Stiffness C3y, C3z, C2y, C2z, N/m. Default: max_stiffness / 40.", None
     )
-    bearing_damping: list_of(t.DampingCoefficient, 4) = field(
+    bearing_damping: list_of(p.Damping, 4) = field(
         "Damping k3y, k3z, k2y, k2z, N s/m. Default: 2 % of the critical.", None
     )
-    eccentricities: list_of(t.type_of(RUN_OUT), 2) = field(
+    eccentricities: list_of(RunOut, 2) = field(
         "Run-out of the pitch circles e3, e2, m. Default: 0.8 static deflections, at most a fifth "
         "of the backlash.",
         None,
     )
-    run_out_phase: t.Angle = field("Relative phase Delta of the run-out, rad.", 0.0)
-    friction: list_of(t.NonNegative, 2) = field(
+    run_out_phase: p.Angle = field("Relative phase Delta of the run-out, rad.", 0.0)
+    friction: list_of(p.NonNegative, 2) = field(
         "Friction coefficients in drive-side and back-side contact.", [0.05, 0.05]
     )
-    pitch_phase: t.Angle = field("Mesh phase at the pitch point, rad.", 0.0)
-    moving_backlash: t.Boolean = field(
+    pitch_phase: p.Angle = field("Mesh phase at the pitch point, rad.", 0.0)
+    moving_backlash: p.Boolean = field(
         "Whether the back-side flank moves with the bearings, as in Eq. (4).", True
     )
 
@@ -180,5 +181,5 @@ class SixDegrees(Section):
         """
         for key in ("base_radii", "inertias", "masses"):
             if getattr(self, key) is None:
-                raise PydanticCustomError("missing_key", "", {"key": key})
+                raise self.missing(key)
         return self

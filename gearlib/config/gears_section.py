@@ -5,12 +5,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from gearlib import checks, parameters
+from gearlib import checks
+from gearlib import parameters as p
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
 from gearlib.config.types import Section, create_section, field
 from gearlib.models.geometry.drawings import gear as gear_from_dict
-from gearlib.models.geometry.drawings import parameters_renamed
 from gearlib.models.geometry.gear import Material, Rack, SpurGear, TipRelief, Web
 from gearlib.models.geometry.mesh import Mesh, six_degree_parameters, torque_of
 
@@ -37,44 +37,7 @@ GEARS_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears", "dynamic_factor"
 _RING_KEYS = ("internal", "outer_diameter")
 
 
-def config_errors(section_key: str = "", options: Iterable[str] | None = None, **gear_keys: str):
-    """Return a context manager that replaces parameter names in ValueErrors by config keys.
-
-    `section_key` is the key of the section with the gears, `options` are the names of its stiffness
-    options, and `gear_keys` the config keys of the gears by their names, such as pinion=".pinion".
-    """
-    # An internal gear is the ring of a planetary set, the wheel of a pair, or the only gear.
-    ring_key = gear_keys.get("ring", gear_keys.get("wheel", section_key))
-    gear_keys |= {"ring gear": ring_key}
-
-    def config_key(parameter: str, owner: str) -> str:
-        """Return the config key of a parameter in an error message of `gearlib.geometry`.
-
-        `owner` is what has it: a gear such as "wheel", a part such as "web", or, for values of two
-        gears together, "sun mesh", "ring mesh" or "shifts"; None if the message names none.
-        """
-        parameter, of_relief, _ = parameter.partition(" of the tip relief")
-        if of_relief or owner == "tip relief":
-            parameter = f"tip_relief.{parameter}"
-        elif owner == "rack":  # The tip of the rack cuts the fillet of the gear.
-            parameter = parameter.replace("tip_radius", "fillet_radius")
-        elif owner in ("web", "material"):
-            parameter = f"{owner}.{parameter}"
-        if owner in gear_keys:
-            return f"{gear_keys[owner]}.{parameter}"
-        if owner in ("sun mesh", "ring mesh", "shifts"):  # as "sum of the shifts" of two gears
-            return f"{section_key and f'{section_key}: '}{parameter} of the {owner}"
-        if parameter in (options or ()):
-            parameter = f"stiffness_options.{parameter}"
-        # Only ring gears have an outer diameter.
-        return f"{ring_key if parameter == 'outer_diameter' else section_key}.{parameter}"
-
-    return parameters_renamed(config_key)
-
-
-_ADDENDUM, _DEDENDUM, _RADIUS = (
-    t.type_of(x.kind) for x in parameters.declared_parameters(Rack).values()
-)
+_RACK = {key: x.annotation for key, x in p.declared_parameters(Rack).items()}
 MaterialSection = create_section("MaterialSection", "Elastic material of a gear.", Material)
 WebSection = create_section("WebSection", "Web between rim and hub.", Web)
 TipReliefSection = create_section("TipReliefSection", "Tip relief of a gear.", TipRelief)
@@ -84,9 +47,12 @@ GearSection = create_section(
     SpurGear,
     exclude=_RING_KEYS,
     optional=("module", "width", "pressure_angle", "helix_angle", "rack"),
-    addendum=(_ADDENDUM, field("Addendum h_aP of another rack, in modules.", None)),
-    dedendum=(_DEDENDUM, field("Dedendum h_fP of another rack, in modules.", None)),
-    fillet_radius=(_RADIUS, field("Fillet radius rho_fP of another rack, in modules.", None)),
+    addendum=(_RACK["addendum"], field("Addendum h_aP of another rack, in modules.", None)),
+    dedendum=(_RACK["dedendum"], field("Dedendum h_fP of another rack, in modules.", None)),
+    fillet_radius=(
+        _RACK["tip_radius"],
+        field("Fillet radius rho_fP of another rack, in modules.", None),
+    ),
     web=(WebSection, field("Web between rim and hub.", None)),
     material=(MaterialSection, field("Elastic material. Default: steel.", None)),
     tip_relief=(TipReliefSection, field("Tip relief. Default: none.", None)),
@@ -105,7 +71,7 @@ def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) 
 
     Missing values are those of the section `pinion` or of `defaults`.
     """
-    with config_errors(section_key):
+    with checks.below(section_key):
         return gear_from_dict(gear.model_dump(), pinion and pinion.model_dump(), **defaults)
 
 
@@ -123,18 +89,19 @@ class MethodSection(Section):
         None,
     )
 
-    def stiffness_arguments(self, section_key: str = "") -> dict:
-        """Return the arguments `stiffness` and `options` of `Mesh.pair_parameters`, if given.
-
-        `section_key` is the key of this section for an error message.
-        """
+    def stiffness_arguments(self) -> dict:
+        """Return the arguments `stiffness` and `options` of `Mesh.pair_parameters`, if given."""
         arguments = self.model_dump(include={"stiffness", "stiffness_options"})
         if "stiffness_options" in arguments:
             arguments["options"] = arguments.pop("stiffness_options")
             if "torque" in arguments["options"]:
-                key = f"{section_key}.stiffness_options.torque"
-                raise ValueError(f"{key} is not allowed: it must be {section_key}.torque")
+                problem = "is not allowed: it must be the key torque of the section"
+                raise checks.InputError("stiffness_options.torque", problem=problem)
         return arguments
+
+    def option_keys(self, section: str = "") -> dict[str, str]:
+        """Return name of an option -> its key, for errors of the stiffness method."""
+        return {name: f"{section}stiffness_options.{name}" for name in self.stiffness_options or ()}
 
 
 class DrawnPair(_Placed):
@@ -142,29 +109,26 @@ class DrawnPair(_Placed):
 
     pinion: PinionSection
     wheel: WheelSection
-    torque: t.Torque = field("Torque of the pinion, N m.")
+    torque: p.DrivingTorque = field("Torque of the pinion, N m.")
 
-    def mesh(self, section_key: str = "") -> Mesh:
-        """Return the `gearlib.geometry.Mesh` of the pair, whose config key is `section_key`."""
-        gear_keys = {name: f"{section_key}.{name}" for name in ("pinion", "wheel")}
-        pinion = spur_gear(gear_keys["pinion"], self.pinion)
-        wheel = spur_gear(gear_keys["wheel"], self.wheel, self.pinion)
-        with config_errors(section_key, **gear_keys):
-            return Mesh(pinion, wheel, self.centre_distance, self.backlash)
+    def mesh(self) -> Mesh:
+        """Return the `gearlib.geometry.Mesh` of the pair."""
+        pinion = spur_gear("pinion", self.pinion)
+        wheel = spur_gear("wheel", self.wheel, self.pinion)
+        return Mesh(pinion, wheel, self.centre_distance, self.backlash)
 
-    def check(self, section_key: str, stiffness_methods: Iterable[str]) -> None:
-        """Raise ValueError if the gears are impossible or one of the methods fails for them.
+    def check(self, stiffness_methods: Iterable[str]) -> None:
+        """Raise an error if the gears are impossible or one of the methods fails for them.
 
-        `section_key` is the config key of this pair; the methods are "iso" and "energy".
+        The methods are "iso" and "energy".
         """
         drawing = self.model_dump(include={"pinion", "wheel", "centre_distance"})
         # The default gears are known to be valid. Computing them would slow the workflow's start.
         if any(drawing.items() <= pair.items() for pair in (FZG_C, Z20_PAIR)):
             return
-        mesh, wheel_key = self.mesh(section_key), f"{section_key}.wheel"
-        with config_errors(section_key, pinion=f"{section_key}.pinion", wheel=wheel_key):
-            for method in stiffness_methods:
-                mesh.pair_parameters(torque=self.torque, stiffness=method)
+        mesh = self.mesh()
+        for method in stiffness_methods:
+            mesh.pair_parameters(torque=self.torque, stiffness=method)
 
     def modification_key(self, *keys: str) -> str:
         """Return the first key that is given for one of the gears, else "": "pinion.tip_relief".
@@ -181,9 +145,9 @@ class DrawnPair(_Placed):
 class Gears(MethodSection, DrawnPair):
     """A pair of gears by their drawing, in place of gear_pair, which is derived from it."""
 
-    torque: t.Torque = field("Torque of the pinion, N m; or power and speed.", None)
-    power: t.Power = field("Power of the pinion, W.", None)
-    speed: t.Speed = field("Speed of the pinion, rpm; with a torque, of its duty point.", None)
+    torque: p.DrivingTorque = field("Torque of the pinion, N m; or power and speed.", None)
+    power: p.Power = field("Power of the pinion, W.", None)
+    speed: p.Speed = field("Speed of the pinion, rpm; with a torque, of its duty point.", None)
 
     @model_validator(mode="after")
     def _check(self) -> "Gears":
@@ -206,7 +170,7 @@ class Gears(MethodSection, DrawnPair):
     def pair(self) -> dict:
         """Return the values of the section `gear_pair` that follow from the drawing."""
         mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
-        with config_errors("", self.stiffness_options, pinion=".pinion", wheel=".wheel"):
+        with checks.below("", **self.option_keys()):
             values = mesh.pair_parameters(**arguments)
         return {name: rounded(value) for name, value in values.items() if "damping" not in name}
 
@@ -224,12 +188,12 @@ class Gears(MethodSection, DrawnPair):
 class PublishedPair(DrawnPair):
     """A pair of gears by their drawing, with published values of its stiffness."""
 
-    published: dict[t.Name, t.Stiffness] = field("Published mean stiffness by source, N/m.", {})
+    published: dict[t.Name, p.Stiffness] = field("Published mean stiffness by source, N/m.", {})
 
     @model_validator(mode="after")
     def _check(self) -> "PublishedPair":
         """Raise ValueError if one of the stiffness methods fails for the gears."""
-        self.check("", stiffness_methods=("iso", "energy"))
+        self.check(stiffness_methods=("iso", "energy"))
         return self
 
 
@@ -251,7 +215,7 @@ class HarrisMap(Section):
         FZG_C | {"backlash": 160e-6},
     )
     stiffness: Literal["energy", "iso"] = field("Stiffness of a pair of teeth.", "energy")
-    loads: t.Distinct[t.NonNegative] = field(
+    loads: t.Distinct[p.NonNegative] = field(
         "Loads over the design load.", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5]
     )
     phases: t.integer(8, 10_000) = field("Number of phases in the mesh period.", 256)
@@ -259,7 +223,8 @@ class HarrisMap(Section):
     @model_validator(mode="after")
     def _check(self) -> "HarrisMap":
         """Raise ValueError if there is no Harris map of the gears."""
-        self.gears.check(".gears", stiffness_methods=[self.stiffness])
+        with checks.below("gears"):
+            self.gears.check(stiffness_methods=[self.stiffness])
         return self
 
 
@@ -273,19 +238,20 @@ class DynamicFactor(Section):
     damping_ratio: t.number(gt=0, lt=1) = field(
         "Damping ratio of these gears; those of the section gears have their own damping.", 0.05
     )
-    start: t.Speed = field(
+    start: p.Speed = field(
         "First speed of the pinion, rpm. Default: a tenth of the resonance speed.", None
     )
-    stop: t.Speed = field("Last speed, rpm. Default: 1.4 times the resonance speed.", None)
+    stop: p.Speed = field("Last speed, rpm. Default: 1.4 times the resonance speed.", None)
     points: t.integer(2, 10_000) = field("Number of speeds.", 301)
 
     @model_validator(mode="after")
     def _check(self) -> "DynamicFactor":
         """Raise ValueError if the gears are impossible or the speeds do not increase."""
-        self.gears.check(".gears", stiffness_methods=())
-        allowed = f"above .start = {self.start!r}"
+        with checks.below("gears"):
+            self.gears.check(stiffness_methods=())
+        allowed = f"above start = {self.start!r}"
         is_range = self.start is None or self.stop is None or self.start < self.stop
-        checks.require(is_range, ".stop", self.stop, allowed)
+        checks.require(is_range, "stop", self.stop, allowed)
         return self
 
 
@@ -316,7 +282,8 @@ def unsuitable_gears(config: Any, section_name: str) -> str:
     methods = {"mesh_stiffness": ["iso", "energy"], "harris_map": [config.harris_map.stiffness]}
     try:
         for pair in drawn_pairs(config, section_name).values():
-            pair.check("gears", stiffness_methods=methods.get(section_name, ()))
+            with checks.below("gears"):
+                pair.check(stiffness_methods=methods.get(section_name, ()))
     except ValueError as error:
         return str(error)
     return ""

@@ -10,15 +10,16 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError, model_validator
 
+from gearlib import parameters as p
+from gearlib import units
 from gearlib.checks import refusal, require
 from gearlib.config import types as t
-from gearlib import units
 from gearlib.config import yaml_keys
-from gearlib.config.types import Section, field, list_of, quantity, type_of
-from gearlib.config.validation import error_messages
+from gearlib.config.types import Section, field, list_of, quantity
+from gearlib.config.validation import sentences
 from gearlib.data import measured_names
 from gearlib.models.pair_parameters import PairParameters
-from gearlib.parameters import FINITE, LOAD, numeric_parameters
+from gearlib.parameters import Finite, Load, numeric_parameters, requirement
 
 #: Units of channels with the raw values of a converter, and with dates and times of day.
 COUNTS, DATES = "counts", "ISO 8601"
@@ -73,13 +74,11 @@ class FitSection(Section):
 def free_range(name, limits):
     """Return [low, high] in SI of a parameter to fit; `limits` are numbers or texts with units."""
     parameter = numeric_parameters(PairParameters).get(name)
-    kind = parameter.kind if parameter else FINITE
+    annotation = list_of(parameter.annotation if parameter else Finite, 2)
     try:
-        return TypeAdapter(list_of(type_of(kind), 2)).validate_python([*limits])
+        return TypeAdapter(annotation).validate_python([*limits], context={})
     except ValidationError:
-        unit = " in SI" if kind.unit == "1" else f" in {kind.unit} or a text with a unit of it"
-        allowed = f"two values, each {kind.allowed}{unit}"
-        raise refusal(f"free.{name}", list(limits), allowed) from None
+        raise refusal(f"free.{name}", list(limits), requirement(annotation, in_file=True)) from None
 
 
 class Channel(Section):
@@ -93,7 +92,7 @@ class Channel(Section):
     offset: _Known = field("unknown: the zero means nothing.", None)
     counts_per_turn: t.integer(2, 2**32) = field("Counts of one turn of an encoder.", None)
     count: _text(40) = field("Value of one count of another converter: 0.1 um.", None)
-    gaps: t.Boolean = field("Whether empty cells are points that were not measured.", None)
+    gaps: p.Boolean = field("Whether empty cells are points that were not measured.", None)
 
     def check(self, key):
         """Raise ValueError if the keys of the channel named `key` are not compatible."""
@@ -165,7 +164,7 @@ class Condition(Section):
 
     speed: quantity("rpm", "1500 rpm", ge=0) = field("Speed of the gear that counts, rpm.", None)
     direction: Literal["up", "down", "rest"] = field("How the speed was reached.", None)
-    load: t.type_of(LOAD) = field("Static mesh force, N.", None)
+    load: Load = field("Static mesh force, N.", None)
     torque: quantity("N m", "120 N m", gt=0) = field("Torque of the same gear, N m.", None)
     acceleration: quantity("rpm/s", "50 rpm/s") = field("Rate of the ramp, rpm/s.", None)
 
@@ -192,7 +191,7 @@ class Description(Section):
     title: _text(200) = field("Title of the set, in a line.", None)
     source: _text(2000) = field("Who measured it, where it was published.")
     licence: _text(200) = field("Licence of the data, such as CC BY 4.0; or 'own data'.")
-    synthetic: t.Boolean = field("Whether it was computed, not measured.", None)
+    synthetic: p.Boolean = field("Whether it was computed, not measured.", None)
     sha256: _Checksum = field("Checksum of the file.", None)
     separator: Literal[",", ";", "\t", "|"] = field("Separator of the cells of a CSV.", ",")
     decimal: Literal[".", ","] = field("Decimal sign of a CSV.", ".")
@@ -278,5 +277,5 @@ def read(path):
     try:
         return Description.model_validate(content)
     except ValidationError as error:
-        problems = error_messages(error.errors(), Description.model_json_schema())
+        problems = sentences(error, Description, content)
         raise ValueError("\n".join(f"{path}: {text}" for text in problems)) from None

@@ -5,9 +5,9 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from gearlib import checks
+from gearlib import checks, units
+from gearlib import parameters as p
 from gearlib.config import types as t
-from gearlib import units
 from gearlib.config.types import MAX_JOBS, Section, check_unique, field, list_of
 from gearlib.data.variables import QUANTITIES
 from gearlib.models import tolerated
@@ -33,12 +33,12 @@ class ToleratedParameter(Section):
     upper: t.Amount = field("Upper deviation from the nominal value, or a share.", None)
     lower: t.Amount = field("Lower deviation from the nominal value, or a share.", None)
     distribution: t.Label = field("Name of a law of scipy.stats, in place of these.", None)
-    shape: dict[t.Name, t.Finite] = field("Parameters of that law.", None)
+    shape: dict[t.Name, p.Finite] = field("Parameters of that law.", None)
 
-    def distribution_dict(self, key, kind):
+    def distribution_dict(self, key, unit):
         """Return the probability distribution as a dict for `gearlib.scatter`, in SI units.
 
-        `key` is the config key of this section, `kind` the `gearlib.parameters.Kind` of its values.
+        `key` is the config key of this section, `unit` the `gearlib.parameters.Unit` of its values.
         Either `distribution` is given, a name in scipy.stats, with its parameters `shape`, or keys
         such as mean and std.
         """
@@ -46,26 +46,26 @@ class ToleratedParameter(Section):
         if self.distribution is None:
             allowed = "left out without a distribution"
             checks.require(self.shape is None, f"{key}.shape", self.shape, allowed)
-            return {name: _to_si(f"{key}.{name}", x, kind) for name, x in values.items()}
+            return {name: _to_si(f"{key}.{name}", x, unit) for name, x in values.items()}
         for name, value in values.items():  # The first of them, if any, is refused.
             raise checks.refusal(f"{key}.{name}", value, "left out beside a distribution")
         return {"distribution": self.distribution, **(self.shape or {})}
 
 
-def _to_si(key, value, kind):
+def _to_si(key, value, unit):
     """Return a value such as "40 um" in SI units; numbers and percentages stay unchanged.
 
-    `key` is its config key; only deviations, such as "std", may be percentages. `kind` is the
-    `gearlib.parameters.Kind` of the parameter; one without a unit converts nothing.
+    `key` is its config key; only deviations, such as "std", may be percentages. `unit` is the
+    `gearlib.parameters.Unit` of the parameter; None converts nothing.
     """
-    if not isinstance(value, str) or value.strip().endswith("%") or not hasattr(kind, "unit"):
+    if not isinstance(value, str) or value.strip().endswith("%") or unit is None:
         return value
     try:
-        return units.read(value, kind.unit)
+        return units.read(value, unit.unit)
     except ValueError:
-        unit = f" in {kind.unit} or a text with its unit such as {kind.example!r}"
+        words = f" in {unit.unit} or a text with its unit such as {unit.example!r}"
         percentage = ", or a share such as '5 %'" if key.endswith(_DEVIATIONS) else ""
-        allowed = f"a finite number{unit if kind.unit != '1' else ''}{percentage}"
+        allowed = f"a finite number{words if unit.unit != '1' else ''}{percentage}"
         raise checks.refusal(key, value, allowed) from None
 
 
@@ -115,24 +115,25 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         """Raise ValueError if jobs, parameters or correlations of the section are invalid."""
         min_shard = math.ceil(self.samples / MAX_JOBS)  # smallest number of samples of a job
         allowed = f"an integer >= {min_shard} to stay within {MAX_JOBS:,} jobs"
-        checks.require(self.shard >= min_shard, ".shard", self.shard, allowed)
-        check_unique(".parameters", self.parameters, "parameter")
+        checks.require(self.shard >= min_shard, "shard", self.shard, allowed)
+        check_unique("parameters", self.parameters, "parameter")
         names = [tolerance.parameter for tolerance in self.parameters]
         known_names = ", ".join(known_parameters())
         allowed = f"one of {known_names}, all of the gear pair or all of the drawing"
         for i, name in enumerate(names):
             is_known = name in self._known_parameters()
-            checks.require(is_known, f".parameters[{i}].parameter", name, allowed)
+            checks.require(is_known, f"parameters[{i}].parameter", name, allowed)
         for ratio, quantity in tolerated.RATIOS.items():
             if {ratio, quantity} <= {*names}:
-                raise ValueError(
-                    f".parameters of {ratio} and {quantity} are not allowed together: one follows "
-                    "from the other; give one of them"
+                problem = (
+                    f"of {ratio} and {quantity} are not allowed together: one follows from the "
+                    "other; give one of them"
                 )
+                raise checks.InputError("parameters", problem=problem)
         for i, correlation in enumerate(self.correlations):
             pair, allowed = correlation.parameters, f"two of {', '.join(sorted(names))}"
             is_pair = {*pair} <= {*names} and len({*pair}) == 2
-            checks.require(is_pair, f".correlations[{i}].parameters", pair, allowed)
+            checks.require(is_pair, f"correlations[{i}].parameters", pair, allowed)
         # The nominal values of the gears are not known yet; any number serves.
         self._complete_tolerances("", dict.fromkeys(names, 1.0))
         return self
@@ -157,7 +158,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         `nominal_values` are name -> SI value. If parameters are correlated, the further key
         "correlations" has a list of [name, name, correlation].
         """
-        tolerances = self._complete_tolerances("tolerances", nominal_values)
+        tolerances = self._complete_tolerances("tolerances.", nominal_values)
         for name, key in self.config_keys().items():
             if "distribution" not in tolerances[name]:
                 limits = tolerated.centre_and_limits(tolerances[name])
@@ -171,8 +172,8 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         """Return parameter name -> tolerance as a dict; nominal values replace missing means."""
         tolerances = {}
         for i, section in enumerate(self.parameters):
-            key, name = f"{section_key}.parameters[{i}]", section.parameter
-            tolerance = section.distribution_dict(key, self._known_parameters()[name].kind)
+            key, name = f"{section_key}parameters[{i}]", section.parameter
+            tolerance = section.distribution_dict(key, self._known_parameters()[name].number)
             nominal_value = nominal_values.get(name)
             if "distribution" not in tolerance:
                 tolerance = tolerated.complete_scatter(key, tolerance, model_value=nominal_value)

@@ -4,9 +4,9 @@ import math
 from typing import Any, Literal
 
 from pydantic import model_validator
-from pydantic_core import PydanticCustomError
 
 from gearlib import checks
+from gearlib import parameters as p
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
 from gearlib.config.gears_section import (
@@ -14,7 +14,6 @@ from gearlib.config.gears_section import (
     GearSection,
     MethodSection,
     PinionSection,
-    config_errors,
     spur_gear,
 )
 from gearlib.config.types import Section, create_section, field, grid_base, list_of
@@ -23,7 +22,7 @@ from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh, torque_of
 from gearlib.models.trains import elements, planetary, ready_made
 from gearlib.models.trains.planetary import planetary_set
-from gearlib.parameters import DIAMETER, MODULE, TORQUE
+from gearlib.parameters import Diameter, Module, Torque
 
 _RING_KEYS = ("outer_diameter",)
 _DAMPINGS = ("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio")
@@ -55,17 +54,16 @@ class PlanetarySet(_Set):
     sun: PinionSection
     planet: GearSection
     ring: RingSection
-    torque: t.Torque = field("Torque of the sun, N m; or power and speed.", None)
-    power: t.Power = field("Power of the sun, W.", None)
-    speed: t.Speed = field("Speed of the sun, rpm.", None)
+    torque: p.DrivingTorque = field("Torque of the sun, N m; or power and speed.", None)
+    power: p.Power = field("Power of the sun, W.", None)
+    speed: p.Speed = field("Speed of the sun, rpm.", None)
 
     @model_validator(mode="after")
     def _check(self):
         """Raise ValueError if gears, positions or meshes of the planetary set are impossible."""
-        sun, planet = spur_gear(".sun", self.sun), spur_gear(".planet", self.planet, self.sun)
-        ring = spur_gear(".ring", self.ring, self.sun, internal=True)
-        gear_keys = {name: f".{name}" for name in ("sun", "planet", "ring")}
-        with config_errors("", self.stiffness_options, **gear_keys):
+        sun, planet = spur_gear("sun", self.sun), spur_gear("planet", self.planet, self.sun)
+        ring = spur_gear("ring", self.ring, self.sun, internal=True)
+        with checks.below("", **self.option_keys()):
             layout_keys = {"planets", "positions", "centre_distance", "backlashes"}
             planets = planetary_meshes(sun, planet, ring, **self.model_dump(include=layout_keys))
             arguments = self.arguments()
@@ -118,15 +116,15 @@ class BodyPart(_Body):
         """Require inertia and base radius of a body without a drawing."""
         for key in ("inertia", "base_radius"):
             if self.gear is None and getattr(self, key) is None:
-                raise PydanticCustomError("missing_key", "", {"key": key})
+                raise self.missing(key)
         return self
 
 
 class Deviation(Section):
     """Deviation of the flanks over the mesh phase."""
 
-    cosines: list[t.Error] = field("Amplitudes of the cosines of orders 1, 2, ..., m.", [])
-    sines: list[t.Error] = field("Amplitudes of the sines of orders 1, 2, ..., m.", [])
+    cosines: list[p.Error] = field("Amplitudes of the cosines of orders 1, 2, ..., m.", [])
+    sines: list[p.Error] = field("Amplitudes of the sines of orders 1, 2, ..., m.", [])
 
 
 _DOC = "Centre distance of drawn gears, m. Default: without backlash by the shifts."
@@ -138,8 +136,8 @@ MeshPart = create_section(
     base=DrawnMesh,
     exclude=("material_damping",),
     optional=("max_stiffness", "stiffness_ratio", "contact_ratio"),
-    centre_distance=(t.type_of(DIAMETER), field(_DOC, None)),
-    torque=(t.type_of(TORQUE), field(_TORQUE_DOC, None)),
+    centre_distance=(Diameter, field(_DOC, None)),
+    torque=(Torque, field(_TORQUE_DOC, None)),
     deviation=(Deviation, field("Deviation of the drive-side flanks.", None)),
     inverse_deviation=(Deviation, field("Deviation of the coast-side flanks.", None)),
 )
@@ -151,26 +149,26 @@ class Own(Section):
     bodies: list[BodyPart] = field("The bodies.", [])
     shafts: list[ShaftPart] = field("The shafts.", [])
     meshes: list[MeshPart] = field("The meshes.", [])
-    carrier_ratio: t.Finite = field("Speed of the frame over that of the first pinion in it.", None)
-    gyroscopic: t.Boolean = field("Whether the forces of the turning frame are felt.", None)
+    carrier_ratio: p.Finite = field("Speed of the frame over that of the first pinion in it.", None)
+    gyroscopic: p.Boolean = field("Whether the forces of the turning frame are felt.", None)
 
     @model_validator(mode="after")
     def _check(self):
         """Raise ValueError if a drawn gear or a mesh is impossible."""
-        keys = {body.name: f".bodies[{i}].gear" for i, body in enumerate(self.bodies) if body.gear}
+        keys = {body.name: f"bodies[{i}].gear" for i, body in enumerate(self.bodies) if body.gear}
         gears = {x.name: spur_gear(keys[x.name], x.gear) for x in self.bodies if x.gear}
         meshes: list[Any] = self.meshes
         for i, mesh in enumerate(meshes):
-            key, pinion, wheel = f".meshes[{i}]", mesh.pinion, mesh.wheel
+            key, pinion, wheel = f"meshes[{i}]", mesh.pinion, mesh.wheel
             if mesh.max_stiffness is not None or not {pinion, wheel} <= gears.keys():
                 _check_undrawn_mesh(key, mesh)
                 continue
             # Torque and dampings; the keys of the stiffness method have other names as arguments.
             arguments = mesh.model_dump(include=DRAWN_MESH_KEYS - MethodSection.model_fields.keys())
             distance = arguments.pop("centre_distance", None)
-            arguments = _rectangle(arguments | mesh.stiffness_arguments(key))
-            gear_keys = {"pinion": keys[pinion], "wheel": keys[wheel]}
-            with config_errors(key, mesh.stiffness_options, **gear_keys):
+            arguments = _rectangle(arguments | mesh.stiffness_arguments())
+            places = {"pinion": keys[pinion], "wheel": keys[wheel]} | mesh.option_keys(f"{key}.")
+            with checks.below(key, **places):
                 # Only the errors matter; the train itself computes the parameters again.
                 Mesh(gears[pinion], gears[wheel], distance).train_parameters(**arguments)
         return self
@@ -181,7 +179,7 @@ def _check_undrawn_mesh(mesh_key: str, mesh: Any) -> None:
     for key in ("max_stiffness", "stiffness_ratio", "contact_ratio"):
         if getattr(mesh, key) is None:
             problem = "is missing: it must be given unless both gears are drawn"
-            raise ValueError(f"{mesh_key}.{key} {problem}")
+            raise checks.InputError(f"{mesh_key}.{key}", problem=problem)
     allowed = "left out where the stiffness is given or a gear is not drawn"
     for key, value in mesh.model_dump(include=DRAWN_MESH_KEYS - {"material_damping"}).items():
         # The first of these keys, if any, is refused.
@@ -218,10 +216,10 @@ class Train(Section):
     def _check(self):
         """Raise an error if the section of the train's kind is missing; "own" is user-defined."""
         if self.kind == "planetary_set" and self.planetary_set is None:
-            raise PydanticCustomError("missing_key", "", {"key": "planetary_set"})
+            raise self.missing("planetary_set")
         allowed = "a list of at least one entry where train.kind is own"
         for key in ("bodies", "meshes") if self.kind == "own" else ():
-            checks.require(getattr(self.own, key), f".own.{key}", [], allowed)
+            checks.require(getattr(self.own, key), f"own.{key}", [], allowed)
         return self
 
     def arguments(self):
@@ -245,24 +243,24 @@ class Reducer(t.IncreasingStarts, grid_base(0.74, 1.84, 0.02, t.NumericGrid), t.
 
     damping: t.DampingName = None
     teeth: list_of(t.integer(3, 1000), 4) = field("Teeth from input to output.", [24, 36, 24, 36])
-    modules: list_of(t.type_of(MODULE), 2) = field(
+    modules: list_of(Module, 2) = field(
         "Modules of both stages, m; the centre distances must be equal.", [0.004, 0.004]
     )
     shaft_stiffness: t.quantity("N m/rad", "1e6 N m/rad", gt=0) = field(
         "Torsional stiffness of a satellite's shaft, N m/rad.", 1e6
     )
-    support_stiffness: t.Stiffness = field(
+    support_stiffness: p.Stiffness = field(
         "Stiffness of the supports of all axes, N/m. Default: 2.5 max_stiffness.", None
     )
     damping_ratio: t.number(ge=0, le=1) = field(
         "Damping ratio of supports and shafts, at the mean eigenfrequency of the pair.", 0.03
     )
-    pin_error: list_of(t.Error, 2) = field(
+    pin_error: list_of(p.Error, 2) = field(
         "Displacement of the first satellite's axis in one case, radial and tangential, m. "
         "Default: a static deflection outwards.",
         None,
     )
-    backlashes: list_of(t.Backlash, 3) = field(
+    backlashes: list_of(p.Backlash, 3) = field(
         "Backlash of each branch in one case, m. Default: a quarter in the first.", None
     )
     periods: t.Periods = 210
@@ -275,10 +273,10 @@ class Reducer(t.IncreasingStarts, grid_base(0.74, 1.84, 0.02, t.NumericGrid), t.
         first = first_module * (teeth[0] + teeth[1]) / 2.0
         second = second_module * (teeth[2] + teeth[3]) / 2.0
         allowed = (
-            f"of stages with one centre distance, and with .modules = {self.modules!r} it is "
+            f"of stages with one centre distance, and with modules = {self.modules!r} it is "
             f"{first:.6g} m in the first, {second:.6g} m in the second"
         )
-        checks.require(math.isclose(first, second, rel_tol=1e-9), ".teeth", teeth, allowed)
+        checks.require(math.isclose(first, second, rel_tol=1e-9), "teeth", teeth, allowed)
         return self
 
 

@@ -7,22 +7,21 @@ except for a backlash, infinity. A number with a dimension is in SI units; a str
 unit of that dimension: ``"4e5 N/mm"``.
 
 The validation context holds the gear pair (``pair``), which converts speeds to tunings, and the
-names of the ``dampings``. In error messages ``.stop`` stands for the key ``stop`` of the section
-that is validated, and ``.`` for the key itself.
+names of the ``dampings``. The path of an `InputError` is that below the section which raises it.
 """
 
 import math
 import re
 from decimal import Decimal
-from functools import cache
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import pydantic
+from annotated_types import Ge, Gt, Le, Lt
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, WithJsonSchema
-from pydantic_core import PydanticCustomError
 
-from gearlib import checks, parameters, tunings
-from gearlib.config import units
+from gearlib import parameters, tunings, units
+from gearlib.checks import InputError, refusal, require
+from gearlib.parameters import INTEGER, Allowed, Unit
 
 #: Largest number of jobs or tunings; it catches a mistyped step.
 MAX_JOBS = 10_000
@@ -30,9 +29,7 @@ MAX_JOBS = 10_000
 _TUNING_RESOLUTION = Decimal("1e-12")
 #: Upper bounds of speeds in rpm and of numbers of steps.
 _MAX_RPM, _MAX_STEPS = 10**9, 10**9
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
-_INTEGER = re.compile(r"[-+]?\d+")
-_BOOLEANS = {"true": True, "false": False}
+_BOUNDS = {"gt": Gt, "ge": Ge, "lt": Lt, "le": Le}
 #: Pattern of names, which are short enough for titles.
 NAME = "^[A-Za-z0-9+_-]{1,40}$"
 _T = TypeVar("_T")
@@ -49,53 +46,39 @@ SECTION: Any = Field(default={}, validate_default=True)
 
 
 def check_unique(list_key, sections, attribute):
-    """Raise ValueError if two sections of a list have the same `attribute`, such as "title"."""
+    """Raise an error if two sections of a list have the same `attribute`, such as "title"."""
     values = [getattr(section, attribute) for section in sections]
     for i, value in enumerate(values):
         allowed = f"another one: {attribute}s must be all different"
-        checks.require(values.count(value) == 1, f"{list_key}[{i}].{attribute}", value, allowed)
-
-
-def _read_number(value):
-    return float(value) if isinstance(value, str) and _NUMBER.fullmatch(value) else value
-
-
-def _read_integer(value):
-    return int(value) if isinstance(value, str) and _INTEGER.fullmatch(value) else value
-
-
-def _read_boolean(value):
-    return _BOOLEANS.get(value.lower(), value) if isinstance(value, str) else value
-
-
-def _read_choice(value):
-    if isinstance(value, bool):  # true is not 1
-        raise _invalid()
-    return _read_integer(value)
+        require(values.count(value) == 1, f"{list_key}[{i}].{attribute}", value, allowed)
 
 
 def _read_option(value):
     """Return the option of a method as boolean, number or text, converted from its text in YAML."""
-    value = _read_number(_read_integer(_read_boolean(value)))
-    if not isinstance(value, str) and not (isinstance(value, int | float) and math.isfinite(value)):
-        raise _invalid()
-    return value
+    if isinstance(value, str):
+        if re.fullmatch(r"[-+]?\d+", value):
+            return int(value)
+        if units.NUMBER.fullmatch(value):
+            return float(value)
+        return {"true": True, "false": False}.get(value.lower(), value)
+    if isinstance(value, int | float) and math.isfinite(value):
+        return value
+    raise ValueError
 
 
 def _read_amount(value):
-    return _read_choice(_read_option(value))
-
-
-def _invalid():
-    """Return the error whose message `gearlib.config.validation` writes from the JSON schema."""
-    return PydanticCustomError("refused", "not allowed")
+    value = _read_option(value)
+    if isinstance(value, bool):
+        raise ValueError
+    return value
 
 
 def _require_distinct(values):
-    """Return `values`, or raise ValueError if two are equal; "." stands for their key."""
+    """Return `values`, or raise an error if two of them are equal."""
     for value in values:
         if values.count(value) > 1:
-            raise ValueError(f". lists {value!r} twice: its entries must be all different")
+            problem = f"lists {value!r} twice: its entries must be all different"
+            raise InputError("", problem=problem)
     return values
 
 
@@ -105,10 +88,10 @@ def from_context(info, key):
 
 
 def _require_known_damping(name, info):
-    """Return the name of a damping, or raise ValueError for another; "." stands for its key."""
+    """Return the name of a damping, or raise an error for another."""
     # Invalid dampings have an error message of their own, so any name is accepted.
     names = from_context(info, "dampings") or [name]
-    checks.require(name in names, ".", name, f"one of {', '.join(names)}")
+    require(name in names, "", name, f"one of {', '.join(names)}")
     return name
 
 
@@ -116,7 +99,7 @@ def _read_tuning(value, info):
     """Return a tuning as number, converted if it is a speed such as "1500 rpm"."""
     rpm = units.rpm(value)
     if rpm is None:
-        return _read_number(value)
+        return value
     # `info.data` has the preceding keys of the section, such as `change` of a `MeshCase`.
     return float(rpm) * tuning_per_rpm(from_context(info, "pair"), info.data.get("change"))
 
@@ -129,51 +112,33 @@ def tuning_per_rpm(pair, change=None):
     return 2.0 * math.pi * pair.teeth / (60.0 * pair.mean_eigenfrequency)
 
 
-def number(read=_read_number, **constraints):
-    """Return the type of a finite float with `constraints` of pydantic; `read` converts values."""
-    # Constraints come before the validator, because pydantic would omit them from the schema else.
-    return Annotated[float, Field(**{"allow_inf_nan": False} | constraints), BeforeValidator(read)]
+def quantity(unit, example="", infinite="", **bounds):
+    """Return the type of a number in a unit, with bounds such as gt=0."""
+    return Annotated[
+        (float, Unit(unit, example, infinite), *(_BOUNDS[x](bounds[x]) for x in bounds))
+    ]
+
+
+def number(**bounds):
+    """Return the type of a number without a unit, with bounds such as gt=0."""
+    return quantity("1", **bounds)
 
 
 def integer(minimum, maximum=None):
     """Return the type of an integer from `minimum` to `maximum`, both included."""
-    return Annotated[int, Field(ge=minimum, le=maximum), BeforeValidator(_read_integer)]
+    return Annotated[(int, INTEGER, Ge(minimum), *([Le(maximum)] if maximum is not None else []))]
 
 
-def quantity(unit, example, *, infinite=False, **constraints):
-    """Return the type of a number in `unit`, or a string with a unit of the same dimension.
-
-    `example` is such a string for error messages; `infinite` allows infinity.
-    """
-
-    def read(value):
-        value = math.inf if infinite and value == ".inf" else _read_number(value)
-        if not isinstance(value, str):
-            return value
-        try:
-            return units.read(value, unit)
-        except ValueError:
-            raise _invalid() from None
-
-    comment = f"{'or .inf, ' if infinite else ''}in {unit} or a text with its unit such as "
-    extra = _number_or_string(units.TEXT, f"{comment}'{example}'")
-    return number(read, json_schema_extra=extra, allow_inf_nan=infinite, **constraints)
+def text(words, **constraints):
+    """Return the type of a text; `words` describe the allowed ones in error messages."""
+    return Annotated[str, Allowed(words), Field(**constraints)]
 
 
-def _number_or_string(pattern, comment):
-    """Return the JSON schema of a number or a string that matches the compiled `pattern`."""
-    return {"type": ["number", "string"], "pattern": f"^{pattern.pattern}$", "$comment": comment}
-
-
-def text(comment, **constraints):
-    """Return the type of a string; `comment` describes allowed values in error messages."""
-    return Annotated[str, Field(json_schema_extra={"$comment": comment}, **constraints)]
-
-
-def custom_type(read, json_types, comment):
-    """Return the type of values that `read` converts; `comment` describes them in messages."""
-    schema = WithJsonSchema({"type": json_types, "$comment": comment})
-    return Annotated[Any, PlainValidator(read), schema]
+def custom_type(read, json_types, words):
+    """Return the type of values that `read` converts; `words` describe the allowed ones."""
+    return Annotated[
+        Any, PlainValidator(read), Allowed(words), WithJsonSchema({"type": json_types})
+    ]
 
 
 def list_of(item_type, length):
@@ -187,11 +152,8 @@ Distinct = Annotated[
     Field(min_length=1, json_schema_extra={"uniqueItems": True}),
     AfterValidator(_require_distinct),
 ]
-Boolean = Annotated[
-    bool, Field(json_schema_extra={"$comment": "true or false"}), BeforeValidator(_read_boolean)
-]
 Name = Annotated[str, Field(pattern=NAME)]
-Label = text("a text of 1 to 60 characters", min_length=1, max_length=60)
+Label = Annotated[str, Field(min_length=1, max_length=60)]
 DampingName = Annotated[
     text(
         "one of the dampings",
@@ -206,7 +168,9 @@ Option = custom_type(
 )
 #: Number or text whose unit follows from another key; that checks the text.
 Amount = custom_type(
-    _read_amount, ["number", "string"], "or a text with its unit, or a share such as '5 %'"
+    _read_amount,
+    ["number", "string"],
+    "a finite number or a text with its unit, or a share such as '5 %'",
 )
 
 
@@ -216,32 +180,19 @@ class Section(pydantic.BaseModel):
     # Building the validators once, with the whole configuration, is faster.
     model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
+    @classmethod
+    def model_validate(cls, values, *, context=None):
+        """Return the section for the content of a YAML file, in which texts stand for numbers."""
+        return super().model_validate(values, context=context or {})
+
     def model_dump(self, **options):
         """Return the section as a dict without keys whose value is None."""
         return super().model_dump(exclude_none=True, **options)
 
-
-@cache
-def type_of(kind):
-    """Return the pydantic type of values of a `gearlib.parameters.Kind`."""
-    if isinstance(kind, parameters.Number):
-        bounds = {name: getattr(kind, name) for name in ("gt", "ge", "lt", "le")}
-        bounds = {name: bound for name, bound in bounds.items() if bound is not None}
-        if kind.unit == "1":
-            return number(**bounds)
-        return quantity(kind.unit, kind.example, infinite=bool(kind.infinite), **bounds)
-    if isinstance(kind, parameters.Integer):
-        # Only configurations have the `limit`; the library accepts larger integers.
-        return integer(kind.minimum, kind.limit if kind.maximum is None else kind.maximum)
-    if kind == parameters.TEXT:
-        return Label
-    if kind == parameters.BOOLEAN:
-        return Boolean
-    if isinstance(kind, parameters.OneOf):
-        return Annotated[Literal[kind.choices], BeforeValidator(_read_choice)]
-    return Annotated[
-        list[type_of(kind.item)], Field(min_length=kind.count or 1, max_length=kind.count)
-    ]
+    def missing(self, key):
+        """Return the error for a missing key."""
+        annotation = parameters.place_of(type(self), (key,))[1]
+        return refusal(key, None, parameters.requirement(annotation, in_file=True))
 
 
 def create_section(
@@ -250,14 +201,15 @@ def create_section(
     """Return a section class with a key for each declared parameter of `constructor`.
 
     `constructor` is a class or function. If `keys` are given, other parameters have no key, and
-    neither have those in `exclude`. Keys in `required` must be given although they have a default,
-    keys in `optional` may be missing although they have none. The class is derived from `base`, has
-    the docstring `doc` and the `extra` keys, each a pair (type, field).
+    neither have those in `exclude` and parts of models. Keys in `required` must be given although
+    they have a default, keys in `optional` may be missing although they have none. The class is
+    derived from `base`, has the docstring `doc` and the `extra` keys, each a pair (type, field).
     """
     fields = {}
     for key, parameter in parameters.declared_parameters(constructor).items():
+        annotation = parameters.plain_type(parameter.annotation)
         included = key in keys if keys else key not in {*exclude, *extra}
-        if not included or isinstance(parameter.kind, parameters.Instance):
+        if not included or annotation is None:
             continue
         default, options = parameter.default, {}
         is_required = key in required or (default is parameters.MISSING and key not in optional)
@@ -267,22 +219,27 @@ def create_section(
             default = values if isinstance(default, tuple) else default
             options = {"json_schema_extra": {"default": default}}
         definition = field(parameter.description, ... if is_required else None, **options)
-        fields[key] = type_of(parameter.kind), definition
+        fields[key] = annotation, definition
     return pydantic.create_model(name, __base__=base, __doc__=doc, **(fields | extra))
 
 
-Finite, Positive = type_of(parameters.FINITE), type_of(parameters.POSITIVE)
-NonNegative = type_of(parameters.NONNEGATIVE)
-Stiffness, Mass, Inertia = map(type_of, (parameters.STIFFNESS, parameters.MASS, parameters.INERTIA))
-Length, Error = type_of(parameters.LENGTH), type_of(parameters.ERROR)
-Backlash, Angle = type_of(parameters.BACKLASH), type_of(parameters.ANGLE)
-DampingCoefficient = type_of(parameters.DAMPING)
 PositiveDamping = quantity("N s/m", "3.95 N s/mm", gt=0)
-Torque, Power, Speed = map(type_of, (parameters.DRIVING_TORQUE, parameters.POWER, parameters.SPEED))
-_OR_SPEED = {"json_schema_extra": _number_or_string(units.RPM, "or a speed such as '1500 rpm'")}
+
+
+def _tuning(maximum):
+    """Return the type of a tuning of the gear pair, which may be given as a speed."""
+    words = f"a finite number > 0 and <= {maximum} or a speed such as '1500 rpm'"
+    schema = {"type": ["number", "string"], "pattern": f"^{units.RPM.pattern}$"}
+    return Annotated[
+        number(gt=0, le=maximum),
+        BeforeValidator(_read_tuning),
+        Allowed(words),
+        Field(json_schema_extra=schema),
+    ]
+
+
 #: Tuning of the gear pair and difference of two tunings, which may be speeds.
-Tuning = number(_read_tuning, gt=0, le=100, **_OR_SPEED)
-Distance = number(_read_tuning, gt=0, le=10, **_OR_SPEED)
+Tuning, Distance = _tuning(100), _tuning(10)
 #: Tuning that must be a number, because it belongs to a train or drawing.
 NumericTuning = number(gt=0, le=100)
 Tolerance = number(gt=0, le=10)
@@ -322,9 +279,9 @@ class NumericGrid(Section):
         step, tuning_range = getattr(self, step_key), self.stop - self.start
         step_count = tunings.steps(self.start, self.stop, step)
         allowed = f">= {tuning_range / max_tunings:.2g} to stay within {max_tunings:,} tunings"
-        checks.require(step_count < max_tunings, f".{step_key}", step, allowed)
-        allowed = f".start = {self.start!r} plus a whole multiple of .{step_key} = {step!r}"
-        checks.require(step_count > 0 and step_count % 1 == 0, ".stop", self.stop, allowed)
+        require(step_count < max_tunings, step_key, step, allowed)
+        allowed = f"start = {self.start:.12g} plus a whole multiple of {step_key} = {step:.12g}"
+        require(step_count > 0 and step_count % 1 == 0, "stop", self.stop, allowed)
 
 
 class Grid(NumericGrid):
@@ -348,13 +305,14 @@ class Grid(NumericGrid):
             return values
         for key in (*keys[:3], *speeds):
             if speeds.get(key) is None:
-                problem = f"= {section[key]!r} is not allowed" if key in section else "is missing"
-                raise ValueError(f".{key} {problem}: all keys of a grid must be in rpm, or none")
+                raise refusal(
+                    key, section.get(key), "in rpm as the other keys of the grid, or none"
+                )
         start, stop, step = (speeds[key] for key in keys[:3])
         step_count = (stop - start) / step if step else Decimal(0)
         is_valid = stop < _MAX_RPM and 0 < step_count < _MAX_STEPS and step_count % 1 == 0
-        allowed = f".start = {section['start']!r} plus a whole multiple of .step = "
-        checks.require(is_valid, ".stop", section["stop"], f"{allowed}{section['step']!r}")
+        allowed = f"start = {section['start']!r} plus a whole multiple of step = "
+        require(is_valid, "stop", section["stop"], f"{allowed}{section['step']!r}")
         # The others follow from the rounded start and step, and stay whole multiples of the step.
         factor = Decimal(tuning_per_rpm(from_context(info, "pair")))
         first, distance = ((factor * x).quantize(_TUNING_RESOLUTION) for x in (start, step))
@@ -379,8 +337,8 @@ class RecordedPeriods(Section):
     @pydantic.model_validator(mode="after")
     def _check_record(self):
         """Refuse more recorded than computed mesh periods."""
-        recorded, allowed = self.record_periods, f"an integer from 1 to .periods = {self.periods}"
-        checks.require(recorded <= self.periods, ".record_periods", recorded, allowed)
+        recorded, allowed = self.record_periods, f"an integer from 1 to periods = {self.periods}"
+        require(recorded <= self.periods, "record_periods", recorded, allowed)
         return self
 
 

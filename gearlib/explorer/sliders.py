@@ -4,8 +4,7 @@ import copy
 import math
 from typing import NamedTuple
 
-from gearlib import config
-from gearlib import units
+from gearlib import config, units
 from gearlib.config.gears_section import Gears
 from gearlib.explorer.view import MAX_SPEED_RATIO, MIN_SPEED_RATIO
 from gearlib.models.from_values import pairs_of_teeth

@@ -24,15 +24,12 @@ from gearlib.parameters import (
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-30, 1e30
 
 
-def check_scales(pair: Any, prefix: str = "") -> None:
-    """Raise ValueError if stiffness, mass or load of a gear pair is too large or too small.
-
-    The message has the name of the parameter after a prefix such as "gear_pair.".
-    """
+def check_scales(pair: Any) -> None:
+    """Raise an error if stiffness, mass or load of a gear pair is too large or too small."""
     allowed = f"a finite number > 0, from {MIN_MAGNITUDE} to {MAX_MAGNITUDE}"
     for name in ("max_stiffness", "reduced_mass", "load"):
         value = getattr(pair, name)
-        checks.require(MIN_MAGNITUDE <= value <= MAX_MAGNITUDE, prefix + name, value, allowed)
+        checks.require(MIN_MAGNITUDE <= value <= MAX_MAGNITUDE, name, value, allowed)
 
 
 class PairScales:

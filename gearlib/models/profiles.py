@@ -331,7 +331,6 @@ def _check_table(profile: Any, min_length: int) -> None:
 
     There must be at least `min_length` phases, in [0, 2 pi).
     """
-    parameters.check(profile)
     phase, stiffness = profile.phase, profile.stiffness
     if len(phase) != len(stiffness) or len(phase) < min_length:
         table = f"a table of {len(phase)} phases and {len(stiffness)} stiffnesses"

@@ -13,11 +13,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
+from annotated_types import Le
+
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import SpurGear, TipRelief, inv, inverse_involute
 from gearlib.models.geometry.iso import MIN_ROOT_RATIO, iso_rectangle
-from gearlib.parameters import Diameter, RunOut, declared, described
+from gearlib.parameters import Diameter, RunOut, Unit, declared, described
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh_stiffness import MeshStiffness
@@ -199,7 +201,8 @@ class Mesh:
             allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
             # If the value were right in um (values >= 1) or mm, the message suggests this unit.
             example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
-            allowed += parameters.unit_hint(self.backlash, example, self.base_pitch)
+            in_drawing = Annotated[float, Unit("m", example), Le(self.base_pitch)]
+            allowed += parameters.unit_hint(self.backlash, in_drawing)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
         # Pitch minus tooth thicknesses on the working circles, along the normal.
