@@ -45,6 +45,7 @@ def below(section, owner="", **names):
         yield
     except InputError as error:
         first, dot, rest = error.path.partition(".")
+        owner = owner or error.owner
         if error.path in names:
             path, owner = names[error.path], ""
         elif first in names:
@@ -63,6 +64,17 @@ def require(condition, name, value, allowed, owner=""):
     """Raise the error of `refusal` unless the condition holds."""
     if not condition:
         raise refusal(name, value, allowed, owner)
+
+
+def exactly_one(first_name, first, second_name, second):
+    """Raise an error unless one of two values is None, and the other is not."""
+    if first is None and second is None:
+        problem = f"and {second_name} are missing: one of the two must be given"
+        raise InputError(first_name, problem=problem)
+    if first is not None and second is not None:
+        values = f"= {first!r} with {second_name} = {second!r}"
+        problem = f"{values} is not allowed: it must be one of the two"
+        raise InputError(first_name, first, problem=problem)
 
 
 def number(name, value, allowed, accept):
@@ -179,9 +191,8 @@ def check_known_parameters(owner, names, known_names):
     """Raise ValueError unless all `names` are among the `known_names` of parameters of `owner`."""
     for name in names:
         if name not in known_names:
-            raise ValueError(
-                f"{name} is not allowed: the parameters of a {owner} are {', '.join(known_names)}"
-            )
+            problem = f"is not allowed: the parameters of a {owner} are {', '.join(known_names)}"
+            raise InputError(name, problem=problem)
 
 
 def state(name, value):

@@ -76,7 +76,10 @@ class Unit:
     def read(self, value: Any, info: ValidationInfo | None = None) -> float:
         """Return a real number as float, in a configuration also from a text with a unit."""
         if isinstance(value, str) and info is not None and info.context is not None:
-            value = self._number_of(value)
+            try:
+                value = self._number_of(value)
+            except ValueError:
+                raise ValueError from None  # the sentence is that about the annotation
         if isinstance(value, Real) and not isinstance(value, bool):
             with contextlib.suppress(OverflowError):
                 number = float(value)
@@ -222,7 +225,8 @@ class Parameter:
             path, annotation = place_of(self.annotation, error.errors()[0]["loc"])
             for index in path:
                 value = value[index]
-            raise InputError(f"{name}{dotted(path)}", value, requirement(annotation)) from None
+            allowed = requirement(annotation) + unit_hint(value, annotation)
+            raise InputError(f"{name}{dotted(path)}", value, allowed) from None
 
     @functools.cached_property
     def _adapter(self) -> TypeAdapter:
@@ -266,7 +270,9 @@ def parts(annotation: Any) -> tuple[Any, tuple]:
     if get_origin(annotation) is Annotated:
         base, *metadata = get_args(annotation)
         inner, inner_metadata = parts(base)
-        return inner, (*inner_metadata, *metadata)
+        fields = [x for x in metadata if isinstance(x, pydantic.fields.FieldInfo)]
+        bounds = [bound for field in fields for bound in field.metadata]
+        return inner, (*inner_metadata, *metadata, *bounds)
     options = [x for x in get_args(annotation) if x is not types.NoneType]
     if is_union(annotation) and len(options) == 1:
         return parts(options[0])
@@ -465,7 +471,8 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
         value = value[index] if isinstance(value, tuple | list) else details["input"]
     name = arguments.get("name")  # of a body or mesh of a train
     owner = f"{cls.__name__.lower()} {name}" if isinstance(name, str) else ""
-    return InputError(dotted(path), value, requirement(annotation), owner=owner)
+    allowed = requirement(annotation) + unit_hint(value, annotation)
+    return InputError(dotted(path), value, allowed, owner=owner)
 
 
 def checked(function: Callable) -> Callable:
@@ -531,37 +538,37 @@ def unit_hint(value: Any, annotation: Any) -> str:
 # Types of parameters.
 
 Finite = Annotated[float, Unit("1")]
-Positive = Annotated[float, Unit("1"), Gt(0)]
-NonNegative = Annotated[float, Unit("1"), Ge(0)]
+Positive = Annotated[float, Gt(0), Unit("1")]
+NonNegative = Annotated[float, Ge(0), Unit("1")]
 Angle = Annotated[float, Unit("rad", "30 deg")]
 #: Working pressure angle.
-WorkingAngle = Annotated[float, Unit("rad", "20 deg"), Ge(0), Lt(math.pi / 2)]
-Length = Annotated[float, Unit("m", "100 mm"), Gt(0)]
+WorkingAngle = Annotated[float, Ge(0), Lt(math.pi / 2), Unit("rad", "20 deg")]
+Length = Annotated[float, Gt(0), Unit("m", "100 mm")]
 #: Dimensions of drawings; larger numbers must have been meant in another unit.
-Module = Annotated[float, Unit("m", "2.5 mm"), Gt(0), Le(0.1)]
-Width = Annotated[float, Unit("m", "20 mm"), Gt(0), Le(2)]
-Diameter = Annotated[float, Unit("m", "100 mm"), Gt(0), Le(20)]
-Bore = Annotated[float, Unit("m", "30 mm"), Ge(0), Le(20)]
-Relief = Annotated[float, Unit("m", "10 um"), Ge(0), Le(0.1)]
-ReliefLength = Annotated[float, Unit("m", "4 mm"), Gt(0), Le(0.5)]
-RunOut = Annotated[float, Unit("m", "10 um"), Ge(0)]
+Module = Annotated[float, Gt(0), Le(0.1), Unit("m", "2.5 mm")]
+Width = Annotated[float, Gt(0), Le(2), Unit("m", "20 mm")]
+Diameter = Annotated[float, Gt(0), Le(20), Unit("m", "100 mm")]
+Bore = Annotated[float, Ge(0), Le(20), Unit("m", "30 mm")]
+Relief = Annotated[float, Ge(0), Le(0.1), Unit("m", "10 um")]
+ReliefLength = Annotated[float, Gt(0), Le(0.5), Unit("m", "4 mm")]
+RunOut = Annotated[float, Ge(0), Unit("m", "10 um")]
 Error = Annotated[float, Unit("m", "10 um")]
-Stiffness = Annotated[float, Unit("N/m", "4e5 N/mm"), Gt(0)]
+Stiffness = Annotated[float, Gt(0), Unit("N/m", "4e5 N/mm")]
 #: Stiffness of a support.
-Support = Annotated[float, Unit("N/m", "1 kN/um", "infinity: rigid"), Ge(0)]
-ShaftStiffness = Annotated[float, Unit("N m/rad", "1 MN m/rad"), Gt(0)]
-Mass = Annotated[float, Unit("kg", "3123 g"), Gt(0)]
-Inertia = Annotated[float, Unit("kg m^2", "978.52 kg cm^2"), Gt(0)]
-Power = Annotated[float, Unit("W", "30 kW"), Gt(0)]
-Speed = Annotated[float, Unit("rpm", "2000 rpm"), Gt(0)]
-Load = Annotated[float, Unit("N", "3.3 kN"), Gt(0)]
+Support = Annotated[float, Ge(0), Unit("N/m", "1 kN/um", "infinity: rigid")]
+ShaftStiffness = Annotated[float, Gt(0), Unit("N m/rad", "1 MN m/rad")]
+Mass = Annotated[float, Gt(0), Unit("kg", "3123 g")]
+Inertia = Annotated[float, Gt(0), Unit("kg m^2", "978.52 kg cm^2")]
+Power = Annotated[float, Gt(0), Unit("W", "30 kW")]
+Speed = Annotated[float, Gt(0), Unit("rpm", "2000 rpm")]
+Load = Annotated[float, Gt(0), Unit("N", "3.3 kN")]
 Force = Annotated[float, Unit("N", "2 kN")]
 Torque = Annotated[float, Unit("N m", "200 N m")]
-DrivingTorque = Annotated[float, Unit("N m", "302 N m"), Gt(0)]
-Damping = Annotated[float, Unit("N s/m", "3.95 N s/mm"), Ge(0)]
-TwistDamping = Annotated[float, Unit("N m s/rad", "10 N m s/rad"), Ge(0)]
-Time = Annotated[float, Unit("s", "1 us"), Ge(0)]
-Teeth = Annotated[int, INTEGER, Ge(3), Le(100_000)]
+DrivingTorque = Annotated[float, Gt(0), Unit("N m", "302 N m")]
+Damping = Annotated[float, Ge(0), Unit("N s/m", "3.95 N s/mm")]
+TwistDamping = Annotated[float, Ge(0), Unit("N m s/rad", "10 N m s/rad")]
+Time = Annotated[float, Ge(0), Unit("s", "1 us")]
+Teeth = Annotated[int, Ge(3), Le(100_000), INTEGER]
 Boolean = Annotated[bool, BeforeValidator(_read_boolean)]
 #: Name of a part.
 Text = Annotated[str, MinLen(1)]
@@ -570,19 +577,19 @@ Text = Annotated[str, MinLen(1)]
 
 MaxStiffness = Annotated[Stiffness, described("Maximum mesh stiffness", "C_max")]
 StiffnessRatio = Annotated[
-    float, Unit("1"), Gt(0), Le(1), described("Stiffness ratio kappa", "= C_min / C_max")
+    float, Gt(0), Le(1), Unit("1"), described("Stiffness ratio kappa", "= C_min / C_max")
 ]
 ContactRatio = Annotated[
     float,
-    Unit("1"),
     Ge(1),
     Le(2),
+    Unit("1"),
     described("Contact ratio epsilon; both ends mean constant stiffness"),
 ]
 Backlash = Annotated[
     float,
-    Unit("m", "40 um", "infinity included"),
     Ge(0),
+    Unit("m", "40 um", "infinity included"),
     described("Backlash; infinite without a second flank", "s_k"),
 ]
 #: Unknown if None, which is allowed at rest.

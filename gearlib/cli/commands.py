@@ -383,8 +383,8 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     tolerances, known_parameters = {}, tolerances_section.known_parameters()
     for toleranced in section.parameters if has_section else given:
         name = toleranced.parameter
-        kind = known_parameters[name].kind if name in known_parameters else None
-        tolerances[name] = toleranced.distribution_dict(f"tolerances.{name}", kind)
+        unit = known_parameters[name].number if name in known_parameters else None
+        tolerances[name] = toleranced.distribution_dict(f"tolerances.{name}", unit)
     drawing_only = tolerated.geometry_parameters().keys() - tolerated.pair_parameters().keys()
     needs_drawing = has_classes or bool(tolerances.keys() & drawing_only)
     if has_section and section.correlations:

@@ -37,7 +37,7 @@ class Resonance(grid_base(0.5, 1.4, 0.0005)):
         """Raise ValueError if range or window are no multiples of the step."""
         self.check_steps("step", MAX_TUNINGS)
         is_multiple = tunings.steps(0.0, self.window, self.step) % 1 == 0
-        allowed = f"a whole multiple of .step = {self.step!r}"
+        allowed = f"a whole multiple of step = {self.step:.12g}"
         checks.require(is_multiple, "window", self.window, allowed)
         return self
 
@@ -274,9 +274,9 @@ class Scene(Section):
             "six_degrees_plain": (FRICTION_HISTORIES, "six_degrees_plain (no friction)"),
         }
         missing, model_name = missing_histories.get(self.model, ((), ""))
-        for history in self.courses:
+        for i, history in enumerate(self.courses):
             allowed = f"a time history of the model {model_name}, or the model must be six_degrees"
-            checks.require(history not in missing, "courses", history, allowed)
+            checks.require(history not in missing, f"courses[{i}]", history, allowed)
         return self
 
 

@@ -170,7 +170,7 @@ class Gears(MethodSection, DrawnPair):
     def pair(self) -> dict:
         """Return the values of the section `gear_pair` that follow from the drawing."""
         mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
-        with checks.below("", **self.option_keys()):
+        with checks.below("", outer_diameter="wheel.outer_diameter", **self.option_keys()):
             values = mesh.pair_parameters(**arguments)
         return {name: rounded(value) for name, value in values.items() if "damping" not in name}
 

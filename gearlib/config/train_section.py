@@ -168,6 +168,7 @@ class Own(Section):
             distance = arguments.pop("centre_distance", None)
             arguments = _rectangle(arguments | mesh.stiffness_arguments())
             places = {"pinion": keys[pinion], "wheel": keys[wheel]} | mesh.option_keys(f"{key}.")
+            places["outer_diameter"] = f"{keys[wheel]}.outer_diameter"
             with checks.below(key, **places):
                 # Only the errors matter; the train itself computes the parameters again.
                 Mesh(gears[pinion], gears[wheel], distance).train_parameters(**arguments)

@@ -115,7 +115,7 @@ def tuning_per_rpm(pair, change=None):
 def quantity(unit, example="", infinite="", **bounds):
     """Return the type of a number in a unit, with bounds such as gt=0."""
     return Annotated[
-        (float, Unit(unit, example, infinite), *(_BOUNDS[x](bounds[x]) for x in bounds))
+        (float, *(_BOUNDS[x](bounds[x]) for x in bounds), Unit(unit, example, infinite))
     ]
 
 
@@ -126,7 +126,7 @@ def number(**bounds):
 
 def integer(minimum, maximum=None):
     """Return the type of an integer from `minimum` to `maximum`, both included."""
-    return Annotated[(int, INTEGER, Ge(minimum), *([Le(maximum)] if maximum is not None else []))]
+    return Annotated[(int, Ge(minimum), *([] if maximum is None else [Le(maximum)]), INTEGER)]
 
 
 def text(words, **constraints):

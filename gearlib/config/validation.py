@@ -28,7 +28,8 @@ def _sentence(details: Any, root: type, content: Any) -> str:
     names = tuple(name for name in location if name != "[key]")
     path, annotation = parameters.place_of(root, names)
     if location[-1:] == ("[key]",) or kind == "invalid_key":
-        return _name_sentence(parameters.place_of(root, names[:-1])[1], names, cause)
+        mapping = parameters.place_of(root, names[:-1])[1]
+        return _name_sentence(mapping, (*names[:-1], details["input"]), cause)
     if kind == "extra_forbidden":
         return _unknown_key_sentence(root, annotation, names, details["input"])
     key = parameters.dotted(path)
@@ -51,14 +52,15 @@ def sentence(error: InputError, section: str, content: Any) -> str:
     """
     separator = "." if section and error.path and not error.path.startswith("[") else ""
     path = f"{section}{separator}{error.path}"
+    place = f"{path} of {error.owner}" if error.owner else path
     if error.problem:
-        return f"{path} {error.problem}"
+        return f"{place} {error.problem}"
     value = _value_at(content, path.replace("[", ".").replace("]", "").split("."), None)
     if value is None and error.value is None:
-        return f"{path} is missing: it must be {error.requirement}"
+        return f"{place} is missing: it must be {error.requirement}"
     if value is None:
         value = float(f"{error.value:.6g}") if isinstance(error.value, float) else error.value
-    return f"{path} {problem_of(as_text(value), error.requirement)}"
+    return f"{place} {problem_of(as_text(value), error.requirement)}"
 
 
 def _value_at(content: Any, path: Any, default: Any) -> Any:

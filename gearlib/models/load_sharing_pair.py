@@ -71,16 +71,16 @@ class LoadSharingPair(WithPair):
     drawing: Annotated[Mesh, described("Gears with their tip reliefs")]
     phases: Annotated[
         int,
-        INTEGER,
         Ge(8),
         Le(100_000),
+        INTEGER,
         described(
             "Number of equal intervals of a mesh period in which gaps and compliances are parabolas"
         ),
     ] = 16
     stiffness: Any = "energy"
     coupling: Annotated[
-        Annotated[float, Unit("1"), Ge(0), Le(1)] | None,
+        Annotated[float, Ge(0), Le(1), Unit("1")] | None,
         described(
             "Share of the gear body's compliance that is common to all pairs of teeth; None for "
             "that of finite elements"

@@ -51,8 +51,8 @@ from gearlib.parameters import (
     units_and_names,
 )
 
-_Quadratic = Annotated[float, Unit("N s^2/m^2"), Ge(0)]
-_Cubic = Annotated[float, Unit("N s^3/m^3"), Ge(0)]
+_Quadratic = Annotated[float, Ge(0), Unit("N s^2/m^2")]
+_Cubic = Annotated[float, Ge(0), Unit("N s^3/m^3")]
 
 
 @dataclass(frozen=True)
@@ -206,9 +206,9 @@ class OneDegreePair(WithPair):
     ] = 0.0
     backlash_cubic_damping: Annotated[_Cubic, described("Cubic damping D3m of the oil")] = 0.0
     quadratic_stiffness: Annotated[
-        float, Unit("1/m"), Ge(0), described("Quadratic stiffness g2; power law in contact, |g| g")
+        float, Ge(0), Unit("1/m"), described("Quadratic stiffness g2; power law in contact, |g| g")
     ] = 0.0
-    cubic_stiffness: Annotated[float, Unit("1/m^2"), Ge(0), described("Cubic stiffness g3")] = 0.0
+    cubic_stiffness: Annotated[float, Ge(0), Unit("1/m^2"), described("Cubic stiffness g3")] = 0.0
     profile: Annotated[
         Rectangular | Fourier | Tabulated, described("Mesh stiffness over the phase", "C(tau)")
     ] = Rectangular()

@@ -85,9 +85,9 @@ class PairParameters(PairScales):
     backlash_damping: BacklashDamping = 0.0
     teeth: Annotated[
         int,
-        parameters.INTEGER,
         Ge(1),
         Le(10_000),
+        parameters.INTEGER,
         described("Teeth z: mesh periods per revolution"),
     ] = 24
 

@@ -84,7 +84,7 @@ class Fourier(Profile):
     """
 
     harmonics: Annotated[
-        int, parameters.INTEGER, Ge(1), Le(10_000), described("Number of terms of the series")
+        int, Ge(1), Le(10_000), parameters.INTEGER, described("Number of terms of the series")
     ]
 
     @property

@@ -67,7 +67,7 @@ from gearlib.parameters import (
     units_and_names,
 )
 
-_Bearing = Annotated[float, Unit("N/m", "1 kN/um", "infinity: rigid"), Gt(0)]
+_Bearing = Annotated[float, Gt(0), Unit("N/m", "1 kN/um", "infinity: rigid")]
 BEARINGS = ("y3", "z3", "y2", "z2")
 #: Derivatives of the relative displacement y by the bearing coordinates.
 _Y_DERIVATIVES = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
@@ -118,7 +118,7 @@ class SixDegreePair(WithPair):
     )
     run_out_phase: Annotated[Angle, described("Relative phase of the run-outs", "Delta")] = 0.0
     teeth: Annotated[
-        tuple[Annotated[int, INTEGER, Ge(1)], ...] | None,
+        tuple[Annotated[int, Ge(1), INTEGER], ...] | None,
         Values(2),
         described("Teeth of both gears; by default those of the pair"),
     ] = None

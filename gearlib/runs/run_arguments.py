@@ -50,11 +50,7 @@ def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
     """
     if not is_model(model):
         raise checks.refusal("pair", model, "a model such as GearPair")
-    if (tuning is None) == (speed is None):
-        raise ValueError(
-            f"{tuning_name} = {tuning!r} with {speed_name} = {speed!r} is not allowed: it must be "
-            "one of the two"
-        )
+    checks.exactly_one(tuning_name, tuning, speed_name, speed)
     if speed is not None and model.speed is None:
         raise ValueError(
             f"{speed_name} = {speed!r} is not allowed: nothing turns in this model, so it must be "

@@ -212,11 +212,7 @@ def speed_profile(start=None, stop=None, duration=None, acceleration=None, speed
         allowed_end = f"{allowed_speed}, rpm"
         first = checks.number("start", start, allowed_end, lambda v: 0.0 <= v < math.inf)
         last = checks.number("stop", stop, allowed_end, lambda v: 0.0 <= v < math.inf)
-        if (duration is None) == (acceleration is None):
-            raise ValueError(
-                f"duration = {duration!r} with acceleration = {acceleration!r} is not allowed: it "
-                "must be one of the two"
-            )
+        checks.exactly_one("duration", duration, "acceleration", acceleration)
         if duration is None:
             duration = abs(last - first) / checks.finite_positive("acceleration", acceleration)
         allowed_time = "a finite number of seconds > 0"

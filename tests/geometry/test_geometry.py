@@ -77,7 +77,7 @@ def test_helices_that_contradict_each_other_are_refused(angles, internal):
         for z, angle in zip((25, 80), angles, strict=True)
     )
     with pytest.raises(
-        ValueError, match=rf"^helix_angle of the wheel = {angles[1]} .* pinion, 0\.3"
+        ValueError, match=rf"^wheel.helix_angle = {angles[1]} .* pinion, 0\.3"
     ):
         Mesh(pinion, wheel)
 

@@ -17,7 +17,7 @@ import gearlib
 from gearlib import config
 from gearlib.cli import main
 from gearlib.data import storage
-from gearlib.parameters import WRITTEN_UNITS
+from gearlib.units import WRITTEN_UNITS
 from tests.geometry import drawings
 from tests.paper import CONFIG, PAPER
 from tests.unit.test_gear_names import relieved

@@ -4,19 +4,17 @@ import copy
 import json
 import math
 import re
-from decimal import Decimal
 
 import jsonschema
 import numpy as np
-import pint
 import pytest
 import yaml
 from click.testing import CliRunner
 
 import gearlib
-from gearlib import GearPair, SixDegreePair, tunings
+from gearlib import GearPair, SixDegreePair, tunings, units
 from gearlib.cli import main
-from gearlib.config import ConfigError, cases, load, overlay, units
+from gearlib.config import ConfigError, cases, load, overlay
 from gearlib.geometry import SpurGear
 from gearlib.removed import REMOVED
 from gearlib.tunings import grid, name_of, values_of, windows
@@ -244,15 +242,6 @@ def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, chan
 )
 def test_a_text_is_the_number_that_it_says(text, unit, value):
     assert units.read(text, unit) == value
-
-
-def test_units_of_drawings_are_those_of_pint():
-    registry = pint.UnitRegistry(non_int_type=Decimal)
-    for (name, unit), factor in units.FACTORS.items():
-        # In pint g is a gram.
-        expected = registry.Quantity(Decimal(1), "g_n" if name == "g" else name).to(unit).magnitude
-        # The last of 28 digits of pi is rounded.
-        assert abs(Decimal(factor) / expected - 1) < Decimal("1e-24"), name
 
 
 @pytest.mark.parametrize(

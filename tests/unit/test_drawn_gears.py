@@ -67,7 +67,9 @@ def test_every_key_is_passed_to_the_gear():
     material = Material(young=200e9, poisson=0.29, density=7800.0)
     common = {"module": 4e-3, "width": 0.03, "rack": rack, "material": material, **angles}
     # No model simulates tip relief of helical gears, but a drawing may have all keys.
-    mesh = DrawnPair(pinion=EVERY_KEY, wheel={"teeth": 50}, torque=50.0).mesh()
+    mesh = DrawnPair.model_validate(
+        {"pinion": EVERY_KEY, "wheel": {"teeth": 50}, "torque": 50.0}
+    ).mesh()
     own = {"teeth": 40, "shift": 0.1, "tip_diameter": 0.1685, "thickness_allowance": -4e-5}
     own |= {"bore": 0.04, "web": Web(thickness=0.01, rim_diameter=0.13, hub_diameter=0.06)}
     own |= {"quality": 6, "pitch_errors": (5e-6,) + (0.0,) * 39}
@@ -77,7 +79,8 @@ def test_every_key_is_passed_to_the_gear():
     assert mesh.wheel == SpurGear(teeth=50, **common)
     wheel = {"teeth": 99, "internal": True, "outer_diameter": "440 mm"}
     pinion = {"teeth": 36, "module": "4 mm", "width": "30 mm"}
-    assert DrawnPair(pinion=pinion, wheel=wheel, torque=100.0).mesh() == ring()
+    values = {"pinion": pinion, "wheel": wheel, "torque": 100.0}
+    assert DrawnPair.model_validate(values).mesh() == ring()
 
 
 def test_a_configuration_is_updated_with_another_one():

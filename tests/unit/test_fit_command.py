@@ -68,10 +68,10 @@ def test_the_settings_of_the_file_are_fitted(run):
 WRONG_CALLS = [
     ([], {"fit": {"free": {"load": ["2 kN", "5 kg"]}}}, "free.load = ['2 kN', '5 kg'] is n"),
     ([], {"fit": {"free": {"load": [2000.0]}}}, "fit.free.load"),
-    ([], {"fit": {"free": {"mass": ["2 kg", "3 kg"]}}}, "two values, each a finite number in SI"),
+    ([], {"fit": {"free": {"mass": ["2 kg", "3 kg"]}}}, "a list of 2 entries, each a finite number"),
     ([], {"fit": {"fre": {}}}, "fit.fre"),
     ([], {"fit": {}}, "--free is missing: give NAME=LOW,HIGH, or fit.free in rig.yaml"),
-    (["--free", "load"], {}, "free.load = [] is not allowed: it must be two values"),
+    (["--free", "load"], {}, "free.load = [] is not allowed: it must be a list of 2 entries"),
     (["--free", "weight=1,2", *FIXED], {}, "free = 'weight' is not allowed: it must be one of"),
     (["--free", "load=1 kN,2 kN", *FIXED], {}, "a range that holds load = 3289.54"),
     ([], {"known": {}}, "max_stiffness is missing"),

@@ -63,19 +63,19 @@ def inverse_involute(involute: float) -> float:
 class Material:
     """An elastic material; steel of ISO 6336-1 by default."""
 
-    young: Annotated[float, Unit("Pa", "206 GPa"), Gt(0), described("Modulus of elasticity")] = (
+    young: Annotated[float, Gt(0), Unit("Pa", "206 GPa"), described("Modulus of elasticity")] = (
         206e9
     )
-    poisson: Annotated[float, Unit("1"), Ge(0), Lt(0.5), described("Poisson's ratio")] = 0.3
-    density: Annotated[float, Unit("kg/m^3", "7.85 g/cm^3"), Gt(0), described("Density")] = 7850.0
+    poisson: Annotated[float, Ge(0), Lt(0.5), Unit("1"), described("Poisson's ratio")] = 0.3
+    density: Annotated[float, Gt(0), Unit("kg/m^3", "7.85 g/cm^3"), described("Density")] = 7850.0
 
 
 @declared()
 class Rack:
     """The basic rack that generates the teeth, in modules."""
 
-    addendum: Annotated[float, Unit("1"), Gt(0), Le(3), described("Of the rack,", "h_aP")] = 1.0
-    dedendum: Annotated[float, Unit("1"), Gt(0), Le(3), described("Of the rack,", "h_fP")] = 1.25
+    addendum: Annotated[float, Gt(0), Le(3), Unit("1"), described("Of the rack,", "h_aP")] = 1.0
+    dedendum: Annotated[float, Gt(0), Le(3), Unit("1"), described("Of the rack,", "h_fP")] = 1.25
     tip_radius: Annotated[
         NonNegative,
         described(
@@ -196,24 +196,24 @@ class SpurGear:
         message names parameter, value and range.
     """
 
-    teeth: Annotated[int, parameters.INTEGER, Ge(3), Le(10_000), described("Number of teeth", "z")]
+    teeth: Annotated[int, Ge(3), Le(10_000), parameters.INTEGER, described("Number of teeth", "z")]
     module: Annotated[Module, described("Normal module", "m_n")]
     width: Annotated[Width, described("Face width", "b")]
     shift: Annotated[
-        float, Unit("1"), Ge(-3), Le(3), described("Profile shift coefficient", "x")
+        float, Ge(-3), Le(3), Unit("1"), described("Profile shift coefficient", "x")
     ] = 0.0
     pressure_angle: Annotated[
         float,
-        Unit("rad", "20 deg"),
         Gt(0),
         Lt(math.pi / 4),
+        Unit("rad", "20 deg"),
         described("Pressure angle of the basic rack alpha_n; 20 degrees by default"),
     ] = math.radians(20.0)
     helix_angle: Annotated[
         float,
-        Unit("rad", "15.8 deg"),
         Gt(-math.pi / 3),
         Lt(math.pi / 3),
+        Unit("rad", "15.8 deg"),
         described(
             "Helix angle at the reference circle beta, > 0 for a right-hand helix, < 0 for a left-"
             "hand one; 0 by default"
@@ -229,8 +229,8 @@ class SpurGear:
     ] = "A"
     thickness_allowance: Annotated[
         float,
-        Unit("m", "-50 um"),
         Le(0),
+        Unit("m", "-50 um"),
         described("Upper allowance of the normal tooth thickness E_sns; DIN 3967"),
     ] = 0.0
     bore: Annotated[Bore, described("Diameter; below that of the root")] = 0.0
@@ -240,7 +240,7 @@ class SpurGear:
     web: Annotated[Web | None, described("Between rim and hub")] = None
     material: Annotated[Material, described("Steel by default")] = Material()
     quality: Annotated[
-        Annotated[int, parameters.INTEGER, Ge(1), Le(11)] | None,
+        Annotated[int, Ge(1), Le(11), parameters.INTEGER] | None,
         described(
             "Flank tolerance class of ISO 1328-1:2013; `pitch_deviation` and `form_deviation` need"
             " it"

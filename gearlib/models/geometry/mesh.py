@@ -201,7 +201,7 @@ class Mesh:
             allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
             # If the value were right in um (values >= 1) or mm, the message suggests this unit.
             example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
-            in_drawing = Annotated[float, Unit("m", example), Le(self.base_pitch)]
+            in_drawing = Annotated[float, Le(self.base_pitch), Unit("m", example)]
             allowed += parameters.unit_hint(self.backlash, in_drawing)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return

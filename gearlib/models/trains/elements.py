@@ -52,7 +52,7 @@ _STIFFNESS_AND_DAMPING = (
 _PITCH_TOLERANCE = 1e-4
 #: Largest number of meshes: those of the largest planetary train.
 _MAX_MESHES = 200
-_Thickness = Annotated[float, Unit("1"), Gt(0), Lt(1)]
+_Thickness = Annotated[float, Gt(0), Lt(1), Unit("1")]
 
 
 @declared()
@@ -79,8 +79,8 @@ class Body:
     ] = (0.0, 0.0)
     torsional_stiffness: Annotated[
         float,
-        Unit("N m/rad", "1 kN m/rad", "infinity: rigid"),
         Ge(0),
+        Unit("N m/rad", "1 kN m/rad", "infinity: rigid"),
         described("Stiffness of a support against rotation"),
     ] = 0.0
     torsional_damping: Annotated[
@@ -146,8 +146,8 @@ class Shaft:
     damping: Annotated[TwistDamping, described("Torsional damping")] = 0.0
     bending_stiffness: Annotated[
         float,
-        Unit("N/m", "1 kN/um"),
         Ge(0),
+        Unit("N/m", "1 kN/um"),
         described("Stiffness between the displacements of both bodies; the same along x and y"),
     ] = 0.0
     bending_damping: Annotated[

@@ -53,7 +53,7 @@ from gearlib.parameters import (
 _MAX_RING_ANGLE = math.radians(45.0)
 _PRESSURE_ANGLE = math.radians(24.6)
 
-Planets = Annotated[int, INTEGER, Ge(1), Le(100), described("Number of planets")]
+Planets = Annotated[int, Ge(1), Le(100), INTEGER, described("Number of planets")]
 Positions = Annotated[
     tuple[Angle, ...] | None,
     Values(),

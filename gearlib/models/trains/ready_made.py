@@ -227,9 +227,9 @@ def split_power_reducer(
     *,
     branches: Annotated[
         int,
-        parameters.INTEGER,
         Ge(1),
         Le(100),
+        parameters.INTEGER,
         described("Number of double satellites, equally spaced"),
     ] = 3,
     teeth: Annotated[

@@ -47,7 +47,7 @@ from gearlib.parameters import Allowed, Boolean, Finite, Unit, Values, declared,
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
     from gearlib.engines.linear import propagator  # noqa: F401
 
-_Frequency = Annotated[float, Unit("Hz"), Gt(0)]
+_Frequency = Annotated[float, Gt(0), Unit("Hz")]
 
 
 @declared()
