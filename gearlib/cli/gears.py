@@ -42,24 +42,11 @@ class Gears(NamedTuple):
 
     def model(self, pitch_errors: bool = True):
         """Return the model; without `pitch_errors` those of pairs of teeth are left out."""
-        from gearlib import GearPair, SixDegreePair
+        from gearlib.models.from_values import model
 
-        settings = self.settings
-        if self.kind == "teeth":
-            from gearlib.models.from_values import pairs_of_teeth
-
-            arguments = settings.teeth_parameters(self.damping)
-            return pairs_of_teeth(**arguments, pitch_errors=pitch_errors)
-        if self.kind == "train":
-            from gearlib.models.from_values import train_from_description
-
-            return train_from_description(**settings.train_parameters(self.damping))
-        pair = GearPair(**settings.pair_parameters(self.damping))
-        if self.kind == "six_degrees":
-            if settings.six_degrees.bearing_stiffness is None:
-                raise click.UsageError(f"{MISSING_BEARINGS}; --bearing-stiffness sets all four")
-            return SixDegreePair(pair=pair, **settings.six_degree_parameters())
-        return pair
+        if self.kind == "six_degrees" and self.settings.six_degrees.bearing_stiffness is None:
+            raise click.UsageError(f"{MISSING_BEARINGS}; --bearing-stiffness sets all four")
+        return model(self.settings.gears_model(self.damping, self.kind, pitch_errors))
 
     def rectangle(self) -> "Gears":
         """Return these gears with the rectangular stiffness, for analyses that need it."""

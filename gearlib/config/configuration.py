@@ -191,17 +191,38 @@ class Config(Section):
         """Recorded mesh periods at the end of each run."""
         return self.run.recorded_revolutions * self.gear_pair.teeth
 
-    def pair_parameters(self, damping: str | Damping) -> dict:
-        """Return the keyword arguments of `gearlib.GearPair` for a damping or its name."""
-        coefficients = self.dampings[damping] if isinstance(damping, str) else damping
-        return self.gear_pair.model_dump() | coefficients.model_dump()
+    def pair(self, damping: str | Damping | None = None, change: Any = None) -> dict:
+        """Return the description of the gear pair with a damping or its name, None for undamped.
 
-    def teeth_parameters(self, damping: str | Damping) -> dict | None:
-        """Return the arguments of `from_values.pairs_of_teeth` of drawn gears, else None."""
-        if self.gears is None:
-            return None
+        `change` is a section with other values of its parameters. A description is a dict of plain
+        values, from which `gearlib.models.from_values.model` makes the model.
+        """
         section = self.dampings[damping] if isinstance(damping, str) else damping
-        return {"gears": self.gears.drawing_dict(), "damping": section.given()}
+        changes = [x.model_dump() for x in (section, change) if x is not None]
+        description = {"model": "pair"} | self.gear_pair.model_dump()
+        for values in changes:
+            description |= values
+        return description
+
+    def gears_model(self, damping: str, kind: str = "", pitch_errors: bool = False) -> dict:
+        """Return the description of the model of the gears with a damping.
+
+        `kind` is teeth, rectangle, six_degrees or train; by default teeth of gears given by
+        geometry, which may have their pitch errors, and the pair of other gears.
+        """
+        kind = kind or ("teeth" if self.gears else "rectangle")
+        if kind == "teeth":
+            section = {
+                "gears": self.gears.drawing_dict(),
+                "damping": self.dampings[damping].given(),
+            }
+            return {"model": "teeth", "pitch_errors": pitch_errors} | section
+        if kind == "train":
+            pair = self.pair(damping) if self.train.kind in PAIR_TRAINS else None
+            return {"model": "train", "pair": pair, **self.train.description()}
+        if kind == "six_degrees":
+            return {"model": kind, "pair": self.pair(damping), **self.six_degree_parameters()}
+        return self.pair(damping)
 
     def six_degree_parameters(self) -> dict:
         """Return the keyword arguments of `gearlib.SixDegreePair` except `pair`."""
@@ -210,20 +231,6 @@ class Config(Section):
             gears = self.gears.drawing_dict()
             arguments["teeth"] = [gears[name]["teeth"] for name in ("pinion", "wheel")]
         return arguments
-
-    def train_parameters(self, damping: str) -> dict:
-        """Return the arguments from which `gearlib.models.from_values` creates the gear train.
-
-        `damping` is the name of one of the dampings; it is only used by trains in which every mesh
-        is the gear pair of the configuration.
-        """
-        kind, arguments = self.train.kind, self.train.arguments()
-        pair = self.pair_parameters(damping) if kind in PAIR_TRAINS else None
-        return {"kind": kind, "arguments": arguments, "pair": pair}
-
-    def case_parameters(self, case: Any) -> dict:
-        """Return the keyword arguments of `gearlib.GearPair` for a `MeshCase` with a damping."""
-        return self.pair_parameters(case.damping) | case.change.model_dump()
 
     def candidate_models(self, scene: Any) -> list[str]:
         """Return the models that have all time histories of a scene, its key `courses`.
@@ -242,7 +249,8 @@ class Config(Section):
 
         Raise ValueError if they are not valid for the gears of the configuration.
         """
-        parameters = self.pair_parameters(self.tolerances.damping)
+        coefficients = self.dampings[self.tolerances.damping].model_dump()
+        parameters = self.gear_pair.model_dump() | coefficients
         pair = PairParameters(**parameters)
         # Ratios such as the damping ratio follow from the parameters, and may have tolerances, too.
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}

@@ -223,12 +223,13 @@ class Train(Section):
             checks.require(getattr(self.own, key), f"own.{key}", [], allowed)
         return self
 
-    def arguments(self):
-        """Return the arguments of the library function or class for this kind of train."""
+    def description(self):
+        """Return the kind of the train, and arguments of the function or class for this kind."""
         section = getattr(self, self.kind)
         arguments = section.arguments() if self.kind == "planetary_set" else section.model_dump()
         # The name of the mesh that sets the scales, and the frequency, Hz, of the tuning 1.
-        return arguments | self.model_dump(include={"reference", "reference_frequency"})
+        arguments |= self.model_dump(include={"reference", "reference_frequency"})
+        return {"kind": self.kind, "arguments": arguments}
 
 
 class TrainSweep(t.IncreasingStarts, grid_base(0.5, 1.4, 0.01, t.NumericGrid), t.RecordedPeriods):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from gearlib import config, units
 from gearlib.config.gears_section import Gears
 from gearlib.explorer.view import MAX_SPEED_RATIO, MIN_SPEED_RATIO
-from gearlib.models.from_values import pairs_of_teeth
+from gearlib.models.from_values import model
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.pair import GearPair
@@ -76,10 +76,10 @@ class Sliders:
         settings = config.load(mapping)
         self.drawn = settings.gears is not None
         if self.drawn:
-            model = pairs_of_teeth(**settings.teeth_parameters(damping))
-            self.pair, self.stiffness_model = model.pair, model.stiffness_model
+            pairs_of_teeth = model(settings.gears_model(damping))
+            self.pair, self.stiffness_model = pairs_of_teeth.pair, pairs_of_teeth.stiffness_model
         else:
-            self.pair = GearPair(**settings.pair_parameters(damping))
+            self.pair = model(settings.pair(damping))
         # Rounding restores ratios from which the coefficients were computed.
         ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
         self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
@@ -156,7 +156,7 @@ class Sliders:
             changed = {"gears": changed["gears"], "dampings": changed["dampings"]}
             self._apply_to_drawing(changed["gears"], values, moved)
             settings = config.load(changed)
-            pair = GearPair(**settings.pair_parameters(self.damping))
+            pair = model(settings.pair(self.damping))
             tuning = float(pair.tuning_at(values["speed"]))
         else:
             for name in moved & {"stiffness_ratio", "contact_ratio", "backlash", "load"}:

@@ -11,7 +11,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.order_maps import orders
 from gearlib.data import motions
 from gearlib.data.motions import describe_contact_loss, mask_unbounded
-from gearlib.models.from_values import pairs_of_teeth
+from gearlib.models.from_values import model
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import sweep
@@ -56,7 +56,7 @@ def compute_view(mapping: dict, damping: str) -> View:
     Raise ValueError if the gears are impossible.
     """
     settings = config.load(mapping)
-    pair = GearPair(**settings.pair_parameters(damping))
+    pair = model(settings.pair(damping))
     tuning = settings.phase_planes.tunings[0]
     if settings.gears is None:
         tunings = np.linspace(settings.resonance.start, settings.resonance.stop, _POINTS)
@@ -66,12 +66,12 @@ def compute_view(mapping: dict, damping: str) -> View:
         return _view_of_motion(pair, tuning)._replace(up=up, down=down)
     gears = settings.gears
     mesh, torque = gears.mesh(), gears.driving_torque()
-    model = pairs_of_teeth(**settings.teeth_parameters(damping))
-    resonance_speed, speed = float(model.speed(1.0)), float(pair.speed(tuning))
+    pairs_of_teeth = model(settings.gears_model(damping, pitch_errors=True))
+    resonance_speed, speed = float(pairs_of_teeth.speed(1.0)), float(pair.speed(tuning))
     lowest = min(MIN_SPEED_RATIO * resonance_speed, speed)
     highest = max(MAX_SPEED_RATIO * resonance_speed, speed)
     # The whole cycle of pitch errors is too long for each speed.
-    without_errors = model.replace(pitch_errors=(0.0,))
+    without_errors = pairs_of_teeth.replace(pitch_errors=(0.0,))
     periods = {"periods": _PERIODS, "record_periods": _RECORDED}
     curves = over_speed(without_errors, np.linspace(lowest, highest, _SPEEDS), speed, **periods)
     # The same teeth meet again after as many mesh periods as there are pitch errors.
@@ -79,9 +79,9 @@ def compute_view(mapping: dict, damping: str) -> View:
     most_phases = _HELICAL_PHASES if mesh.overlap_ratio else _PHASES
     phases = max(_MIN_PHASES, min(most_phases, _MAX_PHASES // repeat_periods))
     torques = [*(ratio * torque for ratio in TORQUE_RATIOS), torque]
-    options = {name: getattr(model, name) for name in ("stiffness", "coupling", "twist")}
+    options = {name: getattr(pairs_of_teeth, name) for name in ("stiffness", "coupling", "twist")}
     error = mesh.transmission_error(torques, phases=phases, **options)
-    view = _view_of_motion(model, float(model.tuning_at(speed)), repeat_periods)
+    view = _view_of_motion(pairs_of_teeth, float(pairs_of_teeth.tuning_at(speed)), repeat_periods)
     message = f"{view.message} {describe_contact_loss(curves)}"
     jumps = zip(curves.jump_up_speed.values, curves.jump_down_speed.values, strict=True)
     for up, down in jumps:

@@ -1,4 +1,4 @@
-"""Models from plain values: from the text in a dataset, and trains from a configuration."""
+"""Models from plain values: from texts in datasets, and from descriptions in configurations."""
 
 import json
 import math
@@ -78,6 +78,21 @@ def _model_with(values: dict[str, Any]) -> Model | None:
     return None if values else pair
 
 
+def model(description: dict) -> Model:
+    """Return the model of a description, whose key "model" is a name in `MODELS`."""
+    arguments = {name: value for name, value in description.items() if name != "model"}
+    return MODELS[description["model"]](**arguments)
+
+
+def with_models(value: Any) -> Any:
+    """Return a value of JSON types in which descriptions of models are replaced by the models."""
+    if isinstance(value, dict):
+        if isinstance(value.get("model"), str):
+            return model(value)
+        return {name: with_models(entry) for name, entry in value.items()}
+    return [with_models(entry) for entry in value] if isinstance(value, list) else value
+
+
 def pairs_of_teeth(gears: dict, damping: dict, pitch_errors: bool = True) -> LoadSharingPair:
     """Return the `LoadSharingPair` of the section `gears` of a configuration.
 
@@ -95,28 +110,20 @@ def pairs_of_teeth(gears: dict, damping: dict, pitch_errors: bool = True) -> Loa
     return model.replace(backlash_damping=backlash_damping) if backlash_damping else model
 
 
-def gear_model(pair: dict, teeth: dict | None = None, pitch_errors: bool = False) -> tuple:
-    """Return (model, ratio) of the gears of a configuration.
-
-    The model is the `GearPair` with the arguments `pair`, or the `LoadSharingPair` with `teeth`,
-    arguments of `pairs_of_teeth`; `ratio` is its tuning over that of the pair at the same speed.
-    """
-    model = GearPair(**pair)
-    if teeth is None:
-        return model, 1.0
-    teeth_model = pairs_of_teeth(**teeth, pitch_errors=pitch_errors)
-    return teeth_model, float(model.speed(1.0) / teeth_model.speed(1.0))
+def six_degrees(pair: dict, **arguments: Any) -> SixDegreePair:
+    """Return the `SixDegreePair` of a described pair with these further arguments."""
+    return SixDegreePair(pair=model(pair), **arguments)
 
 
-def train_from_description(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
+def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
     """Return the gear train that the section `train` of a configuration describes.
 
     `kind` is a kind of trains such as "idler" or "planetary"; `arguments` are those of the function
-    or class of that kind, with gears, bodies, meshes and shafts as dicts; `pair` holds the
-    arguments of the `GearPair` that some kinds need, or None.
+    or class of that kind, with gears, bodies, meshes and shafts as dicts; `pair` describes the
+    `GearPair` that some kinds need, or is None.
     """
-    if kind in ("split_power_reducer", "idler", "two_stage"):
-        return getattr(ready_made, kind)(GearPair(**pair), **arguments)
+    if pair is not None:
+        return getattr(ready_made, kind)(model(pair), **arguments)
     if kind == "planetary":
         return planetary.planetary(**arguments)
     if kind == "planetary_set":
@@ -133,18 +140,18 @@ def train_from_description(kind: str, arguments: dict, pair: dict | None) -> Gea
     descriptions = arguments["meshes"]
     # Without a torque this train has drafts of its meshes, which suffice for its static forces.
     elements["meshes"] = [_mesh(gears, on_shafts, **mesh) for mesh in descriptions]
-    train = GearTrain(**(arguments | elements))
-    forces = np.abs(train.mean_forces) * train.load
+    draft = GearTrain(**(arguments | elements))
+    forces = np.abs(draft.mean_forces) * draft.load
     # An unloaded mesh gets a small load, whose transmission error is that of its reliefs.
     forces = np.maximum(forces, _LEAST_FORCE * forces.max())
-    for i, (mesh, description) in enumerate(zip(train.meshes, descriptions, strict=True)):
+    for i, (mesh, description) in enumerate(zip(draft.meshes, descriptions, strict=True)):
         if _is_draft(gears, **description):
             if forces[i] == 0.0:
                 raise ValueError(
                     f"torque of mesh {mesh.name} is missing: it must be given for the model "
                     "'teeth', because the torques of the bodies do not load the train"
                 )
-            torque = float(forces[i]) * train.by_name[mesh.pinion].base_radius
+            torque = float(forces[i]) * draft.by_name[mesh.pinion].base_radius
             elements["meshes"][i] = _mesh(gears, on_shafts, **description, torque=torque)
     return GearTrain(**(arguments | elements))
 
@@ -194,3 +201,7 @@ def _mesh(
     if _is_draft(gears, **values):
         values["model"] = "rectangle"
     return Mesh.from_geometry(mesh, stiffness=stiffness, options=options, **values)
+
+
+#: Name of a kind of models -> function of the other values of a description.
+MODELS = {"pair": GearPair, "teeth": pairs_of_teeth, "six_degrees": six_degrees, "train": train}

@@ -352,6 +352,10 @@ class Model:
         """Return the tuning nu at a speed of the reference gear in rpm (float or array)."""
         return speed / self.speed(1.0)
 
+    def tuning_from(self, reference: Any, tuning: Any) -> Any:
+        """Return the tuning at the speed at which the model `reference` has a tuning."""
+        return float(reference.speed(1.0) / self.speed(1.0)) * tuning
+
     @property
     def periods_per_revolution(self) -> float:
         """Mesh periods in a revolution of the reference gear; not always a whole number."""

@@ -34,18 +34,20 @@ _TOLERANCE, _MAX_APPLICATIONS = 1e-8, 200
 _START_HARMONICS = 3
 
 
-def analytic_method_study(pair: dict, tunings: Sequence[float], settings: dict, run) -> xr.Dataset:
+def analytic_method_study(
+    pair: GearPair, tunings: Sequence[float], settings: dict, run
+) -> xr.Dataset:
     """Compare the paper's analytic method and harmonic balance with exact orbits of a gear pair.
 
     The paper's method is E. Schmidt's: successive approximations, with Newton steps for a few
-    degenerate (near-resonant) harmonics. `pair` has arguments of `GearPair`; the range of
+    degenerate (near-resonant) harmonics. The range of
     convergence and the resonance curve are over `tunings`; `run` has periods and record_periods of
     the exact sweeps. `settings` have shown (the tunings of single solutions), harmonics (number of
     harmonics of a solution), iterations and iteration_harmonics (number of iterates and of their
     harmonics), balance_harmonics and schmidt_harmonics (the numbers of harmonics at which the
     errors of each method are computed), and most_degenerate (largest number of degenerate ones).
     """
-    model = GearPair(**pair)
+    model = pair
     data = stacked(
         {"direction": WARM_STARTED},
         lambda direction: _resonance_curve(model, direction, tunings, settings["harmonics"], run),

@@ -43,10 +43,12 @@ _SAME_ORBIT_DISTANCE = 1e-6
 _CONTACT_LETTERS = {NORMAL: "N", BACKLASH: "B", INVERSE: "I"}
 
 
-def certify_branches(pairs: dict, branches: dict, tunings, all_points: bool = False) -> list[dict]:
+def certify_branches(
+    pairs: dict[str, GearPair], branches: dict, tunings, all_points: bool = False
+) -> list[dict]:
     """Certify the periodic orbits of several gear pairs, and return a dict for each certificate.
 
-    `pairs` maps names of dampings to arguments of `GearPair`, `branches` maps them to results of
+    `pairs` and `branches` map names of dampings to pairs, `branches` maps them to results of
     `gearlib.studies.resonance.branches`. Orbits are certified at `tunings`, at the two tunings of
     the paper's Fig. 6, and above its range of contact loss. A dict is a `Certificate.as_dict`, or
     has the claim "refusal" and the message why a proof failed, or the claim "count" and the number
@@ -54,9 +56,8 @@ def certify_branches(pairs: dict, branches: dict, tunings, all_points: bool = Fa
     is true. Those of a reducer, with the model "reducer", are appended for the first damped pair.
     """
     tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_CONTACT_LOSS})
-    models = {damping: GearPair(**parameters) for damping, parameters in pairs.items()}
     certificates, names = [], ("state", "tuning")
-    for damping, pair in models.items():
+    for damping, pair in pairs.items():
         branch = branches[damping]
         # Certificates of rounded states have the same bytes on all processors.
         rounded = {name: branch[name].copy(data=_rounded(branch[name])) for name in names}
@@ -69,7 +70,7 @@ def certify_branches(pairs: dict, branches: dict, tunings, all_points: bool = Fa
             pair_certificates += _orbit_certificates(pair, branch, tuning)
         pair_certificates += points if all_points else []
         certificates += [{"damping": damping} | entry for entry in pair_certificates]
-    for damping, pair in models.items():
+    for damping, pair in pairs.items():
         if pair.has_damping():  # a single damped pair is enough for the reducer
             labels = {"damping": damping, "model": "reducer"}
             certificates += [labels | certificate for certificate in _reducer_certificates(pair)]

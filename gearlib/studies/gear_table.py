@@ -146,12 +146,12 @@ def cells(quantities: Iterable[Quantity]) -> Iterator[list]:
         yield from ([row.name, of, x, row.unit, row.meaning] for of, x in row.values.items())
 
 
-def rows(pairs: dict[str, dict], drawing: dict | None) -> Iterator[list]:
+def rows(pairs: dict[str, GearPair], drawing: dict | None) -> Iterator[list]:
     """Yield the rows of the table of a configuration: of its drawing, if any, and of its pairs.
 
-    `pairs` maps dampings to the parameters of the gear pair that runs.
+    `pairs` maps names of dampings to the gear pair that runs.
     """
-    models = {name: (GearPair(**values),) for name, values in pairs.items()}
+    models = {name: (pair,) for name, pair in pairs.items()}
     if drawing:
         options = {drawing.get("stiffness", "iso"): drawing.get("stiffness_options")}
         mesh = drawings.mesh(drawing)

@@ -40,25 +40,25 @@ def _joined_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> 
 def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = None) -> xr.Dataset:
     """Return the basins of attraction of several cases, along the dimension ``case``.
 
-    A case has title, tuning and pair (arguments of `GearPair`). `settings` have the ranges
-    displacement and velocity, each (lowest, highest), the count of initial states along each, and
-    periods, the mesh periods of a run.
+    A case has title, tuning and pair. `settings` have the ranges displacement and velocity, each
+    (lowest, highest), the count of initial states along each, and periods, the mesh periods of a
+    run.
     """
     grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
     options = {"periods": settings["periods"], "threads": threads}
-    datasets = [basins(GearPair(**case["pair"]), case["tuning"], grid, **options) for case in cases]
+    datasets = [basins(case["pair"], case["tuning"], grid, **options) for case in cases]
     data = _joined_cases(datasets, cases, join="outer", fill_value=_FILL_VALUES)
     data["attractor_kind"].attrs |= KIND_FLAGS
     return data
 
 
 def bifurcation(
-    pair: dict, tunings: Sequence[float], coarse: Sequence[float], settings: dict, threads=None
+    pair: GearPair, tunings: Sequence[float], coarse: Sequence[float], settings: dict, threads=None
 ) -> tuple[xr.Dataset, xr.Dataset]:
     """Return a bifurcation diagram with Lyapunov exponents, and the basin stability.
 
-    The diagram is over `tunings`, the basin stability over the fewer tunings `coarse`. `pair` has
-    arguments of `GearPair`. Keys of `settings`: settle (mesh periods before the record), strobes
+    The diagram is over `tunings`, the basin stability over the fewer tunings `coarse`. Keys of
+    `settings`: settle (mesh periods before the record), strobes
     (number of recorded states, one per mesh period), exponent_periods (mesh periods of the runs for
     the Lyapunov exponent), starts (number of random initial states), displacement and velocity
     (their ranges), samples and periods (number of initial states for the basin stability, and mesh
@@ -66,7 +66,7 @@ def bifurcation(
     previous one; in a direction "cold n" all runs start at the n-th random state. ``settled`` is 1
     for periodic motions whose orbit does not depend on rounding.
     """
-    model, region = GearPair(**pair), (settings["displacement"], settings["velocity"])
+    region = settings["displacement"], settings["velocity"]
     names = [*WARM_STARTED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
     random_states = _random_states(region, settings["starts"]).tolist()
     initial_states = [(0.0, 0.0)] * len(WARM_STARTED) + random_states
@@ -76,20 +76,20 @@ def bifurcation(
     diagrams, datasets = [], []
     for direction, initial_state in zip(directions, initial_states, strict=True):
         options = record | {"direction": direction, "initial_state": initial_state}
-        diagram = bifurcation_diagram(model, tunings, **options)
+        diagram = bifurcation_diagram(pair, tunings, **options)
         states = diagram.final_state.values
-        exponents = lyapunov.lyapunov_exponents(model, tunings, states=states, **exponent)
+        exponents = lyapunov.lyapunov_exponents(pair, tunings, states=states, **exponent)
         # If a run of the diagram stopped early, its status explains the missing exponent.
         codes = diagram.status.where(diagram.status != status.OK, exponents.status)
         diagrams.append(diagram)
         datasets.append(diagram.assign(exponents.data_vars).assign(status=codes))
     data = xr.concat(datasets, xr.IndexVariable("direction", names), combine_attrs="drop")
-    settled = lyapunov.reproducible_orbits(model, diagrams, directions, initial_states)
+    settled = lyapunov.reproducible_orbits(pair, diagrams, directions, initial_states)
     data = data.assign(settled=(("direction", "tuning"), settled.astype(np.int8), {}))
-    data = describe(data.assign(speed=("tuning", model.speed(data.tuning.values))))
+    data = describe(data.assign(speed=("tuning", pair.speed(data.tuning.values))))
     data["settled"].attrs |= lyapunov.SETTLED_FLAGS
     options = {name: settings[name] for name in ("samples", "periods")}
-    stability = basin_stability(model, coarse, region, threads=threads, **options)
+    stability = basin_stability(pair, coarse, region, threads=threads, **options)
     return data.assign_attrs(datasets[0].attrs), stability
 
 
@@ -102,20 +102,20 @@ def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:
 def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
     """Return Poincare sections of motions from random initial states, along ``case``.
 
-    A case has title, tuning, phase (degrees), settle (mesh periods before the record) and pair
-    (arguments of `GearPair`). `settings` have the ranges displacement and velocity, orbits (number
+    A case has title, tuning, phase (degrees), settle (mesh periods before the record) and pair.
+    `settings` have the ranges displacement and velocity, orbits (number
     of initial states) and periods. A motion is chaotic if rounding errors change it completely and
     perturbations grow exponentially; it is undecided if only one of these is true.
     """
     region, periods = (settings["displacement"], settings["velocity"]), settings["periods"]
     states, datasets = _random_states(region, settings["orbits"]), []
     for case in cases:
-        model, tuning, settle = GearPair(**case["pair"]), case["tuning"], case["settle"]
+        pair, tuning, settle = case["pair"], case["tuning"], case["settle"]
         run, phase = {"periods": periods, "settle": settle}, math.radians(case["phase"])
-        section = poincare_section(model, tuning, states, phase=phase, **run)
+        section = poincare_section(pair, tuning, states, phase=phase, **run)
         starts, total_periods = [*map(tuple, states)], settle + periods
-        exponents = [largest_exponent(model, tuning, state=start, **run) for start in starts]
-        growths = [rounding_grows(model, [tuning], start, total_periods) for start in starts]
+        exponents = [largest_exponent(pair, tuning, state=start, **run) for start in starts]
+        growths = [rounding_grows(pair, [tuning], start, total_periods) for start in starts]
         unpredictable = np.concatenate(growths)
         grows = np.array([exponent.exceeds_linear for exponent in exponents])
         undecided = 2 * (unpredictable | grows)

@@ -126,16 +126,18 @@ def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any
         yield "velocity", velocity, pair, {"initial_state": (0.0, velocity)}
 
 
-def jump_and_shifts(pair: dict, tunings: Sequence[float], settings: dict, run: dict) -> xr.Dataset:
+def jump_and_shifts(
+    pair: GearPair, tunings: Sequence[float], settings: dict, run: dict
+) -> xr.Dataset:
     """Return the orbit height of the motion from rest, its jump, and the shift by each variation.
 
-    `pair` has arguments of `GearPair`, `run` those of `sweep`. `settings` have the values of
+    `run` has arguments of `sweep`. `settings` have the values of
     `variations`, tolerances of Runge-Kutta steps 4(5), the resolution of the jump, and starts, seed
     and spread of the initial states for each tolerance. In the dataset, switches is the number of
     large height steps in the scan, and settled is 0 where the jump depends on the initial state, so
     that median and range over several states are given. Values are NaN without a jump in the scan.
     """
-    model, tunings = GearPair(**pair), np.asarray(tunings, float)
+    model, tunings = pair, np.asarray(tunings, float)
     resolution = settings["resolution"]
     reference = find_jump(model, tunings, resolution, **run)
     base_shift = reference.tuning - reference.tuning  # NaN without a jump

@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -13,7 +13,6 @@ from gearlib import checks
 from gearlib.analysis.order_maps import order_map
 from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.data.variables import SI_SCALES
-from gearlib.models.from_values import gear_model
 from gearlib.runs.run_up import run_up
 from gearlib.runs.simulation import simulate
 from gearlib.uncertainty.course_observations import complete_blocks
@@ -175,26 +174,23 @@ def _with_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
     return resonance.assign(orbit_height=resonance.displacement_max - resonance.displacement_min)
 
 
-def time_history_harmonics(
-    path: str, pairs: Mapping[str, dict], run: dict, teeth: Mapping | None = None
-) -> xr.Dataset:
+def time_history_harmonics(path: str, models: Mapping[str, Any], run: dict) -> xr.Dataset:
     """Return the harmonics of measured time histories and of the settled motions of a model.
 
-    `path` is the YAML file of the measured data set, `pairs` and `teeth` map the name of a damping
-    to arguments of `gear_model`, `run` has arguments of `gearlib.simulate`. The dimensions are
-    "course", a time history at constant speed, observable, harmonic of the mesh period, and
-    damping. The shape_phase (degrees) of harmonic k is its phase minus k times the phase of the
-    first harmonic, so it does not depend on the unknown phase of the shaft.
+    `path` is the YAML file of the measured data set, `models` maps the name of a damping to a
+    model, `run` has arguments of `gearlib.simulate`. The dimensions are "course", a time history at
+    constant speed, observable, harmonic of the mesh period, and damping. The shape_phase (degrees)
+    of harmonic k is its phase minus k times the phase of the first harmonic, so it does not depend
+    on the unknown phase of the shaft.
     """
     measurement = read_measured(path)
-    models = [gear_model(pair, (teeth or {}).get(name))[0] for name, pair in pairs.items()]
     names = [name for name in SI_SCALES if name in measurement]
-    conditions = []
+    teeth, conditions = next(iter(models.values())).teeth, []
     for condition in _conditions(measurement, constant_speed=True):
         speed = float(condition.speed[0])
         if speed > 0.0:
-            motions = [simulate(model, speed=speed, **run) for model in models]
-            mesh_frequency = math.pi / 30.0 * speed * models[0].teeth
+            motions = [simulate(model, speed=speed, **run) for model in models.values()]
+            mesh_frequency = math.pi / 30.0 * speed * teeth
             observables = [
                 xr.concat([_computed_history(motion, name, run) for motion in motions], "damping")
                 .merge(_measured_history(condition, name, mesh_frequency))
@@ -203,7 +199,7 @@ def time_history_harmonics(
             ]
             conditions.append(xr.concat(observables, "observable").assign_coords(speed=speed))
     _require_conditions(conditions, path, measurement, "a constant one > 0")
-    dataset = xr.concat(conditions, "course").assign_coords(damping=[*pairs])
+    dataset = xr.concat(conditions, "course").assign_coords(damping=[*models])
     dataset = dataset.assign_coords(harmonic=np.arange(1, _HARMONIC_COUNT + 1))
     return _with_measurement_attrs(dataset, measurement, names)
 
@@ -303,19 +299,19 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
     )
 
 
-def run_up_orders(path: str, pairs: Mapping[str, dict], teeth: Mapping | None = None) -> xr.Dataset:
+def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
     """Return the mesh orders 1 to 3 (`_MESH_ORDERS`) of measured and of computed run-ups.
 
-    `path` is the YAML file of the measured data set, `pairs` and `teeth` map the name of a damping
-    to arguments of `gear_model`. The dimensions are "track", a run-up or run-down, observable,
-    order (a multiple of the mesh order) and block of whole revolutions; computed_amplitude also has
-    the dimension damping. Amplitudes are rms values in SI units. A computed run-up starts in the
-    static state and has the measured speed profile.
+    `path` is the YAML file of the measured data set, `models` maps the name of a damping to a
+    model. The dimensions are "track", a run-up or run-down, observable, order (a multiple of the
+    mesh order) and block of whole revolutions; computed_amplitude also has the dimension damping.
+    Amplitudes are rms values in SI units. A computed run-up starts in the static state and has the
+    measured speed profile.
     """
     measurement = read_measured(path)
-    models = [gear_model(pair, (teeth or {}).get(name))[0] for name, pair in pairs.items()]
     names = [name for name in SI_SCALES if name in measurement]
-    z, dims, run_ups = models[0].teeth, ("observable", "order", "block"), []
+    teeth = next(iter(models.values())).teeth
+    z, dims, run_ups = teeth, ("observable", "order", "block"), []
     for condition in _conditions(measurement, constant_speed=False):
         speed = condition.speed.values
         revolutions = cumulative_trapezoid(speed / 60.0, condition.time.values, initial=0.0)
@@ -332,7 +328,7 @@ def run_up_orders(path: str, pairs: Mapping[str, dict], teeth: Mapping | None = 
         )
         options = {"resolution": 1.0 / block_size, "orders": z * _MESH_ORDERS}
         computed = []
-        for model in models:
+        for model in models.values():
             profile = _speed_profile(condition)
             run = run_up(model, speed=profile, samples_per_period=_SAMPLES_PER_PERIOD)
             maps = [order_map(run, variable=name, **options).amplitude.values.T for name in names]
@@ -343,7 +339,7 @@ def run_up_orders(path: str, pairs: Mapping[str, dict], teeth: Mapping | None = 
         run_ups.append(measured_run_up.assign(computed_amplitude=amplitudes))
     _require_conditions(run_ups, path, measurement, "one that varies")
     dataset = xr.concat(run_ups, "track", join="outer")
-    dataset = dataset.assign_coords(observable=names, damping=[*pairs], order=_MESH_ORDERS)
+    dataset = dataset.assign_coords(observable=names, damping=[*models], order=_MESH_ORDERS)
     dataset = dataset.transpose(..., "order", "block")
     return _with_measurement_attrs(dataset, measurement, names)
 

@@ -60,15 +60,15 @@ def equivalent_coefficient(
     return linear_work / dissipation(1.0, exponent, amplitude, frequency)
 
 
-def damped_model(pair: dict, place: str, power: str, settings: dict) -> tuple[Any, float]:
+def damped_model(pair: GearPair, place: str, power: str, settings: dict) -> tuple[Any, float]:
     """Return a model with linear, quadratic or cubic damping, and the damping coefficient.
 
-    `pair` has arguments of `GearPair` without damping. `place` is the location of the damping:
+    `pair` is undamped. `place` is the location of the damping:
     "material" (in contact) or "oil" (in the backlash). `power` is the power of the velocity:
     "linear", "quadratic" or "cubic". `settings` have the linear damping (N s/m), and amplitude
     (static deflections) and tuning of the harmonic motion in which all dampings do equal work.
     """
-    undamped, exponent = GearPair(**pair), [*POWERS].index(power) + 1
+    undamped, exponent = pair, [*POWERS].index(power) + 1
     amplitude = settings["amplitude"] * undamped.static_deflection
     frequency = undamped.mesh_frequency(settings["tuning"])
     coefficient = equivalent_coefficient(settings["damping"], exponent, amplitude, frequency)
@@ -79,7 +79,13 @@ def damped_model(pair: dict, place: str, power: str, settings: dict) -> tuple[An
 
 
 def damping_study(
-    pair: dict, place: str, power: str, tunings, settings: dict, run: dict, samples_per_period: int
+    pair: GearPair,
+    place: str,
+    power: str,
+    tunings,
+    settings: dict,
+    run: dict,
+    samples_per_period: int,
 ) -> xr.Dataset:
     """Return the sweeps with one damping in all directions, their jumps, and phase portraits.
 

@@ -6,6 +6,7 @@ degrees; therefore lags lie between -90 and 270 degrees.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,33 +14,34 @@ import xarray as xr
 from gearlib.analysis import trust
 from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_grows
 from gearlib.data.variables import describe
-from gearlib.models.from_values import gear_model
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 
 
-def phase_plane_run(pair: dict, tuning: float, run: dict, damping: str, teeth=None) -> xr.Dataset:
+def phase_plane_run(
+    model: Any, pair: GearPair, tuning: float, run: dict, damping: str
+) -> xr.Dataset:
     """Simulate the time history behind a phase portrait, labelled with the name of its damping.
 
-    `pair` and `teeth` are arguments of `gear_model`, `run` has those of `gearlib.simulate`; the
-    tuning is that of the pair, which pairs of teeth have at the same speed.
+    The tuning is that of `pair`; `model` runs at the same speed. `run` has arguments of
+    `gearlib.simulate`.
     """
-    model, ratio = gear_model(pair, teeth, pitch_errors=True)
-    motion = simulate(model, ratio * tuning, until_settled=True, **run)
+    tuning = model.tuning_from(pair, tuning)
+    motion = simulate(model, tuning, until_settled=True, **run)
     return describe(motion.assign_coords(damping=damping))
 
 
 def labels(
-    pair: dict, tunings: Sequence[float], settings: dict, damping: str, teeth=None
+    model: Any, pair: GearPair, tunings: Sequence[float], settings: dict, damping: str
 ) -> xr.Dataset:
     """Return labels of the motion from rest (periodic, chaotic, ...) over tuning.
 
-    `pair` and `teeth` are arguments of `gear_model`, `settings` further arguments of
-    `gearlib.trust`, which classifies a motion and says how reliable that is; `damping` is the name
-    of the damping.
+    The tunings are those of `pair`; `model` runs at the same speeds. `settings` are further
+    arguments of `gearlib.trust`, which classifies a motion and says how reliable that is; `damping`
+    is the name of the damping.
     """
-    model, ratio = gear_model(pair, teeth)
-    classified = trust.classify_at_tunings(model, ratio * np.asarray(tunings), **settings)
+    tunings = model.tuning_from(pair, np.asarray(tunings))
+    classified = trust.classify_at_tunings(model, tunings, **settings)
     return describe(classified.assign_coords(damping=damping))
 
 
@@ -56,16 +58,16 @@ def harmonic_lags(motion: xr.Dataset, count: int) -> np.ndarray:
 
 
 def phase_lag(
-    pair, dampings, tuning, tunings, *, harmonics, periods, samples_per_period
+    pair: GearPair, dampings, tuning, tunings, *, harmonics, periods, samples_per_period
 ) -> xr.Dataset:
     """Return time histories and lags of all harmonics at one tuning, and the first lag over tuning.
 
-    `pair` has arguments of `GearPair`, `dampings` are its material dampings (N s/m), `harmonics` is
+    `dampings` are material dampings of the pair (N s/m), `harmonics` is
     their number. Lags are NaN where the orbit does not repeat after one mesh period; lags and
     histories are NaN where rounding errors decide on which orbit the motion ends.
     """
     run = {"periods": periods, "samples_per_period": samples_per_period, "until_settled": True}
-    models = [GearPair(**pair | {"material_damping": damping}) for damping in dampings]
+    models = [pair.replace(material_damping=damping) for damping in dampings]
     motions = [simulate(model, tuning, **run) for model in models]
     first_lags = [
         [harmonic_lags(simulate(model, nu, **run), 1)[0] for nu in tunings] for model in models

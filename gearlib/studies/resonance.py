@@ -15,7 +15,6 @@ from gearlib.analysis.orbits.loci import locus
 from gearlib.analysis.orbits.shooting import NoOrbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
 from gearlib.data.variables import describe
-from gearlib.models.from_values import gear_model
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import sweep, sweep_down
 from gearlib.tunings import grid
@@ -25,7 +24,8 @@ _MIN_TUNING_CHANGE = 1e-9
 
 
 def sweep_window(
-    pair: dict,
+    model: Any,
+    pair: GearPair,
     window: tuple,
     step: float,
     run: dict,
@@ -33,32 +33,32 @@ def sweep_window(
     direction,
     threads,
     lowest=None,
-    teeth=None,
 ) -> xr.Dataset:
     """Return a sweep over a window of tunings (first, last), labelled with damping and direction.
 
-    `pair` and `teeth` are arguments of `gear_model`, `run` has those of `gearlib.sweep`; the
-    tunings are those of the pair, which pairs of teeth have at the same speeds. `step` is that of
-    the tuning, `damping` the name of the damping, `direction` "cold" (every run from the same
-    initial state), "up" or "down", and `threads` the number of threads. A downward sweep that has
-    not jumped continues below the window, down to the tuning `lowest`.
+    The tunings are those of `pair`; `model` runs at the same speeds. `run` has arguments of
+    `gearlib.sweep`, `step` is that of the tuning, `damping` the name of the damping, `direction`
+    "cold" (every run from the same initial state), "up" or "down", and `threads` the number of
+    threads. A downward sweep that has not jumped continues below the window, down to the tuning
+    `lowest`.
     """
     first, last = window
-    model, ratio = gear_model(pair, teeth)
-    tunings = ratio * np.array(grid(first, last, step))
+    tunings = model.tuning_from(pair, np.array(grid(first, last, step)))
     if direction == "down" and lowest is not None:
-        curve, _ = sweep_down(model, tunings, ratio * lowest, threads=threads, **run)
+        curve, _ = sweep_down(
+            model, tunings, model.tuning_from(pair, lowest), threads=threads, **run
+        )
     else:
         curve = sweep(model, tunings, direction=direction, threads=threads, **run)
     return describe(curve.assign_coords(damping=damping, direction=direction))
 
 
-def branches(pair: dict, settings: dict, damping: str) -> xr.Dataset:
+def branches(pair: GearPair, settings: dict, damping: str) -> xr.Dataset:
     """Return the branches of a gear pair, labelled with the name of its damping.
 
-    `pair` has arguments of `GearPair`, `settings` those of `branches_of`.
+    `settings` are arguments of `branches_of`.
     """
-    return describe(branches_of(GearPair(**pair), **settings).assign_coords(damping=damping))
+    return describe(branches_of(pair, **settings).assign_coords(damping=damping))
 
 
 def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Dataset:
@@ -132,17 +132,17 @@ def _joined(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Datas
 
 
 def loci(
-    pair: dict, branches: xr.Dataset, start: float, stop: float, lowest: float, highest: float
+    pair: GearPair, branches: xr.Dataset, start: float, stop: float, lowest: float, highest: float
 ) -> xr.Dataset:
     """Return the loci of folds, doublings and grazings of period one over tuning and damping.
 
-    `branches` are those of the gear pair with the arguments `pair`. The loci lie between the
+    `branches` are those of the gear pair. The loci lie between the
     tunings `start` and `stop` and between the damping ratios `lowest` and `highest`. ``locus`` is
     the index of the special point of the branches from which a locus starts, ``own_damping`` the
     damping ratio with which the branches were computed, that of `pair`.
     """
-    model, labels, tunings = GearPair(**pair), branches.label.values, (start, stop)
-    damping_ratio = model.damping_ratio
+    labels, tunings = branches.label.values, (start, stop)
+    damping_ratio = pair.damping_ratio
     names = ["state", "multiplier_real", "multiplier_imaginary", "residual", "tuning", "label"]
     # An empty dataset ensures that the result has its variables even without any locus.
     empty = branches.isel(point=slice(0))[names].reset_coords(drop=True).drop_encoding()
@@ -153,7 +153,7 @@ def loci(
             if limit == damping_ratio:
                 continue
             try:
-                curve = locus(model, branches, int(point), "damping", to=limit, limits=tunings)
+                curve = locus(pair, branches, int(point), "damping", to=limit, limits=tunings)
             except NoOrbit:
                 continue
             size, curve = curve.sizes["point"], curve.rename(damping="damping_ratio")

@@ -5,13 +5,14 @@ jumps lie behind the folds, and the lower is its peak.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from gearlib.analysis.order_maps import order_map
 from gearlib.data.result import result
-from gearlib.models.from_values import gear_model
+from gearlib.models.pair import GearPair
 from gearlib.runs.run_up import run_up
 
 DIRECTIONS = ("up", "down")
@@ -20,25 +21,24 @@ _ORDER_MAP_BLOCKS, SAMPLES_PER_PERIOD = 480, 128
 
 
 def run_ups_at_several_rates(
-    pair: dict,
+    model: Any,
+    pair: GearPair,
     start: float,
     stop: float,
     revolutions: Sequence[int],
     *,
     mesh_orders: int,
     damping,
-    teeth=None,
 ) -> xr.Dataset:
     """Return tuning and extrema of the displacement in each revolution of several run-ups.
 
-    `pair` and `teeth` are arguments of `gear_model`, `start` and `stop` are tunings of the pair,
-    which pairs of teeth have at the same speeds. In each run the tuning rises linearly from `start`
-    to `stop` and falls back at the same rate; `revolutions` has the number of revolutions from
-    `start` to `stop` for each run. The dataset also has the order map of the slowest run, up to
-    `mesh_orders` times the mesh order. `damping` is the name of the damping.
+    `start` and `stop` are tunings of `pair`; `model` runs at the same speeds. In each run the
+    tuning rises linearly from `start` to `stop` and falls back at the same rate; `revolutions` has
+    the number of revolutions from `start` to `stop` for each run. The dataset also has the order
+    map of the slowest run, up to `mesh_orders` times the mesh order. `damping` is the name of the
+    damping.
     """
-    model, ratio = gear_model(pair, teeth)
-    start, stop = ratio * start, ratio * stop
+    start, stop = (model.tuning_from(pair, tuning) for tuning in (start, stop))
     start_speed, stop_speed = (float(model.speed(nu)) for nu in (start, stop))
     names = ("tuning", "displacement_max", "displacement_min")
     shape = len(revolutions), len(DIRECTIONS), max(revolutions)

@@ -44,20 +44,19 @@ _STIFFNESS_SEGMENTS = 3
 _FLAGS = flags_of(("unsettled", "free_of_rounding"))
 
 
-def build_model(name: str, pair: dict, six_degrees: dict, harmonics: int | None = None) -> Any:
+def build_model(name: str, pair: GearPair, six_degrees: dict, harmonics: int | None = None) -> Any:
     """Return the model with a name of `MODELS` or the name `TRUNCATED_MODEL`.
 
-    `pair` has arguments of `GearPair`, `six_degrees` further arguments of `SixDegreePair`;
-    `harmonics` is the number of harmonics of the truncated stiffness.
+    `six_degrees` are further arguments of `SixDegreePair`; `harmonics` is the number of harmonics
+    of the truncated stiffness.
     """
-    gear_pair = GearPair(**pair)
     if name == "one_degree":
-        return gear_pair
+        return pair
     if name == TRUNCATED_MODEL:
-        return OneDegreePair(pair=gear_pair, profile=Fourier(harmonics))
+        return OneDegreePair(pair=pair, profile=Fourier(harmonics))
     if name == "six_degrees_plain":
         six_degrees = six_degrees | {"friction": (0.0, 0.0), "eccentricities": (0.0, 0.0)}
-    return SixDegreePair(pair=gear_pair, **six_degrees)
+    return SixDegreePair(pair=pair, **six_degrees)
 
 
 def representative_runs(
@@ -99,7 +98,7 @@ def scene(
 ) -> xr.Dataset:
     """Simulate a set of cases (a scene), and return time histories and summaries of all cases.
 
-    A case has title, tuning and pair (arguments of `GearPair`); `model` is a name of `MODELS`,
+    A case has title, tuning and pair; `model` is a name of `MODELS`,
     `six_degrees` has further arguments of `SixDegreePair`, `run` those of `gearlib.simulate`. The
     dataset has the dimensions case and (mesh) phase. free_of_rounding is 1 for runs that do not
     depend on rounding errors. For the others, runs from random initial states are added: `starts`

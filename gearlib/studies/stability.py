@@ -36,15 +36,15 @@ NONE, PARAMETRIC, FORCED = 0, 1, 2
 CAUSES = ("none", "parametric instability", "forced response")
 
 
-def stability_chart(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
+def stability_chart(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return growth rates and tongues of a gear pair over tuning and each parameter of `PLANES`.
 
-    `pair` has arguments of `GearPair`. `settings` have damping_ratios (each has its tongues),
+    `settings` have damping_ratios (each has its tongues),
     least_stiffness_ratio (lower limit of the stiffness ratio), and values (number of values of each
     parameter). In the dataset, own_value is the nominal value of each parameter, that of the
     undamped pair; closing_damping is the damping ratio above which a tongue does not exist.
     """
-    model = GearPair(**pair).replace(material_damping=0.0)
+    model = pair.replace(material_damping=0.0)
     dampings, count = settings["damping_ratios"], settings["values"]
     tuning_range = {"start": float(tunings[0]), "stop": float(tunings[-1])}
     undamped = search.tongues(model, **tuning_range)
@@ -103,11 +103,11 @@ def _zero_width_points(
 
 
 def contact_loss(
-    pairs: dict[str, dict], tuning: float, start: float, stop: float, run: dict
+    pairs: dict[str, GearPair], tuning: float, start: float, stop: float, run: dict
 ) -> xr.Dataset:
     """Return the tongues of gear pairs with different dampings, and why they lose contact.
 
-    `pairs` maps the name of a damping to arguments of `GearPair`. At `tuning` (variable "asked")
+    `pairs` maps the name of a damping to a pair. At `tuning` (variable "asked")
     contact is lost either because the forced orbit of one mesh period has displacements below zero,
     or because perturbations of this orbit grow in an instability tongue. Tongues are searched
     between the tunings `start` and `stop`; `run` has periods and initial_state of the motion from
@@ -116,7 +116,7 @@ def contact_loss(
     lower, upper = _TONGUE_RANGE
     start = max(search.MIN_TUNING, min(start, lower * tuning))
     stop = max(stop, upper * tuning)
-    models = [GearPair(**parameters) for parameters in pairs.values()]
+    models = [*pairs.values()]
     tongues = [search.tongues(model, start=start, stop=stop) for model in models]
     dampings = [
         data[["tuning_from", "tuning_to"]].assign(_contact_loss_data(model, tuning, data, run))
@@ -127,7 +127,8 @@ def contact_loss(
     closing_dampings = xr.concat([data.closing_damping for data in tongues], "model", join="outer")
     data = data.assign(closing_damping=closing_dampings.max("model"), asked=tuning)
     title = "Parametric resonance of the dampings"
-    dataset = result(title, models[0], data, method="closed form", pairs=pairs, **run)
+    parameters = {name: pair.as_dict() for name, pair in pairs.items()}
+    dataset = result(title, models[0], data, method="closed form", pairs=parameters, **run)
     dataset["cause"].attrs |= flags_of(CAUSES)
     return dataset
 

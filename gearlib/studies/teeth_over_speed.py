@@ -11,7 +11,6 @@ from gearlib.analysis.duty_point import iso_dynamic_factor
 from gearlib.data.motions import true_intervals
 from gearlib.data.result import result
 from gearlib.data.status import NO_START
-from gearlib.models.from_values import pairs_of_teeth
 from gearlib.runs.sweeping import WARM_STARTED, motions_agree, sweep
 
 #: First and last speed over the resonance speed, unless the operating speed lies beyond them.
@@ -20,13 +19,12 @@ SPEED_RANGE = 0.1, 1.4
 _NOT_REACHED = {"period": np.int32(0), "status": np.int8(NO_START)}
 
 
-def of_gears(gears: dict, damping: dict, points: int, start=None, stop=None, speed=None):
-    """Return the dataset of `over_speed` for the section `gears` of a configuration.
+def over_speed_range(model: Any, points: int, start=None, stop=None, speed=None) -> xr.Dataset:
+    """Return the dataset of `over_speed` for a range of speeds.
 
-    `gears` and `damping` are arguments of `pairs_of_teeth`; `start` and `stop` are the first and
-    the last of the `points` speeds, and `speed` is the operating speed, rpm.
+    `start` and `stop` are the first and the last of the `points` speeds, and `speed` is the
+    operating speed, rpm.
     """
-    model = pairs_of_teeth(gears, damping, pitch_errors=False)
     speeds = np.linspace(*speed_range(model, speed, start, stop), points)
     return over_speed(model, speeds, speed, periods=150, record_periods=10)
 

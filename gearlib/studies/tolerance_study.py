@@ -17,15 +17,14 @@ from gearlib.uncertainty.scatter import shard as scatter_shard
 _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)
 
 
-def nominal_design(pair: dict, drawing: dict | None = None) -> GearPair | DrawnPair:
+def nominal_design(pair: GearPair, drawing: dict | None = None) -> GearPair | DrawnPair:
     """Return the design whose parameters scatter: a `GearPair`, or gears that are drawn.
 
-    `pair` has arguments of `GearPair`. `drawing` has the drawing data of two gears, their torque
+    `drawing` has the drawing data of two gears, their torque
     and stiffness method, or is None; the damping of drawn gears is that of `pair`.
     """
-    model = GearPair(**pair)
     if drawing is None:
-        return model
+        return pair
     return DrawnPair(
         drawings.mesh(drawing),
         # "drawing" keeps the backlash of the drawing; with None it follows from other parameters.
@@ -33,13 +32,13 @@ def nominal_design(pair: dict, drawing: dict | None = None) -> GearPair | DrawnP
         torque=drawing["torque"],
         stiffness=drawing.get("stiffness"),
         options=drawing.get("stiffness_options"),
-        material_damping=model.material_damping,
-        backlash_damping_ratio=model.backlash_damping_ratio,
+        material_damping=pair.material_damping,
+        backlash_damping_ratio=pair.backlash_damping_ratio,
     )
 
 
 def scatter_of_shard(
-    *, pair: dict, tolerances: dict, samples: int, shard: str, threads, drawing=None, **settings
+    *, pair: GearPair, tolerances: dict, samples: int, shard: str, threads, drawing=None, **settings
 ) -> xr.Dataset:
     """Return the results of `gearlib.scatter` for a part of all random samples.
 
@@ -53,7 +52,7 @@ def scatter_of_shard(
 
 
 def sobol_indices_of_design(
-    *, pair: dict, tolerances: dict, samples: int, drawing: dict | None = None, **settings: Any
+    *, pair: GearPair, tolerances: dict, samples: int, drawing: dict | None = None, **settings: Any
 ) -> xr.Dataset:
     """Return the Sobol' indices of a design from a number of samples.
 

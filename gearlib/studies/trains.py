@@ -11,7 +11,6 @@ import xarray as xr
 
 from gearlib.data.motions import FRACTION_TOLERANCE, force_ratio
 from gearlib.data.result import result
-from gearlib.models.from_values import train_from_description
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.studies import many_starts
@@ -43,23 +42,23 @@ def pin_errors_of_first_branch(settings: dict) -> list[tuple[float, float]]:
     return [tuple(settings["pin_error"])] + [(0.0, 0.0)] * (BRANCHES - 1)
 
 
-def reducer(pair: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
+def reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return force and contact of all meshes of the reducer over tuning, without and with errors.
 
-    `pair` has arguments of `GearPair`. `settings` have teeth, modules, shaft_stiffness,
+    `settings` have teeth, modules, shaft_stiffness,
     support_stiffness and damping_ratio of the reducer, the keys of `many_starts.SETTINGS` for the
     random initial states, and the errors pin_error (m, radial and tangential) and backlashes (m, of
     each branch). The cases are "alike" (all branches are equal), "pin_error" (of the first branch)
     and "unequal_backlash".
     """
-    pair_model, tunings = GearPair(**pair), np.asarray(tunings, float)
+    tunings = np.asarray(tunings, float)
     backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
-    equal_branches = reducer_train(pair_model, settings)
+    equal_branches = reducer_train(pair, settings)
     pin_errors = pin_errors_of_first_branch(settings)
     trains = {
         "alike": equal_branches,
-        "pin_error": reducer_train(pair_model, settings, pin_errors=pin_errors),
-        "unequal_backlash": reducer_train(pair_model, settings, backlashes=backlashes),
+        "pin_error": reducer_train(pair, settings, pin_errors=pin_errors),
+        "unequal_backlash": reducer_train(pair, settings, backlashes=backlashes),
     }
     # Meshes have names such as "first 2": their stage and their branch.
     names = equal_branches.mesh_names
@@ -147,20 +146,19 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
         yield [*names, ratio, f"{tuning:g}", speed, *tuning_lists]
 
 
-def over_speed(train: dict, tunings: Sequence[float], settings: dict) -> xr.Dataset:
+def over_speed(train: Any, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return a sweep over speed: force and contact of all meshes of a gear train by tuning.
 
-    `train` has the arguments of `gearlib.models.from_values.train_from_description`; `settings` has
-    the keys of `many_starts.SETTINGS`.
+    `settings` has the keys of `many_starts.SETTINGS`.
     """
-    model, tunings = train_from_description(**train), np.asarray(tunings, float)
-    quantities = model.force_ratio_name, *_QUANTITIES
-    dataset, _ = many_starts.sweep_with_seeded_starts(model, tunings, settings, quantities)
-    dataset = dataset.assign(speed=("tuning", model.speed(tunings)))
-    dataset = dataset.assign_coords(tuning=tunings, mesh=list(model.mesh_names))
+    tunings = np.asarray(tunings, float)
+    quantities = train.force_ratio_name, *_QUANTITIES
+    dataset, _ = many_starts.sweep_with_seeded_starts(train, tunings, settings, quantities)
+    dataset = dataset.assign(speed=("tuning", train.speed(tunings)))
+    dataset = dataset.assign_coords(tuning=tunings, mesh=list(train.mesh_names))
     title = "All meshes of a gear train over speed"
     parameters = {"method": "exact", "initial_state": "static"} | settings
-    return result(title, model, dataset.merge(model.layout()), **parameters)
+    return result(title, train, dataset.merge(train.layout()), **parameters)
 
 
 def campbell(characteristics, orders: int, pair=None, settings=None, train=None) -> xr.Dataset:
@@ -172,7 +170,7 @@ def campbell(characteristics, orders: int, pair=None, settings=None, train=None)
     that of the reference mesh, fraction_backlash_high the largest fraction of time without contact
     over all initial states.
     """
-    model = train_from_description(**train) if train else reducer_train(GearPair(**pair), settings)
+    model = train or reducer_train(pair, settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
     data = model.campbell(orders).drop_vars("modal_force").merge(model.layout())
     names = ["fraction_backlash_high", "settled", "speed"]

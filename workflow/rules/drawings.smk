@@ -110,7 +110,7 @@ use rule _compute as compute_dynamic_factor with:
     params:
         **pick(config["dynamic_factor"], "points", "start", "stop"),
         **teeth_over_speed(),
-        function="gearlib.studies.teeth_over_speed:of_gears",
+        function="gearlib.studies.teeth_over_speed:over_speed_range",
 
 
 use rule _draw as draw_dynamic_factor with:

@@ -117,15 +117,15 @@ def with_pairs(cases):
     """Return title, tuning and the like of cases, and the parameters of their gear pairs."""
     without_pair = {"damping", "change"}
     return canonical(
-        [x.model_dump(exclude=without_pair) | {"pair": CONFIG.case_parameters(x)} for x in cases]
+        [x.model_dump(exclude=without_pair) | {"pair": CONFIG.pair(x.damping, x.change)} for x in cases]
     )
 
 
-#: Damping -> parameters of the gear pair with this damping.
-PAIRS = canonical({damping: CONFIG.pair_parameters(damping) for damping in CONFIG.dampings})
+#: Damping -> description of the gear pair, and of the model of sweeps and run-ups.
+PAIRS = canonical({damping: CONFIG.pair(damping) for damping in CONFIG.dampings})
+MODELS = canonical({damping: CONFIG.gears_model(damping) for damping in CONFIG.dampings})
+UNDAMPED = canonical(CONFIG.pair())
 SIX_DEGREES = canonical(CONFIG.six_degree_parameters())
-#: Damping -> arguments of the pairs of teeth of drawn gears; None for gears given by numbers.
-TEETH = canonical({damping: CONFIG.teeth_parameters(damping) for damping in CONFIG.dampings})
 #: Names of the gears with the rectangular stiffness, and with the model of sweeps and run-ups.
 GEAR_PAIR = gear_names.name_with_stiffness(CONFIG, teeth=False)
 GEARS = gear_names.name_with_stiffness(CONFIG, teeth=True)
@@ -278,18 +278,18 @@ def names_of_drawings(section, teeth=False):
 
 
 def teeth_over_speed():
-    """Return gears, damping and operating speed for the study of the dynamic factor over speed."""
+    """Return model and operating speed for the study of the dynamic factor over speed."""
     if takes_configured_gears(CONFIG, "dynamic_factor"):
-        return next(iter(TEETH.values())) | {"speed": CONFIG.gears.speed}
+        return {"model": next(iter(MODELS.values())), "speed": CONFIG.gears.speed}
     gears = canonical(CONFIG.dynamic_factor.gears.model_dump())
-    ratio = CONFIG.dynamic_factor.damping_ratio
-    return {"gears": gears, "damping": {"damping_ratio": ratio}}
+    damping = {"damping_ratio": CONFIG.dynamic_factor.damping_ratio}
+    return {"model": {"model": "teeth", "gears": gears, "damping": damping, "pitch_errors": False}}
 
 
 #: Arguments of the study of tolerances that describe the designs.
 DESIGNS = canonical(
     {
-        "pair": CONFIG.pair_parameters(CONFIG.tolerances.damping),
+        "pair": CONFIG.pair(CONFIG.tolerances.damping),
         "tolerances": (
             {} if targets.refusal("tolerances", CONFIG) else CONFIG.tolerance_distributions()
         ),

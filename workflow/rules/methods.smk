@@ -140,7 +140,7 @@ rule failures:
 # Errors of the methods on test problems, over evaluations and wall time.
 
 PROBLEMS = {
-    "pair": config["gear_pair"],
+    "pair": UNDAMPED,
     "six_degrees": SIX_DEGREES,
     "settings": without(config["work_precision"], "methods", "problems", "repeats"),
 }

@@ -15,8 +15,8 @@ use rule _compute as compute_run_ups with:
     params:
         **pick(config["run_ups"], "start", "stop", "damping", "revolutions"),
         function="gearlib.studies.run_ups:run_ups_at_several_rates",
+        model=MODELS[config["run_ups"]["damping"]],
         pair=PAIRS[config["run_ups"]["damping"]],
-        teeth=TEETH[config["run_ups"]["damping"]],
         mesh_orders=config["run_ups"]["orders"],
 
 
@@ -93,8 +93,8 @@ use rule _compute as label with:
         "results/labels/{damping}.nc",
     params:
         function="gearlib.studies.paper:labels",
+        model=lambda wildcards: MODELS[wildcards.damping],
         pair=lambda wildcards: PAIRS[wildcards.damping],
-        teeth=lambda wildcards: TEETH[wildcards.damping],
         tunings=grid(config["labels"]),
         settings=without(config["labels"], *GRID),
         damping="{damping}",
@@ -211,7 +211,7 @@ use rule _compute as compute_nonlinear_damping with:
         "results/nonlinear_damping/{place}_{power}.nc",
     params:
         function="gearlib.studies.nonlinear_damping:damping_study",
-        pair=config["gear_pair"],
+        pair=UNDAMPED,
         settings=config["nonlinear_damping"],
         run=RUN,
         samples_per_period=config["run"]["samples_per_period"],
@@ -335,7 +335,7 @@ use rule _compute as compute_parametric_resonance with:
         "results/parametric_resonance.nc",
     params:
         function="gearlib.studies.stability:stability_chart",
-        pair=config["gear_pair"],
+        pair=UNDAMPED,
         settings=without(config["parametric_resonance"], "asked", *GRID),
         tunings=grid(config["parametric_resonance"]),
 
@@ -430,7 +430,7 @@ rule basins:
         target_files("basins", rules.draw_basins.output),
 
 
-BIFURCATION_PAIR = canonical(CONFIG.pair_parameters(CONFIG.bifurcation.damping))
+BIFURCATION_PAIR = canonical(CONFIG.pair(CONFIG.bifurcation.damping))
 
 
 use rule _compute as compute_bifurcation with:

@@ -14,7 +14,7 @@ use rule _compute as compute_phase_lag with:
     params:
         **pick(config["phase_lag"], "tuning", "harmonics", "periods"),
         function="gearlib.studies.paper:phase_lag",
-        pair=config["gear_pair"],
+        pair=UNDAMPED,
         dampings=config["phase_lag"]["material_dampings"],
         tunings=grid(config["phase_lag"]),
         samples_per_period=config["run"]["samples_per_period"],
@@ -52,8 +52,8 @@ use rule _compute as sweep_window with:
     params:
         **pick(config["resonance"], "step", "lowest"),
         function="gearlib.studies.resonance:sweep_window",
+        model=lambda wildcards: MODELS[wildcards.damping],
         pair=lambda wildcards: PAIRS[wildcards.damping],
-        teeth=lambda wildcards: TEETH[wildcards.damping],
         window=lambda wildcards: tunings.values_of(wildcards.window),
         run=GEARS_RUN,
         damping="{damping}",
@@ -117,8 +117,8 @@ use rule _compute as phase_plane with:
         "results/phase_planes/{damping}/{tuning}.nc",
     params:
         function="gearlib.studies.paper:phase_plane_run",
+        model=lambda wildcards: canonical(CONFIG.gears_model(wildcards.damping, pitch_errors=True)),
         pair=lambda wildcards: PAIRS[wildcards.damping],
-        teeth=lambda wildcards: TEETH[wildcards.damping],
         tuning=lambda wildcards: tunings.values_of(wildcards.tuning)[0],
         run=GEARS_SAMPLED_RUN,
         damping="{damping}",
@@ -216,7 +216,7 @@ rule compute_claims:
         markdown="results/claims.md",
     params:
         gears=GEAR_PAIR,
-        pair=config["gear_pair"],
+        pair=UNDAMPED,
         dampings=config["dampings"],
     log:
         "results/logs/claims.log",

@@ -55,7 +55,7 @@ rule reducer:
 # All meshes of the configured train over speed.
 
 TRAIN = gear_names.name_of_train(CONFIG)
-TRAIN_PARAMETERS = canonical(CONFIG.train_parameters(CONFIG.train_sweep.damping))
+TRAIN_PARAMETERS = canonical(CONFIG.gears_model(CONFIG.train_sweep.damping, "train"))
 
 
 use rule _compute as compute_train_sweep with:

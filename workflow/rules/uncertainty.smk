@@ -27,8 +27,7 @@ use rule _compute as measured_course with:
     params:
         function="gearlib.studies.measured:time_history_harmonics",
         path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
-        pairs=PAIRS,
-        teeth=TEETH,
+        models=MODELS,
         run=GEARS_SAMPLED_RUN,
 
 
@@ -45,8 +44,7 @@ use rule _compute as measured_orders with:
     params:
         function="gearlib.studies.measured:run_up_orders",
         path=lambda wildcards: MEASURED_SETS[wildcards.measured][0],
-        pairs=PAIRS,
-        teeth=TEETH,
+        models=MODELS,
 
 
 MEASURED_COURSES = [name for name, (_, data) in MEASURED_SETS.items() if data.has_courses()]

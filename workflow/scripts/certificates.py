@@ -5,6 +5,7 @@ from pathlib import Path
 from gearlib.data import storage
 from gearlib.data.files import write_table, write_table_page
 from gearlib.studies import certificates
+from gearlib.models.from_values import with_models
 from job import redirect_output
 
 if __name__ == "__main__":
@@ -14,7 +15,7 @@ if __name__ == "__main__":
     if params.flint:
         branches = {Path(path).stem: storage.read(path) for path in snakemake.input.branches}
         proofs = certificates.certify_branches(
-            params.pairs, branches, params.tunings, params.all_points
+            with_models(params.pairs), branches, params.tunings, params.all_points
         )
     else:
         print("python-flint is not installed: nothing is proven")

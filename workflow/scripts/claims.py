@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gearlib.data.files import write_table, write_table_page
-from gearlib.models.pair import GearPair
+from gearlib.models.from_values import model
 from gearlib.studies import claims
 from job import datasets, redirect_output
 
@@ -12,7 +12,7 @@ if __name__ == "__main__":
     data = datasets(snakemake.input)
     names = [Path(path).stem for path in snakemake.input.scenes]
     data["scenes"] = dict(zip(names, data["scenes"], strict=True))
-    pair = GearPair(**snakemake.params.pair)
+    pair = model(snakemake.params.pair)
     table = claims.evaluate(pair, snakemake.params.dampings, **data)
     write_table(claims.rows(table), snakemake.output.csv)
     claims.write_markdown(table, snakemake.output.markdown)

@@ -4,6 +4,7 @@ import inspect
 from pkgutil import resolve_name
 
 from gearlib.data import storage
+from gearlib.models.from_values import with_models
 from job import datasets, redirect_output
 
 
@@ -11,7 +12,8 @@ def main(job):
     """Call the function of a Snakemake job and write the datasets it returns to its outputs."""
     redirect_output(job.log[0])
     excluded = ("script", "function")
-    arguments = {name: value for name, value in job.params.items() if name not in excluded}
+    params = {name: value for name, value in job.params.items() if name not in excluded}
+    arguments = {name: with_models(value) for name, value in params.items()}
     function = resolve_name(job.params.function)
     if "threads" in inspect.signature(function).parameters:
         arguments["threads"] = job.threads

@@ -56,18 +56,18 @@ class Motion(NamedTuple):
     evaluations: int = 0  #: of the right-hand side
 
 
-def build(name: str, pair: dict, six_degrees: dict, settings: dict) -> Problem:
+def build(name: str, pair: GearPair, six_degrees: dict, settings: dict) -> Problem:
     """Return the test problem with a name of `CASES`.
 
-    `pair` has arguments of `GearPair` without damping, `six_degrees` further arguments of
-    `SixDegreePair`; `settings` have damping (N s/m), cubic_damping (N s^3/m^3), periods,
-    conservative_periods (for problems whose runs must be short) and record_periods.
+    `pair` is undamped, `six_degrees` has further arguments of `SixDegreePair`; `settings` have
+    damping (N s/m), cubic_damping (N s^3/m^3), periods, conservative_periods (for problems whose
+    runs must be short) and record_periods.
     """
     case, damping = CASES[name], settings["damping"]
     material_damping = damping if case.damped_in_contact else 0.0
     backlash_damping = damping if case.damped_in_backlash else 0.0
-    pair = pair | {"material_damping": material_damping, "backlash_damping": backlash_damping}
-    model: Any = GearPair(**pair)
+    dampings = {"material_damping": material_damping, "backlash_damping": backlash_damping}
+    model: Any = pair.replace(**dampings)
     if name == "six_degrees":
         model = SixDegreePair(pair=model, **six_degrees)
     elif name == "cubic":

@@ -77,7 +77,7 @@ def settled_orbit(problem: problems.Problem) -> tuple[np.ndarray, float]:
     return np.full(2, math.nan), math.nan
 
 
-def compute(names: Sequence[str], pair: dict, six_degrees: dict, settings: dict) -> xr.Dataset:
+def compute(names: Sequence[str], pair: GearPair, six_degrees: dict, settings: dict) -> xr.Dataset:
     """Return the reference motions, orbits and multipliers of the test problems of these names.
 
     The other arguments are those of `problems.build`. Orbit and multiplier are NaN for problems
@@ -102,7 +102,11 @@ def compute(names: Sequence[str], pair: dict, six_degrees: dict, settings: dict)
     }
     title = "References of the test problems, from 50 digits or more"
     parameters = {"settings": settings, "six_degrees": six_degrees}
-    origin = {"references": GearPair.references, "gear_pair": pair, "parameters": parameters}
+    origin = {
+        "references": GearPair.references,
+        "gear_pair": pair.as_dict(),
+        "parameters": parameters,
+    }
     return result_of_many(title, data, axes, **origin)
 
 

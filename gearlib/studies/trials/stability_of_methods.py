@@ -43,16 +43,15 @@ def spectral_radii(pair: Any, tunings: Sequence[float], method: str, options: di
 
 
 def compute(
-    pair: dict, tunings: Sequence[float], fine_tunings, steps: Sequence[int], methods: dict
+    pair: GearPair, tunings: Sequence[float], fine_tunings, steps: Sequence[int], methods: dict
 ) -> xr.Dataset:
     """Return the spectral radii of fixed-step methods, and of the exact period map.
 
-    The methods are run at `tunings`, the exact map at `fine_tunings`. `pair` has arguments of
-    `GearPair`, which is made linear; `steps` are numbers of steps per mesh period; `methods` maps
+    The methods are run at `tunings`, the exact map at `fine_tunings`. `pair` is made
+    linear; `steps` are numbers of steps per mesh period; `methods` maps
     names to a method of `gearlib.methods` and its options without steps.
     """
-    model = GearPair(**pair)
-    linear = linear_pair(model)
+    linear = linear_pair(pair)
 
     def radii(name: str, count: int) -> dict:
         options = methods[name]["options"] | {"steps_per_period": int(count)}
@@ -61,9 +60,9 @@ def compute(
     axes = {"method": list(methods), "steps": np.asarray(steps, np.int32)}
     data = stacked(axes, radii, "tuning") | {
         "true_radius": ("fine_tuning", spectral_radii(linear, fine_tunings, "exact", {})),
-        "stiffness_max": model.max_stiffness / model.mean_stiffness,
+        "stiffness_max": pair.max_stiffness / pair.mean_stiffness,
     }
     grids = {"tuning": tunings, "fine_tuning": fine_tunings}
     coords = axes | {name: np.asarray(grid, float) for name, grid in grids.items()}
     title = "Numerical stability of fixed-step methods"
-    return result(title, model, data, coords, method=", ".join(methods))
+    return result(title, pair, data, coords, method=", ".join(methods))

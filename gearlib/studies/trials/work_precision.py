@@ -129,7 +129,7 @@ def event_error(motion: problems.Motion, reference: problems.Motion) -> float:
 
 
 def errors(
-    method: str, reference_data: xr.Dataset, pair: dict, six_degrees: dict, settings: dict
+    method: str, reference_data: xr.Dataset, pair: GearPair, six_degrees: dict, settings: dict
 ) -> xr.Dataset:
     """Return the errors and evaluations of a method on the test problems, for all its settings.
 
@@ -210,12 +210,17 @@ def _dataset(title, method, names, data, pair, parameters) -> xr.Dataset:
     data |= {name: ("rung", np.array(values, object)) for name, values in columns.items()}
     coords = {"problem": names, "rung": np.arange(len(variants), dtype=np.int32)}
     attrs = {"method": method, "references": GearPair.references}
-    attrs |= {"gear_pair": pair, "parameters": parameters}
+    attrs |= {"gear_pair": pair.as_dict(), "parameters": parameters}
     return result_of_many(title, data, coords, method, **attrs)
 
 
 def times(
-    method: str, names: Sequence[str], pair: dict, six_degrees: dict, settings: dict, repeats: int
+    method: str,
+    names: Sequence[str],
+    pair: GearPair,
+    six_degrees: dict,
+    settings: dict,
+    repeats: int,
 ) -> xr.Dataset:
     """Return the wall times of a method per mesh period, for all its settings and problems.
 
