@@ -297,13 +297,16 @@ def _unit_of(annotation: Any) -> Unit | None:
     return found[-1] if found and base is float else None
 
 
-def plain_type(annotation: Any) -> Any:
-    """Return an annotation without None and without parts of models, None if nothing is left."""
+def replace_class(annotation: Any, replace: Callable[[type], type]) -> Any:
+    """Return an annotation without None, and with another class in place of a part of models.
+
+    Of several alternatives, parts of models are left out.
+    """
     base, metadata = parts(annotation)
-    options = [x for x in get_args(base) if is_union(base) and not dataclasses.is_dataclass(x)]
-    if dataclasses.is_dataclass(base) or (is_union(base) and not options):
-        return None
-    base = options[0] if options else base
+    if is_union(base):
+        base = next(x for x in get_args(base) if not dataclasses.is_dataclass(x))
+    if dataclasses.is_dataclass(base):
+        base = replace(base)
     return Annotated[(base, *metadata)] if metadata else base
 
 
@@ -315,6 +318,9 @@ def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
     path: list = []
     for name in location:
         base, _ = parts(root)
+        if is_union(base) and (section := _section_of_kind(base, name)):
+            root = section
+            continue
         field = getattr(base, "__pydantic_fields__", {}).get(name)
         if field is not None:
             root = Annotated[(field.annotation, *field.metadata, field)]
@@ -326,6 +332,15 @@ def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
             break
         path.append(name)
     return tuple(path), root
+
+
+def _section_of_kind(union: Any, kind: Any) -> Any:
+    """Return the section in a union whose key `kind` has this value, None if there is none."""
+    for section in get_args(union):
+        field = getattr(section, "__pydantic_fields__", {}).get("kind")
+        if field is not None and kind in get_args(field.annotation):
+            return section
+    return None
 
 
 def dotted(path: tuple) -> str:

@@ -17,7 +17,9 @@ from gearlib.models.geometry.iso import METHOD_NAMES
 DEFAULT_CONFIG = Path("config.yaml")
 _BEARINGS = ("bearing_stiffness", "bearing_damping")
 #: Sections of the configuration that commands need.
-_NEEDED_SECTIONS = ("gears", "gear_pair", "dampings", "six_degrees", "train", "tolerances")
+_NEEDED_SECTIONS = (
+    *("gears", "gear_pair", "profile", "dampings", "six_degrees", "train", "tolerances"),
+)
 #: Damping of gears that do not move, and gear pair beside a train that does not use it.
 NO_DAMPING = "not-given"
 _UNDAMPED = {"dampings": {NO_DAMPING: {"material_damping": 0.0, "backlash_damping": 0.0}}}
@@ -85,7 +87,7 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     Options override the configuration. With `moves` the gears need a damping, with `needs_drawing`
     a drawing; otherwise `_UNDAMPED` and `_UNUSED_PAIR` replace missing sections.
     """
-    damping, kind = values.pop("damping"), values.pop("model", None)
+    damping, kind, profile = (values.pop(x, None) for x in ("damping", "model", "profile"))
     mapping = _read(values.pop("config"), values.pop("case"), damping)
     sections = _take_sections(values, needs_drawing)
     drawing, pair, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
@@ -128,6 +130,8 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     damping = damping or next(iter(configured if isinstance(configured, dict) else ()), "options")
     dampings = {damping: coefficients} if coefficients or not mapping else {}
     changes = {"gear_pair": pair, "dampings": dampings, "six_degrees": bearings}
+    if profile is not None:
+        changes["profile"] = profile
     # Without a configuration empty sections are kept, so that their missing keys are reported.
     changes = {key: section for key, section in changes.items() if section or not mapping}
     mapping = overlay(mapping, changes)

@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 
 import click
+import yaml
 
 from gearlib import units
 from gearlib.checks import InputError
@@ -48,6 +49,15 @@ def in_unit(unit, example):
             raise click.BadParameter(f"{text!r} is not allowed: {allowed}") from None
 
     return number
+
+
+def mapping_of(text):
+    """Return the content of a text in YAML."""
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError:
+        allowed = "it must be a mapping such as '{kind: fourier, harmonics: 5}'"
+        raise click.BadParameter(f"{text!r} is not YAML: {allowed}") from None
 
 
 class Command(click.Command):
@@ -155,6 +165,7 @@ _TABLE = {
         "Model of the gears. Default: pairs of teeth of gears given by geometry, else rectangle.",
         _MODELS,
     ),
+    "profile": ("Profile of the mesh stiffness, as '{kind: fourier, harmonics: 5}'.", mapping_of),
     "bearing_stiffness": (f"Stiffness {_BEARING}, N/m.", number_or_text),
     "bearing_damping": (f"Damping {_BEARING}, N s/m.", number_or_text),
     "tuning": ("Mesh frequency over mean eigenfrequency, nu; or give --speed.", float),
@@ -240,4 +251,4 @@ def command_options(command_name, option_names):
 _GEARS = command_options("", "config case damping teeth") + key_options(DRAWING)
 #: Options of two drawn gears, of a gear pair by its numbers or drawing, of a model that moves.
 DRAWN_GEARS, PAIR = _GEARS + key_options(MESH), _GEARS + key_options(PAIR_KEYS)
-MODEL = PAIR + command_options("", "model bearing_stiffness bearing_damping")
+MODEL = PAIR + command_options("", "model profile bearing_stiffness bearing_damping")

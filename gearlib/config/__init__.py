@@ -52,8 +52,10 @@ def load(mapping: dict) -> Any:
 
 def unknown_sections(mapping: dict) -> list[str]:
     """Return an error message for each top-level key of `mapping` that is not in the schema."""
-    unknown_keys = [key for key in mapping if key not in {"cases", *schema()["properties"]}]
-    return [validation.unknown_key_error([key], mapping[key], schema()) for key in unknown_keys]
+    from gearlib.config.configuration import Config
+
+    unknown_keys = [key for key in mapping if key not in {"cases", *Config.model_fields}]
+    return [validation.unknown_key(Config, Config, (key,), mapping[key]) for key in unknown_keys]
 
 
 def overlay(base: dict, changes: dict) -> dict:

@@ -9,7 +9,13 @@ from gearlib.config import experiments as e
 from gearlib.config import gear_names, measured_description, targets
 from gearlib.config import types as t
 from gearlib.config.experiments import FRICTION_HISTORIES, SIX_DEGREE_HISTORIES
-from gearlib.config.gear_pair_section import Damping, GearPairSection, Run, SixDegrees
+from gearlib.config.gear_pair_section import (
+    Damping,
+    GearPairSection,
+    Profile,
+    Run,
+    SixDegrees,
+)
 from gearlib.config.gears_section import DynamicFactor, Gears, HarrisMap, MeshStiffness
 from gearlib.config.tolerances_section import Tolerances
 from gearlib.config.train_section import PAIR_TRAINS, Campbell, Reducer, Train, TrainSweep
@@ -62,6 +68,10 @@ class Config(Section):
     # `gear_pair` is derived from `gears` where the gears are drawn; only `gear_pair` is dumped.
     gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
+    profile: Profile = field(
+        "Mesh stiffness over the phase, scaled to the mean of gear_pair. Default: its rectangle.",
+        None,
+    )
     dampings: dict[Name, Damping] = Field(min_length=1, description="Damping combinations by name.")
     run: Run = SECTION
     six_degrees: SixDegrees = SECTION
@@ -120,6 +130,9 @@ class Config(Section):
         harmonics = self.phase_lag.harmonics
         checks.require(harmonics <= max_harmonics, "phase_lag.harmonics", harmonics, allowed)
         self._check_sizes()
+        if self.profile and self.gears:
+            allowed = "left out where gears are given: their stiffness is that of their teeth"
+            raise checks.refusal("profile", self.profile.kind, allowed)
         measured_description.read_sets(self.measured)  # Raises the errors of their files.
         # Only the workflow computes targets, and it calls `target_errors` itself. For drawn gears
         # their errors are raised here as well, so that commands report them.
@@ -200,6 +213,8 @@ class Config(Section):
         section = self.dampings[damping] if isinstance(damping, str) else damping
         changes = [x.model_dump() for x in (section, change) if x is not None]
         description = {"model": "pair"} | self.gear_pair.model_dump()
+        if self.profile:
+            description["profile"] = self.profile.model_dump()
         for values in changes:
             description |= values
         return description

@@ -129,4 +129,4 @@ def name_of_train(config: Any, pair_name: str = "") -> str:
 
 def is_paper(config: Any) -> bool:
     """Return whether the gear pair of a configuration is the paper's."""
-    return name_of_pair(config) == "paper's pair"
+    return name_of_pair(config) == "paper's pair" and config.profile is None

@@ -1,9 +1,12 @@
 """Sections that describe the gear pair, its damping, its bodies and the length of the runs."""
 
+import inspect
 import math
-from typing import Any
+import operator
+from functools import reduce
+from typing import Annotated, Any, Literal
 
-from pydantic import PrivateAttr, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
 from gearlib import checks
 from gearlib import parameters as p
@@ -12,7 +15,8 @@ from gearlib.config import types as t
 from gearlib.config.types import Section, create_section, field, from_context, list_of
 from gearlib.models.geometry.mesh import checked_damping, damping_coefficient
 from gearlib.models.pair_parameters import MIN_MAGNITUDE, PairParameters, PairScales, check_scales
-from gearlib.parameters import RunOut
+from gearlib.models.profiles import PROFILES
+from gearlib.parameters import Allowed, RunOut
 
 DAMPINGS = tuple(RATIO_KEYS)
 #: Digits of derived values; rounding makes them independent of the units of the drawing.
@@ -95,6 +99,23 @@ class Damping(_Coefficients):
         A damping without a ratio and without a configuration has its coefficients.
         """
         return dict(self._given) or self.model_dump(include=set(DAMPINGS))
+
+
+_PROFILE_SECTIONS = [
+    create_section(
+        f"{profile.__name__}Profile",
+        inspect.getdoc(profile).partition("\n")[0],
+        profile,
+        kind=(Literal[kind], field("Kind of the profile.")),
+    )
+    for kind, profile in PROFILES.items()
+]
+#: Stiffness profile of the gear pair, a section for each kind.
+Profile = Annotated[
+    reduce(operator.or_, _PROFILE_SECTIONS),
+    Field(discriminator="kind"),
+    Allowed(f"a mapping with a kind, one of {', '.join(PROFILES)}, and its parameters"),
+]
 
 
 class State(Section):

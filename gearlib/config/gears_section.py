@@ -11,7 +11,7 @@ from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
 from gearlib.config.types import Section, create_section, field
 from gearlib.models.geometry.drawings import gear as gear_from_dict
-from gearlib.models.geometry.gear import Material, Rack, SpurGear, TipRelief, Web
+from gearlib.models.geometry.gear import Rack, SpurGear
 from gearlib.models.geometry.mesh import Mesh, six_degree_parameters, torque_of
 
 #: FZG type C, ISO 14635-2, at load stage 9 on shafts of 30 mm; backlash and quality are assumed.
@@ -38,9 +38,6 @@ _RING_KEYS = ("internal", "outer_diameter")
 
 
 _RACK = {key: x.annotation for key, x in p.declared_parameters(Rack).items()}
-MaterialSection = create_section("MaterialSection", "Elastic material of a gear.", Material)
-WebSection = create_section("WebSection", "Web between rim and hub.", Web)
-TipReliefSection = create_section("TipReliefSection", "Tip relief of a gear.", TipRelief)
 GearSection = create_section(
     "GearSection",
     "One gear by its drawing, see `gearlib.geometry.SpurGear`.",
@@ -53,9 +50,6 @@ GearSection = create_section(
         _RACK["tip_radius"],
         field("Fillet radius rho_fP of another rack, in modules.", None),
     ),
-    web=(WebSection, field("Web between rim and hub.", None)),
-    material=(MaterialSection, field("Elastic material. Default: steel.", None)),
-    tip_relief=(TipReliefSection, field("Tip relief. Default: none.", None)),
 )
 _DOC = "The driving gear by its drawing; its revolutions are counted."
 PinionSection = create_section("PinionSection", _DOC, SpurGear, "module", "width", base=GearSection)
@@ -63,7 +57,9 @@ _DOC = "The other gear; left out, its module, width, angles, rack and material a
 WheelSection = create_section("WheelSection", _DOC, SpurGear, *_RING_KEYS, base=GearSection)
 _DOC = "A gear of a train by its drawing, see `gearlib.geometry.SpurGear`."
 BodyGear = create_section("BodyGear", _DOC, SpurGear, *_RING_KEYS, base=PinionSection)
-_Placed = create_section("_Placed", "Two drawn gears in their places.", Mesh)
+_Placed = create_section(
+    "_Placed", "Two drawn gears in their places.", Mesh, exclude=("pinion", "wheel")
+)
 
 
 def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) -> SpurGear:

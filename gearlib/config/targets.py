@@ -28,8 +28,17 @@ NO_TRAIN = (
 NO_MEASURED_SETS = "measured = [] is not allowed: it must be a list of YAML files"
 
 
+#: Targets that take any stiffness profile of the gear pair.
+WITH_PROFILE = ("resonance", "phase_planes", "run_ups", "labels", "measured")
+
+
 def refusal(target: str, config: Any) -> str:
     """Return why a target cannot be computed for the gears of a configuration, else ""."""
+    if config.profile and target not in WITH_PROFILE:
+        return (
+            f"profile = {config.profile.kind!r} is not allowed: it must be left out, or the target "
+            f"be one of {', '.join(WITH_PROFILE)}"
+        )
     return _REFUSALS[target](config) if target in _REFUSALS else ""
 
 

@@ -10,9 +10,12 @@ The validation context holds the gear pair (``pair``), which converts speeds to 
 names of the ``dampings``. The path of an `InputError` is that below the section which raises it.
 """
 
+import dataclasses
+import inspect
 import math
 import re
 from decimal import Decimal
+from functools import cache
 from typing import Annotated, Any, TypeVar
 
 import pydantic
@@ -29,6 +32,8 @@ MAX_JOBS = 10_000
 _TUNING_RESOLUTION = Decimal("1e-12")
 #: Upper bounds of speeds in rpm and of numbers of steps.
 _MAX_RPM, _MAX_STEPS = 10**9, 10**9
+#: Defaults that the schema does not show.
+NO_VALUES = {parameters.MISSING, None, math.inf}
 _BOUNDS = {"gt": Gt, "ge": Ge, "lt": Lt, "le": Le}
 #: Pattern of names, which are short enough for titles.
 NAME = "^[A-Za-z0-9+_-]{1,40}$"
@@ -201,26 +206,33 @@ def create_section(
     """Return a section class with a key for each declared parameter of `constructor`.
 
     `constructor` is a class or function. If `keys` are given, other parameters have no key, and
-    neither have those in `exclude` and parts of models. Keys in `required` must be given although
-    they have a default, keys in `optional` may be missing although they have none. The class is
-    derived from `base`, has the docstring `doc` and the `extra` keys, each a pair (type, field).
+    neither have those in `exclude`. Keys in `required` must be given although they have a default,
+    keys in `optional` may be missing although they have none. The class is derived from `base`, has
+    the docstring `doc` and the `extra` keys, each a pair (type, field).
     """
     fields = {}
     for key, parameter in parameters.declared_parameters(constructor).items():
-        annotation = parameters.plain_type(parameter.annotation)
         included = key in keys if keys else key not in {*exclude, *extra}
-        if not included or annotation is None:
+        if not included:
             continue
+        annotation = parameters.replace_class(parameter.annotation, _section_of)
         default, options = parameter.default, {}
         is_required = key in required or (default is parameters.MISSING and key not in optional)
         values = list(default) if isinstance(default, tuple) else [default]
-        if not (is_required or key in optional or {parameters.MISSING, None, math.inf} & {*values}):
+        is_part = any(map(dataclasses.is_dataclass, values))
+        if not (is_part or is_required or key in optional or NO_VALUES & {*values}):
             # Only the schema has the default, because the constructor itself applies it.
             default = values if isinstance(default, tuple) else default
             options = {"json_schema_extra": {"default": default}}
         definition = field(parameter.description, ... if is_required else None, **options)
         fields[key] = annotation, definition
     return pydantic.create_model(name, __base__=base, __doc__=doc, **(fields | extra))
+
+
+@cache
+def _section_of(part):
+    """Return the section of a class such as `gearlib.geometry.TipRelief`."""
+    return create_section(f"{part.__name__}Section", inspect.getdoc(part).partition("\n")[0], part)
 
 
 PositiveDamping = quantity("N s/m", "3.95 N s/mm", gt=0)

@@ -29,9 +29,9 @@ def _sentence(details: Any, root: type, content: Any) -> str:
     path, annotation = parameters.place_of(root, names)
     if location[-1:] == ("[key]",) or kind == "invalid_key":
         mapping = parameters.place_of(root, names[:-1])[1]
-        return _name_sentence(mapping, (*names[:-1], details["input"]), cause)
+        return _wrong_name(mapping, (*names[:-1], details["input"]), cause)
     if kind == "extra_forbidden":
-        return _unknown_key_sentence(root, annotation, names, details["input"])
+        return unknown_key(root, annotation, (*path, names[-1]), details["input"])
     key = parameters.dotted(path)
     if isinstance(cause, InputError):
         return sentence(cause, key, content)
@@ -82,7 +82,7 @@ def _hint(value: Any, annotation: Any) -> str:
     return f"; did you mean {similar[0]}?" if similar else parameters.unit_hint(value, annotation)
 
 
-def _name_sentence(mapping: Any, path: tuple, cause: Any) -> str:
+def _wrong_name(mapping: Any, path: tuple, cause: Any) -> str:
     """Return the sentence about a name that a mapping may not have, at the end of a path."""
     if not isinstance(path[-1], str):
         # YAML reads the keys ``4:``, ``on:`` and ``null:`` as a number, a boolean and null.
@@ -95,7 +95,7 @@ def _name_sentence(mapping: Any, path: tuple, cause: Any) -> str:
     return f"{parameters.dotted(path)} is not allowed as a name: it must be {allowed}"
 
 
-def _unknown_key_sentence(root: type, section: Any, path: tuple, value: Any) -> str:
+def unknown_key(root: type, section: Any, path: tuple, value: Any) -> str:
     """Return the sentence about an unknown key, the end of a path, in a section below `root`."""
     fields, key = parameters.parts(section)[0].__pydantic_fields__, str(path[-1])
     if similar_names := difflib.get_close_matches(key, fields, 1):

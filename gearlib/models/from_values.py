@@ -29,11 +29,6 @@ _PAIR_DAMPINGS = (
 #: Load of an unloaded mesh over the largest force of the train.
 _LEAST_FORCE = 1e-6
 
-_PROFILES = {
-    profile.__name__.lower(): profile
-    for profile in (profiles.Rectangular, profiles.Fourier, profiles.Tabulated)
-}
-
 
 def model_from_json(text: str) -> Model | None:
     """Return the model whose ``as_dict()`` has a canonical JSON text, or None if there is none.
@@ -72,10 +67,24 @@ def _model_with(values: dict[str, Any]) -> Model | None:
     pair_fields = declared_parameters(GearPair).keys()
     pair = GearPair(**{name: values.pop(name) for name in pair_fields if name in values})
     if "profile" in values:
-        profile_fields = values.pop("profile")
-        profile = _PROFILES[profile_fields.pop("kind")](**profile_fields)
-        return OneDegreePair(pair=pair, profile=profile, **values)
+        return OneDegreePair(pair=pair, profile=profile_with(**values.pop("profile")), **values)
     return None if values else pair
+
+
+def pair_with_profile(profile: dict | None = None, **values: Any) -> GearPair | OneDegreePair:
+    """Return the gear pair with these parameters, and with a stiffness profile if one is given."""
+    pair = GearPair(**values)
+    if profile is None:
+        return pair
+    return OneDegreePair(pair=pair, profile=profile_with(**profile))
+
+
+def profile_with(kind: str, **values: Any) -> profiles.Profile:
+    """Return the stiffness profile of a kind with these parameters."""
+    fields = _field_values(values)
+    if isinstance(fields.get("harmonics"), dict):
+        fields["harmonics"] = Harmonics(**fields["harmonics"])
+    return profiles.PROFILES[kind](**fields)
 
 
 def model(description: dict) -> Model:
@@ -204,4 +213,9 @@ def _mesh(
 
 
 #: Name of a kind of models -> function of the other values of a description.
-MODELS = {"pair": GearPair, "teeth": pairs_of_teeth, "six_degrees": six_degrees, "train": train}
+MODELS = {
+    "pair": pair_with_profile,
+    "teeth": pairs_of_teeth,
+    "six_degrees": six_degrees,
+    "train": train,
+}

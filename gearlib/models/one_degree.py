@@ -35,12 +35,13 @@ from annotated_types import Ge
 from gearlib import checks
 from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
 from gearlib.engines.linear.train_system import TrainSystem
+from gearlib.engines.pair.stiffness import force_note
 from gearlib.engines.taylor.series import NonlinearMesh
 from gearlib.models import one_mesh_system
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.pair import GearPair, WithPair
-from gearlib.models.profiles import Fourier, Pieces, Rectangular, Series, Steps, Tabulated
+from gearlib.models.profiles import Pieces, Profile, Rectangular, Series, Steps
 from gearlib.parameters import (
     Allowed,
     Finite,
@@ -210,7 +211,7 @@ class OneDegreePair(WithPair):
     ] = 0.0
     cubic_stiffness: Annotated[float, Ge(0), Unit("1/m^2"), described("Cubic stiffness g3")] = 0.0
     profile: Annotated[
-        Rectangular | Fourier | Tabulated, described("Mesh stiffness over the phase", "C(tau)")
+        Profile, described("Mesh stiffness over the phase, scaled to that of the pair", "C(tau)")
     ] = Rectangular()
     excitation: Annotated[Harmonics, described("External force in N, added to the load")] = (
         Harmonics()
@@ -224,8 +225,10 @@ class OneDegreePair(WithPair):
 
     @property
     def force_note(self) -> str:
-        """A sentence on jumps of the mesh force for results; "" unless stiffness is rectangular."""
-        return self.pair.force_note if isinstance(self.profile, Rectangular) else ""
+        """A sentence on jumps of the mesh force for results; "" for a continuous stiffness."""
+        if isinstance(self.profile, Rectangular):
+            return self.pair.force_note
+        return force_note(self.equation.drive_stiffness.smallest_ratio, is_rectangle=False)
 
     @property
     def stiffness_model(self) -> str:

@@ -1,5 +1,7 @@
 """Stiffness profiles over one mesh period: rectangles, Fourier series, steps and tables.
 
+numpy is imported in functions, because the configuration reads the declarations of the profiles.
+
 The engines use every profile as `Pieces`: between two neighbouring ``breaks`` the stiffness divided
 by its mean is a straight line plus harmonics,
 
@@ -15,15 +17,17 @@ import os
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from annotated_types import Ge, Le
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from gearlib.models.harmonics import Harmonics
 from gearlib.parameters import Angle, NonNegative, Positive, Stiffness, Values, declared, described
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: Samples per period of the highest harmonic in a search for crossings of the mean.
 _SAMPLES_PER_WAVE = 32
@@ -33,13 +37,26 @@ _SAMPLES_PER_WAVE = 32
 class Pieces:
     """A periodic stiffness in pieces; for gear pairs it is divided by its mean."""
 
-    breaks: np.ndarray  #: shape (m + 1,), from 0 to 2 pi
-    lines: np.ndarray  #: value at the start of each piece and slope, shape (m, 2)
-    low: np.ndarray  #: whether the piece lies below the mean, shape (m,)
-    harmonics: np.ndarray  #: order, cosine, sine, shape (n, 3)
+    breaks: "np.ndarray"  #: shape (m + 1,), from 0 to 2 pi
+    lines: "np.ndarray"  #: value at the start of each piece and slope, shape (m, 2)
+    low: "np.ndarray"  #: whether the piece lies below the mean, shape (m,)
+    harmonics: "np.ndarray"  #: order, cosine, sine, shape (n, 3)
 
-    def cut_at(self, breaks: np.ndarray) -> "Pieces":
+    @property
+    def smallest_ratio(self) -> float:
+        """The smaller over the larger stiffness at the largest jump, 1 for a continuous one."""
+        import numpy as np
+
+        values, slopes = self.lines.T
+        ends = values + slopes * np.diff(self.breaks)
+        smooth = _sum_of_harmonics(self.harmonics, self.breaks)
+        before, after = np.roll(ends, 1) + smooth[:-1], values + smooth[:-1]
+        return float(np.min(np.minimum(before, after) / np.maximum(before, after)))
+
+    def cut_at(self, breaks: "np.ndarray") -> "Pieces":
         """Return the same stiffness with more breaks, which must include the present ones."""
+        import numpy as np
+
         indices = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
         values, slopes = self.lines[indices].T
         values = values + slopes * (breaks[:-1] - self.breaks[indices])
@@ -47,9 +64,19 @@ class Pieces:
 
 
 class Profile:
-    """A stiffness over one mesh period; subclasses have a method ``pieces``."""
+    """A stiffness over one mesh period, the shape of the mesh stiffness of a pair.
 
-    description = ""  #: in words, "" for the rectangle of the pair
+    A new profile is a class below with a method ``pieces`` and an entry in ``gearlib/__init__.py``.
+    """
+
+    @property
+    def description(self) -> str:
+        """The stiffness in words, "" for the rectangle of the pair."""
+        return ""
+
+    def pieces(self, pair: Any = None) -> Pieces:
+        """Return the stiffness as `Pieces`, for a `GearPair` divided by its mean."""
+        raise NotImplementedError
 
     def as_dict(self) -> dict:
         """Return the kind of the profile and its parameters as plain values."""
@@ -60,8 +87,10 @@ class Profile:
 class Rectangular(Profile):
     """The rectangular stiffness of Eq. (1): C_max around tau = 0, C_min elsewhere."""
 
-    def pieces(self, pair: Any) -> Pieces:
+    def pieces(self, pair: Any = None) -> Pieces:
         """Return the rectangular mesh stiffness of a `GearPair`, divided by its mean."""
+        import numpy as np
+
         high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
         # The period starts in the middle of the upper level, so that this level is cut in half.
         half_high_length, low_length = segment_lengths(pair.contact_ratio)
@@ -88,12 +117,14 @@ class Fourier(Profile):
     ]
 
     @property
-    def description(self) -> str:  # type: ignore[override]
+    def description(self) -> str:
         """The stiffness in words."""
         return f"Fourier series of {self.harmonics} harmonics"
 
-    def pieces(self, pair: Any) -> Pieces:
+    def pieces(self, pair: Any = None) -> Pieces:
         """Return the truncated Fourier series of the stiffness of a `GearPair` over its mean."""
+        import numpy as np
+
         high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
         orders = np.arange(1, self.harmonics + 1)
         amplitudes = (high - low) / 2.0 * 4.0 / (math.pi * orders) * (-1.0) ** orders
@@ -104,7 +135,7 @@ class Fourier(Profile):
 
 @declared(kw_only=False)
 class Series(Profile):
-    """A mean stiffness plus harmonics, for `gearlib.DeadZoneOscillator`.
+    """A mean stiffness plus harmonics.
 
     Raises
     ------
@@ -117,6 +148,8 @@ class Series(Profile):
 
     def __post_init__(self) -> None:
         """Check that the stiffness is not negative at any phase."""
+        import numpy as np
+
         table = self.harmonics.table()
         phase = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * len(table) + 1)
         minimum = self.mean + float(_sum_of_harmonics(table, phase).min())
@@ -127,14 +160,20 @@ class Series(Profile):
                 f"stiffness falls to {minimum:.6g}; it must be >= 0 at every phase"
             )
 
-    def pieces(self) -> Pieces:
-        """Return the stiffness as `Pieces`, in the unit of its mean."""
-        return _harmonic_pieces(self.mean, self.harmonics.table())
+    @property
+    def description(self) -> str:
+        """The stiffness in words."""
+        return f"mean and harmonics up to order {len(self.harmonics.table())}"
+
+    def pieces(self, pair: Any = None) -> Pieces:
+        """Return the stiffness as `Pieces`, in the unit of its mean, for a pair over its mean."""
+        mean = self.mean if pair is None else 1.0
+        return _harmonic_pieces(mean, self.harmonics.table(mean / self.mean))
 
 
 @declared(kw_only=False)
 class Steps(Profile):
-    """A periodic stiffness of constant segments, for `gearlib.DeadZoneOscillator`.
+    """A periodic stiffness of constant segments.
 
     Raises
     ------
@@ -156,15 +195,23 @@ class Steps(Profile):
     def __post_init__(self):
         _check_table(self, 1)
 
-    def pieces(self) -> Pieces:
-        """Return the stiffness as `Pieces`, in the unit of its values."""
+    @property
+    def description(self) -> str:
+        """The stiffness in words."""
+        return f"{len(self.phase)} steps"
+
+    def pieces(self, pair: Any = None) -> Pieces:
+        """Return the stiffness as `Pieces`, in the unit of its values, for a pair over its mean."""
+        import numpy as np
+
         starts, values = np.array(self.phase), np.array(self.stiffness)
         if starts[0] > 0.0:
             starts, values = np.append(0.0, starts), np.append(values[-1], values)
         breaks = np.append(starts, 2.0 * math.pi)
         mean = float(values @ np.diff(breaks)) / (2.0 * math.pi)
         # The tolerance keeps a constant stiffness from lying below its rounded mean.
-        return _constant_pieces(breaks, values, values < (1.0 - 1e-12) * mean)
+        is_low = values < (1.0 - 1e-12) * mean
+        return _constant_pieces(breaks, values if pair is None else values / mean, is_low)
 
 
 @declared(kw_only=False)
@@ -186,7 +233,7 @@ class Tabulated(Profile):
         _check_table(self, 2)
 
     @property
-    def description(self) -> str:  # type: ignore[override]
+    def description(self) -> str:
         """The stiffness in words."""
         return f"table of {len(self.phase)} phases"
 
@@ -211,6 +258,8 @@ class Tabulated(Profile):
             If a column is missing, an entry is not allowed, or more than half of the period has no
             phase.
         """
+        import numpy as np
+
         is_file = isinstance(path, str | os.PathLike) and Path(path).is_file()
         checks.require(is_file, "path", path, "a CSV or netCDF file")
         path = Path(path)
@@ -233,6 +282,8 @@ class Tabulated(Profile):
 
     def mean(self) -> float:
         """Return the mean stiffness over one period, N/m."""
+        import numpy as np
+
         phase, values = self._closed_period()
         return float(np.trapezoid(values, phase) / (2.0 * math.pi))
 
@@ -246,8 +297,10 @@ class Tabulated(Profile):
             return high, 1.0, 1.5
         return high, low / high, 1.0 + (mean - low) / (high - low)
 
-    def pieces(self, pair: Any) -> Pieces:
+    def pieces(self, pair: Any = None) -> Pieces:
         """Return the table divided by its mean as `Pieces`; the `GearPair` is not used."""
+        import numpy as np
+
         phase, values = self._closed_period()
         values = values / self.mean()
         left, right = values[:-1] - 1.0, values[1:] - 1.0
@@ -262,10 +315,16 @@ class Tabulated(Profile):
         low = (values[:-1] + values[1:]) / 2.0 < 1.0
         return Pieces(breaks, np.column_stack([values[:-1], slopes]), low, np.empty((0, 3)))
 
-    def _closed_period(self) -> tuple[np.ndarray, np.ndarray]:
+    def _closed_period(self) -> tuple["np.ndarray", "np.ndarray"]:
         """Return phases and stiffnesses with the first point repeated one period later."""
+        import numpy as np
+
         phase = np.array([*self.phase, self.phase[0] + 2.0 * math.pi])
         return phase, np.array([*self.stiffness, self.stiffness[0]])
+
+
+#: Kind of a profile -> its class.
+PROFILES = {kind.__name__.lower(): kind for kind in Profile.__subclasses__()}
 
 
 def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
@@ -303,6 +362,8 @@ def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
 
 def _netcdf_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
     """Return variables of a netCDF file as tuples."""
+    import numpy as np
+
     # Imported here, since only netCDF files need xarray.
     import xarray as xr
 
@@ -348,21 +409,27 @@ def _constant_pieces(breaks, values, low, harmonics=()) -> Pieces:
     `breaks` are m + 1 phases, `values`, shape (m,), the constants; `low`, shape (m,), marks pieces
     below the mean, and `harmonics`, shape (n, 3), has rows (order, cosine, sine).
     """
+    import numpy as np
+
     lines = np.column_stack([values, 0.0 * values])
     return Pieces(breaks, lines, low, np.reshape(harmonics, (-1, 3)))
 
 
-def _sum_of_harmonics(harmonics: np.ndarray, phases: Any) -> np.ndarray:
+def _sum_of_harmonics(harmonics: "np.ndarray", phases: Any) -> "np.ndarray":
     """Return the sum of harmonics, (n, 3) with rows (order, cosine, sine), at phases in rad."""
+    import numpy as np
+
     angles = np.multiply.outer(phases, harmonics[:, 0])
     return np.cos(angles) @ harmonics[:, 1] + np.sin(angles) @ harmonics[:, 2]
 
 
-def _harmonic_pieces(mean: float, harmonics: np.ndarray) -> Pieces:
+def _harmonic_pieces(mean: float, harmonics: "np.ndarray") -> Pieces:
     """Return `Pieces` of a mean plus harmonics, with breaks where the sum crosses the mean.
 
     The harmonics, shape (n, 3), are rows (order, cosine, sine).
     """
+    import numpy as np
+
     # Imported here, since loading it takes 0.3 s and only these profiles need it.
     from scipy.optimize import brentq
 

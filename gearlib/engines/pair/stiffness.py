@@ -17,12 +17,14 @@ def mean_over_max(contact_ratio, stiffness_ratio):
     return stiffness_ratio + (1.0 - stiffness_ratio) * (contact_ratio - 1.0)
 
 
-def force_note(stiffness_ratio):
-    """Return a warning of the force jumps of a rectangular stiffness, '' if C_min / C_max is 1."""
+def force_note(stiffness_ratio, is_rectangle=True):
+    """Return a warning of the force jumps of a stiffness with steps, '' if C_min / C_max is 1."""
     if stiffness_ratio == 1.0:
         return ""
+    stiffness = "rectangular stiffness" if is_rectangle else "stiffness with steps"
+    factor = "1/kappa =" if is_rectangle else "a factor of up to"
     return (
-        f"The mesh force of a rectangular stiffness jumps by 1/kappa = {1.0 / stiffness_ratio:.4g} "
+        f"The mesh force of a {stiffness} jumps by {factor} {1.0 / stiffness_ratio:.4g} "
         "where a pair of teeth enters, at every speed: its largest value is not a K_v. Tip relief "
         "and pitch errors are left out."
     )
