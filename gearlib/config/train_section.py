@@ -120,6 +120,13 @@ class BodyPart(_Body):
         return self
 
 
+class Deviation(Section):
+    """Deviation of the flanks over the mesh phase."""
+
+    cosines: list[p.Error] = field("Amplitudes of the cosines of orders 1, 2, ..., m.", [])
+    sines: list[p.Error] = field("Amplitudes of the sines of orders 1, 2, ..., m.", [])
+
+
 _DOC = "Centre distance of drawn gears, m. Default: without backlash by the shifts."
 _TORQUE_DOC = "Torque of the pinion of drawn gears, N m. Default: by the torques of the bodies."
 MeshPart = create_section(
@@ -131,6 +138,8 @@ MeshPart = create_section(
     optional=("max_stiffness", "stiffness_ratio", "contact_ratio"),
     centre_distance=(Diameter, field(_DOC, None)),
     torque=(Torque, field(_TORQUE_DOC, None)),
+    deviation=(Deviation, field("Deviation of the drive-side flanks.", None)),
+    inverse_deviation=(Deviation, field("Deviation of the coast-side flanks.", None)),
 )
 
 

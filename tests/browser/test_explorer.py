@@ -19,7 +19,7 @@ from gearlib import cli, config, geometry
 from gearlib.explorer import page, sliders
 from gearlib.explorer.figures import derived_quantities
 from gearlib.explorer.view import SAMPLES, SHOWN_PERIODS, compute_view
-from gearlib.models.from_values import pairs_of_teeth
+from gearlib.models.from_values import model
 from tests.browser.chromium import browser, errors, everywhere, texts, wait_for
 from tests.paper import CONFIG
 
@@ -51,7 +51,7 @@ def moved(settings, damping, **values):
 
 def pair_of(settings, damping):
     """Return the gear pair of a configuration with the damping of that name."""
-    return gearlib.GearPair(**config.load(settings).pair_parameters(damping))
+    return model(config.load(settings).pair(damping))
 
 
 @pytest.mark.parametrize(("settings", "damping"), [(CONFIG, "k1"), (RELIEVED, "d")])
@@ -176,12 +176,14 @@ def test_curves_over_the_speed_are_sweeps_of_pairs_of_teeth_with_iso_beside():
 def test_sliders_of_a_drawing_have_the_damping_ratio_of_pairs_of_teeth():
     damping = {"material_damping": 500.0, "backlash_damping": 3.0}
     settings = DRAWN | {"dampings": {"d": damping}}
-    model = pairs_of_teeth(**config.load(settings).teeth_parameters("d"))
+    pairs_of_teeth = model(config.load(settings).gears_model("d"))
     shown = sliders.Sliders(settings, "d")
-    assert shown.sliders["damping_ratio"].initial == pytest.approx(model.damping_ratio, rel=1e-11)
+    assert shown.sliders["damping_ratio"].initial == pytest.approx(
+        pairs_of_teeth.damping_ratio, rel=1e-11
+    )
     # A change of the torque leaves the damping of the motion as it is.
-    changed = config.load(moved(settings, "d", torque=40.0)).teeth_parameters("d")
-    assert pairs_of_teeth(**changed).material_damping == pytest.approx(500.0, rel=0.02)
+    changed = config.load(moved(settings, "d", torque=40.0)).gears_model("d")
+    assert model(changed).material_damping == pytest.approx(500.0, rel=0.02)
 
 
 @pytest.mark.parametrize("settings", [DRAWN, RELIEVED])

@@ -76,9 +76,7 @@ def test_helices_that_contradict_each_other_are_refused(angles, internal):
         SpurGear(teeth=z, module=3e-3, width=0.02, helix_angle=angle, internal=z > 50 and internal)
         for z, angle in zip((25, 80), angles, strict=True)
     )
-    with pytest.raises(
-        ValueError, match=rf"^wheel.helix_angle = {angles[1]} .* pinion, 0\.3"
-    ):
+    with pytest.raises(ValueError, match=rf"^wheel.helix_angle = {angles[1]} .* pinion, 0\.3"):
         Mesh(pinion, wheel)
 
 

@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 from gearlib import config, duty_point
 from gearlib.cli import main
+from gearlib.models.from_values import model
 from gearlib.studies import paper
 
 DAMPINGS = {"usual": {"damping_ratio": 0.05, "backlash_damping_ratio": 0.0}}
@@ -52,9 +53,9 @@ def dynamic_factors(settings, gears):
     command("sweep", *speeds, "--direction", "cold", "-o", "sweep.nc")
     yield float(xr.load_dataset("sweep.nc").dynamic_factor[0])
     run = {"periods": settings.periods, "record_periods": 10, "initial_state": "static"}
-    arguments = settings.pair_parameters("usual"), settings.phase_planes.tunings[0], run, "usual"
-    teeth = settings.teeth_parameters("usual")
-    yield paper.phase_plane_run(*arguments, teeth=teeth).dynamic_factor.item()
+    models = model(settings.gears_model("usual", pitch_errors=True)), model(settings.pair("usual"))
+    motion = paper.phase_plane_run(*models, settings.phase_planes.tunings[0], run, "usual")
+    yield motion.dynamic_factor.item()
     from gearlib.explorer import view
 
     yield view.compute_view(settings_mapping(gears), "usual").run.dynamic_factor.item()

@@ -6,9 +6,9 @@ import pytest
 from gearlib import integrators
 from gearlib.config import load
 from gearlib.studies.trials import problems, references, work_precision
-from tests.paper import CONFIG
+from tests.paper import CONFIG, PAPER
 
-PAIR, SIX = CONFIG["gear_pair"], CONFIG["six_degrees"]
+PAIR, SIX = PAPER, CONFIG["six_degrees"]
 SETTINGS = load(CONFIG).model_dump()["work_precision"]
 SETTINGS |= {"periods": 4, "record_periods": 3}
 #: Rounding of a hundred arcs; without damping it grows with every bounce, tenfold at most. In six

@@ -178,7 +178,9 @@ LIBRARY = {
     # Trains.
     "mass of body a = None ... where the support is elastic": lambda: a(support_stiffness=1e8),
     "support_stiffness[1] of body a = -1.0 ... >= 0 (inf": lambda: a(support_stiffness=(1e8, -1.0)),
-    "support_stiffness of body a = ... one value or a list of 2": lambda: a(support_stiffness=(1e8,) * 3),
+    "support_stiffness of body a = ... one value or a list of 2": lambda: a(
+        support_stiffness=(1e8,) * 3
+    ),
     "eccentricity of body a = 1e-06 ... 0 for a body without teeth": lambda: a(
         teeth=None, eccentricity=1e-6
     ),
@@ -232,9 +234,7 @@ LIBRARY = {
     "initial_state = ... 'static'": lambda: planetary().check_state(("a", "b")),
     "phase = nan ... finite": lambda: planetary().static(phase=math.nan),
     # Planetary sets of drawn gears.
-    "ring.internal = False ... True": lambda: planetary_set(
-        *[planet(teeth=36)] * 3, torque=1.0
-    ),
+    "ring.internal = False ... True": lambda: planetary_set(*[planet(teeth=36)] * 3, torque=1.0),
     "contact_ratio of the ring mesh = 0.99 ... >= 1": lambda: planets(27, 34, 97, 0.092),
     # A centre distance makes up for two teeth, but the tips of the ring begin too far inside.
     "ring.tip_diameter = 0.291 ... begins 0.0102": lambda: planets(27, 37, 99, 0.096),

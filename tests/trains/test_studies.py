@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gearlib import GearPair, periodic_orbit, planetary, simulate
+from gearlib import periodic_orbit, planetary, simulate
 from gearlib.config import load
+from gearlib.models.from_values import model
 from gearlib.studies import many_starts, trains
 from tests.paper import CONFIG as PROJECT
 from tests.tables import read_back
 
 CONFIG = load(PROJECT)
-PAIR = GearPair(**CONFIG.pair_parameters(CONFIG.reducer.damping))
+PAIR = model(CONFIG.pair(CONFIG.reducer.damping))
 REDUCER = CONFIG.reducer.model_dump() | {"starts": 4, "first_starts": 2}
 TRAIN = trains.reducer_train(PAIR, REDUCER)
 MANY = {"periods": 120, "record_periods": 12, "starts": 5, "first_starts": 2, "seed": 3}
@@ -51,7 +52,7 @@ def test_the_table_of_critical_speeds_has_every_intersection_once(tmp_path):
         },
         {"case": ["alike"], "tuning": tunings, "mesh": list(TRAIN.mesh_names)},
     )
-    diagram = trains.campbell(sweeps, orders=2, pair=PAIR.as_dict(), settings=REDUCER)
+    diagram = trains.campbell(sweeps, orders=2, pair=PAIR, settings=REDUCER)
     rows = read_back(trains.campbell_rows(diagram), tmp_path)
     speeds = [int(row["critical_speed_rpm"]) for row in rows]
     swept = diagram.speed.values
@@ -68,7 +69,7 @@ def test_the_table_of_critical_speeds_has_every_intersection_once(tmp_path):
 
 def test_the_table_of_the_reducer_holds_a_row_for_each_mesh(tmp_path):
     settings = REDUCER | {"periods": 84, "record_periods": 42}
-    sweeps = trains.reducer(PAIR.as_dict(), [0.84, 0.96], settings)
+    sweeps = trains.reducer(PAIR, [0.84, 0.96], settings)
     rows = read_back(trains.reducer_rows(sweeps), tmp_path)
     cases, directions, meshes = 3, 3, 6
     assert len(rows) == cases * directions * meshes

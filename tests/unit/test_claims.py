@@ -15,7 +15,7 @@ from gearlib.studies import certificates, claims, jump, paper, resonance, scenes
 from gearlib.studies.trials import fastest, problems
 from gearlib.studies.trials.work_precision import event_error
 from tests.golden import data as golden
-from tests.paper import CONFIG, PAPER, PARAMETERS
+from tests.paper import CONFIG, PAPER
 from tests.tables import read_back
 
 DAMPINGS = {
@@ -34,7 +34,7 @@ Data = namedtuple("Data", "resonance phase_planes phase_lag jump scenes")
 def phase_lag(*dampings):
     """Return the phase lag at a tuning of 0.72 for material dampings in N s/m."""
     options = {"harmonics": 2, "periods": 6000, "samples_per_period": 64}
-    return paper.phase_lag(PAPER.as_dict(), list(dampings), 0.72, [0.7], **options)
+    return paper.phase_lag(PAPER, list(dampings), 0.72, [0.7], **options)
 
 
 @pytest.fixture(scope="module")
@@ -45,11 +45,11 @@ def data():
         pair = PAPER.replace(**damping)
         curve = sweep(pair, np.arange(0.5, 1.4001, 0.002), **RUN)
         curves.append(curve.assign_coords(damping=name, direction="cold"))
-        runs += [paper.phase_plane_run(pair.as_dict(), nu, options, name) for nu in PLANES]
+        runs += [paper.phase_plane_run(pair, pair, nu, options, name) for nu in PLANES]
     # The jump of the motion from rest, and its shift by a start at a displacement of 0.1.
     settings = {"resolution": 1e-5, "displacements": [0.1], "velocities": []}
     settings |= {"harmonics": [], "factors": [], "tolerances": []}
-    pair = PAPER.replace(**DAMPINGS["k1"]).as_dict()
+    pair = PAPER.replace(**DAMPINGS["k1"])
     jumps = jump.jump_and_shifts(pair, np.linspace(0.81, 0.82, 11), settings, RUN)
     scenes = {name: golden.read(f"scenes/{name}.nc") for name in CONFIG["scenes"]}
     tables = gather_resonance(curves), gather_phase_planes(runs)
@@ -129,7 +129,7 @@ def test_the_table_of_certificates_is_that_of_the_documentation(tmp_path, monkey
     monkeypatch.setattr(certificates, "REDUCER_TUNINGS", ())
     pair, step = PAPER.replace(**DAMPINGS["k1"]), {"step": 0.2, "max_height": 20.0}
     branches = {"k1": resonance.branches_of(pair, 0.5, 1.4, max_points=2000, **step)}
-    proofs = certificates.certify_branches({"k1": pair.as_dict()}, branches, PLANES)
+    proofs = certificates.certify_branches({"k1": pair}, branches, PLANES)
     write_table(certificates.certificate_rows(proofs), tmp_path / "table.csv")
     documented = Path("docs/claims/certificates.csv").read_text(encoding="utf-8").splitlines()
     expected = [line for line in documented if line.startswith(("damping,", "k1,"))]
@@ -158,7 +158,7 @@ def test_the_table_of_lost_contact_is_that_of_the_documentation(tmp_path):
     assert (tmp_path / "table.csv").read_text(encoding="utf-8") == expected
     # Contact is also lost in a forced motion; the scan ends before it lasts again.
     run = {"periods": 120, "initial_state": [0.0, 0.0]}
-    losses = stability.contact_loss({"free": PARAMETERS}, 0.82, 0.6, 1.1, run)
+    losses = stability.contact_loss({"free": PAPER}, 0.82, 0.6, 1.1, run)
     (row,) = read_back(stability.rows(losses), tmp_path)
     assert (row["tuning"], row["cause"], row["lost"]) == ("0.82", "forced response", "yes")
     assert row["loss_from"] != "" == row["loss_to"]

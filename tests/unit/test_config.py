@@ -12,10 +12,11 @@ import yaml
 from click.testing import CliRunner
 
 import gearlib
-from gearlib import GearPair, SixDegreePair, tunings, units
+from gearlib import SixDegreePair, tunings, units
 from gearlib.cli import main
 from gearlib.config import ConfigError, cases, load, overlay
 from gearlib.geometry import SpurGear
+from gearlib.models.from_values import model
 from gearlib.removed import REMOVED
 from gearlib.tunings import grid, name_of, values_of, windows
 from tests.paper import CONFIG
@@ -55,7 +56,7 @@ def test_a_configuration_in_other_units_is_the_same():
     )
     assert settings.gear_pair == paper.gear_pair and settings.dampings == paper.dampings
     (case,) = settings.scenes["fig7_damping"].cases
-    assert settings.case_parameters(case)["load"] == 1000.0
+    assert settings.pair(case.damping, case.change)["load"] == 1000.0
 
 
 def test_speeds_in_rpm_become_tunings():
@@ -67,7 +68,7 @@ def test_speeds_in_rpm_become_tunings():
         branches={"start": "1500 rpm"},
         basins={"cases": basins},
     )
-    pair, section = GearPair(**settings.pair_parameters("k1")), settings.resonance
+    pair, section = model(settings.pair("k1")), settings.resonance
     # A window of 1500 rpm takes two jobs for a sweep from rest ("cold") over 3000 rpm.
     assert len(section.windows("cold")) == 2
     values = tunings.grid(section.start, section.stop, section.step)
@@ -81,9 +82,9 @@ def test_speeds_in_rpm_become_tunings():
     assert (second, branches.stop) == (0.8, 1.4)
     # The third case of `basins` changes the gears, and its tuning refers to the changed gears.
     case = settings.basins.cases[2]
-    gears = settings.case_parameters(case)
-    assert gears["stiffness_ratio"] == 0.35
-    assert GearPair(**gears).speed(case.tuning) == pytest.approx(2000.0, rel=1e-12)
+    gears = model(settings.pair(case.damping, case.change))
+    assert gears.stiffness_ratio == 0.35
+    assert gears.speed(case.tuning) == pytest.approx(2000.0, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +187,7 @@ def test_defaults_follow_from_gears_and_dampings(backlash, dampings):
     assert set(settings.figures.colours) == set(dampings)
     assert len(set(settings.figures.colours.values())) == len(dampings)
     # The default bodies of six degrees of freedom have the reduced mass of the pair.
-    pair = GearPair(**settings.pair_parameters(next(iter(dampings))))
+    pair = model(settings.pair(next(iter(dampings))))
     six = SixDegreePair(pair=pair, **settings.six_degrees.model_dump())
     assert six.reduced_mass_free == pytest.approx(GEARS["reduced_mass"], rel=1e-12)
 

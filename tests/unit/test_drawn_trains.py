@@ -12,7 +12,7 @@ import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.config import load, train_section
 from gearlib.geometry import Mesh, SpurGear, planetary_set
-from gearlib.models.from_values import train_from_description
+from gearlib.models.from_values import model
 from tests.paper import CONFIG
 
 REGISTRY = pint.UnitRegistry()
@@ -59,7 +59,7 @@ def compare(text, value):
 
 def read(kind, section):
     settings = load(CONFIG | {"train": {"kind": kind, kind: section}})
-    return train_from_description(**settings.train_parameters("k1"))
+    return model(settings.gears_model("k1", "train"))
 
 
 @pytest.mark.parametrize("kind", ["split_power_reducer", "planetary", "idler", "two_stage"])
@@ -67,7 +67,7 @@ def test_a_ready_made_train_is_that_of_the_library(kind):
     settings = load(CONFIG | {"train": EVERY | {"kind": kind}})
     section = getattr(settings.train, kind)
     assert section.model_dump().keys() == EVERY[kind].keys() == type(section).model_fields.keys()
-    pair = () if kind == "planetary" else (gearlib.GearPair(**settings.pair_parameters("k1")),)
+    pair = () if kind == "planetary" else (model(settings.pair("k1")),)
     assert read(kind, EVERY[kind]) == getattr(gearlib, kind)(*pair, **section.model_dump())
 
 

@@ -68,7 +68,11 @@ def test_the_settings_of_the_file_are_fitted(run):
 WRONG_CALLS = [
     ([], {"fit": {"free": {"load": ["2 kN", "5 kg"]}}}, "free.load = ['2 kN', '5 kg'] is n"),
     ([], {"fit": {"free": {"load": [2000.0]}}}, "fit.free.load"),
-    ([], {"fit": {"free": {"mass": ["2 kg", "3 kg"]}}}, "a list of 2 entries, each a finite number"),
+    (
+        [],
+        {"fit": {"free": {"mass": ["2 kg", "3 kg"]}}},
+        "a list of 2 entries, each a finite number",
+    ),
     ([], {"fit": {"fre": {}}}, "fit.fre"),
     ([], {"fit": {}}, "--free is missing: give NAME=LOW,HIGH, or fit.free in rig.yaml"),
     (["--free", "load"], {}, "free.load = [] is not allowed: it must be a list of 2 entries"),

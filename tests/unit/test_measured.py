@@ -384,7 +384,7 @@ def test_harmonics_of_a_time_history_are_those_it_was_made_of(written):
     table = csv(channels, time, 7.0 + waves @ amplitudes)
     path = written(table, channels=channels, conditions=conditions)
     run = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
-    course = study.time_history_harmonics(path, {"k": PAIR.as_dict()}, run).squeeze()
+    course = study.time_history_harmonics(path, {"k": PAIR}, run).squeeze()
     assert course.amplitude.values == pytest.approx(1e-6 * amplitudes, rel=1e-9)
     shape = np.radians(course.shape_phase.values) - (phases - orders * phases[0])
     assert np.cos(shape) == pytest.approx(1.0, abs=1e-12)
@@ -401,7 +401,7 @@ def test_conditions_may_have_different_observables(written):
     table = "observableId,simulationConditionId,time,measurement\n" + "\n".join(rows)
     path = written(table, channels=X_AND_FORCE, conditions=conditions)
     run = {"periods": 24, "record_periods": 1, "samples_per_period": 32}
-    courses = study.time_history_harmonics(path, {"k": PAIR.as_dict()}, run)
+    courses = study.time_history_harmonics(path, {"k": PAIR}, run)
     # Not measured: the force in the first condition, the displacement in the second.
     np.testing.assert_array_equal(
         np.isnan(courses.amplitude[..., 0]).squeeze(), ~np.eye(2, dtype=bool)
