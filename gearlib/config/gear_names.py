@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from gearlib.config.gear_pair_section import GearPairSection
 from gearlib.config.gears_section import FZG_C
 from gearlib.models.geometry.iso import METHOD_NAMES
+from gearlib.models.profiles import profile_of
 
 #: Values of the mesh of Hortel and Skuderova (2007), "the paper"; they identify its pair.
 PAPER = {
@@ -80,6 +81,8 @@ def name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) ->
     Gears without a drawing are named by their rectangle.
     """
     gears, name = config.gears, name_of_pair(config, modified=teeth, pitch_errors=pitch_errors)
+    if config.profile:
+        name += f"; {profile_of(**config.profile.model_dump()).description}"
     if gears is None:
         return name
     method = gears.stiffness or (gears.mesh().tooth_stiffness if teeth else "iso")

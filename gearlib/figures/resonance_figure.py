@@ -4,6 +4,8 @@ Above, the paper's figure with its three scales of tuning and the speed. Below, 
 damping with the sweeps from rest, up and down, which show the hysteresis.
 """
 
+import textwrap
+
 import numpy as np
 import xarray as xr
 from matplotlib.patches import Patch
@@ -137,15 +139,14 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
 def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
     """Draw the largest mesh forces, computed for the keys of `curve_styles`, and measured ones.
 
-    The title warns where no dynamic factor K_v follows: κ is the ratio of the two stiffnesses.
+    The title warns of forces that jump, from which no dynamic factor K_v follows.
     """
     axes.set_ylim(0.0, 1.05 * shown_range(sweeps, FORCE)[1])
     _draw_dampings(axes, sweeps, curve_styles, FORCE)
     axes.axhline(1.0, color="#8C8C8C", linewidth=0.6, zorder=1)
     axes.set(xlabel=style.TUNING_LABEL, ylabel=panels.axis_label(sweeps[FORCE[0]], width=24))
-    if "dynamic_factor" not in sweeps:
-        title = "rectangular stiffness: the force jumps by 1/κ at every speed, it is not a $K_v$"
-        axes.set_title(title, fontsize="small")
+    warning = sweeps.attrs.get("comment", "").partition(":")[0]
+    axes.set_title(textwrap.fill(warning, 70), fontsize="small")
     style.second_scale(axes, float(sweeps.force_scale) / 1e3, "mesh force (kN)", "right")
     measured_figure.draw_curves(axes, measured, FORCE, curve_styles)
 

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from gearlib.data.files import canonical_json
-from gearlib.models import profiles
 from gearlib.models.geometry import mesh as geometry
 from gearlib.models.geometry.drawings import gear
 from gearlib.models.geometry.drawings import mesh as geometry_from_dict
@@ -16,6 +15,7 @@ from gearlib.models.load_sharing_pair import LoadSharingPair, default_load_shari
 from gearlib.models.model import Model
 from gearlib.models.one_degree import OneDegreePair
 from gearlib.models.pair import GearPair
+from gearlib.models.profiles import profile_of
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.models.trains import planetary, ready_made
 from gearlib.models.trains.elements import Body, Mesh, Shaft
@@ -67,7 +67,7 @@ def _model_with(values: dict[str, Any]) -> Model | None:
     pair_fields = declared_parameters(GearPair).keys()
     pair = GearPair(**{name: values.pop(name) for name in pair_fields if name in values})
     if "profile" in values:
-        return OneDegreePair(pair=pair, profile=profile_with(**values.pop("profile")), **values)
+        return OneDegreePair(pair=pair, profile=profile_of(**values.pop("profile")), **values)
     return None if values else pair
 
 
@@ -76,15 +76,7 @@ def pair_with_profile(profile: dict | None = None, **values: Any) -> GearPair | 
     pair = GearPair(**values)
     if profile is None:
         return pair
-    return OneDegreePair(pair=pair, profile=profile_with(**profile))
-
-
-def profile_with(kind: str, **values: Any) -> profiles.Profile:
-    """Return the stiffness profile of a kind with these parameters."""
-    fields = _field_values(values)
-    if isinstance(fields.get("harmonics"), dict):
-        fields["harmonics"] = Harmonics(**fields["harmonics"])
-    return profiles.PROFILES[kind](**fields)
+    return OneDegreePair(pair=pair, profile=profile_of(**profile))
 
 
 def model(description: dict) -> Model:

@@ -327,6 +327,13 @@ class Tabulated(Profile):
 PROFILES = {kind.__name__.lower(): kind for kind in Profile.__subclasses__()}
 
 
+def profile_of(kind: str, **values: Any) -> Profile:
+    """Return the profile of a kind with these parameters, plain values."""
+    if isinstance(values.get("harmonics"), dict):
+        values["harmonics"] = Harmonics(**values["harmonics"])
+    return PROFILES[kind](**values)
+
+
 def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
     """Return columns of a CSV file with a header as numbers; raise ValueError naming the line."""
     try:

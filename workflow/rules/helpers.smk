@@ -313,7 +313,7 @@ config["captions"] = {
         f"Model: {GEARS.partition('; ')[2]}, which share the load and touch early at their tip "
         "corners; with tip relief, without pitch errors."
         if CONFIG.gears
-        else ""
+        else f"Model: one degree of freedom, {GEARS.partition('; ')[2] or 'rectangular stiffness'}."
     ),
     "train": (
         f"the train of the section ``train``, {CONFIG.train.kind.replace('_', ' ')}"
