@@ -195,7 +195,7 @@ workflow -n --configfile colon.yaml | colon.yaml: 'resonance' is not allowed: it
 workflow -n --configfile no.yaml | --configfile = 'no.yaml' is not allowed: it must be a file
 simulate --config five.yaml --tuning 1 | dampings = 5 is not allowed: it must be
 simulate --config four_planets.yaml --case a --tuning 1 | --case a: it must be left out
-modes --config four_planets.yaml | planets = 4 is not allowed: (z_s + z_r) / N
+modes --config four_planets.yaml | planets = 4 is not allowed: it must be such that (z_s + z_r) / N
 simulate --config misspelt.yaml --tuning 1 | did you mean resonance
 simulate --config four_planets.yaml --damping k9 --tuning 1 | one of k1
 gears --teeth 23 --module '2 mm' | --teeth = 23 is not allowed: it must be
