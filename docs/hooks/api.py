@@ -1,6 +1,5 @@
 """The page `reference/api.md`: docstrings of gearlib, of `gearlib.geometry` and `gearlib.plot`."""
 
-import importlib
 import inspect
 
 from mkdocs.structure.files import File
@@ -9,7 +8,6 @@ import gearlib
 import gearlib.geometry
 import gearlib.plot
 from gearlib import parameters
-from tables import markdown
 
 PAGE = "reference/api.md"
 _HEAD = """# Python
@@ -48,10 +46,6 @@ def reference():
             if not belongs(thing):
                 continue
             lines += [f"### {name}", "", "```python", signature(thing), "```", ""]
-            if "table of the module" in inspect.getdoc(thing):
-                # The class leaves its parameters to the table at the head of its module.
-                home = importlib.import_module(thing.__module__)
-                lines += [markdown(inspect.getdoc(home)), ""]
             lines += parameters_of(thing)
             lines += [f"::: {thing.__module__}.{thing.__qualname__}", ""]
     return "\n".join(lines)
