@@ -1,15 +1,24 @@
 """Docstrings on the page `reference/api.md`, which griffe reads from the imported modules."""
 
+import inspect
+
 import griffe
 
 
 class Docstrings(griffe.Extension):
-    """Keep the docstrings for users, and take the defaults of parameters from signatures."""
+    """Take docstrings from objects as users see them, and defaults from signatures."""
 
     def on_instance(self, *, node, obj, **_):
-        """Remove docstrings of modules, of base classes and of the types of values."""
-        is_value = obj.is_attribute and "property" not in obj.labels
-        if obj.is_module or is_value or not getattr(node.obj, "__doc__", None):
+        """Remove docstrings of modules, base classes and types of values; griffe adds these.
+
+        It also leaves out the parameters that a decorator has written into a docstring.
+        """
+        text = None
+        if not obj.is_module and (not obj.is_attribute or "property" in obj.labels):
+            text = getattr(node.parent.obj, node.name).__doc__
+        if text and obj.docstring:
+            obj.docstring.value = inspect.cleandoc(text)
+        else:
             obj.docstring = None
 
     def on_function(self, *, func, **_):
