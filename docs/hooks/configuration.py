@@ -17,9 +17,8 @@ def on_files(files, config):
 
 def on_page_markdown(markdown, **_):
     """Put the tables into the page."""
-    if (mark := "<!-- keys of the configuration -->") in markdown:
-        markdown = markdown.replace(mark, tables())
-    return markdown
+    mark = "<!-- keys of the configuration -->"
+    return markdown.replace(mark, tables()) if mark in markdown else markdown
 
 
 def tables():

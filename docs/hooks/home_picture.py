@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from gearlib import LoadSharingPair, sweep
+from gearlib import LoadSharingPair, plot, sweep
 from gearlib.figures import style
 from gearlib.geometry import Mesh, SpurGear
 from gearlib.models.geometry.mesh_stiffness import Tooth
@@ -37,17 +37,10 @@ def draw():
     fill_gear(gears, wheel, 1e3 * mesh.centre_distance, facing_angle, "0.6")
     gears.set(aspect="equal", xlim=(-34.0, 58.0), ylim=(-34.0, 34.0))
     gears.axis("off")
-    tunings = np.linspace(0.5, 1.3, 801)
-    for direction, colour in (("up", style.PALETTE[0]), ("down", style.PALETTE[4])):
-        run = sweep(pair, tunings, periods=200, record_periods=8, direction=direction)
-        height = run.displacement_max.values
-        curve.plot(run.tuning, height, color=colour, label=f"speed {direction}")
-        k = int(np.argmax(np.abs(np.diff(height))))
-        at = tunings[k], height[k : k + 2].mean()
-        curve.annotate("jump", at, (6.0, -10.0), textcoords="offset points", color=colour)
-    curve.set_xlabel("mesh frequency / natural frequency")
-    curve.set_ylabel("largest transmission error\n(static deflections)")
-    curve.legend()
+    tunings, settings = np.linspace(0.5, 1.3, 801), {"periods": 200, "record_periods": 8}
+    curves = [sweep(pair, tunings, direction=to, **settings) for to in ("up", "down")]
+    labels = ["speed up", "speed down"]
+    plot.resonance(*curves, axes=curve, labels=labels, variable="displacement_max")
     return figure
 
 

@@ -14,17 +14,15 @@ from mkdocs.structure.files import File
 from nbclient import NotebookClient
 from nbconvert import MarkdownExporter
 
-_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 _NOTE = "\n*This page is the notebook [{0}]({0}), as it ran when the page was made.*\n\n## "
 
 
 def on_files(files, config):
     """Add the pages, and the pictures of the notebook."""
-    root = Path(config.config_file_path).parent
-    contents = {
-        page: (root / name).read_text(encoding="utf-8").replace("](docs/", "](")
-        for name, page in _PAGES.items()
-    }
+    contents = {}
+    for name in ("CONTRIBUTING.md", "CHANGELOG.md"):
+        text = Path(config.config_file_path).with_name(name).read_text(encoding="utf-8")
+        contents[name.lower()] = text.replace("](docs/", "](")
     for notebook in [file for file in files if file.src_uri.endswith(".ipynb")]:
         contents |= run(Path(notebook.abs_src_path))
     for name, content in contents.items():
@@ -43,8 +41,8 @@ def run(path):
     for cell in notebook.cells:
         # Messages of Snakemake are no results.
         cell["outputs"] = [out for out in cell.get("outputs", []) if out.get("name") != "stderr"]
-    exporter = MarkdownExporter()
-    text, resources = exporter.from_notebook_node(notebook, {"unique_key": path.stem})
+    names = {"unique_key": path.stem}
+    text, resources = MarkdownExporter().from_notebook_node(notebook, names)
     text = text.replace("\n## ", _NOTE.format(path.name), 1)
     return {f"{path.stem}.md": text} | resources["outputs"]
 
