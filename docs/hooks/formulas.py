@@ -1,8 +1,7 @@
 """Turn the TeX of the pages into MathML, which browsers draw without a script.
 
-`pymdownx.arithmatex` finds the formulas; a display formula with ``\\tag{n}`` gets its number on the
-right. The site includes STIX Two Math, from the package ziamath, because roots, braces and sums
-need a font made for formulas.
+`pymdownx.arithmatex` finds the formulas. Roots, braces and sums need a font made for formulas:
+the site includes STIX Two Math from the package ziamath.
 """
 
 import html

@@ -39,8 +39,7 @@ def draw():
     gears.axis("off")
     tunings, settings = np.linspace(0.5, 1.3, 801), {"periods": 200, "record_periods": 8}
     curves = [sweep(pair, tunings, direction=to, **settings) for to in ("up", "down")]
-    labels = ["speed up", "speed down"]
-    plot.resonance(*curves, axes=curve, labels=labels, variable="displacement_max")
+    plot.resonance(*curves, axes=curve, variable="displacement_max")
     return figure
 
 
