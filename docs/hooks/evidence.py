@@ -36,7 +36,7 @@ def on_page_markdown(markdown, **_):
 
 def read(name):
     """Return a table of data."""
-    return pd.read_csv(FOLDER / f"{name}.csv", float_precision="round_trip")
+    return pd.read_csv(FOLDER / f"{name}.csv")
 
 
 def reasons():
