@@ -41,3 +41,7 @@ def __getattr__(name):
     from gearlib.models.trains.planetary import planetary_set
 
     return planetary_set
+
+
+def __dir__():
+    return __all__
