@@ -1,10 +1,14 @@
-"""The tables of `reference/configuration.md`, made from the schema of the configuration."""
+"""The tables of `reference/configuration.md`, made from the annotations of the configuration."""
+
+from typing import Annotated, get_args, get_origin
 
 import yaml
 from mkdocs.structure.files import File
+from pydantic import BaseModel
 
-from gearlib.config import schema, schema_text
-from gearlib.config.validation import allowed_text, resolve
+from gearlib.config import schema_text
+from gearlib.config.configuration import Config
+from gearlib.parameters import is_union, parts, requirement
 
 _HEAD = "| key | meaning | allowed | default |\n|---|---|---|---|\n"
 
@@ -15,54 +19,50 @@ def on_files(files, config):
     return files
 
 
-def on_page_markdown(markdown, **_):
+def on_page_markdown(markdown, page, **_):
     """Put the tables into the page."""
-    mark = "<!-- keys of the configuration -->"
-    return markdown.replace(mark, tables()) if mark in markdown else markdown
+    return f"{markdown}\n{tables()}" if page.file.name == "configuration" else markdown
 
 
 def tables():
     """Return a table of the plain keys and one for each section."""
-    whole = schema()
-    nodes = whole["properties"]
-    sections = {key: node for key, node in nodes.items() if _children(node, whole)}
-    plain = "".join(_row(key, node, whole) for key, node in nodes.items() if key not in sections)
-    parts = [f"## Plain keys\n\n{_HEAD}{plain}"]
-    for key, node in sections.items():
-        rows = "".join(_rows("", node, whole))
-        parts.append(f"## {key}\n\n{_words(node, whole)}\n\n{_HEAD}{rows}")
-    return "\n".join(parts)
+    fields = Config.model_fields
+    plain = "".join(_row(key, x) for key, x in fields.items() if not any(_below(x.annotation)))
+    tables = [f"## Plain keys\n\n{_HEAD}{plain}"]
+    for key, field in fields.items():
+        if rows := "".join(_rows(field.annotation)):
+            tables.append(f"## {key}\n\n{field.description or ''}\n\n{_HEAD}{rows}")
+    return "\n".join(tables)
 
 
-def _children(node, whole):
-    """Return the nodes below a node by what follows in their path, none below a value."""
-    node = resolve(node, whole)
-    if "properties" in node:
-        return {f".{key}": child for key, child in node["properties"].items()}
-    entries = [("[ ]", node.get("items", {}))]
-    entries += [("<name>", entry) for entry in node.get("patternProperties", {}).values()]
-    return {path: entry for path, entry in entries if "properties" in resolve(entry, whole)}
+def _below(annotation):
+    """Yield (end of the path, section) for the sections in an annotation."""
+    base, _ = parts(annotation)
+    if is_union(base):
+        yield from ((f"({x.__name__})", x) for x in get_args(base))
+    elif get_origin(base) in (list, dict):
+        end = "[ ]" if get_origin(base) is list else "<name>"
+        yield from ((f"{end}{path}", x) for path, x in _below(get_args(base)[-1]))
+    elif isinstance(base, type) and issubclass(base, BaseModel):
+        yield "", base
 
 
-def _rows(path, node, whole):
-    """Yield the rows of all keys below a node."""
-    for part, child in _children(node, whole).items():
-        below = f"{path}{part}".removeprefix(".")
-        # The default of a section is that of its keys.
-        is_set = "default" in child and "$ref" not in child
-        if is_set or "Default:" in child.get("description", "") or not _children(child, whole):
-            yield _row(below, child, whole)
-        yield from _rows(below, child, whole)
+def _rows(annotation, path=""):
+    """Yield the rows of all keys in an annotation; the default of a section is that of its keys."""
+    for end, section in _below(annotation):
+        for key, field in section.model_fields.items():
+            place = f"{path}{end}.{key}".removeprefix(".")
+            below = "".join(_rows(field.annotation, place))
+            if not below or field.default not in (None, {}) or "Default:" in str(field.description):
+                yield _row(place, field)
+            yield below
 
 
-def _row(path, node, whole):
-    default = node.get("default")
+def _row(path, field):
+    default = None if field.is_required() else field.default
+    default = (field.json_schema_extra or {}).get("default", default)
     text = yaml.safe_dump(default, default_flow_style=True, width=999).split("\n")[0]
     shown = "" if default in (None, {}, []) else f"`{text if len(text) <= 60 else text[:57] + '…'}`"
-    cells = _words(node, whole), allowed_text(node, whole), shown
-    return f"| `{path}` | {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |\n"
-
-
-def _words(node, whole):
-    words = node.get("description") or resolve(node, whole).get("description", "")
-    return " ".join(words.split())
+    allowed = requirement(Annotated[(field.annotation, *field.metadata, field)], in_file=True)
+    cells = field.description or "", allowed.replace("|", "&#124;"), shown
+    return f"| `{path}` | {' | '.join(cells)} |\n"

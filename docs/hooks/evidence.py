@@ -28,8 +28,8 @@ def on_page_markdown(markdown, **_):
 
     def table(comment):
         name, *arguments = comment[1].split()
-        rows = globals()[name](*arguments).fillna("–")
-        return rows.to_markdown(index=False, disable_numparse=True)
+        rows = globals()[name](*arguments)
+        return rows.fillna("–").to_markdown(index=False, disable_numparse=True)
 
     return re.sub(r"<!-- table: (.+?) -->", table, markdown)
 
@@ -42,8 +42,7 @@ def read(name):
 def reasons():
     """Return the reason for each verdict by the id of its statement."""
     texts = yaml.safe_load((FOLDER / "why.yaml").read_text(encoding="utf-8"))
-    numbers = quoted_numbers()
-    return {key: " ".join(text.format(**numbers).split()) for key, text in texts.items()}
+    return {key: " ".join(text.format(**quoted_numbers()).split()) for key, text in texts.items()}
 
 
 def quoted_numbers():
