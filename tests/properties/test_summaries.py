@@ -41,19 +41,22 @@ def shares_of_low_stiffness(model, stiffness, contact, periods):
 
 
 def expected_of_events(run, contact, span):
-    """Return name -> values, (m,), of the variables that follow from the times of the events."""
-    names = ("fraction_normal", "fraction_backlash", "fraction_inverse", "bounces")
-    values = np.empty((len(names), contact.shape[1]))
-    for mesh in range(contact.shape[1]):
-        own = run.isel(event=run.event_mesh.values == mesh) if "event_mesh" in run else run
-        before, after = own.event_from.values, own.event_to.values
-        phases = own.event_phase.values - float(run.phase[0])
-        codes = np.append(before[:1] if len(after) else contact[0, mesh], after)
-        assert (codes[:-1] == before).all() and (np.diff(phases) >= 0.0).all()
-        durations = np.diff([0.0, *phases, span])
-        values[:3, mesh] = [durations[codes == code].sum() / span for code in (1, 0, -1)]
-        values[3, mesh] = (before == 1).sum() * math.tau / span
-    return dict(zip(names, values, strict=True))
+    """Return name -> value of the variables of a mesh that follow from its events.
+
+    `contact` is the code of the first sample, `span` the phase of the record.
+    """
+    before, after = run.event_from.values, run.event_to.values
+    # Steps that go across an event may put the first sample on its other side.
+    codes = np.append(before[:1] if before.size else contact, after)
+    phases = run.event_phase.values - float(run.phase[0])
+    assert (codes[:-1] == before).all() and (np.diff(phases) >= 0.0).all()
+    durations = np.diff([0.0, *phases, span])
+    return {
+        "fraction_normal": durations[codes == 1].sum() / span,
+        "fraction_backlash": durations[codes == 0].sum() / span,
+        "fraction_inverse": durations[codes == -1].sum() / span,
+        "bounces": (before == 1).sum() * math.tau / span,
+    }
 
 
 def load_shares(meshes, forces):
@@ -75,7 +78,10 @@ def bounds_of_summary(model, run, periods, sample_error):
     meshes, span = max(len(model.mesh_names), 1), math.tau * periods
     names = ("displacement", "dynamic_force", "stiffness", "contact")
     x, force, stiffness, contact = (run[name].values.reshape(-1, meshes) for name in names)
-    events = expected_of_events(run, contact, span)
+    event_mesh = run.event_mesh.values if "event_mesh" in run else np.zeros(run.sizes["event"])
+    runs = [run.isel(event=event_mesh == mesh) for mesh in range(meshes)]
+    rows = [expected_of_events(*own, span) for own in zip(runs, contact[0], strict=True)]
+    events = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     bounds = {name: (values - ROUNDING, values + ROUNDING) for name, values in events.items()}
     jumps = np.diff(stiffness, axis=0)
     switches = (np.diff(contact, axis=0) != 0) | (np.diff(np.sign(jumps), axis=0, append=0.0) != 0)
