@@ -52,6 +52,7 @@ references: $(TESTING)
 
 test: lint
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -rs $(ARGS)
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest tests/kernels
 
 torture: $(TESTING)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs $(ARGS)

@@ -31,7 +31,8 @@ def tables():
     tables = [f"## Plain keys\n\n{_HEAD}{plain}"]
     for key, field in fields.items():
         if rows := "".join(_rows(field.annotation)):
-            tables.append(f"## {key}\n\n{field.description or ''}\n\n{_HEAD}{rows}")
+            words = " ".join((field.description or parts(field.annotation)[0].__doc__).split())
+            tables.append(f"## {key}\n\n{words}\n\n{_HEAD}{rows}")
     return "\n".join(tables)
 
 

@@ -9,6 +9,7 @@ from gearlib import parameters as p
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import Damping, MeshCase
 from gearlib.config.types import Distinct, Section, check_unique, field, grid_base, integer, list_of
+from gearlib.engines.summary_columns import COLUMNS
 
 #: Largest number of tunings of the resonance; it catches a mistyped step.
 MAX_TUNINGS = 1_000_000
@@ -233,11 +234,7 @@ _TimeHistory = Literal[
     *("displacement", "velocity", "acceleration", "stiffness", "modified_stiffness"),
     *("dynamic_force", "friction_force", "bearing_y3", "bearing_z3", "bearing_y2", "bearing_z2"),
 ]
-_Observable = Literal[
-    *("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min"),
-    *("fraction_normal", "fraction_backlash", "fraction_inverse", "fraction_min_stiffness"),
-    "bounces",
-]
+_Observable = Literal[*(column.name for column in COLUMNS if not column.trains_only),]
 
 
 class Case(MeshCase):

@@ -4,6 +4,8 @@ Displacements are in static deflections F / C_s, times are mesh phase (rad), so 
 dx/dtau; the scale variables convert them to SI units.
 """
 
+from gearlib.engines.summary_columns import COLUMNS
+
 #: Coordinates that count something from 0.
 _NUMBERED = "event start sample branch locus tongue point variation orbit attractor".split()
 #: name -> (CF units, long_name)
@@ -36,7 +38,6 @@ DESCRIPTIONS = {
     # gear trains
     "axis": ("1", "direction of the motion; rotation: as arc length on the base circle"),
     "mesh_force": ("N", "static mesh force, negative on the coast side"),
-    "mean_force": ("1", "mean of the mesh force over time, over the load"),
     "dynamic_factor": ("1", "dynamic factor, largest mesh force over its static value"),
     "peak_force_ratio": ("1", "largest mesh force over its static value, with a given stiffness"),
     "body_motion": ("1", "displacement of the body in static deflections"),
@@ -160,15 +161,7 @@ DESCRIPTIONS = {
     "event_to": ("1", "phase of contact after the event"),
     "event_velocity": ("1", "relative mesh velocity dx/dtau at the event"),
     # summary of the recorded orbit
-    "displacement_max": ("1", "largest displacement in static deflections"),
-    "displacement_min": ("1", "smallest displacement in static deflections"),
-    "dynamic_force_max": ("1", "largest dynamic mesh force over load"),
-    "dynamic_force_min": ("1", "smallest dynamic mesh force over load"),
-    "fraction_normal": ("1", "fraction of time in normal mesh"),
-    "fraction_backlash": ("1", "fraction of time in the backlash"),
-    "fraction_inverse": ("1", "fraction of time in inverse mesh"),
-    "fraction_min_stiffness": ("1", "fraction of time in mesh at the lower stiffness"),
-    "bounces": ("1", "losses of normal contact per mesh period"),
+    **{column.name: ("1", column.long_name) for column in COLUMNS},
     "period": ("1", "mesh periods after which the settled motion repeats, 0: not settled"),
     "followed": ("1", "mesh periods over which the motion was followed to settle"),
     "final_state": ("1", "displacement and dx/dtau at the end of the run, in static deflections"),

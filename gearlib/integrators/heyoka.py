@@ -32,7 +32,7 @@ class Heyoka(Integrator):
     #: The order at the default tolerance, from which it follows.
     ORDER = 20
     EVENTS = "switches end a run, contact is a terminal event of the Taylor polynomial"
-    MODELS = "all: one or six degrees of freedom, gear trains"
+    MODELS = "one or six degrees of freedom, gear trains; no pairs of teeth"
     OPTIONS = {
         "tol": Option(
             2.2e-16,
@@ -42,8 +42,8 @@ class Heyoka(Integrator):
     }
 
     def supports(self, model) -> bool:
-        """Return True: the method can run all models."""
-        return True
+        """Return whether the model has an equation or is a gear train: not pairs of teeth."""
+        return model.equation is not None or model.train is not None
 
     def create_run(self, model, tuning: float, tol: float) -> Run:
         """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).

@@ -7,8 +7,10 @@ import numpy as np
 from gearlib import checks
 from gearlib.data import status, summary
 from gearlib.data.result import result
+from gearlib.data.variables import DESCRIPTIONS
 from gearlib.engines import orbit
 from gearlib.engines.linear import speed_profiles
+from gearlib.engines.summary_columns import COLUMNS
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
 from gearlib.progress import Limit, with_bar
@@ -29,16 +31,14 @@ _SI_VARIABLES = {
     "revolution": ("1", "number of the revolution of the gear to which the speed refers"),
     "revolution_time": ("s", "middle of the revolution"),
     "revolution_speed": ("min-1", "mean speed in the revolution"),
-    "displacement_max": ("m", "largest displacement in the revolution"),
-    "displacement_min": ("m", "least displacement in the revolution"),
-    "dynamic_force_max": ("N", "largest dynamic mesh force in the revolution"),
-    "dynamic_force_min": ("N", "least dynamic mesh force in the revolution"),
-    "mean_force": ("N", "mean of the mesh force over the revolution"),
+    **{
+        column.name: (DESCRIPTIONS[column.scale][0], f"{column.description} in the revolution")
+        for column in COLUMNS
+        if column.scale
+    },
 }
 #: Estimate of the numbers stored per mesh and mesh period, without samples: summary and events.
 _NUMBERS_PER_PERIOD = 40
-#: Columns of a summary that hold maxima and minima; the others are sums.
-_MAXIMUM_COLUMNS, _MINIMUM_COLUMNS = [orbit.X_MAX, orbit.FORCE_MAX], [orbit.X_MIN, orbit.FORCE_MIN]
 
 
 def run_up(
@@ -109,11 +109,11 @@ def run_up(
     xarray.Dataset
         Variables in SI units, with a dimension `mesh` for trains. Along ``revolution`` (of the gear
         to which the speed refers, in whole mesh periods; the last may be incomplete):
-        revolution_time, revolution_speed, extrema of displacement and dynamic_force, mean_force,
-        fractions of time, bounces. Along ``event``: event_time, event_speed, event_from, event_to,
-        event_velocity. With samples, along ``time``: speed, load_ratio, phase, displacement,
-        velocity, acceleration, dynamic_force, contact, and body_motion for trains. If status is not
-        0, the numbers are NaN and ``status.attrs["message"]`` says what to do.
+        revolution_time, revolution_speed, mean_force, and extrema, fractions of time and bounces as
+        in `sweep`. Along ``event``: event_time, event_speed, event_from, event_to, event_velocity.
+        With samples, along ``time``: speed, load_ratio, phase, displacement, velocity,
+        acceleration, dynamic_force, contact, and body_motion for trains. If status is not 0, the
+        numbers are NaN and ``status.attrs["message"]`` says what to do.
 
     Raises
     ------
@@ -295,27 +295,18 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
     table = np.concatenate([record.summary for record in records])
     summary_blocks = np.concatenate([np.unique(record.block) for record in records])
     rows = np.flatnonzero(np.diff(summary_blocks, prepend=-1))
-    summaries = np.add.reduceat(table, rows)
-    summaries[..., _MAXIMUM_COLUMNS] = np.maximum.reduceat(table[..., _MAXIMUM_COLUMNS], rows)
-    summaries[..., _MINIMUM_COLUMNS] = np.minimum.reduceat(table[..., _MINIMUM_COLUMNS], rows)
-    length, force = model.static_deflection, model.scales()["force_scale"]
+    summaries = summary.combined(table, rows)
     # The total time is the sum of the times with drive-side contact (NORMAL), without contact and
     # with coast-side contact (INVERSE), so that fractions add up to 1.
     times = summaries[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]]
     total_time = times.sum(axis=-1)
     # Revolutions after the end of a failed run have no duration.
     total_time[total_time == 0.0] = np.nan
+    # After a failure there is no division by 0.
+    periods, scales = np.maximum(phase, 1e-300)[:, None] / math.tau, model.scales()
+    columns = summary.column_values(summaries, total_time, periods)
     columns = {
-        "displacement_max": summaries[..., orbit.X_MAX] * length,
-        "displacement_min": summaries[..., orbit.X_MIN] * length,
-        "dynamic_force_max": summaries[..., orbit.FORCE_MAX] * force,
-        "dynamic_force_min": summaries[..., orbit.FORCE_MIN] * force,
-        "mean_force": summaries[..., orbit.FORCE_SUM] * force / total_time,
-        "fraction_normal": summaries[..., orbit.TIME_NORMAL] / total_time,
-        "fraction_backlash": summaries[..., orbit.TIME_BACKLASH] / total_time,
-        "fraction_inverse": summaries[..., orbit.TIME_INVERSE] / total_time,
-        # Losses of drive-side contact per mesh period; no division by 0 after a failure.
-        "bounces": summaries[..., orbit.BOUNCES] * math.tau / np.maximum(phase, 1e-300)[:, None],
+        column.name: columns[column.name] * scales.get(column.scale, 1.0) for column in COLUMNS
     }
     dims = ("revolution", "mesh") if model.mesh_names else ("revolution",)
     variables = {

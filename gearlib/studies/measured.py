@@ -13,6 +13,7 @@ from gearlib import checks
 from gearlib.analysis.order_maps import order_map
 from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.data.variables import SI_SCALES
+from gearlib.engines.summary_columns import COLUMNS
 from gearlib.runs.run_up import run_up
 from gearlib.runs.simulation import simulate
 from gearlib.uncertainty.course_observations import complete_blocks
@@ -20,15 +21,8 @@ from gearlib.uncertainty.measured import read_measured
 
 #: Observable of a sweep -> variable of the computed sweeps that scales it to SI units.
 SWEEP_SCALES = {
-    "displacement_max": "static_deflection",
-    "displacement_min": "static_deflection",
+    **{column.name: column.scale for column in COLUMNS if not column.trains_only},
     "orbit_height": "static_deflection",
-    "dynamic_force_max": "force_scale",
-    "dynamic_force_min": "force_scale",
-    "fraction_normal": None,
-    "fraction_backlash": None,
-    "fraction_inverse": None,
-    "bounces": None,
 }
 #: Jumps and peaks are read from the first of these observables that was measured.
 _JUMP_OBSERVABLES = ("orbit_height", "displacement_max", "dynamic_force_max", "displacement_min")

@@ -11,6 +11,7 @@ import pytest
 
 import gearlib
 from gearlib import Fourier, GearPair, OneDegreePair, integrators, simulate, sweep
+from gearlib.engines.summary_columns import COLUMNS
 from tests.paper import PAPER
 from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SPLIT, VARIANTS
 from tests.properties.cases import random_trains_case
@@ -108,12 +109,16 @@ def test_a_sweep_holds_its_single_runs(model, method, options):
     assert ("mesh" in table.dynamic_force_max.dims) == bool(model.mesh_names)
     for nu in (0.7, 0.9):
         one, many = simulate(model, nu, **span), table.sel(tuning=nu)
-        for name in ("final_state", "bounces", "fraction_backlash"):
-            np.testing.assert_array_equal(many[name], one[name], err_msg=name)
+        for name in {"final_state", *(column.name for column in COLUMNS)} & set(one):
+            if name.endswith(("max", "min")) and method not in integrators.AUTOMATIC:
+                # A single run shows samples besides the step ends.
+                difference = one[name] - many[name]
+                assert ((difference if name.endswith("max") else -difference) >= 0.0).all()
+            else:
+                # Samples change the rounding of what lies between events.
+                np.testing.assert_allclose(many[name], one[name], rtol=1e-13, err_msg=name)
         # A single run is followed on until it has settled.
         assert many.period in (0, one.period)
-        # A single run shows samples besides the step ends.
-        assert (many.displacement_max.values <= one.displacement_max.values).all()
 
 
 def test_trains_are_refused_by_methods_of_one_degree():

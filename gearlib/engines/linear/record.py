@@ -17,9 +17,6 @@ from gearlib.engines.linear.run_storage import SAMPLES_TAKEN
 from gearlib.engines.linear.sparse_series import SERIES, sum_series
 from gearlib.engines.polynomial import bernstein_maximum
 
-#: Number of columns of a summary: those of `orbit`, then FORCE_SUM.
-SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
-
 
 @kernel_without_refcounts
 def _add_extrema(curve, is_displacement, stiffness, work, row):
@@ -118,7 +115,7 @@ def _distance_integral(tables, combination, side, j, start, end, t):
 def record(
     system, tables, combination, work, segment, phase, length, piece_length, summary, samples
 ):
-    """Record a motion without contact changes in the summary, shape (m, 10), and the samples.
+    """Record a motion without contact changes in the summary, a row a mesh, and the samples.
 
     It begins at `phase`, in a segment, with the modal state in `work` and lasts `length` in theta;
     polynomials of distances hold over `piece_length`. `combination` is a row of `tables` or SERIES.

@@ -201,7 +201,7 @@ def motion_period(system, strobes, summary):
     """Return the number of mesh periods after which the motion of all meshes repeats, or 0.
 
     `strobes`, shape (m, k + 1, 2), has displacements and velocities at k + 1 successive bounds of
-    mesh periods; `summary`, shape (m, 10), has the extrema that scale their difference.
+    mesh periods; `summary`, a row a mesh, has the extrema that scale their difference.
     """
     period = 1
     for j in range(strobes.shape[0]):

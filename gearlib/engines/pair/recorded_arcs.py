@@ -17,7 +17,7 @@ from gearlib.engines.pair.motion import (
 
 @kernel
 def _add_displacement(mesh, level, contact, x, summary):
-    """Update the extrema in `summary`, shape (9,), by a displacement x and its mesh force.
+    """Update the extrema in `summary` by a displacement x and its mesh force.
 
     The force follows from the contact code and the stiffness `Level` of the `Mesh`.
     """
@@ -34,7 +34,7 @@ def _add_displacement(mesh, level, contact, x, summary):
 
 @kernel
 def add_arcs_to_summary(mesh, arcs, arc_count, summary):
-    """Add extrema and contact times of the first arcs of a `Mesh` to `summary`, shape (9,).
+    """Add extrema and contact times of the first arcs of a `Mesh` to `summary`.
 
     The first `arc_count` rows of the arc table `arcs`, shape (n, 6), are used.
     """
@@ -79,12 +79,15 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
                 if level.damping_kind != UNDERDAMPED:
                     break
                 turning_time += math.pi / level.frequency
+        # The integral of the equation of motion: load less damping and change of momentum.
+        momentum_change = end_v - v + 2.0 * level.decay_rate * (end_x - x)
+        summary[orbit.FORCE_SUM] += duration - momentum_change / mesh.load
         end_x = max(end_x, 0.0) if contact == NORMAL else min(end_x, -mesh.backlash)
         _add_displacement(mesh, level, contact, end_x, summary)
 
 
 @kernel
-def count_events(arcs, arc_count, previous_code, period, events, event_count, summary):
+def record_events(arcs, arc_count, previous_code, period, events, event_count, summary):
     """Count the changes of contact between successive arcs in `summary`; append them to `events`.
 
     The first `arc_count` rows of the arc table `arcs`, shape (n, 6), belong to mesh period number
@@ -95,7 +98,7 @@ def count_events(arcs, arc_count, previous_code, period, events, event_count, su
         contact = int(arcs[i, CONTACT])
         if contact != previous_code:
             phase, v = arcs[i, START], arcs[i, VELOCITY]
-            events, event_count = orbit.count_event(
+            events, event_count = orbit.record_event(
                 events, event_count, period, phase, previous_code, contact, v, summary
             )
             previous_code = contact

@@ -158,7 +158,6 @@ def add_step_to_summary(
 ):
     """Add the extrema and contact times of a Taylor step to the summary of a motion.
 
-    A summary with an entry FORCE_SUM also gets the integral of the mesh force over the phase.
     `step` is the length of the step, `below_mean` tells whether the stiffness is below its mean.
     `series` has the Taylor series of displacement and mesh force in its rows. `to_bernstein` is the
     matrix from power to Bernstein coefficients, `work` is storage.
@@ -169,11 +168,10 @@ def add_step_to_summary(
     orbit.add_contact_time(contact_code, step, below_mean, summary)
     if contact_code != BACKLASH:
         _fill_scaled_polynomial(series, MESH_FORCE, 0.0, tuning * tuning, step)
-        if summary.shape[0] > orbit.FORCE_SUM:
-            integral = 0.0
-            for k in range(ORDER + 1):
-                integral += polynomial[k] * INVERSE_INTEGERS[k]
-            summary[orbit.FORCE_SUM] += step * integral
+        integral = 0.0
+        for k in range(ORDER + 1):
+            integral += polynomial[k] * INVERSE_INTEGERS[k]
+        summary[orbit.FORCE_SUM] += step * integral
         orbit.add_polynomial_extrema(
             polynomial, to_bernstein, work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN
         )
@@ -300,11 +298,11 @@ def run_nonlinear(
                     )
                     if step_code != code_before:
                         # The motion leaves a flank line from rest at the start of the step.
-                        events, rows = orbit.count_event(
+                        events, rows = orbit.record_event(
                             events, rows, period, phase, code_before, step_code, 0.0, summary
                         )
                     if contact_code != step_code:
-                        events, rows = orbit.count_event(
+                        events, rows = orbit.record_event(
                             events, rows, period, phase + h, step_code, contact_code, v, summary
                         )
                 phase += h

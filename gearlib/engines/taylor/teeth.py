@@ -389,7 +389,7 @@ def run_tooth_pairs(
                 if code_after == NORMAL and x < coast_line:
                     return x, v, 0, events, 0, JAMMED, steps
                 if recorded >= 0 and code_after != code_before and not is_run_start:
-                    events, rows = orbit.count_event(
+                    events, rows = orbit.record_event(
                         events, rows, period, times[segment], code_before, code_after, v, summary
                     )
             time, length = 0.0, lengths[segment]
@@ -498,7 +498,7 @@ def run_tooth_pairs(
                         )
                 if code_after != contact_code and recorded >= 0:
                     event_time = times[segment] + time
-                    events, rows = orbit.count_event(
+                    events, rows = orbit.record_event(
                         events, rows, period, event_time, contact_code, code_after, v, summary
                     )
     strobes[strobe_count, 0], strobes[strobe_count, 1] = x, v

@@ -73,7 +73,7 @@ class ProfilePropagator(teeth.Propagator):
         theta = intervals.bounds(piece, lengths)
         system = self._system_of(piece, intervals, lengths, theta)
         samples = np.zeros((periods * samples_per_period, orbit.SAMPLE_COLUMNS))
-        summaries = np.empty((system.summary_blocks[-1] + 1, orbit.SUMMARY_COLUMNS + 1))
+        summaries = np.empty((system.summary_blocks[-1] + 1, orbit.SUMMARY_COLUMNS))
         events = np.empty((_FIRST_EVENT_ROWS, orbit.EVENT_COLUMNS))
         tables = samples, events, max_events, summaries, np.empty((0, 2, 2))
         *state[:], _, events, event_count, status, _ = teeth.run_tooth_pairs(

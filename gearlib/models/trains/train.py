@@ -14,7 +14,6 @@ from gearlib.data import summary
 from gearlib.data.motions import float_array
 from gearlib.engines import orbit
 from gearlib.engines.linear.periods import EVENT_COLUMNS
-from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.model import Model
@@ -518,7 +517,7 @@ class GearTrain(Model):
         """
         m = len(self.meshes)
         columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
-        shapes = (samples, columns), (events, EVENT_COLUMNS), (m, SUMMARY_COLUMNS)
+        shapes = (samples, columns), (events, EVENT_COLUMNS), (m, orbit.SUMMARY_COLUMNS)
         return tuple(map(np.empty, shapes))
 
     def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
@@ -531,16 +530,15 @@ class GearTrain(Model):
         return {"body_motion": (("phase", "body", "axis"), motion)}
 
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
-        """Return mean force, force ratio and load sharing of each mesh: name -> (dims, values).
+        """Return force ratio and load sharing of each mesh: name -> (dims, values).
 
-        `summaries`, shape (..., m, 10), has the dimensions `dims` and holds sums and extrema over a
-        span of phase. The force ratio is the largest force over the static force of the linear
-        train, both without signs, NaN for a mesh without load.
+        `summaries`, shape (..., m, columns), has the dimensions `dims` and covers a span of phase.
+        The force ratio is the largest force over the static force of the linear train, both without
+        signs, NaN for a mesh without load.
         """
-        mean = summaries[..., orbit.FORCE_SUM] / span
         ratio = self.force_ratios(summary.largest_force(summaries))
-        shares = statics.load_shares(self, mean)
-        variables = {"mean_force": mean, self.force_ratio_name: ratio, "load_sharing": shares}
+        shares = statics.load_shares(self, summaries[..., orbit.FORCE_SUM] / span)
+        variables = {self.force_ratio_name: ratio, "load_sharing": shares}
         return {name: (dims, values) for name, values in variables.items()}
 
     def layout(self) -> xr.Dataset:
