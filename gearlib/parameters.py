@@ -609,7 +609,7 @@ Backlash = Annotated[
 ]
 #: Unknown if None, which is allowed at rest.
 MaterialDamping = Annotated[Damping | None, described("Damping of the material in contact", "k_1")]
-BacklashDamping = Annotated[Damping, described("Damping of the oil in the backlash", "k_1m")]
+BacklashDamping = Annotated[Damping, described("Damping of the oil in free flight", "k_1m")]
 PressureAngle = Annotated[WorkingAngle, described("Pressure angle in operation")]
 
 # Damping of gears given by geometry; of the first three at most one is given.
@@ -619,4 +619,4 @@ Decrement = Annotated[
     described("delta = 2 pi beta / sqrt(1 - beta^2), in place of damping_ratio"),
 ]
 DrawnDamping = Annotated[Damping | None, described("k_1 in contact, in place of damping_ratio")]
-BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in the backlash, beta_m")]
+BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in free flight, beta_m")]

@@ -49,7 +49,7 @@ def quoted_numbers():
     """Return the data that the reasons quote, by damping, in the order of the tunings.
 
     `branches` has the tunings of each kind of point, `proven` the rows of each kind of certificate:
-    ranges of tunings by their contacts, such as "range N", orbits by their tuning.
+    ranges of tunings by their contacts, such as "range D", orbits by their tuning.
     """
     rows = read("certificates").sort_values("tuning", kind="stable")
     details = rows.tuning.astype(str).where(rows.claim == "orbit", rows.contacts.fillna(""))

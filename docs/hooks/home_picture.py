@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from gearlib import LoadSharingPair, plot, sweep
 from gearlib.figures import style
-from gearlib.geometry import Mesh, SpurGear
+from gearlib.geometry import GearStage, SpurGear
 from gearlib.models.geometry.mesh_stiffness import Tooth
 
 
@@ -28,7 +28,7 @@ def fill_gear(axes, gear, centre, angle, colour):
 def draw():
     """Return the figure: a gear pair, and its resonance with both jumps."""
     pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=18e-3) for z in (23, 61))
-    mesh = Mesh(pinion, wheel, backlash=80e-6)
+    mesh = GearStage(pinion, wheel, backlash=80e-6)
     pair = LoadSharingPair.from_geometry(mesh, torque=85.0, damping_ratio=0.06)
     figure = Figure((8.0, 3.2), layout="constrained")
     gears, curve = figure.subplots(1, 2, width_ratios=(1.0, 1.7))

@@ -246,7 +246,7 @@ class Case(MeshCase):
 class Scene(Section):
     """Time courses and phase planes of a few runs, side by side."""
 
-    model: Literal["smallest", "one_degree", "six_degrees_plain", "six_degrees"] = field(
+    model: Literal["smallest", "pair", "six_degrees_plain", "six_degrees"] = field(
         "smallest: the one whose observables no larger model changes by more than the "
         "tolerance; six_degrees_plain leaves out run-out and friction."
     )
@@ -267,7 +267,7 @@ class Scene(Section):
         """
         check_unique("cases", self.cases, "title")
         missing_histories = {
-            "one_degree": (SIX_DEGREE_HISTORIES, "one_degree"),
+            "pair": (SIX_DEGREE_HISTORIES, "pair"),
             "six_degrees_plain": (FRICTION_HISTORIES, "six_degrees_plain (no friction)"),
         }
         missing, model_name = missing_histories.get(self.model, ((), ""))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, NORMAL
+from gearlib.engines.codes import DRIVE, NO_CONTACT
 from gearlib.engines.copies import copy, enlarge_table
 from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
 from gearlib.engines.polynomial import polynomial_maximum
@@ -18,9 +18,9 @@ SUMMARY_COLUMNS = len(COLUMNS)
     X_MIN,
     FORCE_MAX,
     FORCE_MIN,
-    TIME_NORMAL,
-    TIME_BACKLASH,
-    TIME_INVERSE,
+    TIME_DRIVE,
+    TIME_NO_CONTACT,
+    TIME_COAST,
     TIME_LOW,
     BOUNCES,
     FORCE_SUM,
@@ -126,12 +126,12 @@ def add_polynomial_extrema(coefficients, to_bernstein, work, summary, max_column
 @kernel_without_refcounts
 def add_contact_time(contact_code, duration, below_mean, summary) -> None:
     """Add a duration with one contact code, and stiffness below its mean or not, to a summary."""
-    if contact_code == BACKLASH:
-        summary[TIME_BACKLASH] += duration
+    if contact_code == NO_CONTACT:
+        summary[TIME_NO_CONTACT] += duration
         summary[FORCE_MAX] = max(summary[FORCE_MAX], 0.0)
         summary[FORCE_MIN] = min(summary[FORCE_MIN], 0.0)
         return
-    summary[TIME_NORMAL if contact_code == NORMAL else TIME_INVERSE] += duration
+    summary[TIME_DRIVE if contact_code == DRIVE else TIME_COAST] += duration
     if below_mean:
         summary[TIME_LOW] += duration
 
@@ -139,7 +139,7 @@ def add_contact_time(contact_code, duration, below_mean, summary) -> None:
 @kernel_without_refcounts
 def count_event(code_before, code_after, velocity, summary) -> None:
     """Count a change of contact, from one code to another at the velocity dx/dtau, in a summary."""
-    if code_before == NORMAL:
+    if code_before == DRIVE:
         summary[BOUNCES] += 1.0
 
 

@@ -9,7 +9,7 @@ from gearlib.config.gears_section import Gears
 from gearlib.explorer.view import MAX_SPEED_RATIO, MIN_SPEED_RATIO
 from gearlib.models.from_values import model
 from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.pair import GearPair
 from gearlib.parameters import declared_parameters
 
@@ -134,7 +134,9 @@ class Sliders:
         label = "largest tip relief, µm" if reliefs else "tip relief of both gears, µm"
         sliders["tip_relief"] = slider(label, relief, 0.0, max(50e-6, 2.0 * relief), 1e-6)
         max_backlash = max(400e-6, 3.0 * mesh.backlash)
-        sliders["backlash"] = parameter_slider(Mesh, "backlash", mesh.backlash, 0.0, max_backlash)
+        sliders["backlash"] = parameter_slider(
+            GearStage, "backlash", mesh.backlash, 0.0, max_backlash
+        )
         sliders["torque"] = slider("torque of the pinion, N m", torque, 0.05 * torque, 4.0 * torque)
         min_speed = min(MIN_SPEED_RATIO * resonance_speed, speed)
         max_speed = max(MAX_SPEED_RATIO * resonance_speed, speed)

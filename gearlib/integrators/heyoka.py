@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib import checks
-from gearlib.engines.codes import BACKLASH, INVERSE
+from gearlib.engines.codes import COAST, NO_CONTACT
 from gearlib.engines.taylor.series import damping_coefficients
 from gearlib.integrators.method import Integrator, Option, Package
 from gearlib.integrators.recording import Run
@@ -216,9 +216,9 @@ class _OneDegreeRun(_Run):
         damping = damping + parameter(d3) * v * v
         force = harmonic_sum(mesh.force_harmonics) - damping * v
         force = force - parameter(mesh.ground_stiffness) * x
-        if contact_code != BACKLASH:
+        if contact_code != NO_CONTACT:
             lines, harmonics, flank = mesh.stiffness_lines, mesh.stiffness_harmonics, DRIVE_FLANK
-            if contact_code == INVERSE:
+            if contact_code == COAST:
                 lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
                 flank = COAST_FLANK
             start_value, slope = lines[segment]

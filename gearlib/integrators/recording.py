@@ -7,7 +7,7 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.orbit import Record, Span
 from gearlib.integrators.right_hand_sides import (
     COAST_FLANK,
@@ -29,9 +29,9 @@ _HUGE_STATE = 1e-20 * MAX_STATE
 _PERIOD_START_TOLERANCE = 1e-9
 #: Column of a summary that holds the time at each contact code.
 _TIME_COLUMNS = {
-    NORMAL: orbit.TIME_NORMAL,
-    BACKLASH: orbit.TIME_BACKLASH,
-    INVERSE: orbit.TIME_INVERSE,
+    DRIVE: orbit.TIME_DRIVE,
+    NO_CONTACT: orbit.TIME_NO_CONTACT,
+    COAST: orbit.TIME_COAST,
 }
 
 
@@ -50,9 +50,9 @@ def next_contact_code(code: int, final_code: int, backlash: float) -> int:
 
     Without backlash the contact changes directly from one flank to the other.
     """
-    if code == BACKLASH:
+    if code == NO_CONTACT:
         return int(final_code)
-    return BACKLASH if backlash > 0.0 else -code
+    return NO_CONTACT if backlash > 0.0 else -code
 
 
 class Run:
@@ -282,7 +282,7 @@ class Run:
         for code, column in _TIME_COLUMNS.items():
             start, end = starts[contact_codes == code], ends[contact_codes == code]
             self.summary[mesh, column] += (end - start).sum()
-            if code != BACKLASH:
+            if code != NO_CONTACT:
                 end_time = self._time_below_mean_until(mesh, code, end)
                 low_time = end_time - self._time_below_mean_until(mesh, code, start)
                 self.summary[mesh, orbit.TIME_LOW] += low_time.sum()
@@ -309,7 +309,7 @@ class Run:
         intervals = []
         while code != final_code:
             next_code = next_contact_code(code, final_code, self.problem.backlashes[mesh])
-            flank = DRIVE_FLANK if NORMAL in (code, next_code) else COAST_FLANK
+            flank = DRIVE_FLANK if DRIVE in (code, next_code) else COAST_FLANK
             start_distance, end_distance = distances[:, flank].tolist()
             fraction = 0.0
             if start_distance != end_distance:

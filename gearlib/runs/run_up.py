@@ -9,7 +9,7 @@ from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.engines import orbit
-from gearlib.engines.linear import speed_profiles
+from gearlib.engines.linear import speed_courses
 from gearlib.engines.summary_columns import COLUMNS
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
@@ -137,7 +137,7 @@ def run_up(
     max_events = checks.integer("max_events", max_events, 1)
     inertia_forces = _inertia_accelerations(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
-    runner, pieces, start_state = speed_profiles.start_profile_run(model, speeds, loads, state)
+    runner, pieces, start_state = speed_courses.start_profile_run(model, speeds, loads, state)
     mesh_count, last = runner.meshes, pieces[-1]
     final_phase = last.phase + last.length * (last.speed + 0.5 * last.acceleration * last.length)
     numbers_per_period = samples * (mesh_count * 6 + model.size) + _NUMBERS_PER_PERIOD * mesh_count
@@ -145,7 +145,7 @@ def run_up(
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
     teeth, limit = model.periods_per_revolution, Limit(max_seconds)
     arguments = start_state, samples, max_events, inertia_forces, teeth
-    profile_run = speed_profiles.run_profiles(runner, pieces, *arguments)
+    profile_run = speed_courses.run_profiles(runner, pieces, *arguments)
     records = list(limit.each(with_bar("parts of the run-up", profile_run)))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
@@ -183,7 +183,7 @@ def _check_model(model):
         raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
     if model.speed is None:
         raise ValueError(f"model of type {type_name} is not allowed: nothing turns in it")
-    if model.profile_engine is None:
+    if model.speed_course_engine is None:
         raise ValueError(
             f"model of type {type_name} is not allowed in a run-up: it must be piecewise linear; "
             "gearlib.simulate runs it at constant speeds"
@@ -196,7 +196,7 @@ def _check_model(model):
 
 
 def speed_profile(start=None, stop=None, duration=None, acceleration=None, speed=None):
-    """Return the speed profile as rows of time in s and speed in rpm, shape (n, 2).
+    """Return the speed course as rows of time in s and speed in rpm, shape (n, 2).
 
     Give either the profile as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
     or an `acceleration` (rpm/s). Invalid arguments raise ValueError.
@@ -275,7 +275,7 @@ def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarra
     if not driven_mass:
         return np.zeros(1)
     return inertia.pair_acceleration(
-        model.mesh, driven_mass, checks.finite_positive("base_radius", base_radius)
+        model.pair, driven_mass, checks.finite_positive("base_radius", base_radius)
     )
 
 
@@ -296,9 +296,9 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
     summary_blocks = np.concatenate([np.unique(record.block) for record in records])
     rows = np.flatnonzero(np.diff(summary_blocks, prepend=-1))
     summaries = summary.combined(table, rows)
-    # The total time is the sum of the times with drive-side contact (NORMAL), without contact and
-    # with coast-side contact (INVERSE), so that fractions add up to 1.
-    times = summaries[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]]
+    # The total time is the sum of the times with drive-side contact (DRIVE), without contact and
+    # with coast-side contact (COAST), so that fractions add up to 1.
+    times = summaries[..., [orbit.TIME_DRIVE, orbit.TIME_NO_CONTACT, orbit.TIME_COAST]]
     total_time = times.sum(axis=-1)
     # Revolutions after the end of a failed run have no duration.
     total_time[total_time == 0.0] = np.nan

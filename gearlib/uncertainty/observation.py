@@ -34,9 +34,9 @@ STATISTICS = (
     "displacement_min",
     "dynamic_force_max",
     "dynamic_force_min",
-    "fraction_normal",
-    "fraction_backlash",
-    "fraction_inverse",
+    "fraction_drive",
+    "contact_loss_fraction",
+    "fraction_coast",
 )
 #: Names of further quantities: load sharing of a mesh, amplitude of a mesh order.
 LOAD_SHARING, ORDER_AMPLITUDE = "load_sharing", "order_amplitude"

@@ -226,30 +226,30 @@ def test_proven_ranges_end_where_the_branches_graze(hook):
     tongue, branches, proven = hook("evidence").quoted_numbers().values()
     assert tongue["k1m"]["cause"] == "parametric instability"  # P10
     # P6 says of k1+k1m what holds of k1.
-    ranges = [[row["tuning"] for row in proven[k]["range N"]] for k in ("k1", "k1+k1m")]
+    ranges = [[row["tuning"] for row in proven[k]["range D"]] for k in ("k1", "k1+k1m")]
     assert ranges[0] == ranges[1]
     assert branches["k1"]["grazing"][-2:] == branches["k1+k1m"]["grazing"][-2:]
     for damping in ("conservative", "k1", "k1m"):
         *_, grazing, next_grazing = branches[damping]["grazing"]
-        *_, below, above = proven[damping]["range N"]
+        *_, below, above = proven[damping]["range D"]
         assert 0.0 < grazing - below["until"] < 2e-4
         assert 0.0 < above["tuning"] - next_grazing < 2e-4
 
 
 def test_proven_stability_is_that_of_the_reasons(hook):
     proven = hook("evidence").quoted_numbers()["proven"]
-    assert {row["stability"] for row in proven["k1"]["range N"]} == {"stable"}
+    assert {row["stability"] for row in proven["k1"]["range D"]} == {"stable"}
     # P4, P7, P10: all orbits but the second have both multipliers on the unit circle.
     for damping, kinds in (
-        ("conservative", ["range N"]),
+        ("conservative", ["range D"]),
         ("k1m", ["orbit 0.6", "orbit 0.66", "orbit 0.78", "orbit 1.14"]),
     ):
-        rows = [row for kind in kinds for row in proven[damping][kind] if row["contacts"] == "N"]
+        rows = [row for kind in kinds for row in proven[damping][kind] if row["contacts"] == "D"]
         assert [row["stability"] == "unstable" for row in rows] == [False, True, False, False]
         assert sum("on the unit circle, exactly" in row["reason"] for row in rows) == 3
     for damping in ("k1", "k1+k1m"):
         (orbit,) = proven[damping]["orbit 1.14"]
-        assert (orbit["contacts"], orbit["stability"]) == ("N", "stable")
+        assert (orbit["contacts"], orbit["stability"]) == ("D", "stable")
 
 
 def test_motions_from_rest_reach_the_orbits_of_the_reasons(hook):

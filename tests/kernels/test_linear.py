@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import BPoly
 from scipy.linalg import expm
 
-from gearlib.engines.codes import BACKLASH, BOTH, INVERSE, NORMAL
+from gearlib.engines.codes import BOTH, COAST, DRIVE, NO_CONTACT
 from gearlib.engines.linear import distances, modal_arcs, sparse_series, train_system
 from gearlib.engines.linear.modal_frame import add_modes
 from gearlib.engines.linear.run_storage import allocate_run_storage, run_constants
@@ -21,7 +21,7 @@ PROPAGATOR = CHAIN.propagator(0.8)
 SYSTEM, SEGMENT = PROPAGATOR.system, 1
 CONSTANTS = run_constants(SYSTEM)._replace(**sparse_series.nonzero_fields(SYSTEM, True))
 M, N = SYSTEM.drive_lines.shape
-CODES = list(product((NORMAL, BACKLASH, INVERSE), repeat=M))
+CODES = list(product((DRIVE, NO_CONTACT, COAST), repeat=M))
 
 
 def problem(codes, scale=1.0):
@@ -109,14 +109,14 @@ def test_first_events_are_the_first_sign_changes():
     for scale in np.cos(np.linspace(0.0, math.pi, 13)):
         z = problem(CODES[0], scale)[2]
         drive, coast = SYSTEM.drive_lines @ z, SYSTEM.coast_lines @ z
-        codes = np.where(drive > 0.0, NORMAL, np.where(coast < 0.0, INVERSE, BACKLASH))
+        codes = np.where(drive > 0.0, DRIVE, np.where(coast < 0.0, COAST, NO_CONTACT))
         _, matrix, z, tables, work = problem(codes, scale)
         first = distances.find_first_events(tables, 0, CONSTANTS, work, 1.0)
         count = distances.fill_amplitudes(tables, 0, work.modal_state, work.amplitudes)
         signs = np.sign(distances_along(matrix, z, tables.piece_lengths[0] * fractions))
         for j, code in enumerate(codes.tolist()):
             # Without contact both lines count, in contact the line of that side.
-            sides = {NORMAL: [1], INVERSE: [0], BACKLASH: [0, 1]}[code]
+            sides = {DRIVE: [1], COAST: [0], NO_CONTACT: [0, 1]}[code]
             changed = np.flatnonzero((signs[:, sides, j] != signs[0, sides, j]).any(axis=1))
             if changed.size:
                 found += 1

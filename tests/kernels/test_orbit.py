@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.growth import propagate_perturbation
 from gearlib.engines.linear.periods import EVENT_COLUMNS, EVENT_MESH, sort_last_event
 from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
@@ -19,10 +19,10 @@ def test_a_summary_collects_extrema_times_and_events():
         curve = np.array([shift, 1.0, -1.0])  # s - s^2 + shift
         extrema = orbit.X_MAX, orbit.X_MIN
         orbit.add_polynomial_extrema(curve, bernstein_matrix(2), work, summary, *extrema)
-    times = {(NORMAL, True): 0.5, (INVERSE, False): 0.25, (BACKLASH, True): 2.0}
+    times = {(DRIVE, True): 0.5, (COAST, False): 0.25, (NO_CONTACT, True): 2.0}
     for (code, below_mean), duration in times.items():
         orbit.add_contact_time(code, duration, below_mean, summary)
-    for codes in ((NORMAL, BACKLASH), (BACKLASH, NORMAL)):
+    for codes in ((DRIVE, NO_CONTACT), (NO_CONTACT, DRIVE)):
         orbit.count_event(*codes, -1.0, summary)
     assert not orbit.has_unresolved_extremum(summary)
     # Extrema of displacement and force, times of each contact and of low stiffness, bounces, sum.

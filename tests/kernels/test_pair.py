@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.pair import contact_table, events, maps, motion, recorded_arcs, settling
 from gearlib.engines.pair.elementary import cos_sin, decay
 
@@ -73,8 +73,8 @@ def test_a_free_flight_follows_its_equation_up_to_its_impact(drag, v):
     assert fall < lowest_time
     assert motion.free_flight(drag, load, 0.0, v, fall)[0] == pytest.approx(0.5 * lowest)
     narrow, wide = -0.5 * lowest, -2.0 * lowest
-    assert events.next_impact(drag, load, wide, 0.0, v) == pytest.approx((back, NORMAL))
-    assert events.next_impact(drag, load, narrow, 0.0, v) == pytest.approx((fall, INVERSE))
+    assert events.next_impact(drag, load, wide, 0.0, v) == pytest.approx((back, DRIVE))
+    assert events.next_impact(drag, load, narrow, 0.0, v) == pytest.approx((fall, COAST))
 
 
 def marched(x, v):
@@ -100,7 +100,7 @@ def test_arcs_of_a_period_join_and_change_contact_at_the_lines():
         changes = np.diff(arcs[:, events.CONTACT]) != 0.0
         assert np.isin(arcs[1:, events.DISPLACEMENT][changes], (0.0, -1.4)).all()
         codes |= set(arcs[:, events.CONTACT])
-    assert codes == {NORMAL, BACKLASH, INVERSE}
+    assert codes == {DRIVE, NO_CONTACT, COAST}
 
 
 def test_the_map_of_a_period_is_its_difference_quotient():

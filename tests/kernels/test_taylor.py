@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
 from gearlib.engines.taylor import perturbations, series, taylor_run, teeth
 from gearlib.engines.taylor.series import DISPLACEMENT, MESH_FORCE, ORDER, VELOCITY
@@ -15,7 +15,7 @@ from tests.properties.known_models import KNOWN
 
 MODELS = {name: KNOWN[name].model for name in ("everything", "cubic damping", "unequal sides")}
 MESHES = {name: model.equation.nonlinear_mesh(0.7, 1e-15) for name, model in MODELS.items()}
-CASES = list(product(MODELS, (NORMAL, BACKLASH, INVERSE), (1.0, -1.0)))
+CASES = list(product(MODELS, (DRIVE, NO_CONTACT, COAST), (1.0, -1.0)))
 PHASE, SEGMENT, STEP = 1.3, 1, 0.4
 
 
@@ -26,12 +26,12 @@ def waves(harmonics, phase):
 
 def equation_of(mesh, code, phase, x, v):
     """Return (mesh force, acceleration) of the equation in the docstring of `taylor.series`."""
-    side = "coast_stiffness" if code == INVERSE else "stiffness"
+    side = "coast_stiffness" if code == COAST else "stiffness"
     value, slope = getattr(mesh, f"{side}_lines")[SEGMENT]
     stiffness = value + slope * (phase - mesh.segment_bounds[SEGMENT])
     stiffness += waves(getattr(mesh, f"{side}_harmonics"), phase)
     g, (p2, p3) = (
-        x - (mesh.coast_line if code == INVERSE else mesh.drive_line),
+        x - (mesh.coast_line if code == COAST else mesh.drive_line),
         mesh.stiffness_powers,
     )
     force = stiffness * (g + p2 * abs(g) * g + p3 * g**3) if code else 0.0
@@ -83,7 +83,7 @@ def test_the_map_of_a_step_is_its_difference_quotient(name, code, sign):
 def test_a_map_jumps_with_the_damping():
     mesh, found, v = MESHES["everything"], np.eye(2), -0.8
     constants, _ = series.tabulate_mesh(mesh)
-    perturbations.map_crossing(constants, SEGMENT, NORMAL, BACKLASH, v, found)
+    perturbations.map_crossing(constants, SEGMENT, DRIVE, NO_CONTACT, v, found)
     jump = (mesh.drive_damping - mesh.backlash_damping) @ (1.0, abs(v), v * v)
     np.testing.assert_allclose(found, [[1.0, 0.0], [jump, 1.0]], atol=1e-14)
 
@@ -153,4 +153,4 @@ def test_the_pairs_that_touch_are_those_that_overlap():
     sets = [teeth.touching_set(overlaps, 3, -0.4, 0.0, x) for x in (-0.5, 0.0, 0.2, 0.4)]
     assert sets == [4, 0, 1, 3] and teeth.touching_set(overlaps, 2, -0.4, 0.0, 0.4) == 2
     codes = [teeth._contact_code_of(contact_set, 4) for contact_set in sets]
-    assert codes == [INVERSE, BACKLASH, NORMAL, NORMAL]
+    assert codes == [COAST, NO_CONTACT, DRIVE, DRIVE]

@@ -91,13 +91,13 @@ def test_errors_fall_with_the_order_of_the_method_where_contact_lasts(
     ],
 )
 def test_small_steps_come_close_to_the_exact_motion(method, options, tolerance):
-    # From the far flank, and then a bounce in every period: the comparison covers the contact law.
+    # From the coast side, and then a bounce in every period: this covers the contact law.
     span = {"periods": 4, "record_periods": 4, "samples_per_period": 64}
     span["initial_state"] = -2.0, 0.0
     reference = simulate(FULL, 0.9, **span)
-    assert float(reference.bounces) >= 1.0 and float(reference.fraction_inverse) > 0.02
+    assert float(reference.bounces) >= 1.0 and float(reference.fraction_coast) > 0.02
     run = simulate(FULL, 0.9, method=method, options=options, **span)
-    for name in ("displacement", "fraction_inverse", "fraction_backlash"):
+    for name in ("displacement", "fraction_coast", "contact_loss_fraction"):
         np.testing.assert_allclose(run[name], reference[name], rtol=0, atol=tolerance)
     # Those of step ends and samples.
     for name in ("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min"):
@@ -140,7 +140,7 @@ def test_rk45_takes_the_steps_of_ode45(nu, rtol):
         damping = 0.1 if x >= 0.0 else 0.02
         return np.array([v, (1.0 - max(x, 0.0)) / nu**2 - damping / nu * v])
 
-    # Constant stiffness, no far flank; contact is lost.
+    # Constant stiffness, no coast-side flank; contact is lost.
     pair = GearPair.from_ratios(
         contact_ratio=1.5, stiffness_ratio=1.0, damping=0.05, backlash_damping=0.01
     )

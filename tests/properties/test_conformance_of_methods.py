@@ -41,7 +41,7 @@ MOTIONS = {
     "rest on the far line": Known(THICK, 0.82, (FAR, 0.0)),
     "both flanks": Known(THICK, 0.9, (-1.0, -6.0), 4),
     "no gap": Known(PAIR.replace(backlash=0.0), 0.8, (0.5, -2.0), 4),
-    "no far flank": Known(PAIR.replace(backlash=math.inf), 0.8, (0.5, -2.0), 4),
+    "no coast-side flank": Known(PAIR.replace(backlash=math.inf), 0.8, (0.5, -2.0), 4),
     "without oil": Known(OIL_FREE, 0.8, (1.0, -3.0)),
     "everything": Known(FULL, 0.8, (1.0, -3.0)),
     "harmonics": Known(OneDegreePair(pair=PAIR, profile=Fourier(3)), 0.8, (1.0, -3.0)),

@@ -52,9 +52,9 @@ def expected_of_events(run, contact, span):
     assert (codes[:-1] == before).all() and (np.diff(phases) >= 0.0).all()
     durations = np.diff([0.0, *phases, span])
     return {
-        "fraction_normal": durations[codes == 1].sum() / span,
-        "fraction_backlash": durations[codes == 0].sum() / span,
-        "fraction_inverse": durations[codes == -1].sum() / span,
+        "fraction_drive": durations[codes == 1].sum() / span,
+        "contact_loss_fraction": durations[codes == 0].sum() / span,
+        "fraction_coast": durations[codes == -1].sum() / span,
         "bounces": (before == 1).sum() * math.tau / span,
     }
 

@@ -11,7 +11,7 @@ from gearlib.data import status
 from tests.paper import PAPER
 
 VARIABLES = ("displacement", "velocity", "dynamic_force", "body_motion", "final_state", "bounces")
-VARIABLES += ("mean_force", "fraction_normal", "fraction_backlash", "fraction_inverse")
+VARIABLES += ("mean_force", "fraction_drive", "contact_loss_fraction", "fraction_coast")
 VARIABLES += ("fraction_min_stiffness",)
 #: With these options of scipy the run stops at each contact event and starts anew.
 SPLIT = {"solver": "DOP853", "events": True, "rtol": 1e-12, "atol": 1e-12}

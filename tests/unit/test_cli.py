@@ -310,7 +310,7 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
         "peak_force_ratio",
         "mean_force",
         "load_sharing",
-        "fraction_normal",
+        "fraction_drive",
         "bounces",
     ]
     output = run(f"simulate {train_options} --tuning 0.7 -o run.nc")

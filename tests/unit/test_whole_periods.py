@@ -77,7 +77,7 @@ def test_the_record_of_a_settled_orbit_is_that_of_another_engine_that_computes_a
     # Damping, first and last tuning: the last ranges have motions of three and five mesh periods.
     cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
     span = {"periods": 3000, "record_periods": 24, "samples_per_period": 8}
-    names = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
+    names = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_drive"]
     names += ["fraction_min_stiffness", "displacement", "final_state", "event_phase"]
     periods = set()
     for damping, first, last in cases:

@@ -34,12 +34,12 @@ _ADDED_DAMPINGS = (1.0, 0.3, 0.1, 0.03, 0.0)
 _GUESS_HARMONICS, _GUESS_TOLERANCE = 32, 1e-3
 
 
-def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, period=1):
+def harmonic_balance(model, tuning, *, harmonics=64, samples=None, guess=None, period=1):
     """Find a periodic motion by harmonic balance.
 
     Parameters
     ----------
-    pair : GearPair or OneDegreePair
+    model : GearPair or OneDegreePair
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     harmonics : int, default 64
@@ -66,7 +66,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
     gearlib.analysis.orbits.shooting.NoOrbit
         If Newton's method does not converge; the message says what to try.
     """
-    equation = check_problem(pair, tuning, harmonics, samples, period)
+    equation = check_problem(model, tuning, harmonics, samples, period)
     coefficients = first_coefficients(equation, guess)
     steps, evaluations = 0, 0
     for stage, tolerance in stages(equation, guess, _MAX_RESIDUAL):
@@ -80,7 +80,7 @@ def harmonic_balance(pair, tuning, *, harmonics=64, samples=None, guess=None, pe
             "neighbouring tuning or the displacements of a run, or take another period"
         )
     return PeriodicSolution(
-        pair,
+        model,
         equation.tuning,
         equation.period,
         "harmonic balance",
@@ -132,8 +132,8 @@ def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: f
 
 def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquation:
     """Return the `MeshEquation` for checked arguments of `harmonic_balance`."""
-    if not (is_model(model) and model.one_mesh):
-        raise checks.refusal("pair", model, "a GearPair or a OneDegreePair, one degree of freedom")
+    if not (is_model(model) and model.has_pair_equation):
+        raise checks.refusal("model", model, "a GearPair or a OneDegreePair, one degree of freedom")
     tuning = check_tuning("tuning", tuning)
     period = checks.integer("period", period, 1)
     harmonics = checks.integer("harmonics", harmonics, period)

@@ -82,7 +82,7 @@ class SchmidtSolution(PeriodicSolution):
 
 
 def schmidt(
-    pair,
+    model,
     tuning,
     *,
     degenerate="auto",
@@ -97,7 +97,7 @@ def schmidt(
 
     Parameters
     ----------
-    pair : GearPair or OneDegreePair
+    model : GearPair or OneDegreePair
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     degenerate : "auto", int or sequence of int
@@ -127,7 +127,7 @@ def schmidt(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    equation = check_problem(pair, tuning, harmonics, samples, period)
+    equation = check_problem(model, tuning, harmonics, samples, period)
     tolerance = checks.finite_positive("tolerance", tolerance)
     max_iterations = checks.integer("max_iterations", max_iterations, 1)
     selected = degenerate_harmonics(equation, degenerate)
@@ -342,7 +342,7 @@ def _solution(equation, coefficients, degenerate, converged, iterations, evaluat
         norm_bound = float(bounds.max(initial=0.0))
         contraction = contraction_factor(equation, coefficients, degenerate)
     return SchmidtSolution(
-        pair=equation.model,
+        model=equation.model,
         tuning=equation.tuning,
         period=equation.period,
         method="schmidt",

@@ -55,7 +55,7 @@ class NoOrbit(RuntimeError):
 class Orbit:
     """A periodic orbit."""
 
-    pair: object  #: the model
+    model: object  #: the model
     tuning: float
     period: int  #: smallest number of mesh periods after which it repeats
     state: np.ndarray  #: full state at tau = 0, shape (n,)
@@ -84,7 +84,7 @@ class Orbit:
             "tuning": self.tuning,
         }
         title = "Periodic orbit of a gear mesh"
-        dataset = result(title, self.pair, data, method="shooting", tuning=self.tuning)
+        dataset = result(title, self.model, data, method="shooting", tuning=self.tuning)
         dataset["pattern"].attrs |= CONTACT_FLAGS
         return dataset
 
@@ -94,12 +94,12 @@ def check_orbit(orbit: Any) -> None:
     checks.require(isinstance(orbit, Orbit), "orbit", orbit, "an Orbit")
 
 
-def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS):
+def periodic_orbit(model, tuning, *, guess=None, period=1, max_events=MAX_EVENTS):
     """Find a periodic orbit near a guess.
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         The model.
     tuning : float
         Mesh frequency over mean eigenfrequency.
@@ -123,17 +123,17 @@ def periodic_orbit(pair, tuning, *, guess=None, period=1, max_events=MAX_EVENTS)
     NoOrbit
         If there is no orbit near the guess; the message says what to try.
     """
-    choose_method(pair, None, None)  # raises ValueError unless `pair` is a model
+    choose_method(model, None, None)  # raises ValueError unless `pair` is a model
     tuning = check_tuning("tuning", tuning)
     period = checks.integer("period", period, 1, MAX_PERIODS)
     max_events = checks.integer("max_events", max_events, 1)
-    repeats = pair.repeats
+    repeats = model.repeats
     if period % repeats:
         raise ValueError(
             f"period = {period} is not allowed: it must be a multiple of the {repeats} mesh "
             "periods after which the excitation repeats"
         )
-    problem = Shooting(pair, tuning, period, max_events=max_events)
+    problem = Shooting(model, tuning, period, max_events=max_events)
     try:
         solution = _newton(problem, problem.initial_unknowns(_initial_state(problem, guess)))
     except ContinuationFailed as error:

@@ -28,7 +28,7 @@ _COLUMNS = {
 
 
 def tongues(
-    pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.002, max_seconds=None
+    model, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.002, max_seconds=None
 ):
     """Find the tongues of parametric resonance, tunings at which steady contact is unstable.
 
@@ -39,7 +39,7 @@ def tongues(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or GearTrain
+    model : GearPair, OneDegreePair, SixDegreePair or GearTrain
         The backlash is ignored. One degree of freedom with rectangular stiffness has closed forms,
         others a numerical monodromy matrix, see `gearlib.analysis.tongues.hill_tongues`.
     start, stop : float
@@ -83,13 +83,13 @@ def tongues(
     stop = check_tuning("stop", stop)
     if stop <= start:
         raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
-    model, step = checked_model(pair), check_tuning("step", step)
+    model, step = checked_model(model), check_tuning("step", step)
     limit, missing = Limit(max_seconds), []
     if parameter is None:
         checks.require(values is None, "values", values, "left out where parameter is None")
         tongue_lists = [find_tongues(model, start, stop, step)]
     else:
-        allowed = PARAMETERS if model.mesh else (*model.parameters,)[1:]
+        allowed = PARAMETERS if model.pair else (*model.parameters,)[1:]
         checks.one_of("parameter", parameter, allowed)
         values = _checked_values(values)
         models = [replace_parameter(model, parameter, value) for value in values]
@@ -101,7 +101,7 @@ def tongues(
         values, missing = values[:count], values[count:]
     dimension = "tongue" if model.size > 2 else "order"
     data, coords = _variables(tongue_lists, parameter, values, dimension)
-    if parameter is None and model.mesh:
+    if parameter is None and model.pair:
         dampings = [closing_damping(model, tongue) for tongue in tongue_lists[0]]
         data["closing_damping"] = dimension, np.array(dampings, float)
     dataset = result(
@@ -109,29 +109,31 @@ def tongues(
         model,
         data,
         coords,
-        method="closed form" if model.mesh is model else "monodromy",
+        method="closed form" if model.pair is model else "monodromy",
         start=start,
         stop=stop,
     )
     return limit.mark(dataset, missing)
 
 
-def checked_model(pair: Any) -> Any:
+def checked_model(model: Any) -> Any:
     """Return a model with linear motion in contact; raise ValueError if it is nonlinear.
 
     A model with rectangular stiffness is replaced by its `GearPair`, which has the same stability.
     """
     # Gear pairs have a `mesh`, trains `mesh_names`; one degree of freedom needs an `equation`.
-    has_gears = is_model(pair) and (pair.mesh or pair.mesh_names)
-    if not has_gears or (pair.size == 2 and pair.equation is None):
-        raise checks.refusal("pair", pair, "a GearPair, OneDegreePair, SixDegreePair or GearTrain")
-    for name in pair.nonlinear:
-        if getattr(pair, name):
+    has_gears = is_model(model) and (model.pair or model.mesh_names)
+    if not has_gears or (model.size == 2 and model.equation is None):
+        raise checks.refusal(
+            "model", model, "a GearPair, OneDegreePair, SixDegreePair or GearTrain"
+        )
+    for name in model.nonlinear:
+        if getattr(model, name):
             raise ValueError(
-                f"{name} = {getattr(pair, name)!r} is not allowed: it must be 0, or the stability "
+                f"{name} = {getattr(model, name)!r} is not allowed: it must be 0, or the stability "
                 "depends on the motion: see gearlib.periodic_orbit"
             )
-    return pair.mesh if isinstance(pair.profile, Rectangular) else pair
+    return model.pair if isinstance(model.profile, Rectangular) else model
 
 
 def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> list:
@@ -139,7 +141,7 @@ def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> 
 
     With several degrees of freedom, the tunings are scanned in steps of `step`.
     """
-    if model.mesh is model:  # a `GearPair`
+    if model.pair is model:  # a `GearPair`
         equation = meissner.equation_of(model)
         return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
     if model.size > 2:
@@ -152,7 +154,7 @@ def closing_damping(model: Any, tongue: meissner.Tongue) -> float:
 
     It is 0 for a tongue that has no width without damping, NaN if no damping ratio closes it.
     """
-    if model.mesh is model:  # a `GearPair`
+    if model.pair is model:  # a `GearPair`
         return meissner.closing_damping(model.contact_ratio, model.stiffness_ratio, tongue.order)
     if model.size > 2:
         return hill_tongues.closing_damping_of_six_degrees(model, tongue)

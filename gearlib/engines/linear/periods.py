@@ -7,7 +7,7 @@ rounding count as simultaneous: their saltation matrices commute, so that the or
 """
 
 from gearlib.engines import orbit
-from gearlib.engines.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
+from gearlib.engines.codes import BOTH, DRIVE, EVENT_LIMIT, JAMMED, OK, UNRESOLVED
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 from gearlib.engines.linear.distances import fill_amplitudes, find_first_events, stays_off_lines
 from gearlib.engines.linear.modal_arcs import (
@@ -57,7 +57,7 @@ def _cross_flank_line(system, constants, work, j, segment, vectors):
     `TrainSystem`; `constants` (`RunConstants`) have the rates of the distances from flank lines.
     """
     n = system.drive_lines.shape[1]
-    line = 1 if NORMAL in (work.contact[j], work.contact_after[j]) else -1
+    line = 1 if DRIVE in (work.contact[j], work.contact_after[j]) else -1
     work.start_line[j] = line
     if vectors.shape[0] > 0:
         line_rates = constants.drive_rates if line == 1 else constants.coast_rates

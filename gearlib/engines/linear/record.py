@@ -3,7 +3,7 @@
 import math
 
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.copies import copy
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 from gearlib.engines.linear.distances import (
@@ -75,10 +75,10 @@ def _extrema_stay_within_summary(system, tables, combination, work, segment, sum
         amplitude = distance_amplitude(tables, combination, 1, j, work, mode_count)
         if center + amplitude > row[orbit.X_MAX] or center - amplitude < row[orbit.X_MIN]:
             return False
-        if code == INVERSE:
+        if code == COAST:
             center = tables.constant_distance[combination, 0, j]
             amplitude = distance_amplitude(tables, combination, 0, j, work, mode_count)
-        stiffness = system.stiffness[code + 1, segment, j] if code != BACKLASH else 0.0
+        stiffness = system.stiffness[code + 1, segment, j] if code != NO_CONTACT else 0.0
         high, low = stiffness * (center + amplitude), stiffness * (center - amplitude)
         if high > row[orbit.FORCE_MAX] or low < row[orbit.FORCE_MIN]:
             return False
@@ -148,8 +148,8 @@ def record(
                 advance_modes_in_time(tables, combination, work, step, work.sampled_modes)
                 for j in range(m):
                     code = work.contact[j]
-                    if code != BACKLASH:
-                        side = 0 if code == INVERSE else 1
+                    if code != NO_CONTACT:
+                        side = 0 if code == COAST else 1
                         impulse = _distance_integral(
                             tables, combination, side, j, work.mode_buffer, work.sampled_modes, step
                         )
@@ -159,11 +159,11 @@ def record(
             row, code = summary[j], work.contact[j]
             _fill_distance(tables, combination, 1, j, work)
             restrict_to_start(curve, step / piece_length, degree)
-            stiffness = 0.0 if code == BACKLASH else system.stiffness[code + 1, segment, j]
-            _add_extrema(curve, True, stiffness if code == NORMAL else 0.0, work, row)
-            if code == BACKLASH:
+            stiffness = 0.0 if code == NO_CONTACT else system.stiffness[code + 1, segment, j]
+            _add_extrema(curve, True, stiffness if code == DRIVE else 0.0, work, row)
+            if code == NO_CONTACT:
                 continue
-            if code == INVERSE:
+            if code == COAST:
                 _fill_distance(tables, combination, 0, j, work)
                 restrict_to_start(curve, step / piece_length, degree)
                 _add_extrema(curve, False, stiffness, work, row)

@@ -8,8 +8,8 @@ from annotated_types import Ge, Le
 
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
-from gearlib.models.geometry.drawings import equal_positions, planetary_meshes
-from gearlib.models.geometry.mesh import TRAIN_MODELS
+from gearlib.models.geometry.from_values import equal_positions, planetary_meshes
+from gearlib.models.geometry.gear_stage import TRAIN_MODELS
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.ready_made import (
     STRUCTURAL_DAMPING,

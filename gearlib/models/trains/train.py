@@ -17,7 +17,7 @@ from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.model import Model
-from gearlib.models.one_mesh_system import contact_monodromy
+from gearlib.models.single_mesh_system import contact_monodromy
 from gearlib.models.trains import layout, natural_modes, statics, train_values, turning, waves
 from gearlib.models.trains.elastic import LinearModes, free_motions_and_modes
 from gearlib.models.trains.elements import (
@@ -171,8 +171,9 @@ class GearTrain(Model):
         return turning.phases(self.by_name, self.meshes, self.shafts, self.reference, self.speeds)
 
     @cached_property
-    def inverse_phases(self) -> dict:
-        """Stiffness phases of the coast sides (inverse mesh), mesh name -> its mesh periods."""
+    def coast_phases(self) -> dict:
+        """Stiffness phases of the coast sides (coast-side contact), mesh name -> its mesh
+        periods."""
         return {
             mesh.name: turning.coast_side_phase(mesh, self.speeds, self.phases[mesh.name])
             for mesh in self.meshes

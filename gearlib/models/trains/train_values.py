@@ -48,7 +48,7 @@ FIELDS: dict = {
         "contact_ratio": ("1", "contact ratio epsilon"),
         "backlash": ("m", "backlash"),
         "material_damping": ("N s m-1", "damping in contact"),
-        "backlash_damping": ("N s m-1", "damping in the backlash"),
+        "backlash_damping": ("N s m-1", "damping in free flight"),
         "error": ("m", "error of assembly"),
     },
 }

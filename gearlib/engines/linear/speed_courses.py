@@ -17,7 +17,7 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
-from gearlib.engines.linear import one_mesh, propagator
+from gearlib.engines.linear import propagator, single_mesh
 from gearlib.engines.linear.periods import EVENT_COLUMNS, EVENT_MESH
 from gearlib.engines.linear.sparse_series import nonzero_fields
 from gearlib.engines.linear.train_system import TrainSystem
@@ -99,7 +99,7 @@ def start_profile_run(model, speeds, loads, state):
     `speeds` and `loads` are those of `pieces_of`; the velocities in `state`, by phase, become
     velocities by theta in z.
     """
-    runner, pieces = model.profile_propagator(), pieces_of(model, speeds, loads)
+    runner, pieces = model.speed_course_propagator(), pieces_of(model, speeds, loads)
     z = np.array(runner.initial_state(state), float)
     z[z.size // 2 :] *= pieces[0].speed
     return runner, pieces, z
@@ -390,7 +390,7 @@ class _ProfileTrain(_ProfileRunMixin, propagator.Propagator):
     """A gear train along a speed and load profile."""
 
 
-class ProfilePair(_ProfileRunMixin, one_mesh.Propagator):
+class ProfilePair(_ProfileRunMixin, single_mesh.Propagator):
     """A model with one mesh along a speed and load profile."""
 
     def initial_state(self, state):
