@@ -475,7 +475,7 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
     if not location and cause is not None:
         return cause  # an error of `__post_init__`
     names, problem = list(arguments), details["type"].replace("_", " ")
-    if location[0] in range(len(names)) and "unexpected" not in problem:
+    if isinstance(location[0], int) and "unexpected" not in problem:
         location = names[location[0]], *location[1:]  # pydantic counts positional arguments
     path, annotation = place_of(cls, location)
     if problem == "missing" or not path:
@@ -544,7 +544,7 @@ def unit_hint(value: Any, annotation: Any) -> str:
     scaled = float(value) * _DRAWING_UNITS[unit]
     for part in metadata:
         if isinstance(part, Le | Lt):
-            bound = getattr(part, "le", None) or getattr(part, "lt", None)
+            bound: Any = part.le if isinstance(part, Le) else part.lt
             if scaled <= bound < value:
                 return f"; did you mean {float(value):g} {unit}?"
     return ""

@@ -465,6 +465,6 @@ def orbit(*orbits, axes=None, labels=None):
 def _time_course_of(orbit: Orbit):
     """Return a simulation of an orbit over one period, with its stability as a variable."""
     options = {"initial_state": tuple(orbit.state), "periods": orbit.period}
-    run = simulate(orbit.pair, orbit.tuning, record_periods=orbit.period, **options)
+    run = simulate(orbit.model, orbit.tuning, record_periods=orbit.period, **options)
     # Rounding errors grow along an unstable orbit, so that the run may not detect its period.
     return run.assign(period=orbit.period, stable=bool(orbit.stable))

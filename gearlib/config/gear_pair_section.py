@@ -111,7 +111,7 @@ _PROFILE_SECTIONS = [
     for kind, profile in PROFILES.items()
 ]
 #: Stiffness profile of the gear pair, a section for each kind.
-Profile = Annotated[
+Profile: Any = Annotated[
     reduce(operator.or_, _PROFILE_SECTIONS),
     Field(discriminator="kind"),
     Allowed(f"a mapping with a kind, one of {', '.join(PROFILES)}, and its parameters"),

@@ -133,7 +133,7 @@ _TORQUE_DOC = "Torque of the pinion of drawn gears, N m. Default: by the torques
 MeshPart = create_section(
     "MeshPart",
     "Two gears in mesh, see `gearlib.Mesh`; stiffness, ratios, phases follow where both are drawn.",
-    elements.GearStage,
+    elements.Mesh,
     base=DrawnMesh,
     exclude=("material_damping", "transmission_error"),
     optional=("max_stiffness", "stiffness_ratio", "contact_ratio"),

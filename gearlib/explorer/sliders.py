@@ -11,7 +11,7 @@ from gearlib.models.from_values import model
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.pair import GearPair
-from gearlib.parameters import declared_parameters
+from gearlib.parameters import Unit, declared_parameters
 
 #: Smallest number of steps of a slider, and tolerance of a number of steps for rounding errors.
 _MIN_STEPS, _TOLERANCE = 200, 1e-9
@@ -51,7 +51,7 @@ def slider(label: str, initial: float, low: float, high: float, unit: float = 1.
 def parameter_slider(model: type, name: str, initial: float, low: float, high: float) -> Slider:
     """Return the slider of a declared parameter of a class; initial value and limits are in SI."""
     parameter = declared_parameters(model)[name]
-    number, label = parameter.number, parameter.long_name
+    number, label = parameter.number or Unit("1"), parameter.long_name
     unit_name = number.example.partition(" ")[2]
     # Show forces in N rather than kN.
     unit_name = number.unit if unit_name.startswith("k") else unit_name

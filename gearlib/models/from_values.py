@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -205,7 +206,7 @@ def _mesh(
 
 
 #: Name of a kind of models -> function of the other values of a description.
-MODELS = {
+MODELS: dict[str, Callable[..., Model]] = {
     "pair": pair_with_profile,
     "teeth": pairs_of_teeth,
     "six_degrees": six_degrees,

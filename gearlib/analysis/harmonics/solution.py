@@ -131,7 +131,9 @@ class PeriodicSolution:
         of `gearlib.periodic_orbit` the differences from it are added.
         """
         x, v = self.time_history(samples_per_period)
-        contact = [contact_of(self.model.backlash_ratio, *state) for state in zip(x, v, strict=True)]
+        contact = [
+            contact_of(self.model.backlash_ratio, *state) for state in zip(x, v, strict=True)
+        ]
         displacement_coefficients, _ = self._one_sided_coefficients()
         data = {
             "displacement": ("phase", x),
@@ -186,7 +188,7 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
     """
     if orbit is None:
         orbit = periodic_orbit(
-            solution.pair, solution.tuning, guess=solution.state, period=solution.period
+            solution.model, solution.tuning, guess=solution.state, period=solution.period
         )
     count = max(_MIN_PHASES, _PHASES_PER_HARMONIC * solution.harmonics // solution.period)
     exact_x, exact_v, exact_phases, exact_codes = exact_motion(orbit, count)

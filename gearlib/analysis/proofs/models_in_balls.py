@@ -38,7 +38,7 @@ class MeshTiming(NamedTuple):
     rate: Fraction = Fraction(1)  #: mesh periods per period of the reference mesh
     phases: tuple = (Fraction(0), Fraction(0))  #: middle of the upper level, in mesh periods
     #: Phases of the pitch points, relative to `phases[DRIVE_SIDE]`: there the sliding becomes
-    #: positive, and negative half a mesh period later, when the next pair of teeth carries the load.
+    #: positive, and negative half a mesh period later, when the next pair of teeth has the load.
     pitch_phases: tuple = (Fraction(0), Fraction(0))
 
     def changes(self) -> set[Fraction]:
