@@ -16,6 +16,7 @@ from tests.paper import PAPER
 from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SPLIT, VARIANTS
 from tests.properties.cases import random_trains_case
 from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
+from tests.properties.test_summaries import TEETH
 from tests.trains.test_methods import START, bouncing
 
 
@@ -111,7 +112,9 @@ def test_a_sweep_holds_its_single_runs(model, method, options):
         assert many.period in (0, one.period)
 
 
-def test_trains_are_refused_by_methods_of_one_degree():
-    for method in ("taylor", "rk45", "newmark"):
+def test_methods_refuse_models_that_they_cannot_run():
+    refused = [(bouncing(), method) for method in ("taylor", "rk45", "newmark")]
+    refused += [(TEETH, method) for method in ("rk4", "scipy", "heyoka")]
+    for model, method in refused:
         with pytest.raises(ValueError, match=f"method = '{method}' .* it takes .* must be one of"):
-            gearlib.simulate(bouncing(), 0.9, periods=1, method=method)
+            gearlib.simulate(model, 0.9, periods=1, method=method)
