@@ -305,9 +305,11 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
     # After a failure there is no division by 0.
     periods, scales = np.maximum(phase, 1e-300)[:, None] / math.tau, model.scales()
     columns = summary.column_values(summaries, total_time, periods)
-    columns = {
-        column.name: columns[column.name] * scales.get(column.scale, 1.0) for column in COLUMNS
-    }
+    # Only the scenes of the paper, at constant speed, ask for the time at the lower stiffness.
+    columns.pop("fraction_min_stiffness")
+    for column in COLUMNS:
+        if column.scale:
+            columns[column.name] *= scales[column.scale]
     dims = ("revolution", "mesh") if model.mesh_names else ("revolution",)
     variables = {
         "revolution": (("revolution",), revolutions[starts]),

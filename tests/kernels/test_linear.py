@@ -104,6 +104,12 @@ def test_distances_are_polynomials_within_their_bounds(codes):
         assert swing <= amplitude or not tables.is_bounded[0, side, j]
 
 
+def test_a_series_that_reaches_zero_is_not_taken_for_one_that_does_not():
+    # 0.5 - s + 0.6 s^2 and 0.5 - 0.3 s + 0.1 s^2, then the magnitude of the first coefficient.
+    curves = np.array([[0.5, -1.0, 0.6, 0.5], [0.5, -0.3, 0.1, 0.5]])
+    assert [sparse_series.series_may_reach_zero(c, 1.0, 2) for c in curves] == [True, False]
+
+
 def test_first_events_are_the_first_sign_changes():
     found, fractions = 0, np.linspace(0.0, 1.0, 1001)
     for scale in np.cos(np.linspace(0.0, math.pi, 13)):

@@ -170,13 +170,15 @@ def test_evaluations_are_counted(method, options, count, record_periods):
 
 
 @pytest.mark.parametrize(
-    ("method", "options"), [variant for variant in VARIANTS if variant[0] != "smoothed"]
+    ("method", "options"),
+    [("exact", {}), ("taylor", {}), *(row for row in VARIANTS if row[0] != "smoothed")],
 )
 def test_samples_satisfy_the_equation_of_motion(method, options):
     run = simulate(OIL_FREE, 0.9, periods=12, record_periods=3, method=method, options=options)
     x, touches = run.displacement, run.contact != 0
     assert np.array_equal(touches, (x >= 0) | (x <= -OIL_FREE.backlash_ratio))
     assert not run.dynamic_force.values[~touches.values].any() and not touches.all()
+    assert np.array_equal(run.modified_stiffness, run.stiffness * touches)
     damping = np.where(touches, OIL_FREE.damping_ratio, 0.0)
     force = 2 * damping / 0.9 * run.velocity + (run.dynamic_force - 1) / 0.81
     assert float(abs(run.acceleration + force).max()) < 1e-12

@@ -49,7 +49,7 @@ def expected_of_events(run, contact, span):
     # Steps that go across an event may put the first sample on its other side.
     codes = np.append(before[:1] if before.size else contact, after)
     phases = run.event_phase.values - float(run.phase[0])
-    assert (codes[:-1] == before).all() and (np.diff(phases) >= 0.0).all()
+    assert (codes[:-1] == before).all()
     durations = np.diff([0.0, *phases, span])
     return {
         "fraction_drive": durations[codes == 1].sum() / span,
@@ -123,7 +123,7 @@ def test_summary_follows_from_samples_and_events(name, method, options):
     span = {"periods": periods, "record_periods": recorded, "initial_state": state}
     span |= {"method": method, "options": options}
     run = gearlib.simulate(model, tuning, samples_per_period=SAMPLES, **span)
-    assert int(run.status) == 0
+    assert int(run.status) == 0 and (np.diff(run.event_phase) >= 0.0).all()
     # Long steps go across switches.
     sample_error = 50 if method in ("rk45", "scipy") and options != SPLIT else 1
     bounds = bounds_of_summary(model, run, recorded, sample_error)
