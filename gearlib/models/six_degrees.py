@@ -20,7 +20,7 @@ work, a force acts on a coordinate with the derivative of its distance: b = d(y 
 the s above and 1 if the backlash does not move. Forces do not jump when flanks touch;
 `docs/theory/model.md` gives the reasons and says where dampers with k_m > k drive the motion.
 Friction F_T = mu sigma(tau) C g acts across the line of action, with g = y in drive-side contact, y
-- s in coast-side contact and 0 in free flight. Its direction sigma reverses at the pitch point and
+- s in coast-side contact and 0 in the backlash. Its direction sigma reverses at the pitch point and
 half a mesh period later. It opposes the sliding, with z a quarter turn from y in the direction in
 which gear 3 rotates.
 

@@ -47,7 +47,7 @@ class ArcDynamics:
     def __init__(self, model, tuning: float):
         """Compute modal basis and matrices of a model at a tuning in ball arithmetic."""
         self.model, self.tuning = ball_model_builder(model)(model, tuning), flint().arb(tuning)
-        self.pair, self.excitation_period = model.equation is not None, model.repeats
+        self.one_degree, self.excitation_period = model.equation is not None, model.repeats
         self.mesh_names = tuple(mesh.name for mesh in self.model.meshes)
         self._system_matrices: dict = {}
         free_motions, natural_frequencies, shapes = _modes(model, self.model)

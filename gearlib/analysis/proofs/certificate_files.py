@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from gearlib.analysis.proofs.balls import Enclosure
-from gearlib.engines.codes import COAST_SIDE, DRIVE_SIDE, NO_CONTACT
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 
 _CONTACT_NAMES = {
-    DRIVE_SIDE: "drive-side contact",
+    DRIVE: "drive-side contact",
     NO_CONTACT: "free flight",
-    COAST_SIDE: "coast-side contact",
+    COAST: "coast-side contact",
 }
 #: Status of a refusal because contact events coincide, or because there are too many arcs.
 COINCIDENT = "together"

@@ -248,7 +248,7 @@ class Proof:
             balls.append(value)
             return enclosure(value, digits)
 
-        pair, contacts, events = self.dynamics.pair, self.contacts(), []
+        one_degree, contacts, events = self.dynamics.one_degree, self.contacts(), []
         for phase, mesh, before, after, speed in contacts:
             values = enclosed(phase), before, after, enclosed(speed)
             name = self.dynamics.mesh_names[mesh]

@@ -1,4 +1,4 @@
-"""GearStage stiffness of gears by ISO 6336 or by the energy method.
+"""Mesh stiffness of gears by ISO 6336 or by the energy method.
 
 In a mesh period, floor(eps_alpha) + 1 pairs of teeth touch in a segment of the length eps_alpha -
 floor(eps_alpha), and one pair less in the other segment. A position u in base pitches after the
