@@ -1,4 +1,4 @@
-"""GearStage of two gears: working angle, path of contact, contact ratio, backlash, interference.
+"""Mesh of two gears: working angle, path of contact, contact ratio, backlash, interference.
 
 A position on the path of contact is the radius of curvature of the flank of the pinion in m; it is
 0 where the line of action touches the base circle of the pinion. The pinion drives. Contact begins
@@ -289,7 +289,7 @@ class GearStage:
 
     @property
     def pitch_phase(self) -> float:
-        """GearStage phase at which a pair touches at the pitch point, rad."""
+        """Mesh phase at which a pair touches at the pitch point, rad."""
         return self.phase_of(self.pitch_point)
 
     @property

@@ -1,4 +1,4 @@
-"""GearStage stiffness and dynamic factor after ISO 6336-1, method B.
+"""Mesh stiffness and dynamic factor after ISO 6336-1, method B.
 
 The standard distinguishes three ranges of N, the speed over the resonance speed n_E1. The teeth
 enter by B_p (base pitch), B_f (profile form) and B_k (tip relief), each the force c' f b of a
@@ -38,7 +38,7 @@ MIN_ROOT_RATIO = 1.4
 
 @dataclass(frozen=True)
 class IsoStiffness:
-    """GearStage stiffness of ISO 6336-1 per face width, N/(mm um), and its factors."""
+    """Mesh stiffness of ISO 6336-1 per face width, N/(mm um), and its factors."""
 
     virtual_teeth: tuple  #: z_n in the order of the standard; infinite for a ring gear
     theoretical: float  #: theoretical single stiffness c'th = 1 / q'
