@@ -8,7 +8,6 @@ import re
 
 from gearlib.config import units
 from gearlib.parameters import unit_hint
-from gearlib.removed import REMOVED, removal_message
 
 #: Bounds of the JSON schema -> sign.
 _SIGNS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
@@ -52,9 +51,6 @@ def _error_message(error, schema):
     node = node_at(path, schema)
     if kind == "missing":
         return f"{_dotted_key(path)} is missing: it must be {allowed_text(node, schema)}"
-    # Removed targets and methods have messages of their own.
-    if {"targets", "method", "methods"} & {*map(str, path)} and str(value) in REMOVED:
-        return removal_message(value)
     # The comment of a number with a unit ends with an example such as '10 um'.
     example = re.search("such as '(.*)'", node.get("$comment", ""))
     limits = [node.get(x.lower(), node.get(f"exclusive{x}")) for x in ("Maximum", "Minimum")]
@@ -78,10 +74,6 @@ def _with_full_keys(message, section_key):
 def unknown_key_error(path, value, schema):
     """Return the error message for the unknown key at the end of `path`, a list of nested keys."""
     section, name = node_at(path[:-1], schema), str(path[-1])
-    # `REMOVED` leaves out names that users choose: "channels.bits" for channels.<name>.bits.
-    for removed in (_dotted_key(path), f"{path[0]}.{name}"):
-        if removed in REMOVED:
-            return removal_message(removed)
     if similar_names := difflib.get_close_matches(name, section.get("properties", []), 1):
         advice = f"did you mean {similar_names[0]}?"
     elif sections := sorted(_sections_with(name, schema), key=lambda key: key.count(".")):

@@ -18,13 +18,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from gearlib import checks
 from gearlib.data import summary
-from gearlib.engines.taylor.teeth import ToothPairSystem
+from gearlib.engines.taylor.teeth import Propagator, ToothPairSystem
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.iso import METHOD_NAMES
@@ -35,8 +35,13 @@ from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Tabulated
 from gearlib.parameters import BOOLEAN, Instance, Integer, Number, documented
 
-if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.taylor import teeth, teeth_profiles  # noqa: F401
+
+def _profile_propagator(model: Any) -> Any:
+    """Return the integrator of pairs of teeth along speed profiles."""
+    from gearlib.engines.taylor.teeth_profiles import propagator_of
+
+    return propagator_of(model)
+
 
 #: Longest step times the highest frequency: a Taylor series of order 20 has an error of 1e-17.
 _MAX_STEP_ANGLE = 1.18
@@ -90,8 +95,8 @@ class LoadSharingPair(WithPair):
     ] = True
 
     defaults = {"pitch_errors": lambda model: model.drawing.pitch_errors}
-    propagators = {"exact": "taylor.teeth"}
-    profile_engine = "taylor.teeth_profiles"
+    propagators = {"exact": Propagator}
+    profile_propagator = staticmethod(_profile_propagator)
     piecewise_linear = False
     force_ratio_name = "dynamic_factor"
     has_damping = property(lambda model: model.pair.has_damping, doc="`GearPair.has_damping`.")

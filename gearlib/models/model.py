@@ -10,8 +10,8 @@ piecewise-linear ``system`` with ``contact_modes``, ``full_state``, ``propagator
 import dataclasses
 import math
 import re
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -19,12 +19,6 @@ from gearlib import checks, parameters
 from gearlib.engines.codes import INVERSE, NORMAL
 from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
 from gearlib.models.profiles import Profile
-
-if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.linear import one_mesh, speed_profiles  # noqa: F401
-    from gearlib.engines.pair import propagator as pair  # noqa: F401
-    from gearlib.engines.taylor import propagator as taylor  # noqa: F401
-
 
 #: A motion this many times larger than the lengths of its model counts as unbounded.
 UNBOUNDED_FACTOR = 1e8
@@ -84,19 +78,18 @@ class Model:
         return self.equation is None or self.equation.is_piecewise_linear()
 
     @property
-    def propagators(self) -> dict[str, str]:
-        """Method name -> module of `gearlib.engines` that integrates the model; default first."""
-        exact = {"exact": "linear.one_mesh"} if self.piecewise_linear else {}
-        return exact | {"taylor": "taylor.propagator"}
+    def propagators(self) -> dict[str, Callable]:
+        """Method name -> function of model, tuning and options that returns the integrator.
+
+        The default method comes first.
+        """
+        exact = {"exact": one_mesh_propagator} if self.piecewise_linear else {}
+        return exact | {"taylor": taylor_propagator}
 
     @property
-    def profile_engine(self) -> str | None:
-        """Module of `gearlib.engines` that runs the model along speed profiles; None if none."""
-        return "linear.speed_profiles" if self.piecewise_linear else None
-
-    def profile_propagator(self) -> Any:
-        """Return the integrator of the model along speed profiles, of `profile_engine`."""
-        return import_module(f"gearlib.engines.{self.profile_engine}").propagator_of(self)
+    def profile_propagator(self) -> Callable | None:
+        """Function of the model that returns its integrator along speed profiles, or None."""
+        return _profile_propagator if self.piecewise_linear else None
 
     def steps_per_period(self, tuning: float) -> float:
         """Return the minimum number of integration steps per mesh period; 1 for closed forms."""
@@ -105,12 +98,11 @@ class Model:
     def propagator(self, tuning: float, method: str | None = None, **options: Any) -> Any:
         """Return the integrator of the model at an excitation over natural frequency, `tuning`.
 
-        `method` is a key of `propagators`, by default the first one, which names the module of the
-        integrator class; `options` are keyword arguments of this class.
+        `method` is a key of `propagators`, by default the first one; `options` are keyword
+        arguments of the integrator class.
         """
-        module_name = self.propagators[method or next(iter(self.propagators))]
-        module = import_module(f"gearlib.engines.{module_name}")
-        return module.Propagator(self, float(tuning), **options)
+        propagators = self.propagators
+        return propagators[method or next(iter(propagators))](self, float(tuning), **options)
 
     def nonlinear_mesh(self, tuning: float, tolerance: float = 0.0) -> Any:
         """Return the `NonlinearMesh` of one degree of freedom for Taylor steps with a tolerance."""
@@ -404,6 +396,30 @@ class Model:
         if pair_changes and is_model(pair):
             changes["pair"] = pair.replace(**pair_changes)
         return dataclasses.replace(self, **changes, **recomputed)  # type: ignore[type-var]
+
+
+# Engines are imported on first use, because each of them takes time to load.
+
+
+def one_mesh_propagator(model: Model, tuning: float, **options: Any) -> Any:
+    """Return the integrator in closed forms for a piecewise-linear mesh."""
+    from gearlib.engines.linear.one_mesh import Propagator
+
+    return Propagator(model, tuning, **options)
+
+
+def taylor_propagator(model: Model, tuning: float, **options: Any) -> Any:
+    """Return the integrator by Taylor series for one degree of freedom."""
+    from gearlib.engines.taylor.propagator import Propagator
+
+    return Propagator(model, tuning, **options)
+
+
+def _profile_propagator(model: Model) -> Any:
+    """Return the integrator of a piecewise-linear model along speed profiles."""
+    from gearlib.engines.linear.speed_profiles import propagator_of
+
+    return propagator_of(model)
 
 
 def fields_of(instance: Any) -> dict[str, Any]:

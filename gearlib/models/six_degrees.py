@@ -41,7 +41,7 @@ from gearlib import checks
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.models.geometry.mesh import six_degree_parameters
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.model import Model, instance_without_checks
+from gearlib.models.model import Model, instance_without_checks, one_mesh_propagator
 from gearlib.models.one_mesh_system import contact_monodromy
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.trains import waves
@@ -146,7 +146,7 @@ class SixDegreePair(WithPair):
     ] = True
 
     extra_samples = EXTRA_VARIABLES
-    propagators = {"exact": "linear.one_mesh"}
+    propagators = {"exact": one_mesh_propagator}
     moving_flank = True
     defaults = {
         "inverse_deviation": lambda model: model.deviation,

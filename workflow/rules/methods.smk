@@ -81,7 +81,7 @@ rule stability_chart:
 
 #: Name of a trial -> method with options.
 TRIALS = {trial["name"]: trial for trial in config["failures"]["trials"]}
-TRIAL_SOURCES = sources_by_method("compute", "studies.trials.failures")
+TRIAL_SOURCES = sources_by_method("compute", "studies.trials.failures", "scipy")
 
 
 use rule _compute as trial with:

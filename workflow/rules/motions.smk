@@ -50,7 +50,7 @@ use rule _compute as compute_jump with:
         job="jump",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.jump"),
+        sources=sources_of("compute", "studies.jump", methods=["rk45"]),
     output:
         "results/jump.nc",
     params:
