@@ -26,6 +26,7 @@ include: "workflow/rules/methods.smk"
 include: "workflow/rules/trains.smk"
 include: "workflow/rules/drawings.smk"
 include: "workflow/rules/uncertainty.smk"
+include: "workflow/rules/targets.smk"
 
 
 rule all:

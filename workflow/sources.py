@@ -19,40 +19,33 @@ LISTS = Path(".snakemake/sources")
 
 
 def sources(script, loaded=(), package="gearlib"):
-    """Return the sorted files of a script and of all modules that it imports, also indirectly.
+    """Return the sorted paths of a script and of all modules that it imports, also indirectly.
 
     These are modules of the package and scripts in the same folder; `loaded` names modules that the
     script loads by name. The ``__init__.py`` of the package only has lazy names and does not count:
-    ImportError if it is imported for them.
+    ImportError if it is imported for them. Paths are relative to the working directory.
     """
-    graph, scripts, pending = _imports_of(package), [Path(script)], [*loaded]
+    graph, known_modules = _imports_of(package)
+    scripts, modules = [Path(script)], {*loaded}
     for path in scripts:
         for name in _imported_names(path):
             first = name.split(".")[0]
             other_script = path.with_name(f"{first}.py")
             if first == package:
-                pending.append(name if name in graph.modules else name.rpartition(".")[0])
+                modules.add(name if name in known_modules else name.rpartition(".")[0])
             elif other_script.is_file() and other_script not in scripts:
                 scripts.append(other_script)
-    modules = set()
-    while pending:
-        module = pending.pop()
-        if module == package:
-            raise ImportError(f"{script} imports from {package} itself: import its modules")
-        if module not in modules:
-            modules.add(module)
-            pending += graph.find_modules_directly_imported_by(module)
-            # Importing a module also runs the packages it lies in.
-            pending += [parent for parent in [module.rpartition(".")[0]] if parent != package]
-    return sorted([*scripts, *map(_file_of, modules)])
+    modules = modules.union(*map(graph.find_upstream_modules, modules))
+    if package in modules:
+        raise ImportError(f"{script} imports from {package} itself: import its modules")
+    return sorted([*map(os.path.relpath, scripts), *map(_file_of, modules)])
 
 
-def listed(script, files):
-    """Write the list of a script's source `files` with checksums if it changed; return its path."""
-    names = [os.path.relpath(file) for file in files]
-    digest = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
+def listed(script, paths):
+    """Write the list of a script's source files with checksums if it changed; return its path."""
+    digest = hashlib.sha256("\n".join(paths).encode()).hexdigest()[:8]
     path = LISTS / f"{Path(script).stem}-{digest}.txt"
-    text = "".join(f"{_checksum(name)}  {name}\n" for name in names)
+    text = "".join(f"{_checksum(source)}  {source}\n" for source in paths)
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(f".{os.getpid()}.{path.name}")
@@ -63,8 +56,17 @@ def listed(script, files):
 
 @cache
 def _imports_of(package):
-    """Return the graph of imports of a package, without those for type checkers only."""
-    return grimp.build_graph(package, cache_dir=None, exclude_type_checking_imports=True)
+    """Return the graph of imports of a package, and the set of its modules.
+
+    Imports for type checkers only are left out. Importing a module also runs the packages around it, which the graph counts as its imports.
+    """
+    graph = grimp.build_graph(package, cache_dir=None, exclude_type_checking_imports=True)
+    modules = graph.modules
+    for module in modules:
+        parent = module.rpartition(".")[0]
+        if parent not in ("", package):
+            graph.add_import(importer=module, imported=parent)
+    return graph, modules
 
 
 @cache
@@ -81,10 +83,11 @@ def _imported_names(path):
 
 @cache
 def _file_of(module):
-    """Return the file of a module of a package."""
+    """Return the path of a module of a package."""
     package, *parts = module.split(".")
-    path = Path(find_spec(package).origin).parent.joinpath(*parts)
-    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    path = os.path.join(os.path.dirname(find_spec(package).origin), *parts)
+    path = os.path.join(path, "__init__.py") if os.path.isdir(path) else f"{path}.py"
+    return os.path.relpath(path)
 
 
 @cache

@@ -1,7 +1,8 @@
 """Methods of integration, chosen by the argument ``method=``.
 
 A method is a `method.Integrator` in the table ``METHODS`` of its module. A method that needs
-another package names it as ``PACKAGE`` and imports it when it runs.
+another package names it as ``PACKAGE`` and imports it when it runs. Nothing here loads the engines
+before a method is chosen, because every start of the workflow reads the table of methods.
 """
 
 from collections import UserDict
@@ -9,8 +10,6 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from gearlib import checks
-from gearlib.integrators.method import MissingPackage
-from gearlib.models.model import is_model
 
 
 class _IntegratorTable(UserDict):
@@ -86,6 +85,9 @@ def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dic
     "taylor". Missing options take their defaults. Raises ValueError if the method is unknown or
     cannot run the model or if an option is invalid, `MissingPackage` if its package is missing.
     """
+    from gearlib.integrators.method import MissingPackage
+    from gearlib.models.model import is_model
+
     if not is_model(model):
         # Public functions call their model argument `pair`.
         raise ValueError(

@@ -210,14 +210,15 @@ def figure_files(name, label, part, caption=None):
     return [report(p, **options) if p.endswith(f".{report_format}") else p for p in paths]
 
 
-def table_page(name, label, part):
-    """Return the HTML page of a table for the report; browsers do not show CSV."""
-    return report(
-        f"results/tables/{name}.html",
-        caption=f"../report/{name}_table.rst",
-        category=part,
-        labels={"figure": label},
-    )
+def table_files(name, label, part):
+    """Return the files of a table by name: CSV, and a page for the report, as browsers want it."""
+    labels = {"figure": label}
+    page = f"results/tables/{name}.html"
+    caption = f"../report/{name}_table.rst"
+    return {
+        "csv": f"results/{name}.csv",
+        "page": report(page, caption=caption, category=part, labels=labels),
+    }
 
 
 def target_files(target, *files):
