@@ -74,8 +74,8 @@ def overlay_gears(base: dict, changes: dict) -> dict:
     """Return the configuration `base` updated with `changes`, without keys that no longer fit.
 
     Gears given by geometry replace a `base` with a `gear_pair`, because its dampings, bearings and
-    scenes belong to that pair. Another `gear_pair` drops the scenes of `base`. A train alone, without
-    `targets`, asks for the targets of trains.
+    scenes belong to that pair. Another `gear_pair` drops the scenes of `base`. A train alone asks
+    for the targets of trains.
     """
     from gearlib.config import gear_names
     from gearlib.config.targets import TRAIN_TARGETS

@@ -58,8 +58,7 @@ def hook(monkeypatch):
 def test_python_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch, capsys):
     plt.switch_backend("Agg")
     monkeypatch.chdir(tmp_path)
-    for name in ("config.yaml", "gallery.yaml"):
-        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
+    (tmp_path / "config.yaml").write_bytes((ROOT / "config.yaml").read_bytes())
     text = page.read_text(encoding="utf-8")
     names = {}
     pattern = r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?"

@@ -168,9 +168,9 @@ def test_drawn_gears_come_from_options_or_a_saved_file(run):
 
 
 def test_optional_keys_of_a_new_project_stand_in_their_place_as_comments(run):
-    run("init")
-    run("init", code=2)
-    text = Path("gears.yaml").read_text(encoding="utf-8")
+    run("init mine")
+    assert "mine/config.yaml exists: choose another folder" in run("init mine", code=2)
+    text = Path("mine/config.yaml").read_text(encoding="utf-8")
     # The first "shift" is that of the pinion.
     line = next(line for line in text.splitlines() if line.strip().startswith("# shift:"))
     gears = config.load(yaml.safe_load(text.replace(line, "    shift: 0.3", 1))).gears
@@ -186,7 +186,6 @@ simulate PAIR --tuning 1 -o no/run.nc | run.nc cannot be written: No such file
 simulate PAIR --tuning 1 -o run.h5 | it must end with one of .nc, .csv
 sweep PAIR --plot curve.jpg | it must end with one of .png, .svg, .pdf
 simulate PAIR --tuning 1 --damping k1 | give --config
-simulate PAIR --tuning 1 --case a | --case and --damping need a configuration
 orbit --config binary.yaml --tuning 1 | binary.yaml is not YAML
 orbit --config twice.yaml --tuning 1 | a is given twice, again in line 3
 orbit --config syntax.yaml --tuning 1 | syntax.yaml is not YAML, line 2, col
@@ -194,7 +193,6 @@ orbit --config colon.yaml --tuning 1 | colon.yaml: 'resonance' is not allowed: i
 workflow -n --configfile colon.yaml | colon.yaml: 'resonance' is not allowed: it must be a mapping
 workflow -n --configfile no.yaml | --configfile = 'no.yaml' is not allowed: it must be a file
 simulate --config five.yaml --tuning 1 | dampings = 5 is not allowed: it must be
-simulate --config four_planets.yaml --case a --tuning 1 | --case a: it must be left out
 modes --config four_planets.yaml | planets = 4 is not allowed: (z_s + z_r) / N
 simulate --config misspelt.yaml --tuning 1 | did you mean resonance
 simulate --config four_planets.yaml --damping k9 --tuning 1 | one of k1
