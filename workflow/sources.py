@@ -58,7 +58,8 @@ def listed(script, paths):
 def _imports_of(package):
     """Return the graph of imports of a package, and the set of its modules.
 
-    Imports for type checkers only are left out. Importing a module also runs the packages around it, which the graph counts as its imports.
+    Imports for type checkers only are left out. Importing a module also runs the packages around
+    it, which the graph counts as its imports.
     """
     graph = grimp.build_graph(package, cache_dir=None, exclude_type_checking_imports=True)
     modules = graph.modules

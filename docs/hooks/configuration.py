@@ -6,7 +6,7 @@ with which a wrong value is refused.
 
 from mkdocs.structure.files import File
 
-from gearlib.config import CASE_NAME, schema, schema_text
+from gearlib.config import schema, schema_text
 from gearlib.config.validation import allowed_text, resolve
 
 PAGE, SCHEMA = "reference/configuration.md", "config.schema.json"
@@ -22,9 +22,7 @@ brackets are free: letters, digits, `+`, `_`, `-`.
 
 Editors with YAML support complete the keys; they read `build/config.schema.json`, which `make`
 writes. [The same schema]({SCHEMA}) comes from `gearlib schema`.
-Values with a dimension are [numbers in SI or texts with a unit](../how_to/units.md). One key may
-stand beside those below: [`cases`](../how_to/workflow.md#several-cases), a mapping of names
-(`{CASE_NAME}`) to keys that differ.
+Values with a dimension are [numbers in SI or texts with a unit](../how_to/units.md).
 """
 
 

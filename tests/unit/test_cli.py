@@ -16,7 +16,7 @@ from click.testing import CliRunner
 import gearlib
 from gearlib import config
 from gearlib.cli import main
-from gearlib.data import storage
+from gearlib.data import gathering, storage
 from gearlib.parameters import WRITTEN_UNITS
 from tests.geometry import drawings
 from tests.paper import CONFIG, PAPER
@@ -175,6 +175,23 @@ def test_optional_keys_of_a_new_project_stand_in_their_place_as_comments(run):
     line = next(line for line in text.splitlines() if line.strip().startswith("# shift:"))
     gears = config.load(yaml.safe_load(text.replace(line, "    shift: 0.3", 1))).gears
     assert (gears.pinion.shift, gears.pinion.module, gears.torque) == (0.3, 2.5e-3, 85.0)
+
+
+def test_compare_prints_gears_side_by_side_and_draws_their_resonance(run):
+    curve = gearlib.sweep(K1, [0.7, 0.8, 0.9], periods=60, record_periods=10)
+    curve = gathering.gather_resonance([curve.assign_coords(damping="k1", direction="cold")])
+    for name in ("light", "heavy"):
+        Path(name, "results").mkdir(parents=True)
+        storage.write(curve, f"{name}/results/resonance.nc")
+    assert "static_deflection m 1e-05 1e-05" in " ".join(run("compare light heavy").split())
+    for name, teeth in (("light", 23), ("heavy", 61)):
+        table = f"name,of,value,unit,meaning\nmass,pinion,{teeth},kg,of the blank\n"
+        Path(name, "results/gears.csv").write_text(table, encoding="utf-8")
+    output = run("compare light heavy -o curves.png")
+    assert output.split()[:7] == ["light", "heavy", "mass", "pinion", "kg", "23", "61"]
+    assert Path("curves.png").stat().st_size > 1000
+    words = "FOLDER = 'other' is not allowed: it must be a folder with results/resonance.nc"
+    assert words in run("compare light other", code=2)
 
 
 #: Wrong command line | part of the error message.

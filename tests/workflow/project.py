@@ -68,7 +68,7 @@ class Project:
 
 
 def rules_in(output):
-    """Return the names of the rules in Snakemake's first table of jobs, without the target `all`."""
+    """Return the names of the rules in Snakemake's first table of jobs, without `all`."""
     table = re.search(r"^Job stats:\njob +count\n[- ]+\n(.*?)^total ", output, re.S | re.M)
     if table is None:
         assert "Nothing to be done" in output, output
