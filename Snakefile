@@ -3,6 +3,7 @@
 A file of rules for each subject, each of them: compile -> compute -> gather -> draw, table.
 """
 
+import os
 from pathlib import Path
 
 from snakemake.utils import min_version
@@ -42,6 +43,8 @@ rule paper:
 
 
 onstart:
+    if not os.access("results" if Path("results").exists() else ".", os.W_OK):
+        refuse("Nothing can be written to results.")
     # Snakemake holds its lock, so that temporary files are those of a run that was killed.
     remove_leftovers(Path("results"))
 

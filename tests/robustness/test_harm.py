@@ -147,7 +147,7 @@ def test_damaged_file_of_the_same_date_is_named_when_it_is_read(project):
     (project / SHARD).write_bytes(content[: len(content) // 2])
     os.utime(project / SHARD, ns=(times.st_atime_ns, times.st_mtime_ns))
     (project / "results/phase_planes.nc").unlink()
-    printed = project.snakemake("-j2", succeed=False)
+    printed = project.snakemake("-j2", "results/phase_planes.nc", succeed=False)
     assert f"{SHARD} cannot be read as netCDF" in printed and "Traceback" not in printed
 
 

@@ -46,10 +46,14 @@ def redirect_output(path):
 
 
 def _report_exception(terminal, exception_type, error, trace):
-    """Write a traceback to the log, but only the message of an OSError, also to the terminal.
+    """Write a traceback to the log, but none of Ctrl-C.
+
+    Of an OSError only the message is written, also to the terminal.
 
     `terminal` is the file descriptor of the original standard error.
     """
+    if issubclass(exception_type, KeyboardInterrupt):
+        return
     if not issubclass(exception_type, OSError):
         traceback.print_exception(exception_type, error, trace)
         return
