@@ -610,7 +610,6 @@ def _run_snakemake(folder, arguments):
         raise ModuleNotFoundError("Snakemake is not installed", name="snakemake")
     command = [sys.executable, "-m", "snakemake", "--snakefile", _ROOT / "Snakefile"]
     command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
-    # The path in the profile would be relative to the folder of the rules.
     command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
     # It is None where standard output, descriptor 1, is closed.
     is_pipe = sys.__stdout__ is not None and not os.isatty(1)

@@ -4,6 +4,7 @@
 wildcard_constraints:
     damping=r"[A-Za-z0-9+_-]+",
     direction="cold|up|down",
+    engine="matrix|taylor",
     window=r"\d+\.\d+-\d+\.\d+",
     tuning=r"\d+\.\d+",
     samples=r"\d+-\d+",
