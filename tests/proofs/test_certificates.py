@@ -164,7 +164,7 @@ def test_random_orbits_and_wrong_candidates(seed):
     [
         ({"state": np.array((-0.0953, -0.3086))}, "distance"),
         ({"tuning": 0.8151}, "distance"),
-        ({"pair": PAPER}, "distance"),
+        ({"model": PAPER}, "distance"),
         ({"period": 2}, "contacts"),
         ({"pattern": (1,)}, "contacts"),
         ({"model": gearlib.OneDegreePair(pair=MATERIAL, cubic_damping=1.0)}, "model"),

@@ -159,7 +159,7 @@ def locus(
     step = checks.finite_positive("step", step)
     max_points = checks.integer("max_points", max_points, 2)
     # The turning point of a grazing is that of one mesh.
-    labels = (FOLD, DOUBLING, GRAZING) if getattr(model, "mesh", None) else (FOLD, DOUBLING)
+    labels = (FOLD, DOUBLING, GRAZING) if getattr(model, "pair", None) else (FOLD, DOUBLING)
     special_point = point_of_dataset(model, branch, point, max_events, labels)
     branch_problem, label = special_point.solution.problem, int(branch.label[point])
     tuning, period = branch_problem.tuning, branch_problem.period
