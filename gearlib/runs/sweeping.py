@@ -7,14 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from gearlib import checks
 from gearlib.data import summary
 from gearlib.data.result import result
+from gearlib.parameters import Count, checked
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import (
+    DIRECTIONS,
     MAX_EVENTS,
+    Direction,
+    MaxSeconds,
     Rows,
     RunArguments,
+    Threads,
     check_either,
     check_rows,
     check_run,
@@ -23,7 +27,6 @@ from gearlib.runs.run_arguments import (
     tuning_at_speed,
 )
 
-DIRECTIONS = ("cold", "up", "down")
 #: Directions of warm-started sweeps: each run starts from the final state of the previous one.
 WARM_STARTED = DIRECTIONS[1:]
 
@@ -36,20 +39,21 @@ EXTENSION_RATIO = 0.2
 _SAME_MOTION_TOLERANCE = 1e-3
 
 
+@checked
 def sweep(
     pair,
     tunings=None,
     *,
     speeds=None,
-    periods,
-    record_periods,
+    periods: Count,
+    record_periods: Count,
     initial_state=(0.0, 0.0),
-    direction="cold",
+    direction: Direction = "cold",
     method=None,
     options=None,
-    max_events=MAX_EVENTS,
-    threads=None,
-    max_seconds=None,
+    max_events: Count = MAX_EVENTS,
+    threads: Threads = None,
+    max_seconds: MaxSeconds = None,
 ):
     """Run a model at many tunings and summarise the last mesh periods of each run.
 
@@ -112,27 +116,24 @@ def sweep(
     else:
         check = functools.partial(tuning_at_speed, pair)
         tunings = pair.tuning_at(check_tunings("speeds", speeds, check, pair.tuning_at))
-    checked = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
-    checks.one_of("direction", direction, DIRECTIONS)
+    arguments = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
     _check_order(direction, tunings, "tunings" if speeds is None else "speeds")
-    if direction != "cold" and checked.method != "exact" and pair.size > 2:
+    if direction != "cold" and arguments.method != "exact" and pair.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom by method "
-            f"{checked.method!r}: it must be 'cold', or the method 'exact', which carries all "
+            f"{arguments.method!r}: it must be 'cold', or the method 'exact', which carries all "
             "coordinates along"
         )
-    threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
-
     limit = Limit(max_seconds)
     check_rows(pair, f"a sweep of {tunings.size:,} tunings", tunings.size)
-    rows = _run_sweep(pair, tunings, checked, direction, threads, limit)
+    rows = _run_sweep(pair, tunings, arguments, direction, threads or os.cpu_count(), limit)
     data = {
-        **summary.summary_variables(pair, ("tuning",), *rows[1:], checked.span.recorded),
+        **summary.summary_variables(pair, ("tuning",), *rows[1:], record_periods),
         **pair.scales(),
         **{name: ("tuning", scale) for name, scale in pair.speed_scales(tunings).items()},
     }
     coords = {"tuning": tunings, **pair.coordinates()}
-    attributes = checked.attributes() | {"direction": direction}
+    attributes = arguments.attributes() | {"direction": direction}
     title = "Resonance characteristic of a gear mesh"
     dataset = result(title, pair, data, coords, **attributes)
     return limit.mark(dataset, tuning=rows.codes[:, 1] >= 0)

@@ -16,7 +16,7 @@ from gearlib.analysis.orbits.shooting import compose
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.integrators import choose_method
-from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
+from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Motions larger than this, relative to the extent of the model, may grow without bound.
 _MIN_RELATIVE_SIZE = 1e2
@@ -39,11 +39,9 @@ class Stroboscope:
         """
         # Raises ValueError unless a method supports the model.
         choose_method(model, name=None, options=None)
-        self.model, self.tuning = model, check_tuning("tuning", tuning)
-        self.propagator = model.propagator(self.tuning)
-        self.max_events = checks.integer("max_events", max_events, 1)
-        processors = os.cpu_count() or 1
-        self.threads = processors if threads is None else checks.integer("threads", threads, 1)
+        self.model, self.tuning, self.max_events = model, tuning, max_events
+        self.propagator = model.propagator(tuning)
+        self.threads = threads or os.cpu_count() or 1
         self.mesh_periods_per_cycle = model.repeats
         #: Matrices from full states to states without the free rotation (rigid-body motion) of all
         #: shafts, and back.

@@ -5,7 +5,7 @@ contact ratio changes neither the mean stiffness nor the damping ratios.
 """
 
 import dataclasses
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -14,6 +14,7 @@ from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.model import is_model
 from gearlib.models.pair_parameters import ratio_fields
+from gearlib.parameters import CHOICE
 from gearlib.runs.run_arguments import check_tuning
 
 #: Name -> (CF units, long_name) of the parameters of every gear pair.
@@ -25,6 +26,12 @@ DIMENSIONLESS_PARAMETERS = {
     "contact_ratio": ("1", "contact ratio epsilon"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max"),
 }
+DimensionlessParameter = Annotated[
+    Literal[
+        "tuning", "damping", "backlash_damping", "backlash", "contact_ratio", "stiffness_ratio"
+    ],
+    CHOICE,
+]
 #: Parameter -> attribute of models with its value, if the names differ.
 _ATTRIBUTE_NAMES = {
     "damping": "damping_ratio",
@@ -109,7 +116,6 @@ def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np
 
     `tuning` must be None if it is the parameter; other parameters require a `GearPair`.
     """
-    checks.one_of("parameter", parameter, DIMENSIONLESS_PARAMETERS)
     if parameter == "tuning":
         checks.require(tuning is None, "tuning", tuning, "omitted if the tuning is varied")
         return [(model, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
@@ -120,7 +126,6 @@ def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np
             f"parameter = {parameter!r} is not allowed for this {type(model).__name__}: it must be "
             "'tuning' unless the model is a GearPair"
         )
-    tuning = check_tuning("tuning", tuning)
     return [with_parameter(model, tuning, parameter, value) for value in values.tolist()]
 
 

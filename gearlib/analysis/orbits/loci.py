@@ -12,12 +12,13 @@ from numpy.polynomial import Polynomial
 
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
-from gearlib.analysis.orbits.continuation import point_of_dataset
+from gearlib.analysis.orbits.continuation import MaxPoints, point_of_dataset
 from gearlib.analysis.orbits.shooting import Evaluation, NoOrbit, Shooting
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS, branch_dataset
 from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
+from gearlib.parameters import Count, Finite, Positive, WholeNumber, checked
 from gearlib.progress import Limit
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
 
 #: Scaled step of the finite differences of the condition.
 _DIFFERENCE_STEP = 1e-6
@@ -99,18 +100,19 @@ class _SpecialPointProblem(Shooting):
         return solution
 
 
+@checked
 def locus(
     pair,
     branch,
-    point,
+    point: WholeNumber,
     parameter,
     *,
-    to,
+    to: Finite,
     limits=(-np.inf, np.inf),
-    step=0.05,
-    max_points=1000,
-    max_events=MAX_EVENTS,
-    max_seconds=None,
+    step: Positive = 0.05,
+    max_points: MaxPoints = 1000,
+    max_events: Count = MAX_EVENTS,
+    max_seconds: MaxSeconds = None,
 ):
     """Continue a fold, a period doubling or a grazing in a second parameter.
 
@@ -156,8 +158,6 @@ def locus(
         If the special point is not found.
     """
     limits = checks.numbers("limits", limits, 2)
-    step = checks.finite_positive("step", step)
-    max_points = checks.integer("max_points", max_points, 2)
     # The turning point of a grazing is that of one mesh.
     labels = (FOLD, DOUBLING, GRAZING) if getattr(pair, "mesh", None) else (FOLD, DOUBLING)
     special_point = point_of_dataset(pair, branch, point, max_events, labels)
