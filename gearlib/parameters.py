@@ -610,6 +610,10 @@ TwistDamping = Annotated[float, Ge(0), Unit("N m s/rad", "10 N m s/rad")]
 Time = Annotated[float, Ge(0), Unit("s", "1 us")]
 Teeth = Annotated[int, Ge(3), Le(100_000), INTEGER]
 Count = Annotated[int, Ge(1), INTEGER]
+#: Phases of a mesh period of drawn gears.
+Phases = Annotated[int, Ge(8), Le(100_000), INTEGER]
+#: Share of the compliance of gear bodies that all pairs of teeth have in common.
+Coupling = Annotated[float, Ge(0), Le(1), Unit("1")]
 WholeNumber = Annotated[int, Ge(0), INTEGER]
 Boolean = Annotated[bool, BeforeValidator(_read_boolean)]
 #: Name of a part.

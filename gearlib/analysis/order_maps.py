@@ -14,10 +14,11 @@ import json
 import math
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
+from annotated_types import Gt, Le, MinLen
 from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 
@@ -27,6 +28,7 @@ from gearlib.data.files import canonical_json
 from gearlib.data.result import result_of_many
 from gearlib.models.from_values import model_from_json
 from gearlib.models.harmonics import Harmonics
+from gearlib.parameters import CHOICE, Count, Finite, NonNegative, Positive, Unit, Values, checked
 
 #: Phases, and revolutions, closer than this count as equal.
 PHASE_TOLERANCE = 1e-9
@@ -115,17 +117,18 @@ class ShaftRotation:
         return self._time[i] + duration, 60.0 * speed
 
 
+@checked
 def order_map(
     run,
     *,
     variable="displacement",
-    resolution=1.0,
-    highest=None,
-    amplitude="rms",
-    tacho=None,
-    pulses_per_revolution=1,
-    teeth=1,
-    orders=None,
+    resolution: Annotated[float, Gt(0), Le(1), Unit("1")] = 1.0,
+    highest: Positive | None = None,
+    amplitude: Annotated[Literal["rms", "peak", "power"], CHOICE] = "rms",
+    tacho: Annotated[tuple[Finite, ...] | None, Values()] = None,
+    pulses_per_revolution: Count = 1,
+    teeth: Count = 1,
+    orders: Annotated[tuple[NonNegative, ...] | None, Values(), MinLen(1)] = None,
 ):
     """Compute the amplitudes of the orders of a run-up in blocks of revolutions.
 
@@ -184,22 +187,11 @@ def order_map(
         If an argument is invalid, or if a coefficient changes by more than 5 % of the root mean
         square when every second sample is omitted.
     """
-    checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
-    teeth = checks.integer("teeth", teeth, 1)
-    per_turn = checks.integer("pulses_per_revolution", pulses_per_revolution, 1)
     allowed = f"one of {', '.join(map(repr, _VARIABLES))}, or of a signal the name of any variable"
     checks.require(isinstance(variable, str), "variable", variable, allowed)
-    resolution = checks.number(
-        "resolution", resolution, "a finite number > 0 and <= 1", lambda x: 0.0 < x <= 1.0
-    )
-    if highest is not None:
-        highest = checks.finite_positive("highest", highest)
     if orders is not None:
-        orders = checks.sequence("orders", orders)
-        orders = [checks.finite_nonnegative("orders", order) for order in orders]
-        checks.require(orders, "orders", orders, "a list of at least one entry")
         highest = max(*orders, resolution) if highest is None else highest
-    motion = _motion(run, variable, highest, tacho, per_turn, teeth)
+    motion = _motion(run, variable, highest, tacho, pulses_per_revolution, teeth)
     revolutions = math.ceil(1.0 / resolution - 1e-12)
     run_revolutions = motion.travel
     blocks = int(run_revolutions / revolutions + PHASE_TOLERANCE)

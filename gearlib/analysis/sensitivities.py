@@ -14,7 +14,9 @@ from gearlib.data.motions import float_array
 from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
+from gearlib.parameters import checked
 from gearlib.progress import Limit, with_bar
+from gearlib.runs.run_arguments import MaxSeconds
 
 #: Ratio of successive steps of the difference quotients.
 STEP_RATIO = 3.0
@@ -90,8 +92,9 @@ def _difference_quotient(function: Callable, value: float, step: float, centre: 
     return (weights[0] * forward + weights[1] * other + weights[2] * centre) / (2.0 * step)
 
 
+@checked
 def sensitivities(
-    call: Callable, model: Any, parameters: Any, *, max_seconds=None, **arguments: Any
+    call: Callable, model: Any, parameters: Any, *, max_seconds: MaxSeconds = None, **arguments: Any
 ) -> xr.Dataset:
     """Differentiate the results of a call with respect to parameters of a model or arguments.
 

@@ -35,6 +35,8 @@ from gearlib.analysis.harmonics.harmonic_balance import (
     stages,
 )
 from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
+from gearlib.parameters import Count, Positive, checked
+from gearlib.runs.run_arguments import Tuning
 
 #: With degenerate = "auto", harmonics with a larger amplification bound become degenerate.
 _MAX_NORM = 0.5
@@ -81,17 +83,18 @@ class SchmidtSolution(PeriodicSolution):
         }
 
 
+@checked
 def schmidt(
     pair,
-    tuning,
+    tuning: Tuning,
     *,
     degenerate="auto",
-    harmonics=1024,
-    samples=None,
-    tolerance=1e-10,
-    max_iterations=2000,
+    harmonics: Count = 1024,
+    samples: Count | None = None,
+    tolerance: Positive = 1e-10,
+    max_iterations: Count = 2000,
     guess=None,
-    period=1,
+    period: Count = 1,
 ):
     """Find a periodic motion by E. Schmidt's splitting of the kernel of an integral equation.
 
@@ -128,8 +131,6 @@ def schmidt(
         Naming the argument, its value and the allowed range.
     """
     equation = check_problem(pair, tuning, harmonics, samples, period)
-    tolerance = checks.finite_positive("tolerance", tolerance)
-    max_iterations = checks.integer("max_iterations", max_iterations, 1)
     selected = degenerate_harmonics(equation, degenerate)
     coefficients = first_coefficients(equation, guess)
     iterations, evaluations = 0, 0

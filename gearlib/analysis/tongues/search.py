@@ -1,17 +1,19 @@
 """`tongues`: parametric resonance, where the motion without loss of contact is unstable."""
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, MinLen
 
 from gearlib import checks
 from gearlib.analysis.tongues import hill_tongues, meissner
 from gearlib.data.result import result
 from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
+from gearlib.parameters import Finite, Unit, Values, checked
 from gearlib.progress import Limit, with_bar
-from gearlib.runs.run_arguments import check_tuning
+from gearlib.runs.run_arguments import MaxSeconds, Tuning
 
 #: Parameters that may be varied.
 PARAMETERS = ("stiffness_ratio", "contact_ratio", "damping")
@@ -27,8 +29,16 @@ _COLUMNS = {
 }
 
 
+@checked
 def tongues(
-    pair, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.002, max_seconds=None
+    pair,
+    *,
+    start: Annotated[float, Ge(MIN_TUNING), Unit("1")] = 0.3,
+    stop: Tuning = 3.0,
+    parameter=None,
+    values: Annotated[tuple[Finite, ...] | None, Values(), MinLen(1)] = None,
+    step: Tuning = 0.002,
+    max_seconds: MaxSeconds = None,
 ):
     """Find the tongues of parametric resonance, tunings at which steady contact is unstable.
 
@@ -79,11 +89,9 @@ def tongues(
     Edges in closed form are accurate to about 1e-15, less close to the damping at which both edges
     of a tongue meet. Equations: `gearlib.analysis.tongues.meissner`.
     """
-    start = checks.number("start", start, f">= {MIN_TUNING}", lambda nu: MIN_TUNING <= nu < 1e6)
-    stop = check_tuning("stop", stop)
     if stop <= start:
         raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
-    model, step = checked_model(pair), check_tuning("step", step)
+    model = checked_model(pair)
     limit, missing = Limit(max_seconds), []
     if parameter is None:
         checks.require(values is None, "values", values, "left out where parameter is None")
@@ -91,7 +99,7 @@ def tongues(
     else:
         allowed = PARAMETERS if model.mesh else (*model.parameters,)[1:]
         checks.one_of("parameter", parameter, allowed)
-        values = _checked_values(values)
+        checks.require(values, "values", values, "given where parameter is")
         models = [replace_parameter(model, parameter, value) for value in values]
         tongue_lists = [
             find_tongues(changed, start, stop, step)
@@ -177,13 +185,6 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
     else:
         model = model.replace(**{parameter: value})
     return hill_tongues.with_damping(model, damping)
-
-
-def _checked_values(values: Any) -> tuple:
-    """Return the argument `values` of `tongues` as a tuple; raise ValueError if it is invalid."""
-    numbers = checks.finite("values", values)
-    checks.require(numbers, "values", values, "a sequence of at least one number")
-    return numbers
 
 
 def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension: str) -> tuple:

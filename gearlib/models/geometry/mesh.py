@@ -19,7 +19,20 @@ from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import SpurGear, TipRelief, inv, inverse_involute
 from gearlib.models.geometry.iso import MIN_ROOT_RATIO, iso_rectangle
-from gearlib.parameters import Diameter, RunOut, Unit, declared, described
+from gearlib.parameters import (
+    Decrement,
+    Diameter,
+    DrivingTorque,
+    Parameter,
+    Phases,
+    Power,
+    RunOut,
+    Speed,
+    Unit,
+    checked,
+    declared,
+    described,
+)
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh_stiffness import MeshStiffness
@@ -360,8 +373,9 @@ class Mesh:
             wheel=replace(self.wheel, tip_relief=wheel),
         )
 
+    @checked
     def transmission_error(
-        self, torque: float | Sequence[float], *, phases: int = 256, **options: Any
+        self, torque: float | Sequence[float], *, phases: Phases = 256, **options: Any
     ) -> Any:
         """Return the static transmission error and the load sharing of the gears under load.
 
@@ -590,7 +604,7 @@ def checked_damping(name: str, value: float, stiffness: float, mass: float) -> f
         allowed = f"a finite number >= 0 and < {critical_damping:.4g} N s/m, a damping ratio of 1"
         return checks.number(name, value, allowed, lambda v: 0.0 <= v < critical_damping)
     if name == "logarithmic_decrement":
-        decrement = checks.finite_nonnegative(name, value)
+        decrement = Parameter(Decrement).check(name, value)
         return damping_coefficient(decrement / math.hypot(math.tau, decrement), stiffness, mass)
     allowed = "a finite number >= 0 and < 1"
     return checks.number(name, value, allowed, lambda v: 0.0 <= v < 1.0) * critical_damping
@@ -601,7 +615,8 @@ def damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> 
     return 2.0 * damping_ratio * math.sqrt(stiffness * mass)
 
 
-def torque_of(torque: float | None, power: float | None, speed: float | None) -> float:
+@checked
+def torque_of(torque: DrivingTorque | None, power: Power | None, speed: Speed | None) -> float:
     """Return the torque of the pinion, N m, given directly or by power in W and speed in rpm."""
     if torque is not None and power is not None:
         problem = "and power are not allowed together: it must be one of them"
@@ -612,8 +627,4 @@ def torque_of(torque: float | None, power: float | None, speed: float | None) ->
     if power is not None and speed is None:
         problem = "is missing: it must be given in rpm, where power is given"
         raise checks.InputError("speed", problem=problem)
-    if speed is not None:
-        speed = checks.finite_positive("speed", speed)
-    if power is None:
-        return checks.finite_positive("torque", torque)
-    return checks.finite_positive("power", power) / (math.tau / 60.0 * speed)
+    return torque if power is None else power / (math.tau / 60.0 * speed)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gearlib import checks
 from gearlib.data.motions import float_array
 from gearlib.data.variables import describe
-from gearlib.models.geometry.gear import SHAPES, TipRelief, gap_of_relief
+from gearlib.models.geometry.gear import Shape, TipRelief, gap_of_relief
 from gearlib.models.geometry.iso import pair_stiffness
 from gearlib.models.geometry.load_sharing import (
     MIN_SLICES,
@@ -22,6 +22,7 @@ from gearlib.models.geometry.load_sharing import (
     tooth_pairs,
 )
 from gearlib.models.harmonics import Harmonics
+from gearlib.parameters import DrivingTorque, Phases, checked
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh import Mesh
@@ -169,13 +170,14 @@ def _contact_ratios(mesh, pairs, equilibrium, phases) -> list[float]:
     return ratios
 
 
+@checked
 def optimum_relief(
     mesh: "Mesh",
-    torque: float,
+    torque: DrivingTorque,
     *,
     length: str | float | None = None,
-    shape: str = "linear",
-    phases: int = 256,
+    shape: Shape = "linear",
+    phases: Phases = 256,
     **options: Any,
 ) -> "Mesh":
     """Return the mesh with the tip reliefs of least peak-to-peak transmission error at a load.
@@ -215,8 +217,7 @@ def optimum_relief(
     """
     from scipy.ndimage import minimum_filter
 
-    checks.one_of("shape", shape, tuple(SHAPES))
-    load = checks.gear_mesh(mesh).load(checks.finite_positive("torque", torque))
+    load = checks.gear_mesh(mesh).load(torque)
     mesh = mesh.with_reliefs(None, None)
     pair_count = math.floor(mesh.contact_ratio)
     limit = mesh.longest_relief
@@ -307,7 +308,7 @@ def _optimum_of_helical(
 
     `fixed_length` is the length of both reliefs in m or None, and `tips` are their largest amounts.
     """
-    phases = min(checks.integer("phases", phases, 8, 100_000), _HELICAL_PHASES)
+    phases = min(phases, _HELICAL_PHASES)
     limit = mesh.longest_relief
     unrelieved = mesh.transmission_error(torque, phases=phases, **options)
     deflection = float(unrelieved.transmission_error.mean())
