@@ -13,6 +13,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from annotated_types import Ge
 
+from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_values
 from gearlib.analysis.orbits.followed_parameters import (
     DimensionlessParameter,
@@ -250,12 +251,10 @@ def lyapunov_exponents(
         pair.check_state(states)
         states = cases[0][0].start_state(states)
     starts, sizes = float_array(states), {2, len(pair.components)}
-    if starts.shape not in {shape for n in sizes for shape in ((n,), (values.size, n))}:
-        raise ValueError(
-            f"states = {states!r} is not allowed: it must be "
-            f"{' or '.join(map(str, sorted(sizes)))} numbers, or as many for each of the "
-            f"{values.size} values"
-        )
+    allowed = f"{' or '.join(map(str, sorted(sizes)))} numbers, or as many for each of the "
+    allowed += f"{values.size} values"
+    is_valid = starts.shape in {shape for n in sizes for shape in ((n,), (values.size, n))}
+    checks.require(is_valid, "states", states, allowed)
     starts = np.broadcast_to(starts, (values.size, starts.shape[-1]))
 
     def exponent_row(i: int) -> tuple:

@@ -214,11 +214,9 @@ def order_map(
     if orders is not None:
         indices = np.array([round(order * revolutions) for order in orders])
         for order, index in zip(orders, indices.tolist(), strict=True):
-            if abs(index - order * revolutions) > 1e-9 * max(order, 1.0) or index >= count:
-                raise ValueError(
-                    f"orders = {order!r} is not allowed: it must be one of 0, "
-                    f"{1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
-                )
+            allowed = f"one of 0, {1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
+            is_valid = abs(index - order * revolutions) <= 1e-09 * max(order, 1.0) and index < count
+            checks.require(is_valid, "orders", order, allowed)
     rpm = 60.0 * revolutions * directions / (ends - begins)
     return _dataset(motion, variable, amplitude, sums, indices, revolutions, begins, ends, rpm)
 

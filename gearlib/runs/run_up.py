@@ -181,8 +181,7 @@ def run_up(
 def _check_model(model):
     """Raise ValueError unless `run_up` can run the model, which rotates and has an engine."""
     type_name = type(model).__name__
-    if not is_model(model):
-        raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
+    checks.require(is_model(model), "model", model, "a model such as GearPair")
     if model.speed is None:
         raise ValueError(f"model of type {type_name} is not allowed: nothing turns in it")
     if model.profile_engine is None:

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from gearlib import checks
 from gearlib.data import summary
 from gearlib.data.result import result
 from gearlib.parameters import Count, checked
@@ -226,10 +227,8 @@ def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray
         values = np.atleast_1d(np.asarray(tunings))
     except (TypeError, ValueError):
         values = np.empty((0, 0))
-    if values.ndim != 1 or values.size == 0:
-        raise ValueError(
-            f"{name} = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
-        )
+    allowed = "a non-empty sequence of numbers"
+    checks.require(values.ndim == 1 and values.size != 0, name, tunings, allowed)
     if values.dtype.kind not in "iuf" or not is_valid_tuning(tuning_at(values.astype(float))).all():
         # The check of each value raises an error that names the first wrong value.
         for i, value in enumerate(values.tolist()):

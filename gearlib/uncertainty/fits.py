@@ -233,8 +233,7 @@ def fit(model, data, free):
 
 def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.ndarray]:
     """Check the arguments of `fit`; return its problem and the scaled parameters of the model."""
-    if not is_model(model):
-        raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
+    checks.require(is_model(model), "model", model, "a model such as GearPair")
     if model.speed is None:
         kind = type(model).__name__
         raise ValueError(f"model of type {kind} is not allowed: it has no rotational speed")

@@ -207,11 +207,9 @@ def region_bounds(region: Any) -> np.ndarray:
         is_valid = is_valid and (np.diff(array) > 0.0).all()
     except (TypeError, ValueError):
         is_valid = False
-    if not is_valid:
-        raise ValueError(
-            f"region = {region!r} is not allowed: it must be ((lowest, highest displacement), "
-            "(lowest, highest dx/dtau)), finite, the second greater"
-        )
+    allowed = "((lowest, highest displacement), (lowest, highest dx/dtau)), finite, the second "
+    allowed += "greater"
+    checks.require(is_valid, "region", region, allowed)
     return array
 
 

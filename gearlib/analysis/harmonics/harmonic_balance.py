@@ -182,11 +182,9 @@ def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
             )
         return resize_harmonics(guess.coefficients, equation)
     values = float_array(guess)
-    if values.ndim != 1 or values.size < 3 or not np.isfinite(values).all():
-        raise ValueError(
-            f"guess = {guess!r} is not allowed: it must be a PeriodicSolution or at least 3 "
-            "finite displacements over the period"
-        )
+    allowed = "a PeriodicSolution or at least 3 finite displacements over the period"
+    is_valid = values.ndim == 1 and values.size >= 3 and np.isfinite(values).all()
+    checks.require(is_valid, "guess", guess, allowed)
     coefficients = np.fft.rfft(values, norm="forward")
     # The highest harmonic of an even number of points has no phase, so it is omitted.
     return resize_harmonics(coefficients[: (values.size + 1) // 2], equation)

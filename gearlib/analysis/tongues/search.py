@@ -89,8 +89,7 @@ def tongues(
     Edges in closed form are accurate to about 1e-15, less close to the damping at which both edges
     of a tongue meet. Equations: `gearlib.analysis.tongues.meissner`.
     """
-    if stop <= start:
-        raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
+    checks.require(stop > start, "stop", stop, f"> start = {start!r}")
     model = checked_model(pair)
     limit, missing = Limit(max_seconds), []
     if parameter is None:
@@ -134,11 +133,8 @@ def checked_model(pair: Any) -> Any:
     if not has_gears or (pair.size == 2 and pair.equation is None):
         raise checks.refusal("pair", pair, "a GearPair, OneDegreePair, SixDegreePair or GearTrain")
     for name in pair.nonlinear:
-        if getattr(pair, name):
-            raise ValueError(
-                f"{name} = {getattr(pair, name)!r} is not allowed: it must be 0, or the stability "
-                "depends on the motion: see gearlib.periodic_orbit"
-            )
+        allowed = "0, or the stability depends on the motion: see gearlib.periodic_orbit"
+        checks.require(not getattr(pair, name), name, getattr(pair, name), allowed)
     return pair.mesh if isinstance(pair.profile, Rectangular) else pair
 
 
