@@ -85,7 +85,7 @@ class Unit:
         if isinstance(value, Real) and not isinstance(value, bool):
             with contextlib.suppress(OverflowError):
                 number = float(value)
-                if math.isfinite(number) or (self.infinite and number > 0.0):
+                if math.isfinite(number) or (self.infinite and not math.isnan(number)):
                     return number
         raise ValueError
 
@@ -233,6 +233,14 @@ class Parameter:
     @functools.cached_property
     def _adapter(self) -> TypeAdapter:
         return TypeAdapter(self.annotation, config=STRICT)
+
+
+def check(name: str, value: Any, annotation: Any) -> Any:
+    """Return a value in its stored type, or raise the `InputError` of a wrong one."""
+    return _parameter_of(annotation).check(name, value)
+
+
+_parameter_of = functools.cache(Parameter)
 
 
 @functools.cache
@@ -583,6 +591,9 @@ NonNegative = Annotated[float, Ge(0), Unit("1")]
 Angle = Annotated[float, Unit("rad", "30 deg")]
 #: Working pressure angle.
 WorkingAngle = Annotated[float, Ge(0), Lt(math.pi / 2), Unit("rad", "20 deg")]
+Fraction = Annotated[float, Ge(0), Le(1), Unit("1")]
+#: Damping ratio of gears that oscillate.
+BelowCritical = Annotated[float, Ge(0), Lt(1), Unit("1")]
 Length = Annotated[float, Gt(0), Unit("m", "100 mm")]
 #: Dimensions of drawings; larger numbers must have been meant in another unit.
 Module = Annotated[float, Gt(0), Le(0.1), Unit("m", "2.5 mm")]
@@ -612,12 +623,13 @@ Teeth = Annotated[int, Ge(3), Le(100_000), INTEGER]
 Count = Annotated[int, Ge(1), INTEGER]
 #: Phases of a mesh period of drawn gears.
 Phases = Annotated[int, Ge(8), Le(100_000), INTEGER]
-#: Share of the compliance of gear bodies that all pairs of teeth have in common.
-Coupling = Annotated[float, Ge(0), Le(1), Unit("1")]
 WholeNumber = Annotated[int, Ge(0), INTEGER]
 Boolean = Annotated[bool, BeforeValidator(_read_boolean)]
 #: Name of a part.
 Text = Annotated[str, MinLen(1)]
+#: Limits of an interval, and numbers of a table.
+Limits = Annotated[tuple[Finite, ...], Values(2)]
+Numbers = Annotated[tuple[Finite, ...], Values(), MinLen(1)]
 #: Initial state.
 State = Annotated[
     tuple[Finite, ...],

@@ -516,7 +516,8 @@ def _dataset(
     return result_of_many(title, data, coords, method, **names, **motion.attrs)
 
 
-def orders(run, *, count=None):
+@checked
+def orders(run, *, count: Count | None = None):
     """Compute the order spectrum of the mesh force and the transmission error of a run.
 
     Parameters
@@ -601,7 +602,8 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
             + (f", or of the {orbit_periods} periods of the orbit" if orbit_periods else "")
         )
     max_count = max(run.phase.size // periods // 4, 1)
-    count = checks.integer("count", min(10, max_count) if count is None else count, 1, max_count)
+    count = min(10, max_count) if count is None else count
+    checks.require(count <= max_count, "count", count, f"an integer from 1 to {max_count}")
     steps_per_order, length = periods if fractional_orders else 1, math.tau * periods
     order_count = count * steps_per_order + 1
     phase = run.phase.values - run.phase.values[0]

@@ -14,7 +14,7 @@ from gearlib.data.motions import float_array
 from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
-from gearlib.parameters import checked
+from gearlib.parameters import Finite, check, checked
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MaxSeconds
 
@@ -139,7 +139,7 @@ def sensitivities(
         remaining.remove(name)
         parameter_units, parameter = descriptions[checks.one_of("parameters", name, descriptions)]
         value = arguments[name] if name in arguments else model.value(name)
-        checks.number(name, value, "a finite number", math.isfinite)
+        check(name, value, Finite)
         run = _run_function(call, model, name, arguments)
         is_dimensionless = parameter_units == "1"
         scale = abs(value) or (1.0 if is_dimensionless else natural_scale(model, parameter_units))

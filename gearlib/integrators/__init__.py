@@ -60,10 +60,7 @@ def methods() -> list[Method]:
 def describe_method(name: str) -> Method:
     """Return the description of the method that is called `name`."""
     method = METHODS[name]
-    options = {
-        option_name: (option.default, option.meaning)
-        for option_name, option in method.OPTIONS.items()
-    }
+    options = {key: (option.default, option.text) for key, option in method.OPTIONS.items()}
     is_available, note = True, ""
     if method.PACKAGE is not None:
         is_available, note = method.PACKAGE.available(), method.PACKAGE.note()
@@ -123,6 +120,5 @@ def _checked_options(method_name: str, options: dict | None) -> dict:
                 f"options[{option_name!r}] = {value!r} is not allowed: method {method_name!r} "
                 f"knows {', '.join(map(repr, known_options)) or 'no options'}"
             )
-        check = known_options[option_name].check
-        values[option_name] = check(f"options[{option_name!r}]", value)
+        values[option_name] = known_options[option_name].check(f"options[{option_name!r}]", value)
     return values

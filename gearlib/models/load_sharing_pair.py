@@ -37,7 +37,7 @@ from gearlib.parameters import (
     CHOICE,
     Boolean,
     Count,
-    Coupling,
+    Fraction,
     Phases,
     checked,
     declared,
@@ -86,7 +86,7 @@ class LoadSharingPair(WithPair):
     ] = 16
     stiffness: Any = "energy"
     coupling: Annotated[
-        Coupling | None,
+        Fraction | None,
         described(
             "Share of the gear body's compliance that is common to all pairs of teeth; None for "
             "that of finite elements"

@@ -4,10 +4,10 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from annotated_types import Ge, Le
 
-from gearlib import checks, integrators
+from gearlib import checks, integrators, parameters
 from gearlib.engines.orbit import Rows, Span
 from gearlib.models.model import is_model
-from gearlib.parameters import CHOICE, Count, Parameter, Positive, Speed, Unit
+from gearlib.parameters import CHOICE, Count, Positive, Speed, Unit
 
 #: Default limit of arcs (phases of contact, flights, Taylor steps) in one mesh period.
 MAX_EVENTS = 1_000_000
@@ -21,12 +21,11 @@ Tuning = Annotated[float, Ge(MIN_TUNING), Le(MAX_TUNING), Unit("1")]
 Direction = Annotated[Literal["cold", "up", "down"], CHOICE]
 DIRECTIONS = get_args(get_args(Direction)[0])
 Threads, MaxSeconds = Count | None, Positive | None
-_TUNING, _SPEED = Parameter(Tuning), Parameter(Speed)
 
 
 def check_tuning(name: str, value: float) -> float:
     """Return the tuning given as argument `name`; raise ValueError if it is out of range."""
-    return _TUNING.check(name, value)
+    return parameters.check(name, value, Tuning)
 
 
 def is_valid_tuning(tuning):
@@ -46,6 +45,7 @@ def tuning_at_speed(model, name: str, speed: float) -> float:
     `name` is the name of the argument in the error message.
     """
     speed_at_resonance = float(model.speed(1.0))
+    speed = parameters.check(name, speed, Speed)
     return float(model.tuning_at(checks.checked_speed(name, speed, speed_at_resonance)))
 
 

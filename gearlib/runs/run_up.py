@@ -1,17 +1,18 @@
 """`run_up`: the motion of a model while its speed and its load change."""
 
 import math
+from typing import Any
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.engines.linear import speed_profiles
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
-from gearlib.parameters import Count, NonNegative, Positive, WholeNumber, checked
+from gearlib.parameters import Count, Finite, NonNegative, Positive, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, check_memory, tuning_at_speed
 
@@ -130,7 +131,7 @@ def run_up(
     speeds = speed_profile(start, stop, duration, acceleration, speed)
     fastest_argument = "speed" if speed is not None else "stop" if stop >= start else "start"
     tuning_at_speed(model, fastest_argument, float(speeds[:, 1].max()))
-    loads = _check_profile("load", load, "finite", math.isfinite, steps=True)
+    loads = _check_profile("load", load, Finite, steps=True)
     if initial_state is None:
         state = model.static_state(model.tuning_at(speeds[0, 1]), float(loads[0, 1]))
     else:
@@ -209,16 +210,15 @@ def speed_profile(
     Give either the profile as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
     or an `acceleration` (rpm/s). Invalid arguments raise ValueError.
     """
-    allowed_speed = "a finite number >= 0"
     if speed is not None:
         if any(value is not None for value in (start, stop, duration, acceleration)):
             raise ValueError(
                 "speed is not allowed together with start, stop, duration and acceleration"
             )
-        profile = _check_profile("speed", speed, allowed_speed, lambda v: 0.0 <= v < math.inf)
+        profile = _check_profile("speed", speed, NonNegative)
     else:
         for name, value in (("start", start), ("stop", stop)):
-            checks.require(value is not None, name, value, f"{allowed_speed}, rpm")
+            checks.require(value is not None, name, value, "a finite number >= 0, rpm")
         checks.exactly_one("duration", duration, "acceleration", acceleration)
         if duration is None:
             duration = abs(stop - start) / acceleration
@@ -234,18 +234,17 @@ def speed_profile(
     return profile
 
 
-def _check_profile(name, pairs, allowed_values: str, is_allowed, steps=False) -> np.ndarray:
+def _check_profile(name, pairs, value_type: Any, steps=False) -> np.ndarray:
     """Return the profile `pairs`, (time in s, speed or load), as an array, shape (n, 2).
 
-    Raise ValueError, with the argument's `name`, if a time decreases or `is_allowed(value)` is
-    false; `allowed_values` describes the allowed values in the message. With `steps` two pairs may
-    have the same time.
+    Raise ValueError, with the argument's `name`, if a time decreases or a value is not of the
+    declared type. With `steps` two pairs may have the same time.
     """
     profile = []
     for i, pair in enumerate(checks.sequence(name, pairs)):
         t, value = checks.sequence(f"{name}[{i}]", pair, 2)
-        t = checks.finite_nonnegative(f"{name}[{i}][0]", t)
-        value = checks.number(f"{name}[{i}][1]", value, allowed_values, is_allowed)
+        t = parameters.check(f"{name}[{i}][0]", t, NonNegative)
+        value = parameters.check(f"{name}[{i}][1]", value, value_type)
         if profile and (t < profile[-1][0] or (t == profile[-1][0] and not steps)):
             relation = "not before" if steps else "after"
             raise ValueError(

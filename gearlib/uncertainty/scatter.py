@@ -20,7 +20,7 @@ from gearlib.data.files import canonical_json
 from gearlib.data.motions import largest_force
 from gearlib.data.result import result
 from gearlib.data.variables import describe
-from gearlib.parameters import INTEGER, Count, Speed, WholeNumber, checked
+from gearlib.parameters import INTEGER, Count, Limits, Speed, Values, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import (
     MaxSeconds,
@@ -92,7 +92,7 @@ def scatter(
     directions=("up", "down"),
     periods: Count = 120,
     record_periods: Count = 20,
-    box=DEFAULT_BOX,
+    box: Annotated[tuple[Limits, ...], Values(2)] = DEFAULT_BOX,
     seed: WholeNumber = 0,
     threads: Threads = None,
     progress=None,
@@ -271,11 +271,9 @@ def _sweep_settings(
         raise checks.refusal("directions", directions, allowed)
     allowed = f"an integer from 1 to {periods}"
     checks.require(record_periods <= periods, "record_periods", record_periods, allowed)
-    limits = tuple(tuple(checks.numbers("box", row, 2)) for row in checks.sequence("box", box, 2))
-    for low, high in limits:
-        checks.require(-np.inf < low < high < np.inf, "box", box, "finite increasing limits")
+    checks.require(all(low < high for low, high in box), "box", box, "increasing limits")
     dimension = "tuning" if model.speed is None else "speed"
-    return SweepSettings(dimension, np.sort(grid), directions, periods, record_periods, limits)
+    return SweepSettings(dimension, np.sort(grid), directions, periods, record_periods, box)
 
 
 def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, rows: dict) -> None:

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.analysis.orbits.shooting import compose
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.integrators import choose_method
+from gearlib.parameters import Count, Finite
 from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Motions larger than this, relative to the extent of the model, may grow without bound.
@@ -144,7 +145,7 @@ def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
         ) from None
     axes = {"grid displacements": displacement_axis, "grid velocities": velocity_axis}
     counts = [
-        checks.integer(f"count of the {name}", axis[2], 1)
+        parameters.check(f"count of the {name}", axis[2], Count)
         if _is_range(axis)
         else float_array(axis).size
         for name, axis in axes.items()
@@ -173,8 +174,8 @@ def _axis_values(name: str, axis: Any) -> np.ndarray:
     """
     if not _is_range(axis):
         return distinct_values(name, axis)
-    first = checks.number(f"first of the {name}", axis[0], "finite", math.isfinite)
-    last = checks.number(f"last of the {name}", axis[1], "finite", math.isfinite)
+    first = parameters.check(f"first of the {name}", axis[0], Finite)
+    last = parameters.check(f"last of the {name}", axis[1], Finite)
     if last < first or (last == first) != (axis[2] == 1):
         raise ValueError(
             f"{name} = {axis!r} is not allowed: the last must be greater than the first, or "

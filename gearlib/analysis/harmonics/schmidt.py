@@ -22,11 +22,11 @@ E. Schmidt, Math. Ann. 64 (1907) 161-174; Hortel, Skuderova (2007), references [
 from collections.abc import Iterator
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.analysis.harmonics.equation import Force, MeshEquation, from_real_vector, real_vector
 from gearlib.analysis.harmonics.harmonic_balance import (
     check_problem,
@@ -35,7 +35,7 @@ from gearlib.analysis.harmonics.harmonic_balance import (
     stages,
 )
 from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
-from gearlib.parameters import Count, Positive, checked
+from gearlib.parameters import Count, Positive, Values, WholeNumber, checked
 from gearlib.runs.run_arguments import Tuning
 
 #: With degenerate = "auto", harmonics with a larger amplification bound become degenerate.
@@ -301,6 +301,9 @@ def contraction_factor(equation: MeshEquation, coefficients, degenerate) -> floa
     return float(np.exp(np.mean(np.log(factors[-(_POWER_STEPS // 3) :]))))
 
 
+_Harmonics = Annotated[tuple[WholeNumber, ...], Values()]
+
+
 def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
     """Return the sorted harmonics that `schmidt` solves by Newton's method for its argument.
 
@@ -310,10 +313,17 @@ def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
         checks.one_of("degenerate", degenerate, ("auto",))
         return _resonant(equation, equation.force(first_coefficients(equation, None)))
     if isinstance(degenerate, Real):
-        count = checks.integer("degenerate", degenerate, 0, equation.harmonics + 1)
+        count, most = (
+            parameters.check("degenerate", degenerate, WholeNumber),
+            equation.harmonics + 1,
+        )
+        checks.require(count <= most, "degenerate", degenerate, f"an integer from 0 to {most}")
         return np.sort(np.argsort(np.abs(equation.dynamic_stiffness), kind="stable")[:count])
-    degenerate = checks.sequence("degenerate", degenerate)
-    harmonics = [checks.integer("degenerate", k, 0, equation.harmonics) for k in degenerate]
+    harmonics = parameters.check("degenerate", degenerate, _Harmonics)
+    allowed = f"integers from 0 to {equation.harmonics}"
+    checks.require(
+        max(harmonics, default=0) <= equation.harmonics, "degenerate", degenerate, allowed
+    )
     return np.unique(np.array(harmonics, int))
 
 

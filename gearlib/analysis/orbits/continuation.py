@@ -19,7 +19,15 @@ from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, as_orbit, check_orbit, is_stable
 from gearlib.analysis.orbits.special_points import BranchPoint, branch_dataset, branch_point
 from gearlib.data.status import flags_of
-from gearlib.parameters import INTEGER, Count, Finite, Positive, Values, WholeNumber, checked
+from gearlib.parameters import (
+    INTEGER,
+    Count,
+    Finite,
+    Limits,
+    Positive,
+    WholeNumber,
+    checked,
+)
 from gearlib.progress import Limit
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
 
@@ -46,7 +54,7 @@ def continue_orbit(
     parameter="tuning",
     *,
     to: Finite,
-    limits: Annotated[tuple[Finite, ...] | None, Values(2)] = None,
+    limits: Limits | None = None,
     max_height: Positive = 200.0,
     step: Positive = 0.05,
     max_points: MaxPoints = 4000,

@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import xarray as xr
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.model import is_model
 from gearlib.models.pair_parameters import ratio_fields
-from gearlib.parameters import CHOICE
+from gearlib.parameters import CHOICE, Backlash, NonNegative, Positive
 from gearlib.runs.run_arguments import check_tuning
 
 #: Name -> (CF units, long_name) of the parameters of every gear pair.
@@ -70,9 +70,7 @@ def start_and_goal(model: Any, tuning, name: str, goal, start_description) -> tu
     the text for the first value in the message, such as "that of the orbit".
     """
     start = value_of(model, tuning, name)
-    goal = checks.number(
-        "to", goal, f"another {name} than {start_description}", lambda v: v != start
-    )
+    checks.require(goal != start, "to", goal, f"another {name} than {start_description}")
     with_parameter(model, tuning, name, goal)  # raises the ValueError of the model
     return start, goal
 
@@ -92,7 +90,7 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
     Raise ValueError if the value is invalid. All other dimensionless parameters are constant.
     """
     if name == "tuning":
-        return model, checks.finite_positive(name, value)
+        return model, parameters.check(name, value, Positive)
     if name in model.parameters:
         return model.with_parameter(name, value), tuning
     if model.mesh is not model:
@@ -100,9 +98,9 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
         inner_pair, _ = with_parameter(model.mesh, tuning, name, value)
         return dataclasses.replace(model, pair=inner_pair), tuning
     if name == "backlash":
-        value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
+        value = parameters.check(name, value, Backlash)
     elif name in ("damping", "backlash_damping"):
-        value = checks.finite_nonnegative(name, value)
+        value = parameters.check(name, value, NonNegative)
     if name in _ATTRIBUTE_NAMES:
         return model.replace(**ratio_fields(model, _ATTRIBUTE_NAMES[name], value)), tuning
     changed = model.replace(**{name: value})

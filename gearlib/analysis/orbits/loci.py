@@ -6,6 +6,7 @@ point on a flank line) define a curve over the state and both parameters.
 
 import itertools
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -16,10 +17,11 @@ from gearlib.analysis.orbits.continuation import MaxPoints, point_of_dataset
 from gearlib.analysis.orbits.shooting import Evaluation, NoOrbit, Shooting
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS, branch_dataset
 from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
-from gearlib.parameters import Count, Finite, Positive, WholeNumber, checked
+from gearlib.parameters import Count, Finite, Positive, Unit, Values, WholeNumber, checked
 from gearlib.progress import Limit
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
 
+_Limit = Annotated[float, Unit("1", infinite="infinity included")]
 #: Scaled step of the finite differences of the condition.
 _DIFFERENCE_STEP = 1e-6
 #: Largest value of the condition, relative to its gradient, at a special point.
@@ -108,7 +110,7 @@ def locus(
     parameter,
     *,
     to: Finite,
-    limits=(-np.inf, np.inf),
+    limits: Annotated[tuple[_Limit, ...], Values(2)] = (-np.inf, np.inf),
     step: Positive = 0.05,
     max_points: MaxPoints = 1000,
     max_events: Count = MAX_EVENTS,
@@ -157,7 +159,6 @@ def locus(
     NoOrbit
         If the special point is not found.
     """
-    limits = checks.numbers("limits", limits, 2)
     # The turning point of a grazing is that of one mesh.
     labels = (FOLD, DOUBLING, GRAZING) if getattr(pair, "mesh", None) else (FOLD, DOUBLING)
     special_point = point_of_dataset(pair, branch, point, max_events, labels)

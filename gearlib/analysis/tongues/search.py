@@ -4,14 +4,14 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Ge, MinLen
+from annotated_types import Ge
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.analysis.tongues import hill_tongues, meissner
 from gearlib.data.result import result
 from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
-from gearlib.parameters import Finite, Unit, Values, checked
+from gearlib.parameters import NonNegative, Numbers, Unit, checked
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MaxSeconds, Tuning
 
@@ -36,7 +36,7 @@ def tongues(
     start: Annotated[float, Ge(MIN_TUNING), Unit("1")] = 0.3,
     stop: Tuning = 3.0,
     parameter=None,
-    values: Annotated[tuple[Finite, ...] | None, Values(), MinLen(1)] = None,
+    values: Numbers | None = None,
     step: Tuning = 0.002,
     max_seconds: MaxSeconds = None,
 ):
@@ -173,7 +173,7 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
         return model.with_parameter(parameter, value)
     damping = model.damping_ratio
     if parameter == "damping":
-        damping = checks.finite_nonnegative("damping", value)
+        damping = parameters.check("damping", value, NonNegative)
     elif model.size > 2 or isinstance(model.profile, Tabulated):
         raise checks.refusal(
             "parameter", parameter, "'damping' for tabulated stiffness or six degrees of freedom"

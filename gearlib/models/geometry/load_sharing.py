@@ -36,7 +36,7 @@ from gearlib.models.geometry.mesh_stiffness import (
     PairCompliance,
     compliance_matrix,
 )
-from gearlib.parameters import Coupling, checked
+from gearlib.parameters import Fraction, Numbers, check, checked
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh import Mesh
@@ -400,9 +400,7 @@ def checked_errors(mesh: "Mesh", pitch_errors: ArrayLike | None = None) -> np.nd
     """Return the checked pitch errors of a mesh in m, shape (n,), by default those of its gears."""
     if pitch_errors is None:
         return np.array(mesh.pitch_errors)
-    errors = checks.finite("pitch_errors", pitch_errors)
-    checks.require(errors, "pitch_errors", pitch_errors, "a sequence of at least one number")
-    return np.array(errors)
+    return np.array(check("pitch_errors", pitch_errors, Numbers))
 
 
 def relief_gap(mesh: "Mesh", position: np.ndarray) -> np.ndarray:
@@ -417,7 +415,7 @@ def relief_gap(mesh: "Mesh", position: np.ndarray) -> np.ndarray:
 
 @checked
 def _compliance(
-    mesh, position, stiffness, coupling: Coupling | None, twist, pair_count
+    mesh, position, stiffness, coupling: Fraction | None, twist, pair_count
 ) -> np.ndarray:
     """Return the compliance matrices of k pairs of teeth at m phases, shape (m, k, k), m/N.
 

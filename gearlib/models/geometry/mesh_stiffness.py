@@ -37,7 +37,7 @@ from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import inv
 from gearlib.models.geometry.iso import MIN_ROOT_RATIO, iso_rectangle, pair_stiffness
 from gearlib.models.profiles import Rectangular, Tabulated
-from gearlib.parameters import CHOICE, Coupling, DrivingTorque, Phases, checked
+from gearlib.parameters import CHOICE, DrivingTorque, Fraction, Phases, checked
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.gear import SpurGear
@@ -352,7 +352,7 @@ def energy_stiffness(
     pitches,
     count,
     *,
-    coupling: Coupling | None = None,
+    coupling: Fraction | None = None,
     hertz: Hertz = "constant",
     torque: DrivingTorque | None = None,
     twist=True,

@@ -3,6 +3,7 @@
 import itertools
 import math
 from dataclasses import fields, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,7 +68,6 @@ def transmission_error(
     in each mesh period. Options and variables are those of `Mesh.transmission_error`. The slices of
     helical gears are linearized at each load, and their gaps are left out.
     """
-    phases = checks.integer("phases", phases, 8, 100_000)
     torques = np.atleast_1d(float_array(torque))
     valid = torques.ndim == 1 and torques.size and ((torques >= 0.0) & (torques < math.inf)).all()
     checks.require(valid, "torque", torque, "a finite number >= 0, or at least one in a sequence")
@@ -226,7 +226,8 @@ def optimum_relief(
     fixed_length = named_lengths[length] if checks.is_one_of(length, named_lengths) else length
     if fixed_length is not None:
         allowed = f"'long', 'short' or > 0 and <= {limit:.6g} m, (eps_alpha - 1) p_bt"
-        fixed_length = checks.number("length", fixed_length, allowed, lambda v: 0.0 < v <= limit)
+        is_valid = isinstance(fixed_length, Real) and 0.0 < fixed_length <= limit
+        checks.require(is_valid and fixed_length is not True, "length", fixed_length, allowed)
     # A tip relief is less than half of the thickness of the tip.
     tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (mesh.pinion, mesh.wheel)]
     if mesh.overlap_ratio > 0.0:
