@@ -20,7 +20,8 @@ Tuning = Annotated[float, Ge(MIN_TUNING), Le(MAX_TUNING), Unit("1")]
 #: How each run of a sweep starts: from the same state, or from the end of the run before.
 Direction = Annotated[Literal["cold", "up", "down"], CHOICE]
 DIRECTIONS = get_args(get_args(Direction)[0])
-Threads, MaxSeconds = Count | None, Positive | None
+Threads = Count | None
+MaxSeconds = Positive | None
 
 
 def check_tuning(name: str, value: float) -> float:

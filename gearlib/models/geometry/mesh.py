@@ -31,6 +31,7 @@ from gearlib.parameters import (
     Speed,
     Torque,
     Unit,
+    check,
     checked,
     declared,
     described,
@@ -468,7 +469,7 @@ class Mesh:
         with_teeth = checks.one_of("model", model, TRAIN_MODELS) == "teeth"
         if torque is not None:
             allowed = "a finite number, not 0; negative on the coast side"
-            torque = parameters.check("torque", torque, Torque)
+            torque = check("torque", torque, Torque)
             checks.require(torque != 0.0, "torque", torque, allowed)
         elif with_teeth:
             problem = (
@@ -604,13 +605,13 @@ def checked_damping(name: str, value: float, stiffness: float, mass: float) -> f
     critical_damping = damping_coefficient(1.0, stiffness, mass)
     if name in ("material_damping", "backlash_damping"):
         allowed = f"a finite number >= 0 and < {critical_damping:.4g} N s/m, a damping ratio of 1"
-        value = parameters.check(name, value, Damping)
+        value = check(name, value, Damping)
         checks.require(value < critical_damping, name, value, allowed)
         return value
     if name == "logarithmic_decrement":
-        decrement = parameters.check(name, value, NonNegative)
+        decrement = check(name, value, NonNegative)
         return damping_coefficient(decrement / math.hypot(math.tau, decrement), stiffness, mass)
-    return parameters.check(name, value, BelowCritical) * critical_damping
+    return check(name, value, BelowCritical) * critical_damping
 
 
 def damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> float:
