@@ -52,6 +52,7 @@ references: $(TESTING)
 
 test: lint
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder -rs $(ARGS)
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest tests/kernels
 
 torture: $(TESTING)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs $(ARGS)
@@ -90,7 +91,7 @@ report: all
 speed-and-accuracy: $(INSTALLED)
 	$(BIN)/snakemake -j$(JOBS) draw_failures draw_stability_chart draw_models model_table \
 	    draw_work_precision
-	$(BIN)/python -m docs.hooks.speed_and_accuracy results
+	$(BIN)/python -m docs.hooks.take_over speed_and_accuracy results
 
 docs: $(TESTING)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

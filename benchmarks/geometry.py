@@ -14,12 +14,12 @@ REPEATS = repeats(5)
 CODE = """
 import sys
 from time import process_time
-from gearlib.geometry import Mesh, SpurGear
+from gearlib.geometry import GearStage, SpurGear
 start = process_time()
 common = {"module": 4.5e-3, "width": 14e-3, "bore": 30e-3}
 pinion = SpurGear(teeth=16, shift=0.1817, tip_diameter=82.46e-3, **common)
 wheel = SpurGear(teeth=24, shift=0.1715, tip_diameter=118.36e-3, **common)
-mesh = Mesh(pinion, wheel, 91.5e-3)
+mesh = GearStage(pinion, wheel, 91.5e-3)
 mesh.stiffness(%s)
 print(process_time() - start)
 assert "numba" not in sys.modules

@@ -102,7 +102,7 @@ class _Six:
         if any(model.friction):
             self.kinks = [*self.kinks, model.pitch_phase, model.pitch_phase + math.pi]
         self.deviation = model.deviation.table()
-        self.inverse_deviation = model.inverse_deviation.table()
+        self.coast_deviation = model.coast_deviation.table()
         j, r = np.array(model.inertias), np.array(model.base_radii)
         self.mass = np.array([*(j / r**2), *np.repeat(model.masses, 2)])
 
@@ -118,7 +118,7 @@ class _Six:
         """Return what run-out and deviations add to the rates of `lines`, m/s."""
         near, far = (
             sum(n * (b * math.cos(n * phase) - a * math.sin(n * phase)) for n, a, b in f)
-            for f in (self.deviation, self.inverse_deviation)
+            for f in (self.deviation, self.coast_deviation)
         )
         run_out = self._run_out(phase)[1]
         far += 0.0 if self.model.moving_backlash else run_out
@@ -139,7 +139,7 @@ class _Six:
         phase = self.speed * t
         turn = z[0] + z[1]
         near = turn + z[2] - z[4] + self._run_out(phase)[0] + _wave(self.deviation, phase)
-        far = turn + _wave(self.inverse_deviation, phase) + self.pair.backlash
+        far = turn + _wave(self.coast_deviation, phase) + self.pair.backlash
         if not self.model.moving_backlash:
             far += z[2] - z[4] + self._run_out(phase)[0]
         return near, far

@@ -45,7 +45,7 @@ _MODULES = {
     "integrators": "methods",
     "models.harmonics": "Harmonics",
     "models.load_sharing_pair": "LoadSharingPair",
-    "models.one_degree": "DeadZoneOscillator OneDegreePair",
+    "models.one_degree_pair": "DeadZoneOscillator OneDegreePair",
     "models.pair": "GearPair",
     "models.profiles": "Fourier Rectangular Series Steps Tabulated",
     "models.six_degrees": "SixDegreePair",

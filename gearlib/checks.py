@@ -123,9 +123,10 @@ def options(value):
     return dict(value or {})
 
 
-def gear_mesh(value, name="mesh", alternative=""):
-    """Return a `gearlib.geometry.Mesh`, else raise ValueError; `alternative` is " or a dict"."""
-    allowed = f"a gearlib.geometry.Mesh{alternative}"
+def gear_stage(value, name="stage", alternative=""):
+    """Return a `gearlib.geometry.GearStage`, else raise ValueError; `alternative` is " or a
+    dict"."""
+    allowed = f"a gearlib.geometry.GearStage{alternative}"
     # The class itself would load the numerical stack.
     require(hasattr(value, "pair_parameters"), name, value, allowed)
     return value

@@ -1,13 +1,13 @@
-"""Drawn gears: `SpurGear`, `Mesh`, their parts and stiffness, and `planetary_set`.
+"""Drawn gears: `SpurGear`, `GearStage`, their parts and stiffness, and `planetary_set`.
 
-`Mesh` here is the mesh of two drawn gears, `gearlib.Mesh` is part of a `GearTrain`.
+`GearStage` here is the mesh of two drawn gears, `gearlib.Mesh` is part of a `GearTrain`.
 """
 
 from typing import TYPE_CHECKING
 
 from gearlib.models.geometry.gear import RACKS, Material, PathTable, Rack, SpurGear, TipRelief, Web
+from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.geometry.iso import DynamicFactor, IsoStiffness, dynamic_factor, iso_stiffness
-from gearlib.models.geometry.mesh import Mesh
 from gearlib.models.geometry.mesh_stiffness import MeshStiffness, mesh_stiffness
 from gearlib.models.geometry.transmission_error import optimum_relief
 
@@ -19,7 +19,7 @@ __all__ = [
     "DynamicFactor",
     "IsoStiffness",
     "Material",
-    "Mesh",
+    "GearStage",
     "MeshStiffness",
     "PathTable",
     "Rack",
@@ -41,3 +41,7 @@ def __getattr__(name):
     from gearlib.models.trains.planetary import planetary_set
 
     return planetary_set
+
+
+def __dir__():
+    return __all__

@@ -144,7 +144,7 @@ def _read_integer(value: Any, info: ValidationInfo) -> int:
     """Return an integer, in a configuration also from a text."""
     if isinstance(value, str) and info.context is not None:
         value = int(value)
-    if not isinstance(value, Integral) or isinstance(value, bool) or value > _MAX_INTEGER:
+    if not isinstance(value, Integral) or isinstance(value, bool) or int(value) > _MAX_INTEGER:
         raise ValueError
     return int(value)
 
@@ -491,7 +491,7 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
     if not location and cause is not None:
         return cause  # an error of `__post_init__`
     names, problem = list(arguments), details["type"].replace("_", " ")
-    if location[0] in range(len(names)) and "unexpected" not in problem:
+    if isinstance(location[0], int) and "unexpected" not in problem:
         location = names[location[0]], *location[1:]  # pydantic counts positional arguments
     path, annotation = place_of(cls, location)
     if problem == "missing" or not path:
@@ -514,16 +514,17 @@ def checked(function: Callable) -> Callable:
     parameters = declared_parameters(function)
     names = inspect.getfullargspec(function).args  # those that may be positional
 
-    def check(name: str, value: Any) -> Any:
+    def checked_value(name: str, value: Any) -> Any:
         """Return the value of an argument, in its stored type if it is declared."""
         parameter = parameters.get(name)
-        is_given = parameter is not None and value is not parameter.default
-        return parameter.check(name, value) if is_given else value
+        if parameter is None or value is parameter.default:
+            return value
+        return parameter.check(name, value)
 
     @functools.wraps(function)
     def call(*args, **arguments):
-        checked_args = map(check, names, args)
-        arguments = {name: check(name, value) for name, value in arguments.items()}
+        checked_args = map(checked_value, names, args)
+        arguments = {name: checked_value(name, value) for name, value in arguments.items()}
         return function(*checked_args, *args[len(names) :], **arguments)
 
     return documented(call)
@@ -569,7 +570,7 @@ def unit_hint(value: Any, annotation: Any) -> str:
     """
     base, metadata = parts(annotation)
     is_bounded = any(isinstance(part, Le) for part in metadata)
-    if base is int and not is_bounded and isinstance(value, Integral) and value > _MAX_INTEGER:
+    if base is int and not is_bounded and isinstance(value, Integral) and int(value) > _MAX_INTEGER:
         return f" and <= {_MAX_INTEGER}"
     unit = next((x.example.partition(" ")[2] for x in metadata if isinstance(x, Unit)), "")
     if unit not in _DRAWING_UNITS or isinstance(value, bool) or not isinstance(value, Real):
@@ -577,7 +578,7 @@ def unit_hint(value: Any, annotation: Any) -> str:
     scaled = float(value) * _DRAWING_UNITS[unit]
     for part in metadata:
         if isinstance(part, Le | Lt):
-            bound = getattr(part, "le", None) or getattr(part, "lt", None)
+            bound: Any = part.le if isinstance(part, Le) else part.lt
             if scaled <= bound < value:
                 return f"; did you mean {float(value):g} {unit}?"
     return ""
@@ -658,7 +659,7 @@ Backlash = Annotated[
 ]
 #: Unknown if None, which is allowed at rest.
 MaterialDamping = Annotated[Damping | None, described("Damping of the material in contact", "k_1")]
-BacklashDamping = Annotated[Damping, described("Damping of the oil in the backlash", "k_1m")]
+BacklashDamping = Annotated[Damping, described("Damping of the oil in free flight", "k_1m")]
 PressureAngle = Annotated[WorkingAngle, described("Pressure angle in operation")]
 
 # Damping of gears given by geometry; of the first three at most one is given.
@@ -668,4 +669,4 @@ Decrement = Annotated[
     described("delta = 2 pi beta / sqrt(1 - beta^2), in place of damping_ratio"),
 ]
 DrawnDamping = Annotated[Damping | None, described("k_1 in contact, in place of damping_ratio")]
-BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in the backlash, beta_m")]
+BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in free flight, beta_m")]

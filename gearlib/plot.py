@@ -135,7 +135,7 @@ def phase_plane(*runs, axes=None, labels=None):
         options = {"color": curve.style.colour, "linestyle": line}
         axes.plot(displacements, velocities, label=curve.label, **options)
     # With moving bearings the backlash varies and has no fixed limit in this plane.
-    if not any("backlash" in run for run in runs):
+    if not any("coast_line" in run for run in runs):
         plot_curves.shade_backlash(axes, curves, "x")
     for name, direction, side in zip(names, "xy", ("top", "right"), strict=True):
         axes.set(**{f"{direction}label": panels.axis_label(curves[0].data[name], width=50)})
@@ -211,7 +211,7 @@ def run_up(*runs, axes=None, labels=None, variable=None):
         Legend label of each dataset.
     variable : str, optional
         Name of a variable over ``revolution``: extrema of displacement and dynamic_force,
-        mean_force, bounces, fraction_normal. By default the largest dynamic force without its sign.
+        mean_force, bounces, fraction_drive. By default the largest dynamic force without its sign.
 
     Returns
     -------
@@ -325,10 +325,9 @@ def harris_map(errors, *, axes=None):
     Parameters
     ----------
     errors : xarray.Dataset
-        Dataset returned by `gearlib.geometry.Mesh.transmission_error`, over torque and phase; each
-        curve is labelled by its torque in N m.
-    axes : matplotlib.axes.Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Dataset returned by `gearlib.geometry.GearStage.transmission_error`, over torque and phase;
+        each curve is labelled by its torque in N m. axes : matplotlib.axes.Axes, optional Axes to
+        draw into; by default those of a new figure.
 
     Returns
     -------
@@ -339,7 +338,9 @@ def harris_map(errors, *, axes=None):
     ValueError
         If the dataset has no transmission error over torque and phase.
     """
-    plot_curves.require("harris_map", errors, ("transmission_error", "torque"), "geometry.Mesh")
+    plot_curves.require(
+        "harris_map", errors, ("transmission_error", "torque"), "geometry.GearStage"
+    )
     if errors.transmission_error.ndim != 2:
         raise ValueError(
             f"transmission_error over {errors.transmission_error.dims} is not allowed: it must be "
@@ -464,6 +465,6 @@ def orbit(*orbits, axes=None, labels=None):
 def _time_course_of(orbit: Orbit):
     """Return a simulation of an orbit over one period, with its stability as a variable."""
     options = {"initial_state": tuple(orbit.state), "periods": orbit.period}
-    run = simulate(orbit.pair, orbit.tuning, record_periods=orbit.period, **options)
+    run = simulate(orbit.model, orbit.tuning, record_periods=orbit.period, **options)
     # Rounding errors grow along an unstable orbit, so that the run may not detect its period.
     return run.assign(period=orbit.period, stable=bool(orbit.stable))

@@ -23,7 +23,7 @@ from gearlib import GearPair, continue_orbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import FOLD
 
 HERE = Path(__file__).parent
-#: The paper's mesh, damped alike in contact and in the backlash: only g and c have to be smoothed.
+#: The paper's mesh, damped alike in contact and in free flight: only g and c have to be smoothed.
 RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.0617, "backlash": 4.0}
 START, STOP, SHOWN = 0.6, 1.2, 0.75
 WIDTHS = (0.1, 0.05, 0.025, 0.0125, 0.00625)

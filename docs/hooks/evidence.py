@@ -1,31 +1,21 @@
 """Tables of `reproduction.md` and `speed_and_accuracy.md`, made from the data in docs/claims.
 
-The comment ``<!-- table: NAME -->`` on a page stands for the table that the function `NAME` returns.
-The data are copies from results of the workflow, see take_over.py.
+A comment ``<!-- table: costs evaluations -->`` on a page stands for what `costs` returns.
+take_over.py copies the data from results of the workflow.
 """
 
-import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import yaml
 
-from gearlib.studies.claims.statements import CHECKS
-
 FOLDER = Path(__file__).resolve().parents[1] / "claims"
-#: Errors that the table of wall times allows.
-ACCURACIES = (1e-3, 1e-6, 1e-9, 1e-12)
 #: What is difficult -> the problems of `gearlib.studies.trials.difficult_problems`.
 DIFFICULTIES = {
-    "contact changes within a step": (
-        "graze_short_6 graze_past_6 graze_short_10 graze_past_10 tiny_bounce double_crossing"
-    ),
-    "unusual backlash": "rest_near rest_far no_backlash nano_backlash endless_backlash",
-    "extreme parameters": (
-        "critical overdamped soft ratio_1 ratio_2 ratio_above_1 ratio_below_2 slow fast"
-    ),
+    "events": "graze_short_6 graze_past_6 graze_short_10 graze_past_10 tiny_bounce double_crossing",
+    "backlash": "rest_near rest_far no_backlash nano_backlash endless_backlash",
+    "parameters": "critical overdamped soft ratio_1 ratio_2 ratio_above_1 ratio_below_2 slow fast",
     "other models": "cubic_damping terms_2 terms_200 stiff_bearings",
     "long runs": "fold_below fold_above chaos conservative",
     "parametric resonance": "tongue_2 edge_2 tongue_066 edge_066",
@@ -35,38 +25,31 @@ DIFFICULTIES = {
 
 def on_page_markdown(markdown, **_):
     """Put the tables into a page."""
-    return re.sub(r"<!-- table: (\w+) -->", lambda comment: globals()[comment[1]](), markdown)
+
+    def table(comment):
+        name, *arguments = comment[1].split()
+        rows = globals()[name](*arguments)
+        return rows.fillna("–").to_markdown(index=False, disable_numparse=True)
+
+    return re.sub(r"<!-- table: (.+?) -->", table, markdown)
 
 
-def read(name, folder=FOLDER):
+def read(name):
     """Return a table of data."""
-    return pd.read_csv(folder / f"{name}.csv", float_precision="round_trip")
-
-
-def read_claims(folder=FOLDER):
-    """Return the paper's statements with our numbers and verdicts; refuse those of old code."""
-    rows = read("claims", folder)
-    stated = rows[["id", "statement", "where", "figure"]].itertuples(index=False, name=None)
-    if [*stated] != [check[:4] for check in CHECKS]:
-        raise ValueError(
-            f"{folder}/claims.csv has other statements than gearlib/studies/claims: run the "
-            "workflow, then `python -m docs.hooks.take_over claims results`"
-        )
-    return rows
+    return pd.read_csv(FOLDER / f"{name}.csv")
 
 
 def reasons():
     """Return the reason for each verdict by the id of its statement."""
     texts = yaml.safe_load((FOLDER / "why.yaml").read_text(encoding="utf-8"))
-    numbers = quoted_numbers()
-    return {key: " ".join(text.format(**numbers).split()) for key, text in texts.items()}
+    return {key: " ".join(text.format(**quoted_numbers()).split()) for key, text in texts.items()}
 
 
 def quoted_numbers():
     """Return the data that the reasons quote, by damping, in the order of the tunings.
 
     `branches` has the tunings of each kind of point, `proven` the rows of each kind of certificate:
-    ranges of tunings by their contacts, such as "range N", orbits by their tuning.
+    ranges of tunings by their contacts, such as "range D", orbits by their tuning.
     """
     rows = read("certificates").sort_values("tuning", kind="stable")
     details = rows.tuning.astype(str).where(rows.claim == "orbit", rows.contacts.fillna(""))
@@ -80,46 +63,35 @@ def quoted_numbers():
 
 def claims():
     """Return the table of the paper's statements."""
-    rows = read_claims()
-    links = rows.figure.map(lambda figure: f"[{figure}](#{anchor(figure)})")
+    rows = read("claims")
+    anchors = rows.figure.str.lower().str.replace(". ", "-")
     columns = {
         "": rows.id,
         "the paper": rows.statement + " (" + rows["where"] + ")",
-        "ours": rows.computed + " (" + links + ")",
+        "ours": rows.computed + " ([" + rows.figure + "](#" + anchors + "))",
         "verdict": "**" + rows.verdict + "**",
         "why": rows.id.map(reasons()),
     }
-    return _markdown(pd.DataFrame(columns), index=False)
+    return pd.DataFrame(columns)
 
 
-def anchor(figure):
-    """Return the anchor of a figure on the page."""
-    return figure.lower().replace(". ", "-")
+def costs(column):
+    """Return the least cost of each method for an error of at most 1e-6 in each problem."""
+    rows = read("speed_and_accuracy/work_precision")
+    # Times that other work on the machine disturbed may be negative.
+    rows[column] = rows[column].where((rows.state_error <= 1e-6) & (rows.microseconds > 0.0))
+    least = rows.groupby(["line", "problem"], sort=False)[column].min().unstack(sort=False)
+    cells = least.map(lambda x: f"{x:.0f}" if x >= 100 else f"{x:.2g}", na_action="ignore")
+    return cells.rename_axis("method").reset_index()
 
 
-def machine():
-    """Return when, with which versions and on which machine the methods were compared."""
-    record = json.loads((FOLDER / "speed_and_accuracy/provenance.json").read_text("utf-8"))
-    used = ("gearlib", "python", "numba", "numpy", "scipy", "heyoka")
-    versions = ", ".join(f"{k} {record['versions'][k]}" for k in used if k in record["versions"])
-    processor, cores = (record["machine"][key] for key in ("processor", "cores"))
-    return (
-        f"Computed on {record['finished'][:10]} with {versions}. Wall times: {processor}, one of "
-        f"{cores} cores, one thread, the shortest of several runs."
-    )
-
-
-def wall_times():
-    """Return the table of the fastest methods of gearlib and of other packages."""
-    times = fastest()
-    own, other = times.own_method, times.other_method
-    ratio = times.other_microseconds / times.own_microseconds
-    cells = [
-        "–" if pd.isna(a) else f"`{a}` {_digits(t)} µs; " + ("no other" if pd.isna(b) else f"`{b}` {_digits(r)} ×")
-        for a, t, b, r in zip(own, times.own_microseconds, other, ratio, strict=True)
-    ]
-    return cells
-
-
-def _markdown(table, **options):
-    return table.to_markdown(disable_numparse=True, **options)
+def verdicts():
+    """Return the table that says on how many problems of each kind a method is right."""
+    rows = read("speed_and_accuracy/failures").set_index("problem")
+    kind_of = {name: kind for kind, names in DIFFICULTIES.items() for name in names.split()}
+    kinds = [kind_of[problem] for problem in rows.index]
+    right = (rows == "right").groupby(kinds).sum().T
+    taken = (rows != "refused").groupby(kinds).sum().T
+    right["all"], taken["all"] = right.sum(axis=1), taken.sum(axis=1)
+    cells = (right.astype(str) + "/" + taken.astype(str)).where(taken > 0)
+    return cells[[*DIFFICULTIES, "all"]].rename_axis("right").reset_index()

@@ -18,10 +18,10 @@ from gearlib.analysis.order_maps import mesh_order_amplitudes, recorded_periods,
 from gearlib.data.motions import largest_force
 from gearlib.data.result import result
 from gearlib.models.geometry import iso
-from gearlib.models.geometry.mesh import Mesh, torque_of
+from gearlib.models.geometry.gear_stage import GearStage, torque_of
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.model import is_model
-from gearlib.models.one_mesh_system import contact_decay_rate
+from gearlib.models.single_mesh_system import contact_decay_rate
 from gearlib.parameters import DrivingTorque, Speed, checked
 from gearlib.runs.run_arguments import tuning_at_speed
 from gearlib.runs.simulation import simulate
@@ -49,20 +49,20 @@ def duty_point(
 
     Parameters
     ----------
-    gears : gearlib.geometry.Mesh or model
+    gears : gearlib.geometry.GearStage or model
         Geometry of two gears, which is modelled as a `LoadSharingPair`, or a model of rotating
         gears for `gearlib.simulate`. With a rectangular stiffness, such as that of a `GearPair`,
         the force jumps when a pair of teeth enters the mesh, so its maximum is not a K_v.
     speed : float
         Speed in rpm, finite, > 0, of the pinion (of the gear that sets the mesh frequency).
     torque : float, optional
-        Torque of the pinion in N m. Give it, or `power` in W, with a `Mesh` only.
+        Torque of the pinion in N m. Give it, or `power` in W, with a `GearStage` only.
     initial_state : tuple of float, optional
         State at phase 0, as in `gearlib.simulate`; by default the static equilibrium.
     **options
-        With a `Mesh`: damping_ratio and other arguments of `gearlib.GearPair.from_geometry`. The
-        tooth pair stiffness is "energy" by default, or "iso" if a bore is too large for the energy
-        method; options of the energy method are coupling and twist.
+        With a `GearStage`: damping_ratio and other arguments of `gearlib.GearPair.from_geometry`.
+        The tooth pair stiffness is "energy" by default, or "iso" if a bore is too large for the
+        energy method; options of the energy method are coupling and twist.
 
     Returns
     -------
@@ -70,15 +70,15 @@ def duty_point(
         mesh_frequency_hertz, tuning, speed, resonance_speed, torque, static_force, dynamic_factor,
         mesh_force_max and mesh_force_min (N), bearing_force_max (N, over ``bearing`` for six
         degrees of freedom, ``body`` for trains; rigid bearings of a shaft are added up),
-        error_peak_to_peak and error_rms (m, without the mean), lost_share (fraction of time in
-        which no flank touches), settled and period; iso_dynamic_factor if both gears of a `Mesh`
-        have a quality and eps_alpha >= 1; mesh_order_force and mesh_order_error, amplitudes of the
-        first mesh orders, NaN if there are too few samples. Trains have the dimension ``mesh``.
-        transient_periods and record_periods are the mesh periods before and in the record, and the
-        attribute ``comment`` says what the record is: an orbit, a whole cycle of the excitation, or
-        a sample. The dynamic factor is the largest mesh force over the static force, both without
-        signs. Models with a given stiffness have the same ratio as peak_force_ratio, since their
-        forces may jump where teeth enter.
+        error_peak_to_peak and error_rms (m, without the mean), contact_loss_fraction (fraction of
+        time in which no flank touches), settled and period; iso_dynamic_factor if both gears of a
+        `GearStage` have a quality and eps_alpha >= 1; mesh_order_force and mesh_order_error,
+        amplitudes of the first mesh orders, NaN if there are too few samples. Trains have the
+        dimension ``mesh``. transient_periods and record_periods are the mesh periods before and in
+        the record, and the attribute ``comment`` says what the record is: an orbit, a whole cycle
+        of the excitation, or a sample. The dynamic factor is the largest mesh force over the static
+        force, both without signs. Models with a given stiffness have the same ratio as
+        peak_force_ratio, since their forces may jump where teeth enter.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def duty_point(
             )
         model = gears
     else:
-        checks.gear_mesh(gears, "gears", " or a model")
+        checks.gear_stage(gears, "gears", " or a model")
         torque = torque_of(torque, options.pop("power", None), speed)
         model = default_load_sharing_pair(gears, torque=torque, **options)
         # Each mesh period has a stiffness table for each subset of the tooth pairs in mesh.
@@ -137,7 +137,7 @@ def duty_point(
     return dataset.assign_attrs(comment=f"The record is {comment}.")
 
 
-def iso_dynamic_factor(mesh: Mesh, torque: float, speed: Any) -> Any:
+def iso_dynamic_factor(mesh: GearStage, torque: float, speed: Any) -> Any:
     """Return K_v of ISO 6336-1, method B, at a torque in N m and speeds in rpm of the pinion.
 
     It is None if a gear has no quality or eps_alpha < 1.
@@ -305,5 +305,5 @@ def si_variables(run: xr.Dataset, model: Any) -> dict:
         "mesh_force_min": (dims, force_scale * run.dynamic_force_min.values),
         "error_peak_to_peak": (dims, static_deflection * peak_to_peak),
         "error_rms": (dims, static_deflection * error.std(axis=0)),
-        "lost_share": (dims, run.fraction_backlash.values),
+        "contact_loss_fraction": (dims, run.contact_loss_fraction.values),
     }

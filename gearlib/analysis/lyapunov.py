@@ -200,7 +200,7 @@ def reproducible_orbits(model: Any, diagrams: list, directions: list, starts: li
 
 @checked
 def lyapunov_exponents(
-    pair,
+    model,
     values,
     *,
     parameter: DimensionlessParameter = "tuning",
@@ -220,7 +220,7 @@ def lyapunov_exponents(
 
     Parameters
     ----------
-    pair, values, parameter, tuning, max_events
+    model, values, parameter, tuning, max_events
         The same arguments as those of `gearlib.bifurcation_diagram`.
     states : array_like of float, shape (2,) or (n, 2)
         Displacement in static deflections and dx/dtau at tau = 0, for all values or for each. The
@@ -244,13 +244,13 @@ def lyapunov_exponents(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    choose_method(pair, None, None)
+    choose_method(model, None, None)
     values = distinct_values("values", values)
-    cases, limit = parameter_cases(pair, tuning, parameter, values), Limit(max_seconds)
+    cases, limit = parameter_cases(model, tuning, parameter, values), Limit(max_seconds)
     if isinstance(states, str):
-        pair.check_state(states)
+        model.check_state(states)
         states = cases[0][0].start_state(states)
-    starts, sizes = float_array(states), {2, len(pair.components)}
+    starts, sizes = float_array(states), {2, len(model.components)}
     allowed = f"{' or '.join(map(str, sorted(sizes)))} numbers, or as many for each of the "
     allowed += f"{values.size} values"
     is_valid = starts.shape in {shape for n in sizes for shape in ((n,), (values.size, n))}
@@ -259,13 +259,13 @@ def lyapunov_exponents(
 
     def exponent_row(i: int) -> tuple:
         """Return (exponent, error, status code) at value i; the status -1 if the time is over."""
-        model, tuning_of_case = cases[i]
+        case_model, tuning_of_case = cases[i]
         if limit.is_over():
             return np.nan, np.nan, -1
         if not np.isfinite(starts[i]).all():
             return np.nan, np.nan, status.NO_START
         lengths = {"settle": settle, "periods": periods, "max_events": max_events}
-        exponent = largest_exponent(model, tuning_of_case, state=tuple(starts[i]), **lengths)
+        exponent = largest_exponent(case_model, tuning_of_case, state=tuple(starts[i]), **lengths)
         return exponent.value, exponent.uncertainty, exponent.status
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
@@ -275,5 +275,5 @@ def lyapunov_exponents(
     data["status"] = parameter, table[:, 2].astype(np.int8)
     settings = {"parameter": parameter, "tuning": tuning, "settle": settle, "periods": periods}
     title, coords = "Largest Lyapunov exponents of a gear mesh", {parameter: values}
-    dataset = result(title, pair, data, coords, method="variational maps", **settings)
+    dataset = result(title, model, data, coords, method="variational maps", **settings)
     return limit.mark(set_backlash_long_name(dataset, parameter), **{parameter: table[:, 2] >= 0})

@@ -56,12 +56,12 @@ MAX_CHANGE = 0.05
 
 @dataclass
 class Motion:
-    """Samples of a variable over the mesh phase, with the speed profile."""
+    """Samples of a variable over the mesh phase, with the speed course."""
 
     phase: np.ndarray  #: mesh phase since the first sample, shape (k,)
     values: np.ndarray  #: shape (k,), for trains (k, m)
     jumps: np.ndarray  #: sorted phases at which values or slopes jump
-    speeds: np.ndarray  #: speed profile since the first sample, rows of s and rpm
+    speeds: np.ndarray  #: speed course since the first sample, rows of s and rpm
     teeth: float  #: mesh periods per revolution
     max_order: float  #: highest order by default
     units: str
@@ -89,7 +89,7 @@ class FourierSums:
 
 
 class ShaftRotation:
-    """Rotation of a shaft with a piecewise linear speed profile."""
+    """Rotation of a shaft with a piecewise linear speed course."""
 
     def __init__(self, speed_profile: ArrayLike):
         """Integrate the speed; the profile has rows (time in s, speed in rpm), shape (n, 2)."""
@@ -346,7 +346,7 @@ def _attributes(run: xr.Dataset, *names: str) -> dict:
 
 
 def _profiles_json(speeds: np.ndarray) -> str:
-    """Return a speed profile, rows of s and rpm, and a constant load profile as JSON."""
+    """Return a speed course, rows of s and rpm, and a constant load profile as JSON."""
     return canonical_json({"speed": speeds.tolist(), "load": [[0.0, 1.0]]})
 
 

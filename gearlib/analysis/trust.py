@@ -64,7 +64,7 @@ class Trust:
 
 @checked
 def trust(
-    pair,
+    model,
     tuning: Tuning,
     *,
     periods: Count = 2000,
@@ -78,7 +78,7 @@ def trust(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     periods, record_periods : int
@@ -104,30 +104,32 @@ def trust(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    integrators.choose_method(pair, None, None)
+    integrators.choose_method(model, None, None)
     allowed = f"an integer from 1 to {periods}"
     checks.require(record_periods <= periods, "record_periods", record_periods, allowed)
-    record_periods = max(record_periods, min(pair.repeats, periods))
+    record_periods = max(record_periods, min(model.repeats, periods))
     arguments = {"periods": periods, "record_periods": record_periods}
     arguments |= {"initial_state": initial_state, "samples_per_period": 1}
-    initial_state = pair.check_state(initial_state)
+    initial_state = model.check_state(initial_state)
     limit, names, methods, runs = Limit(max_seconds), [], [], []
     cases = [
-        ("as asked", pair, {}),
-        ("longer", pair, {"periods": 4 * periods}),
-        ("disturbed", pair, {"initial_state": pair.disturbed_state(initial_state, disturbance)}),
-        *_other_methods(pair),
+        ("as asked", model, {}),
+        ("longer", model, {"periods": 4 * periods}),
+        ("disturbed", model, {"initial_state": model.disturbed_state(initial_state, disturbance)}),
+        *_other_methods(model),
     ]
-    for name, model, changed_arguments in limit.each(with_bar("runs", cases, len(cases))):
+    for name, case_model, changed_arguments in limit.each(with_bar("runs", cases, len(cases))):
         names.append(name)
-        methods.append(integrators.choose_method(model, changed_arguments.get("method"), None)[0])
-        runs.append(run(model, tuning, **arguments | changed_arguments))
+        methods.append(
+            integrators.choose_method(case_model, changed_arguments.get("method"), None)[0]
+        )
+        runs.append(run(case_model, tuning, **arguments | changed_arguments))
     missing = [name for name, *_ in cases[len(names) :]]
     if limit.is_over():
         missing.append("exponent")
     else:
         exponent = lyapunov.largest_exponent(
-            pair, tuning, state=initial_state, settle=periods, periods=exponent_periods
+            model, tuning, state=initial_state, settle=periods, periods=exponent_periods
         )
     summaries = np.array([run.summary for run in runs])
     dims = ("run", "mesh")[: summaries.ndim - 1]
@@ -139,12 +141,12 @@ def trust(
     }
     settings = {"tuning": tuning, "periods": periods, "disturbance": disturbance}
     settings |= {"method": ", ".join(dict.fromkeys(methods)), "exponent_periods": exponent_periods}
-    table = result("Runs of one point in several ways", pair, data, {"run": names}, **settings)
+    table = result("Runs of one point in several ways", model, data, {"run": names}, **settings)
     table = limit.mark(table, missing)
     if missing:
         message = f"the time of max_seconds ended before: {', '.join(missing)}"
         return Trust("undecided", message, 0, math.nan, math.nan, math.nan, table)
-    return classified_motion(table, exponent, pair.repeats)
+    return classified_motion(table, exponent, model.repeats)
 
 
 def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:

@@ -117,7 +117,7 @@ def _note_on_teeth(gears, model, speed):
 
     speed = speed or gears.drawn.speed or float(model.speed(1.0))
     point = duty_point(gears.model(), speed)
-    contact = "lose" if float(point.lost_share) > 0.0 else "keep"
+    contact = "lose" if float(point.contact_loss_fraction) > 0.0 else "keep"
     return (
         "This analysis needs a rectangular stiffness, which changes all at once. Pairs of teeth "
         f"that start in static equilibrium {contact} contact at {speed:.6g} rpm; their dynamic "
@@ -405,7 +405,7 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     source = nominal_design(model.as_dict(), drawing)
     # With a quality, the form of the flanks scatters.
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
-    return source, by_class(source.mesh, **classes) | tolerances
+    return source, by_class(source.stage, **classes) | tolerances
 
 
 def _read_measured(values):
@@ -430,7 +430,7 @@ def _read_measured(values):
         if values[name] is None and isinstance(known.get(name), int | float):
             values[name] = known[name]
     values["model"] = values["model"] or section.model
-    if values["model"] == "one_degree":
+    if values["model"] == "pair":
         values["model"] = "rectangle"
 
 
@@ -479,7 +479,7 @@ def gears(format, save, plot, force, **values):
         click.echo("There is no duty point without a damping: give --damping-ratio.", err=True)
     if plot:
         from gearlib.figures import mesh_stiffness_figure
-        from gearlib.studies.drawn_gears import mesh_stiffness
+        from gearlib.studies.gear_geometry import mesh_stiffness
 
         # This is a `PublishedPair` without published values.
         pair_dict = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}

@@ -257,7 +257,7 @@ class Config(Section):
         if FRICTION_HISTORIES & {*scene.courses}:
             return ["six_degrees"]
         models = ["six_degrees_plain", "six_degrees"]
-        return models if SIX_DEGREE_HISTORIES & {*scene.courses} else ["one_degree", *models]
+        return models if SIX_DEGREE_HISTORIES & {*scene.courses} else ["pair", *models]
 
     def tolerance_distributions(self) -> dict:
         """Return the distributions of `tolerances` as a dict for `gearlib.scatter`.

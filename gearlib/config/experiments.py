@@ -9,6 +9,7 @@ from gearlib import parameters as p
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import Damping, MeshCase
 from gearlib.config.types import Distinct, Section, check_unique, field, grid_base, integer, list_of
+from gearlib.engines.summary_columns import COLUMNS
 
 #: Largest number of tunings of the resonance; it catches a mistyped step.
 MAX_TUNINGS = 1_000_000
@@ -233,11 +234,7 @@ _TimeHistory = Literal[
     *("displacement", "velocity", "acceleration", "stiffness", "modified_stiffness"),
     *("dynamic_force", "friction_force", "bearing_y3", "bearing_z3", "bearing_y2", "bearing_z2"),
 ]
-_Observable = Literal[
-    *("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min"),
-    *("fraction_normal", "fraction_backlash", "fraction_inverse", "fraction_min_stiffness"),
-    "bounces",
-]
+_Observable = Literal[*(column.name for column in COLUMNS if not column.trains_only),]
 
 
 class Case(MeshCase):
@@ -249,7 +246,7 @@ class Case(MeshCase):
 class Scene(Section):
     """Time courses and phase planes of a few runs, side by side."""
 
-    model: Literal["smallest", "one_degree", "six_degrees_plain", "six_degrees"] = field(
+    model: Literal["smallest", "pair", "six_degrees_plain", "six_degrees"] = field(
         "smallest: the one whose observables no larger model changes by more than the "
         "tolerance; six_degrees_plain leaves out run-out and friction."
     )
@@ -270,7 +267,7 @@ class Scene(Section):
         """
         check_unique("cases", self.cases, "title")
         missing_histories = {
-            "one_degree": (SIX_DEGREE_HISTORIES, "one_degree"),
+            "pair": (SIX_DEGREE_HISTORIES, "pair"),
             "six_degrees_plain": (FRICTION_HISTORIES, "six_degrees_plain (no friction)"),
         }
         missing, model_name = missing_histories.get(self.model, ((), ""))

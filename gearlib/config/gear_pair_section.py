@@ -13,7 +13,7 @@ from gearlib import parameters as p
 from gearlib.config import RATIO_KEYS
 from gearlib.config import types as t
 from gearlib.config.types import Section, create_section, field, from_context, list_of
-from gearlib.models.geometry.mesh import checked_damping, damping_coefficient
+from gearlib.models.geometry.gear_stage import checked_damping, damping_coefficient
 from gearlib.models.pair_parameters import MIN_MAGNITUDE, PairParameters, PairScales, check_scales
 from gearlib.models.profiles import PROFILES
 from gearlib.parameters import Allowed, RunOut
@@ -111,7 +111,7 @@ _PROFILE_SECTIONS = [
     for kind, profile in PROFILES.items()
 ]
 #: Stiffness profile of the gear pair, a section for each kind.
-Profile = Annotated[
+Profile: Any = Annotated[
     reduce(operator.or_, _PROFILE_SECTIONS),
     Field(discriminator="kind"),
     Allowed(f"a mapping with a kind, one of {', '.join(PROFILES)}, and its parameters"),
@@ -187,11 +187,11 @@ class SixDegrees(Section):
     )
     run_out_phase: p.Angle = field("Relative phase Delta of the run-out, rad.", 0.0)
     friction: list_of(p.NonNegative, 2) = field(
-        "Friction coefficients in drive-side and back-side contact.", [0.05, 0.05]
+        "Friction coefficients in drive-side and coast-side contact.", [0.05, 0.05]
     )
     pitch_phase: p.Angle = field("Mesh phase at the pitch point, rad.", 0.0)
     moving_backlash: p.Boolean = field(
-        "Whether the back-side flank moves with the bearings, as in Eq. (4).", True
+        "Whether the coast-side flank moves with the bearings, as in Eq. (4).", True
     )
 
     @model_validator(mode="after")

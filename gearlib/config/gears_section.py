@@ -10,9 +10,9 @@ from gearlib import parameters as p
 from gearlib.config import types as t
 from gearlib.config.gear_pair_section import rounded
 from gearlib.config.types import Section, create_section, field
-from gearlib.models.geometry.drawings import gear as gear_from_dict
+from gearlib.models.geometry.from_values import gear as gear_from_dict
 from gearlib.models.geometry.gear import Rack, SpurGear
-from gearlib.models.geometry.mesh import Mesh, six_degree_parameters, torque_of
+from gearlib.models.geometry.gear_stage import GearStage, six_degree_parameters, torque_of
 
 #: FZG type C, ISO 14635-2, at load stage 9 on shafts of 30 mm; backlash and quality are assumed.
 FZG_C = {
@@ -58,7 +58,7 @@ WheelSection = create_section("WheelSection", _DOC, SpurGear, *_RING_KEYS, base=
 _DOC = "A gear of a train by its drawing, see `gearlib.geometry.SpurGear`."
 BodyGear = create_section("BodyGear", _DOC, SpurGear, *_RING_KEYS, base=PinionSection)
 _Placed = create_section(
-    "_Placed", "Two drawn gears in their places.", Mesh, exclude=("pinion", "wheel")
+    "_Placed", "Two drawn gears in their places.", GearStage, exclude=("pinion", "wheel")
 )
 
 
@@ -86,7 +86,8 @@ class MethodSection(Section):
     )
 
     def stiffness_arguments(self) -> dict:
-        """Return the arguments `stiffness` and `options` of `Mesh.pair_parameters`, if given."""
+        """Return the arguments `stiffness` and `options` of `GearStage.pair_parameters`, if
+        given."""
         arguments = self.model_dump(include={"stiffness", "stiffness_options"})
         if "stiffness_options" in arguments:
             arguments["options"] = arguments.pop("stiffness_options")
@@ -107,11 +108,11 @@ class DrawnPair(_Placed):
     wheel: WheelSection
     torque: p.DrivingTorque = field("Torque of the pinion, N m.")
 
-    def mesh(self) -> Mesh:
-        """Return the `gearlib.geometry.Mesh` of the pair."""
+    def mesh(self) -> GearStage:
+        """Return the `gearlib.geometry.GearStage` of the pair."""
         pinion = spur_gear("pinion", self.pinion)
         wheel = spur_gear("wheel", self.wheel, self.pinion)
-        return Mesh(pinion, wheel, self.centre_distance, self.backlash)
+        return GearStage(pinion, wheel, self.centre_distance, self.backlash)
 
     def check(self, stiffness_methods: Iterable[str]) -> None:
         """Raise an error if the gears are impossible or one of the methods fails for them.

@@ -67,7 +67,7 @@ _Checksum = t.text("a checksum of 64 hexadecimal digits", pattern="^[0-9a-f]{64}
 class FitSection(Section):
     """Model and parameters that `gearlib fit` fits to a measured set."""
 
-    model: Literal["one_degree", "six_degrees", "train"] = field("Kind of the model.", None)
+    model: Literal["pair", "six_degrees", "train"] = field("Kind of the model.", None)
     free: dict[_Key, list_of(t.Option, 2)] = field("Lowest and highest value by parameter.", {})
 
 

@@ -90,7 +90,7 @@ def _scenes_error(config: Any) -> str:
         )
     scenes = config.scenes.values()
     models = {model for scene in scenes for model in config.candidate_models(scene)}
-    return _missing_bearings(config) if models - {"one_degree"} else ""
+    return _missing_bearings(config) if models - {"pair"} else ""
 
 
 def _drawn_gears_error(reason: str, config: Any) -> str:

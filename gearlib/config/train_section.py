@@ -17,9 +17,9 @@ from gearlib.config.gears_section import (
     spur_gear,
 )
 from gearlib.config.types import Section, create_section, field, grid_base, list_of
-from gearlib.models.geometry.drawings import planetary_meshes
+from gearlib.models.geometry.from_values import planetary_meshes
 from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.geometry.mesh import Mesh, torque_of
+from gearlib.models.geometry.gear_stage import GearStage, torque_of
 from gearlib.models.trains import elements, planetary, ready_made
 from gearlib.models.trains.planetary import planetary_set
 from gearlib.parameters import Diameter, Module, Torque
@@ -39,7 +39,8 @@ DRAWN_MESH_KEYS = {*DrawnMesh.model_fields, "torque", "centre_distance"}
 
 
 def _rectangle(arguments: dict) -> dict:
-    """Return the arguments of `Mesh.train_parameters` of the rectangle, which checks them quickly.
+    """Return the arguments of `GearStage.train_parameters` of the rectangle, which checks them
+    quickly.
 
     It needs no transmission error and, with the stiffness of ISO 6336, no numpy.
     """
@@ -139,7 +140,7 @@ MeshPart = create_section(
     centre_distance=(Diameter, field(_DOC, None)),
     torque=(Torque, field(_TORQUE_DOC, None)),
     deviation=(Deviation, field("Deviation of the drive-side flanks.", None)),
-    inverse_deviation=(Deviation, field("Deviation of the coast-side flanks.", None)),
+    coast_deviation=(Deviation, field("Deviation of the coast-side flanks.", None)),
 )
 
 
@@ -171,7 +172,7 @@ class Own(Section):
             places["outer_diameter"] = f"{keys[wheel]}.outer_diameter"
             with checks.below(key, **places):
                 # Only the errors matter; the train itself computes the parameters again.
-                Mesh(gears[pinion], gears[wheel], distance).train_parameters(**arguments)
+                GearStage(gears[pinion], gears[wheel], distance).train_parameters(**arguments)
         return self
 
 

@@ -186,9 +186,9 @@ class Section(pydantic.BaseModel):
     model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
     @classmethod
-    def model_validate(cls, values, *, context=None):
+    def model_validate(cls, obj, *, context=None, **options):
         """Return the section for the content of a YAML file, in which texts stand for numbers."""
-        return super().model_validate(values, context=context or {})
+        return super().model_validate(obj, context=context or {}, **options)
 
     def model_dump(self, **options):
         """Return the section as a dict without keys whose value is None."""

@@ -94,8 +94,8 @@ def describe_contact_loss(sweeps):
 
     `sweeps` are results of `gearlib.sweep` over ``tuning``, with further dimensions or without.
     """
-    others = [dim for dim in sweeps.fraction_backlash.dims if dim != "tuning"]
-    loses = (sweeps.fraction_backlash > FRACTION_TOLERANCE).any(others).values
+    others = [dim for dim in sweeps.contact_loss_fraction.dims if dim != "tuning"]
+    loses = (sweeps.contact_loss_fraction > FRACTION_TOLERANCE).any(others).values
     speed, factor = sweeps.speed.values, float(sweeps.dynamic_factor.max())
     intervals = [
         f"{speed[i]:.0f} to {speed[j]:.0f}" if j > i else f"{speed[i]:.0f}"
@@ -117,7 +117,7 @@ def describe(run, start="rest"):
     if not period:
         motion = f"has {describe_unsettled(run)}"
     contact = "the flanks never part"
-    if float(run.fraction_inverse) > 0.0:
+    if float(run.fraction_coast) > 0.0:
         contact = "it strikes both flanks"
     elif float(run.bounces) > 0.0:
         times = "once" if bounces == "1 times" else bounces

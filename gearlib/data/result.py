@@ -66,7 +66,7 @@ def result(title, model, data, coords=None, *, method, **parameters):
     dataset = describe(dataset, model)
     dataset.attrs = _origin(title.replace("a gear mesh", model.title_noun), method) | {
         "references": model.references,
-        "gear_pair" if model.mesh else "model": canonical_json(model.as_dict()),
+        "gear_pair" if model.pair else "model": canonical_json(model.as_dict()),
         "parameters": canonical_json(parameters),
         **({"stiffness_model": model.stiffness_model} if model.stiffness_model else {}),
         **({"comment": model.force_note} if model.force_note else {}),

@@ -4,6 +4,8 @@ Displacements are in static deflections F / C_s, times are mesh phase (rad), so 
 dx/dtau; the scale variables convert them to SI units.
 """
 
+from gearlib.engines.summary_columns import COLUMNS
+
 #: Coordinates that count something from 0.
 _NUMBERED = "event start sample branch locus tongue point variation orbit attractor".split()
 #: name -> (CF units, long_name)
@@ -31,12 +33,11 @@ DESCRIPTIONS = {
     "bearing_force_z3": ("1", "force of the bearing of gear 3 across the line of action over load"),
     "bearing_force_y2": ("1", "force of the bearing of gear 2 along the line of action over load"),
     "bearing_force_z2": ("1", "force of the bearing of gear 2 across the line of action over load"),
-    "backlash": ("1", "backlash line s of Eq. (4) in static deflections"),
+    "coast_line": ("1", "line s of Eq. (4), where coast-side contact begins, static deflections"),
     "friction_force": ("1", "friction force across the line of action over load"),
     # gear trains
     "axis": ("1", "direction of the motion; rotation: as arc length on the base circle"),
     "mesh_force": ("N", "static mesh force, negative on the coast side"),
-    "mean_force": ("1", "mean of the mesh force over time, over the load"),
     "dynamic_factor": ("1", "dynamic factor, largest mesh force over its static value"),
     "peak_force_ratio": ("1", "largest mesh force over its static value, with a given stiffness"),
     "body_motion": ("1", "displacement of the body in static deflections"),
@@ -62,7 +63,10 @@ DESCRIPTIONS = {
     "mesh_branch": ("1", "branch of the mesh"),
     "mesh_stage": ("1", "stage of the mesh"),
     "lost_alone_share": ("1", "share of the starts in which only the branch loses contact"),
-    "struck_alone_share": ("1", "share of the starts in which only the branch strikes far flanks"),
+    "struck_alone_share": (
+        "1",
+        "share of the starts in which only the branch strikes coast-side flanks",
+    ),
     "largest_ratio": ("1", "largest force over static force of all tunings with settled motions"),
     "largest_ratio_tuning": ("1", "tuning of the largest force"),
     "settled": ("1", "whether motions end on a stable orbit, in trains from all starts on one"),
@@ -160,15 +164,7 @@ DESCRIPTIONS = {
     "event_to": ("1", "phase of contact after the event"),
     "event_velocity": ("1", "relative mesh velocity dx/dtau at the event"),
     # summary of the recorded orbit
-    "displacement_max": ("1", "largest displacement in static deflections"),
-    "displacement_min": ("1", "smallest displacement in static deflections"),
-    "dynamic_force_max": ("1", "largest dynamic mesh force over load"),
-    "dynamic_force_min": ("1", "smallest dynamic mesh force over load"),
-    "fraction_normal": ("1", "fraction of time in normal mesh"),
-    "fraction_backlash": ("1", "fraction of time in the backlash"),
-    "fraction_inverse": ("1", "fraction of time in inverse mesh"),
-    "fraction_min_stiffness": ("1", "fraction of time in mesh at the lower stiffness"),
-    "bounces": ("1", "losses of normal contact per mesh period"),
+    **{column.name: ("1", column.long_name) for column in COLUMNS},
     "period": ("1", "mesh periods after which the settled motion repeats, 0: not settled"),
     "followed": ("1", "mesh periods over which the motion was followed to settle"),
     "final_state": ("1", "displacement and dx/dtau at the end of the run, in static deflections"),
@@ -191,7 +187,10 @@ DESCRIPTIONS = {
     "grazing": ("1", "whether the orbit touches a flank line"),
     "residual": ("1", "difference of the states at start and end"),
     "own_damping": ("1", "damping ratio of the pair whose branches they are"),
-    "contacts": ("1", "phases of contact in cyclic order: N normal, B backlash, I inverse mesh"),
+    "contacts": (
+        "1",
+        "phases of contact in cyclic order: D drive side, F free flight, C coast side",
+    ),
     "orbit_height": ("1", "largest less smallest displacement in static deflections"),
     # parametric resonance
     "order": ("1", "half waves per mesh period, order of the tongue"),
@@ -260,7 +259,7 @@ DESCRIPTIONS = {
     "multiplier": ("1", "number of the Floquet multiplier"),
     "chaotic": ("1", "whether deviations from the orbit grow exponentially"),
     "strobe": ("1", "mesh period of the stroboscopic state"),
-    "backlash_damping": ("1", "damping ratio of the oil in the backlash"),
+    "backlash_damping": ("1", "damping ratio of the oil in free flight"),
     # numerical stability
     "steps": ("1", "steps per mesh period"),
     "radius": ("1", "spectral radius of one mesh period of the method"),
@@ -288,7 +287,7 @@ DESCRIPTIONS = {
     "peak_tuning": ("1", "tuning of the largest displacement"),
     "lost_from": ("1", "first tuning of the widest range with contact loss"),
     "lost_to": ("1", "last tuning of the widest range with contact loss"),
-    "lost_share": ("1", "fraction of time in which no flank touches"),
+    "contact_loss_fraction": ("1", "fraction of time in which no flank touches"),
     "transient_periods": ("1", "mesh periods before the record"),
     "record_periods": ("1", "mesh periods of the record"),
     "torque": ("N m", "torque, of the pinion, of gear 3, load torque of each body of a train"),
@@ -369,7 +368,7 @@ QUANTITIES = {
 
 #: Suffix of the name of a variable with a range over initial states -> its description.
 _RANGE_SUFFIXES = {"low": "least of all starts", "high": "most of all starts"}
-CONTACTS = ("inverse_mesh", "backlash", "normal_mesh")
+CONTACTS = ("coast", "no_contact", "drive")
 STATUSES = ("ok", "event_limit", "unbounded", "not_converged", "stalled", "jammed", "unresolved")
 STATUSES += ("no_start",)
 #: Variables that hold codes -> (first code, names of the codes).

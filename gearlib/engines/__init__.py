@@ -9,6 +9,7 @@ name                responsibility
 ``taylor``          nonlinear mesh, pairs of teeth: Taylor steps of order 20
 ``exponential``     matrix exponentials by their series
 ``codes``           contact of a mesh, status of a run
+``summary_columns`` what the summary of a run holds, variable by variable
 ``polynomial``      first crossing and largest value of a polynomial, by proof
 ``orbit``           records of an orbit: extrema, contact times, samples, events
 ``copies``          copies between arrays

@@ -5,26 +5,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, NORMAL
+from gearlib.engines.codes import DRIVE, NO_CONTACT
 from gearlib.engines.copies import copy, enlarge_table
-from gearlib.engines.jit import kernel, kernel_without_refcounts
+from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
 from gearlib.engines.polynomial import polynomial_maximum
+from gearlib.engines.summary_columns import COLUMNS, COUNT, LARGEST, LEAST, SUM
 
-# Columns of the summary of an orbit. The TIME columns hold phase, BOUNCES a count.
+# Columns of the summary of an orbit, declared in `summary_columns`.
+SUMMARY_COLUMNS = len(COLUMNS)
 (
     X_MAX,
     X_MIN,
     FORCE_MAX,
     FORCE_MIN,
-    TIME_NORMAL,
-    TIME_BACKLASH,
-    TIME_INVERSE,
+    TIME_DRIVE,
+    TIME_NO_CONTACT,
+    TIME_COAST,
     TIME_LOW,
     BOUNCES,
-) = range(9)
-SUMMARY_COLUMNS = 9
-#: Additional last entry of some summaries: integral of the mesh force over the phase.
-FORCE_SUM = SUMMARY_COLUMNS
+    FORCE_SUM,
+) = range(SUMMARY_COLUMNS)
+#: Indices of the extrema, and of the columns that add up over time.
+_EXTREMA = tuple(k for k in range(SUMMARY_COLUMNS) if COLUMNS[k].kind in (LARGEST, LEAST))
+SUMS = tuple(k for k in range(SUMMARY_COLUMNS) if COLUMNS[k].kind in (SUM, COUNT))
+#: Summary of an empty record.
+_EMPTY_VALUES = {LARGEST: -math.inf, LEAST: math.inf, SUM: 0.0, COUNT: 0.0}
+_EMPTY_SUMMARY = np.array([_EMPTY_VALUES[column.kind] for column in COLUMNS])
 
 # Columns of the sample table and of the event table.
 SAMPLE_X, SAMPLE_V, SAMPLE_A, SAMPLE_CONTACT, SAMPLE_STIFFNESS, SAMPLE_FORCE = range(6)
@@ -60,7 +66,7 @@ class Record(NamedTuple):
     period: int  #: mesh periods after which the motion repeats, 0: it does not
     samples: np.ndarray  #: shape (recorded * samples_per_period, 6 or more)
     events: np.ndarray  #: shape (k, 5 or 6)
-    summary: np.ndarray  #: shape (9,), or (m, 10) of m meshes
+    summary: np.ndarray  #: shape (SUMMARY_COLUMNS,), of m meshes (m, SUMMARY_COLUMNS)
     status: int
     evaluations: int = 0  #: number of evaluations of the right-hand side
 
@@ -82,18 +88,15 @@ def is_within_range(x, v):
 
 @kernel
 def clear_summary(summary: np.ndarray) -> None:
-    """Set the summary of a motion, shape (9,), to that of an empty record: times 0, no extrema."""
-    summary[:] = 0.0
-    summary[X_MAX] = -math.inf
-    summary[X_MIN] = math.inf
-    summary[FORCE_MAX] = -math.inf
-    summary[FORCE_MIN] = math.inf
+    """Set the summary of a motion, shape (SUMMARY_COLUMNS,), to that of an empty record."""
+    for k in range(SUMMARY_COLUMNS):
+        summary[k] = _EMPTY_SUMMARY[k]
 
 
 @kernel_without_refcounts
 def has_unresolved_extremum(summary: np.ndarray) -> bool:
     """Return whether an extremum in the summary of a motion is NaN because it was not isolated."""
-    for k in range(FORCE_MIN + 1):
+    for k in _EXTREMA:
         if math.isnan(summary[k]):
             return True
     return False
@@ -123,25 +126,30 @@ def add_polynomial_extrema(coefficients, to_bernstein, work, summary, max_column
 @kernel_without_refcounts
 def add_contact_time(contact_code, duration, below_mean, summary) -> None:
     """Add a duration with one contact code, and stiffness below its mean or not, to a summary."""
-    if contact_code == BACKLASH:
-        summary[TIME_BACKLASH] += duration
+    if contact_code == NO_CONTACT:
+        summary[TIME_NO_CONTACT] += duration
         summary[FORCE_MAX] = max(summary[FORCE_MAX], 0.0)
         summary[FORCE_MIN] = min(summary[FORCE_MIN], 0.0)
         return
-    summary[TIME_NORMAL if contact_code == NORMAL else TIME_INVERSE] += duration
+    summary[TIME_DRIVE if contact_code == DRIVE else TIME_COAST] += duration
     if below_mean:
         summary[TIME_LOW] += duration
 
 
+@kernel_without_refcounts
+def count_event(code_before, code_after, velocity, summary) -> None:
+    """Count a change of contact, from one code to another at the velocity dx/dtau, in a summary."""
+    if code_before == DRIVE:
+        summary[BOUNCES] += 1.0
+
+
 @kernel
-def count_event(events, event_count, period, phase, code_before, code_after, velocity, summary):
+def record_event(events, event_count, period, phase, code_before, code_after, velocity, summary):
     """Count a change of contact in the summary; append it to the event table unless that is empty.
 
-    Contact codes change from `code_before` to `code_after` at the velocity dx/dtau, at a phase
-    since the start of the mesh period with the number `period`. Returns (event table, event count).
+    Arguments and result are those of `add_event`.
     """
-    if code_before == NORMAL:
-        summary[BOUNCES] += 1.0
+    count_event(code_before, code_after, velocity, summary)
     if events.shape[0] > 0:
         events, event_count = add_event(
             events, event_count, period, phase, code_before, code_after, velocity
@@ -158,12 +166,18 @@ def add_event(events, event_count, period, phase, code_before, code_after, veloc
     """
     if event_count == events.shape[0]:
         events = enlarge_table(events, 2 * event_count + 16)
-    events[event_count, EVENT_PERIOD] = period
-    events[event_count, EVENT_PHASE] = phase
-    events[event_count, EVENT_FROM] = code_before
-    events[event_count, EVENT_TO] = code_after
-    events[event_count, EVENT_VELOCITY] = velocity
+    fill_event(events[event_count], period, phase, code_before, code_after, velocity)
     return events, event_count + 1
+
+
+@inlined_without_refcounts
+def fill_event(event, period, phase, code_before, code_after, velocity) -> None:
+    """Fill the row `event` of an event table; arguments are those of `add_event`."""
+    event[EVENT_PERIOD] = period
+    event[EVENT_PHASE] = phase
+    event[EVENT_FROM] = code_before
+    event[EVENT_TO] = code_after
+    event[EVENT_VELOCITY] = velocity
 
 
 @kernel

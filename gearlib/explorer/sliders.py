@@ -9,9 +9,9 @@ from gearlib.config.gears_section import Gears
 from gearlib.explorer.view import MAX_SPEED_RATIO, MIN_SPEED_RATIO
 from gearlib.models.from_values import model
 from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.pair import GearPair
-from gearlib.parameters import declared_parameters
+from gearlib.parameters import Unit, declared_parameters
 
 #: Smallest number of steps of a slider, and tolerance of a number of steps for rounding errors.
 _MIN_STEPS, _TOLERANCE = 200, 1e-9
@@ -51,7 +51,7 @@ def slider(label: str, initial: float, low: float, high: float, unit: float = 1.
 def parameter_slider(model: type, name: str, initial: float, low: float, high: float) -> Slider:
     """Return the slider of a declared parameter of a class; initial value and limits are in SI."""
     parameter = declared_parameters(model)[name]
-    number, label = parameter.number, parameter.long_name
+    number, label = parameter.number or Unit("1"), parameter.long_name
     unit_name = number.example.partition(" ")[2]
     # Show forces in N rather than kN.
     unit_name = number.unit if unit_name.startswith("k") else unit_name
@@ -134,7 +134,9 @@ class Sliders:
         label = "largest tip relief, µm" if reliefs else "tip relief of both gears, µm"
         sliders["tip_relief"] = slider(label, relief, 0.0, max(50e-6, 2.0 * relief), 1e-6)
         max_backlash = max(400e-6, 3.0 * mesh.backlash)
-        sliders["backlash"] = parameter_slider(Mesh, "backlash", mesh.backlash, 0.0, max_backlash)
+        sliders["backlash"] = parameter_slider(
+            GearStage, "backlash", mesh.backlash, 0.0, max_backlash
+        )
         sliders["torque"] = slider("torque of the pinion, N m", torque, 0.05 * torque, 4.0 * torque)
         min_speed = min(MIN_SPEED_RATIO * resonance_speed, speed)
         max_speed = max(MAX_SPEED_RATIO * resonance_speed, speed)

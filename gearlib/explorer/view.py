@@ -110,7 +110,7 @@ def _view_of_motion(model: Any, tuning: float, repeat_periods: int = 1) -> View:
     recorded = max(round(model.periods_per_revolution), min(repeat_periods, _MAX_RECORDED))
     periods = {"periods": _SETTLING_PERIODS + recorded, "record_periods": recorded}
     start, initial_state = "rest", (0.0, 0.0)
-    if model.mesh is not model:
+    if model.pair is not model:
         start, initial_state = "static equilibrium", "static"
     run = simulate(
         model,
@@ -127,7 +127,7 @@ def _view_of_motion(model: Any, tuning: float, repeat_periods: int = 1) -> View:
         magnitudes = ", ".join(f"{abs(multiplier):.4g}" for multiplier in multipliers)
         message += f" Floquet multipliers in magnitude: {magnitudes}."
     spectrum = None if int(run.status) else orders(run)
-    return View(model.mesh, run, multipliers, message, spectrum)
+    return View(model.pair, run, multipliers, message, spectrum)
 
 
 def _floquet_multipliers(model, run: xr.Dataset) -> np.ndarray:

@@ -26,7 +26,7 @@ def draw(diagram: xr.Dataset):
     speed = diagram.speed.values
     handles = draw_orders(axes, diagram, speed[-1])
     # The suffix "high": the largest fraction of time in contact over several initial states.
-    loses_contact = diagram.fraction_backlash_high.max("direction") > FRACTION_TOLERANCE
+    loses_contact = diagram.contact_loss_fraction_high.max("direction") > FRACTION_TOLERANCE
     half_step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
     for name in diagram.mesh.values:
         relative_frequency = float(diagram.mesh_rate.sel(mesh=name))

@@ -16,7 +16,7 @@ def draw(data: xr.Dataset):
     """Return a figure of the transmission error at all loads for each tip relief.
 
     Below are its peak-to-peak value and the contact ratio. `data` is a result of
-    `gearlib.studies.drawn_gears.harris_map`; the line of the design load is thick.
+    `gearlib.studies.gear_geometry.harris_map`; the line of the design load is thick.
     """
     figure = style.page_figure(height=5.2)
     above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))

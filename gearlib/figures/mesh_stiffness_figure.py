@@ -16,7 +16,7 @@ _MEAN_MARKERS, _TEXT_ROOM = "so^D", 3.6
 def draw(stiffness: xr.Dataset):
     """Return a figure of mesh stiffness over the mesh period, and of its mean, for each gear pair.
 
-    `stiffness` is a result of `gearlib.studies.drawn_gears.mesh_stiffness`. Bands are the stated
+    `stiffness` is a result of `gearlib.studies.gear_geometry.mesh_stiffness`. Bands are the stated
     uncertainty, crosses published means.
     """
     data = stiffness.copy()

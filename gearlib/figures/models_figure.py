@@ -7,10 +7,10 @@ from gearlib.figures import style
 
 _ROW_HEIGHT, _HEADER_HEIGHT = 1.15, 0.6
 _MODEL_LABELS = {
-    "one_degree": "1 degree",
+    "pair": "1 degree",
     "six_degrees_plain": "6 degrees, plain",
     "six_degrees": "6 degrees, run-out, friction",
-    "one_degree_harmonics": "1 degree, {} harmonics",
+    "pair_harmonics": "1 degree, {} harmonics",
 }
 #: Changes beyond these are drawn at the edges of the panels.
 _LIMITS = (1e-6, 100.0)

@@ -49,7 +49,7 @@ def draw_plane(axes, run: xr.Dataset, **options):
     displacement, velocity = closed_orbit(run)
     axes.set(xlim=style.limits(displacement, 0.0), ylim=style.limits(velocity, 0.0))
     # With moving bearings the displacement of coast-side contact varies: shade all of y < 0.
-    backlash = np.inf if "backlash" in run else float(run.backlash_ratio)
+    backlash = np.inf if "coast_line" in run else float(run.backlash_ratio)
     style.shade_lost_contact(axes, backlash, "x")
     axes.plot(displacement, velocity, **options)
 

@@ -17,7 +17,7 @@ from gearlib.parameters import Angle
 CONTACTS = {
     1: ("o", True, ""),
     0: ("o", False, "open: out of contact"),
-    -1: ("D", True, "diamond: far flanks touch"),
+    -1: ("D", True, "diamond: coast-side flanks touch"),
 }
 #: Kind of a circle -> width and dashes of its line in the figures.
 CIRCLES = {"gear": (0.7, "-"), "ring": (1.4, "-"), "rotor": (0.5, (0, (3, 2)))}

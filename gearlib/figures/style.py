@@ -34,8 +34,8 @@ DISPLACEMENT_LABEL = "$y$ (static defl.)"
 #: Dashes of limits and unstable orbits, and of the second of two curves.
 DASHED, LONG_DASHES = (0, (4, 1.5)), (0, (5, 1.5))
 
-#: Shades of the areas without drive-side contact; the area of normal mesh stays white.
-AREA_COLOURS = {"backlash": "#EBEBEB", "inverse mesh": "#CFCFCF"}
+#: Shades of the areas without drive-side contact; that area stays white.
+AREA_COLOURS = {"no contact": "#EBEBEB", "coast-side contact": "#CFCFCF"}
 
 #: Colours of curves that a figure names itself; `curve_styles` has those of categories.
 PALETTE = colours_of.PALETTE
@@ -179,13 +179,15 @@ def draw_solid_and_dotted(axes: Axes, x: ArrayLike, y: ArrayLike, is_dotted, **o
 def shade_lost_contact(axes: Axes, backlash: float, direction: str) -> dict[str, tuple]:
     """Shade the displacements without drive-side contact; return the visible ranges by area.
 
-    The ranges, (lower, upper), have the keys "normal mesh" (drive-side contact), "backlash" (none)
-    and "inverse mesh" (coast-side contact). `direction` is the axis of displacement, "x" or "y",
+    The ranges, (lower, upper), have the keys "drive-side contact", "no contact" and "coast-side
+    contact". `direction` is the axis of displacement, "x" or "y",
     whose limits must be set; `backlash` is in static deflections and may be infinite.
     """
     lower, upper = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
     edges = np.clip([upper, 0.0, -backlash, lower], lower, upper)
-    areas = zip(("normal mesh", "backlash", "inverse mesh"), edges[1:], edges, strict=False)
+    areas = zip(
+        ("drive-side contact", "no contact", "coast-side contact"), edges[1:], edges, strict=False
+    )
     visible_areas = {name: (start, end) for name, start, end in areas if start < end}
     shade = axes.axhspan if direction == "y" else axes.axvspan
     for name, colour in AREA_COLOURS.items():

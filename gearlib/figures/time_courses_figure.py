@@ -11,7 +11,7 @@ from gearlib.figures.phase_planes_figure import draw_plane
 
 _PLANE_HEIGHT, _ROW_HEIGHT, _HEADER_HEIGHT = 2.2, 1.05, 0.6
 _MODELS = {
-    "one_degree": "1 degree of freedom, rectangular stiffness",
+    "pair": "1 degree of freedom, rectangular stiffness",
     "six_degrees_plain": "6 degrees of freedom, rectangular stiffness",
     "six_degrees": "6 degrees of freedom, rectangular stiffness, run-out, friction",
 }
@@ -75,7 +75,7 @@ def _draw_time_history(axes, run: xr.Dataset, name: str):
 
 def shade_contact(axes, periods: np.ndarray, contact: np.ndarray):
     """Shade the times of contact loss (code 0) and coast-side contact (-1); times are `periods`."""
-    for code, area in ((0, "backlash"), (-1, "inverse mesh")):
+    for code, area in ((0, "no contact"), (-1, "coast-side contact")):
         _shade_times(axes, periods, contact == code, style.AREA_COLOURS[area])
 
 

@@ -19,7 +19,7 @@ SAME_MOTION_TOLERANCE = 0.01
 #: Variable -> height of its markers in a panel, marker, label.
 _SINGLE_BRANCH_MARKERS = {
     "lost_alone_share": (0.03, "s", "contact lost in this branch only"),
-    "struck_alone_share": (0.08, "x", "far flank struck in this branch only"),
+    "struck_alone_share": (0.08, "x", "coast-side flank struck in this branch only"),
 }
 #: Height of the lowest row of panels over that of the others.
 _SHARE_HEIGHT_RATIO = 0.35
@@ -36,7 +36,7 @@ def draw_sweep(curves: xr.Dataset):
     styles = _with_decreasing_widths(panels.plot_options(curves.mesh))
     colours = {mesh: options["color"] for mesh, options in styles.items()}
     remaining = schematic.draw_train(figure, curves, colours)
-    rows = [(name, styles) for name in (force_ratio(curves).name, "fraction_backlash")]
+    rows = [(name, styles) for name in (force_ratio(curves).name, "contact_loss_fraction")]
     grid = _draw_columns(remaining, [curves], "speed", rows)
     grid[-1, 0].set_xlabel("speed of the reference pinion (rpm)")
     tuning_per_speed = float(curves.tuning[-1] / curves.speed[-1])

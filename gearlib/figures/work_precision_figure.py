@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from gearlib.figures import panels, style
 
 _ROW_HEIGHT, _LEGEND_HEIGHT = 2.15, 1.25
-_GREY_AREA = {"color": style.AREA_COLOURS["backlash"], "linewidth": 0, "zorder": 0}
+_GREY_AREA = {"color": style.AREA_COLOURS["no contact"], "linewidth": 0, "zorder": 0}
 
 #: Problem -> title of its panel.
 PROBLEMS = {

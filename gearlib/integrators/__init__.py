@@ -87,9 +87,8 @@ def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dic
     "taylor". Missing options take their defaults. Raises ValueError if the method is unknown or
     cannot run the model or if an option is invalid, `MissingPackage` if its package is missing.
     """
-    # Public functions call their model argument `pair`.
     allowed = "a GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator"
-    checks.require(is_model(model), "pair", model, allowed)
+    checks.require(is_model(model), "model", model, allowed)
     if name is None:
         name = next((name for name in AUTOMATIC if METHODS[name].supports(model)), None)
     if checks.is_one_of(name, REMOVED):

@@ -47,7 +47,7 @@ class RungeKutta(FixedSteps):
 
     def supports(self, model) -> bool:
         """Return whether the model is one mesh with one degree of freedom, or a gear train."""
-        return model.one_mesh or bool(model.mesh_names)
+        return model.has_pair_equation or bool(model.mesh_names)
 
     def scheme(self) -> Scheme:
         """Return the `Scheme` of the classical Runge-Kutta method."""

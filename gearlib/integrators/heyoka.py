@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, INVERSE
+from gearlib.engines.codes import COAST, NO_CONTACT
 from gearlib.engines.taylor.series import damping_coefficients
 from gearlib.integrators.method import Integrator, Package, option
 from gearlib.integrators.recording import Run
@@ -32,14 +32,14 @@ class Heyoka(Integrator):
     #: The order at the default tolerance, from which it follows.
     ORDER = 20
     EVENTS = "switches end a run, contact is a terminal event of the Taylor polynomial"
-    MODELS = "all: one or six degrees of freedom, gear trains"
+    MODELS = "one or six degrees of freedom, gear trains; no pairs of teeth"
     OPTIONS = {
         "tol": option(2.2e-16, Positive, "error of a step, relative; by default that of rounding")
     }
 
     def supports(self, model) -> bool:
-        """Return True: the method can run all models."""
-        return True
+        """Return whether the model has an equation or is a gear train: not pairs of teeth."""
+        return model.equation is not None or model.train is not None
 
     def create_run(self, model, tuning: float, tol: float) -> Run:
         """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).
@@ -212,9 +212,9 @@ class _OneDegreeRun(_Run):
         damping = damping + parameter(d3) * v * v
         force = harmonic_sum(mesh.force_harmonics) - damping * v
         force = force - parameter(mesh.ground_stiffness) * x
-        if contact_code != BACKLASH:
+        if contact_code != NO_CONTACT:
             lines, harmonics, flank = mesh.stiffness_lines, mesh.stiffness_harmonics, DRIVE_FLANK
-            if contact_code == INVERSE:
+            if contact_code == COAST:
                 lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
                 flank = COAST_FLANK
             start_value, slope = lines[segment]

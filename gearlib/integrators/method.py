@@ -66,7 +66,7 @@ class Integrator:
 
     def supports(self, model) -> bool:
         """Return whether the method can run a model: by default only one degree of freedom."""
-        return model.one_mesh
+        return model.has_pair_equation
 
     def sweep(self, model, tunings, order, state, warm_start, span, rows: Rows, **options) -> None:
         """Run a model at many tunings, shape (n,), over a span of mesh periods; fill `rows`.

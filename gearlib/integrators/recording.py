@@ -7,8 +7,7 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.engines.linear.record import SUMMARY_COLUMNS
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.orbit import Record, Span
 from gearlib.integrators.right_hand_sides import (
     COAST_FLANK,
@@ -30,9 +29,9 @@ _HUGE_STATE = 1e-20 * MAX_STATE
 _PERIOD_START_TOLERANCE = 1e-9
 #: Column of a summary that holds the time at each contact code.
 _TIME_COLUMNS = {
-    NORMAL: orbit.TIME_NORMAL,
-    BACKLASH: orbit.TIME_BACKLASH,
-    INVERSE: orbit.TIME_INVERSE,
+    DRIVE: orbit.TIME_DRIVE,
+    NO_CONTACT: orbit.TIME_NO_CONTACT,
+    COAST: orbit.TIME_COAST,
 }
 
 
@@ -51,9 +50,9 @@ def next_contact_code(code: int, final_code: int, backlash: float) -> int:
 
     Without backlash the contact changes directly from one flank to the other.
     """
-    if code == BACKLASH:
+    if code == NO_CONTACT:
         return int(final_code)
-    return BACKLASH if backlash > 0.0 else -code
+    return NO_CONTACT if backlash > 0.0 else -code
 
 
 class Run:
@@ -79,8 +78,8 @@ class Run:
 
         `samples`, shape (n, columns), has equally many rows for each recorded period. Events are
         kept if `events` has rows; their columns are mesh period, phase in it, contact codes before
-        and after, velocity and, for a train, mesh. `summary`, shape (9,), or (m, 10) for a train
-        of m meshes, has the columns of `gearlib.engines.orbit`.
+        and after, velocity and, for a train, mesh. `summary` has the columns of
+        `gearlib.engines.orbit`, for a train a row for each mesh.
         """
         problem, periods = self.problem, span.periods
         self.periods, self.max_events = periods, span.max_events
@@ -88,7 +87,7 @@ class Run:
         self.samples, self.sample_count = samples, 0
         self.samples_per_period = len(samples) // span.recorded
         self.keep_events, self.events = len(events) > 0, []
-        self.summary = np.empty((len(self.meshes), SUMMARY_COLUMNS))
+        self.summary = summary.reshape(len(self.meshes), -1)
         for mesh_summary in self.summary:
             orbit.clear_summary(mesh_summary)
         # Strobes are states at the starts of the last mesh periods, which show the period.
@@ -107,10 +106,8 @@ class Run:
         if self.events:
             # Events within a step are added mesh by mesh: sort them by period, phase and mesh.
             sorted_events = sorted(self.events, key=lambda event: (*event[:2], event[-1]))
-            # The tables of models with one mesh lack the last columns: mesh, and sum of forces.
+            # The tables of models with one mesh lack the last column, the mesh.
             events = np.array(sorted_events)[:, : events.shape[1]]
-        column_count = summary.shape[-1]
-        summary[...] = self.summary.reshape(*summary.shape[:-1], -1)[..., :column_count]
         events = events[: len(self.events) if run_status == status.OK else 0]
         final = np.ravel(problem.final_state(MESH_PERIOD * periods, state))
         return Record(state, final, period, samples, events, summary, run_status, self.evaluations)
@@ -285,7 +282,7 @@ class Run:
         for code, column in _TIME_COLUMNS.items():
             start, end = starts[contact_codes == code], ends[contact_codes == code]
             self.summary[mesh, column] += (end - start).sum()
-            if code != BACKLASH:
+            if code != NO_CONTACT:
                 end_time = self._time_below_mean_until(mesh, code, end)
                 low_time = end_time - self._time_below_mean_until(mesh, code, start)
                 self.summary[mesh, orbit.TIME_LOW] += low_time.sum()
@@ -312,7 +309,7 @@ class Run:
         intervals = []
         while code != final_code:
             next_code = next_contact_code(code, final_code, self.problem.backlashes[mesh])
-            flank = DRIVE_FLANK if NORMAL in (code, next_code) else COAST_FLANK
+            flank = DRIVE_FLANK if DRIVE in (code, next_code) else COAST_FLANK
             start_distance, end_distance = distances[:, flank].tolist()
             fraction = 0.0
             if start_distance != end_distance:
@@ -328,12 +325,11 @@ class Run:
 
     def add_event(self, period: int, t: float, state, mesh: int, code_before: int, code_after: int):
         """Add a change of contact of a mesh at the phase t, counted from the start of a period."""
-        if code_before == NORMAL:
-            self.summary[mesh, orbit.BOUNCES] += 1.0
+        _, velocities = self.problem.mesh_motion(self._excitation_phase(period) + t, state)
+        velocity = float(velocities[mesh])
+        orbit.count_event(code_before, code_after, velocity, self.summary[mesh])
         if self.keep_events:
             passed_periods = int(t // MESH_PERIOD)
             phase = t - passed_periods * MESH_PERIOD
-            _, velocities = self.problem.mesh_motion(self._excitation_phase(period) + t, state)
-            velocity = float(velocities[mesh])
             event = (period + passed_periods, phase, code_before, code_after, velocity, mesh)
             self.events.append(event)

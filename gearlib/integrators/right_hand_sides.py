@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.linear.run_storage import allocate_run_storage
 from gearlib.engines.linear.train_run import set_initial_contacts
 from gearlib.engines.linear.train_system import fill_system_matrix, set_harmonics
@@ -38,8 +38,8 @@ def right_hand_side(model, tuning: float) -> "OneDegree | PiecewiseLinear":
 def contact_codes_at(flank_distances: np.ndarray) -> np.ndarray:
     """Return contact codes, shape (..., m), for distances from both flanks, shape (..., 2, m)."""
     drive_distances = flank_distances[..., DRIVE_FLANK, :]
-    coast_codes = np.where(flank_distances[..., COAST_FLANK, :] <= 0.0, INVERSE, BACKLASH)
-    return np.where(drive_distances >= 0.0, NORMAL, coast_codes)
+    coast_codes = np.where(flank_distances[..., COAST_FLANK, :] <= 0.0, COAST, NO_CONTACT)
+    return np.where(drive_distances >= 0.0, DRIVE, coast_codes)
 
 
 class _RightHandSide:
@@ -343,7 +343,7 @@ class PiecewiseLinear(_RightHandSide):
         """
         full = self.full_state(t, states)
         stiffness = self.system.stiffness[contact_codes + 1, segments[:, None], self._meshes]
-        stiffness = stiffness * (contact_codes != BACKLASH)
+        stiffness = stiffness * (contact_codes != NO_CONTACT)
         drive, coast = (
             np.stack(
                 [full @ vectors[flank].T for vectors in (self.distances, self._distance_rates)]
@@ -351,7 +351,7 @@ class PiecewiseLinear(_RightHandSide):
             for flank in (DRIVE_FLANK, COAST_FLANK)
         )
         # A missing coast flank has infinite distances, which `where` never selects.
-        return stiffness * np.where(contact_codes == NORMAL, drive, coast)
+        return stiffness * np.where(contact_codes == DRIVE, drive, coast)
 
     def fill_samples(self, samples, t, states, segments, contact_codes) -> None:
         """Fill the sample table of the model from k states, their segments and contact codes."""

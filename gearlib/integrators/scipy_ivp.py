@@ -26,7 +26,7 @@ class Scipy(Integrator):
     """The solvers of scipy."""
 
     EVENTS = "as option events says: none, or switches end a run and contact is a terminal event"
-    MODELS = "all: one or six degrees of freedom, gear trains"
+    MODELS = "one or six degrees of freedom, gear trains; no pairs of teeth"
     OPTIONS = {
         "solver": option("RK45", Solver, requirement(Solver)),
         "rtol": RELATIVE_TOLERANCE,
@@ -39,8 +39,8 @@ class Scipy(Integrator):
     }
 
     def supports(self, model) -> bool:
-        """Return True: the method can run all models."""
-        return True
+        """Return whether the model has an equation or is a gear train: not pairs of teeth."""
+        return model.equation is not None or model.train is not None
 
     def create_run(self, model, tuning: float, solver: str, rtol, atol, events: bool) -> Run:
         """Return the `Run` of a model at one tuning (mesh frequency / natural frequency).

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.data import status
-from gearlib.engines.codes import BACKLASH, BOTH, INVERSE, NORMAL
+from gearlib.engines.codes import BOTH, COAST, DRIVE, NO_CONTACT
 from gearlib.integrators.recording import (
     MESH_PERIOD,
     Run,
@@ -98,15 +98,15 @@ class Split(Run):
         crossings = []
         for mesh, code in enumerate(contact_codes.tolist()):
             backlash = self.problem.backlashes[mesh]
-            if code == BACKLASH:
-                crossings.append(FlankCrossing(mesh, DRIVE_FLANK, direction=1, code_after=NORMAL))
+            if code == NO_CONTACT:
+                crossings.append(FlankCrossing(mesh, DRIVE_FLANK, direction=1, code_after=DRIVE))
                 if backlash < math.inf:
-                    crossing = FlankCrossing(mesh, COAST_FLANK, direction=-1, code_after=INVERSE)
+                    crossing = FlankCrossing(mesh, COAST_FLANK, direction=-1, code_after=COAST)
                     crossings.append(crossing)
             else:
-                code_after = next_contact_code(code, BACKLASH, backlash)
+                code_after = next_contact_code(code, NO_CONTACT, backlash)
                 flank, other_flank = DRIVE_FLANK, COAST_FLANK
-                if code == INVERSE:
+                if code == COAST:
                     flank, other_flank = other_flank, flank
                 # The contact code, 1 or -1, is the sign of the distance from the touching flank.
                 crossings.append(FlankCrossing(mesh, flank, -code, code_after))

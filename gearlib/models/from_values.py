@@ -2,18 +2,19 @@
 
 import json
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from gearlib.data.files import canonical_json
-from gearlib.models.geometry import mesh as geometry
-from gearlib.models.geometry.drawings import gear
-from gearlib.models.geometry.drawings import mesh as geometry_from_dict
+from gearlib.models.geometry import gear_stage as geometry
+from gearlib.models.geometry.from_values import gear
+from gearlib.models.geometry.from_values import stage as geometry_from_dict
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.load_sharing_pair import LoadSharingPair, default_load_sharing_pair
 from gearlib.models.model import Model
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import profile_of
 from gearlib.models.six_degrees import SixDegreePair
@@ -186,12 +187,12 @@ def _mesh(
     without a torque gets the rectangle as a draft.
     """
     values = {"material_damping": None} | values  # None: the damping is unknown.
-    for name in {"deviation", "inverse_deviation"} & values.keys():
+    for name in {"deviation", "coast_deviation"} & values.keys():
         values[name] = Harmonics(**values[name])
     pinion, wheel = (gears.get(values[name]) for name in ("pinion", "wheel"))
     if pinion is None or wheel is None or "max_stiffness" in values:
         return Mesh(**values)
-    mesh = geometry.Mesh(pinion, wheel, centre_distance)
+    mesh = geometry.GearStage(pinion, wheel, centre_distance)
     if stiffness is None:
         is_rectangle = values.get("model") == "rectangle"
         stiffness = "iso" if is_rectangle else mesh.tooth_stiffness
@@ -205,7 +206,7 @@ def _mesh(
 
 
 #: Name of a kind of models -> function of the other values of a description.
-MODELS = {
+MODELS: dict[str, Callable[..., Model]] = {
     "pair": pair_with_profile,
     "teeth": pairs_of_teeth,
     "six_degrees": six_degrees,

@@ -16,7 +16,7 @@ lines between the phases at which slices of a helical face begin and end their c
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -27,10 +27,10 @@ from gearlib.data import summary
 from gearlib.engines.taylor.teeth import ToothPairSystem
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.gear import PathTable
+from gearlib.models.geometry.gear_stage import PAIR_OPTIONS, GearStage
 from gearlib.models.geometry.iso import METHOD_NAMES
-from gearlib.models.geometry.mesh import PAIR_OPTIONS, Mesh
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Tabulated
 from gearlib.parameters import (
@@ -45,7 +45,7 @@ from gearlib.parameters import (
 )
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.taylor import teeth, teeth_profiles  # noqa: F401
+    from gearlib.engines.taylor import teeth, teeth_courses  # noqa: F401
 
 Method = Annotated[Literal["energy", "iso"], CHOICE]
 #: Longest step times the highest frequency: a Taylor series of order 20 has an error of 1e-17.
@@ -67,8 +67,8 @@ class LoadSharingPair(WithPair):
     """A gear pair in which pairs of teeth with tip relief and errors share the load; immutable.
 
     Stiffness, coupling, deviation and pitch_errors are those of
-    `gearlib.geometry.Mesh.transmission_error`. Helical gears are divided into slices, whose forces
-    are linearized at the displacement under the load.
+    `gearlib.geometry.GearStage.transmission_error`. Helical gears are divided into slices, whose
+    forces are linearized at the displacement under the load.
     """
 
     pair: Annotated[
@@ -76,8 +76,8 @@ class LoadSharingPair(WithPair):
         described(
             "Gear pair with mass, load, damping, backlash and scales; its stiffness is not used"
         ),
-    ]
-    drawing: Annotated[Mesh, described("Gears with their tip reliefs")]
+    ] = field()
+    stage: Annotated[GearStage, described("Gears with their tip reliefs")]
     phases: Annotated[
         Phases,
         described(
@@ -99,9 +99,9 @@ class LoadSharingPair(WithPair):
         Boolean, described("Whether tip corners touch before and behind the path of contact")
     ] = True
 
-    defaults = {"pitch_errors": lambda model: model.drawing.pitch_errors}
+    defaults = {"pitch_errors": lambda model: model.stage.pitch_errors}
     propagators = {"exact": "taylor.teeth"}
-    profile_engine = "taylor.teeth_profiles"
+    speed_course_engine = "taylor.teeth_courses"
     piecewise_linear = False
     force_ratio_name = "dynamic_factor"
     has_damping = property(lambda model: model.pair.has_damping, doc="`GearPair.has_damping`.")
@@ -113,20 +113,26 @@ class LoadSharingPair(WithPair):
     def __post_init__(self) -> None:
         """Check the parameters, set the pitch errors, and check the options of tooth pairs."""
         super().__post_init__()
-        errors = tuple(load_sharing.checked_errors(self.drawing, self.pitch_errors).tolist())
+        errors = tuple(load_sharing.checked_errors(self.stage, self.pitch_errors).tolist())
         object.__setattr__(self, "pitch_errors", errors)
         self._pairs(np.zeros(1))  # raises ValueError if stiffness or coupling is not allowed
 
     @classmethod
     @checked
     def from_geometry(
-        cls, mesh: Mesh, *, stiffness: Method = "energy", coupling=None, twist=True, **options: Any
+        cls,
+        stage: GearStage,
+        *,
+        stiffness: Method = "energy",
+        coupling=None,
+        twist=True,
+        **options: Any,
     ) -> "LoadSharingPair":
         """Return the pair of two gears; its scales follow from the mean of this mesh stiffness.
 
         Parameters
         ----------
-        mesh : gearlib.geometry.Mesh
+        stage : gearlib.geometry.GearStage
             Geometry of both gears.
         stiffness : {"energy", "iso"}, default "energy"
             Method of the mesh stiffness. For a table create the class with its fields instead.
@@ -142,8 +148,8 @@ class LoadSharingPair(WithPair):
         fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
         fields |= {"stiffness": stiffness, "coupling": coupling, "twist": twist}
         method_options = {"coupling": coupling, "twist": twist} if stiffness == "energy" else {}
-        pair = GearPair.from_geometry(mesh, stiffness=stiffness, options=method_options, **options)
-        return cls(pair=pair, drawing=mesh, **fields)
+        pair = GearPair.from_geometry(stage, stiffness=stiffness, options=method_options, **options)
+        return cls(pair=pair, stage=stage, **fields)
 
     @property
     def stiffness_model(self) -> str:
@@ -180,7 +186,7 @@ class LoadSharingPair(WithPair):
                 f"pitch_errors = {self.pitch_errors!r} is not allowed: it must have one value, "
                 "where one mesh period stands for all"
             )
-        pairs = load_sharing.tooth_pairs(self.drawing, phases, **self._options)
+        pairs = load_sharing.tooth_pairs(self.stage, phases, **self._options)
         # Transmission errors x of both loads, in m, one for each phase.
         unloaded, loaded = pairs.forces_under_loads([0.0, self.load]).displacement
         phase = math.tau * np.arange(phases) / phases
@@ -198,7 +204,7 @@ class LoadSharingPair(WithPair):
 
     def _pairs(self, pitches: np.ndarray, *selection: np.ndarray) -> load_sharing.ToothPairs:
         """Return the pairs of teeth in mesh; the arguments are those of `pairs_at`."""
-        return load_sharing.pairs_at(self.drawing, pitches, *selection, **self._options)
+        return load_sharing.pairs_at(self.stage, pitches, *selection, **self._options)
 
     def tooth_forces(self, phase: Any, displacement: Any) -> np.ndarray:
         """Return the forces of the pairs of teeth on the drive side.
@@ -238,12 +244,12 @@ class LoadSharingPair(WithPair):
     def _corner_lengths(self) -> Any:
         """Lengths of corner contact before and after the path of contact in base pitches."""
         return load_sharing.corner_contact_lengths(
-            self.drawing, self.corner_contact, self.load, self.pitch_errors
+            self.stage, self.corner_contact, self.load, self.pitch_errors
         )
 
     def _breakpoints(self) -> np.ndarray:
         """Return phases in [0, 1) base pitches between which gaps and compliances are linear."""
-        mesh = self.drawing
+        mesh = self.stage
         count = load_sharing.face_slices(mesh, self.repeats).intervals_per_pitch
         if count:  # The gears are helical.
             count *= math.ceil(self.phases / load_sharing.MIN_INTERVALS_PER_PITCH)
@@ -269,11 +275,11 @@ class LoadSharingPair(WithPair):
     @property
     def _phase_offset(self) -> float:
         """Base pitches from the start of contact of a pair to phase 0, where most pairs touch."""
-        return (self.drawing.contact_ratio % 1.0) / 2.0
+        return (self.stage.contact_ratio % 1.0) / 2.0
 
     def _pair_numbers(self, pitches: np.ndarray) -> np.ndarray:
         """Return the number of the last pair of teeth in mesh at phases in base pitches."""
-        half_overlap = load_sharing.face_slices(self.drawing, self.repeats).half_overlap
+        half_overlap = load_sharing.face_slices(self.stage, self.repeats).half_overlap
         return np.floor(pitches + self._corner_lengths[0] + half_overlap)
 
     @cached_property
@@ -341,7 +347,7 @@ class LoadSharingPair(WithPair):
         contact, and `points` holds the `ToothPairs` at the left ends, of spur gears also in the
         middle, and at the right ends.
         """
-        mesh = self.drawing
+        mesh = self.stage
         if mesh.overlap_ratio == 0.0:
             pairs = self._pairs(midpoints)
             can_touch = pairs.can_touch
@@ -428,16 +434,17 @@ def _parabolas(values: Sequence[np.ndarray], lengths: np.ndarray) -> np.ndarray:
     return np.stack([left, slopes, squares], -1).reshape(*left.shape[:-1], 6)
 
 
-def default_load_sharing_pair(mesh, *, stiffness=None, options=None, **arguments):
-    """Return the `LoadSharingPair` of a `gearlib.geometry.Mesh`, with a default stiffness method.
+def default_load_sharing_pair(stage, *, stiffness=None, options=None, **arguments):
+    """Return the `LoadSharingPair` of a `gearlib.geometry.GearStage`, with a default stiffness
+    method.
 
     The default is the energy method or, if a bore is too large for it, ISO 6336. `options` are
     those of `gearlib.geometry.mesh_stiffness`, of which only coupling and twist count;
     `arguments` are those of `LoadSharingPair.from_geometry`, such as torque and damping_ratio.
     """
-    stiffness = stiffness or checks.gear_mesh(mesh).tooth_stiffness
+    stiffness = stiffness or checks.gear_stage(stage).tooth_stiffness
     options = options or {}
     checks.check_known_parameters("stiffness", options, _STIFFNESS_OPTIONS)
     if stiffness == "energy":
         arguments |= {name: options[name] for name in PAIR_OPTIONS if name in options}
-    return LoadSharingPair.from_geometry(mesh, stiffness=stiffness, **arguments)
+    return LoadSharingPair.from_geometry(stage, stiffness=stiffness, **arguments)

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearlib import checks
-from gearlib.engines.codes import INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE
 from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
 from gearlib.models.profiles import Profile
 from gearlib.parameters import Numbers, State, check, declared_parameters
 from gearlib.units import cf_units
 
 if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.linear import one_mesh, speed_profiles  # noqa: F401
+    from gearlib.engines.linear import single_mesh, speed_courses  # noqa: F401
     from gearlib.engines.pair import propagator as pair  # noqa: F401
     from gearlib.engines.taylor import propagator as taylor  # noqa: F401
 
@@ -38,7 +38,7 @@ class Model:
     # State and equations of motion.
     size: Any = 2  #: components of the state that varies: coordinates, then their rates by phase
     repeats: Any = 1  #: periods of phase after which the excitation repeats
-    mesh: Any = None  #: the `GearPair` that gives tuning and scales, if there is one
+    pair: Any = None  #: the `GearPair` that gives tuning and scales, if there is one
     equation: Any = None  #: the `Equation`, of one degree of freedom with two flank lines
     train: Any = None  #: the `GearTrain` whose matrices it has, of several degrees of freedom
     gyroscopic: Any = False  #: whether the forces of a turning frame act
@@ -50,7 +50,7 @@ class Model:
     mean_forces: Any = 1.0  #: static mesh forces over the load, of m meshes (m,); coast side < 0
     #: Whether Eq. (3) with one coordinate and equal flanks at 0 and -s holds, as fixed-step methods
     #: and harmonic balance need it.
-    one_mesh: bool = False
+    has_pair_equation: bool = False
     moving_flank: bool = False  #: whether the coast flank moves about its line in `flank_lines`
 
     # Parameters.
@@ -87,17 +87,17 @@ class Model:
     @property
     def propagators(self) -> dict[str, str]:
         """Method name -> module of `gearlib.engines` that integrates the model; default first."""
-        exact = {"exact": "linear.one_mesh"} if self.piecewise_linear else {}
+        exact = {"exact": "linear.single_mesh"} if self.piecewise_linear else {}
         return exact | {"taylor": "taylor.propagator"}
 
     @property
-    def profile_engine(self) -> str | None:
-        """Module of `gearlib.engines` that runs the model along speed profiles; None if none."""
-        return "linear.speed_profiles" if self.piecewise_linear else None
+    def speed_course_engine(self) -> str | None:
+        """Module of `gearlib.engines` that runs the model along speed courses; None if none."""
+        return "linear.speed_courses" if self.piecewise_linear else None
 
-    def profile_propagator(self) -> Any:
-        """Return the integrator of the model along speed profiles, of `profile_engine`."""
-        return import_module(f"gearlib.engines.{self.profile_engine}").propagator_of(self)
+    def speed_course_propagator(self) -> Any:
+        """Return the integrator of the model along speed courses, of `speed_course_engine`."""
+        return import_module(f"gearlib.engines.{self.speed_course_engine}").propagator_of(self)
 
     def steps_per_period(self, tuning: float) -> float:
         """Return the minimum number of integration steps per mesh period; 1 for closed forms."""
@@ -191,7 +191,7 @@ class Model:
         such as ``masses[0]``, or a ratio of the pair in `RATIOS`.
         """
         settable: dict = {}
-        for model in filter(None, (self, self.mesh)):
+        for model in filter(None, (self, self.pair)):
             declarations = declared_parameters(type(model))
             for name, value in fields_of(model).items():
                 units, description = "1", name
@@ -204,7 +204,7 @@ class Model:
                     for i, entry in enumerate(value):
                         if math.isfinite(entry):
                             settable[f"{name}[{i}]"] = units, f"{description} [{i}]"
-        if self.mesh:
+        if self.pair:
             settable |= {name: ("1", description) for name, description in RATIO_NAMES.items()}
         return settable
 
@@ -231,7 +231,7 @@ class Model:
         model = self.replace(**fields)
         for name in RATIOS:
             if name in new_values:
-                model = model.replace(**ratio_fields(model.mesh, name, new_values[name]))
+                model = model.replace(**ratio_fields(model.pair, name, new_values[name]))
         return model
 
     parameter = value
@@ -289,7 +289,7 @@ class Model:
     @property
     def loaded_sides(self) -> np.ndarray:
         """Contact codes of the flanks that carry the static load, of m meshes (m,) or one ()."""
-        return np.where(np.asarray(self.mean_forces) < 0.0, INVERSE, NORMAL)
+        return np.where(np.asarray(self.mean_forces) < 0.0, COAST, DRIVE)
 
     def force_ratios(self, largest_forces: Any) -> Any:
         """Return largest mesh forces over the static ones, NaN for meshes without load.
@@ -305,7 +305,7 @@ class Model:
         Negative distances are those of flanks that have lost contact, in static deflections.
         """
         drive_line, coast_line = self.flank_lines
-        return np.where(self.loaded_sides == INVERSE, coast_line - highest, lowest - drive_line)
+        return np.where(self.loaded_sides == COAST, coast_line - highest, lowest - drive_line)
 
     @property
     def extent(self) -> float:
@@ -336,7 +336,7 @@ class Model:
         return UNBOUNDED_FACTOR * max(lengths)
 
     def has_damping(self) -> bool:
-        """Return whether damping acts in contact or in the backlash."""
+        """Return whether damping acts in contact or in free flight."""
         equation = self.equation
         first_row = 0 if math.isfinite(equation.lower) else 1  # row 0: coast-side contact
         return bool(equation.damping[first_row:].any())
@@ -396,7 +396,7 @@ class Model:
             If a name is unknown, or the model does not allow a value.
         """
         model_fields = fields_of(self)
-        all_fields = model_fields | (fields_of(self.mesh) if self.mesh else {})
+        all_fields = model_fields | (fields_of(self.pair) if self.pair else {})
         checks.check_known_parameters(type(self).__name__, changes, list(all_fields))
         recomputed = {
             name: None
@@ -404,7 +404,7 @@ class Model:
             if name not in changes and getattr(self, name) == default(self)
         }
         pair_changes = {name: changes.pop(name) for name in {*changes} - {*model_fields}}
-        pair = changes.get("pair", self.mesh)
+        pair = changes.get("pair", self.pair)
         if pair_changes and is_model(pair):
             changes["pair"] = pair.replace(**pair_changes)
         return dataclasses.replace(self, **changes, **recomputed)  # type: ignore[type-var]

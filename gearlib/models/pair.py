@@ -36,7 +36,7 @@ _MIN_SCALAR_STIFFNESS_RATIO = 1e-4
 class GearPair(PairParameters, Model):
     """One pair of spur gears, in SI units; immutable."""
 
-    one_mesh = True
+    has_pair_equation = True
 
     @property
     def force_note(self) -> str:
@@ -84,7 +84,7 @@ class GearPair(PairParameters, Model):
         contact_ratio, stiffness_ratio : float
             Contact ratio epsilon in [1, 2]; ratio kappa of minimum to maximum stiffness in (0, 1].
         damping, backlash_damping : float, default 0
-            Damping ratios beta in contact and beta_m in the backlash; finite, >= 0.
+            Damping ratios beta in contact and beta_m in free flight; finite, >= 0.
         backlash : float, default infinite
             Backlash in static deflections; >= 0.
         teeth : int, default 24
@@ -112,12 +112,12 @@ class GearPair(PairParameters, Model):
         )
 
     @classmethod
-    def from_geometry(cls, mesh: Any, **options: Any) -> "GearPair":
+    def from_geometry(cls, stage: Any, **options: Any) -> "GearPair":
         """Return the gear pair of a mesh of two gears; its reference gear is the pinion.
 
         Parameters
         ----------
-        mesh : gearlib.geometry.Mesh
+        stage : gearlib.geometry.GearStage
             Geometry of the two gears in mesh.
         torque : float
             Torque on the pinion in N m; finite, > 0. Alternatively give power and speed.
@@ -128,7 +128,7 @@ class GearPair(PairParameters, Model):
             logarithmic decrement 2 pi beta / sqrt(1 - beta^2) and the coefficient k_1 in N s/m.
             Without any, the damping is unknown, and only stiffness and resonance can be computed.
         backlash_damping_ratio : float, default 0
-            Damping ratio beta_m in the backlash, >= 0 and < 1.
+            Damping ratio beta_m in free flight, >= 0 and < 1.
         stiffness : {"iso", "energy"} or Tabulated, default "iso"
             Method or table of the mesh stiffness; see `gearlib.geometry.mesh_stiffness`.
         options : dict, optional
@@ -139,10 +139,10 @@ class GearPair(PairParameters, Model):
         ValueError
             If a value is impossible; the message names parameter, value and range.
         """
-        return cls(**checks.gear_mesh(mesh).pair_parameters(**options))
+        return cls(**checks.gear_stage(stage).pair_parameters(**options))
 
     @property
-    def mesh(self) -> "GearPair":
+    def pair(self) -> "GearPair":
         """The pair itself."""
         return self
 
@@ -153,7 +153,7 @@ class GearPair(PairParameters, Model):
         Omega_s is the mean natural frequency in rad/s.
         """
         # Imported here, since reading the configuration needs the fields but no equation.
-        from gearlib.models.one_degree import pair_equation
+        from gearlib.models.one_degree_pair import pair_equation
         from gearlib.models.profiles import Rectangular
 
         return pair_equation(self, Rectangular().pieces(self))
@@ -162,11 +162,11 @@ class GearPair(PairParameters, Model):
     def propagators(self) -> dict[str, str]:
         """Method name -> engine module: scalar closed forms unless the stiffness ratio is tiny."""
         is_scalar = self.stiffness_ratio >= _MIN_SCALAR_STIFFNESS_RATIO
-        exact_module = "pair.propagator" if is_scalar else "linear.one_mesh"
+        exact_module = "pair.propagator" if is_scalar else "linear.single_mesh"
         return {"exact": exact_module, "taylor": "taylor.propagator"}
 
     def has_damping(self) -> bool:
-        """Return whether damping acts in contact or in the backlash."""
+        """Return whether damping acts in contact or in free flight."""
         return checks.require_damping(self.material_damping) > 0.0 or self.backlash_damping > 0.0
 
     @property
@@ -223,9 +223,6 @@ class GearPair(PairParameters, Model):
 
 class WithPair(Model):
     """A model with a field ``pair``, a `GearPair`, that shares the pair's scales and ratios."""
-
-    pair: Any  #: the `GearPair`, a field of subclasses
-    mesh = property(attrgetter("pair"), doc="The pair.")
 
     if TYPE_CHECKING:
 

@@ -57,7 +57,7 @@ class PairScales:
 
     @property
     def backlash_damping_ratio(self):
-        """Damping ratio in the backlash, beta_m = k_1m / (2 m_red Omega_s)."""
+        """Damping ratio in free flight, beta_m = k_1m / (2 m_red Omega_s)."""
         return self.backlash_damping / (2.0 * self.reduced_mass * self.mean_eigenfrequency)
 
     @property

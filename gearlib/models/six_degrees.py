@@ -15,13 +15,14 @@ and the forces between the drive-side flanks, over y, and the coast-side flanks,
 
     P = k_m y' + H1 (C(tau) y + (k - k_m) y'),        Q = H2 (C(tau) (y - s) + (k - k_m) (y - s)').
 
-H1 is 1 in normal mesh and H2 is 1 in inverse mesh; otherwise they are 0. By virtual work, a force
-acts on a coordinate with the derivative of its distance: b = d(y - s)/dy3 is 0 for the s above and
-1 if the backlash does not move. Forces do not jump when flanks touch; `docs/theory/model.md` gives
-the reasons and says where dampers with k_m > k drive the motion. Friction F_T = mu sigma(tau) C g
-acts across the line of action, with g = y in normal mesh, y - s in inverse mesh and 0 in the
-backlash. Its direction sigma reverses at the pitch point and half a mesh period later. It opposes
-the sliding, with z a quarter turn from y in the direction in which gear 3 rotates.
+H1 is 1 in drive-side contact and H2 is 1 in coast-side contact; otherwise they are 0. By virtual
+work, a force acts on a coordinate with the derivative of its distance: b = d(y - s)/dy3 is 0 for
+the s above and 1 if the backlash does not move. Forces do not jump when flanks touch;
+`docs/theory/model.md` gives the reasons and says where dampers with k_m > k drive the motion.
+Friction F_T = mu sigma(tau) C g acts across the line of action, with g = y in drive-side contact, y
+- s in coast-side contact and 0 in the backlash. Its direction sigma reverses at the pitch point and
+half a mesh period later. It opposes the sliding, with z a quarter turn from y in the direction in
+which gear 3 rotates.
 
 The run-out uses the rotations at steady speed, phi_j = tau / teeth_j, because a vibration of 1e-5
 rad changes the run-out by only 1e-5 of itself. So the system is linear between events. Its matrices
@@ -31,7 +32,7 @@ The paper prints only the values of the pair; all others are choices of the user
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any
 
@@ -40,11 +41,11 @@ from annotated_types import Ge, Gt
 
 from gearlib import checks
 from gearlib.engines.linear.train_system import TrainSystem
-from gearlib.models.geometry.mesh import six_degree_parameters
+from gearlib.models.geometry.gear_stage import six_degree_parameters
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model, instance_without_checks
-from gearlib.models.one_mesh_system import contact_monodromy
 from gearlib.models.pair import GearPair, WithPair
+from gearlib.models.single_mesh_system import contact_monodromy
 from gearlib.models.trains import waves
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.structure import FLOAT_ARITHMETIC, Arithmetic, Structure, structure
@@ -77,13 +78,13 @@ _MESH_FIELDS_OF_PAIR = (
     *("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash"),
     *("material_damping", "backlash_damping"),
 )
-_MESH_FIELDS_OF_GEARS = ("deviation", "inverse_deviation", "friction", "pitch_phase")
+_MESH_FIELDS_OF_GEARS = ("deviation", "coast_deviation", "friction", "pitch_phase")
 _MESH_FIELDS_OF_GEARS += ("moving_backlash",)
 
 #: Names of the extra recorded variables, after the columns of `gearlib.engines.orbit`.
 EXTRA_VARIABLES = (
     *("rotation_3", "rotation_2", *(f"bearing_{name}" for name in BEARINGS)),
-    *("backlash", "friction_force", *(f"bearing_force_{name}" for name in BEARINGS)),
+    *("coast_line", "friction_force", *(f"bearing_force_{name}" for name in BEARINGS)),
 )
 
 
@@ -98,7 +99,7 @@ class SixDegreePair(WithPair):
 
     force_note = property(lambda model: model.pair.force_note, doc="`GearPair.force_note`.")
     stiffness_model = property(lambda model: model.pair.stiffness_model, doc="As of `GearPair`.")
-    pair: Annotated[GearPair, described("Stiffness, load, backlash, damping")]
+    pair: Annotated[GearPair, described("Stiffness, load, backlash, damping")] = field()
     base_radii: Annotated[tuple[Length, ...], Values(2), described("Base radii", "Rb3, Rb2")]
     inertias: Annotated[tuple[Inertia, ...], Values(2), described("Moments of inertia", "J3, J2")]
     masses: Annotated[tuple[Mass, ...], Values(2), described("Masses", "m3, m2")]
@@ -130,7 +131,7 @@ class SixDegreePair(WithPair):
     deviation: Annotated[
         Harmonics, described("Deviation of the drive-side flanks in m", "f(tau)")
     ] = Harmonics()
-    inverse_deviation: Annotated[
+    coast_deviation: Annotated[
         Harmonics | None,
         described("Deviation of the coast-side flanks in m; by default that of the drive side"),
     ] = None
@@ -158,16 +159,18 @@ class SixDegreePair(WithPair):
     ] = True
 
     extra_samples = EXTRA_VARIABLES
-    propagators = {"exact": "linear.one_mesh"}
+    propagators = {"exact": "linear.single_mesh"}
     moving_flank = True
     defaults = {
-        "inverse_deviation": lambda model: model.deviation,
+        "coast_deviation": lambda model: model.deviation,
         "teeth": lambda model: (model.pair.teeth, model.pair.teeth),
         "torques": lambda model: tuple(model.pair.load * radius for radius in model.base_radii),
     }
 
     @classmethod
-    def from_geometry(cls, mesh: Any, *, bearing_stiffness: Any, **options: Any) -> "SixDegreePair":
+    def from_geometry(
+        cls, stage: Any, *, bearing_stiffness: Any, **options: Any
+    ) -> "SixDegreePair":
         """Return the pair of two gears on bearings.
 
         As in the paper, gear 3 is the pinion and gear 2 the wheel. Radii, masses, inertias, teeth
@@ -175,7 +178,7 @@ class SixDegreePair(WithPair):
 
         Parameters
         ----------
-        mesh : gearlib.geometry.Mesh
+        stage : gearlib.geometry.GearStage
             Geometry of both gears.
         bearing_stiffness : sequence of float
             Bearing stiffness C3y, C3z, C2y, C2z of gears 3 and 2, y along and z across the line of
@@ -185,8 +188,8 @@ class SixDegreePair(WithPair):
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
         fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
-        pair = GearPair.from_geometry(mesh, **options)
-        fields = six_degree_parameters(mesh) | fields
+        pair = GearPair.from_geometry(stage, **options)
+        fields = six_degree_parameters(stage) | fields
         return cls(pair=pair, bearing_stiffness=bearing_stiffness, **fields)
 
     parameters = property(
@@ -267,9 +270,9 @@ class SixDegreePair(WithPair):
         rows = np.zeros((len(EXTRA_VARIABLES), *shape), system.base_matrix.dtype)
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0
         # The backlash line s is the difference of the distances y and y - s.
-        rows[EXTRA_VARIABLES.index("backlash")] = system.drive_lines[0] - system.coast_lines[0]
+        rows[EXTRA_VARIABLES.index("coast_line")] = system.drive_lines[0] - system.coast_lines[0]
         if math.isinf(pair.backlash):
-            rows[EXTRA_VARIABLES.index("backlash"), ..., constant] = -pair.backlash_ratio
+            rows[EXTRA_VARIABLES.index("coast_line"), ..., constant] = -pair.backlash_ratio
         # The indices of the contact force of the mesh; its outputs are normal and friction force.
         force_indices = system.effect[:, :, 0]
         friction_outputs = system.force_output[0, force_indices, 1]

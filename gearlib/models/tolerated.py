@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from gearlib import checks
 from gearlib.models.geometry.gear import SpurGear
-from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.pair_parameters import RATIOS, PairParameters
 from gearlib.parameters import (
     BacklashDampingRatio,
@@ -63,7 +63,7 @@ def geometry_parameters() -> dict[str, Any]:
 
     Names of a single gear have a prefix, as in ``pinion.shift``.
     """
-    all_parameters = numeric_parameters(Mesh) | LOAD_PARAMETERS | FLANK_PARAMETERS
+    all_parameters = numeric_parameters(GearStage) | LOAD_PARAMETERS | FLANK_PARAMETERS
     for gear in ("pinion", "wheel"):
         for name, parameter in numeric_parameters(SpurGear).items():
             all_parameters[f"{gear}.{name}"] = parameter

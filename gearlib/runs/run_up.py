@@ -8,8 +8,10 @@ import numpy as np
 from gearlib import checks, parameters
 from gearlib.data import status, summary
 from gearlib.data.result import result
+from gearlib.data.variables import DESCRIPTIONS
 from gearlib.engines import orbit
-from gearlib.engines.linear import speed_profiles
+from gearlib.engines.linear import speed_courses
+from gearlib.engines.summary_columns import COLUMNS
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
 from gearlib.parameters import Count, Finite, NonNegative, Positive, WholeNumber, checked
@@ -31,16 +33,14 @@ _SI_VARIABLES = {
     "revolution": ("1", "number of the revolution of the gear to which the speed refers"),
     "revolution_time": ("s", "middle of the revolution"),
     "revolution_speed": ("min-1", "mean speed in the revolution"),
-    "displacement_max": ("m", "largest displacement in the revolution"),
-    "displacement_min": ("m", "least displacement in the revolution"),
-    "dynamic_force_max": ("N", "largest dynamic mesh force in the revolution"),
-    "dynamic_force_min": ("N", "least dynamic mesh force in the revolution"),
-    "mean_force": ("N", "mean of the mesh force over the revolution"),
+    **{
+        column.name: (DESCRIPTIONS[column.scale][0], f"{column.description} in the revolution")
+        for column in COLUMNS
+        if column.scale
+    },
 }
 #: Estimate of the numbers stored per mesh and mesh period, without samples: summary and events.
 _NUMBERS_PER_PERIOD = 40
-#: Columns of a summary that hold maxima and minima; the others are sums.
-_MAXIMUM_COLUMNS, _MINIMUM_COLUMNS = [orbit.X_MAX, orbit.FORCE_MAX], [orbit.X_MIN, orbit.FORCE_MIN]
 
 
 @checked
@@ -112,11 +112,11 @@ def run_up(
     xarray.Dataset
         Variables in SI units, with a dimension `mesh` for trains. Along ``revolution`` (of the gear
         to which the speed refers, in whole mesh periods; the last may be incomplete):
-        revolution_time, revolution_speed, extrema of displacement and dynamic_force, mean_force,
-        fractions of time, bounces. Along ``event``: event_time, event_speed, event_from, event_to,
-        event_velocity. With samples, along ``time``: speed, load_ratio, phase, displacement,
-        velocity, acceleration, dynamic_force, contact, and body_motion for trains. If status is not
-        0, the numbers are NaN and ``status.attrs["message"]`` says what to do.
+        revolution_time, revolution_speed, mean_force, and extrema, fractions of time and bounces as
+        in `sweep`. Along ``event``: event_time, event_speed, event_from, event_to, event_velocity.
+        With samples, along ``time``: speed, load_ratio, phase, displacement, velocity,
+        acceleration, dynamic_force, contact, and body_motion for trains. If status is not 0, the
+        numbers are NaN and ``status.attrs["message"]`` says what to do.
 
     Raises
     ------
@@ -129,7 +129,8 @@ def run_up(
     """
     _check_model(model)
     speeds = speed_profile(start, stop, duration, acceleration, speed)
-    fastest_argument = "speed" if speed is not None else "stop" if stop >= start else "start"
+    is_rising = speeds[-1, 1] >= speeds[0, 1]
+    fastest_argument = "speed" if speed is not None else "stop" if is_rising else "start"
     tuning_at_speed(model, fastest_argument, float(speeds[:, 1].max()))
     loads = _check_profile("load", load, Finite, steps=True)
     if initial_state is None:
@@ -138,7 +139,7 @@ def run_up(
         state = model.check_state(initial_state)
     inertia_forces = _inertia_accelerations(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
-    runner, pieces, start_state = speed_profiles.start_profile_run(model, speeds, loads, state)
+    runner, pieces, start_state = speed_courses.start_profile_run(model, speeds, loads, state)
     mesh_count, last = runner.meshes, pieces[-1]
     final_phase = last.phase + last.length * (last.speed + 0.5 * last.acceleration * last.length)
     numbers_per_period = (
@@ -148,7 +149,7 @@ def run_up(
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
     teeth, limit = model.periods_per_revolution, Limit(max_seconds)
     arguments = start_state, samples_per_period, max_events, inertia_forces, teeth
-    profile_run = speed_profiles.run_profiles(runner, pieces, *arguments)
+    profile_run = speed_courses.run_profiles(runner, pieces, *arguments)
     records = list(limit.each(with_bar("parts of the run-up", profile_run)))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
@@ -185,7 +186,7 @@ def _check_model(model):
     checks.require(is_model(model), "model", model, "a model such as GearPair")
     if model.speed is None:
         raise ValueError(f"model of type {type_name} is not allowed: nothing turns in it")
-    if model.profile_engine is None:
+    if model.speed_course_engine is None:
         raise ValueError(
             f"model of type {type_name} is not allowed in a run-up: it must be piecewise linear; "
             "gearlib.simulate runs it at constant speeds"
@@ -205,7 +206,7 @@ def speed_profile(
     acceleration: Positive | None = None,
     speed=None,
 ):
-    """Return the speed profile as rows of time in s and speed in rpm, shape (n, 2).
+    """Return the speed course as rows of time in s and speed in rpm, shape (n, 2).
 
     Give either the profile as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
     or an `acceleration` (rpm/s). Invalid arguments raise ValueError.
@@ -217,10 +218,11 @@ def speed_profile(
             )
         profile = _check_profile("speed", speed, NonNegative)
     else:
-        for name, value in (("start", start), ("stop", stop)):
-            checks.require(value is not None, name, value, "a finite number >= 0, rpm")
+        if start is None or stop is None:
+            name = "start" if start is None else "stop"
+            raise checks.refusal(name, None, "a finite number >= 0, rpm")
         checks.exactly_one("duration", duration, "acceleration", acceleration)
-        if duration is None:
+        if acceleration is not None:
             duration = abs(stop - start) / acceleration
             allowed = "> 0 s, the difference of start and stop over the acceleration"
             checks.require(0.0 < duration < math.inf, "duration", duration, allowed)
@@ -277,7 +279,7 @@ def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarra
         raise ValueError(f"driver = {driver!r} is not allowed: the model has no bodies")
     if not driven_mass:
         return np.zeros(1)
-    return inertia.pair_acceleration(model.mesh, driven_mass, base_radius)
+    return inertia.pair_acceleration(model.pair, driven_mass, base_radius)
 
 
 def _revolution_variables(model, records: list, omega: float) -> dict:
@@ -296,28 +298,21 @@ def _revolution_variables(model, records: list, omega: float) -> dict:
     table = np.concatenate([record.summary for record in records])
     summary_blocks = np.concatenate([np.unique(record.block) for record in records])
     rows = np.flatnonzero(np.diff(summary_blocks, prepend=-1))
-    summaries = np.add.reduceat(table, rows)
-    summaries[..., _MAXIMUM_COLUMNS] = np.maximum.reduceat(table[..., _MAXIMUM_COLUMNS], rows)
-    summaries[..., _MINIMUM_COLUMNS] = np.minimum.reduceat(table[..., _MINIMUM_COLUMNS], rows)
-    length, force = model.static_deflection, model.scales()["force_scale"]
-    # The total time is the sum of the times with drive-side contact (NORMAL), without contact and
-    # with coast-side contact (INVERSE), so that fractions add up to 1.
-    times = summaries[..., [orbit.TIME_NORMAL, orbit.TIME_BACKLASH, orbit.TIME_INVERSE]]
+    summaries = summary.combined(table, rows)
+    # The total time is the sum of the times with drive-side contact (DRIVE), without contact and
+    # with coast-side contact (COAST), so that fractions add up to 1.
+    times = summaries[..., [orbit.TIME_DRIVE, orbit.TIME_NO_CONTACT, orbit.TIME_COAST]]
     total_time = times.sum(axis=-1)
     # Revolutions after the end of a failed run have no duration.
     total_time[total_time == 0.0] = np.nan
-    columns = {
-        "displacement_max": summaries[..., orbit.X_MAX] * length,
-        "displacement_min": summaries[..., orbit.X_MIN] * length,
-        "dynamic_force_max": summaries[..., orbit.FORCE_MAX] * force,
-        "dynamic_force_min": summaries[..., orbit.FORCE_MIN] * force,
-        "mean_force": summaries[..., orbit.FORCE_SUM] * force / total_time,
-        "fraction_normal": summaries[..., orbit.TIME_NORMAL] / total_time,
-        "fraction_backlash": summaries[..., orbit.TIME_BACKLASH] / total_time,
-        "fraction_inverse": summaries[..., orbit.TIME_INVERSE] / total_time,
-        # Losses of drive-side contact per mesh period; no division by 0 after a failure.
-        "bounces": summaries[..., orbit.BOUNCES] * math.tau / np.maximum(phase, 1e-300)[:, None],
-    }
+    # After a failure there is no division by 0.
+    periods, scales = np.maximum(phase, 1e-300)[:, None] / math.tau, model.scales()
+    columns = summary.column_values(summaries, total_time, periods)
+    # Only the scenes of the paper, at constant speed, ask for the time at the lower stiffness.
+    columns.pop("fraction_min_stiffness")
+    for column in COLUMNS:
+        if column.scale:
+            columns[column.name] *= scales[column.scale]
     dims = ("revolution", "mesh") if model.mesh_names else ("revolution",)
     variables = {
         "revolution": (("revolution",), revolutions[starts]),

@@ -8,7 +8,7 @@ from gearlib import integrators
 from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH
+from gearlib.engines.codes import NO_CONTACT
 from gearlib.engines.stable_repeats import settled_period
 from gearlib.parameters import Boolean, Count, Speed, checked
 from gearlib.runs.run_arguments import MAX_EVENTS, Tuning, check_memory, check_run, tuning_of
@@ -16,7 +16,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS, Tuning, check_memory, check_r
 
 @checked
 def simulate(
-    pair,
+    model,
     tuning: Tuning | None = None,
     *,
     speed: Speed | None = None,
@@ -39,7 +39,7 @@ def simulate(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair, DeadZoneOscillator or GearTrain
+    model : GearPair, OneDegreePair, SixDegreePair, DeadZoneOscillator or GearTrain
         The model to run.
     tuning : float
         nu = mesh frequency / mean eigenfrequency, finite, > 0. Give either `tuning` or `speed`.
@@ -73,7 +73,7 @@ def simulate(
     -------
     xarray.Dataset
         Along ``phase`` (rad, from tau = 0): displacement, velocity, acceleration, stiffness,
-        modified_stiffness, dynamic_force, contact (1 drive side, 0 contact loss, -1 back side);
+        modified_stiffness, dynamic_force, contact (1 drive side, 0 contact loss, -1 coast side);
         samples at a switch have the value just after it. Along ``event``, for all contact events in
         the recorded periods: event_phase, event_from, event_to, event_velocity. Scalars:
         final_state (component), the summary described in `gearlib.sweep`, evaluations (of the
@@ -91,39 +91,41 @@ def simulate(
     ----------
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
-    tuning = tuning_of(pair, tuning, speed)
-    arguments = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
+    tuning = tuning_of(model, tuning, speed)
+    arguments = check_run(
+        model, periods, record_periods, initial_state, method, options, max_events
+    )
     settings = samples_per_period, True, until_settled
-    record, followed_periods = _run(pair, tuning, arguments, *settings)
+    record, followed_periods = _run(model, tuning, arguments, *settings)
     first_sample = (periods - record_periods) * samples_per_period
     codes = np.array([record.period, record.status])
     sample_numbers = first_sample + np.arange(len(record.samples))
     data = {
-        **_time_history(pair, record.samples, record.status),
+        **_time_history(model, record.samples, record.status),
         **_event_variables(record.events),
-        **summary.summary_variables(pair, (), record.summary, record.final, codes, record_periods),
-        **pair.scales(),
-        **pair.speed_scales(tuning),
+        **summary.summary_variables(model, (), record.summary, record.final, codes, record_periods),
+        **model.scales(),
+        **model.speed_scales(tuning),
         "tuning": tuning,
         "evaluations": record.evaluations,
         "followed": np.int64(followed_periods),
     }
-    coords = {"phase": sample_numbers * (2.0 * math.pi / samples_per_period), **pair.coordinates()}
+    coords = {"phase": sample_numbers * (2.0 * math.pi / samples_per_period), **model.coordinates()}
     attributes = arguments.attributes() | {"tuning": tuning}
-    dataset = result("Time course of a gear mesh", pair, data, coords, **attributes)
+    dataset = result("Time course of a gear mesh", model, data, coords, **attributes)
     dataset["status"].attrs["message"] = status.MESSAGES[record.status]
     return dataset
 
 
-def run(pair, tuning: float, samples_per_period: int, **settings):
-    """Run a model (`pair`) at one tuning with other arguments of `simulate`; return the `Record`.
+def run(model, tuning: float, samples_per_period: int, **settings):
+    """Run a model (`model`) at one tuning with other arguments of `simulate`; return the `Record`.
 
     If its status is not 0, its numbers are NaN and it has no events.
     """
-    return _run(pair, tuning, check_run(pair, **settings), samples_per_period)[0]
+    return _run(model, tuning, check_run(model, **settings), samples_per_period)[0]
 
 
-def _run(pair, tuning, arguments, samples_per_period, verify_period=False, until_settled=False):
+def _run(model, tuning, arguments, samples_per_period, verify_period=False, until_settled=False):
     """Return (`Record` of a run of a model, number of all simulated mesh periods).
 
     `arguments` are its `RunArguments`. With `verify_period` the period of the motion is verified by
@@ -132,14 +134,14 @@ def _run(pair, tuning, arguments, samples_per_period, verify_period=False, until
     """
     recorded = arguments.span.recorded
     argument = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
-    sample_table, _, _ = pair.empty_record()
+    sample_table, _, _ = model.empty_record()
     numbers_per_sample = sample_table.shape[1]
     sample_count = recorded * samples_per_period
     check_memory(argument, sample_count, numbers_per_sample, "samples in all")
     settings = arguments.state, arguments.span, samples_per_period
-    record = arguments.module.run(pair, tuning, *settings, **arguments.options)
+    record = arguments.module.run(model, tuning, *settings, **arguments.options)
     if record.status == status.OK:
-        limit = pair.displacement_limit(tuning, arguments.state)
+        limit = model.displacement_limit(tuning, arguments.state)
         if summary.max_displacement(record.summary) > limit:
             record = record._replace(status=status.OVERFLOW)
     if record.status != status.OK:
@@ -148,7 +150,7 @@ def _run(pair, tuning, arguments, samples_per_period, verify_period=False, until
         record = record._replace(events=record.events[:0])
     periods = arguments.span.periods
     if verify_period and arguments.method in integrators.AUTOMATIC and record.status == status.OK:
-        propagator = pair.propagator(tuning, arguments.method, **arguments.options)
+        propagator = model.propagator(tuning, arguments.method, **arguments.options)
         period, periods = settled_period(propagator, record, arguments.span, until_settled)
         record = record._replace(period=period)
     return record, periods
@@ -176,7 +178,7 @@ def _time_history(model, samples: np.ndarray, status_code: int) -> dict:
         "acceleration": table[..., orbit.SAMPLE_A],
         "stiffness": stiffness,
         # Effective stiffness: zero without contact.
-        "modified_stiffness": np.where(contact_codes == BACKLASH, no_stiffness, stiffness),
+        "modified_stiffness": np.where(contact_codes == NO_CONTACT, no_stiffness, stiffness),
         "dynamic_force": table[..., orbit.SAMPLE_FORCE],
         "contact": contact_codes,
     }

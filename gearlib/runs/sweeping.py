@@ -42,7 +42,7 @@ _SAME_MOTION_TOLERANCE = 1e-3
 
 @checked
 def sweep(
-    pair,
+    model,
     tunings=None,
     *,
     speeds=None,
@@ -60,7 +60,7 @@ def sweep(
 
     Parameters
     ----------
-    pair : GearPair, LoadSharingPair, OneDegreePair, SixDegreePair, DeadZoneOscillator or GearTrain
+    model : GearPair, LoadSharingPair, OneDegreePair, SixDegreePair, DeadZoneOscillator or GearTrain
         The model to run.
     tunings : array_like of float, shape (n,)
         Tunings nu = mesh frequency / mean eigenfrequency, finite, > 0, all different. Give either
@@ -97,7 +97,7 @@ def sweep(
     xarray.Dataset
         Along ``tuning``, in the order of the argument: displacement_max, displacement_min,
         dynamic_force_max, dynamic_force_min, the extrema of the closed-form solution;
-        fraction_normal, fraction_backlash, fraction_inverse, fraction_min_stiffness (contact at
+        fraction_drive, contact_loss_fraction, fraction_coast, fraction_min_stiffness (contact at
         C_min), fractions of time; bounces, losses of drive-side contact per mesh period; period,
         the number of mesh periods, up to 16, after which the steady state repeats, proven by its
         Floquet multipliers and its distance from grazing; 0 without a proof, see `until_settled` of
@@ -111,32 +111,34 @@ def sweep(
     ValueError
         If an argument is wrong; the message gives its name, its value and the allowed range.
     """
-    check_either(pair, "tunings", tunings, "speeds", speeds)
+    check_either(model, "tunings", tunings, "speeds", speeds)
     if speeds is None:
         tunings = check_tunings("tunings", tunings, check_tuning)
     else:
-        check = functools.partial(tuning_at_speed, pair)
-        tunings = pair.tuning_at(check_tunings("speeds", speeds, check, pair.tuning_at))
-    arguments = check_run(pair, periods, record_periods, initial_state, method, options, max_events)
+        check = functools.partial(tuning_at_speed, model)
+        tunings = model.tuning_at(check_tunings("speeds", speeds, check, model.tuning_at))
+    arguments = check_run(
+        model, periods, record_periods, initial_state, method, options, max_events
+    )
     _check_order(direction, tunings, "tunings" if speeds is None else "speeds")
-    if direction != "cold" and arguments.method != "exact" and pair.size > 2:
+    if direction != "cold" and arguments.method != "exact" and model.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom by method "
             f"{arguments.method!r}: it must be 'cold', or the method 'exact', which carries all "
             "coordinates along"
         )
     limit = Limit(max_seconds)
-    check_rows(pair, f"a sweep of {tunings.size:,} tunings", tunings.size)
-    rows = _run_sweep(pair, tunings, arguments, direction, threads or os.cpu_count(), limit)
+    check_rows(model, f"a sweep of {tunings.size:,} tunings", tunings.size)
+    rows = _run_sweep(model, tunings, arguments, direction, threads or os.cpu_count(), limit)
     data = {
-        **summary.summary_variables(pair, ("tuning",), *rows[1:], record_periods),
-        **pair.scales(),
-        **{name: ("tuning", scale) for name, scale in pair.speed_scales(tunings).items()},
+        **summary.summary_variables(model, ("tuning",), *rows[1:], record_periods),
+        **model.scales(),
+        **{name: ("tuning", scale) for name, scale in model.speed_scales(tunings).items()},
     }
-    coords = {"tuning": tunings, **pair.coordinates()}
+    coords = {"tuning": tunings, **model.coordinates()}
     attributes = arguments.attributes() | {"direction": direction}
     title = "Resonance characteristic of a gear mesh"
-    dataset = result(title, pair, data, coords, **attributes)
+    dataset = result(title, model, data, coords, **attributes)
     return limit.mark(dataset, tuning=rows.codes[:, 1] >= 0)
 
 
@@ -166,7 +168,7 @@ def _run_sweep(model, tunings, arguments: RunArguments, direction, threads, limi
     chunk_size = min(max(order.size // (4 * threads), _MIN_CHUNK), _MAX_CHUNK)
     chunks = [order[i : i + chunk_size] for i in range(0, order.size, chunk_size)]
     # The kernel of a `GearPair` takes all its tunings at once, others take one after the other.
-    is_whole = arguments.method == "exact" and model.mesh is model and not limit.is_set
+    is_whole = arguments.method == "exact" and model.pair is model and not limit.is_set
     if is_warm_started or threads == 1 or len(chunks) < 2:
         run_tunings(order if is_whole else with_bar("tunings", limit.each(order), order.size))
     else:
@@ -190,21 +192,21 @@ def _check_order(direction: str, tunings: np.ndarray, name: str):
         raise ValueError(f"{name} out of order are not allowed: {direction!r} needs {order} values")
 
 
-def sweep_down(pair, tunings: np.ndarray, lowest: float, **settings):
+def sweep_down(model, tunings: np.ndarray, lowest: float, **settings):
     """Sweep down until the motion agrees with an upward sweep; return (dataset, whether it does).
 
-    `pair` is a model. `tunings`, shape (n,), increase in equal steps; the sweep continues in these
+    `model` is a model. `tunings`, shape (n,), increase in equal steps; the sweep continues in these
     steps below the first of them, at most to the tuning `lowest`. `settings` are other arguments of
     `sweep`. The dataset starts at the highest tuning <= `tunings[0]` at which both agree, if any.
     """
     first, step = float(tunings[0]), float(tunings[1] - tunings[0])
     count = max(0, math.floor((first - lowest) / step + 1e-9))
     extension = np.round(first - step * np.arange(count, 0, -1), 12)
-    curve = sweep(pair, np.concatenate([extension, tunings]), direction="down", **settings)
+    curve = sweep(model, np.concatenate([extension, tunings]), direction="down", **settings)
     if not curve.get("complete", True):
         return curve, False
     down = curve.isel(tuning=slice(count + 1))
-    up = sweep(pair, down.tuning.values, direction="up", **settings)
+    up = sweep(model, down.tuning.values, direction="up", **settings)
     agreeing_indices = np.flatnonzero(motions_agree(up, down))
     start = agreeing_indices[-1] if agreeing_indices.size else 0
     return curve.isel(tuning=slice(start, None)), bool(agreeing_indices.size)

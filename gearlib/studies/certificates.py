@@ -22,7 +22,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit, as_orbit, periodic_orbit
 from gearlib.analysis.orbits.special_points import REGULAR
 from gearlib.analysis.proofs.orbits import certify, certify_range
 from gearlib.data.files import replacing
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.models.pair import GearPair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.runs.run_arguments import MAX_EVENTS
@@ -40,7 +40,7 @@ _DIGITS = 11
 #: States that differ by less belong to the same orbit.
 _SAME_ORBIT_DISTANCE = 1e-6
 #: Contact code -> letter in the table.
-_CONTACT_LETTERS = {NORMAL: "N", BACKLASH: "B", INVERSE: "I"}
+_CONTACT_LETTERS = {DRIVE: "D", NO_CONTACT: "F", COAST: "C"}
 
 
 def certify_branches(
@@ -122,7 +122,7 @@ def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     """
     tuning, label = branch.tuning.values, branch.label.values
     branch_number = branch.branch.values
-    in_contact = branch.contacts.values == "N"  # drive-side contact during the whole period
+    in_contact = branch.contacts.values == "D"  # drive-side contact during the whole period
     is_usable = in_contact & (branch.period.values == 1) & (label == REGULAR)
     ends = np.flatnonzero((label != REGULAR) | (np.diff(branch_number, append=-1) != 0))
     certificates = []
@@ -144,7 +144,7 @@ def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
             orbit = periodic_orbit(pair, lower_tuning, guess=branch.state.values[nearest])
         except NoOrbit:
             continue
-        if orbit.pattern == (NORMAL,):
+        if orbit.pattern == (DRIVE,):
             certificates.append(_certificate(orbit, lower_tuning, upper_tuning))
     return certificates
 

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.models.geometry import drawings
-from gearlib.models.geometry.mesh import PAIR_OPTIONS
+from gearlib.models.geometry import from_values as geometry
+from gearlib.models.geometry.gear_stage import PAIR_OPTIONS
 from gearlib.models.geometry.mesh_stiffness import SOURCES, UNCERTAINTY
 from gearlib.models.pair import GearPair
 from gearlib.models.pair_parameters import RATIOS
@@ -154,7 +154,7 @@ def rows(pairs: dict[str, GearPair], drawing: dict | None) -> Iterator[list]:
     models = {name: (pair,) for name, pair in pairs.items()}
     if drawing:
         options = {drawing.get("stiffness", "iso"): drawing.get("stiffness_options")}
-        mesh = drawings.mesh(drawing)
+        mesh = geometry.stage(drawing)
         quantities = gear_quantities(mesh, options=options, torque=drawing["torque"])
     else:
         pair = next(iter(models.values()))
@@ -178,7 +178,7 @@ def duty_rows(model: Any, speed: float, torque: float, stiffness_model: str) -> 
     ratios = {name: getattr(model, name) for name in ("damping_ratio", "backlash_damping_ratio")}
     options = {name: getattr(model, name) for name in PAIR_OPTIONS}
     method = {"stiffness": model.stiffness, "options": options}
-    point = duty_point(model.drawing, speed, torque=torque, **method, **ratios)
+    point = duty_point(model.stage, speed, torque=torque, **method, **ratios)
     damping = "beta {damping_ratio:.4g}, beta_m {backlash_damping_ratio:.4g}".format(**ratios)
     notes = {"dynamic_factor": f"; {stiffness_model}; {damping}", "iso_dynamic_factor": _QUALITY}
     amplitudes = np.stack([point[name] for name in ("mesh_order_force", "mesh_order_error")])

@@ -16,7 +16,7 @@ import xarray as xr
 from gearlib.analysis.lyapunov import SETTLED_FLAGS, rounding_grows
 from gearlib.data.result import stacked
 from gearlib.data.variables import describe
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.runs.sweeping import sweep

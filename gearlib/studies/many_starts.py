@@ -281,7 +281,7 @@ def sweep_with_seeded_starts(
             motions = motions_from_equilibrium(model, tunings, settings)
         else:
             motions = warm_started_motions(model, tunings, settings, direction)
-        final_data = summarise(model, motions, settings, (*names, "fraction_inverse"))
+        final_data = summarise(model, motions, settings, (*names, "fraction_coast"))
         ranges = ranges_over_starts(final_data, names)
         if direction != "cold":
             is_settled = final_data.settled == 1

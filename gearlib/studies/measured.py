@@ -13,6 +13,7 @@ from gearlib import checks
 from gearlib.analysis.order_maps import order_map
 from gearlib.data.motions import FRACTION_TOLERANCE
 from gearlib.data.variables import SI_SCALES
+from gearlib.engines.summary_columns import COLUMNS
 from gearlib.runs.run_up import run_up
 from gearlib.runs.simulation import simulate
 from gearlib.uncertainty.course_observations import complete_blocks
@@ -20,15 +21,8 @@ from gearlib.uncertainty.measured import read_measured
 
 #: Observable of a sweep -> variable of the computed sweeps that scales it to SI units.
 SWEEP_SCALES = {
-    "displacement_max": "static_deflection",
-    "displacement_min": "static_deflection",
+    **{column.name: column.scale for column in COLUMNS if not column.trains_only},
     "orbit_height": "static_deflection",
-    "dynamic_force_max": "force_scale",
-    "dynamic_force_min": "force_scale",
-    "fraction_normal": None,
-    "fraction_backlash": None,
-    "fraction_inverse": None,
-    "bounces": None,
 }
 #: Jumps and peaks are read from the first of these observables that was measured.
 _JUMP_OBSERVABLES = ("orbit_height", "displacement_max", "dynamic_force_max", "displacement_min")
@@ -42,7 +36,7 @@ _HARMONIC_COUNT, _MEASURED_POINTS, _COMPUTED_POINTS = 5, 600, 256
 _MIN_SINGULAR_VALUE = 1e-7
 #: Multiples of the mesh order, largest number of blocks of revolutions, samples per mesh period.
 _MESH_ORDERS, _MAX_BLOCKS, _SAMPLES_PER_PERIOD = np.arange(1, 4), 300, 128
-#: Largest number of straight lines that approximate a measured speed profile.
+#: Largest number of straight lines that approximate a measured speed course.
 _MAX_SPEED_SEGMENTS = 200
 #: Smallest ratio of a jump to the range of values, and to all other steps.
 _MIN_JUMP_RANGE_RATIO, _MIN_JUMP_STEP_RATIO = 0.15, 2.0
@@ -306,7 +300,7 @@ def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
     model. The dimensions are "track", a run-up or run-down, observable, order (a multiple of the
     mesh order) and block of whole revolutions; computed_amplitude also has the dimension damping.
     Amplitudes are rms values in SI units. A computed run-up starts in the static state and has the
-    measured speed profile.
+    measured speed course.
     """
     measurement = read_measured(path)
     names = [name for name in SI_SCALES if name in measurement]
@@ -364,7 +358,7 @@ def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
 
 
 def _speed_profile(condition: xr.Dataset) -> list[tuple[float, float]]:
-    """Approximate a measured speed profile by straight lines between points (s, rpm).
+    """Approximate a measured speed course by straight lines between points (s, rpm).
 
     The points are means over groups of samples, so that sensor noise does not cause acceleration.
     """
@@ -540,7 +534,7 @@ def _computed_onset(sweeps: xr.Dataset) -> Estimate:
     if "up" not in sweeps.direction.values:
         return _UNKNOWN
     sweep = sweeps.sel(direction="up").sortby("speed")
-    loses_contact = sweep.fraction_backlash.values > FRACTION_TOLERANCE
+    loses_contact = sweep.contact_loss_fraction.values > FRACTION_TOLERANCE
     onsets = np.flatnonzero(loses_contact[1:] & ~loses_contact[:-1])
     if not onsets.size:
         return _UNKNOWN

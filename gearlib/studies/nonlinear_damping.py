@@ -19,7 +19,7 @@ import xarray as xr
 from gearlib.data.motions import true_intervals
 from gearlib.data.result import stacked
 from gearlib.data.variables import describe
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.runs.sweeping import DIRECTIONS, sweep
@@ -64,7 +64,7 @@ def damped_model(pair: GearPair, place: str, power: str, settings: dict) -> tupl
     """Return a model with linear, quadratic or cubic damping, and the damping coefficient.
 
     `pair` is undamped. `place` is the location of the damping:
-    "material" (in contact) or "oil" (in the backlash). `power` is the power of the velocity:
+    "material" (in contact) or "oil" (in free flight). `power` is the power of the velocity:
     "linear", "quadratic" or "cubic". `settings` have the linear damping (N s/m), and amplitude
     (static deflections) and tuning of the harmonic motion in which all dampings do equal work.
     """

@@ -20,7 +20,7 @@ import xarray as xr
 
 from gearlib.data.status import flags_of
 from gearlib.data.variables import describe
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.models.six_degrees import SixDegreePair
@@ -28,8 +28,8 @@ from gearlib.runs.simulation import simulate
 from gearlib.studies import many_starts
 
 #: Names of the models from the smallest to the largest, and of the one with truncated stiffness.
-MODELS = ("one_degree", "six_degrees_plain", "six_degrees")
-TRUNCATED_MODEL = "one_degree_harmonics"
+MODELS = ("pair", "six_degrees_plain", "six_degrees")
+TRUNCATED_MODEL = "pair_harmonics"
 
 #: Table entry in place of a number that depends on the initial state by more than rounding errors.
 DIFFERS = "differs"
@@ -50,7 +50,7 @@ def build_model(name: str, pair: GearPair, six_degrees: dict, harmonics: int | N
     `six_degrees` are further arguments of `SixDegreePair`; `harmonics` is the number of harmonics
     of the truncated stiffness.
     """
-    if name == "one_degree":
+    if name == "pair":
         return pair
     if name == TRUNCATED_MODEL:
         return OneDegreePair(pair=pair, profile=Fourier(harmonics))

@@ -60,7 +60,7 @@ def over_speed(
     -------
     xarray.Dataset
         Over direction and tuning: the variables of `gearlib.sweep`, such as dynamic_factor,
-        fraction_backlash (share of the time without contact), period and status, and
+        contact_loss_fraction (share of the time without contact), period and status, and
         error_peak_to_peak (m). Over tuning: speed, and iso_dynamic_factor if both gears have a
         quality. Over hysteresis, an interval of speeds in which the motions going up and down
         differ: jump_up_speed and jump_down_speed (rpm), its ends, NaN where it goes on beyond the
@@ -85,7 +85,7 @@ def over_speed(
     height = (data.displacement_max - data.displacement_min) * model.static_deflection
     data["error_peak_to_peak"] = height.drop_attrs()
     data["operating_speed"] = math.nan if speed is None else speed
-    mesh = model.drawing
+    mesh = model.stage
     data["torque"] = torque = model.load * mesh.pinion.base_diameter / 2.0
     factors = iso_dynamic_factor(mesh, torque, data.speed.values)
     if factors is not None:

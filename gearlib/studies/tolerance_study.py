@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.variables import QUANTITIES
-from gearlib.models.geometry import drawings
+from gearlib.models.geometry import from_values as geometry
 from gearlib.models.pair import GearPair
 from gearlib.uncertainty.designs import DrawnPair
 from gearlib.uncertainty.indices import sobol_indices
@@ -26,7 +26,7 @@ def nominal_design(pair: GearPair, drawing: dict | None = None) -> GearPair | Dr
     if drawing is None:
         return pair
     return DrawnPair(
-        drawings.mesh(drawing),
+        geometry.stage(drawing),
         # "drawing" keeps the backlash of the drawing; with None it follows from other parameters.
         backlash=None if drawing.get("backlash") is None else "drawing",
         torque=drawing["torque"],

@@ -18,7 +18,7 @@ from gearlib.studies import many_starts
 #: Number of equal branches that share the power of the reducer: countershafts with two gears each.
 BRANCHES = 3
 #: Variables of the sweeps of trains, with median and range over the initial states.
-_QUANTITIES = ("load_sharing", "fraction_backlash")
+_QUANTITIES = ("load_sharing", "contact_loss_fraction")
 
 
 def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
@@ -89,8 +89,8 @@ def _reducer_case(
     """
     quantities = train.force_ratio_name, *_QUANTITIES
     sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, quantities)
-    losses = [motion.fraction_backlash.values > FRACTION_TOLERANCE for motion in motions]
-    coast_contacts = [motion.fraction_inverse.values > FRACTION_TOLERANCE for motion in motions]
+    losses = [motion.contact_loss_fraction.values > FRACTION_TOLERANCE for motion in motions]
+    coast_contacts = [motion.fraction_coast.values > FRACTION_TOLERANCE for motion in motions]
     loss_fractions = [single_branch_fraction(loss, mesh_branches) for loss in losses]
     coast_fractions = [single_branch_fraction(contact, mesh_branches) for contact in coast_contacts]
     ratios = force_ratio(sweep).where(sweep.settled == 1)
@@ -167,13 +167,13 @@ def campbell(characteristics, orders: int, pair=None, settings=None, train=None)
     `characteristics` are the sweeps from `over_speed` with `train`, or those from `reducer` with
     `pair` and `settings`, of which the case of equal branches is used. `orders` is the highest
     multiple of each mesh frequency. In the dataset, mesh_rate is the frequency of each mesh over
-    that of the reference mesh, fraction_backlash_high the largest fraction of time without contact
-    over all initial states.
+    that of the reference mesh, contact_loss_fraction_high the largest fraction of time without
+    contact over all initial states.
     """
     model = train or reducer_train(pair, settings)
     sweeps = characteristics if train else characteristics.sel(case="alike", drop=True)
     data = model.campbell(orders).drop_vars("modal_force").merge(model.layout())
-    names = ["fraction_backlash_high", "settled", "speed"]
+    names = ["contact_loss_fraction_high", "settled", "speed"]
     data = data.assign({name: sweeps[name] for name in names})
     data["mesh_rate"] = "mesh", [float(ratio) for ratio in model.frequency_ratios]
     name = "gear train" if train else "reducer with three double satellites"
@@ -187,7 +187,7 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     omitted; modes of equal frequency share a row.
     """
     speeds = diagram.speed.values
-    loss = diagram.fraction_backlash_high.values
+    loss = diagram.contact_loss_fraction_high.values
     # By speed: in any direction, in any mesh.
     loses_contact = (loss > FRACTION_TOLERANCE).any(axis=(0, 2))
     intersections: dict[tuple, tuple[float, bool]] = {}  # cells of a row -> (speed, excited)

@@ -60,9 +60,9 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
 
 
 def _speed_profile(metadata: dict) -> tuple[list, dict]:
-    """Return the speed profile of a run-up, rows (s, rpm), and keyword arguments of `run_up`."""
+    """Return the speed course of a run-up, rows (s, rpm), and keyword arguments of `run_up`."""
     if "course" not in metadata:
-        raise ValueError("known.course is missing: a run-up needs its speed profile, rows (s, rpm)")
+        raise ValueError("known.course is missing: a run-up needs its speed course, rows (s, rpm)")
     options = metadata.get("options", {})
     checks.require(isinstance(options, dict), "known.options", options, "a mapping")
     for name in options:
@@ -241,7 +241,7 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
 def _revolution_orders(rotation, end, times, displacements, mesh_periods):
     """Return mesh orders and variance ratios of whole revolutions, and a warning about gaps.
 
-    `rotation` is the `ShaftRotation` of a speed profile from 0 to `end`, s; the results are those
+    `rotation` is the `ShaftRotation` of a speed course from 0 to `end`, s; the results are those
     of `regress_mesh_orders` with one block for each revolution.
     """
     revolutions = rotation.revolutions(times)

@@ -14,11 +14,11 @@ from scipy.stats import qmc
 
 from gearlib import checks, parameters
 from gearlib.models.geometry.gear import PathTable
-from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.model import is_model
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.models.tolerated import (
@@ -48,7 +48,7 @@ class ModelSource:
     def __init__(self, model: Any):
         """Collect the parameters of a model that can vary, and their descriptions."""
         self.model, self.value = model, model.value
-        fields = numeric_parameters(PairParameters) if model.mesh else {}
+        fields = numeric_parameters(PairParameters) if model.pair else {}
         if dataclasses.is_dataclass(model):
             fields = fields | numeric_parameters(type(model))
         # Fields of trains are not numbers; other models may contain a train.
@@ -64,7 +64,7 @@ class ModelSource:
 
 
 class DrawnPair:
-    """Make designs from two drawn gears, a `gearlib.geometry.Mesh`, by changing their drawing.
+    """Make designs from two drawn gears, a `gearlib.geometry.GearStage`, by changing their drawing.
 
     Parameters are ``centre_distance`` and ``backlash`` of the mesh, fields of a `SpurGear` such as
     ``pinion.thickness_allowance``, the load and the damping.
@@ -76,7 +76,7 @@ class DrawnPair:
         A `backlash` that does not vary is that of the mesh ("drawing"), or it is computed for each
         sample from profile shifts, centre distance and allowances (None).
         """
-        self.mesh = checks.gear_mesh(mesh)
+        self.stage = checks.gear_stage(mesh)
         self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
         self.options = options
         self.parameters = geometry_parameters()
@@ -90,7 +90,7 @@ class DrawnPair:
         gear, _, field = name.rpartition(".")
         if not gear and name in LOAD_PARAMETERS | FLANK_PARAMETERS:
             return self.options.get(name)
-        return getattr(getattr(self.mesh, gear) if gear else self.mesh, field)
+        return getattr(getattr(self.stage, gear) if gear else self.stage, field)
 
     def __call__(self, changes: dict) -> Any:
         """Return the `GearPair` of the changed gears; with flank deviations a `OneDegreePair`."""
@@ -117,8 +117,8 @@ class DrawnPair:
     def _changed(self, changes: dict) -> tuple:
         """Return the changed mesh, options, and cosine and sine coefficient of a deviation, m."""
         gears: dict = {"pinion": {}, "wheel": {}}
-        backlash = self.mesh.backlash if self.backlash == "drawing" else None
-        fields = {"backlash": backlash, "centre_distance": self.mesh.centre_distance}
+        backlash = self.stage.backlash if self.backlash == "drawing" else None
+        fields = {"backlash": backlash, "centre_distance": self.stage.centre_distance}
         options = dict(self.options)
         # A changed damping replaces that of the options, which may have another name.
         if _DAMPING_NAMES & changes.keys():
@@ -131,9 +131,9 @@ class DrawnPair:
                 gears[gear][field] = value
             elif name not in FLANK_PARAMETERS:
                 fields[field] = value
-        pinion, wheel = (_changed_gear(getattr(self.mesh, name), gears[name]) for name in gears)
+        pinion, wheel = (_changed_gear(getattr(self.stage, name), gears[name]) for name in gears)
         deviations = [changes.get(name, 0.0) for name in FLANK_PARAMETERS]
-        return Mesh(pinion, wheel, **fields), options, deviations
+        return GearStage(pinion, wheel, **fields), options, deviations
 
 
 def _changed_gear(gear: Any, changes: dict) -> Any:

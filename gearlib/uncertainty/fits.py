@@ -196,7 +196,7 @@ def fit(model, data, free):
         Model of the rig. The fit starts from its values of the free parameters.
     data : xarray.Dataset or list of xarray.Dataset
         Data sets as `gearlib.read_measured` returns them: time histories of ``displacement`` at
-        constant speed or in a run-up, whose speed profile, rows (s, rpm), is ``known.course``;
+        constant speed or in a run-up, whose speed course, rows (s, rpm), is ``known.course``;
         extrema, fractions of time and amplitudes of mesh orders, ``order_amplitude_1`` and so on,
         over ``speed`` and ``direction`` of slow sweeps; scalar speeds jump_up, jump_down and
         onset_of_contact_loss. Variables of trains end with the mesh, such as

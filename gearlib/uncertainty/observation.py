@@ -15,6 +15,7 @@ from gearlib.analysis.orbits.tracing import ContinuationFailed
 from gearlib.data import summary
 from gearlib.data.status import OK
 from gearlib.engines import orbit as orbit_columns
+from gearlib.engines.summary_columns import COLUMNS
 from gearlib.runs.simulation import run
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
@@ -33,9 +34,9 @@ STATISTICS = (
     "displacement_min",
     "dynamic_force_max",
     "dynamic_force_min",
-    "fraction_normal",
-    "fraction_backlash",
-    "fraction_inverse",
+    "fraction_drive",
+    "contact_loss_fraction",
+    "fraction_coast",
 )
 #: Names of further quantities: load sharing of a mesh, amplitude of a mesh order.
 LOAD_SHARING, ORDER_AMPLITUDE = "load_sharing", "order_amplitude"
@@ -159,10 +160,10 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: i
     tables = {"table": record.summary, "final_states": record.final, "record_periods": periods}
     tables["periods_and_statuses"] = np.array([periods, OK])  # a row: period of the orbit, status
     variables = summary.summary_variables(model, dims=(), **tables)
-    # Names that begin with "displacement" are in static deflections, with "dynamic" in loads.
-    scales = {"displacement": model.static_deflection, "dynamic": model.load}
+    scales = {"static_deflection": model.static_deflection, "force_scale": model.load}
+    column_scales = {column.name: column.scale for column in COLUMNS}
     quantities = {
-        name: np.atleast_1d(values) * scales.get(name.partition("_")[0], 1.0)
+        name: np.atleast_1d(values) * scales.get(column_scales.get(name, ""), 1.0)
         for name, (_, values) in variables.items()
     }
     end = max(len(model.mesh_names), 1) * orbit_columns.SAMPLE_COLUMNS

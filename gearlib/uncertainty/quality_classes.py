@@ -102,7 +102,7 @@ def by_class(
     for the `quality` of the gears. The standard does not prescribe the shape of the deviation; here
     it is a first mesh harmonic whose cosine and sine are at most half of the larger tolerance.
     """
-    mesh = checks.gear_mesh(mesh)
+    mesh = checks.gear_stage(mesh)
     tolerances: dict = {}
     if thickness is not None:
         designations = (thickness,) * 2 if isinstance(thickness, str) else thickness

@@ -296,7 +296,7 @@ def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, row
         )
         peak_to_peak = curve.displacement_max - curve.displacement_min
         factor = model.force_ratios(largest_force(curve))
-        loses_contact = curve.fraction_backlash > 0.0
+        loses_contact = curve.contact_loss_fraction > 0.0
         if model.mesh_names:
             peak_to_peak, factor = peak_to_peak.max("mesh"), factor.max("mesh")
             loses_contact = loses_contact.max("mesh")

@@ -11,7 +11,7 @@ from gearlib.runs.run_up import run_up
 def synthetic_rig(
     model, speed_profile, seed, *, noise=0.05, bits=12, samples_per_period=32, gain=1.0
 ) -> xr.Dataset:
-    """Return synthetic measured data of a run-up with a speed profile, rows of s and rpm.
+    """Return synthetic measured data of a run-up with a speed course, rows of s and rpm.
 
     The signal is the displacement of the first mesh, read by an encoder whose `bits` resolve three
     times the range of the signal. Random noise, an offset of at most 0.3 ranges, and a wave of 0.2
@@ -41,7 +41,7 @@ def synthetic_rig(
         "time": ("sample", run.time.values, {"units": "s", "long_name": "time"}),
         "speed": ("sample", run.speed.values, {"units": "min-1", "long_name": "speed"}),
     }
-    # Metadata of the test rig for `gearlib.fit`: speed profile, and mesh phase at the start in rad.
+    # Metadata of the test rig for `gearlib.fit`: speed course, and mesh phase at the start in rad.
     metadata = {"course": [list(map(float, row)) for row in speed_profile], "phase": 0.0}
     attributes = {"title": "Synthetic rig", "source": "synthetic", "synthetic": 1}
     attributes["known"] = json.dumps(metadata)

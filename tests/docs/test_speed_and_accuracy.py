@@ -1,42 +1,53 @@
-"""The page on speed and accuracy: its numbers are those of its data, its data those of the code."""
+"""The page on speed and accuracy: its sentences follow from its data, its data from the code."""
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 
-from docs.hooks import speed_and_accuracy as hook
+from docs.hooks import evidence
 from gearlib import config
 from gearlib.studies.trials import difficult_problems, problems, work_precision
 from tests.paper import CONFIG
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / "tests/golden/data"
+PAGE = ROOT / "docs/speed_and_accuracy.md"
 SETTINGS = config.load(CONFIG)
+POINTS, FAILURES, MODELS = (
+    evidence.read(f"speed_and_accuracy/{name}") for name in ("work_precision", "failures", "models")
+)
 
 
-def test_the_page_says_what_its_data_say():
-    text = hook.PAGE.read_text(encoding="utf-8")
-    assert hook.renewed(text) == text
+def test_the_default_is_the_fastest_method_and_heyoka_the_fastest_of_other_packages():
+    rows, ratios = POINTS[POINTS.microseconds > 0.0].sort_values("microseconds"), []
+    for limit in (1e-3, 1e-6, 1e-9, 1e-12):
+        for _, able in rows[rows.state_error <= 1.001 * limit].groupby("problem"):
+            is_other = able.line.str.startswith(("scipy", "heyoka"))
+            assert able.line.iloc[0] in ("exact", "taylor")
+            if is_other.any():
+                assert able[is_other].line.iloc[0] == "heyoka"
+                ratios.append(able[is_other].microseconds.iloc[0] / able.microseconds.iloc[0])
+    assert f"{min(ratios):.0f} to {max(ratios):.0f} times" in PAGE.read_text(encoding="utf-8")
 
 
-def test_a_block_that_is_not_there_is_refused():
-    with pytest.raises(ValueError, match="0 blocks `machine`"):
-        hook.renewed("nothing")
+def test_methods_that_locate_events_are_always_right_and_fixed_steps_lose_their_order():
+    for method in ("exact", "taylor", "heyoka"):
+        assert {*FAILURES[method]} <= {"right", "refused"}
+    rk4 = POINTS[(POINTS.line == "rk4") & (POINTS.problem == "bouncing")]
+    order, _ = np.polyfit(np.log(rk4.evaluations), -np.log(rk4.state_error), 1)
+    assert order == pytest.approx(1.0, abs=0.3)
 
 
 def test_problems_and_methods_are_those_of_the_code():
-    rows = hook.read("failures")
     names = list(difficult_problems.problems())
-    assert [row["problem"] for row in rows] == names
-    described = " ".join(problem_names for problem_names, _ in hook.DIFFICULTIES.values())
-    assert sorted(described.split()) == sorted(names)
-    problem, *trials = rows[0]
-    assert problem == "problem" and trials == [trial.name for trial in SETTINGS.failures.trials]
-    measured = hook.points()
-    assert {row["problem"] for row in measured} == set(problems.CASES)
+    assert [*FAILURES.problem] == names
+    assert sorted(" ".join(evidence.DIFFICULTIES.values()).split()) == sorted(names)
+    assert [*FAILURES.columns[1:]] == [trial.name for trial in SETTINGS.failures.trials]
+    assert {*POINTS.problem} == set(problems.CASES)
     # The columns `line` and `knob` name the variant of a method and its accuracy parameter.
-    measured_settings = {(row["line"], row["knob"]) for row in measured}
+    measured_settings = {*zip(POINTS.line, POINTS.knob.fillna(""), strict=True)}
     for method in work_precision.LIBRARY_METHODS:
         for variant, parameter, _ in work_precision.method_settings(method):
             assert (variant.label, parameter) in measured_settings
@@ -46,12 +57,12 @@ def test_verdicts_on_the_exact_method_are_the_golden_ones():
     with xr.open_dataset(GOLDEN / "failures.nc") as golden:
         meanings = golden.verdict.attrs["flag_meanings"].split()
         codes = golden.verdict.sel(trial="exact").values
-    assert [row["exact"] for row in hook.read("failures")] == [meanings[int(k)] for k in codes]
+    assert [*FAILURES.exact] == [meanings[int(k)] for k in codes]
 
 
 @pytest.mark.parametrize("scene", SETTINGS.scenes)
 def test_models_are_the_golden_ones(scene):
     with xr.open_dataset(GOLDEN / f"models/{scene}.nc") as golden:
         chosen = golden.chosen.item()
-    rows = {row["model"]: row for row in hook.read("models") if row["scene"] == scene}
-    assert rows[chosen]["chosen"] == "yes"
+    rows = MODELS[(MODELS.scene == scene) & (MODELS.chosen == "yes")]
+    assert [*rows.model] == [chosen]

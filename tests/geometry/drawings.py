@@ -2,48 +2,50 @@
 
 import math
 
-from gearlib.geometry import Material, Mesh, Rack, SpurGear
+from gearlib.geometry import GearStage, Material, Rack, SpurGear
 
 
 def iso_example(**changes):
     """ISO/TR 6336-30:2017, example 1, with the tip diameters to the 10 um of a drawing."""
     common = {"module": 8e-3, "helix_angle": math.radians(15.8), "width": 0.1, "rack": "D"}
     pinion = SpurGear(teeth=17, shift=0.145, tip_diameter=0.15966, **common | changes)
-    return Mesh(pinion, SpurGear(teeth=103, tip_diameter=0.87235, **common | changes), 0.5)
+    return GearStage(pinion, SpurGear(teeth=103, tip_diameter=0.87235, **common | changes), 0.5)
 
 
 def fzg_c(**changes):
     """FZG type C, with a shaft of 30 mm; see the worked example of the documentation."""
     common = {"module": 4.5e-3, "width": 0.014, "bore": 0.03} | changes
     pinion = SpurGear(teeth=16, shift=0.1817, tip_diameter=0.08246, **common)
-    return Mesh(pinion, SpurGear(teeth=24, shift=0.1715, tip_diameter=0.11836, **common), 0.0915)
+    return GearStage(
+        pinion, SpurGear(teeth=24, shift=0.1715, tip_diameter=0.11836, **common), 0.0915
+    )
 
 
 def gears_of_20_teeth(**changes):
     """Return the mesh z 20/20, m 10 mm, b 30 mm, E 200 GPa, a common example of backlash."""
     values = {"teeth": 20, "module": 0.01, "width": 0.03, "material": Material(young=200e9)}
     gear = SpurGear(**values | changes)
-    return Mesh(gear, gear)
+    return GearStage(gear, gear)
 
 
 def high_contact_ratio_mesh():
     """Return a mesh of slender teeth, of which two or three pairs touch at a time."""
     rack = Rack(addendum=1.35, dedendum=1.6, tip_radius=0.2)
     gear = SpurGear(teeth=50, module=4e-3, width=0.02, rack=rack)
-    return Mesh(gear, gear)
+    return GearStage(gear, gear)
 
 
 def ring(**changes):
     """A planet and a ring gear of standard proportions."""
     gear = SpurGear(teeth=36, module=4e-3, width=0.03)
     other = {"teeth": 99, "outer_diameter": 0.44, "internal": True} | changes
-    return Mesh(gear, SpurGear(module=4e-3, width=0.03, **other))
+    return GearStage(gear, SpurGear(module=4e-3, width=0.03, **other))
 
 
 def short_teeth(hands=(1, 1), **changes):
     """Return a helical mesh with eps_alpha 0.82 and eps_beta 2.9; `hands` are signs of angles."""
     common = {"module": 3e-3, "width": 0.08, "rack": Rack(addendum=0.5)} | changes
-    return Mesh(
+    return GearStage(
         *(
             SpurGear(teeth=z, helix_angle=s * 0.35, **common)
             for z, s in zip((25, 60), hands, strict=True)
@@ -54,4 +56,4 @@ def short_teeth(hands=(1, 1), **changes):
 def own(**changes):
     """z 23/61, m 2.5 mm, b 18 mm: gears of a reader of the documentation."""
     pinion, wheel = (SpurGear(teeth=z, module=2.5e-3, width=0.018, **changes) for z in (23, 61))
-    return Mesh(pinion, wheel, backlash=80e-6)
+    return GearStage(pinion, wheel, backlash=80e-6)

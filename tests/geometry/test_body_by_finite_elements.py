@@ -8,7 +8,7 @@ import skfem
 from scipy.sparse.linalg import splu
 from skfem.models.elasticity import linear_elasticity
 
-from gearlib.geometry import Material, Mesh, Rack, SpurGear
+from gearlib.geometry import GearStage, Material, Rack, SpurGear
 from gearlib.models.geometry.mesh_stiffness import Tooth
 
 #: Elements across a tooth, across a gap, from bore to root, along a fillet, and along a flank in
@@ -108,7 +108,7 @@ def test_shared_compliance_is_that_of_finite_elements(teeth, module, bore, rack,
     """
     material = Material(young=1.0, poisson=POISSON)
     common = {"module": module, "width": 1.0, "rack": rack, "material": material}
-    mesh = Mesh(*(SpurGear(teeth=z, bore=bore, **common) for z in teeth))
+    mesh = GearStage(*(SpurGear(teeth=z, bore=bore, **common) for z in teeth))
     tooth = Tooth(mesh.pinion, mesh.width)
     start, end = np.array(mesh.path) / tooth.base_radius
     # A neighbouring pair touches one base pitch further on, where phi is 2 pi / z larger.

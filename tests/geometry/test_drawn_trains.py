@@ -7,7 +7,7 @@ import pytest
 
 import gearlib
 from gearlib import Body, GearPair, GearTrain
-from gearlib.geometry import Mesh, SpurGear, TipRelief, iso_stiffness, planetary_set
+from gearlib.geometry import GearStage, SpurGear, TipRelief, iso_stiffness, planetary_set
 from gearlib.models.geometry.gear import inv
 from tests.geometry.drawings import fzg_c
 
@@ -31,11 +31,11 @@ def test_a_planetary_set_has_the_numbers_of_its_drawing():
     # A third of the torque on each sun mesh; the planets pass the force on.
     expected = 100.0 / (sun.base_diameter / 2.0)
     np.testing.assert_allclose(found.mesh_force, expected, rtol=1e-9)
-    pair = GearPair.from_geometry(Mesh(sun, planet), torque=100.0, damping_ratio=0.05)
+    pair = GearPair.from_geometry(GearStage(sun, planet), torque=100.0, damping_ratio=0.05)
     mesh = train.meshes[0]
     for name in ("max_stiffness", "stiffness_ratio", "contact_ratio", "material_damping"):
         assert getattr(mesh, name) == pytest.approx(getattr(pair, name), rel=1e-12), name
-    inner = Mesh(planet, ring).stiffness("iso", torque=100.0 * 36 / 27)
+    inner = GearStage(planet, ring).stiffness("iso", torque=100.0 * 36 / 27)
     assert train.meshes[-1].mean_stiffness == pytest.approx(inner.mean_stiffness, rel=1e-12)
     assert train.meshes[-1].internal and not mesh.internal
     # Steady state by Willis: the torque of the carrier is the sun's times 1 + z_r / z_s.
@@ -44,7 +44,7 @@ def test_a_planetary_set_has_the_numbers_of_its_drawing():
 
 def test_a_pair_as_a_train_of_drawn_gears():
     drawn = fzg_c()
-    mesh = Mesh(drawn.pinion, drawn.wheel, drawn.centre_distance, backlash=1e-4)
+    mesh = GearStage(drawn.pinion, drawn.wheel, drawn.centre_distance, backlash=1e-4)
     options = {"torque": 302.0, "damping_ratio": 0.06, "backlash_damping_ratio": 0.01}
     pair = GearPair.from_geometry(mesh, **options)
     pinion = Body.from_gear(mesh.pinion, "pinion", torque=302.0)
@@ -63,7 +63,7 @@ def test_a_pair_as_a_train_of_drawn_gears():
 def pair_train(gears, torque=85.0, centre_distance=None, driving=None, **options):
     """Return the train of two gears given by geometry, with a damping ratio of 0.05."""
     names = "pinion", "wheel"
-    mesh = Mesh(*gears, centre_distance, backlash=80e-6)
+    mesh = GearStage(*gears, centre_distance, backlash=80e-6)
     sign = -1.0 if mesh.wheel.internal else 1.0
     torques = torque, sign * torque * gears[1].teeth / gears[0].teeth
     meshes = gearlib.Mesh.from_geometry(
@@ -117,7 +117,7 @@ def test_the_transmission_error_is_that_of_a_separate_sum():
     """Bodies of ISO 6336 share q / (1 + 3 n), so that each pair adds a spring of its own."""
     relief, load = TipRelief(amount=12e-6, length=1.5e-3), 3000.0
     pinion, wheel = spur(23, tip_relief=relief)[0], spur(61)[0]
-    mesh = Mesh(pinion, wheel)
+    mesh = GearStage(pinion, wheel)
     train = pair_train((pinion, wheel), load * pinion.base_diameter / 2.0, stiffness="iso")
     stiffness = iso_stiffness(mesh).single * 1e9 * mesh.width * 7.0 / 6.0  # two pairs share a body
     start, end = mesh.path
@@ -153,12 +153,12 @@ def test_the_transmission_error_is_that_of_a_separate_sum():
 @pytest.mark.parametrize("torque", [85.0, -85.0])
 def test_gears_at_rest_follow_the_transmission_error_of_pairs_of_teeth(torque):
     gears = spur(23, 61)
-    mesh = Mesh(*gears, backlash=80e-6)
+    mesh = GearStage(*gears, backlash=80e-6)
     pair = gearlib.LoadSharingPair.from_geometry(mesh, torque=85.0, damping_ratio=0.05).at_load()
     table = pair.load / np.array(pair.profile.stiffness)  # there is none without a load
     train, name = pair_train(gears, torque), "pinion-wheel"
     # On the coast side the wheel drives, and the pairs move the other way.
-    sign, lag = (1.0, train.phases) if torque > 0.0 else (-1.0, train.inverse_phases)
+    sign, lag = (1.0, train.phases) if torque > 0.0 else (-1.0, train.coast_phases)
     phases = np.linspace(0.0, math.tau, 24, endpoint=False)
     approach = [
         sign * float(train.static(phase).body_displacement.sel(axis="rotation").sum())
@@ -200,7 +200,7 @@ def test_a_mirror_image_of_two_meshes_has_the_same_dynamic_factors():
         names = "a", "b", "c"
         meshes = [
             gearlib.Mesh.from_geometry(
-                Mesh(*gears[i : i + 2], backlash=80e-6),
+                GearStage(*gears[i : i + 2], backlash=80e-6),
                 *names[i : i + 2],
                 torque=torque * gears[i].teeth / 23,
                 damping_ratio=0.05,
@@ -234,4 +234,4 @@ def test_phasing_is_that_of_the_transmission_error():
 
 def test_teeth_need_a_torque():
     with pytest.raises(ValueError, match=r"^torque is missing: it must be given in N m for the"):
-        gearlib.Mesh.from_geometry(Mesh(*spur(23, 61)), "pinion", "wheel")
+        gearlib.Mesh.from_geometry(GearStage(*spur(23, 61)), "pinion", "wheel")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gearlib.geometry import Mesh, SpurGear, dynamic_factor, iso_stiffness
+from gearlib.geometry import GearStage, SpurGear, dynamic_factor, iso_stiffness
 from tests.geometry.drawings import fzg_c, iso_example
 
 
@@ -77,5 +77,5 @@ def test_deviations_by_quality():
     assert fine.form_deviation == pytest.approx(7.2e-6, rel=1e-12)
     assert coarse.pitch_deviation == pytest.approx(4.0 * fine.pitch_deviation, rel=1e-12)
     # The larger one of both gears counts.
-    found = dynamic_factor(Mesh(fine, coarse), 100.0, 1000.0)
+    found = dynamic_factor(GearStage(fine, coarse), 100.0, 1000.0)
     assert found.form_deviation == pytest.approx(0.925 * coarse.form_deviation, rel=1e-12)

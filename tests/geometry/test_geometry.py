@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib import LoadSharingPair
-from gearlib.geometry import Mesh, SpurGear, Web
+from gearlib.geometry import GearStage, SpurGear, Web
 from tests.geometry.drawings import gears_of_20_teeth, ring, short_teeth
 
 COSINE = math.cos(math.radians(20.0))
@@ -17,10 +17,10 @@ def test_thickness_allowances_open_backlash_along_the_line_of_action():
     # Gears without play get the least backlash of ISO/TR 10064-2, 2/3 (0.06 + 0.1 + 0.3) mm.
     assert tight.has_recommended_backlash
     assert tight.backlash == pytest.approx(0.46e-3 / 1.5, rel=1e-12)
-    assert Mesh(tight.pinion, tight.wheel, backlash=0.0).backlash == 0.0
+    assert GearStage(tight.pinion, tight.wheel, backlash=0.0).backlash == 0.0
     loose = gears_of_20_teeth(thickness_allowance=-5e-5)
     assert loose.backlash == pytest.approx(2.0 * 5e-5 * COSINE, rel=1e-9)
-    assert Mesh(loose.pinion, loose.wheel, backlash=3e-5).backlash == 3e-5
+    assert GearStage(loose.pinion, loose.wheel, backlash=3e-5).backlash == 3e-5
     assert ring(thickness_allowance=-5e-5).backlash == pytest.approx(5e-5 * COSINE, rel=1e-9)
 
 
@@ -29,7 +29,7 @@ def test_clearances_are_gaps_between_tip_and_root():
     gears = (
         SpurGear(teeth=z, module=4e-3, width=0.02, shift=x) for z, x in ((25, 0.2), (60, -0.2))
     )
-    assert Mesh(*gears).clearances == pytest.approx((1e-3, 1e-3), abs=1e-15)
+    assert GearStage(*gears).clearances == pytest.approx((1e-3, 1e-3), abs=1e-15)
     mesh = ring()
     tip = (mesh.wheel.tip_diameter - mesh.pinion.root_diameter) / 2.0 - mesh.centre_distance
     assert mesh.clearances == pytest.approx((1e-3, tip), abs=1e-12)
@@ -77,7 +77,7 @@ def test_helices_that_contradict_each_other_are_refused(angles, internal):
         for z, angle in zip((25, 80), angles, strict=True)
     )
     with pytest.raises(ValueError, match=rf"^wheel.helix_angle = {angles[1]} .* pinion, 0\.3"):
-        Mesh(pinion, wheel)
+        GearStage(pinion, wheel)
 
 
 def test_a_total_contact_ratio_below_1_is_refused():

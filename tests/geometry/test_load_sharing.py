@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, nnls
 
-from gearlib.geometry import Mesh, PathTable, Rack, SpurGear, TipRelief, optimum_relief
+from gearlib.geometry import GearStage, PathTable, Rack, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.load_sharing import ToothPairs
 from gearlib.models.geometry.mesh_stiffness import energy_stiffness
 from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example, ring
@@ -101,7 +101,7 @@ def test_no_relief_of_a_grid_is_better_than_the_optimum(length, spans):
 def test_optimum_relief_is_the_best_of_its_family(teeth, module, width, torque, shape, least):
     rack = Rack(addendum=1.3, dedendum=1.55, tip_radius=0.1) if teeth[0] == 40 else "A"
     common = {"module": module, "width": width, "rack": rack}
-    mesh = Mesh(*(SpurGear(teeth=abs(z), internal=z < 0, **common) for z in teeth))
+    mesh = GearStage(*(SpurGear(teeth=abs(z), internal=z < 0, **common) for z in teeth))
     relieved = optimum_relief(mesh, torque, shape=shape, coupling=1.0)
     found = relieved.transmission_error(torque, coupling=1.0)
     assert found.peak_to_peak_error.item() <= 1.02e-6 * least

@@ -12,7 +12,7 @@ from scipy.optimize import nnls
 
 from gearlib import GearPair, LoadSharingPair, duty_point, simulate
 from gearlib.data.status import JAMMED
-from gearlib.geometry import Mesh, PathTable, SpurGear, TipRelief, optimum_relief
+from gearlib.geometry import GearStage, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.load_sharing import corner_gap, pairs_at, tooth_pairs
 from tests.geometry.drawings import (
@@ -45,8 +45,8 @@ def test_without_relief_it_is_the_gear_pair_of_the_standard(mesh):
     for name in ("acceleration", "dynamic_force", "modified_stiffness"):
         away = np.abs(ours[name] - theirs[name]) > 1e-9 * np.abs(theirs[name]).max()
         assert int(away.sum()) <= 2, name
-    names = ["dynamic_force_max", "displacement_min", "fraction_normal", "bounces"]
-    for name in names + ["fraction_inverse"] * (mesh.backlash < 1e-5):
+    names = ["dynamic_force_max", "displacement_min", "fraction_drive", "bounces"]
+    for name in names + ["fraction_coast"] * (mesh.backlash < 1e-5):
         assert ours[name].item() == pytest.approx(theirs[name].item(), abs=1e-11), name
 
 
@@ -86,7 +86,7 @@ def test_pairs_that_share_a_body_against_scipy(corners):
         motion = solve_ivp(rates, (left, right), state, "DOP853", rtol=1e-9, atol=1e-10)
         state = motion.y[:, -1]
     run = simulate(model, tuning, periods=1, initial_state=(-0.5, 1.5))
-    end, share = run.final_state.values * [1.0, tuning], run.fraction_backlash
+    end, share = run.final_state.values * [1.0, tuning], run.contact_loss_fraction
     # Steps across the events of pairs, which the step control makes small.
     np.testing.assert_allclose(end, state, atol=1e-7)
     assert 0.0 < share.max() < 1.0
@@ -95,7 +95,7 @@ def test_pairs_that_share_a_body_against_scipy(corners):
 def spur(helix_angle=0.0, relief=None, width=32e-3):
     common = {"module": 4e-3, "width": width, "helix_angle": helix_angle, "tip_relief": relief}
     gears = SpurGear(teeth=19, shift=0.3, **common), SpurGear(teeth=47, **common)
-    return Mesh(*gears, backlash=120e-6)
+    return GearStage(*gears, backlash=120e-6)
 
 
 @pytest.mark.parametrize("mesh", [fzg_c(), ring()])
@@ -129,7 +129,7 @@ def test_a_corner_leaves_the_flank_by_the_gap(mesh, end):
 
 BUMP = PathTable(tuple(np.linspace(*spur().path, 5)), (0.0, 0.0, 6e-6, 0.0, 0.0))
 RELIEF = TipRelief(amount=15e-6, length=2e-3)
-#: Mesh, torque and options.
+#: GearStage, torque and options.
 SLOW = {
     "spur": (spur(), 210.0, {}),
     "relieved": (spur(relief=RELIEF), 210.0, {"stiffness": "iso"}),
@@ -223,7 +223,7 @@ def test_teeth_too_thick_for_the_backlash_jam(backlash, jams):
     # A constant stiffness of each pair of teeth, without a shared body.
     model = LoadSharingPair(
         pair=GearPair.from_geometry(drawing, **OPTIONS),
-        drawing=drawing,
+        stage=drawing,
         stiffness=PathTable((0.0,), (3e8,)),
         pitch_errors=(0.0, -8e-6, 0.0),
         **ON_PATH,
@@ -233,7 +233,7 @@ def test_teeth_too_thick_for_the_backlash_jam(backlash, jams):
         run = simulate(model, 0.3, periods=9, record_periods=record)
         assert int(run.status) == (JAMMED if jams else 0)
     # The thick tooth touches at -8 um under a light load: beyond the coast side.
-    loose = replace(model, drawing=fzg_c(), pair=model.pair.replace(backlash=FAR))
+    loose = replace(model, stage=fzg_c(), pair=model.pair.replace(backlash=FAR))
     run = simulate(loose, 0.3, periods=9, record_periods=9)
     deepest = float(run.displacement_min) * model.static_deflection
     assert (deepest < -backlash) == jams

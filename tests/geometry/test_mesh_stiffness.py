@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from gearlib import GearPair
-from gearlib.geometry import Mesh, SpurGear, iso_stiffness, mesh_stiffness
+from gearlib.geometry import GearStage, SpurGear, iso_stiffness, mesh_stiffness
 from gearlib.models.geometry.mesh_stiffness import PairCompliance, Tooth, energy_stiffness
 from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example, ring, short_teeth
 
@@ -165,7 +165,7 @@ def test_bodies_share_the_compliance_of_finite_elements(
         SpurGear(teeth=z, module=module, width=0.02, bore=bore)
         for z, bore in zip(teeth, bores, strict=True)
     )
-    mesh = Mesh(*gears)
+    mesh = GearStage(*gears)
     stiffness = mesh_stiffness(mesh, "energy", coupling=None)
     assert stiffness.stiffness_ratio == pytest.approx(expected, abs=0.002)
     # Without the twist the beam model of the tooth, too compliant, has more weight.
@@ -189,10 +189,10 @@ def test_pairs_far_apart_share_less_and_never_more_than_a_body_gives():
 def test_the_twist_of_each_gear_counts_by_itself():
     gears = [SpurGear(teeth=z, module=3e-3, width=0.02, bore=b) for z, b in ((30, 0.03), (40, 0.0))]
     pinion, none, wheel, both = (
-        mesh_stiffness(Mesh(*gears), "energy", twist=twist).mean_stiffness
+        mesh_stiffness(GearStage(*gears), "energy", twist=twist).mean_stiffness
         for twist in ((True, False), (False, False), (False, True), True)
     )
     # The wheel has no bore about which it could twist.
     assert pinion == both < none == wheel
     with pytest.raises(ValueError, match="^twist = .* must be one of False, True, or two of them"):
-        mesh_stiffness(Mesh(*gears), "energy", twist=(True,))
+        mesh_stiffness(GearStage(*gears), "energy", twist=(True,))

@@ -8,7 +8,7 @@ import pytest
 
 import gearlib
 from gearlib import Body, GearTrain, Shaft
-from gearlib.geometry import Mesh, SpurGear, planetary_set
+from gearlib.geometry import GearStage, SpurGear, planetary_set
 from tests.geometry.teeth import MODULE, Flanks, Gear, Machine, axis_distance
 from tests.independent import equations
 from tests.independent.systems import describe, system_of
@@ -22,9 +22,10 @@ def drawing_of(gear):
 
 
 def drawn_mesh(gears, mesh):
-    """Return the `gearlib.geometry.Mesh` of a mesh of a `Machine`, a ring gear as the wheel."""
+    """Return the `gearlib.geometry.GearStage` of a mesh of a `Machine`, a ring gear as the
+    wheel."""
     names = sorted(mesh[:2], key=lambda name: gears[name].internal)
-    return Mesh(*(drawing_of(gears[name]) for name in names), mesh[2])
+    return GearStage(*(drawing_of(gears[name]) for name in names), mesh[2])
 
 
 def random_machine(rng):
@@ -100,7 +101,7 @@ def assert_same_phases(train, machine):
     """Assert that phases and speeds of a train are those of the `Machine`, mesh by mesh."""
     drive, coast = ([machine.phase(mesh, side) for mesh in machine.meshes] for side in (0, 1))
     assert phase_difference([*train.phases.values()], drive) < 1e-9
-    assert phase_difference([*train.inverse_phases.values()], coast) < 1e-9
+    assert phase_difference([*train.coast_phases.values()], coast) < 1e-9
     pitch = [machine.pitch_phase(mesh) for mesh in machine.meshes]
     assert phase_difference([*train.pitch_phases.values()], pitch, math.tau) < 1e-9
     for name, speed in machine.speed.items():
@@ -161,7 +162,7 @@ def test_phases_are_those_of_teeth_placed_one_by_one(seed):
     # Driven backwards by the same flanks, it has the opposite phases.
     turned = math.copysign(1.0, machine.speed[meshes[0][1]])
     reverse = train_of(Machine(gears, exchanged(meshes), shafts, -turned), rng)
-    for name in ("phases", "inverse_phases"):
+    for name in ("phases", "coast_phases"):
         phases, opposite = (list(getattr(one, name).values()) for one in (train, reverse))
         assert phase_difference(phases, [-phase for phase in opposite]) < 1e-9
 
@@ -291,8 +292,8 @@ def test_given_phase_decouples_the_phases_on_both_sides_of_a_mesh():
     assert given(b=0.35) == pytest.approx([0.0, 0.35, 0.0], abs=1e-12)
     assert given(a=0.2, b=0.35, c=1.6) == pytest.approx([0.2, 0.35, 0.6], abs=1e-12)
     # Without a thickness the coast side has the phase of the drive side, unless it is given.
-    coast = train.replace(meshes=[dataclasses.replace(meshes[0], inverse_phase=1.25), *meshes[1:]])
-    assert coast.inverse_phases == train.phases | {"a-b": 0.25}
+    coast = train.replace(meshes=[dataclasses.replace(meshes[0], coast_phase=1.25), *meshes[1:]])
+    assert coast.coast_phases == train.phases | {"a-b": 0.25}
 
 
 def test_driving_gear_of_one_mesh_decides_for_all():

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gearlib.geometry import Material, Mesh, SpurGear, Web, dynamic_factor, iso_stiffness
+from gearlib.geometry import GearStage, Material, SpurGear, Web, dynamic_factor, iso_stiffness
 from gearlib.models.geometry.mesh_stiffness import _BODY_COEFFICIENTS, PairCompliance, Tooth
 from tests.geometry.drawings import iso_example
 
@@ -29,7 +29,7 @@ def third_stage(allowances=(0.0, 0.0), distance=0.861, **changes):
                  **HELICAL | changes)
         for (z, x, tip, bore), allowance in zip(numbers, allowances, strict=True)
     )  # fmt: skip
-    return Mesh(pinion, wheel, distance)
+    return GearStage(pinion, wheel, distance)
 
 
 def third_stage_with_web(**changes):
@@ -46,7 +46,7 @@ def planetary_meshes():
     sun = SpurGear(teeth=19, shift=0.6170, tip_diameter=0.978808, bore=0.48233, **common)
     planet = SpurGear(teeth=17, shift=0.8021, tip_diameter=0.905470, bore=0.40899, **common)
     ring = SpurGear(teeth=56, shift=-0.5013, tip_diameter=2.475118, internal=True, **common)
-    return Mesh(sun, planet, 0.863), Mesh(planet, ring, 0.863)
+    return GearStage(sun, planet, 0.863), GearStage(planet, ring, 0.863)
 
 
 def test_example_1_of_the_standard():
@@ -132,7 +132,7 @@ def test_stiffness_after_iso_6336():
         assert found.mean * BLANK == pytest.approx(mean, abs=1e-3)
     # Of equal numbers of teeth the larger shift counts as the first gear.
     equal = [SpurGear(teeth=30, module=3e-3, width=0.02, shift=x) for x in (0.4, 0.1)]
-    assert iso_stiffness(Mesh(*equal)) == iso_stiffness(Mesh(*equal[::-1]))
+    assert iso_stiffness(GearStage(*equal)) == iso_stiffness(GearStage(*equal[::-1]))
 
 
 def test_from_class_6_on_relief_does_not_count_in_the_dynamic_factor():
@@ -168,7 +168,7 @@ def test_energy_method_of_ross():
     tip = 0.25 / (1.0 - sine)
     rack = replace(SpurGear(teeth=62, module=2e-3, width=0.02).rack, tip_radius=tip)
     gear = SpurGear(teeth=62, module=2e-3, width=0.02, bore=bore, rack=rack)
-    mesh, tooth = Mesh(gear, gear), Tooth(gear, 0.02)
+    mesh, tooth = GearStage(gear, gear), Tooth(gear, 0.02)
     theta = (math.pi / 2.0 + 2.0 * sine / cosine * (1.0 - tip) + 2.0 * tip / cosine) / 62.0
     h = gear.root_diameter / bore
     L, M, P, Q = _BODY_COEFFICIENTS @ np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
@@ -200,7 +200,7 @@ def mesh_of(teeth, shifts, tips=(None, None), distance=None, degrees=0.0, module
         SpurGear(teeth=z, shift=x, tip_diameter=tip and tip / 1e3, **common)
         for z, x, tip in zip(teeth, shifts, tips, strict=True)
     )
-    return Mesh(pinion, wheel, distance and distance / 1e3)
+    return GearStage(pinion, wheel, distance and distance / 1e3)
 
 
 def geometry_of(mesh):

@@ -53,7 +53,7 @@ TOLERANCES = {
     # models; the change against that model is one of two of the four.
     ("models/fig8_*", "value"): Tolerance(1e-4, 1e-9, exceptions=0.25),
     ("models/fig8_*", "change"): Tolerance(1e-4, 1e-9, exceptions=0.5),
-    # Oil damps in the backlash alone: motions settle slowly or never.
+    # Oil damps in free flight alone: motions settle slowly or never.
     ("nonlinear_damping/oil_*", "period jump jump_size peak peak_tuning lost_from lost_to"): (
         Tolerance(0.05, 0.0, exceptions=0.1)
     ),

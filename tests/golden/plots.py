@@ -126,7 +126,7 @@ def measured_orders():
     pairs = {"true": PAPER, "damped": PAPER.replace(material_damping=8e3)}
     with tempfile.TemporaryDirectory() as folder:
         path = _write_set(folder, rig, columns)
-        orders = study.run_up_orders(path, {name: pair.as_dict() for name, pair in pairs.items()})
+        orders = study.run_up_orders(path, pairs)
     return measured_figure.draw_orders([orders], colours={"true": "#AA3377"})
 
 
@@ -140,7 +140,7 @@ def measured_courses():
     span = {"periods": 240, "record_periods": 24, "samples_per_period": 32}
     with tempfile.TemporaryDirectory() as folder:
         path = _write_set(folder, data, columns, conditions={"one": speed})
-        courses = study.time_history_harmonics(path, {"true": PAPER.as_dict()}, span)
+        courses = study.time_history_harmonics(path, {"true": PAPER}, span)
     return measured_figure.draw_courses([courses])
 
 

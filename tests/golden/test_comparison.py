@@ -9,7 +9,7 @@ from tests.golden import data
 
 def sweep_up():
     """Return a sweep of four tunings, whose third motion has no period."""
-    names = ("displacement_max", "fraction_backlash")
+    names = ("displacement_max", "contact_loss_fraction")
     values = {name: ("tuning", np.array([0.1, 0.2, 0.3, 0.4])) for name in names}
     values["period"] = ("tuning", np.array([1, 2, 0, 1]))
     coords = {"tuning": [0.5, 0.6, 0.7, 0.8], "direction": "up", "damping": "k1"}
@@ -25,8 +25,8 @@ def sweep_up():
         ("displacement_max", 2, 5.0, False),
         # The motion after one that did not settle.
         ("displacement_max", 3, 5.0, False),
-        ("fraction_backlash", 2, 0.01, False),
-        ("fraction_backlash", 2, 0.6, True),
+        ("contact_loss_fraction", 2, 0.01, False),
+        ("contact_loss_fraction", 2, 0.6, True),
         ("period", 2, 1, True),
     ],
 )

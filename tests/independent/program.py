@@ -104,7 +104,7 @@ class Motion:
             #: by contact values among which are the extrema
             heights=[[] for _ in contacts],
             forces=[[] for _ in contacts],
-            #: of normal contact (code 1), backlash (0), inverse contact (-1), the lower stiffness
+            #: of contact codes 1 (drive side), 0 and -1 (coast side), and of the lower stiffness
             durations=[[0, 0, 0, 0] for _ in contacts],
         )
         self.state, crossed = [equations.context.mpf(x) for x in state], None

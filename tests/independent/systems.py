@@ -24,7 +24,7 @@ def describe(model):
     if not dataclasses.is_dataclass(model):
         return model
     kind, names = type(model).__name__, [field.name for field in dataclasses.fields(model)]
-    names += ["phases", "inverse_phases"] if kind == "GearTrain" else []
+    names += ["phases", "coast_phases"] if kind == "GearTrain" else []
     return {"kind": kind} | {name: describe(getattr(model, name)) for name in names}
 
 
@@ -162,7 +162,7 @@ def _six_degrees(model, tuning, context):
     waves = run_out + harmonics(model["deviation"])
     sides = [laws | {"row": drive, "waves": waves, "friction": friction[0]}]
     if context.isfinite(pair["backlash"]):
-        waves = ([] if moving else run_out) + harmonics(model["inverse_deviation"])
+        waves = ([] if moving else run_out) + harmonics(model["coast_deviation"])
         laws |= {"waves": waves, "friction": friction[1], "constant": pair["backlash"]}
         sides.append(laws | {"row": coast if moving else drive})
     system.add_contact(sides, [pair["backlash_damping"], 0, 0], across=across)

@@ -153,7 +153,7 @@ class Train(System):
         slides = leads * (1 if first > second else -1)
         across, *distances = self.distances(mesh, ends)
         rate = self.context.mpf(abs(self.speeds[pinion]) * self.bodies[pinion]["teeth"])
-        shifts = self.model["phases"][name], self.model["inverse_phases"][name]
+        shifts = self.model["phases"][name], self.model["coast_phases"][name]
         pitch = mesh["pitch_phase"] / (2 * context.pi)
         pitch = shifts[0] + (pitch if _pinion_drives(mesh, self.speeds) else -pitch)
         # The coast flank follows the drive flank by the thickness of the leading tooth, or by the
@@ -162,7 +162,7 @@ class Train(System):
         thickness = thickness[::-1] if mesh["internal"] else thickness
         pitches = pitch, pitch + leads * (thickness[0] + 1 - thickness[1]) / 2
         sides = []
-        for i, deviation in enumerate(("deviation", "inverse_deviation")):
+        for i, deviation in enumerate(("deviation", "coast_deviation")):
             row, constant, waves = distances[i == 1 and mesh["moving_backlash"]]
             for n, a, b in harmonics(mesh[deviation]):
                 # Harmonics of both sides begin at the phase of the drive side.

@@ -120,7 +120,7 @@ def test_a_branch_over_another_parameter_ends_at_the_orbit_of_the_changed_pair(n
 def test_the_end_of_a_locus_is_a_labelled_point_of_the_branch_of_the_changed_pair(up, label):
     # The locus of the second grazing ends at a tuning between 0.76 and 0.84.
     point = int(np.flatnonzero(up.label == label)[1 if label == GRAZING else 0])
-    # The locus starts at 0, the lower bound of the damping in the backlash.
+    # The locus starts at 0, the lower bound of the damping in free flight.
     curve = locus(MATERIAL, up, point, "backlash_damping", to=0.03)
     assert float(curve.backlash_damping[-1]) == 0.03 and curve.attrs["ended"] == "at its goal"
     assert float(curve.tuning[0]) == pytest.approx(float(up.tuning[point]), abs=PLACE)

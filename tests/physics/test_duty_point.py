@@ -41,7 +41,7 @@ def test_a_train_of_coprime_stages_is_recorded_over_its_whole_cycle_without_the_
     np.testing.assert_allclose(duty.peak_force_ratio, run.peak_force_ratio, rtol=1e-6)
     assert duty.settled == 1 and duty.record_periods == train.repeats <= duty.transient_periods
     # The second stage drives on its coast side.
-    assert duty.static_force[1] < 0.0 and (duty.lost_share == 0.0).all()
+    assert duty.static_force[1] < 0.0 and (duty.contact_loss_fraction == 0.0).all()
 
 
 def test_a_transient_that_is_cut_off_is_named_with_what_is_left_of_it():

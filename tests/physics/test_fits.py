@@ -25,7 +25,7 @@ SUN, PIN = "max_stiffness of mesh sun 1", "offset of body planet 1, y"
 
 
 def course(pair):
-    """Return a speed profile up through the resonance in half a second, and down again."""
+    """Return a speed course up through the resonance in half a second, and down again."""
     low, high = pair.speed(0.6), pair.speed(1.0)
     return [(0.0, low), (0.5, high), (1.0, low)]
 

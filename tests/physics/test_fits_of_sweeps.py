@@ -17,7 +17,7 @@ FREE = {"material_damping": (1000.0, 9000.0), "reduced_mass": (2.6, 3.7), "load"
 HEIGHT = ("displacement_max",)
 
 
-def resonance(pair, seed, names=(*HEIGHT, "fraction_backlash"), gain=1.0, count=11):
+def resonance(pair, seed, names=(*HEIGHT, "contact_loss_fraction"), gain=1.0, count=11):
     """Return a resonance curve at so many speeds, up and down, with noise; none if seed is None."""
     rng, tunings = np.random.default_rng(seed), np.linspace(0.6, 1.0, count)
     runs = [
@@ -49,8 +49,8 @@ def test_exact_curves_of_unknown_noise_give_the_truth():
 
 
 def test_an_unknown_gain_hides_the_load():
-    # While the far flank is not struck, lengths are proportional to the load, and shares of time do
-    # not depend on it.
+    # While the coast-side flank is not struck, lengths are proportional to the load, and shares of
+    # time do not depend on it.
     data = resonance(TRUTH, 1, gain=2.5)
     guess = TRUTH.replace(reduced_mass=3.1, load=3200.0)
     fit = gearlib.fit(guess, data, {name: FREE[name] for name in ("reduced_mass", "load")})

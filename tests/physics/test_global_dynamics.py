@@ -16,7 +16,7 @@ from tests.unit.test_whole_periods import event_by_event
 
 
 def gear_pair(damping, oil=None, backlash=4.0, **changed):
-    """Return a pair by its damping ratios, in contact and, if another, in the backlash: `oil`."""
+    """Return a pair by its damping ratios, in contact and, if another, in free flight: `oil`."""
     shape = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879} | changed
     oil = damping if oil is None else oil
     return GearPair.from_ratios(**shape, damping=damping, backlash_damping=oil, backlash=backlash)

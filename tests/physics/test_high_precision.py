@@ -22,11 +22,11 @@ def digits_of(value):
 @pytest.mark.parametrize(
     ("changes", "tuning", "state"),
     [
-        ({"backlash": 4.0, "damping": 0.0}, 0.9, (0.0, 0.0)),  # reaches the far flank
+        ({"backlash": 4.0, "damping": 0.0}, 0.9, (0.0, 0.0)),  # reaches the coast-side flank
         ({"backlash": 1.0, "damping": 2.0, "backlash_damping": 1.0}, 0.3, (-3.0, 1.0)),
         ({"backlash": 0.0, "damping": 0.05}, 0.85, (0.0, -1.5)),  # no play between the flanks
         ({"backlash": math.inf}, 0.9, (0.5, -2.0)),
-        ({"backlash": 4.0}, 0.75, (-4.0, 0.0)),  # from rest on the far flank
+        ({"backlash": 4.0}, 0.75, (-4.0, 0.0)),  # from rest on the coast-side flank
         ({"backlash": 2.0, "contact_ratio": 2.0, "stiffness_ratio": 1.0}, 0.9, (2.0, -2.0)),
     ],
 )

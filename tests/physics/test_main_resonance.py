@@ -103,7 +103,7 @@ def test_the_duty_point_is_that_of_a_settled_run(search):
     assert values["peak_force_ratio"] == pytest.approx(float(point.peak_force_ratio), rel=1e-9)
     assert values["force"] == pytest.approx(float(point.mesh_force_max), rel=1e-9)
     assert values["transmission_error"] == pytest.approx(float(point.error_peak_to_peak), rel=1e-9)
-    assert values["contact_margin"] < 0.0 < float(point.lost_share)
+    assert values["contact_margin"] < 0.0 < float(point.contact_loss_fraction)
 
 
 def test_six_degrees_of_freedom_have_the_special_points_of_their_branch():
@@ -129,7 +129,7 @@ def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
         assert search.evaluate(planetary_set(sign * 1e-7))[0][0] < onset
     speeds = [0.9 * onset, onset - 2.0, onset + 2.0, jump - 4.0, jump + 4.0]
     run = gearlib.sweep(train, speeds=speeds, direction="up", periods=1500, record_periods=1)
-    lost = (run.fraction_normal < 1.0 - FRACTION_TOLERANCE).any("mesh")
+    lost = (run.fraction_drive < 1.0 - FRACTION_TOLERANCE).any("mesh")
     assert lost.values.tolist() == [False, False, True, True, True]
     height = (run.displacement_max - run.displacement_min).max("mesh").values
     assert height[4] > 1.3 * height[3] and height[3] < 1.1 * height[2]

@@ -27,7 +27,7 @@ MESHES = [
 
 
 def mesh(contact_ratio, stiffness_ratio, damping=0.0):
-    """Return a pair without far flank."""
+    """Return a pair without coast-side flank."""
     return GearPair.from_ratios(
         contact_ratio=contact_ratio, stiffness_ratio=stiffness_ratio, damping=damping
     )

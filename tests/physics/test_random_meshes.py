@@ -30,7 +30,7 @@ def random_mesh(rng):
     far = -ratios["backlash"] if math.isfinite(ratios["backlash"]) else 0.0
     state = choose(rng.uniform(-6.0, 4.0), 0.0, far), choose(rng.uniform(-3.0, 3.0), 0.0)
     if rng.random() < 0.25 and ratios["contact_ratio"] > 1.05:
-        # A state that grazes the normal flank: found backwards from a minimum next to it.
+        # A state that grazes the drive-side flank: found backwards from a minimum next to it.
         kappa, eps = ratios["stiffness_ratio"], ratios["contact_ratio"]
         mean = kappa + (1 - kappa) * (eps - 1)
         minimum = float(rng.choice([-1, 1]) * 10 ** rng.uniform(-11, -3))
@@ -82,8 +82,8 @@ def test_a_mesh_that_just_misses_the_far_flank_is_distinguished_from_one_that_hi
     ratios = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": gap}
     pair = GearPair.from_ratios(damping=damping, backlash_damping=damping, **ratios)
     for miss in (1e-3, 1e-6, 1e-9, 1e-12):
-        # Free flight, backwards in time from rest beside the far flank.
+        # Free flight, backwards in time from rest beside the coast-side flank.
         x, v = from_rest(-damping / tuning, 0.0, 1.0 / tuning**2, side * miss - gap, 0.9)
         run = simulate(pair, tuning, periods=1, initial_state=(float(x), -float(v)))
-        # It touches the normal flank (1) next if it misses, and the far flank (-1) if not.
+        # It touches the drive side (1) next if it misses, and the coast side (-1) if not.
         assert int(run.event_to[0]) == side

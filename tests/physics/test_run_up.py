@@ -30,7 +30,7 @@ SIX = GEARS.replace(eccentricities=(0.0, 0.0))
 RUN_OUT = GEARS.replace(
     moving_backlash=False,
     deviation=WAVES["deviation"],
-    inverse_deviation=gearlib.Harmonics((5e-7,)),
+    coast_deviation=gearlib.Harmonics((5e-7,)),
 )
 #: Pairs of teeth with relief, of which every third touches late.
 TEETH = gearlib.LoadSharingPair.from_geometry(
@@ -72,7 +72,7 @@ def test_a_run_up_without_acceleration_is_a_run_at_constant_speed(model, tuning,
     assert np.abs(run_up.event_time.values - times).max(initial=0.0) < 1e-10 * seconds
     if run_up.sizes["revolution"] == 1:
         assert np.abs(run_up.displacement_max[0] / length - run.displacement_max) < 1e-12
-        assert np.abs(run_up.fraction_normal[0] - run.fraction_normal) < 1e-10
+        assert np.abs(run_up.fraction_drive[0] - run.fraction_drive) < 1e-10
         assert np.abs(run_up.bounces[0] - run.bounces) < 1e-10
 
 

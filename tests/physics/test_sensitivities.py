@@ -17,8 +17,8 @@ REFERENCES = Stored("sensitivities")
 #: Variables of a run in the order in which the references have them.
 VARIABLES = (
     "displacement_max displacement_min dynamic_force_max dynamic_force_min event_phase "
-    "event_velocity final_state fraction_backlash fraction_inverse fraction_min_stiffness "
-    "fraction_normal"
+    "event_velocity final_state contact_loss_fraction fraction_coast fraction_min_stiffness "
+    "fraction_drive"
 ).split()
 FULL = ("contact_ratio", "stiffness_ratio", "material_damping", "backlash_ratio", "tuning")
 UNDAMPED = DAMPED.replace(material_damping=0.0, backlash_damping=0.0)

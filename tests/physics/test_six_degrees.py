@@ -10,7 +10,7 @@ MAX_EVENTS = 2000
 
 
 def state_on_far_flank(model, speed):
-    """Return a state on the far flank, (12,), with a speed of the first rotation.
+    """Return a state on the coast-side flank, (12,), with a speed of the first rotation.
 
     Both bearings are displaced, and move, in opposite directions along the line of action.
     """

@@ -29,7 +29,7 @@ def claim_of(certificate):
 
 def assert_wrong_candidates_are_refused(orbit, shift):
     """Assert that candidates are refused which no orbit is near to, one shifted by a state."""
-    twice, has_events = 2 * orbit.period, len(orbit.pattern) > max(1, len(orbit.pair.mesh_names))
+    twice, has_events = 2 * orbit.period, len(orbit.pattern) > max(1, len(orbit.model.mesh_names))
     candidates = [
         (("distance", "contacts", "fold"), {"state": orbit.state + shift}),
         (("period", "contacts"), {"period": twice}),

@@ -55,8 +55,8 @@ FAR = replace(STOP, ground_stiffness=0.3, upper_edge=50.0, lower_edge=-50.0)
 CASES = {
     "two contacts": (MATERIAL, 0.9, None, 1, "stable"),
     "no contact lost": (MATERIAL, 0.7, None, 1, "stable"),
-    "inverse mesh": (pair(damping=0.02, backlash=1.0), 0.7, None, 1, None),
-    "another damping in the backlash": (
+    "coast-side contact": (pair(damping=0.02, backlash=1.0), 0.7, None, 1, None),
+    "another damping in free flight": (
         PAPER.replace(backlash_damping=3953.7), 0.82, None, 1, "stable",
     ),
     "two mesh periods": (pair(damping=0.03, backlash=4.0), 2.0, None, 2, None),

@@ -40,10 +40,10 @@ def chain():
     first |= {"friction": (0.06, 0.04), "pitch_phase": -0.7, "tooth_thickness": (0.53, 0.46)}
     first |= {"deviation": gearlib.Harmonics((1e-6, 5e-7), (3e-7,)), "position": 0.4 - math.pi}
     second = {"pinion": "right", "wheel": "out", "direction": -1, "position": 2.0, "error": 1e-6}
-    second |= {"phase": 0.3, "inverse_phase": 0.55, "material_damping": 1200.0}
+    second |= {"phase": 0.3, "coast_phase": 0.55, "material_damping": 1200.0}
     inverse = gearlib.Harmonics((), (4e-7,))
     meshes = [
-        gearlib.Mesh(inverse_deviation=inverse, **first, **DAMPED_FLANK),
+        gearlib.Mesh(coast_deviation=inverse, **first, **DAMPED_FLANK),
         gearlib.Mesh(**second, **FLANK),
     ]
     shafts = [gearlib.Shaft(bodies=("left", "right"), stiffness=4e5, damping=1.0)]
@@ -108,7 +108,7 @@ def test_orbits_that_cannot_be_proven_are_refused(monkeypatch):
     orbit = gearlib.periodic_orbit(two, 1.0, period=two.repeats)
     assert gearlib.certify(replace(orbit, period=1)).status in ("period", "contacts")
     turning = gearlib.planetary(turning=True, gyroscopic=True)
-    refused = gearlib.certify(replace(orbit, pair=turning))
+    refused = gearlib.certify(replace(orbit, model=turning))
     assert refused.status == "model" and "frame" in refused.message
     monkeypatch.setattr("gearlib.analysis.proofs.path.MAX_ARCS", 10)
     refused = gearlib.certify(orbit)

@@ -9,7 +9,7 @@ from gearlib import GearPair, Harmonics
 UNITS = {
     field: powers
     for powers, fields in {
-        (1, 0, 0): "backlash deviation inverse_deviation base_radii base_radius eccentricities "
+        (1, 0, 0): "backlash deviation coast_deviation base_radii base_radius eccentricities "
         "eccentricity offset error transmission_error",
         (0, 1, 0): "reduced_mass masses mass",
         (2, 1, 0): "inertias inertia",
@@ -31,7 +31,7 @@ NUMBERS = {
     *("stiffness_ratio", "contact_ratio", "teeth", "run_out_phase", "friction", "pitch_phase"),
     *("moving_backlash", "preload", "profile", "name", "bodies", "carrier", "angle"),
     *("eccentricity_phase", "pinion", "wheel", "internal", "position", "pressure_angle"),
-    *("line_of_action", "direction", "phase", "inverse_phase", "tooth_thickness", "reference"),
+    *("line_of_action", "direction", "phase", "coast_phase", "tooth_thickness", "reference"),
     *("carrier_ratio", "gyroscopic", "driving", "keying"),
 }
 

@@ -54,7 +54,7 @@ EVERYTHING = {
     "run_out_phase": 0.9,
     "teeth": (24, 31),
     "deviation": Harmonics((1e-6, 0.5e-6), (0.3e-6,)),
-    "inverse_deviation": Harmonics((0.7e-6,), (0.0, 0.4e-6)),
+    "coast_deviation": Harmonics((0.7e-6,), (0.0, 0.4e-6)),
 }
 #: Everything that a side can have, on both sides: bounces on both within a few periods.
 UNEQUAL = DeadZoneOscillator(
@@ -88,7 +88,7 @@ def gears(bearing, material=0.0, oil=0.0, free=False, share=0.02, **more):
     """Return equal gears on bearings, with the paper's reduced mass.
 
     `bearing` is the stiffness of the bearings, `share` their damping ratio; `material` and `oil`
-    are the damping of the mesh and in the backlash. The reduced mass is that of the turning alone,
+    are the damping of the mesh and in free flight. The reduced mass is that of the turning alone,
     or, `free`, that of gears which also move freely along the line of action.
     """
     torsional = 1.0 / (1.0 / 3.123 - 2.0 / BODY) if free else 3.123
@@ -201,7 +201,7 @@ KNOWN = {
     "pair without damping": Known(UNDAMPED, 0.82, (0.0, 0.0)),
     "pair on both flanks": Known(OTHER, 0.88, (0.3, -2.0)),
     "pair without backlash": Known(DAMPED.replace(backlash=0.0), 0.8, (0.5, -2.0)),
-    "pair without far flank": Known(DAMPED.replace(backlash=math.inf), 0.8, (0.5, -2.0)),
+    "pair without coast-side flank": Known(DAMPED.replace(backlash=math.inf), 0.8, (0.5, -2.0)),
     "quadratic damping": Known(_of(UNDAMPED, **QUADRATIC), 0.9, (1.0, -3.0)),
     "cubic damping": Known(_of(UNDAMPED, **CUBIC), 0.9, (0.0, 0.0)),
     "both dampings": Known(_of(**QUADRATIC, **CUBIC), 0.6, (1.0, -3.0)),
@@ -238,13 +238,15 @@ KNOWN = {
     ),
     "stiff bearings": Known(gears(1e9, 1000.0, 0.0, **EVERYTHING), 0.8, (0.5, 1.0), 8),
     "no preload": Known(gears(1e8, 3953.7, 500.0, preload=False), 0.8, (0.0, 0.0), 8),
-    "far flank at rest": Known(
+    "coast-side flank at rest": Known(
         gears(1e8, 100.0, 0.0, **EVERYTHING, moving_backlash=False), 0.6, (1.0, -4.5), 8
     ),
-    "inverse mesh": Known(
+    "coast-side contact": Known(
         gears(3e9, 1500.0, 300.0, **EVERYTHING, backlash=14e-6), 0.8, (5.0, 0.0), 3
     ),
-    "inverse mesh in oil": Known(gears(3e9, 600.0, 1200.0, backlash=14e-6), 0.8, (5.0, 0.0), 3),
+    "coast-side contact in oil": Known(
+        gears(3e9, 600.0, 1200.0, backlash=14e-6), 0.8, (5.0, 0.0), 3
+    ),
     "unequal gears": Known(GEARS, 0.9, (0.3, -5.0)),
     "chain that settles": Known(CHAIN, 0.8, SETTLING, 3),
     "chain that strikes": Known(CHAIN, 0.7, STRIKING, 2),

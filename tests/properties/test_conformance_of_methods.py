@@ -11,10 +11,12 @@ import pytest
 
 import gearlib
 from gearlib import Fourier, GearPair, OneDegreePair, integrators, simulate, sweep
+from gearlib.engines.summary_columns import COLUMNS
 from tests.paper import PAPER
 from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SPLIT, VARIANTS
 from tests.properties.cases import random_trains_case
 from tests.properties.known_models import CUBIC, KNOWN, UNDAMPED, Known
+from tests.properties.test_summaries import TEETH
 from tests.trains.test_methods import START, bouncing
 
 
@@ -40,7 +42,7 @@ MOTIONS = {
     "rest on the far line": Known(THICK, 0.82, (FAR, 0.0)),
     "both flanks": Known(THICK, 0.9, (-1.0, -6.0), 4),
     "no gap": Known(PAIR.replace(backlash=0.0), 0.8, (0.5, -2.0), 4),
-    "no far flank": Known(PAIR.replace(backlash=math.inf), 0.8, (0.5, -2.0), 4),
+    "no coast-side flank": Known(PAIR.replace(backlash=math.inf), 0.8, (0.5, -2.0), 4),
     "without oil": Known(OIL_FREE, 0.8, (1.0, -3.0)),
     "everything": Known(FULL, 0.8, (1.0, -3.0)),
     "harmonics": Known(OneDegreePair(pair=PAIR, profile=Fourier(3)), 0.8, (1.0, -3.0)),
@@ -85,16 +87,6 @@ def test_a_motion_is_that_of_the_exact_method(method, name):
         np.testing.assert_allclose(run[column], exact[column], rtol=0, atol=atol, err_msg=column)
 
 
-def test_the_motions_meet_all_flanks():
-    codes = {
-        name: set(simulate(case.model, case.tuning, periods=case.periods,
-                           record_periods=case.periods, initial_state=case.state).event_to.values)
-        for name, case in MOTIONS.items()
-    }  # fmt: skip
-    assert codes["bounces"] == {0, 1} and codes["keeps contact"] <= {1}
-    assert all(-1 in codes[name] for name in ("both flanks", "no gap", "train"))
-
-
 RUNS = [(OIL_FREE, method, options) for method, options in VARIANTS if options != SPLIT]
 RUNS += [(THICK, method, {}) for method in sorted({"exact", "heyoka"} & INSTALLED)]
 RUNS += [(OneDegreePair(pair=UNDAMPED, **CUBIC), "taylor", {}), (bouncing(), "rk4", {})]
@@ -108,15 +100,21 @@ def test_a_sweep_holds_its_single_runs(model, method, options):
     assert ("mesh" in table.dynamic_force_max.dims) == bool(model.mesh_names)
     for nu in (0.7, 0.9):
         one, many = simulate(model, nu, **span), table.sel(tuning=nu)
-        for name in ("final_state", "bounces", "fraction_backlash"):
-            np.testing.assert_array_equal(many[name], one[name], err_msg=name)
+        for name in {"final_state", *(column.name for column in COLUMNS)} & set(one):
+            if name.endswith(("max", "min")) and method not in integrators.AUTOMATIC:
+                # A single run shows samples besides the step ends.
+                difference = one[name] - many[name]
+                assert ((difference if name.endswith("max") else -difference) >= 0.0).all()
+            else:
+                # Samples change the rounding of what lies between events.
+                np.testing.assert_allclose(many[name], one[name], rtol=1e-13, err_msg=name)
         # A single run is followed on until it has settled.
         assert many.period in (0, one.period)
-        # A single run shows samples besides the step ends.
-        assert (many.displacement_max.values <= one.displacement_max.values).all()
 
 
-def test_trains_are_refused_by_methods_of_one_degree():
-    for method in ("taylor", "rk45", "newmark"):
+def test_methods_refuse_models_that_they_cannot_run():
+    refused = [(bouncing(), method) for method in ("taylor", "rk45", "newmark")]
+    refused += [(TEETH, method) for method in ("rk4", "scipy", "heyoka")]
+    for model, method in refused:
         with pytest.raises(ValueError, match=f"method = '{method}' .* it takes .* must be one of"):
-            gearlib.simulate(bouncing(), 0.9, periods=1, method=method)
+            gearlib.simulate(model, 0.9, periods=1, method=method)

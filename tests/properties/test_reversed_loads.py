@@ -33,9 +33,7 @@ SIX = gears(5e8, material=4.5e3, oil=300.0, moving_backlash=False)
 def with_equal_flanks(train):
     """Return a train without errors whose coast sides have the stiffness phases of drive sides."""
     meshes = [
-        replace(
-            mesh, phase=train.phases[mesh.name], inverse_phase=train.phases[mesh.name], error=0.0
-        )
+        replace(mesh, phase=train.phases[mesh.name], coast_phase=train.phases[mesh.name], error=0.0)
         for mesh in train.meshes
     ]
     return train.replace(meshes=meshes)
@@ -62,8 +60,8 @@ def test_reversed_loads_have_the_same_duty_point_on_the_coast_side(name):
     speed = float(model.speed(TUNINGS[name]))
     drive, coast = duty_point(model, speed), duty_point(reversed_loads(model), speed)
     assert drive.settled == 1 and np.isfinite(drive.peak_force_ratio).all()
-    assert (drive.lost_share.max() > 0.05) == (name != "chain")
-    variables = ["peak_force_ratio", "error_peak_to_peak", "lost_share"]
+    assert (drive.contact_loss_fraction.max() > 0.05) == (name != "chain")
+    variables = ["peak_force_ratio", "error_peak_to_peak", "contact_loss_fraction"]
     # Rigid bearings have no forces, and those of pins of a turning carrier hold its planets, too.
     variables += ["bearing_force_max"] if name in ("planetary", "six degrees") else []
     for variable in variables:
@@ -96,9 +94,9 @@ def test_reversed_loads_have_the_same_quantities_of_designs():
 
 def test_coast_sides_under_load_have_their_own_phases_in_tongues_and_phasing():
     train = with_equal_flanks(gearlib.idler(PAPER.replace(material_damping=100.0)))
-    shift = {"phase": 0.1, "inverse_phase": 0.35}
+    shift = {"phase": 0.1, "coast_phase": 0.35}
     meshes = [train.meshes[0], replace(train.meshes[1], **shift)]
-    exchanged = [train.meshes[0], replace(meshes[1], phase=0.35, inverse_phase=0.1)]
+    exchanged = [train.meshes[0], replace(meshes[1], phase=0.35, coast_phase=0.1)]
     coast, drive = reversed_loads(train.replace(meshes=meshes)), train.replace(meshes=exchanged)
     np.testing.assert_allclose(
         coast.phasing().modal_force, drive.phasing().modal_force, rtol=1e-9, atol=1e-30

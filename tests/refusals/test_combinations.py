@@ -18,7 +18,7 @@ import yaml
 import gearlib
 from gearlib import Body, GearPair, GearTrain, LoadSharingPair, Shaft, Tabulated, planetary
 from gearlib.config import ConfigError, load
-from gearlib.geometry import Mesh, PathTable, SpurGear, Web, dynamic_factor, planetary_set
+from gearlib.geometry import GearStage, PathTable, SpurGear, Web, dynamic_factor, planetary_set
 from tests.geometry.drawings import fzg_c
 from tests.paper import CONFIG, PAPER
 from tests.properties.known_models import DAMPED, GEARS, OSCILLATOR
@@ -107,7 +107,7 @@ web = partial(Web, thickness=0.01, rim_diameter=0.06, hub_diameter=0.04)
 pair = partial(GearPair.from_geometry, fzg_c())
 factor = partial(dynamic_factor, fzg_c(), 302.0, rpm=100.0)
 error = partial(fzg_c().transmission_error, torque=300.0)
-sharing = partial(LoadSharingPair, pair=pair(torque=1.0), drawing=fzg_c())
+sharing = partial(LoadSharingPair, pair=pair(torque=1.0), stage=fzg_c())
 sweep = partial(gearlib.sweep, PAPER, periods=2, record_periods=1)
 reducer = partial(gearlib.split_power_reducer, PAPER)
 
@@ -151,7 +151,7 @@ LIBRARY = {
     "position = (1.0, 1.0) ... increasing": lambda: PathTable((1.0, 1.0), (0.0, 0.0)),
     "a table of 1 positions and 0 values ... many": lambda: PathTable((1.0,), ()),
     # Two gears.
-    "pinion.internal = True ... False": lambda: Mesh(gear(teeth=60, internal=True), gear()),
+    "pinion.internal = True ... False": lambda: GearStage(gear(teeth=60, internal=True), gear()),
     # Stiffness and load.
     "hertz ... torque": lambda: fzg_c().stiffness(
         Tabulated((0.0, 1.0), (1e8, 2e8)), hertz="constant"
@@ -189,7 +189,7 @@ LIBRARY = {
         position=0.0, line_of_action=1.0
     ),
     "bodies[1] = 'b' ... a Body": lambda: train(bodies=[A, "b"]),
-    "meshes = [] ... at least one entry, each a Mesh": lambda: train(meshes=[]),
+    "meshes = [] ... at least one entry, each a GearStage": lambda: train(meshes=[]),
     "bodies = ... the name 'a' must occur once": lambda: train(bodies=(A, A)),
     "wheel of mesh a-b = 'x' ... one of 'a', 'b'": lambda: train(meshes=[ab(wheel="x")]),
     "bodies of a shaft = 'x' ... one of 'a', 'b'": lambda: train(shafts=[shaft(bodies=("a", "x"))]),
@@ -230,7 +230,9 @@ LIBRARY = {
     ),
     "backlashes[0] = 1e-05 ... 2 entries": lambda: reducer(backlashes=(1e-5,) * 3),
     "gear = 'a' ... a gearlib.geometry.SpurGear": lambda: Body.from_gear("a", "b"),
-    "mesh = None ... a gearlib.geometry.Mesh": lambda: gearlib.Mesh.from_geometry(None, "a", "b"),
+    "mesh = None ... a gearlib.geometry.GearStage": lambda: gearlib.Mesh.from_geometry(
+        None, "a", "b"
+    ),
     "initial_state = ... 'static'": lambda: planetary().check_state(("a", "b")),
     "phase = nan ... finite": lambda: planetary().static(phase=math.nan),
     # Planetary sets of drawn gears.
@@ -288,7 +290,7 @@ def test_values_just_inside_the_limits_are_allowed():
     # 17 teeth are the fewest that are not undercut without a shift.
     assert gear(teeth=17).shift == 0.0
     # 0.12 m is the centre distance without backlash.
-    assert Mesh(gear(), gear(teeth=40), 0.1204).backlash > 0.0
+    assert GearStage(gear(), gear(teeth=40), 0.1204).backlash > 0.0
 
 
 def test_trains_have_at_most_200_meshes():

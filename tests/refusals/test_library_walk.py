@@ -33,7 +33,7 @@ TABLE = {"phase": (0.0, 1.0), "stiffness": (1.0, 2.0)}
 
 _branch = gearlib.continue_orbit(ORBIT, to=NU + 0.01, max_points=3)
 _branch.label[0] = 2  # so that a search may start here: the label of a period doubling
-BRANCH = {"pair": DAMPED, "branch": _branch, "point": 0}
+BRANCH = {"model": DAMPED, "branch": _branch, "point": 0}
 RUN_UP = gearlib.run_up(PAPER, 1000.0, 1100.0, duration=0.2, samples_per_period=64)
 JUMP = xr.Dataset({"jump_up": ((), 3300.0, {"units": "min-1", "noise_std": 1.0})})
 #: Call -> valid arguments; these calls take no time and are also made just inside the ranges.
@@ -46,7 +46,7 @@ MADE = {
         **{"masses": (17.0, 17.0), "bearing_stiffness": (1e8,) * 4},
     },
     gearlib.DeadZoneOscillator: {"upper_stiffness": 1.0},
-    LoadSharingPair: {"pair": PAPER, "drawing": FZG},
+    LoadSharingPair: {"pair": PAPER, "stage": FZG},
     Body: A,
     gearlib.Shaft: {"bodies": ("a", "b"), "stiffness": 1.0},
     gearlib.Mesh: AB,
@@ -66,31 +66,31 @@ MADE = {
     drawn.TipRelief: {"amount": 1e-5, "length": 1e-3},
     drawn.PathTable: {"position": (0.0,), "value": (0.0,)},
     drawn.SpurGear: GEAR,
-    drawn.Mesh: {"pinion": drawn.SpurGear(**GEAR), "wheel": drawn.SpurGear(**GEAR)},
+    drawn.GearStage: {"pinion": drawn.SpurGear(**GEAR), "wheel": drawn.SpurGear(**GEAR)},
     drawn.planetary_set: {"sun": SUN, "planet": PLANET, "ring": RING, "torque": 100.0},
-    drawn.dynamic_factor: {"mesh": FZG, "torque": 300.0, "rpm": 100.0},
-    drawn.iso_stiffness: {"mesh": FZG},
+    drawn.dynamic_factor: {"stage": FZG, "torque": 300.0, "rpm": 100.0},
+    drawn.iso_stiffness: {"stage": FZG},
 }
 FOLLOWED = {"model": DAMPED, "tolerances": {"load": {"std": "1 %"}}, "n": 2, "speed": 3000.0}
 #: Calls that run something, only made with wrong values.
 CALLED = {
-    LoadSharingPair.from_geometry: {"mesh": FZG, "torque": 1.0},
-    drawn.mesh_stiffness: {"mesh": FZG, "method": "energy"},
-    drawn.optimum_relief: {"mesh": FZG, "torque": 300.0},
-    drawn.Mesh.transmission_error: {"self": FZG, "torque": 300.0},
-    gearlib.simulate: {"pair": PAPER, "tuning": NU, "periods": 2},
-    gearlib.sweep: {"pair": PAPER, "tunings": [NU], "periods": 2, "record_periods": 1},
+    LoadSharingPair.from_geometry: {"stage": FZG, "torque": 1.0},
+    drawn.mesh_stiffness: {"stage": FZG, "method": "energy"},
+    drawn.optimum_relief: {"stage": FZG, "torque": 300.0},
+    drawn.GearStage.transmission_error: {"self": FZG, "torque": 300.0},
+    gearlib.simulate: {"model": PAPER, "tuning": NU, "periods": 2},
+    gearlib.sweep: {"model": PAPER, "tunings": [NU], "periods": 2, "record_periods": 1},
     gearlib.run_up: {"model": PAPER, "start": 1000.0, "stop": 1100.0, "duration": 0.05},
-    gearlib.basins: {"pair": DAMPED, "tuning": NU, "grid": ([0.0], [0.0]), "periods": 60},
+    gearlib.basins: {"model": DAMPED, "tuning": NU, "grid": ([0.0], [0.0]), "periods": 60},
     gearlib.basin_stability: {
-        **{"pair": DAMPED, "tunings": [NU], "region": ((-1.0, 1.0), (-1.0, 1.0))},
+        **{"model": DAMPED, "tunings": [NU], "region": ((-1.0, 1.0), (-1.0, 1.0))},
         **{"samples": 1, "periods": 60},
     },
-    gearlib.bifurcation_diagram: {"pair": PAPER, "values": [NU], "settle": 2, "strobes": 4},
-    gearlib.poincare_section: {"pair": PAPER, "tuning": NU, "states": [(0.0, 0.0)], "periods": 2},
-    gearlib.lyapunov_exponents: {"pair": PAPER, "values": [NU], "settle": 2, "periods": 20},
-    gearlib.trust: {"pair": PAPER, "tuning": NU, "periods": 200, "exponent_periods": 20},
-    gearlib.periodic_orbit: {"pair": DAMPED, "tuning": NU},
+    gearlib.bifurcation_diagram: {"model": PAPER, "values": [NU], "settle": 2, "strobes": 4},
+    gearlib.poincare_section: {"model": PAPER, "tuning": NU, "states": [(0.0, 0.0)], "periods": 2},
+    gearlib.lyapunov_exponents: {"model": PAPER, "values": [NU], "settle": 2, "periods": 20},
+    gearlib.trust: {"model": PAPER, "tuning": NU, "periods": 200, "exponent_periods": 20},
+    gearlib.periodic_orbit: {"model": DAMPED, "tuning": NU},
     gearlib.continue_orbit: {"orbit": ORBIT, "to": NU + 0.01, "max_points": 3},
     gearlib.sensitivities: {
         **{"call": lambda model, tuning: model.load * tuning, "model": PAPER},
@@ -98,12 +98,12 @@ CALLED = {
     },
     gearlib.switch_branch: BRANCH,
     gearlib.locus: BRANCH | {"parameter": "damping", "to": 0.1},
-    gearlib.tongues: {"pair": PAPER, "start": 0.9, "stop": 1.1, "step": 0.05},
-    gearlib.schmidt: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
+    gearlib.tongues: {"model": PAPER, "start": 0.9, "stop": 1.1, "step": 0.05},
+    gearlib.schmidt: {"model": DAMPED, "tuning": NU, "harmonics": 16},
     gearlib.duty_point: {"gears": FZG, "speed": 3000.0, "torque": 300.0, "damping_ratio": 0.05},
     gearlib.orders: {"run": gearlib.simulate(DAMPED, NU, periods=24, record_periods=24)},
     gearlib.order_map: {"run": RUN_UP},
-    gearlib.harmonic_balance: {"pair": DAMPED, "tuning": NU, "harmonics": 16},
+    gearlib.harmonic_balance: {"model": DAMPED, "tuning": NU, "harmonics": 16},
     gearlib.read_measured: {"path": ""},
     gearlib.scatter: {
         **{"model": PAPER, "tolerances": {"load": {"std": "1 %"}}, "n": 2, "quantities": ()},
@@ -115,17 +115,17 @@ CALLED = {
 SIGNAL = xr.Dataset({"displacement": ("time", [0.0] * 9)}, {"time": range(9)})
 #: Other ways to make some of these calls.
 OTHERWISE = [
-    (gearlib.simulate, {"pair": PAPER, "speed": 3000.0, "periods": 2, "method": "scipy"}),
-    (gearlib.sweep, {"pair": PAPER, "speeds": [3000.0], "periods": 2, "record_periods": 1}),
+    (gearlib.simulate, {"model": PAPER, "speed": 3000.0, "periods": 2, "method": "scipy"}),
+    (gearlib.sweep, {"model": PAPER, "speeds": [3000.0], "periods": 2, "record_periods": 1}),
     (
         gearlib.bifurcation_diagram,
-        {"pair": PAPER, "values": [0.1], "parameter": "damping", "tuning": NU, "strobes": 4},
+        {"model": PAPER, "values": [0.1], "parameter": "damping", "tuning": NU, "strobes": 4},
     ),
     (
         gearlib.lyapunov_exponents,
-        {"pair": PAPER, "values": [0.1], "parameter": "damping", "tuning": NU, "periods": 20},
+        {"model": PAPER, "values": [0.1], "parameter": "damping", "tuning": NU, "periods": 20},
     ),
-    (gearlib.tongues, {"pair": PAPER, "parameter": "damping", "values": [0.1]}),
+    (gearlib.tongues, {"model": PAPER, "parameter": "damping", "values": [0.1]}),
     (
         gearlib.run_up,
         {"model": PAPER, "speed": [(0.0, 10.0), (1.0, 20.0)], "driven_mass": 1.0, "base_radius": 1},
@@ -164,7 +164,7 @@ run_up.speed run_up.load run_up.acceleration run_up.driver run_up.base_radius
 def owner(call):
     """Return the name of a call in `ranges.yaml`."""
     name = call.__qualname__.replace("Mesh.transmission", "transmission")
-    return f"geometry.{name}" if call is drawn.Mesh else name
+    return f"geometry.{name}" if call is drawn.GearStage else name
 
 
 def parameters(calls, skipped=()):

@@ -44,7 +44,7 @@ def jamming_problem(rng):
             Harmonics(tuple(size * rng.uniform(-1.0, 1.0, 2)), (size * rng.normal(),))
             for _ in range(2)
         )
-        flanks = {"deviation": drive, "inverse_deviation": (drive, other)[rng.integers(2)]}
+        flanks = {"deviation": drive, "coast_deviation": (drive, other)[rng.integers(2)]}
         meshes.append(replace(mesh, backlash=backlash, **flanks))
     bodies = [
         replace(body, eccentricity=float(rng.choice([0.0, 1e-6])), eccentricity_phase=1.0)
@@ -106,9 +106,9 @@ def _flanks(rng):
     if rng.random() < 0.4:
         values["deviation"] = Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,))
         if rng.random() < 0.5:
-            values["inverse_deviation"] = Harmonics((), tuple(rng.normal(0.0, 1e-6, 2)))
+            values["coast_deviation"] = Harmonics((), tuple(rng.normal(0.0, 1e-6, 2)))
     if rng.random() < 0.3:
-        values["inverse_phase"] = rng.uniform()
+        values["coast_phase"] = rng.uniform()
     if rng.random() < 0.3:
         values["error"] = rng.normal(0.0, 2e-6)
     return values
@@ -233,12 +233,12 @@ def chain_with_everything(rng):
             pressure_angle=rng.uniform(0.2, 0.5),
             direction=int(rng.choice([1, -1])),
             phase=rng.uniform(),
-            inverse_phase=rng.uniform(),
+            coast_phase=rng.uniform(),
             backlash=rng.uniform(3e-6, 12e-6),
             material_damping=rng.uniform(500.0, 3000.0),
             backlash_damping=rng.uniform(100.0, 500.0),
             deviation=Harmonics(tuple(rng.normal(0.0, 1e-6, 2)), (1e-6,)),
-            inverse_deviation=Harmonics((), tuple(rng.normal(0.0, 1e-6, 2))),
+            coast_deviation=Harmonics((), tuple(rng.normal(0.0, 1e-6, 2))),
             error=rng.normal(0.0, 2e-6),
             friction=tuple(rng.uniform(0.02, 0.1, 2)),
             pitch_phase=rng.uniform(0.0, 6.0),

@@ -33,7 +33,7 @@ def two_gears(drive, coast, backlash=1e-6, load=400.0):
         material_damping=2000.0,
         backlash_damping=500.0,
         deviation=Harmonics((drive,)),
-        inverse_deviation=Harmonics((coast,)),
+        coast_deviation=Harmonics((coast,)),
     )
     return GearTrain(bodies=[Body(name="a", **body), Body(name="b", **body)], meshes=[mesh])
 

@@ -7,7 +7,6 @@ import gearlib
 from gearlib.engines import orbit
 from gearlib.engines.linear import sparse_series
 from gearlib.engines.linear.periods import EVENT_COLUMNS
-from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from tests.trains.random_trains import random_problem
 
 #: Costs of modes at which they are computed always, or wherever the series can be used, never.
@@ -22,7 +21,10 @@ def motion(train, tuning, state, mode_cost, periods=2):
     propagator.unused_tables[:] = [(propagator.system, tables)]
     z, size = np.array(state), train.size
     samples, events = propagator.empty_raw_samples(50 * periods), np.empty((4, EVENT_COLUMNS))
-    summary, maps = np.empty((len(train.meshes), SUMMARY_COLUMNS)), np.empty((periods, size, size))
+    summary, maps = (
+        np.empty((len(train.meshes), orbit.SUMMARY_COLUMNS)),
+        np.empty((periods, size, size)),
+    )
     spans = periods, periods
     _, events, count, status, *_ = propagator.run_system(
         z, samples, events, 10**5, summary, spans, maps

@@ -46,7 +46,7 @@ def test_the_table_of_critical_speeds_has_every_intersection_once(tmp_path):
     dims = ("case", "direction", "tuning", "mesh")
     sweeps = xr.Dataset(
         {
-            "fraction_backlash_high": (dims, lost),
+            "contact_loss_fraction_high": (dims, lost),
             "settled": (dims[:3], np.ones((1, 3, 3), np.int8)),
             "speed": ("tuning", TRAIN.speed(tunings)),
         },
@@ -105,7 +105,7 @@ def test_motions_that_do_not_settle_are_summarised_by_a_range():
 def test_shares_of_motions_are_those_of_the_starts_that_lead_to_them():
     # Between the two jumps of the main resonance one motion keeps contact, another loses it.
     keeps, loses = (simulate(PAIR, nu, periods=400, record_periods=1) for nu in (0.80, 0.82))
-    assert float(keeps.fraction_normal) == 1.0 > float(loses.fraction_normal)
+    assert float(keeps.fraction_drive) == 1.0 > float(loses.fraction_drive)
     low, high = keeps.final_state.values, loses.final_state.values
     states = np.array([low, high, low, low])
     result = many_starts.final_motions(PAIR, 0.81, states, MANY | {"first_starts": 4})

@@ -141,14 +141,14 @@ def test_numbers_that_rounding_decides_are_left_out_of_the_table_of_models(tmp_p
     comparisons = [golden.read(f"models/{name}.nc") for name in names]
     table = [[*row.values()] for row in read_back(scenes.rows(comparisons, names), tmp_path)]
     assert table == [
-        ["fig7_damping", "one_degree", "0.004844", "0.05", "10", "yes"],
+        ["fig7_damping", "pair", "0.004844", "0.05", "10", "yes"],
         ["fig7_damping", "six_degrees_plain", "0.002237", "0.05", "65", "no"],
         ["fig7_damping", "six_degrees", "nan", "0.05", "75", "no"],
-        ["fig7_damping", "one_degree_harmonics", "0.00156", "0.05", "2000", "no"],
-        ["fig8_six_degrees", "one_degree", "differs", "0.05", "differs", "no"],
+        ["fig7_damping", "pair_harmonics", "0.00156", "0.05", "2000", "no"],
+        ["fig8_six_degrees", "pair", "differs", "0.05", "differs", "no"],
         ["fig8_six_degrees", "six_degrees_plain", "differs", "0.05", "differs", "no"],
         ["fig8_six_degrees", "six_degrees", "nan", "0.05", "differs", "yes"],
-        ["fig8_six_degrees", "one_degree_harmonics", "differs", "0.05", "differs", "no"],
+        ["fig8_six_degrees", "pair_harmonics", "differs", "0.05", "differs", "no"],
     ]
 
 

@@ -195,7 +195,7 @@ workflow -n --configfile colon.yaml | colon.yaml: 'resonance' is not allowed: it
 workflow -n --configfile no.yaml | --configfile = 'no.yaml' is not allowed: it must be a file
 simulate --config five.yaml --tuning 1 | dampings = 5 is not allowed: it must be
 simulate --config four_planets.yaml --case a --tuning 1 | --case a: it must be left out
-modes --config four_planets.yaml | planets = 4 is not allowed: (z_s + z_r) / N
+modes --config four_planets.yaml | planets = 4 is not allowed: it must be such that (z_s + z_r) / N
 simulate --config misspelt.yaml --tuning 1 | did you mean resonance
 simulate --config four_planets.yaml --damping k9 --tuning 1 | one of k1
 gears --teeth 23 --module '2 mm' | --teeth = 23 is not allowed: it must be
@@ -310,7 +310,7 @@ def test_runs_of_a_train_print_a_row_for_each_mesh(run, reducer):
         "peak_force_ratio",
         "mean_force",
         "load_sharing",
-        "fraction_normal",
+        "fraction_drive",
         "bounces",
     ]
     output = run(f"simulate {train_options} --tuning 0.7 -o run.nc")

@@ -12,11 +12,11 @@ from gearlib import GearPair, LoadSharingPair, duty_point
 from gearlib.cli import main
 from gearlib.config import cases, load, overlay, overlay_gears
 from gearlib.config.gears_section import DrawnPair, PinionSection
-from gearlib.geometry import Material, Mesh, Rack, SpurGear, TipRelief, Web, iso_stiffness
+from gearlib.geometry import GearStage, Material, Rack, SpurGear, TipRelief, Web, iso_stiffness
 from gearlib.models.from_values import model
-from gearlib.models.geometry import drawings
+from gearlib.models.geometry import from_values as geometry
 from gearlib.studies import gear_table
-from gearlib.studies.drawn_gears import harris_map
+from gearlib.studies.gear_geometry import harris_map
 from tests.geometry.drawings import fzg_c, ring
 from tests.paper import CONFIG
 
@@ -43,7 +43,7 @@ EVERY_KEY = yaml.safe_load("""
 
 def fzg():
     gears = fzg_c()
-    return Mesh(gears.pinion, gears.wheel, gears.centre_distance, backlash=160.5e-6)
+    return GearStage(gears.pinion, gears.wheel, gears.centre_distance, backlash=160.5e-6)
 
 
 def test_the_pair_is_that_of_the_library():
@@ -127,7 +127,9 @@ def test_published_numbers_stand_in_the_table():
 
 def test_a_body_that_the_energy_method_does_not_take_has_no_values_of_it():
     gear = SpurGear(teeth=20, module=0.01, width=0.03, bore=0.15)
-    assert list(gear_table.gear_quantities(Mesh(gear, gear), torque=100.0)[-1].values) == ["iso"]
+    assert list(gear_table.gear_quantities(GearStage(gear, gear), torque=100.0)[-1].values) == [
+        "iso"
+    ]
 
 
 def test_command_line_options_override_the_configuration(tmp_path):
@@ -172,7 +174,7 @@ def test_harris_map_has_the_own_relief_without_pitch_errors(helix_angle):
     }
     found = harris_map(gears | {"torque": 200.0}, [0.5, 1.0], "iso", 32)
     assert found.relief.values.tolist() == ["none", "own", "short", "long"]
-    mesh = drawings.mesh({"pinion": gear, "wheel": gear | {"tip_relief": relief}})
+    mesh = geometry.stage({"pinion": gear, "wheel": gear | {"tip_relief": relief}})
     error = mesh.transmission_error(200.0, phases=32, stiffness="iso").transmission_error[0]
     own = found.sel(relief="own")
     np.testing.assert_array_equal(own.transmission_error[1], error)

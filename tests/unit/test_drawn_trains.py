@@ -11,7 +11,7 @@ import yaml
 import gearlib
 from gearlib import Body, GearTrain, Shaft
 from gearlib.config import load, train_section
-from gearlib.geometry import Mesh, SpurGear, planetary_set
+from gearlib.geometry import GearStage, SpurGear, planetary_set
 from gearlib.models.from_values import model
 from tests.paper import CONFIG
 
@@ -75,7 +75,7 @@ def test_texts_are_read_in_si_units():
     compare(EVERY, load(CONFIG | {"train": EVERY}).train.model_dump())
     # The example has all keys of parts; OWN has those of drawn gears.
     drawn = {"gear", "line_of_action", *train_section.DRAWN_MESH_KEYS} - {"material_damping"}
-    for part, keys in (("Body", "bodies"), ("Shaft", "shafts"), ("Mesh", "meshes")):
+    for part, keys in (("Body", "bodies"), ("Shaft", "shafts"), ("GearStage", "meshes")):
         fields = getattr(train_section, f"{part}Part").model_fields
         assert fields.keys() - EVERY["own"][keys][0].keys() <= drawn
 
@@ -119,8 +119,8 @@ def test_a_train_of_drawn_gears_is_that_of_the_library():
     second |= {"direction": -1, "backlash": 50e-6, "torque": 90.0 * 37 / 21}
     make = gearlib.Mesh.from_geometry
     meshes = [
-        make(Mesh(pinion, idler, 0.117), "pinion", "idler", **first),
-        make(Mesh(idler, wheel), "idler", "wheel", **second),
+        make(GearStage(pinion, idler, 0.117), "pinion", "idler", **first),
+        make(GearStage(idler, wheel), "idler", "wheel", **second),
     ]
     shafts = [Shaft(bodies=("motor", "pinion"), stiffness=2e5)]
     expected, found = GearTrain(bodies=bodies, shafts=shafts, meshes=meshes), read("own", OWN)

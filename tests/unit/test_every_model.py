@@ -14,7 +14,7 @@ from gearlib import DeadZoneOscillator, Harmonics, continue_orbit, periodic_orbi
 from gearlib.analysis.orbits import special_points
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.models.model import Model
-from gearlib.models.one_degree import Equation
+from gearlib.models.one_degree_pair import Equation
 from gearlib.models.profiles import Steps
 from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
@@ -223,7 +223,7 @@ def test_a_new_model_moves_as_its_equation_says():
     # The same oscillator in the parameters of a model of the library.
     twin = DeadZoneOscillator(upper_stiffness=1.0, damping=0.1, load=1.0, forcing=Harmonics((0.5,)))
     new = MODELS["linear stop"]
-    assert new.propagators == {"exact": "linear.one_mesh", "taylor": "taylor.propagator"}
+    assert new.propagators == {"exact": "linear.single_mesh", "taylor": "taylor.propagator"}
     assert MODELS["hard stop"].propagators == {"taylor": "taylor.propagator"}
     curves = [sweep(model, [0.5, NU], periods=50, record_periods=8) for model in (new, twin)]
     for variable in curves[0].data_vars:

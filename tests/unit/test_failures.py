@@ -30,7 +30,7 @@ def verdict(quantity, reference=REFERENCE, tolerance=1e-2, **changes):
 
 
 def fractions(normal):
-    """Return changes of an outcome: this fraction of time in normal mesh, no events."""
+    """Return changes of an outcome: this fraction of time in drive-side contact, no events."""
     return {"fractions": (normal, 1.0 - normal, 0.0), "contacts": ()}
 
 

@@ -84,7 +84,7 @@ def test_a_wide_table_is_read_in_si(rig, tmp_path):
         ("m/s^2", "order_amplitude", 1.0, "m s-2"),
         ("g", "acceleration", 9.80665, "m s-2"),
         ("um", "order_amplitude_z", 1e-6, "m"),
-        ("percent", "fraction_backlash", 1e-2, "1"),
+        ("percent", "contact_loss_fraction", 1e-2, "1"),
     ],
 )
 def test_units_are_those_of_the_library(rig, unit, observable, factor, units):

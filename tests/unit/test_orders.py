@@ -8,7 +8,7 @@ import xarray as xr
 
 import gearlib
 from gearlib import GearPair, LoadSharingPair, duty_point, orders, simulate
-from gearlib.geometry import Mesh, SpurGear, TipRelief, dynamic_factor
+from gearlib.geometry import GearStage, SpurGear, TipRelief, dynamic_factor
 from tests.geometry.drawings import own
 
 COMMON = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "teeth": 24}
@@ -144,7 +144,7 @@ def test_a_duty_point_is_the_settled_run_in_si_units():
     assert duty.error_rms.item() ** 2 == pytest.approx(power, rel=1e-4)
     assert duty.iso_dynamic_factor == dynamic_factor(MESH, 85.0, 6000.0).factor
     # The motion repeats and is never without drive-side contact.
-    assert duty.settled == 1 and duty.lost_share == pytest.approx(0.0, abs=1e-12)
+    assert duty.settled == 1 and duty.contact_loss_fraction == pytest.approx(0.0, abs=1e-12)
     assert all({"units", "long_name"} <= value.attrs.keys() for value in duty.data_vars.values())
 
 
@@ -162,7 +162,7 @@ def test_gears_with_tip_relief_are_computed_by_load_sharing():
 
 def test_mesh_orders_that_cannot_be_told_from_free_vibrations_are_nan():
     # Undamped free vibrations go on; at low speeds they are too fast for the samples of a period.
-    mesh = Mesh(*(SpurGear(teeth=z, module=4e-3, width=0.032) for z in (19, 47)), backlash=0.0)
+    mesh = GearStage(*(SpurGear(teeth=z, module=4e-3, width=0.032) for z in (19, 47)), backlash=0.0)
     options = {"damping_ratio": 0.0, "initial_state": (0.0, 0.0), "options": {"coupling": 1.0}}
     duty = duty_point(mesh, 700.0, torque=210.0, **options)
     assert duty.settled == 0 and duty.dynamic_factor > 1.5

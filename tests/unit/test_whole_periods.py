@@ -1,15 +1,10 @@
 """Fast runs: whole periods, settled orbits and crossings against engines that take each event."""
 
-import math
-
 import numpy as np
 import pytest
-from numpy.polynomial import Polynomial
 
 from gearlib import GearPair, OneDegreePair, periodic_orbit, simulate, sweep
-from gearlib.engines import polynomial
 from gearlib.engines.jit import kernel
-from gearlib.engines.orbit import orbit_period
 from gearlib.engines.pair.events import ARC_COLUMNS, march_period
 from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
@@ -62,17 +57,6 @@ def test_whole_periods_equal_events_one_by_one(seed):
         assert arcs <= MAX_ARCS and np.abs(end - exact).sum() <= allowed, (values, tuning, x, v)
 
 
-@pytest.mark.parametrize("component", [0, 1])
-def test_a_motion_repeats_if_both_displacement_and_velocity_do(component):
-    tuning, displacement_range = 0.9, 1.0
-    for period in (1, 2, 3, 5, 16):
-        strobes = np.zeros((32, 2))  # displacement and velocity once in a mesh period
-        strobes[:, component] = np.arange(32) % period
-        assert orbit_period(strobes, tuning, displacement_range) == period
-        strobes[:, component] += np.arange(32)
-        assert orbit_period(strobes, tuning, displacement_range) == 0
-
-
 @pytest.mark.parametrize("distance", [1e-8, 1e-11])
 def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
     # Beyond the fold a run passes the place of the orbit, x = -0.16, by 1e-10 or less in a period,
@@ -93,7 +77,7 @@ def test_the_record_of_a_settled_orbit_is_that_of_another_engine_that_computes_a
     # Damping, first and last tuning: the last ranges have motions of three and five mesh periods.
     cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
     span = {"periods": 3000, "record_periods": 24, "samples_per_period": 8}
-    names = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_normal"]
+    names = ["displacement_max", "displacement_min", "dynamic_force_max", "fraction_drive"]
     names += ["fraction_min_stiffness", "displacement", "final_state", "event_phase"]
     periods = set()
     for damping, first, last in cases:
@@ -135,36 +119,3 @@ def test_an_orbit_that_does_not_attract_is_not_reported_as_settled():
         assert np.abs(exact.multipliers[0]) > 1.0 - 1e-6
         run = simulate(pair, tuning, periods=8, initial_state=tuple(exact.state))
         assert int(run.period) == 0
-
-
-DEGREE = 20
-MATRIX = polynomial.bernstein_matrix(DEGREE)
-WORK = np.empty((polynomial.WORK_ROWS, DEGREE + 2))
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_the_first_of_many_roots_is_found(seed):
-    rng = np.random.default_rng(seed)
-    for _ in range(2000):
-        roots = np.sort(rng.uniform(0.0, 1.0, rng.integers(0, 6)))
-        # The other factor has no root in [0, 1].
-        rest = rng.normal(size=DEGREE - roots.size + 1) * 0.5 ** np.arange(DEGREE - roots.size + 1)
-        rest[0] = 1.0 + np.abs(rest).sum()
-        # Below its smallest root the polynomial is positive.
-        curve = math.prod((Polynomial([root, -1.0]) for root in roots), start=Polynomial(rest))
-        distance = np.diff(np.append(roots, 2.0)).min() if roots.size else 1.0
-        expected = roots[0] if roots.size else 2.0
-        # Rounding of coefficients moves a root the more, the closer other roots are.
-        tolerance = 1e-12 / distance ** max(1, roots.size - 1)
-        found = polynomial.first_downward_crossing(curve.coef, MATRIX, WORK)
-        assert abs(found - expected) <= tolerance
-
-
-def test_the_largest_value_is_that_between_the_ends_too():
-    for values in np.random.default_rng(0).normal(size=(20, 6)):
-        curve = Polynomial(values)
-        tops = [s.real for s in curve.deriv().roots() if abs(s.imag) < 1e-12 and 0 < s.real < 1]
-        expected = max(curve(s) for s in (0.0, 1.0, *tops))
-        coefficients = np.append(values, np.zeros(DEGREE - 5))
-        found = polynomial.polynomial_maximum(coefficients, MATRIX, WORK, -math.inf)
-        assert found == pytest.approx(expected, abs=1e-13)

@@ -22,7 +22,7 @@ CHECKS = ["ruff", "ruff", "snakefmt", "lint-imports", "mypy"]
 TOOLS = {
     "all": ["snakemake"],
     "lint": CHECKS,
-    "test": [*CHECKS, "python"],
+    "test": [*CHECKS, "python", "python"],
     "report": ["snakemake", "snakemake"],
     "docs": ["mkdocs"],
     "speed-and-accuracy": ["snakemake", "python"],

@@ -6,6 +6,7 @@ import yaml
 from gearlib.config import overlay
 from gearlib.config.configuration import RESULT_FOLDERS, TARGETS
 from gearlib.config.targets import TRAIN_TARGETS
+from gearlib.models.from_values import with_models
 from gearlib.studies import gear_table
 from tests.unit.test_gear_names import NAME, OWN, PLANETS, relieved
 from tests.workflow.declared import declared
@@ -64,7 +65,7 @@ def test_gears_of_the_user_reach_the_studies_of_drawn_gears(project, paper):
 def test_the_report_of_the_gears_of_a_user_has_their_table_and_no_figures_of_the_paper(project):
     mine = rules_of(project, OWN)
     table = mine.rules["gears_table"]
-    rows = [row[:3] for row in gear_table.rows(**table["params"]["settings"])]
+    rows = [row[:3] for row in gear_table.rows(**with_models(table["params"]["settings"]))]
     assert ["teeth", "wheel", "61"] in rows and ["damping_ratio", "light", "0.03"] in rows
     assert "stiffness" in mine.caption("gears_table")
     parts = {part for rule in mine.rules.values() for part in rule["parts"]}

@@ -23,11 +23,11 @@ use rule _compute as compute_mesh_stiffness with:
     pathvars:
         job="mesh_stiffness",
     input:
-        sources=sources_of("compute", "studies.drawn_gears"),
+        sources=sources_of("compute", "studies.gear_geometry"),
     output:
         "results/mesh_stiffness.nc",
     params:
-        function="gearlib.studies.drawn_gears:mesh_stiffness",
+        function="gearlib.studies.gear_geometry:mesh_stiffness",
         pairs=drawings("mesh_stiffness"),
         samples=config["mesh_stiffness"]["samples"],
 
@@ -37,12 +37,12 @@ use rule _table as mesh_stiffness_table with:
         job="mesh_stiffness_table",
     input:
         stiffness="results/mesh_stiffness.nc",
-        sources=sources_of("table", "studies.drawn_gears"),
+        sources=sources_of("table", "studies.gear_geometry"),
     output:
         csv="results/mesh_stiffness.csv",
         page=table_page("mesh_stiffness", "Mesh stiffness by every method, table", DRAWN),
     params:
-        function="gearlib.studies.drawn_gears:stiffness_rows",
+        function="gearlib.studies.gear_geometry:stiffness_rows",
         gears=names_of_drawings("mesh_stiffness"),
 
 
@@ -72,12 +72,12 @@ use rule _compute as compute_harris_map with:
     pathvars:
         job="harris_map",
     input:
-        sources=sources_of("compute", "studies.drawn_gears"),
+        sources=sources_of("compute", "studies.gear_geometry"),
     output:
         "results/harris_map.nc",
     params:
         **pick(config["harris_map"], "loads", "stiffness", "phases"),
-        function="gearlib.studies.drawn_gears:harris_map",
+        function="gearlib.studies.gear_geometry:harris_map",
         gears=without(*drawings("harris_map").values(), "published"),
 
 

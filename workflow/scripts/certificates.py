@@ -4,8 +4,8 @@ from pathlib import Path
 
 from gearlib.data import storage
 from gearlib.data.files import write_table, write_table_page
-from gearlib.studies import certificates
 from gearlib.models.from_values import with_models
+from gearlib.studies import certificates
 from job import redirect_output
 
 if __name__ == "__main__":

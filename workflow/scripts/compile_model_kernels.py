@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gearlib.engines.cache import source_hash
 from gearlib.engines.orbit import Span
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Harmonics
 from job import redirect_output

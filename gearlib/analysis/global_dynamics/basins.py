@@ -35,7 +35,7 @@ _FAMILY_TOLERANCE = 0.25
 
 @checked
 def basins(
-    pair,
+    model,
     tuning: Tuning,
     grid,
     *,
@@ -57,7 +57,7 @@ def basins(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         A model with damping. A `GearPair` allows millions of states, the others thousands; a
         `DeadZoneOscillator` has its own unit of length instead of the static deflection. With six
         degrees of freedom the bearings start with the same deflection as in `gearlib.simulate`.
@@ -106,8 +106,8 @@ def basins(
     ----------
     Menck, Heitzig, Marwan, Kurths: Nature Physics 9 (2013) 89-92, for the shares.
     """
-    stroboscope = Stroboscope(pair, tuning, max_events=max_events, threads=threads)
-    check_model(pair)
+    stroboscope = Stroboscope(model, tuning, max_events=max_events, threads=threads)
+    check_model(model)
     x, v = grid_axes(grid)
     cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
     states = grid_states(x, v)
@@ -121,14 +121,14 @@ def basins(
         **_attractor_variables(attractors),
         "share": ("attractor", share),
         "share_error": ("attractor", np.sqrt(share * (1.0 - share) / labels.size)),
-        **pair.scales(),
+        **model.scales(),
         "tuning": stroboscope.tuning,
     }
     dataset = xr.Dataset(data, {"displacement": x, "velocity": v})
     index_dims = ("attractor", "point", "coordinate", "multiplier")
     dataset = result(
         "Basins of attraction of a gear mesh",
-        pair,
+        model,
         dataset.assign_coords({dim: np.arange(dataset.sizes[dim]) for dim in index_dims}),
         method=stroboscope.propagator.description,
         tuning=stroboscope.tuning,
@@ -178,7 +178,7 @@ def _attractor_variables(attractors: list[Attractor]) -> dict:
 
 @checked
 def basin_stability(
-    pair,
+    model,
     tunings,
     region,
     *,
@@ -193,7 +193,7 @@ def basin_stability(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         A model with damping.
     tunings : array_like of float, shape (n,)
         Tunings nu, all different.
@@ -225,14 +225,14 @@ def basin_stability(
     """
     values = distinct_values("tunings", tunings)
     values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
-    Stroboscope(pair, values[0])
-    check_model(pair)
+    Stroboscope(model, values[0])
+    check_model(model)
     bounds = region_bounds(region)
     low, high = bounds.T
     cells = int(np.ceil(np.sqrt(samples)))
     attractors_and_shares, limit = [], Limit(max_seconds)
     for i, tuning in limit.each(with_bar("tunings", enumerate(values), values.size)):
-        stroboscope = Stroboscope(pair, tuning, max_events=max_events, threads=threads)
+        stroboscope = Stroboscope(model, tuning, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
         corners = grid_states(np.arange(cells), np.arange(cells))
         states = low + (corners + rng.random(corners.shape)) / cells * (high - low)
@@ -244,7 +244,7 @@ def basin_stability(
     data, coords = _family_variables(values[:done], attractors_and_shares, cells * cells)
     dataset = result(
         "Basin stability of a gear mesh",
-        pair,
+        model,
         data,
         coords,
         method="stratified initial states",

@@ -32,7 +32,7 @@ Phase = Annotated[float, Ge(0), Lt(2.0 * math.pi), Unit("rad")]
 
 @checked
 def poincare_section(
-    pair,
+    model,
     tuning: Tuning,
     states,
     *,
@@ -46,7 +46,7 @@ def poincare_section(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     states : array_like of float, shape (n, 2)
@@ -87,12 +87,12 @@ def poincare_section(
             f"states x periods = {len(starts):,} x {periods:,} is not allowed: there must be at "
             f"most {MAX_POINTS:,} states in a section"
         )
-    limit, method = Limit(max_seconds), choose_method(pair, None, None)[0]
+    limit, method = Limit(max_seconds), choose_method(model, None, None)[0]
     # Parts of many starts cost no time; single ones do.
     size = 1 if limit.is_set else _MAX_PART
     parts = [starts[i : i + size] for i in range(0, len(starts), size)]
     sections = [
-        _section(pair, tuning, part, settle, periods, phase, max_events)
+        _section(model, tuning, part, settle, periods, phase, max_events)
         for part in limit.each(with_bar("parts of the states", parts, len(parts)))
     ]
     table, ends, codes = map(np.concatenate, zip(*sections, strict=True))
@@ -103,7 +103,7 @@ def poincare_section(
         "status": ("orbit", codes.astype(np.int8)),
         "tuning": tuning,
         "phase": phase,
-        **pair.scales(),
+        **model.scales(),
     }
     coords = {
         "orbit": np.arange(len(codes)),
@@ -112,7 +112,7 @@ def poincare_section(
     }
     settings = {"tuning": tuning, "phase": phase, "periods": periods, "settle": settle}
     title = "Poincare section of a gear mesh"
-    dataset = result(title, pair, data, coords, method=method, **settings)
+    dataset = result(title, model, data, coords, method=method, **settings)
     return limit.mark(dataset, list(range(len(codes), len(starts))))
 
 
@@ -138,7 +138,7 @@ def _section(model, tuning, starts, settle, periods, phase, max_events) -> tuple
 
 @checked
 def bifurcation_diagram(
-    pair,
+    model,
     values,
     *,
     parameter: DimensionlessParameter = "tuning",
@@ -155,7 +155,7 @@ def bifurcation_diagram(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     values : array_like of float, shape (n,)
         Values of the parameter, all different.
     parameter : {"tuning", "damping", "backlash_damping", "backlash", "contact_ratio", \
@@ -188,16 +188,16 @@ def bifurcation_diagram(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    method = choose_method(pair, None, None)[0]
+    method = choose_method(model, None, None)[0]
     values = distinct_values("values", values)
-    if direction != "cold" and pair.size > 2:
+    if direction != "cold" and model.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom: it must be "
             "'cold', because only two of the states that would be carried along are known"
         )
     description = f"strobes = {strobes} at {values.size} values"
     check_memory(description, strobes * values.size, 2, "in all")
-    cases = parameter_cases(pair, tuning, parameter, values)
+    cases = parameter_cases(model, tuning, parameter, values)
     section_arguments = settle, strobes, phase, max_events
     limit, arguments = Limit(max_seconds), (section_arguments, initial_state)
     states, ends, table = _diagram(cases, values, direction, *arguments, limit)
@@ -216,7 +216,7 @@ def bifurcation_diagram(
     settings = {"parameter": parameter, "tuning": tuning, "direction": direction, "settle": settle}
     settings |= {"strobes": strobes, "phase": phase, "initial_state": initial_state}
     title = "Bifurcation diagram of a gear mesh"
-    dataset = result(title, pair, data, coords, method=method, **settings)
+    dataset = result(title, model, data, coords, method=method, **settings)
     return limit.mark(set_backlash_long_name(dataset, parameter), **{parameter: table[:, 1] >= 0})
 
 

@@ -122,11 +122,11 @@ class Stroboscope:
 def check_one_mesh(model: Any) -> None:
     """Raise ValueError if a model has several meshes: its state has more than two components.
 
-    The message refers to the model by the name `pair` of the argument of the callers.
+    The message refers to the model by the name `model` of the argument of the callers.
     """
     if model.mesh_names:
         raise ValueError(
-            f"pair = {type(model).__name__} is not allowed here: it must have one mesh, whose "
+            f"model = {type(model).__name__} is not allowed here: it must have one mesh, whose "
             "displacement and velocity are the initial state"
         )
 

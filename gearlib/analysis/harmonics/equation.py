@@ -104,7 +104,7 @@ class MeshEquation:
         contact = _contact(x, v, step) + _COAST_SIGNS * _contact(coast_deflection, -v, step)
         # The suffixes _x and _v denote derivatives with respect to displacement and velocity.
         fraction, fraction_x, fraction_v, deflection, deflection_x, deflection_v = contact
-        # Damping forces in contact and without contact, in the backlash.
+        # Damping forces in contact and without contact, in free flight.
         contact_damping, contact_damping_v = _damping(mesh.drive_damping, v)
         free_damping, free_damping_v = _damping(mesh.backlash_damping, v)
         jump, jump_v = contact_damping - free_damping, contact_damping_v - free_damping_v

@@ -37,7 +37,7 @@ _GUESS_HARMONICS, _GUESS_TOLERANCE = 32, 1e-3
 
 @checked
 def harmonic_balance(
-    pair,
+    model,
     tuning: Tuning,
     *,
     harmonics: Count = 64,
@@ -49,7 +49,7 @@ def harmonic_balance(
 
     Parameters
     ----------
-    pair : GearPair or OneDegreePair
+    model : GearPair or OneDegreePair
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     harmonics : int, default 64
@@ -76,7 +76,7 @@ def harmonic_balance(
     gearlib.analysis.orbits.shooting.NoOrbit
         If Newton's method does not converge; the message says what to try.
     """
-    equation = check_problem(pair, tuning, harmonics, samples, period)
+    equation = check_problem(model, tuning, harmonics, samples, period)
     coefficients = first_coefficients(equation, guess)
     steps, evaluations = 0, 0
     for stage, tolerance in stages(equation, guess, _MAX_RESIDUAL):
@@ -90,7 +90,7 @@ def harmonic_balance(
             "neighbouring tuning or the displacements of a run, or take another period"
         )
     return PeriodicSolution(
-        pair,
+        model,
         equation.tuning,
         equation.period,
         "harmonic balance",
@@ -142,8 +142,8 @@ def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: f
 
 def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquation:
     """Return the `MeshEquation` for checked arguments of `harmonic_balance`."""
-    if not (is_model(model) and model.one_mesh):
-        raise checks.refusal("pair", model, "a GearPair or a OneDegreePair, one degree of freedom")
+    if not (is_model(model) and model.has_pair_equation):
+        raise checks.refusal("model", model, "a GearPair or a OneDegreePair, one degree of freedom")
     allowed = f"an integer >= {period}, the period"
     checks.require(harmonics >= period, "harmonics", harmonics, allowed)
     least = MIN_SAMPLES * harmonics + 1

@@ -85,7 +85,7 @@ class SchmidtSolution(PeriodicSolution):
 
 @checked
 def schmidt(
-    pair,
+    model,
     tuning: Tuning,
     *,
     degenerate="auto",
@@ -100,7 +100,7 @@ def schmidt(
 
     Parameters
     ----------
-    pair : GearPair or OneDegreePair
+    model : GearPair or OneDegreePair
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     degenerate : "auto", int or sequence of int
@@ -130,7 +130,7 @@ def schmidt(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    equation = check_problem(pair, tuning, harmonics, samples, period)
+    equation = check_problem(model, tuning, harmonics, samples, period)
     selected = degenerate_harmonics(equation, degenerate)
     coefficients = first_coefficients(equation, guess)
     iterations, evaluations = 0, 0
@@ -353,7 +353,7 @@ def _solution(equation, coefficients, degenerate, converged, iterations, evaluat
         norm_bound = float(bounds.max(initial=0.0))
         contraction = contraction_factor(equation, coefficients, degenerate)
     return SchmidtSolution(
-        pair=equation.model,
+        model=equation.model,
         tuning=equation.tuning,
         period=equation.period,
         method="schmidt",

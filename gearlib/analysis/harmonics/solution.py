@@ -44,7 +44,7 @@ _SHIFT_OFFSET = 1e-3 + 0.7e-3j
 class PeriodicSolution:
     """Periodic motion x = X_0 + 2 Re sum_k X_k exp(i k tau / period)."""
 
-    pair: Any
+    model: Any
     tuning: float
     period: int  #: mesh periods
     method: str  #: "harmonic balance" or "schmidt"
@@ -107,7 +107,7 @@ class PeriodicSolution:
         x, _ = self.time_history(-(-default_samples(self.harmonics) // self.period))
         length = 2.0 * np.pi * self.period
         crossings = []
-        flank_lines = ((0.0, (1, 0)), (-self.pair.backlash_ratio, (0, -1)))
+        flank_lines = ((0.0, (1, 0)), (-self.model.backlash_ratio, (0, -1)))
         for line, downward_codes in flank_lines:
             if not np.isfinite(line):
                 continue
@@ -131,7 +131,9 @@ class PeriodicSolution:
         of `gearlib.periodic_orbit` the differences from it are added.
         """
         x, v = self.time_history(samples_per_period)
-        contact = [contact_of(self.pair.backlash_ratio, *state) for state in zip(x, v, strict=True)]
+        contact = [
+            contact_of(self.model.backlash_ratio, *state) for state in zip(x, v, strict=True)
+        ]
         displacement_coefficients, _ = self._one_sided_coefficients()
         data = {
             "displacement": ("phase", x),
@@ -155,7 +157,7 @@ class PeriodicSolution:
         phase = np.arange(x.size) * (2.0 * np.pi / samples_per_period)
         return result(
             "Periodic motion of a gear mesh and its harmonics",
-            self.pair,
+            self.model,
             data,
             {"phase": phase, "harmonic": self.orders},
             method=self.method,
@@ -186,7 +188,7 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
     """
     if orbit is None:
         orbit = periodic_orbit(
-            solution.pair, solution.tuning, guess=solution.state, period=solution.period
+            solution.model, solution.tuning, guess=solution.state, period=solution.period
         )
     count = max(_MIN_PHASES, _PHASES_PER_HARMONIC * solution.harmonics // solution.period)
     exact_x, exact_v, exact_phases, exact_codes = exact_motion(orbit, count)
@@ -211,7 +213,7 @@ def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
     The codes before and after each event have shape (events, 2).
     """
     run = simulate(
-        orbit.pair,
+        orbit.model,
         orbit.tuning,
         periods=orbit.period,
         record_periods=orbit.period,

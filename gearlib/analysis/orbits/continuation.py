@@ -111,13 +111,13 @@ def continue_orbit(
     line. The other test functions are in `gearlib.analysis.orbits.special_points`.
     """
     check_orbit(orbit)
-    name = followed_parameters.check_parameter(orbit.pair, parameter)
+    name = followed_parameters.check_parameter(orbit.model, parameter)
     start, to = followed_parameters.start_and_goal(
-        orbit.pair, orbit.tuning, name, to, "that of the orbit"
+        orbit.model, orbit.tuning, name, to, "that of the orbit"
     )
     interval = _checked_limits(limits, start, to)
     scale, limit = abs(to - start), Limit(max_seconds)
-    problem = Shooting(orbit.pair, orbit.tuning, orbit.period, (name,), (scale,), max_events)
+    problem = Shooting(orbit.model, orbit.tuning, orbit.period, (name,), (scale,), max_events)
     try:
         first = _first_point(problem, problem.unknowns(orbit.state, [start]), np.sign(to - start))
         points = _follow_branch(problem, first, to, interval, max_height, step, max_points, limit)
@@ -268,7 +268,7 @@ def _dataset(problem: Shooting, points: list, name: str, goal: float) -> xr.Data
         "static_deflection": problem.model.static_deflection,
         name: np.array([point.value for point in points]),
     }
-    if problem.model.mesh:  # the `GearPair` of a model with one pair of gears
+    if problem.model.pair:  # the `GearPair` of a model with one pair of gears
         data["backlash_ratio"] = problem.model.backlash_ratio
     solutions = [point.solution for point in points]
     title = "Branch of periodic orbits of a gear mesh"
@@ -299,7 +299,7 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
     name = followed_parameters.check_parameter(model, branch.attrs["parameter"])
     state = branch["state"].values[point]
     allowed = f"the model of the branch, whose states have {state.size} components"
-    checks.require(model.size == state.size, "pair", type(model).__name__, allowed)
+    checks.require(model.size == state.size, "model", type(model).__name__, allowed)
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
     scale = float(np.ptp(branch[name].values)) or 1.0
@@ -315,12 +315,12 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
 
 
 @checked
-def switch_branch(pair, branch, point: WholeNumber, *, max_events: Count = MAX_EVENTS):
+def switch_branch(model, branch, point: WholeNumber, *, max_events: Count = MAX_EVENTS):
     """Return the first orbit of the branch of twice the period from a period doubling.
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    model : GearPair, OneDegreePair or SixDegreePair
         The model whose orbit was continued.
     branch : xarray.Dataset
         A result of `gearlib.continue_orbit`.
@@ -341,7 +341,7 @@ def switch_branch(pair, branch, point: WholeNumber, *, max_events: Count = MAX_E
     NoOrbit
         If the doubled orbit was not found.
     """
-    doubling = point_of_dataset(pair, branch, point, max_events, (special.DOUBLING,))
+    doubling = point_of_dataset(model, branch, point, max_events, (special.DOUBLING,))
     problem = doubling.solution.problem
     eigenvalues, eigenvectors = np.linalg.eig(doubling.solution.monodromy)
     n = len(eigenvalues)
@@ -349,7 +349,7 @@ def switch_branch(pair, branch, point: WholeNumber, *, max_events: Count = MAX_E
     direction = np.append(eigenvector, 0.0)
     direction /= np.linalg.norm(direction)
     period, units = 2 * problem.period, problem.units[n:]
-    doubled = Shooting(pair, problem.tuning, period, problem.names, units, max_events)
+    doubled = Shooting(model, problem.tuning, period, problem.names, units, max_events)
     for distance in _SWITCH_DISTANCES:
         start = doubling.unknowns + distance * direction
         try:

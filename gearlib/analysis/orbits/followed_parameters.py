@@ -21,7 +21,7 @@ from gearlib.runs.run_arguments import check_tuning
 DIMENSIONLESS_PARAMETERS = {
     "tuning": ("1", "tuning nu, mesh frequency over mean eigenfrequency"),
     "damping": ("1", "damping ratio beta of the material in contact"),
-    "backlash_damping": ("1", "damping ratio beta_m of the oil in the backlash"),
+    "backlash_damping": ("1", "damping ratio beta_m of the oil in free flight"),
     "backlash": ("1", "backlash in static deflections"),
     "contact_ratio": ("1", "contact ratio epsilon"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max"),
@@ -43,9 +43,9 @@ _ATTRIBUTE_NAMES = {
 def continuation_parameters(model: Any) -> dict:
     """Return {name: CF attributes units and long_name} of the parameters for a continuation.
 
-    A model with one pair of gears, the `GearPair` `model.mesh`, has all dimensionless ones.
+    A model with one pair of gears, the `GearPair` `model.pair`, has all dimensionless ones.
     """
-    parameters = (DIMENSIONLESS_PARAMETERS if model.mesh else {}) | model.parameters
+    parameters = (DIMENSIONLESS_PARAMETERS if model.pair else {}) | model.parameters
     return {
         name: {"units": units, "long_name": long_name}
         for name, (units, long_name) in parameters.items()
@@ -55,11 +55,9 @@ def continuation_parameters(model: Any) -> dict:
 def check_parameter(model: Any, name: str) -> str:
     """Return a parameter name; raise ValueError if orbits cannot be continued in it."""
     # A model with gears has a `GearPair`, `mesh`, or the names of the meshes of a train.
-    if not (is_model(model) and (model.mesh or model.mesh_names)):
-        raise ValueError(
-            f"pair = {type(model).__name__} is not allowed: it must be a GearPair, a "
-            "OneDegreePair, a SixDegreePair or a GearTrain"
-        )
+    allowed = "a GearPair, a OneDegreePair, a SixDegreePair or a GearTrain"
+    has_gears = is_model(model) and (model.pair or model.mesh_names)
+    checks.require(has_gears, "model", type(model).__name__, allowed)
     return checks.one_of("parameter", name, continuation_parameters(model))
 
 
@@ -93,9 +91,9 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
         return model, parameters.check(name, value, Positive)
     if name in model.parameters:
         return model.with_parameter(name, value), tuning
-    if model.mesh is not model:
+    if model.pair is not model:
         # The model contains a `GearPair`, which has the parameter.
-        inner_pair, _ = with_parameter(model.mesh, tuning, name, value)
+        inner_pair, _ = with_parameter(model.pair, tuning, name, value)
         return dataclasses.replace(model, pair=inner_pair), tuning
     if name == "backlash":
         value = parameters.check(name, value, Backlash)
@@ -119,7 +117,7 @@ def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np
         return [(model, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
     if tuning is None:
         raise ValueError(f"tuning = None is not allowed: {parameter} is varied at one tuning")
-    if model.mesh is not model:  # Only a `GearPair` is its own mesh.
+    if model.pair is not model:  # Only a `GearPair` is its own mesh.
         raise ValueError(
             f"parameter = {parameter!r} is not allowed for this {type(model).__name__}: it must be "
             "'tuning' unless the model is a GearPair"

@@ -260,7 +260,7 @@ class _ResonanceSearch:
                 return True
             is_beyond = end is not None and sign * (point.unknowns[-1] - end[-1]) > 0.0
             # In a run-down contact loss may last to lower tunings than its onset in a run-up.
-            has_contact = "B" not in point.contacts
+            has_contact = "F" not in point.contacts
             return is_beyond and (increasing or has_contact)
 
         def step(length: float) -> tuple[float, str]:

@@ -104,7 +104,7 @@ class _SpecialPointProblem(Shooting):
 
 @checked
 def locus(
-    pair,
+    model,
     branch,
     point: WholeNumber,
     parameter,
@@ -120,7 +120,7 @@ def locus(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair or SixDegreePair
+    model : GearPair, OneDegreePair or SixDegreePair
         The model whose orbit was continued.
     branch : xarray.Dataset
         A result of `gearlib.continue_orbit`.
@@ -160,24 +160,26 @@ def locus(
         If the special point is not found.
     """
     # The turning point of a grazing is that of one mesh.
-    labels = (FOLD, DOUBLING, GRAZING) if getattr(pair, "mesh", None) else (FOLD, DOUBLING)
-    special_point = point_of_dataset(pair, branch, point, max_events, labels)
+    labels = (FOLD, DOUBLING, GRAZING) if getattr(model, "mesh", None) else (FOLD, DOUBLING)
+    special_point = point_of_dataset(model, branch, point, max_events, labels)
     branch_problem, label = special_point.solution.problem, int(branch.label[point])
     tuning, period = branch_problem.tuning, branch_problem.period
-    names = branch.attrs["parameter"], followed_parameters.check_parameter(pair, parameter)
+    names = branch.attrs["parameter"], followed_parameters.check_parameter(model, parameter)
     checks.require(
         names[0] != names[1], "parameter", parameter, "another parameter than that of the branch"
     )
-    start, to = followed_parameters.start_and_goal(pair, tuning, parameter, to, "that of the pair")
+    start, to = followed_parameters.start_and_goal(model, tuning, parameter, to, "that of the pair")
     units = branch_problem.units[-1], abs(to - start)
-    problem = _SpecialPointProblem(pair, tuning, period, names, units, max_events)
+    problem = _SpecialPointProblem(model, tuning, period, names, units, max_events)
     problem.label, limit = label, Limit(max_seconds)
     unknowns = problem.unknowns(special_point.solution.state, [special_point.value, start])
     try:
         if label == GRAZING:
             problem.phase, _ = problem.turning_point(unknowns)
-        allowed = not (problem.flank_line and pair.moving_flank)
-        checks.require(allowed, "point", point, "a grazing of the normal flank: the other moves")
+        allowed = not (problem.flank_line and model.moving_flank)
+        checks.require(
+            allowed, "point", point, "a grazing of the drive-side flank: the other moves"
+        )
         solutions = [tracing.correct(problem, unknowns, np.eye(unknowns.size)[-1])[0]]
         arguments = to, limits, step, max_points, limit
         end_reason = _follow_locus(problem, solutions, *arguments)

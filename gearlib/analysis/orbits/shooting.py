@@ -57,7 +57,7 @@ class NoOrbit(RuntimeError):
 class Orbit:
     """A periodic orbit."""
 
-    pair: object  #: the model
+    model: object  #: the model
     tuning: float
     period: int  #: smallest number of mesh periods after which it repeats
     state: np.ndarray  #: full state at tau = 0, shape (n,)
@@ -86,7 +86,7 @@ class Orbit:
             "tuning": self.tuning,
         }
         title = "Periodic orbit of a gear mesh"
-        dataset = result(title, self.pair, data, method="shooting", tuning=self.tuning)
+        dataset = result(title, self.model, data, method="shooting", tuning=self.tuning)
         dataset["pattern"].attrs |= CONTACT_FLAGS
         return dataset
 
@@ -98,7 +98,7 @@ def check_orbit(orbit: Any) -> None:
 
 @checked
 def periodic_orbit(
-    pair,
+    model,
     tuning: Tuning,
     *,
     guess=None,
@@ -109,7 +109,7 @@ def periodic_orbit(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+    model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
         The model.
     tuning : float
         Mesh frequency over mean eigenfrequency.
@@ -133,14 +133,14 @@ def periodic_orbit(
     NoOrbit
         If there is no orbit near the guess; the message says what to try.
     """
-    choose_method(pair, None, None)  # raises ValueError unless `pair` is a model
-    repeats = pair.repeats
+    choose_method(model, None, None)  # raises ValueError unless `model` is a model
+    repeats = model.repeats
     if period % repeats:
         raise ValueError(
             f"period = {period} is not allowed: it must be a multiple of the {repeats} mesh "
             "periods after which the excitation repeats"
         )
-    problem = Shooting(pair, tuning, period, max_events=max_events)
+    problem = Shooting(model, tuning, period, max_events=max_events)
     try:
         solution = _newton(problem, problem.initial_unknowns(_initial_state(problem, guess)))
     except ContinuationFailed as error:

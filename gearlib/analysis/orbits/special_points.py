@@ -47,7 +47,7 @@ _CIRCLE_TOLERANCE = 1e-6
 _MIN_TEST_VALUE = 1e-9
 #: Phases of simultaneous events of several meshes differ by less than this.
 _SIMULTANEOUS_TOLERANCE = 1e-9
-_CONTACT_LETTERS = {1: "N", 0: "B", -1: "I"}
+_CONTACT_LETTERS = {1: "D", 0: "F", -1: "C"}
 
 
 @dataclass(frozen=True)

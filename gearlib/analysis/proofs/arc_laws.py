@@ -13,8 +13,8 @@ import numpy as np
 
 from gearlib.analysis.proofs.balls import ball_of, column_of, flint, matrix_of
 from gearlib.analysis.proofs.certificate_files import ProofFailed, TrainDescription
-from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE, ball_model_builder
-from gearlib.engines.codes import BACKLASH, INVERSE
+from gearlib.analysis.proofs.models_in_balls import COAST_SIDE, DRIVE_SIDE, ball_model_builder
+from gearlib.engines.codes import COAST, NO_CONTACT
 from gearlib.models.trains.elastic import free_motions_and_modes
 
 #: Largest force on a free motion, relative to the largest entry: a thousand rounding errors.
@@ -68,7 +68,7 @@ class ArcDynamics:
         self.basis_inverse = self.basis.inv()
         self._without_meshes = self._matrix_without_meshes()
         self.distance_rows = [
-            [self._distance_row(mesh, side) for side in (COAST, DRIVE)]
+            [self._distance_row(mesh, side) for side in (COAST_SIDE, DRIVE_SIDE)]
             for mesh in self.model.meshes
         ]
 
@@ -87,8 +87,8 @@ class ArcDynamics:
             # zero, with drive-side and with coast-side contact.
             stiffness = model.stiffness.copy()
             for mesh in model.meshes:
-                row = mesh.rows[DRIVE]
-                stiffness += mesh.stiffness[DRIVE][0] * np.outer(row, row)
+                row = mesh.rows[DRIVE_SIDE]
+                stiffness += mesh.stiffness[DRIVE_SIDE][0] * np.outer(row, row)
             retained_rows = stiffness[self.retained]
             retained_block = matrix_of(retained_rows[:, self.retained])
             fixed_block = matrix_of(retained_rows[:, self.fixed])
@@ -147,7 +147,7 @@ class ArcDynamics:
         conditions = self.model.segments[segment].conditions
         states = tuple(
             # Contact code, and in contact stiffness level and sliding sign of the side.
-            (code, *sides[COAST if code == INVERSE else DRIVE]) if code else (code,)
+            (code, *sides[COAST_SIDE if code == COAST else DRIVE_SIDE]) if code else (code,)
             for code, sides in zip(codes, conditions, strict=True)
         )
         if states not in self._system_matrices:
@@ -162,20 +162,20 @@ class ArcDynamics:
         the sliding direction, which friction opposes.
         """
         mesh, omega = self.model.meshes[j], self.model.frequency
-        side = COAST if code == INVERSE else DRIVE
+        side = COAST_SIDE if code == COAST else DRIVE_SIDE
         distance = self.distance_rows[j][side]
         rate = distance * self._without_meshes
-        if code == BACKLASH:
-            return self._force_matrix(mesh.rows[DRIVE], rate * (mesh.backlash_damping / omega))
+        if code == NO_CONTACT:
+            return self._force_matrix(mesh.rows[DRIVE_SIDE], rate * (mesh.backlash_damping / omega))
         # In coast-side contact the backlash damping acts on the drive-side rate, and the rest of
         # the damping on the coast-side rate. If both rates are equal, because the clearance is
         # constant, the damping is not split, so that undamped motions are exactly undamped.
-        is_split = side == COAST and mesh.clearance_varies
+        is_split = side == COAST_SIDE and mesh.clearance_varies
         damping = mesh.damping[side] - (mesh.backlash_damping if is_split else 0)
         elastic = distance * (mesh.stiffness[side][level] / omega**2)
         contribution = self._force_matrix(mesh.rows[side], elastic + rate * (damping / omega))
         if is_split:
-            contribution += self._mesh_matrix(j, BACKLASH)
+            contribution += self._mesh_matrix(j, NO_CONTACT)
         if mesh.sliding_row is not None:
             friction = elastic * (mesh.friction[side] * sliding_sign)
             contribution += self._force_matrix(mesh.sliding_row, friction)
@@ -214,7 +214,7 @@ def _modes(model, balls: Any) -> tuple:
     """
     if model.train is None:
         (mesh,), ground_stiffness = balls.meshes, balls.stiffness[0, 0]
-        stiffness = float(ground_stiffness) + max(map(float, mesh.stiffness[DRIVE]))
+        stiffness = float(ground_stiffness) + max(map(float, mesh.stiffness[DRIVE_SIDE]))
         frequency = math.sqrt(stiffness / float(balls.mass[0, 0])) / float(balls.frequency)
         return np.zeros((1, 0)), frequency, np.eye(1)
     structure, mesh_rows = model.train.structure, model.train.structure.lines

@@ -4,9 +4,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from gearlib.analysis.proofs.balls import Enclosure
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 
-_CONTACT_NAMES = {NORMAL: "normal mesh", BACKLASH: "backlash", INVERSE: "inverse mesh"}
+_CONTACT_NAMES = {
+    DRIVE: "drive-side contact",
+    NO_CONTACT: "free flight",
+    COAST: "coast-side contact",
+}
 #: Status of a refusal because contact events coincide, or because there are too many arcs.
 COINCIDENT = "together"
 #: Entries of certificates with exact floats, which are written in hexadecimal.
@@ -35,7 +39,7 @@ class ContactEvent:
     """Gain or loss of a contact."""
 
     phase: Enclosure  #: mesh phase from tau = 0, rad
-    before: int  #: contact code before: 1 normal mesh, 0 backlash, -1 inverse mesh
+    before: int  #: contact code before: 1 drive-side contact, 0 backlash, -1 coast-side contact
     after: int
     velocity: Enclosure  #: dx/dtau, in static deflections
 

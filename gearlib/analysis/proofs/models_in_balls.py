@@ -24,9 +24,9 @@ from gearlib.models.trains.turning import thickness_difference
 from gearlib.models.trains.waves import excitation_harmonics
 
 #: Indices of the two sides of a tooth, as in tables of the models.
-COAST, DRIVE = 0, 1
+COAST_SIDE, DRIVE_SIDE = 0, 1
 #: Attributes of a train that the library derives from its parameters.
-_DERIVED_NUMBERS = "static_deflection", "reference_angular_frequency", "phases", "inverse_phases"
+_DERIVED_NUMBERS = "static_deflection", "reference_angular_frequency", "phases", "coast_phases"
 
 
 class MeshTiming(NamedTuple):
@@ -37,8 +37,8 @@ class MeshTiming(NamedTuple):
     has_friction: bool
     rate: Fraction = Fraction(1)  #: mesh periods per period of the reference mesh
     phases: tuple = (Fraction(0), Fraction(0))  #: middle of the upper level, in mesh periods
-    #: Phases of the pitch points, relative to `phases[DRIVE]`: there the sliding becomes positive,
-    #: and negative half a mesh period later, when the next pair of teeth carries the load.
+    #: Phases of the pitch points, relative to `phases[DRIVE_SIDE]`: there the sliding becomes
+    #: positive, and negative half a mesh period later, when the next pair of teeth has the load.
     pitch_phases: tuple = (Fraction(0), Fraction(0))
 
     def changes(self) -> set[Fraction]:
@@ -49,7 +49,7 @@ class MeshTiming(NamedTuple):
                 phases |= {middle + self.overlap / 2, middle - self.overlap / 2}
         if self.has_friction:
             for pitch_phase in self.pitch_phases:
-                reversal = self.phases[DRIVE] + pitch_phase
+                reversal = self.phases[DRIVE_SIDE] + pitch_phase
                 phases |= {reversal, reversal + Fraction(1, 2)}
         return phases
 
@@ -59,7 +59,7 @@ class MeshTiming(NamedTuple):
         Level 0 is the upper and 1 the lower stiffness.
         """
         to_upper_level = abs((phase - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
-        since_pitch_point = (phase - self.phases[DRIVE] - self.pitch_phases[side]) % 1
+        since_pitch_point = (phase - self.phases[DRIVE_SIDE] - self.pitch_phases[side]) % 1
         is_low = self.overlap == 0 or to_upper_level > self.overlap / 2
         return int(is_low), 1 if since_pitch_point < Fraction(1, 2) else -1
 
@@ -111,7 +111,7 @@ def ball_model_builder(model) -> Callable:
             text = "a train with the gyroscopic forces of a rotating frame is not supported"
             raise ProofFailed("model", text)
         return _train_in_balls if model.train is model else _six_degrees_in_balls
-    if model.mesh is model:
+    if model.pair is model:
         return _pair_in_balls
     if model.piecewise_linear:
         return _equation_in_balls
@@ -143,7 +143,10 @@ def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
     segments = []
     for start, end in pairwise([*sorted(starts), Fraction(common_period)]):
         conditions = [
-            [timing.condition(side, (start + end) / 2 * timing.rate) for side in (COAST, DRIVE)]
+            [
+                timing.condition(side, (start + end) / 2 * timing.rate)
+                for side in (COAST_SIDE, DRIVE_SIDE)
+            ]
             for timing in timings
         ]
         segments.append(Segment(2 * flint().arb.pi() * ball_of(start), conditions))
@@ -172,7 +175,7 @@ def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, 
         stiffness=[[arb(level) for level in levels] for levels in stiffness],
         damping=(coast, drive),
         backlash_damping=backlash,
-        has_backlash=flank_positions[COAST] < flank_positions[DRIVE],
+        has_backlash=flank_positions[COAST_SIDE] < flank_positions[DRIVE_SIDE],
     )
     return BallModel(
         coordinates=("displacement",),
@@ -247,7 +250,7 @@ def _train_in_balls(train, tuning: float) -> BallModel:
             has_switches=mesh.stiffness_ratio != 1.0,
             has_friction=any(mesh.friction),
             rate=train.frequency_ratios[j],
-            phases=(Fraction(train.inverse_phases[mesh.name]), Fraction(train.phases[mesh.name])),
+            phases=(Fraction(train.coast_phases[mesh.name]), Fraction(train.phases[mesh.name])),
             pitch_phases=(pitch_phase + thickness_difference(mesh, train.speeds) / 2, pitch_phase),
         )
         drive_friction, coast_friction = map(arb, mesh.friction)  # the order in the train
@@ -267,7 +270,7 @@ def _train_in_balls(train, tuning: float) -> BallModel:
                 },
                 sliding_row=structure.sliding[j] if timing.has_friction else None,
                 friction=(coast_friction, drive_friction),
-                clearance_varies=mesh.moving_backlash or mesh.inverse_deviation != mesh.deviation,
+                clearance_varies=mesh.moving_backlash or mesh.coast_deviation != mesh.deviation,
             )
         )
     return BallModel(

@@ -124,7 +124,7 @@ def simulated_contacts(orbit: Any) -> tuple[list, list]:
     Events are (phase since tau = 0, index of the mesh, code before, code after). Raise
     `ProofFailed` if the simulated motion does not have the contact pattern of the orbit.
     """
-    model, state, period = orbit.pair, orbit.state, orbit.period
+    model, state, period = orbit.model, orbit.state, orbit.period
     ball_model_builder(model)  # raises ProofFailed unless proofs support the model
     record = model.propagator(orbit.tuning).record(state, period, MAX_EVENTS)
     if record.status == JAMMED:
@@ -162,7 +162,7 @@ class Proof:
     def __init__(self, orbit, codes: list, events: list[tuple]):
         """Prove an orbit from its contact codes at tau = 0 and its contact events."""
         self.orbit, self.codes = orbit, tuple(codes)
-        self.dynamics = dynamics = ArcDynamics(orbit.pair, orbit.tuning)
+        self.dynamics = dynamics = ArcDynamics(orbit.model, orbit.tuning)
         if orbit.period % dynamics.excitation_period:
             text = f"{dynamics.excitation_period} mesh periods, not after {orbit.period}"
             raise ProofFailed("period", f"the excitation repeats after {text}")
@@ -275,7 +275,7 @@ class Proof:
         else:
             other_fields = vars(self.dynamics.train_description(self.codes))
         certificate = (Certificate if one_degree else TrainCertificate)(
-            pair=self.orbit.pair,
+            pair=self.orbit.model,
             tuning=float(self.orbit.tuning),
             period=self.orbit.period,
             displacement=displacement,
@@ -339,9 +339,9 @@ class _Range:
 
     def __init__(self, orbit, codes: list, events: list[tuple]):
         """Prove an orbit with contact codes at tau = 0 and contact events at its tuning."""
-        if ArcDynamics(orbit.pair, orbit.tuning).harmonic_columns:
+        if ArcDynamics(orbit.model, orbit.tuning).harmonic_columns:
             text = "with harmonics of load, deviation or run-out is not supported"
-            name = type(orbit.pair).__name__
+            name = type(orbit.model).__name__
             raise ProofFailed("model", f"a range of tunings of a {name} {text}")
         self.orbit, self.codes, proof = orbit, codes, Proof(orbit, codes, events)
         self.dynamics, self.events = proof.dynamics, proof.contacts()
@@ -386,7 +386,7 @@ class _Range:
         if not pieces:
             raise ProofFailed("time", "the time of max_seconds ended before anything was proven")
         return RangeCertificate(
-            self.orbit.pair,
+            self.orbit.model,
             min(start, tuning),
             max(start, tuning),
             self.orbit.period,

@@ -16,9 +16,9 @@ import numpy as np
 from gearlib.analysis.proofs.arc_laws import propagated
 from gearlib.analysis.proofs.balls import column_of, first_column, flint, identity, matrix_of, norm
 from gearlib.analysis.proofs.certificate_files import COINCIDENT, ProofFailed
-from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
+from gearlib.analysis.proofs.models_in_balls import COAST_SIDE, DRIVE_SIDE
 from gearlib.analysis.proofs.signs import JAMMED, check_arc, contact_bounds
-from gearlib.engines.codes import NORMAL
+from gearlib.engines.codes import DRIVE
 
 #: Largest number of arcs of an orbit.
 MAX_ARCS = 1000
@@ -33,7 +33,7 @@ class Node(NamedTuple):
     matrix: Any  #: system matrix of the arc that ends here
     phase: Any = None  #: a ball; None for a contact event, whose phase is unknown
     mesh: int = -1  #: index of the mesh of a contact event
-    side: int = DRIVE  #: side of the crossed flank line
+    side: int = DRIVE_SIDE  #: side of the crossed flank line
     distance: Any = None  #: distance from this line, a functional of modal components
     before: int = 0  #: contact code of the mesh before the event
     after: int = 0
@@ -115,7 +115,7 @@ class Path:
             mesh, before, after = contact
             if before != codes[mesh]:
                 raise ProofFailed("contacts", "the contacts do not follow from each other")
-            side = DRIVE if NORMAL in (before, after) else COAST
+            side = DRIVE_SIDE if DRIVE in (before, after) else COAST_SIDE
             self.initial_phases.append(phase)
             distance = dynamics.distance_rows[mesh][side]
             self.nodes.append(Node(matrix, None, mesh, side, distance, before, after))

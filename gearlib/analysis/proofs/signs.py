@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from gearlib.analysis.proofs.arc_laws import propagated
 from gearlib.analysis.proofs.balls import flint, norm
 from gearlib.analysis.proofs.certificate_files import COINCIDENT, ProofFailed
-from gearlib.analysis.proofs.models_in_balls import COAST, DRIVE
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.analysis.proofs.models_in_balls import COAST_SIDE, DRIVE_SIDE
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 
 #: Largest number of bisections of a piece, and length of the shortest part relative to the piece, a
 #: power of 2, so that positions are exact floats.
@@ -198,12 +198,12 @@ def contact_bounds(dynamics: Any, codes: list) -> list[Bound]:
     states = zip(codes, dynamics.model.meshes, dynamics.distance_rows, strict=True)
     for j, (code, mesh, rows) in enumerate(states):
         # In contact, the flank distance is positive on the drive side and negative on the other.
-        for side, side_code, contact_sign in ((DRIVE, NORMAL, 1), (COAST, INVERSE, -1)):
-            is_clearance = code not in (BACKLASH, side_code)
+        for side, side_code, contact_sign in ((DRIVE_SIDE, DRIVE, 1), (COAST_SIDE, COAST, -1)):
+            is_clearance = code not in (NO_CONTACT, side_code)
             if rows[side] is None or (is_clearance and not mesh.clearance_varies):
                 continue
             # Without backlash both sides have the same flank line.
-            sides = (side,) if mesh.has_backlash else (COAST, DRIVE)
+            sides = (side,) if mesh.has_backlash else (COAST_SIDE, DRIVE_SIDE)
             sign = contact_sign if code == side_code else -contact_sign
             bounds.append(Bound(j, sides, sign, row=rows[side], is_clearance=is_clearance))
     return bounds

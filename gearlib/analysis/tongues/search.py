@@ -31,7 +31,7 @@ _COLUMNS = {
 
 @checked
 def tongues(
-    pair,
+    model,
     *,
     start: Annotated[float, Ge(MIN_TUNING), Unit("1")] = 0.3,
     stop: Tuning = 3.0,
@@ -49,7 +49,7 @@ def tongues(
 
     Parameters
     ----------
-    pair : GearPair, OneDegreePair, SixDegreePair or GearTrain
+    model : GearPair, OneDegreePair, SixDegreePair or GearTrain
         The backlash is ignored. One degree of freedom with rectangular stiffness has closed forms,
         others a numerical monodromy matrix, see `gearlib.analysis.tongues.hill_tongues`.
     start, stop : float
@@ -90,15 +90,16 @@ def tongues(
     of a tongue meet. Equations: `gearlib.analysis.tongues.meissner`.
     """
     checks.require(stop > start, "stop", stop, f"> start = {start!r}")
-    model = checked_model(pair)
+    model = checked_model(model)
     limit, missing = Limit(max_seconds), []
     if parameter is None:
         checks.require(values is None, "values", values, "left out where parameter is None")
         tongue_lists = [find_tongues(model, start, stop, step)]
     else:
-        allowed = PARAMETERS if model.mesh else (*model.parameters,)[1:]
+        allowed = PARAMETERS if model.pair else (*model.parameters,)[1:]
         checks.one_of("parameter", parameter, allowed)
-        checks.require(values, "values", values, "given where parameter is")
+        if values is None:
+            raise checks.refusal("values", None, "given where parameter is")
         models = [replace_parameter(model, parameter, value) for value in values]
         tongue_lists = [
             find_tongues(changed, start, stop, step)
@@ -108,7 +109,7 @@ def tongues(
         values, missing = values[:count], values[count:]
     dimension = "tongue" if model.size > 2 else "order"
     data, coords = _variables(tongue_lists, parameter, values, dimension)
-    if parameter is None and model.mesh:
+    if parameter is None and model.pair:
         dampings = [closing_damping(model, tongue) for tongue in tongue_lists[0]]
         data["closing_damping"] = dimension, np.array(dampings, float)
     dataset = result(
@@ -116,26 +117,28 @@ def tongues(
         model,
         data,
         coords,
-        method="closed form" if model.mesh is model else "monodromy",
+        method="closed form" if model.pair is model else "monodromy",
         start=start,
         stop=stop,
     )
     return limit.mark(dataset, missing)
 
 
-def checked_model(pair: Any) -> Any:
+def checked_model(model: Any) -> Any:
     """Return a model with linear motion in contact; raise ValueError if it is nonlinear.
 
     A model with rectangular stiffness is replaced by its `GearPair`, which has the same stability.
     """
     # Gear pairs have a `mesh`, trains `mesh_names`; one degree of freedom needs an `equation`.
-    has_gears = is_model(pair) and (pair.mesh or pair.mesh_names)
-    if not has_gears or (pair.size == 2 and pair.equation is None):
-        raise checks.refusal("pair", pair, "a GearPair, OneDegreePair, SixDegreePair or GearTrain")
-    for name in pair.nonlinear:
+    has_gears = is_model(model) and (model.pair or model.mesh_names)
+    if not has_gears or (model.size == 2 and model.equation is None):
+        raise checks.refusal(
+            "model", model, "a GearPair, OneDegreePair, SixDegreePair or GearTrain"
+        )
+    for name in model.nonlinear:
         allowed = "0, or the stability depends on the motion: see gearlib.periodic_orbit"
-        checks.require(not getattr(pair, name), name, getattr(pair, name), allowed)
-    return pair.mesh if isinstance(pair.profile, Rectangular) else pair
+        checks.require(not getattr(model, name), name, getattr(model, name), allowed)
+    return model.pair if isinstance(model.profile, Rectangular) else model
 
 
 def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> list:
@@ -143,7 +146,7 @@ def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> 
 
     With several degrees of freedom, the tunings are scanned in steps of `step`.
     """
-    if model.mesh is model:  # a `GearPair`
+    if model.pair is model:  # a `GearPair`
         equation = meissner.equation_of(model)
         return [meissner.tongue(equation, n) for n in meissner.orders(equation, start, stop)]
     if model.size > 2:
@@ -156,7 +159,7 @@ def closing_damping(model: Any, tongue: meissner.Tongue) -> float:
 
     It is 0 for a tongue that has no width without damping, NaN if no damping ratio closes it.
     """
-    if model.mesh is model:  # a `GearPair`
+    if model.pair is model:  # a `GearPair`
         return meissner.closing_damping(model.contact_ratio, model.stiffness_ratio, tongue.order)
     if model.size > 2:
         return hill_tongues.closing_damping_of_six_degrees(model, tongue)

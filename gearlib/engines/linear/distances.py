@@ -4,12 +4,12 @@ The amplitudes of the modes bound a distance while the contacts stay. Mostly thi
 line is reached. Otherwise the distance is a polynomial in Bernstein form, whose first fall through
 zero is isolated: nothing is sampled. In all functions `tables` are the `Modes` of a run, `work` is
 its `RunStorage`, `constants` are its `RunConstants`, and a `combination` of contacts is a row of
-`tables`, or SERIES. Contact codes are NORMAL 1 (drive side), BACKLASH 0, INVERSE -1 (coast side).
+`tables`, or SERIES. Contact codes are DRIVE 1 (drive side), NO_CONTACT 0, COAST -1 (coast side).
 """
 
 import math
 
-from gearlib.engines.codes import INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 from gearlib.engines.linear.modal_arcs import HIGH_DEGREE, LOW_DEGREE, fill_product
 from gearlib.engines.linear.sparse_series import SERIES, series_may_reach_zero
@@ -52,11 +52,11 @@ def _can_reach(constants, j, contact_code, line):
 def _distance_sign(contact_code, line):
     """Return the sign of the distance of a mesh from a flank line, 1 drive or -1 coast side.
 
-    The contact code is NORMAL (drive side in contact), INVERSE (coast side) or BACKLASH (neither).
+    The contact code is DRIVE (drive side in contact), COAST (coast side) or NO_CONTACT (neither).
     """
     if line == 1:
-        return 1.0 if contact_code == NORMAL else -1.0
-    return -1.0 if contact_code == INVERSE else 1.0
+        return 1.0 if contact_code == DRIVE else -1.0
+    return -1.0 if contact_code == COAST else 1.0
 
 
 @inlined_without_refcounts
@@ -113,7 +113,7 @@ def stays_off_lines(tables, combination, j, constants, work, count):
             return False
         # With a constant gap both distances have the same amplitude, which is then known from the
         # drive side unless the loop has skipped that, with the coast side in contact.
-        if line == 1 or code == INVERSE or not constants.constant_gap[j]:
+        if line == 1 or code == COAST or not constants.constant_gap[j]:
             factors = tables.mode_amplitude_factors[combination, side, j]
             amplitude = _dot_of_first(factors, work.amplitudes, count)
         center = tables.constant_distance[combination, side, j]

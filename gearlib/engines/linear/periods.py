@@ -7,7 +7,7 @@ rounding count as simultaneous: their saltation matrices commute, so that the or
 """
 
 from gearlib.engines import orbit
-from gearlib.engines.codes import BOTH, EVENT_LIMIT, JAMMED, NORMAL, OK, UNRESOLVED
+from gearlib.engines.codes import BOTH, DRIVE, EVENT_LIMIT, JAMMED, OK, UNRESOLVED
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 from gearlib.engines.linear.distances import fill_amplitudes, find_first_events, stays_off_lines
 from gearlib.engines.linear.modal_arcs import (
@@ -57,7 +57,7 @@ def _cross_flank_line(system, constants, work, j, segment, vectors):
     `TrainSystem`; `constants` (`RunConstants`) have the rates of the distances from flank lines.
     """
     n = system.drive_lines.shape[1]
-    line = 1 if NORMAL in (work.contact[j], work.contact_after[j]) else -1
+    line = 1 if DRIVE in (work.contact[j], work.contact_after[j]) else -1
     work.start_line[j] = line
     if vectors.shape[0] > 0:
         line_rates = constants.drive_rates if line == 1 else constants.coast_rates
@@ -116,7 +116,7 @@ def run_period(
 
     The state in `work`, and small perturbations of it, `vectors`, shape (k, n or more), change in
     place. `number` is the index of the mesh period in the excitation, `limit` the largest number of
-    events. If `recording`, `summary`, shape (m, 10), `samples` as in `record.record` and `events`,
+    events. If `recording`, `summary`, a row a mesh, `samples` as in `record.record` and `events`,
     shape (k, 6), are filled; an event table without rows stays empty. The status
     COMBINATION_MISSING asks for the modes of ``work.effects`` in `tables`, EVENTS_FULL for a larger
     event table; the next call then continues from there.
@@ -232,19 +232,17 @@ def run_period(
                 _cross_flank_line(system, constants, work, j, segment, vectors)
                 work.counters[PERIOD_EVENTS] += 1
                 if recording:
-                    if contact_before == NORMAL:
-                        summary[j, orbit.BOUNCES] += 1.0
+                    state = work.state[: constants.drive_rates.shape[1]]
+                    velocity = dot(constants.drive_rates[j], state) / system.tuning
+                    code_after = work.contact[j]
+                    orbit.count_event(contact_before, code_after, velocity, summary[j])
                     if events.shape[0] > 0:
-                        state = work.state[: constants.drive_rates.shape[1]]
-                        velocity = dot(constants.drive_rates[j], state) / system.tuning
                         # The sum of lengths may round to less than the phase of the last event.
                         work.progress[1] = max(phase + step * system.tuning, work.progress[1])
-                        row = work.counters[EVENT_ROWS]
-                        events[row, orbit.EVENT_PERIOD] = 0.0
-                        events[row, orbit.EVENT_PHASE] = work.progress[1]
-                        events[row, orbit.EVENT_FROM] = contact_before
-                        events[row, orbit.EVENT_TO] = work.contact[j]
-                        events[row, orbit.EVENT_VELOCITY] = velocity
+                        row, instant_phase = work.counters[EVENT_ROWS], work.progress[1]
+                        orbit.fill_event(
+                            events[row], 0, instant_phase, contact_before, code_after, velocity
+                        )
                         events[row, EVENT_MESH] = j
                         work.counters[EVENT_ROWS] = row + 1
                         sort_last_event(events, row, work.counters[FIRST_EVENT_ROW])

@@ -20,7 +20,6 @@ from gearlib.engines.linear.periods import (
     EVENTS_FULL,
     SEGMENTS_MISSING,
 )
-from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.run_storage import (
     EVENT_ROWS,
     KNOWN_PERIODS,
@@ -279,7 +278,7 @@ class Propagator(Base):
         and has at most `max_events` events in each period.
         """
         tables = self.empty_raw_samples(0), np.empty((0, EVENT_COLUMNS)), max_events
-        summary = np.empty((len(self.system.drive_lines), SUMMARY_COLUMNS))
+        summary = np.empty((len(self.system.drive_lines), orbit.SUMMARY_COLUMNS))
         status = self.run_system(z, *tables, summary, (periods, 0), maps, first_period)[3]
         # The kernel computes maps for velocities by theta.
         maps *= self.scale[None, :] / self.scale[:, None]

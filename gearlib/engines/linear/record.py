@@ -3,7 +3,7 @@
 import math
 
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.copies import copy
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 from gearlib.engines.linear.distances import (
@@ -16,9 +16,6 @@ from gearlib.engines.linear.modal_arcs import advance_modes_in_time, apply_store
 from gearlib.engines.linear.run_storage import SAMPLES_TAKEN
 from gearlib.engines.linear.sparse_series import SERIES, sum_series
 from gearlib.engines.polynomial import bernstein_maximum
-
-#: Number of columns of a summary: those of `orbit`, then FORCE_SUM.
-SUMMARY_COLUMNS = orbit.SUMMARY_COLUMNS + 1
 
 
 @kernel_without_refcounts
@@ -78,10 +75,10 @@ def _extrema_stay_within_summary(system, tables, combination, work, segment, sum
         amplitude = distance_amplitude(tables, combination, 1, j, work, mode_count)
         if center + amplitude > row[orbit.X_MAX] or center - amplitude < row[orbit.X_MIN]:
             return False
-        if code == INVERSE:
+        if code == COAST:
             center = tables.constant_distance[combination, 0, j]
             amplitude = distance_amplitude(tables, combination, 0, j, work, mode_count)
-        stiffness = system.stiffness[code + 1, segment, j] if code != BACKLASH else 0.0
+        stiffness = system.stiffness[code + 1, segment, j] if code != NO_CONTACT else 0.0
         high, low = stiffness * (center + amplitude), stiffness * (center - amplitude)
         if high > row[orbit.FORCE_MAX] or low < row[orbit.FORCE_MIN]:
             return False
@@ -118,7 +115,7 @@ def _distance_integral(tables, combination, side, j, start, end, t):
 def record(
     system, tables, combination, work, segment, phase, length, piece_length, summary, samples
 ):
-    """Record a motion without contact changes in the summary, shape (m, 10), and the samples.
+    """Record a motion without contact changes in the summary, a row a mesh, and the samples.
 
     It begins at `phase`, in a segment, with the modal state in `work` and lasts `length` in theta;
     polynomials of distances hold over `piece_length`. `combination` is a row of `tables` or SERIES.
@@ -151,8 +148,8 @@ def record(
                 advance_modes_in_time(tables, combination, work, step, work.sampled_modes)
                 for j in range(m):
                     code = work.contact[j]
-                    if code != BACKLASH:
-                        side = 0 if code == INVERSE else 1
+                    if code != NO_CONTACT:
+                        side = 0 if code == COAST else 1
                         impulse = _distance_integral(
                             tables, combination, side, j, work.mode_buffer, work.sampled_modes, step
                         )
@@ -162,11 +159,11 @@ def record(
             row, code = summary[j], work.contact[j]
             _fill_distance(tables, combination, 1, j, work)
             restrict_to_start(curve, step / piece_length, degree)
-            stiffness = 0.0 if code == BACKLASH else system.stiffness[code + 1, segment, j]
-            _add_extrema(curve, True, stiffness if code == NORMAL else 0.0, work, row)
-            if code == BACKLASH:
+            stiffness = 0.0 if code == NO_CONTACT else system.stiffness[code + 1, segment, j]
+            _add_extrema(curve, True, stiffness if code == DRIVE else 0.0, work, row)
+            if code == NO_CONTACT:
                 continue
-            if code == INVERSE:
+            if code == COAST:
                 _fill_distance(tables, combination, 0, j, work)
                 restrict_to_start(curve, step / piece_length, degree)
                 _add_extrema(curve, False, stiffness, work, row)

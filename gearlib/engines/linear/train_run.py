@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH, INVERSE, JAMMED, NORMAL, OK, OVERFLOW, UNRESOLVED
+from gearlib.engines.codes import COAST, DRIVE, JAMMED, NO_CONTACT, OK, OVERFLOW, UNRESOLVED
 from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
 from gearlib.engines.linear.periods import SEGMENTS_MISSING, run_period
 from gearlib.engines.linear.run_storage import (
@@ -57,13 +57,13 @@ def set_initial_contacts(system, no_coast_side, work, segment):
     for j in range(m):
         drive_sign = _sign_or_zero(system.drive_lines[j], z)
         coast_sign = 1.0 if no_coast_side[j] else _sign_or_zero(system.coast_lines[j], z)
-        work.contact[j] = BACKLASH
+        work.contact[j] = NO_CONTACT
         if drive_sign > 0.0:
-            work.contact[j] = NORMAL
+            work.contact[j] = DRIVE
         elif drive_sign == 0.0:
             work.start_line[j], is_undecided[j] = 1, True
         elif coast_sign < 0.0:
-            work.contact[j] = INVERSE
+            work.contact[j] = COAST
         elif coast_sign == 0.0:
             work.start_line[j], is_undecided[j] = -1, True
     matrix = np.empty((n, n))
@@ -112,7 +112,7 @@ def start_run(system, constants, work):
     mesh_period = system.first_period % (system.first_segment.shape[0] - 1)
     set_initial_contacts(system, constants.no_coast_side, work, system.first_segment[mesh_period])
     for j in range(system.drive_lines.shape[0]):
-        touches = work.contact[j] == NORMAL or work.start_line[j] == 1
+        touches = work.contact[j] == DRIVE or work.start_line[j] == 1
         overlaps = is_past_coast_line(system.coast_lines[j], work.state[:n])
         if constants.may_jam[j] and touches and overlaps:
             return JAMMED
@@ -201,7 +201,7 @@ def motion_period(system, strobes, summary):
     """Return the number of mesh periods after which the motion of all meshes repeats, or 0.
 
     `strobes`, shape (m, k + 1, 2), has displacements and velocities at k + 1 successive bounds of
-    mesh periods; `summary`, shape (m, 10), has the extrema that scale their difference.
+    mesh periods; `summary`, a row a mesh, has the extrema that scale their difference.
     """
     period = 1
     for j in range(strobes.shape[0]):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, BOTH
+from gearlib.engines.codes import BOTH, NO_CONTACT
 from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
 
 #: Largest overlap of both flanks that counts as rounding, relative to the terms of a distance.
@@ -101,12 +101,12 @@ def dot(row_vector, z):
 def next_contact(contact, line):
     """Return the contact code of a mesh after it has crossed a flank line.
 
-    `contact` is the code before: 1 drive-side contact, 0 contact loss, -1 back-side contact; `line`
-    is 1 for the drive side and -1 for the coast side. A mesh in contact there loses it; a mesh in
-    contact on the other side would touch on `BOTH`.
+    `contact` is the code before: 1 drive-side contact, 0 contact loss, -1 coast-side contact;
+    `line` is 1 for the drive side and -1 for the coast side. A mesh in contact there loses it; a
+    mesh in contact on the other side would touch on `BOTH`.
     """
     if contact == line:
-        return BACKLASH
+        return NO_CONTACT
     return BOTH if contact == -line else line
 
 

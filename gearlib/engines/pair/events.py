@@ -13,7 +13,7 @@ flight through the backlash has one lowest point, and likewise one descent and o
 
 import math
 
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.jit import kernel
 from gearlib.engines.pair.motion import (
     UNDERDAMPED,
@@ -102,7 +102,7 @@ def next_impact(drag, load, backlash, x, v):
 
     The flight x'' + 2 drag x' = load starts with displacement -backlash <= x <= 0 and velocity v;
     the backlash > 0 may be infinite. The code is 1 for the drive-side flank (x = 0) and -1 for the
-    back-side flank (x = -backlash).
+    coast-side flank (x = -backlash).
     """
     if v >= 0.0:
         return climb_time(drag, load, -x, v), 1
@@ -125,25 +125,25 @@ def next_event(mesh, level, contact, x, v, max_duration):
     """Return (duration, new contact code, x, v): duration of an arc, and the state at its end.
 
     The arc starts with displacement x, velocity v and a contact code (1 drive side, 0 loss, -1 back
-    side), in a `Mesh` at a stiffness `Level`. It ends at the first crossing of a flank line, where
-    x is exact, or after `max_duration`, where the contact code does not change.
+    side), in a `PairConstants` at a stiffness `Level`. It ends at the first crossing of a flank
+    line, where x is exact, or after `max_duration`, where the contact code does not change.
     """
-    if contact == BACKLASH:
+    if contact == NO_CONTACT:
         t, flank_code = next_impact(mesh.drag, mesh.load, mesh.backlash, x, v)
         if t > max_duration:
             x, v = free_flight(mesh.drag, mesh.load, x, v, max_duration)
             return max_duration, contact, x, v
         _, v = free_flight(mesh.drag, mesh.load, x, v, t)
-        if flank_code == NORMAL:
-            return t, NORMAL, 0.0, max(v, 0.0)
-        return t, INVERSE, -mesh.backlash, min(v, 0.0)
-    if contact == NORMAL:
+        if flank_code == DRIVE:
+            return t, DRIVE, 0.0, max(v, 0.0)
+        return t, COAST, -mesh.backlash, min(v, 0.0)
+    if contact == DRIVE:
         u = x - level.equilibrium
         t = descent_time(level, u, v, -level.equilibrium, max_duration)
         if t <= max_duration:
             _, speed = evolve(level, u, v, t)
             if speed < 0.0:
-                return t, (INVERSE if mesh.backlash == 0.0 else BACKLASH), 0.0, speed
+                return t, (COAST if mesh.backlash == 0.0 else NO_CONTACT), 0.0, speed
         u, v = evolve(level, u, v, max_duration)
         return max_duration, contact, u + level.equilibrium, v
     # Back-side contact is mirrored: it ends when -u falls through the static deflection.
@@ -151,7 +151,7 @@ def next_event(mesh, level, contact, x, v, max_duration):
     t = descent_time(level, -u, -v, level.equilibrium, max_duration)
     if t <= max_duration:
         _, speed = evolve(level, u, v, t)
-        return t, (NORMAL if mesh.backlash == 0.0 else BACKLASH), -mesh.backlash, max(speed, 0.0)
+        return t, (DRIVE if mesh.backlash == 0.0 else NO_CONTACT), -mesh.backlash, max(speed, 0.0)
     u, v = evolve(level, u, v, max_duration)
     return max_duration, contact, u + level.equilibrium - mesh.backlash, v
 
@@ -198,7 +198,7 @@ def march_rest_of_segment(
             return length, contact, x, v, arc_count
         contact = new_contact
         t += duration
-        if until_impact and contact == NORMAL:
+        if until_impact and contact == DRIVE:
             break
     return t, contact, x, v, arc_count
 

@@ -56,7 +56,8 @@ def run_many(
 
 @kernel
 def run_many_states(mesh, states, periods, max_arcs, ends, statuses):
-    """Run a `Mesh` from many `states`, shape (k, 2), through a number of mesh periods from tau = 0.
+    """Run a `PairConstants` from many `states`, shape (k, 2), through a number of mesh periods from
+    tau = 0.
 
     Fills the final states `ends`, shape (k, 2), and `statuses`, shape (k,). A period with more than
     `max_arcs` arcs ends a run.
@@ -78,10 +79,10 @@ def run_many_states(mesh, states, periods, max_arcs, ends, statuses):
 def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, statuses):
     """Fill `table`, shape (n, periods, 2), with states of n motions at one phase of each period.
 
-    The motions of the `Mesh` start from `states`, shape (n, 2), at tau = 0; `settle_periods` pass
-    before the first row. `phase` lies in [0, 2 pi). Final states go to `ends`, shape (n, 2), and
-    `statuses`, shape (n,), are filled. A period with more than `max_arcs` arcs ends a motion; its
-    later rows stay unchanged.
+    The motions of the `PairConstants` start from `states`, shape (n, 2), at tau = 0;
+    `settle_periods` pass before the first row. `phase` lies in [0, 2 pi). Final states go to
+    `ends`, shape (n, 2), and `statuses`, shape (n,), are filled. A period with more than `max_arcs`
+    arcs ends a motion; its later rows stay unchanged.
     """
     work, arcs = new_work(), np.empty((16, ARC_COLUMNS))
     set_mesh(work, mesh)

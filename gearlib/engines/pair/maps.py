@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, EVENT_LIMIT, OK, OVERFLOW
+from gearlib.engines.codes import EVENT_LIMIT, NO_CONTACT, OK, OVERFLOW
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.orbit import is_within_range
 from gearlib.engines.pair.events import ARC_COLUMNS, CONTACT, DURATION, LEVEL, march_period
@@ -35,20 +35,21 @@ def multiply_from_left(a, b, c, d, matrix):
 def multiply_by_arc_maps(mesh, arcs, arc_count, previous_code, matrix):
     """Multiply `matrix`, shape (2, 2), from the left by the Jacobian matrices of successive arcs.
 
-    `arcs`, shape (n, 6), is the arc table of a motion of the `Mesh` with `arc_count` rows, and
-    `previous_code` the contact code before its first arc. Returns the contact code of the last arc.
+    `arcs`, shape (n, 6), is the arc table of a motion of the `PairConstants` with `arc_count` rows,
+    and `previous_code` the contact code before its first arc. Returns the contact code of the last
+    arc.
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
         level = mesh.high_level if arcs[i, LEVEL] == 1.0 else mesh.low_level
         if contact != previous_code:
             # The saltation matrix: only the damping changes at a flank line.
-            decay_before = mesh.drag if previous_code == BACKLASH else level.decay_rate
-            decay_after = mesh.drag if contact == BACKLASH else level.decay_rate
+            decay_before = mesh.drag if previous_code == NO_CONTACT else level.decay_rate
+            decay_after = mesh.drag if contact == NO_CONTACT else level.decay_rate
             multiply_from_left(1.0, 0.0, -2.0 * (decay_after - decay_before), 1.0, matrix)
             previous_code = contact
         t = arcs[i, DURATION]
-        if contact == BACKLASH:
+        if contact == NO_CONTACT:
             decay = math.exp(-2.0 * mesh.drag * t)
             # The displacement due to an initial velocity of 1.
             response = t

@@ -26,7 +26,7 @@ flight has at most one lowest point, and always ends.
 import math
 from typing import NamedTuple
 
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.jit import inlined_kernel, kernel
 
 UNDERDAMPED, CRITICAL, OVERDAMPED = 1, 0, -1
@@ -116,7 +116,7 @@ def next_turning_time(level, u, v):
     return math.log1p(2.0 * w * ratio) / (2.0 * w) if ratio > 0.0 else math.inf
 
 
-class Mesh(NamedTuple):
+class PairConstants(NamedTuple):
     """Dimensionless constants of a mesh with rectangular stiffness at one tuning."""
 
     low_level: Level  #: of the stiffness C_min
@@ -131,10 +131,10 @@ class Mesh(NamedTuple):
 
 @kernel
 def mesh_at_tuning(pair_parameters, tuning):
-    """Return the `Mesh` of a gear pair at one tuning nu.
+    """Return the `PairConstants` of a gear pair at one tuning nu.
 
     The parameters, shape (7,), are C_max / C_s, C_min / C_s, the phase lengths of half the C_max
-    segment and of the C_min segment, damping ratios beta in contact and beta_m in the backlash, and
+    segment and of the C_min segment, damping ratios beta in contact and beta_m in free flight, and
     the backlash in static deflections.
     """
     damping, drag, backlash = pair_parameters[4], pair_parameters[5] / tuning, pair_parameters[6]
@@ -142,31 +142,33 @@ def mesh_at_tuning(pair_parameters, tuning):
     low_level = level_at_tuning(pair_parameters[1], damping, tuning)
     half_high_length, low_length = pair_parameters[2], pair_parameters[3]
     load = 1.0 / (tuning * tuning)
-    return Mesh(low_level, high_level, half_high_length, low_length, drag, load, backlash, tuning)
+    return PairConstants(
+        low_level, high_level, half_high_length, low_length, drag, load, backlash, tuning
+    )
 
 
 @kernel
 def contact_of(backlash, x, v):
-    """Return the contact code (1 drive side, 0 loss, -1 back side) at displacement x, velocity v.
+    """Return the contact code (1 drive side, 0 loss, -1 coast side) at displacement x, velocity v.
 
-    The drive-side flanks touch at x = 0, the back-side flanks at x = -backlash.
+    The drive-side flanks touch at x = 0, the coast-side flanks at x = -backlash.
     """
     return contact_between(0.0, -backlash, x, v)
 
 
 @kernel
 def contact_between(drive_line, coast_line, x, v):
-    """Return the contact code (1 drive side, 0 loss, -1 back side) at displacement x, velocity v.
+    """Return the contact code (1 drive side, 0 loss, -1 coast side) at displacement x, velocity v.
 
-    The drive-side flanks touch at x = `drive_line`, the back-side flanks at x = `coast_line`. On
+    The drive-side flanks touch at x = `drive_line`, the coast-side flanks at x = `coast_line`. On
     these lines the code is valid just after; the load acts upwards, so that a mesh at rest moves
     up.
     """
     if x > drive_line or (x == drive_line and v >= 0.0):
-        return NORMAL
+        return DRIVE
     if x < coast_line or (x == coast_line and v < 0.0):
-        return INVERSE
-    return BACKLASH
+        return COAST
+    return NO_CONTACT
 
 
 #: Up to this z power series are used: the closed form of phi2 would lose two digits there.

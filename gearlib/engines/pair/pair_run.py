@@ -48,7 +48,8 @@ def period_status(x, v, arc_count, max_arcs):
 
 @inlined_kernel
 def run_whole_period(mesh, work, n, contact, x, v, max_arcs, arcs):
-    """Run through mesh period n of a `Mesh` and keep all its arcs, in a table enlarged as needed.
+    """Run through mesh period n of a `PairConstants` and keep all its arcs, in a table enlarged as
+    needed.
 
     The motion starts with a contact code, displacement x and velocity v. `work` is storage prepared
     for the mesh, `max_arcs` the largest number of arcs, `arcs`, shape (k, 6), an arc table. Returns
@@ -74,9 +75,9 @@ def run_unrecorded(mesh, work, contact, x, v, periods, max_arcs):
     """Run through mesh periods from tau = 0 without a record, at most `max_arcs` arcs in each.
 
     The motion starts with a contact code, displacement x and velocity v; `work` is storage prepared
-    for the `Mesh`. Once it has settled, remaining periods are replaced by the linearised map.
-    Returns (contact code, x, v, status, repeat, is_on_orbit): `repeat` is the period of the settled
-    orbit or 0, `is_on_orbit` whether the distance from the orbit is rounding.
+    for the `PairConstants`. Once it has settled, remaining periods are replaced by the linearised
+    map. Returns (contact code, x, v, status, repeat, is_on_orbit): `repeat` is the period of the
+    settled orbit or 0, `is_on_orbit` whether the distance from the orbit is rounding.
     """
     n, next_check, check_interval = np.int64(0), 2 * _CHECK_INTERVAL, _CHECK_INTERVAL
     settled, is_on_orbit = settling.unsettled(), False
@@ -119,11 +120,12 @@ def run_unrecorded(mesh, work, contact, x, v, periods, max_arcs):
 
 @kernel
 def run(mesh, x, v, periods, record_periods, samples, events, max_arcs, summary):
-    """Run a `Mesh` from displacement x, in static deflections, and velocity v = dx/dtau at tau = 0.
+    """Run a `PairConstants` from displacement x, in static deflections, and velocity v = dx/dtau at
+    tau = 0.
 
     The last `record_periods` of its `periods` are recorded. `samples`, shape (record_periods * n,
     6), receive n equal steps per period, n may be 0; `events`, shape (k, 5), are enlarged as needed
-    unless k = 0; `summary`, shape (9,), is filled. A period has at most `max_arcs` arcs.
+    unless k = 0; `summary` is filled. A period has at most `max_arcs` arcs.
 
     Returns (x, v, period, events, rows, status): the last state, the proven period of the orbit in
     mesh periods or 0, the event table and its rows in use, OK, EVENT_LIMIT or OVERFLOW.
@@ -137,7 +139,7 @@ def run(mesh, x, v, periods, record_periods, samples, events, max_arcs, summary)
 
 @kernel
 def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events, max_arcs, summary):
-    """Run a `Mesh` as `run` does, with storage `work` prepared by `set_mesh`.
+    """Run a `PairConstants` as `run` does, with storage `work` prepared by `set_mesh`.
 
     x and v are displacement and velocity at tau = 0. `samples`, `events` and `summary` receive the
     record of the last `record_periods`; `max_arcs` is the largest number of arcs of a period.
@@ -169,14 +171,14 @@ def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events,
         if status != OK:
             return x, v, 0, events, 0, status
         recorded_arcs.add_arcs_to_summary(mesh, arcs, arc_count, summary)
-        events, event_rows, previous_code = recorded_arcs.count_events(
+        events, event_rows, previous_code = recorded_arcs.record_events(
             arcs, arc_count, previous_code, n, events, event_rows, summary
         )
         if samples_per_period > 0:
             period_samples = samples[i * samples_per_period : (i + 1) * samples_per_period]
             orbit.fill_sample_phases(period_samples, orbit.SAMPLE_PHASE, 2.0 * math.pi)
             recorded_arcs.sample_arcs(mesh, arcs, arc_count, period_samples)
-    for k in range(orbit.TIME_NORMAL, orbit.SUMMARY_COLUMNS):
+    for k in orbit.SUMS:
         summary[k] *= record_periods / computed_periods
     if computed_periods < record_periods:
         events, event_rows = orbit.repeat_record(
@@ -196,10 +198,10 @@ def _proven_period(mesh, work, n, contact, x, v, max_arcs, summary):
 
     After n periods it has a contact code, displacement x and velocity v. Stored states in `work`
     may repeat in a transient as well, so that a proof is needed. `max_arcs` is the largest number
-    of arcs in a period; `summary`, shape (9,), describes the recorded periods.
+    of arcs in a period; `summary` describes the recorded periods.
     """
     period, tolerance = settling.repeat_period(mesh, work, n, _SAME_STATE), _END_DISTANCE
-    if summary[orbit.TIME_BACKLASH] == 0.0 and summary[orbit.TIME_INVERSE] == 0.0:
+    if summary[orbit.TIME_NO_CONTACT] == 0.0 and summary[orbit.TIME_COAST] == 0.0:
         # Without loss of contact the map is linear and has one orbit; within a period deviations
         # grow by a factor of less than 10.
         lowest = 0.1 * summary[orbit.X_MIN]
@@ -221,7 +223,7 @@ def _period_of_stored_states(mesh, work, periods, first, last, repeat, summary):
 
     `work` stores the states after periods `first` to `last` of a run of `periods`. If the run has
     settled, its period is `repeat` (else 0) and other states are repetitions of stored states.
-    `summary`, shape (9,), gives the displacement range of the orbit.
+    `summary` gives the displacement range of the orbit.
     """
     strobe_count = min(periods, orbit.STROBE_PERIODS)
     strobes = np.empty((strobe_count + 1, 2))

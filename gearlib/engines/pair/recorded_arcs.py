@@ -3,7 +3,7 @@
 import math
 
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.pair.events import CONTACT, DISPLACEMENT, DURATION, LEVEL, START, VELOCITY
 from gearlib.engines.pair.motion import (
@@ -17,16 +17,16 @@ from gearlib.engines.pair.motion import (
 
 @kernel
 def _add_displacement(mesh, level, contact, x, summary):
-    """Update the extrema in `summary`, shape (9,), by a displacement x and its mesh force.
+    """Update the extrema in `summary` by a displacement x and its mesh force.
 
-    The force follows from the contact code and the stiffness `Level` of the `Mesh`.
+    The force follows from the contact code and the stiffness `Level` of the `PairConstants`.
     """
     summary[orbit.X_MAX] = max(summary[orbit.X_MAX], x)
     summary[orbit.X_MIN] = min(summary[orbit.X_MIN], x)
     force = 0.0
-    if contact == NORMAL:
+    if contact == DRIVE:
         force = level.stiffness * x
-    elif contact == INVERSE:
+    elif contact == COAST:
         force = level.stiffness * (x + mesh.backlash)
     summary[orbit.FORCE_MAX] = max(summary[orbit.FORCE_MAX], force)
     summary[orbit.FORCE_MIN] = min(summary[orbit.FORCE_MIN], force)
@@ -34,7 +34,7 @@ def _add_displacement(mesh, level, contact, x, summary):
 
 @kernel
 def add_arcs_to_summary(mesh, arcs, arc_count, summary):
-    """Add extrema and contact times of the first arcs of a `Mesh` to `summary`, shape (9,).
+    """Add extrema and contact times of the first arcs of a `PairConstants` to `summary`.
 
     The first `arc_count` rows of the arc table `arcs`, shape (n, 6), are used.
     """
@@ -47,8 +47,8 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
         end_x, end_v = 0.0, 0.0
         if has_next:
             end_x, end_v = arcs[i + 1, DISPLACEMENT], arcs[i + 1, VELOCITY]
-        if contact == BACKLASH:
-            summary[orbit.TIME_BACKLASH] += duration
+        if contact == NO_CONTACT:
+            summary[orbit.TIME_NO_CONTACT] += duration
             if v < 0.0 and not (has_next and end_v < 0.0):
                 turning_time = lowest_point_time(mesh.drag, mesh.load, v)
                 if turning_time < duration:
@@ -60,8 +60,8 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
             end_x = min(max(end_x, -mesh.backlash), 0.0)
             _add_displacement(mesh, level, contact, end_x, summary)
             continue
-        equilibrium = level.equilibrium if contact == NORMAL else level.equilibrium - mesh.backlash
-        summary[orbit.TIME_NORMAL if contact == NORMAL else orbit.TIME_INVERSE] += duration
+        equilibrium = level.equilibrium if contact == DRIVE else level.equilibrium - mesh.backlash
+        summary[orbit.TIME_DRIVE if contact == DRIVE else orbit.TIME_COAST] += duration
         if arcs[i, LEVEL] == 0.0:
             summary[orbit.TIME_LOW] += duration
         if not has_next:
@@ -79,12 +79,15 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
                 if level.damping_kind != UNDERDAMPED:
                     break
                 turning_time += math.pi / level.frequency
-        end_x = max(end_x, 0.0) if contact == NORMAL else min(end_x, -mesh.backlash)
+        # The integral of the equation of motion: load less damping and change of momentum.
+        momentum_change = end_v - v + 2.0 * level.decay_rate * (end_x - x)
+        summary[orbit.FORCE_SUM] += duration - momentum_change / mesh.load
+        end_x = max(end_x, 0.0) if contact == DRIVE else min(end_x, -mesh.backlash)
         _add_displacement(mesh, level, contact, end_x, summary)
 
 
 @kernel
-def count_events(arcs, arc_count, previous_code, period, events, event_count, summary):
+def record_events(arcs, arc_count, previous_code, period, events, event_count, summary):
     """Count the changes of contact between successive arcs in `summary`; append them to `events`.
 
     The first `arc_count` rows of the arc table `arcs`, shape (n, 6), belong to mesh period number
@@ -95,7 +98,7 @@ def count_events(arcs, arc_count, previous_code, period, events, event_count, su
         contact = int(arcs[i, CONTACT])
         if contact != previous_code:
             phase, v = arcs[i, START], arcs[i, VELOCITY]
-            events, event_count = orbit.count_event(
+            events, event_count = orbit.record_event(
                 events, event_count, period, phase, previous_code, contact, v, summary
             )
             previous_code = contact
@@ -106,15 +109,15 @@ def count_events(arcs, arc_count, previous_code, period, events, event_count, su
 def state_in_arc(mesh, arc, t):
     """Return displacement, velocity, acceleration and mesh force at phase t of the mesh period.
 
-    `arc`, shape (6,), is the row of the arc table of a `Mesh` in which the phase lies.
+    `arc`, shape (6,), is the row of the arc table of a `PairConstants` in which the phase lies.
     """
     contact = int(arc[CONTACT])
     level = mesh.high_level if arc[LEVEL] == 1.0 else mesh.low_level
     x, v, t = arc[DISPLACEMENT], arc[VELOCITY], t - arc[START]
-    if contact == BACKLASH:
+    if contact == NO_CONTACT:
         x, v = free_flight(mesh.drag, mesh.load, x, v, t)
         return x, v, mesh.load - 2.0 * mesh.drag * v, 0.0
-    equilibrium = level.equilibrium if contact == NORMAL else level.equilibrium - mesh.backlash
+    equilibrium = level.equilibrium if contact == DRIVE else level.equilibrium - mesh.backlash
     u, v = evolve(level, x - equilibrium, v, t)
     acceleration = -2.0 * level.decay_rate * v - level.natural_squared * u
     return u + equilibrium, v, acceleration, level.stiffness * (u + level.equilibrium)
@@ -124,8 +127,8 @@ def state_in_arc(mesh, arc, t):
 def sample_arcs(mesh, arcs, arc_count, samples):
     """Fill `samples`, shape (n, 6), with the motion at the phases in their column SAMPLE_PHASE.
 
-    The motion of the `Mesh` is given by the first `arc_count` rows of the arc table `arcs`. At a
-    switch the state just after it is used.
+    The motion of the `PairConstants` is given by the first `arc_count` rows of the arc table
+    `arcs`. At a switch the state just after it is used.
     """
     i = 0
     for k in range(samples.shape[0]):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, NORMAL
+from gearlib.engines.codes import DRIVE, NO_CONTACT
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.orbit import MAX_PERIOD, is_within_range
 from gearlib.engines.pair import events
@@ -97,7 +97,7 @@ def _avoids_grazing(line, x, speed, margin, orbit_distance):
 
 @kernel
 def all_arcs_avoid_grazing(mesh, arcs, arc_count, orbit_distance):
-    """Return whether no arc of a motion of a `Mesh` comes close to grazing a flank line.
+    """Return whether no arc of a motion of a `PairConstants` comes close to grazing a flank line.
 
     The ends and turning points of the first `arc_count` rows of the arc table `arcs`, shape (n, 6),
     are checked. The proof must hold over a distance `orbit_distance` from the orbit.
@@ -108,7 +108,7 @@ def all_arcs_avoid_grazing(mesh, arcs, arc_count, orbit_distance):
         level = mesh.high_level if arcs[i, events.LEVEL] == 1.0 else mesh.low_level
         x, v = arcs[i, events.DISPLACEMENT], arcs[i, events.VELOCITY]
         duration = arcs[i, events.DURATION]
-        if contact == BACKLASH:
+        if contact == NO_CONTACT:
             speed = mesh.tuning * v
             is_clear = _avoids_grazing(0.0, x, speed, margin, orbit_distance)
             is_clear = is_clear and _avoids_grazing(
@@ -124,7 +124,7 @@ def all_arcs_avoid_grazing(mesh, arcs, arc_count, orbit_distance):
                 -mesh.backlash, x, mesh.tuning * v, margin, orbit_distance
             )
         else:
-            line = 0.0 if contact == NORMAL else -mesh.backlash
+            line = 0.0 if contact == DRIVE else -mesh.backlash
             equilibrium = line + level.equilibrium
             is_clear = _avoids_grazing(line, x, mesh.tuning * v, margin, orbit_distance)
             time = next_turning_time(level, x - equilibrium, v)
@@ -178,8 +178,8 @@ def prove_settled(mesh, work, n, contact, x, v, repeat, max_arcs, tolerance):
     """Run through `repeat` periods and try to prove that the motion converges to an orbit.
 
     The motion has a contact code, displacement x and velocity v after n mesh periods; `work` is
-    storage prepared for the `Mesh`, `max_arcs` the largest number of arcs of a period. The distance
-    from the orbit may be `tolerance` times the state. Returns (contact code, x, v, number
+    storage prepared for the `PairConstants`, `max_arcs` the largest number of arcs of a period. The
+    distance from the orbit may be `tolerance` times the state. Returns (contact code, x, v, number
     of arcs, `Settled`), with the state at the end of the run.
     """
     arcs, jacobian = np.empty((_MAX_ARCS, events.ARC_COLUMNS)), np.eye(2)

@@ -1,4 +1,4 @@
-"""Mesh stiffness over one mesh period: Eq. (1) and (2).
+"""PairConstants stiffness over one mesh period: Eq. (1) and (2).
 
 With kappa = C_min / C_max, contact ratio epsilon and mesh phase tau (one mesh period
 is 2 pi), the full Fourier series of Eq. (1) is the rectangular wave

@@ -3,10 +3,10 @@
 The orbit is that of `events`, with shortcuts that are proven to be exact:
 
 * A whole segment in contact is a 2 x 2 map if no flank line can be reached: if the amplitude is
-  below the static deflection, or if the velocities at both ends and the length of the segment
-  exclude a minimum in between.
-* `contact_table` gives the motion from an impact to the loss of contact or the end of the segment.
-* `motion.return_flight` gives the impact after a free flight from x = 0 that misses the far flank.
+below the static deflection, or if the velocities at both ends and the length of the segment exclude
+a minimum in between. * `contact_table` gives the motion from an impact to the loss of contact or
+the end of the segment. * `motion.return_flight` gives the impact after a free flight from x = 0
+that misses the coast-side flank.
 
 All other cases use the closed forms, or `events`.
 """
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.orbit import STROBE_PERIODS, is_within_range
 from gearlib.engines.pair import contact_table as table
@@ -52,7 +52,8 @@ def new_work():
 
 @kernel
 def set_mesh(work, mesh):
-    """Prepare storage `work` for runs of a `Mesh`: set the constants of its stiffness levels."""
+    """Prepare storage `work` for runs of a `PairConstants`: set the constants of its stiffness
+    levels."""
     table.fill_level_constants(mesh.low_level, mesh.low_length, work.levels[0])
     table.fill_level_constants(mesh.high_level, mesh.half_high_length, work.levels[1])
 
@@ -82,7 +83,7 @@ def _append_arc(arcs, row, start, duration, contact, level, x, v):
 
 @kernel
 def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
-    """Run through `periods` mesh periods of a `Mesh` from tau = 2 pi n.
+    """Run through `periods` mesh periods of a `PairConstants` from tau = 2 pi n.
 
     The motion starts with a contact code, displacement x and velocity v. `work` is storage prepared
     for the mesh; it keeps a free flight from one call to the next. `arcs`, shape (k, 6), receives
@@ -117,14 +118,14 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                         mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining
                     )
                     count = _append_arc(
-                        arcs, count, start, min(flight_remaining, length), BACKLASH, i, x, v
+                        arcs, count, start, min(flight_remaining, length), NO_CONTACT, i, x, v
                     )
                 if flight_remaining >= length:
                     flight_remaining -= length
                     continue
-                contact = NORMAL
+                contact = DRIVE
                 t, u, v, starts_on_line = flight_remaining, -equilibrium, impact_speed, True
-            elif contact == NORMAL:
+            elif contact == DRIVE:
                 u = x - equilibrium
                 end_u, end_v = table.advance_by_responses(
                     levels, i, u, v, levels[i, table.END_X], levels[i, table.END_S]
@@ -136,7 +137,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                     or levels[i, table.STIFFNESS] * u * u + v * (v + levels[i, table.DAMPING] * u)
                     < levels[i, table.MAX_ENERGY]
                 ):
-                    count = _append_arc(arcs, count, start, length, NORMAL, i, x, v)
+                    count = _append_arc(arcs, count, start, length, DRIVE, i, x, v)
                     x, v = end_u + equilibrium, end_v
                     continue
             else:
@@ -154,9 +155,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
             while True:
                 remaining = length - t
                 end_is_known = not starts_on_line
-                count = _append_arc(
-                    arcs, count, start + t, remaining, NORMAL, i, u + equilibrium, v
-                )
+                count = _append_arc(arcs, count, start + t, remaining, DRIVE, i, u + equilibrium, v)
                 if starts_on_line:
                     k = int(remaining * levels[i, table.ENTRIES_PER_TIME] + 0.5)
                     end_is_known = k <= levels[i, table.LAST_ENTRY]
@@ -200,9 +199,9 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                 if count <= arcs.shape[0]:
                     arcs[count - 1, events.DURATION] = loss_time
                 if speed * speed >= max_return_energy:
-                    # The far flank may be reached: march event by event to the next impact.
+                    # The coast-side flank may be reached: march event by event to the next impact.
                     t += loss_time
-                    flight_code = BACKLASH if mesh.backlash > 0.0 else INVERSE
+                    flight_code = NO_CONTACT if mesh.backlash > 0.0 else COAST
                     x, v = 0.0, speed
                     t, contact, x, v, count = march_rest_of_segment(
                         mesh, i, start, t, length, flight_code, x, v, arcs, count, max_arcs, True
@@ -214,7 +213,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                 duration, impact_speed = return_flight(mesh.drag, mesh.load, speed)
                 t += loss_time
                 count = _append_arc(
-                    arcs, count, start + t, min(duration, length - t), BACKLASH, i, 0.0, speed
+                    arcs, count, start + t, min(duration, length - t), NO_CONTACT, i, 0.0, speed
                 )
                 t += duration
                 if t >= length:
@@ -231,7 +230,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                     mesh.drag, mesh.load, 0.0, start_speed, duration - flight_remaining
                 )
             else:
-                contact, x, v = NORMAL, 0.0, impact_speed
+                contact, x, v = DRIVE, 0.0, impact_speed
         if count > max_arcs:
             break
         row = (period + 1) % STORED_PERIODS
@@ -239,4 +238,4 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
     memory[REMAINING] = flight_remaining if contact == _RETURN_FLIGHT else -1.0
     memory[FLIGHT_DURATION] = duration
     memory[START_SPEED], memory[IMPACT_SPEED] = start_speed, impact_speed
-    return (BACKLASH if contact == _RETURN_FLIGHT else contact), x, v, count
+    return (NO_CONTACT if contact == _RETURN_FLIGHT else contact), x, v, count

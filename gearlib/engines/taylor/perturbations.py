@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH
+from gearlib.engines.codes import NO_CONTACT
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.taylor.series import (
     D1,
@@ -68,7 +68,7 @@ def max_perturbation_step(constants, max_stiffness, contact_code, x, v):
     `max_stiffness`.
     """
     # P2, P3: quadratic and cubic stiffness; D1 to D3: linear to cubic damping. Only P2 may be < 0.
-    deflection = abs(x - constants[FLANK_LINE]) if contact_code != BACKLASH else 0.0
+    deflection = abs(x - constants[FLANK_LINE]) if contact_code != NO_CONTACT else 0.0
     stiffness_factor = (
         1.0 + (2.0 * abs(constants[P2]) + 3.0 * constants[P3] * deflection) * deflection
     )
@@ -95,7 +95,7 @@ def _fill_equation(constants, contact_code, velocity_sign, series, perturbation)
         stiffness_series[k] = 0.0
     damping_series[0] += constants[D1]
     force_slope[0] += 1.0
-    if contact_code == BACKLASH:
+    if contact_code == NO_CONTACT:
         return
     for i in range(ORDER):
         # A stiffness without harmonics has only two coefficients.
@@ -165,7 +165,9 @@ def map_crossing(constants, segment, code_before, code_after, v, map_matrix):
     """
     contact_code, speed = code_before, abs(v)
     while contact_code != code_after:
-        next_code = code_after if contact_code == BACKLASH or code_after == BACKLASH else BACKLASH
+        next_code = (
+            code_after if contact_code == NO_CONTACT or code_after == NO_CONTACT else NO_CONTACT
+        )
         jump = _damping_coefficient(constants[next_code + 1, segment], speed)
         jump -= _damping_coefficient(constants[contact_code + 1, segment], speed)
         for j in range(2):

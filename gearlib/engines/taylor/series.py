@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.copies import copy
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.pair.elementary import cos_sin
@@ -57,7 +57,7 @@ class NonlinearMesh(NamedTuple):
     tuning: float
     backlash: float  #: in static deflections, drive_line - coast_line
     drive_damping: np.ndarray  #: d1, d2, d3 in drive-side contact, shape (3,)
-    backlash_damping: np.ndarray  #: d1, d2, d3 in the backlash, shape (3,)
+    backlash_damping: np.ndarray  #: d1, d2, d3 in free flight, shape (3,)
     stiffness_powers: np.ndarray  #: p2, p3 of the contact stiffness, shape (2,)
     segment_bounds: np.ndarray  #: phases that bound the segments of c(tau), (m + 1,), 0 to 2 pi
     stiffness_lines: np.ndarray  #: c at the start of a segment and its slope, shape (m, 2)
@@ -69,7 +69,7 @@ class NonlinearMesh(NamedTuple):
     drive_line: float  #: displacement of the drive flank
     coast_line: float  #: displacement of the coast flank
     ground_stiffness: float  #: e, stiffness towards x = 0 in all contacts
-    coast_damping: np.ndarray  #: d1, d2, d3 in back-side contact, shape (3,)
+    coast_damping: np.ndarray  #: d1, d2, d3 in coast-side contact, shape (3,)
     coast_stiffness_lines: np.ndarray  #: as `stiffness_lines`, of the coast flank
     coast_stiffness_harmonics: np.ndarray  #: as `stiffness_harmonics`, of the coast flank
 
@@ -77,9 +77,9 @@ class NonlinearMesh(NamedTuple):
 @inlined_kernel
 def damping_coefficients(mesh, contact_code):
     """Return d1, d2, d3, shape (3,), of a `NonlinearMesh` for a contact code."""
-    if contact_code == BACKLASH:
+    if contact_code == NO_CONTACT:
         return mesh.backlash_damping
-    return mesh.drive_damping if contact_code == NORMAL else mesh.coast_damping
+    return mesh.drive_damping if contact_code == DRIVE else mesh.coast_damping
 
 
 @inlined_kernel
@@ -119,14 +119,14 @@ def tabulate_mesh(mesh):
     constants = np.empty((3, mesh.stiffness_lines.shape[0], COLUMNS))
     harmonics = np.zeros((4, max_count + 1, ORDER + 4))
     mean_force = _fill_harmonics(mesh.force_harmonics, harmonics[EXCITATION])
-    for contact_code in (INVERSE, BACKLASH, NORMAL):
+    for contact_code in (COAST, NO_CONTACT, DRIVE):
         # In the backlash the stiffness of the drive side is recorded, but it exerts no force.
-        is_coast = contact_code == INVERSE
+        is_coast = contact_code == COAST
         harmonics_of_side = mesh.coast_stiffness_harmonics if is_coast else mesh.stiffness_harmonics
         mean = _fill_harmonics(harmonics_of_side, harmonics[contact_code + 1])
         stiffness_lines = mesh.coast_stiffness_lines if is_coast else mesh.stiffness_lines
         damping = damping_coefficients(mesh, contact_code)
-        sign = 1.0 if contact_code == NORMAL else -1.0
+        sign = 1.0 if contact_code == DRIVE else -1.0
         for segment in range(stiffness_lines.shape[0]):
             row = constants[contact_code + 1, segment]
             row[D1], row[D2], row[D3] = damping[0], damping[1], damping[2]
@@ -225,7 +225,7 @@ def expand_motion(
     stiffness_slope = constants[i, segment, STIFFNESS_SLOPE]
     segment_phase = phase - constants[i, segment, START_PHASE]
     stiffness = constants[i, segment, START_STIFFNESS] + stiffness_slope * segment_phase
-    is_touching, has_harmonics = contact_code != BACKLASH, harmonics[i, 0, 0] != 0.0
+    is_touching, has_harmonics = contact_code != NO_CONTACT, harmonics[i, 0, 0] != 0.0
     has_nonlinear_damping, has_nonlinear_stiffness = d2 != 0.0 or d3 != 0.0, p2 != 0.0 or p3 != 0.0
     for k in range(ORDER + 1):
         series[EXTERNAL_FORCE, k] = 0.0

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from gearlib.engines import orbit
-from gearlib.engines.codes import BACKLASH, EVENT_LIMIT, INVERSE, NORMAL, OK, OVERFLOW, UNRESOLVED
+from gearlib.engines.codes import COAST, DRIVE, EVENT_LIMIT, NO_CONTACT, OK, OVERFLOW, UNRESOLVED
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.orbit import is_within_range
 from gearlib.engines.pair.motion import contact_between
@@ -113,14 +113,14 @@ def take_step(
     if remaining - h < 1e-13:
         h = remaining
     event_fraction, end_reason = 2.0, _NO_EVENT
-    if contact_code != INVERSE:
-        direction = 1.0 if contact_code == NORMAL else -1.0
+    if contact_code != COAST:
+        direction = 1.0 if contact_code == DRIVE else -1.0
         event_fraction = first_crossing(
             series, DISPLACEMENT, drive_line, direction, h, to_bernstein, work
         )
         end_reason = _DRIVE_FLANK
-    if contact_code != NORMAL and coast_line > -math.inf:
-        direction = 1.0 if contact_code == BACKLASH else -1.0
+    if contact_code != DRIVE and coast_line > -math.inf:
+        direction = 1.0 if contact_code == NO_CONTACT else -1.0
         coast_fraction = first_crossing(
             series, DISPLACEMENT, coast_line, direction, h, to_bernstein, work
         )
@@ -141,14 +141,14 @@ def take_step(
     if end_reason == _TURNING_POINT:
         return t, step_code, contact_code, -velocity_sign, x, 0.0
     x = drive_line if end_reason == _DRIVE_FLANK else coast_line
-    if contact_code == BACKLASH:
-        contact_code = NORMAL if end_reason == _DRIVE_FLANK else INVERSE
+    if contact_code == NO_CONTACT:
+        contact_code = DRIVE if end_reason == _DRIVE_FLANK else COAST
         v = max(v, 0.0) if end_reason == _DRIVE_FLANK else min(v, 0.0)
     else:
-        v = min(v, 0.0) if contact_code == NORMAL else max(v, 0.0)
-        leaves_flank = v < 0.0 if contact_code == NORMAL else v > 0.0
+        v = min(v, 0.0) if contact_code == DRIVE else max(v, 0.0)
+        leaves_flank = v < 0.0 if contact_code == DRIVE else v > 0.0
         if leaves_flank:
-            contact_code = BACKLASH if drive_line > coast_line else -contact_code
+            contact_code = NO_CONTACT if drive_line > coast_line else -contact_code
     return t, step_code, contact_code, math.copysign(1.0, v), x, v
 
 
@@ -158,7 +158,6 @@ def add_step_to_summary(
 ):
     """Add the extrema and contact times of a Taylor step to the summary of a motion.
 
-    A summary with an entry FORCE_SUM also gets the integral of the mesh force over the phase.
     `step` is the length of the step, `below_mean` tells whether the stiffness is below its mean.
     `series` has the Taylor series of displacement and mesh force in its rows. `to_bernstein` is the
     matrix from power to Bernstein coefficients, `work` is storage.
@@ -167,13 +166,12 @@ def add_step_to_summary(
     _fill_scaled_polynomial(series, DISPLACEMENT, 0.0, 1.0, step)
     orbit.add_polynomial_extrema(polynomial, to_bernstein, work, summary, orbit.X_MAX, orbit.X_MIN)
     orbit.add_contact_time(contact_code, step, below_mean, summary)
-    if contact_code != BACKLASH:
+    if contact_code != NO_CONTACT:
         _fill_scaled_polynomial(series, MESH_FORCE, 0.0, tuning * tuning, step)
-        if summary.shape[0] > orbit.FORCE_SUM:
-            integral = 0.0
-            for k in range(ORDER + 1):
-                integral += polynomial[k] * INVERSE_INTEGERS[k]
-            summary[orbit.FORCE_SUM] += step * integral
+        integral = 0.0
+        for k in range(ORDER + 1):
+            integral += polynomial[k] * INVERSE_INTEGERS[k]
+        summary[orbit.FORCE_SUM] += step * integral
         orbit.add_polynomial_extrema(
             polynomial, to_bernstein, work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN
         )
@@ -199,7 +197,7 @@ def add_samples(tuning, phase, step, contact_code, series, samples, sample):
         stiffness, _ = horner(series[STIFFNESS], t)
         samples[sample, orbit.SAMPLE_STIFFNESS] = force_scale * stiffness
         force = 0.0
-        if contact_code != BACKLASH:
+        if contact_code != NO_CONTACT:
             force, _ = horner(series[MESH_FORCE], t)
         samples[sample, orbit.SAMPLE_FORCE] = force_scale * force
         sample += 1
@@ -300,11 +298,11 @@ def run_nonlinear(
                     )
                     if step_code != code_before:
                         # The motion leaves a flank line from rest at the start of the step.
-                        events, rows = orbit.count_event(
+                        events, rows = orbit.record_event(
                             events, rows, period, phase, code_before, step_code, 0.0, summary
                         )
                     if contact_code != step_code:
-                        events, rows = orbit.count_event(
+                        events, rows = orbit.record_event(
                             events, rows, period, phase + h, step_code, contact_code, v, summary
                         )
                 phase += h

@@ -21,11 +21,11 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import (
-    BACKLASH,
+    COAST,
+    DRIVE,
     EVENT_LIMIT,
-    INVERSE,
     JAMMED,
-    NORMAL,
+    NO_CONTACT,
     OK,
     OVERFLOW,
     UNRESOLVED,
@@ -86,7 +86,7 @@ class ToothPairSystem(NamedTuple):
     force_laws: np.ndarray  #: of a set, a and b, shape (m, 2^k + 1, 6)
     overlap_laws: np.ndarray  #: of a pair beside a set without it, p and r, shape (m, 2^k, k, 6)
     gap_rate: np.ndarray  #: rate of the gap without load by phase, shape (m,)
-    damping: np.ndarray  #: d in the backlash and in contact, shape (2,)
+    damping: np.ndarray  #: d in free flight and in contact, shape (2,)
     coast_line: float  #: displacement of the coast side, may be -inf
     max_step: float  #: largest step in time
     tuning: float  #: nu at constant speed, otherwise 1
@@ -320,8 +320,8 @@ def _first_contact_event(
 def _contact_code_of(contact_set, coast_set):
     """Return the contact code of a set of touching pairs, 0 for none and `coast_set` for coast."""
     if contact_set == 0:
-        return BACKLASH
-    return INVERSE if contact_set == coast_set else NORMAL
+        return NO_CONTACT
+    return COAST if contact_set == coast_set else DRIVE
 
 
 @kernel
@@ -386,10 +386,10 @@ def run_tooth_pairs(
                 )
                 start_pair = -1
                 code_after = _contact_code_of(contact_set, coast_set)
-                if code_after == NORMAL and x < coast_line:
+                if code_after == DRIVE and x < coast_line:
                     return x, v, 0, events, 0, JAMMED, steps
                 if recorded >= 0 and code_after != code_before and not is_run_start:
-                    events, rows = orbit.count_event(
+                    events, rows = orbit.record_event(
                         events, rows, period, times[segment], code_before, code_after, v, summary
                     )
             time, length = 0.0, lengths[segment]
@@ -498,7 +498,7 @@ def run_tooth_pairs(
                         )
                 if code_after != contact_code and recorded >= 0:
                     event_time = times[segment] + time
-                    events, rows = orbit.count_event(
+                    events, rows = orbit.record_event(
                         events, rows, period, event_time, contact_code, code_after, v, summary
                     )
     strobes[strobe_count, 0], strobes[strobe_count, 1] = x, v

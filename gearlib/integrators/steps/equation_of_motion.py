@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.linear.train_system import TrainSystem, dot, is_past_coast_line, set_harmonics
 from gearlib.engines.taylor.series import NonlinearMesh
@@ -28,7 +28,7 @@ class ContactLaw(NamedTuple):
     """The contact law as plain floats, which kernels pass on at no cost."""
 
     drive_damping: tuple  #: d1, d2, d3 in drive-side contact
-    backlash_damping: tuple  #: d1, d2, d3 in the backlash
+    backlash_damping: tuple  #: d1, d2, d3 in free flight
     coast_damping: tuple  #: d1, d2, d3 in coast-side contact
     nonlinear_stiffness: tuple  #: p2, p3: g = u + p2 |u| u + p3 u^3 for the elastic deflection u
     drive_x: float  #: displacement above which the drive side touches, static deflections
@@ -54,8 +54,8 @@ def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLa
 def contact_code_at(contact_law: ContactLaw, x: float) -> int:
     """Return the contact code (drive side, coast side or backlash) at the displacement x."""
     if x >= contact_law.drive_x:
-        return NORMAL
-    return INVERSE if x <= contact_law.coast_x else BACKLASH
+        return DRIVE
+    return COAST if x <= contact_law.coast_x else NO_CONTACT
 
 
 @inlined_kernel
@@ -78,9 +78,9 @@ def contact_terms(contact_law: ContactLaw, contact_code: int) -> tuple:
     The coefficients d1, d2, d3 are those of v, |v| v and v^3. Without contact the displacement is
     that of the drive side, which has no effect.
     """
-    if contact_code == NORMAL:
+    if contact_code == DRIVE:
         return 1.0, contact_law.drive_x, contact_law.drive_damping
-    if contact_code == INVERSE:
+    if contact_code == COAST:
         return 1.0, contact_law.coast_x, contact_law.coast_damping
     return 0.0, contact_law.drive_x, contact_law.backlash_damping
 
@@ -231,7 +231,7 @@ def forces_and_accelerations(
     table = np.empty((phases.shape[0], 3))
     for i in range(phases.shape[0]):
         t, segment, contact_code = phases[i], segments[i], contact_codes[i]
-        if contact_code == INVERSE and contact_law.sharpness == 0.0:
+        if contact_code == COAST and contact_law.sharpness == 0.0:
             stiffness = _segment_stiffness(bounds, coast_lines, coast_harmonics, segment, t)
         else:
             stiffness = _segment_stiffness(bounds, lines, harmonics, segment, t)
@@ -263,11 +263,11 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
     for i in range(size):
         derivative[i] = dot(system.base_matrix[i], full_state)
     for mesh in range(system.drive_lines.shape[0]):
-        contact_code = BACKLASH
+        contact_code = NO_CONTACT
         if dot(system.drive_lines[mesh], full_state) >= 0.0:
-            contact_code = NORMAL
+            contact_code = DRIVE
         elif dot(system.coast_lines[mesh], full_state) <= 0.0:
-            contact_code = INVERSE
+            contact_code = COAST
         # The entry `effect` is the force case of a mesh: backlash, or contact at a stiffness.
         force_case = system.effect[contact_code + 1, segment, mesh]
         # A mesh has two forces, elastic with damping, and friction. Each is linear in the state.

@@ -3,7 +3,7 @@
 The formulas are those of ISO 21771, which gives a ring gear a negative number of teeth; here it has
 ``sign = -1``, and all diameters are positive. A positive profile shift moves the teeth towards
 their tips, those of a ring gear towards its axis. A gap is a distance of flanks along the line of
-action, in m. Positions on the path of contact are those of `gearlib.models.geometry.mesh`.
+action, in m. Positions on the path of contact are those of `gearlib.models.geometry.gear_stage`.
 """
 
 import math

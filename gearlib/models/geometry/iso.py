@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from gearlib.models.geometry.gear import SpurGear
-    from gearlib.models.geometry.mesh import Mesh
+    from gearlib.models.geometry.gear_stage import GearStage
 
 #: Coefficients of q' with 1, 1/zn1, 1/zn2, x1, x1/zn1, x2, x2/zn2, x1^2, x2^2; mm um/N.
 _FLEXIBILITY = (0.04723, 0.15551, 0.25791, -0.00635, -0.11654, -0.00193, -0.24188)
@@ -51,13 +51,13 @@ class IsoStiffness:
 
 @checked
 def iso_stiffness(
-    mesh: "Mesh", torque: DrivingTorque | None = None, application_factor: Positive = 1.0
+    stage: "GearStage", torque: DrivingTorque | None = None, application_factor: Positive = 1.0
 ) -> IsoStiffness:
     """Return the mesh stiffness after ISO 6336-1, method B, with its factors.
 
     Parameters
     ----------
-    mesh : Mesh
+    stage : GearStage
         Geometry of both gears.
     torque : float, optional
         Torque of the pinion, N m; finite, > 0. Below F_t K_A / b = 100 N/mm, c' falls with the
@@ -82,50 +82,50 @@ def iso_stiffness(
     ValueError
         If a value is impossible, or the transverse contact ratio is below 1.
     """
-    ratio = checks.gear_mesh(mesh).contact_ratio
+    ratio = checks.gear_stage(stage).contact_ratio
     allowed = ">= 1 for the mesh stiffness of ISO 6336-1; that of the energy method has no limit"
     checks.require(ratio >= 1.0, "contact_ratio", float(f"{ratio:.4f}"), allowed)
-    return _iso_stiffness(mesh, torque, application_factor)
+    return _iso_stiffness(stage, torque, application_factor)
 
 
 def _iso_stiffness(
-    mesh: "Mesh", torque: float | None = None, application_factor: float = 1.0
+    stage: "GearStage", torque: float | None = None, application_factor: float = 1.0
 ) -> IsoStiffness:
     """Return what `iso_stiffness` returns; only its mean needs a contact ratio of at least 1."""
-    gears = (mesh.pinion, mesh.wheel)
-    if not mesh.wheel.internal:
+    gears = (stage.pinion, stage.wheel)
+    if not stage.wheel.internal:
         gears = sorted(gears, key=lambda gear: (gear.teeth, -gear.shift))
     teeth = tuple(math.inf if gear.internal else gear.virtual_teeth for gear in gears)
     (z1, z2), (x1, x2) = teeth, (gear.shift for gear in gears)
     terms = (1.0, 1.0 / z1, 1.0 / z2, x1, x1 / z1, x2, x2 / z2, x1**2, x2**2)
     flexibility = sum(factor * term for factor, term in zip(_FLEXIBILITY, terms, strict=True))
     theoretical = 1.0 / flexibility
-    angle_factor = 1.0 - 0.02 * (20.0 - math.degrees(mesh.pinion.pressure_angle))
+    angle_factor = 1.0 - 0.02 * (20.0 - math.degrees(stage.pinion.pressure_angle))
     rack_factors = [(1.0 + 0.5 * (1.2 - gear.rack.dedendum)) * angle_factor for gear in gears]
     rack_factor = sum(rack_factors) / 2.0
     blank_factor = min(_blank_factor(gear) for gear in gears)
     moduli = [gear.material.young for gear in gears]
     material_factor = 2.0 * moduli[0] * moduli[1] / sum(moduli) / _STEEL_MODULUS
-    helix_factor = math.cos(mesh.pinion.helix_angle)
+    helix_factor = math.cos(stage.pinion.helix_angle)
     single = theoretical * _THEORY_FACTOR * blank_factor * rack_factor * helix_factor
     single *= material_factor
     if torque is not None:
-        force = mesh.tangential_force(torque) * application_factor / (mesh.width * 1e3)  # N/mm
+        force = stage.tangential_force(torque) * application_factor / (stage.width * 1e3)  # N/mm
         single *= min(force / _FULL_STIFFNESS_FORCE, 1.0) ** 0.25
-    mean = single * (0.75 * mesh.contact_ratio + 0.25)
+    mean = single * (0.75 * stage.contact_ratio + 0.25)
     return IsoStiffness(teeth, theoretical, rack_factor, blank_factor, single, mean)
 
 
-def pair_stiffness(mesh: "Mesh", **options: float | None) -> float:
+def pair_stiffness(stage: "GearStage", **options: float | None) -> float:
     """Return the stiffness of one pair of teeth over the face width after ISO 6336-1, N/m.
 
     Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
     """
     # N/(mm um) is 1e9 N/m per m of face width.
-    return _iso_stiffness(mesh, **options).single * 1e9 * mesh.width
+    return _iso_stiffness(stage, **options).single * 1e9 * stage.width
 
 
-def iso_rectangle(mesh: "Mesh", **options: float | None) -> tuple[float, float, float]:
+def iso_rectangle(stage: "GearStage", **options: float | None) -> tuple[float, float, float]:
     """Return the rectangular mesh stiffness after ISO 6336-1 as (C_max, kappa, epsilon).
 
     C_max is the larger stiffness in N/m, kappa the smaller over the larger one, and epsilon - 1 the
@@ -134,19 +134,19 @@ def iso_rectangle(mesh: "Mesh", **options: float | None) -> tuple[float, float, 
     Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
     """
     checks.check_known_parameters("stiffness 'iso'", options, ("torque", "application_factor"))
-    single = iso_stiffness(mesh, **options).single * 1e9 * mesh.width
-    fewer_pairs = math.floor(mesh.contact_ratio)
-    segment = mesh.contact_ratio - fewer_pairs  # fraction of the period with one more pair
+    single = iso_stiffness(stage, **options).single * 1e9 * stage.width
+    fewer_pairs = math.floor(stage.contact_ratio)
+    segment = stage.contact_ratio - fewer_pairs  # fraction of the period with one more pair
     low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75
-    if not mesh.overlap_ratio:
+    if not stage.overlap_ratio:
         return low + step, low / (low + step), 1.0 + segment
     # A face spans whole mesh periods and a remainder. The stiffness is largest when as much of the
     # remainder as possible lies in the segment with more pairs, and smallest when as little does.
-    periods = math.floor(mesh.overlap_ratio)
-    remainder = mesh.overlap_ratio - periods
+    periods = math.floor(stage.overlap_ratio)
+    remainder = stage.overlap_ratio - periods
     max_part, min_part = min(remainder, segment), max(remainder - (1.0 - segment), 0.0)
-    max_fraction = (periods * segment + max_part) / mesh.overlap_ratio
-    min_fraction = (periods * segment + min_part) / mesh.overlap_ratio
+    max_fraction = (periods * segment + max_part) / stage.overlap_ratio
+    min_fraction = (periods * segment + min_part) / stage.overlap_ratio
     high, low = low + step * max_fraction, low + step * min_fraction
     if 1.0 - low / high < 1e-12:
         # At an integer overlap ratio the stiffness is constant, kappa = 1, with any epsilon.
@@ -183,7 +183,7 @@ class DynamicFactor:
 
 @checked
 def dynamic_factor(
-    mesh: "Mesh",
+    stage: "GearStage",
     torque: DrivingTorque,
     rpm: "ArrayLike",
     *,
@@ -196,7 +196,7 @@ def dynamic_factor(
 
     Parameters
     ----------
-    mesh : Mesh
+    stage : GearStage
         Geometry of both gears.
     torque : float
         Torque of the pinion, N m; finite, > 0.
@@ -226,24 +226,24 @@ def dynamic_factor(
     """
     import numpy as np  # Imported here, because the checks of the geometry need no numpy.
 
-    stiffness = iso_stiffness(checks.gear_mesh(mesh), torque, application_factor)
+    stiffness = iso_stiffness(checks.gear_stage(stage), torque, application_factor)
     try:
         speed = np.asarray(rpm, float)
     except (TypeError, ValueError, OverflowError):
         speed = np.array(math.nan)
     valid = speed.size and (np.isfinite(speed) & (speed > 0.0)).all()
     checks.require(valid, "rpm", rpm, "finite and > 0")
-    load_per_width = mesh.tangential_force(torque) * application_factor / mesh.width
+    load_per_width = stage.tangential_force(torque) * application_factor / stage.width
     # N/(mm um) is 1e9 N/m per m of face width.
-    eigenfrequency = math.sqrt(1e9 * stiffness.mean / (mesh.reduced_mass / mesh.width))
-    resonance_speed = eigenfrequency * 60.0 / (math.tau * mesh.pinion.teeth)
+    eigenfrequency = math.sqrt(1e9 * stiffness.mean / (stage.reduced_mass / stage.width))
+    resonance_speed = eigenfrequency * 60.0 / (math.tau * stage.pinion.teeth)
     lower_limit = 0.5 + 0.35 * min(math.sqrt(load_per_width / _FULL_RESONANCE_LOAD), 1.0)
-    gears = (mesh.pinion, mesh.wheel)
+    gears = (stage.pinion, stage.wheel)
     if pitch_deviation is None:
         pitch_deviation = max(gear.pitch_deviation for gear in gears)
     if form_deviation is None:
         form_deviation = max(gear.form_deviation for gear in gears)
-    pitch_deviation *= math.cos(mesh.pinion.transverse_pressure_angle)
+    pitch_deviation *= math.cos(stage.pinion.transverse_pressure_angle)
     # Running in removes 7.5 % of both deviations, but at most 3 um.
     pitch_deviation -= min(0.075 * pitch_deviation, 3e-6)
     form_deviation -= min(0.075 * form_deviation, 3e-6)
@@ -252,7 +252,7 @@ def dynamic_factor(
     b_p, b_f = force_ratio_per_metre * pitch_deviation, force_ratio_per_metre * form_deviation
     b_k = 1.0 if ignores_relief else abs(1.0 - force_ratio_per_metre * tip_relief)
     ratio = speed / resonance_speed
-    c_v1, c_v2, c_v3, c_v4, c_v5, c_v6, c_v7 = _coefficients(mesh.total_contact_ratio)
+    c_v1, c_v2, c_v3, c_v4, c_v5, c_v6, c_v7 = _coefficients(stage.total_contact_ratio)
     subcritical = 1.0 + ratio * (c_v1 * b_p + c_v2 * b_f + c_v3 * b_k)
     resonant = 1.0 + c_v1 * b_p + c_v2 * b_f + c_v4 * b_k
     supercritical = c_v5 * b_p + c_v6 * b_f + c_v7

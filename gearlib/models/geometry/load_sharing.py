@@ -39,7 +39,7 @@ from gearlib.models.geometry.mesh_stiffness import (
 from gearlib.parameters import Fraction, Numbers, check, checked
 
 if TYPE_CHECKING:
-    from gearlib.models.geometry.mesh import Mesh
+    from gearlib.models.geometry.gear_stage import GearStage
 
 #: Positions closer than this fraction of a base pitch count as equal.
 SAME_POSITION_TOLERANCE = 1e-12
@@ -185,7 +185,7 @@ def tooth_pairs(mesh, phases, *, pitch_errors=None, **options) -> ToothPairs:
 
 
 class Options(NamedTuple):
-    """Options of pairs of teeth; the first five are those of `Mesh.transmission_error`."""
+    """Options of pairs of teeth; the first five are those of `GearStage.transmission_error`."""
 
     stiffness: Any = "energy"
     coupling: float | None = None
@@ -280,7 +280,7 @@ class FaceSlices(NamedTuple):
     half_overlap: float  #: base pitches by which a pair meshes before the middle of its face
 
 
-def face_slices(mesh: "Mesh", periods: int, intervals: int | None = None) -> FaceSlices:
+def face_slices(mesh: "GearStage", periods: int, intervals: int | None = None) -> FaceSlices:
     """Divide the face of a mesh into slices, and return them; a spur gear has one slice.
 
     `periods` is the number of mesh periods that are computed. If there are many, slices are wider,
@@ -355,7 +355,7 @@ def corner_contact_lengths(mesh, corner_contact, load, pitch_errors) -> tuple[fl
     return tuple(float(np.interp(math.sqrt(max_gap), np.sqrt(gap), pitches)) for gap in gaps)
 
 
-def corner_gap(mesh: "Mesh", position: np.ndarray) -> np.ndarray:
+def corner_gap(mesh: "GearStage", position: np.ndarray) -> np.ndarray:
     """Return the gap of tip corners at positions beyond the path of contact, m; 0 on the path.
 
     Before the start of the path, the tip corner of the wheel approaches the flank of the pinion;
@@ -368,7 +368,7 @@ def corner_gap(mesh: "Mesh", position: np.ndarray) -> np.ndarray:
     return np.where(position < start, entering, 0.0) + np.where(position > end, leaving, 0.0)
 
 
-def _gap_to_corner(mesh: "Mesh", flank_name: str, position: np.ndarray) -> np.ndarray:
+def _gap_to_corner(mesh: "GearStage", flank_name: str, position: np.ndarray) -> np.ndarray:
     """Return the gap in m between the flank of a gear and the tip corner of its mating gear.
 
     `flank_name` is "pinion" or "wheel", the gear with the flank. Positions, in m, are those on the
@@ -396,14 +396,14 @@ def _gap_to_corner(mesh: "Mesh", flank_name: str, position: np.ndarray) -> np.nd
     return flank_gear.sign * base_radius * gap_angle
 
 
-def checked_errors(mesh: "Mesh", pitch_errors: ArrayLike | None = None) -> np.ndarray:
+def checked_errors(mesh: "GearStage", pitch_errors: ArrayLike | None = None) -> np.ndarray:
     """Return the checked pitch errors of a mesh in m, shape (n,), by default those of its gears."""
     if pitch_errors is None:
         return np.array(mesh.pitch_errors)
     return np.array(check("pitch_errors", pitch_errors, Numbers))
 
 
-def relief_gap(mesh: "Mesh", position: np.ndarray) -> np.ndarray:
+def relief_gap(mesh: "GearStage", position: np.ndarray) -> np.ndarray:
     """Return the gap due to the tip reliefs of both gears at positions on the path, both in m."""
     start, end = mesh.path
     gap = np.zeros(np.shape(position))

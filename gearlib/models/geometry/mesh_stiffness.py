@@ -41,7 +41,7 @@ from gearlib.parameters import CHOICE, DrivingTorque, Fraction, Phases, checked
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.gear import SpurGear
-    from gearlib.models.geometry.mesh import Mesh
+    from gearlib.models.geometry.gear_stage import GearStage
 
 #: Length, in base pitches, of the ramp that replaces a step of the stiffness in a table.
 _RAMP_LENGTH = 1e-7
@@ -253,14 +253,14 @@ class PairCompliance:
     Raises ValueError if a bore is too large for the method.
     """
 
-    def __init__(self, mesh: "Mesh", hertz: str = "constant", twist: Any = True) -> None:
+    def __init__(self, stage: "GearStage", hertz: str = "constant", twist: Any = True) -> None:
         """Prepare a tooth of both gears of a mesh, and check the bores of the gears."""
-        self.mesh, self.hertz = mesh, hertz
+        self.mesh, self.hertz = stage, hertz
         twists = tuple(twist) if isinstance(twist, (tuple, list)) else (twist, twist)
         if len(twists) != 2 or not all(isinstance(value, bool) for value in twists):
             raise checks.refusal("twist", twist, "one of False, True, or two of them")
-        gears = zip((mesh.pinion, mesh.wheel), twists, strict=True)
-        self._teeth = [Tooth(gear, mesh.width, gear_twist) for gear, gear_twist in gears]
+        gears = zip((stage.pinion, stage.wheel), twists, strict=True)
+        self._teeth = [Tooth(gear, stage.width, gear_twist) for gear, gear_twist in gears]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
             max_bore = tooth.gear.root_diameter / MIN_ROOT_RATIO
             if tooth.gear.bore > max_bore:
@@ -348,7 +348,7 @@ def compliance_matrix(pair, positions, forces, coupling=None) -> np.ndarray:
 
 @checked
 def energy_stiffness(
-    mesh,
+    stage,
     pitches,
     count,
     *,
@@ -364,11 +364,11 @@ def energy_stiffness(
     is "constant" or "logarithmic", which needs the torque of the pinion in N m; `twist` is whether
     the twist of the bodies about their bores counts.
     """
-    pair = PairCompliance(mesh, hertz, twist)
+    pair = PairCompliance(stage, hertz, twist)
     allowed = "a finite number > 0 where hertz is 'logarithmic'"
     checks.require(torque or hertz == "constant", "torque", torque, allowed)
-    positions = mesh.path[0] + (pitches[:, None] + np.arange(count)) * mesh.base_pitch
-    load = mesh.load(torque or 1.0)
+    positions = stage.path[0] + (pitches[:, None] + np.arange(count)) * stage.base_pitch
+    load = stage.load(torque or 1.0)
     forces = np.full(positions.shape, load / count)
     for _ in range(_LOAD_ITERATIONS if hertz == "logarithmic" else 1):
         compliance = compliance_matrix(pair, positions, forces, coupling)
@@ -412,13 +412,13 @@ class MeshStiffness:
 
 @checked
 def mesh_stiffness(
-    mesh: "Mesh", method: str | Tabulated = "iso", *, samples: Phases = 64, **options: Any
+    stage: "GearStage", method: str | Tabulated = "iso", *, samples: Phases = 64, **options: Any
 ) -> MeshStiffness:
     """Return the mesh stiffness by a method, with its equivalent rectangle of two levels.
 
     Parameters
     ----------
-    mesh : Mesh
+    stage : GearStage
         Geometry of both gears.
     method : {"iso", "energy"} or Tabulated, default "iso"
         "iso": the first pair of teeth has the stiffness c' of ISO 6336-1, each further pair
@@ -450,35 +450,35 @@ def mesh_stiffness(
     ValueError
         If the method or an option is not allowed.
     """
-    checks.gear_mesh(mesh)
+    checks.gear_stage(stage)
     if isinstance(method, Tabulated):
         checks.check_known_parameters("table", options, ("torque",))
         return _stiffness_of_table("table", method)
     if not checks.is_one_of(method, ("iso", "energy")):
         raise checks.refusal("stiffness", method, "'iso', 'energy' or a Tabulated")
-    fewer_pairs = math.floor(mesh.contact_ratio)
-    segment = mesh.contact_ratio - fewer_pairs  # fraction of the period with one more pair
+    fewer_pairs = math.floor(stage.contact_ratio)
+    segment = stage.contact_ratio - fewer_pairs  # fraction of the period with one more pair
     if method == "iso":
-        max_stiffness, kappa, epsilon = iso_rectangle(mesh, **options)
-        if mesh.overlap_ratio == 0.0:
+        max_stiffness, kappa, epsilon = iso_rectangle(stage, **options)
+        if stage.overlap_ratio == 0.0:
             return MeshStiffness(method, max_stiffness, kappa, epsilon, Rectangular())
-        single = pair_stiffness(mesh, **options)
+        single = pair_stiffness(stage, **options)
         levels = [single * (0.25 + 0.75 * count) for count in (fewer_pairs + 1, fewer_pairs)]
         curve = _StiffnessCurve([0.0, segment, segment, 1.0], np.repeat(levels, 2))
-        table = curve.face_average(mesh.overlap_ratio).table(segment)
+        table = curve.face_average(stage.overlap_ratio).table(segment)
         return MeshStiffness(method, max_stiffness, kappa, epsilon, table)
     checks.check_known_parameters(
         "stiffness 'energy'", options, ("torque", "coupling", "hertz", "twist")
     )
-    curve, means = _energy_curve(mesh, fewer_pairs, segment, samples, options)
-    if mesh.overlap_ratio > 0.0:
-        table = curve.face_average(mesh.overlap_ratio).table(segment)
+    curve, means = _energy_curve(stage, fewer_pairs, segment, samples, options)
+    if stage.overlap_ratio > 0.0:
+        table = curve.face_average(stage.overlap_ratio).table(segment)
         return _stiffness_of_table(method, table)
     profile = curve.table(segment)
     return MeshStiffness(method, means[0], means[1] / means[0], 1.0 + segment, profile)
 
 
-def _energy_curve(mesh, fewer_pairs, segment, samples, options):
+def _energy_curve(stage, fewer_pairs, segment, samples, options):
     """Return the mesh stiffness by the energy method as a curve, and its means in both segments.
 
     The first segment, from 0 to `segment` base pitches, has `fewer_pairs` + 1 pairs of teeth, the
@@ -491,7 +491,7 @@ def _energy_curve(mesh, fewer_pairs, segment, samples, options):
         point_count = max(5, round(samples * (end - start)))
         pitches.append(np.linspace(start, end, point_count))
         # Below a contact ratio of 1, no pair of a slice of a helical face touches for a while.
-        stiffness = energy_stiffness(mesh, pitches[-1], count, **options) if count else 0.0
+        stiffness = energy_stiffness(stage, pitches[-1], count, **options) if count else 0.0
         stiffnesses.append(np.broadcast_to(stiffness, point_count))
         means.append(float(np.trapezoid(stiffnesses[-1], np.linspace(0.0, 1.0, point_count))))
     return _StiffnessCurve(np.concatenate(pitches), np.concatenate(stiffnesses)), means

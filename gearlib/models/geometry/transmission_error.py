@@ -26,7 +26,7 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.parameters import DrivingTorque, Phases, checked
 
 if TYPE_CHECKING:
-    from gearlib.models.geometry.mesh import Mesh
+    from gearlib.models.geometry.gear_stage import GearStage
 
 #: Largest number of slices of helical faces at all phases, which take about 0.3 GB.
 _MAX_SLICES_AT_PHASES = 600_000
@@ -60,24 +60,24 @@ _MIN_ERROR_AMPLITUDE = 1e-4
 
 
 def transmission_error(
-    mesh: "Mesh", torque: ArrayLike, phases: int = 256, **options: Any
+    stage: "GearStage", torque: ArrayLike, phases: int = 256, **options: Any
 ) -> xr.Dataset:
     """Return the static transmission error and the load sharing of a mesh as a dataset.
 
     `torque`, one or several of the pinion in N m, is at least 0; `phases` is the number of phases
-    in each mesh period. Options and variables are those of `Mesh.transmission_error`. The slices of
-    helical gears are linearized at each load, and their gaps are left out.
+    in each mesh period. Options and variables are those of `GearStage.transmission_error`. The
+    slices of helical gears are linearized at each load, and their gaps are left out.
     """
     torques = np.atleast_1d(float_array(torque))
     valid = torques.ndim == 1 and torques.size and ((torques >= 0.0) & (torques < math.inf)).all()
     checks.require(valid, "torque", torque, "a finite number >= 0, or at least one in a sequence")
-    loads = mesh.load(torques)
-    is_spur = mesh.overlap_ratio == 0.0
+    loads = stage.load(torques)
+    is_spur = stage.overlap_ratio == 0.0
     if is_spur:
-        pairs = tooth_pairs(mesh, phases, **options)
+        pairs = tooth_pairs(stage, phases, **options)
         equilibrium = pairs.forces_under_loads(loads)
     else:
-        pairs, equilibrium = _helical_equilibrium(mesh, phases, loads, options)
+        pairs, equilibrium = _helical_equilibrium(stage, phases, loads, options)
     # Without a load the forces are rounding errors, and load shares are undefined.
     load_share = np.full_like(equilibrium.force, math.nan)
     total_forces = loads[:, None, None]
@@ -95,7 +95,7 @@ def transmission_error(
     if is_spur:
         for name, values in (("path_position", pairs.position), ("gap", pairs.gap)):
             data[name] = pair_dims, np.where(pairs.can_touch, values, math.nan)
-        contact_ratios = _contact_ratios(mesh, pairs, equilibrium, phases)
+        contact_ratios = _contact_ratios(stage, pairs, equilibrium, phases)
     else:
         contact_ratios = equilibrium.touching.sum(-1).mean(-1)
     data["effective_contact_ratio"] = "torque", contact_ratios
@@ -105,14 +105,14 @@ def transmission_error(
     return describe(xr.Dataset(data, coords, {"title": title}))
 
 
-def loaded_error(mesh: "Mesh", load: float, **options: Any) -> Harmonics:
+def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:
     """Return the transmission error of the teeth under a load in N without its mean, m.
 
     The harmonics of the mesh phase hold as long as the pinion drives; tip corners touch, and pitch
     errors do not count. Options are stiffness, coupling and twist of `pairs_at`.
     """
     pairs = tooth_pairs(
-        mesh, _ERROR_PHASES, pitch_errors=(0.0,), corners=True, load=load, **options
+        stage, _ERROR_PHASES, pitch_errors=(0.0,), corners=True, load=load, **options
     )
     (error,) = pairs.forces_under_loads([load]).displacement
     phase = math.tau * np.arange(_ERROR_PHASES) / _ERROR_PHASES
@@ -123,25 +123,25 @@ def loaded_error(mesh: "Mesh", load: float, **options: Any) -> Harmonics:
     return Harmonics(harmonics.cosines[:count], harmonics.sines[:count])
 
 
-def _helical_equilibrium(mesh, phases, loads, options) -> tuple[ToothPairs, LoadSharing]:
+def _helical_equilibrium(stage, phases, loads, options) -> tuple[ToothPairs, LoadSharing]:
     """Return the tooth pairs of helical gears at the first of n loads in N, and their equilibrium.
 
     A load of 0 counts as one that is too light to deflect the teeth.
     """
-    period_count = checked_errors(mesh, options.get("pitch_errors")).size
+    period_count = checked_errors(stage, options.get("pitch_errors")).size
     most_slices = _MAX_SLICES_AT_PHASES / period_count
-    max_phases = min(most_slices / MIN_SLICES, math.sqrt(most_slices / mesh.overlap_ratio))
+    max_phases = min(most_slices / MIN_SLICES, math.sqrt(most_slices / stage.overlap_ratio))
     allowed = f"at most {max_phases:.0f}, where the faces of helical gears are divided into slices"
     checks.require(phases <= max_phases, "phases", phases, allowed)
-    light_load = _LIGHT_DEFLECTION * mesh.pinion.module * pair_stiffness(mesh)
+    light_load = _LIGHT_DEFLECTION * stage.pinion.module * pair_stiffness(stage)
     settings = {"intervals": phases, **options}
-    pairs = [tooth_pairs(mesh, phases, load=max(load, light_load), **settings) for load in loads]
+    pairs = [tooth_pairs(stage, phases, load=max(load, light_load), **settings) for load in loads]
     sharings = [p.forces_under_loads([load]) for p, load in zip(pairs, loads, strict=True)]
     arrays = ([getattr(s, field.name) for s in sharings] for field in fields(LoadSharing))
     return pairs[0], LoadSharing(*map(np.concatenate, arrays))
 
 
-def _contact_ratios(mesh, pairs, equilibrium, phases) -> list[float]:
+def _contact_ratios(stage, pairs, equilibrium, phases) -> list[float]:
     """Return the mean number of touching pairs at each load, with `phases` phases per period."""
     # Positive if a pair touches.
     overlap = np.where(pairs.can_touch, pairs.overlap(equilibrium), -math.inf)
@@ -151,9 +151,9 @@ def _contact_ratios(mesh, pairs, equilibrium, phases) -> list[float]:
     start = int(np.argmin(offsets))
     steps = np.arange(pair_count * phases)
     pitches = (np.sort(offsets) + np.arange(pair_count)[:, None]).ravel()
-    steps = steps[pitches < mesh.contact_ratio]
+    steps = steps[pitches < stage.contact_ratio]
     pitches = pitches[: steps.size]
-    remaining_path = mesh.contact_ratio - pitches[-1]
+    remaining_path = stage.contact_ratio - pitches[-1]
     ratios = []
     for overlap_at_load in overlap:
         length = 0.0  # of all contacts, in base pitches
@@ -172,14 +172,14 @@ def _contact_ratios(mesh, pairs, equilibrium, phases) -> list[float]:
 
 @checked
 def optimum_relief(
-    mesh: "Mesh",
+    stage: "GearStage",
     torque: DrivingTorque,
     *,
     length: str | float | None = None,
     shape: Shape = "linear",
     phases: Phases = 256,
     **options: Any,
-) -> "Mesh":
+) -> "GearStage":
     """Return the mesh with the tip reliefs of least peak-to-peak transmission error at a load.
 
     If all pairs of teeth have the same constant compliance q, there is a relief without any error:
@@ -192,7 +192,7 @@ def optimum_relief(
 
     Parameters
     ----------
-    mesh : gearlib.geometry.Mesh
+    stage : gearlib.geometry.GearStage
         Gears; their tip reliefs are replaced.
     torque : float
         Design torque of the pinion, N m; finite, > 0.
@@ -203,12 +203,12 @@ def optimum_relief(
     shape : {"linear", "parabolic"}, default "linear"
         Shape of both reliefs.
     phases, stiffness, coupling, deviation, pitch_errors
-        Options of `Mesh.transmission_error`.
+        Options of `GearStage.transmission_error`.
 
     Returns
     -------
-    gearlib.geometry.Mesh
-        Mesh whose gears have the optimum `TipRelief`.
+    gearlib.geometry.GearStage
+        GearStage whose gears have the optimum `TipRelief`.
 
     Raises
     ------
@@ -217,11 +217,11 @@ def optimum_relief(
     """
     from scipy.ndimage import minimum_filter
 
-    load = checks.gear_mesh(mesh).load(torque)
-    mesh = mesh.with_reliefs(None, None)
-    pair_count = math.floor(mesh.contact_ratio)
-    limit = mesh.longest_relief
-    long_length = min((mesh.contact_ratio - pair_count) * mesh.base_pitch, limit)
+    load = checks.gear_stage(stage).load(torque)
+    stage = stage.with_reliefs(None, None)
+    pair_count = math.floor(stage.contact_ratio)
+    limit = stage.longest_relief
+    long_length = min((stage.contact_ratio - pair_count) * stage.base_pitch, limit)
     named_lengths = {"long": long_length, "short": long_length / 2.0}
     fixed_length = named_lengths[length] if checks.is_one_of(length, named_lengths) else length
     if fixed_length is not None:
@@ -229,10 +229,10 @@ def optimum_relief(
         is_valid = isinstance(fixed_length, Real) and 0.0 < fixed_length <= limit
         checks.require(is_valid and fixed_length is not True, "length", fixed_length, allowed)
     # A tip relief is less than half of the thickness of the tip.
-    tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (mesh.pinion, mesh.wheel)]
-    if mesh.overlap_ratio > 0.0:
-        return _optimum_of_helical(mesh, torque, fixed_length, shape, tips, phases, options)
-    pairs = tooth_pairs(mesh, phases, **options)
+    tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (stage.pinion, stage.wheel)]
+    if stage.overlap_ratio > 0.0:
+        return _optimum_of_helical(stage, torque, fixed_length, shape, tips, phases, options)
+    pairs = tooth_pairs(stage, phases, **options)
     # Deflections of single pairs under the load at the end and at the start of contact.
     compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
     compliance, position = compliance[pairs.can_touch], pairs.position[pairs.can_touch]
@@ -254,7 +254,7 @@ def optimum_relief(
     def errors(points, pairs=pairs):
         """Return the transmission errors at m phases over the sum of both deflections, (n, m)."""
         *amounts, length = (values[:, None, None] for values in values_in_m(points))
-        distances = mesh.path[1] - pairs.position, pairs.position - mesh.path[0]  # from both tips
+        distances = stage.path[1] - pairs.position, pairs.position - stage.path[0]  # from both tips
         gap = pairs.gap
         for distance, amount in zip(distances, amounts, strict=True):
             gap = gap + gap_of_relief(distance, amount, length, shape)
@@ -299,19 +299,25 @@ def optimum_relief(
         optimum = min(candidates, key=lambda point: round(np.ptp(errors([point])), _DECIMALS))
         optimum = np.round(optimum, _DECIMALS)
     *amounts, length = (values.item() for values in values_in_m([optimum]))
-    return mesh.with_reliefs(*(TipRelief(amount=a, length=length, shape=shape) for a in amounts))
+    return stage.with_reliefs(*(TipRelief(amount=a, length=length, shape=shape) for a in amounts))
 
 
 def _optimum_of_helical(
-    mesh: "Mesh", torque: float, fixed_length, shape: str, tips: list, phases: int, options: dict
-) -> "Mesh":
+    stage: "GearStage",
+    torque: float,
+    fixed_length,
+    shape: str,
+    tips: list,
+    phases: int,
+    options: dict,
+) -> "GearStage":
     """Return a helical mesh with the tip reliefs of least peak-to-peak transmission error.
 
     `fixed_length` is the length of both reliefs in m or None, and `tips` are their largest amounts.
     """
     phases = min(phases, _HELICAL_PHASES)
-    limit = mesh.longest_relief
-    unrelieved = mesh.transmission_error(torque, phases=phases, **options)
+    limit = stage.longest_relief
+    unrelieved = stage.transmission_error(torque, phases=phases, **options)
     deflection = float(unrelieved.transmission_error.mean())
 
     def relieved_mesh(variables):
@@ -321,7 +327,7 @@ def _optimum_of_helical(
             min(float(v) * deflection, tip) for v, tip in zip(variables[:2], tips, strict=True)
         ]
         reliefs = (TipRelief(amount=amount, length=length, shape=shape) for amount in amounts)
-        return mesh.with_reliefs(*reliefs)
+        return stage.with_reliefs(*reliefs)
 
     def relative_error(variables):
         found = relieved_mesh(variables).transmission_error(torque, phases=phases, **options)

@@ -218,7 +218,7 @@ class Mesh:
             "follows from tooth numbers, positions, `tooth_thickness` and `pitch_phase`"
         ),
     ] = None
-    inverse_phase: Annotated[
+    coast_phase: Annotated[
         Finite | None,
         described(
             "The same lag for the coast-side flanks; by default it follows from `tooth_thickness` "
@@ -239,7 +239,7 @@ class Mesh:
     deviation: Annotated[
         Harmonics, described("Deviation of the drive-side flanks over the phase of this mesh in m")
     ] = Harmonics()
-    inverse_deviation: Annotated[
+    coast_deviation: Annotated[
         Harmonics | None,
         described("Deviation of the coast-side flanks in m; by default that of the drive side"),
     ] = None
@@ -281,19 +281,19 @@ class Mesh:
         owner, gears = f"mesh {self.name}", (self.pinion, self.wheel)
         allowed = f"one of {self.pinion!r}, {self.wheel!r}"
         checks.require(self.driving in (None, *gears), "driving", self.driving, allowed, owner)
-        if self.inverse_deviation is None:
-            object.__setattr__(self, "inverse_deviation", self.deviation)
+        if self.coast_deviation is None:
+            object.__setattr__(self, "coast_deviation", self.deviation)
         unique = self.line_of_action is None or self.position is None
         allowed = "left out where position is given"
         checks.require(unique, "line_of_action", self.line_of_action, allowed, owner)
 
     @classmethod
-    def from_geometry(cls, mesh: Any, pinion: str, wheel: str, **fields: Any) -> "Mesh":
+    def from_geometry(cls, stage: Any, pinion: str, wheel: str, **fields: Any) -> "Mesh":
         """Return a mesh with stiffness, contact ratio, backlash, angle and phases of a geometry.
 
         Parameters
         ----------
-        mesh : gearlib.geometry.Mesh
+        stage : gearlib.geometry.GearStage
             Geometry of both gears.
         pinion, wheel : str
             Names of the bodies.
@@ -306,7 +306,7 @@ class Mesh:
             two gears without the rest of the train. Without any, the damping is unknown, and only
             modes and statics can be computed.
         backlash_damping_ratio : float, default 0
-            Damping ratio in the backlash.
+            Damping ratio in free flight.
         model : {"teeth", "rectangle"}, default "teeth"
             "teeth": the mean stiffness, excited by the transmission error of the teeth under the
             torque, with tip reliefs and corner contact, so that the mesh force is static at low
@@ -321,7 +321,7 @@ class Mesh:
             Other parameters of the class; they replace those of the geometry.
         """
         options = {name: fields.pop(name) for name in _STIFFNESS_AND_DAMPING if name in fields}
-        fields = checks.gear_mesh(mesh).train_parameters(**options) | fields
+        fields = checks.gear_stage(stage).train_parameters(**options) | fields
         return cls(pinion=pinion, wheel=wheel, **fields)
 
     @property

@@ -83,8 +83,8 @@ def _joints(train: "GearTrain", radii: dict[str, tuple]) -> dict[str, list]:
     Meshes, shafts and pins of carriers join bodies. `radii` maps a mesh name to the pitch radii of
     pinion and wheel in m.
     """
-    connections = [
-        (mesh.pinion, mesh.wheel, _vector(sum(radii[mesh.name]), mesh.centre_line_angle))
+    connections: list[tuple] = [
+        (mesh.pinion, mesh.wheel, _vector(sum(radii[str(mesh.name)]), mesh.centre_line_angle))
         for mesh in train.meshes
     ]
     connections += [(*shaft.bodies, np.zeros(2)) for shaft in train.shafts]

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.variables import describe
-from gearlib.engines.codes import INVERSE
+from gearlib.engines.codes import COAST
 from gearlib.models.trains.statics import mesh_groups
 from gearlib.models.trains.waves import deviation_of_teeth, stiffness_harmonic
 
@@ -113,7 +113,7 @@ def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
         train.meshes, train.frequency_ratios, train.loaded_sides, *displacements, strict=True
     ):
         # The flanks that carry the load vary the stiffness, or deviate by the transmission error.
-        phase, table = deviation_of_teeth(train, mesh, 0 if side == INVERSE else 1)
+        phase, table = deviation_of_teeth(train, mesh, 0 if side == COAST else 1)
         for order in range(1, math.floor(count / ratio) + 1):
             if mesh.varies or order <= len(table):
                 force: Any = stiffness_harmonic(mesh, order, phase) * static if mesh.varies else 0.0

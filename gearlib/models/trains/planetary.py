@@ -8,8 +8,7 @@ from annotated_types import Ge, Le
 
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
-from gearlib.models.geometry.drawings import equal_positions, planetary_meshes
-from gearlib.models.geometry.mesh import TRAIN_MODELS
+from gearlib.models.geometry.from_values import equal_positions, planetary_meshes
 from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.ready_made import (
     STRUCTURAL_DAMPING,
@@ -306,7 +305,7 @@ def planetary_set(
     material_damping: DrawnDamping = None,
     backlash_damping_ratio: BacklashDampingRatio = 0.0,
     model: Annotated[
-        Literal[TRAIN_MODELS],
+        Literal["teeth", "rectangle"],
         CHOICE,
         described(
             "Mean stiffness excited by the transmission error of loaded teeth, or two levels"

@@ -196,7 +196,7 @@ def _stiffness_levels(train: "GearTrain", phase: float) -> np.ndarray:
     period, phase_in_period = divmod(phase % (math.tau * train.repeats), math.tau)
     levels = np.empty((2, len(train.meshes)))
     for j, (mesh, ratio) in enumerate(zip(train.meshes, train.frequency_ratios, strict=True)):
-        stiffness_phases = train.inverse_phases[mesh.name], train.phases[mesh.name]
+        stiffness_phases = train.coast_phases[mesh.name], train.phases[mesh.name]
         fraction = (phase_in_period + SAME_PHASE_TOLERANCE) / math.tau
         # Phase of this mesh in its periods, exact for the whole periods of the reference mesh.
         mesh_phase = float(int(period) * ratio % 1) + fraction * float(ratio)

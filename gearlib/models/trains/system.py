@@ -17,7 +17,7 @@ import numpy as np
 
 from gearlib.engines.exponential import MAX_NORM
 from gearlib.engines.linear.train_system import TrainSystem
-from gearlib.models import one_mesh_system
+from gearlib.models import single_mesh_system
 from gearlib.models.trains.waves import Segments
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def _distance_rows(train: "GearTrain") -> tuple[np.ndarray, np.ndarray]:
         if math.isfinite(mesh.backlash):
             coast[j, 2 * n] += mesh.backlash * per_metre
         else:
-            coast[j] = one_mesh_system.absent_flank(coast.shape[1], 2 * n)
+            coast[j] = single_mesh_system.absent_flank(coast.shape[1], 2 * n)
     return drive, coast
 
 
@@ -100,8 +100,8 @@ def train_system(train: "GearTrain", tuning: float, segments: Segments) -> Train
     matrices = dimensionless_matrices(train, tuning)
     inverse_mass, n = np.linalg.inv(matrices.mass), lines.shape[1]
     drive, coast = _distance_rows(train)
-    # The matrix of dz/dtheta in the backlash of all meshes.
-    free = one_mesh_system.harmonic_oscillators(drive.shape[1], 2 * n + 1, tuning * frequencies)
+    # The matrix of dz/dtheta in free flight of all meshes.
+    free = single_mesh_system.harmonic_oscillators(drive.shape[1], 2 * n + 1, tuning * frequencies)
     free[:n, n : 2 * n] = np.eye(n)
     free[n : 2 * n, :n] = -inverse_mass @ matrices.stiffness
     free[n : 2 * n, n : 2 * n] = -inverse_mass @ matrices.damping

@@ -14,11 +14,10 @@ from gearlib.data import summary
 from gearlib.data.motions import float_array
 from gearlib.engines import orbit
 from gearlib.engines.linear.periods import EVENT_COLUMNS
-from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.model import Model
-from gearlib.models.one_mesh_system import contact_monodromy
+from gearlib.models.single_mesh_system import contact_monodromy
 from gearlib.models.trains import layout, natural_modes, statics, train_values, turning, waves
 from gearlib.models.trains.elastic import LinearModes, free_motions_and_modes
 from gearlib.models.trains.elements import (
@@ -186,8 +185,9 @@ class GearTrain(Model):
         return turning.phases(self.by_name, self.meshes, self.shafts, self.reference, self.speeds)
 
     @cached_property
-    def inverse_phases(self) -> dict:
-        """Stiffness phases of the coast sides (inverse mesh), mesh name -> its mesh periods."""
+    def coast_phases(self) -> dict:
+        """Stiffness phases of the coast sides (coast-side contact), mesh name -> its mesh
+        periods."""
         return {
             mesh.name: turning.coast_side_phase(mesh, self.speeds, self.phases[mesh.name])
             for mesh in self.meshes
@@ -535,7 +535,7 @@ class GearTrain(Model):
         """
         m = len(self.meshes)
         columns = m * orbit.SAMPLE_COLUMNS + self.size // 2
-        shapes = (samples, columns), (events, EVENT_COLUMNS), (m, SUMMARY_COLUMNS)
+        shapes = (samples, columns), (events, EVENT_COLUMNS), (m, orbit.SUMMARY_COLUMNS)
         return tuple(map(np.empty, shapes))
 
     def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
@@ -548,16 +548,15 @@ class GearTrain(Model):
         return {"body_motion": (("phase", "body", "axis"), motion)}
 
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
-        """Return mean force, force ratio and load sharing of each mesh: name -> (dims, values).
+        """Return force ratio and load sharing of each mesh: name -> (dims, values).
 
-        `summaries`, shape (..., m, 10), has the dimensions `dims` and holds sums and extrema over a
-        span of phase. The force ratio is the largest force over the static force of the linear
-        train, both without signs, NaN for a mesh without load.
+        `summaries`, shape (..., m, columns), has the dimensions `dims` and covers a span of phase.
+        The force ratio is the largest force over the static force of the linear train, both without
+        signs, NaN for a mesh without load.
         """
-        mean = summaries[..., orbit.FORCE_SUM] / span
         ratio = self.force_ratios(summary.largest_force(summaries))
-        shares = statics.load_shares(self, mean)
-        variables = {"mean_force": mean, self.force_ratio_name: ratio, "load_sharing": shares}
+        shares = statics.load_shares(self, summaries[..., orbit.FORCE_SUM] / span)
+        variables = {self.force_ratio_name: ratio, "load_sharing": shares}
         return {name: (dims, values) for name, values in variables.items()}
 
     def layout(self) -> xr.Dataset:

@@ -49,7 +49,7 @@ FIELDS: dict = {
         "contact_ratio": ("1", "contact ratio epsilon"),
         "backlash": ("m", "backlash"),
         "material_damping": ("N s m-1", "damping in contact"),
-        "backlash_damping": ("N s m-1", "damping in the backlash"),
+        "backlash_damping": ("N s m-1", "damping in free flight"),
         "error": ("m", "error of assembly"),
     },
 }
@@ -88,7 +88,7 @@ def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain
     return dataclasses.replace(train, meshes=tuple(meshes))
 
 
-def _elements(train: "GearTrain") -> dict[tuple[str, str], Any]:
+def _elements(train: "GearTrain") -> dict[tuple, Any]:
     """Return the elements of a train, (kind, name) -> `Body`, `Shaft` or `Mesh`."""
     return (
         {("body", body.name): body for body in train.bodies}

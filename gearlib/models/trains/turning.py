@@ -127,8 +127,8 @@ def coast_side_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> fl
 
     Phases are in mesh periods; `speed` maps a body to its signed speed.
     """
-    if mesh.inverse_phase is not None:
-        return mesh.inverse_phase % 1.0
+    if mesh.coast_phase is not None:
+        return mesh.coast_phase % 1.0
     if mesh.tooth_thickness is None:
         return phase
     coast, drive = sliding_phases(mesh, speed)

@@ -101,7 +101,7 @@ def _phases_of_changes(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
 
     They are the middle of the upper stiffness level and the change to positive sliding.
     """
-    coast, drive = train.inverse_phases[mesh.name], train.phases[mesh.name]
+    coast, drive = train.coast_phases[mesh.name], train.phases[mesh.name]
     sliding_phases = turning.sliding_phases(mesh, train.speeds)
     return (coast, drive), tuple(drive + phase for phase in sliding_phases)
 
@@ -179,7 +179,7 @@ def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
                 c, s = arithmetic.cos_sin(phase)
                 add_harmonic(train.speeds[name], j, sides, run_out * c, -run_out * s)
         ratio, mesh_phase = train.frequency_ratios[j], train.phases[mesh.name]
-        for side, deviation in enumerate((mesh.inverse_deviation, mesh.deviation)):
+        for side, deviation in enumerate((mesh.coast_deviation, mesh.deviation)):
             tooth_phase, tooth_deviation = deviation_of_teeth(train, mesh, side)
             for phase, table in ((mesh_phase, deviation.table()), (tooth_phase, tooth_deviation)):
                 for order, cosine, sine in table.tolist():
@@ -200,7 +200,7 @@ def deviation_of_teeth(train: "GearTrain", mesh: Mesh, side: int) -> tuple[float
     # the coast side the other gear drives.
     direction = 1.0 if pinion_drives == bool(side) else -1.0
     sign = -1.0 if side else 1.0
-    phases = train.phases if side else train.inverse_phases
+    phases = train.phases if side else train.coast_phases
     return phases[mesh.name], mesh.transmission_error.table() * (1.0, sign, sign * direction)
 
 

@@ -76,7 +76,7 @@ def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
     above = tuning >= first
     fractions = {
         "contact lost": is_lost[above].mean(),
-        "inverse mesh": (curve.fraction_inverse.values[above] > 0).mean(),
+        "inverse mesh": (curve.fraction_coast.values[above] > 0).mean(),
         "unsteady": (curve.period.values[above] == 0).mean(),
     }
     # Every tuning must have bounces, most of them coast-side contact and chaotic motion.
@@ -104,7 +104,7 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
         curve = data.curve(name, 0.6, max(highest, 1.12 + 2 * PLOT_RESOLUTION))
         tuning = curve.tuning.values
         is_lost = loses_contact(curve)
-        inverse = bool((curve.fraction_inverse.values > 0).any())
+        inverse = bool((curve.fraction_coast.values > 0).any())
         limits = tuning[is_lost][[0, -1]] if is_lost.any() else np.full(2, np.nan)
         holds &= (np.abs(limits - (0.8, 1.12)) <= 2 * PLOT_RESOLUTION).all()
         holds &= not inverse
@@ -141,7 +141,7 @@ def undamped_phase_planes(data: Data) -> tuple:
     planes = data.planes(name, _PLANE_TUNINGS)
     unsteady = _spreads(planes) > LINE_WIDTH
     is_lost = loses_contact(planes)
-    inverse = planes.fraction_inverse.values > 0
+    inverse = planes.fraction_coast.values > 0
     tunings = np.array(_PLANE_TUNINGS)
     holds = bool(unsteady.all())
     holds &= tunings[is_lost].tolist() == [0.66, 0.80, 0.81, 0.82]

@@ -26,7 +26,7 @@ def contact_ratios(data: Data) -> tuple[bool, str]:
     """Judge statement P8: stiffness is mostly low at a small contact ratio, high at a large one."""
     scene = data.scene("fig4", cases=2)  # the small contact ratio, then the large one
     low_fractions = scene.fraction_min_stiffness.values  # of time in mesh at C_min, by case
-    high_fractions = (scene.fraction_normal + scene.fraction_inverse).values - low_fractions
+    high_fractions = (scene.fraction_drive + scene.fraction_coast).values - low_fractions
     text = "; ".join(
         f"{title}: {100 * low:.0f} % in mesh at C_min, {100 * high:.0f} % at C_max"
         for title, low, high in zip(scene.case.values, low_fractions, high_fractions, strict=True)

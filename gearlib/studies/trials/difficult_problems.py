@@ -3,16 +3,16 @@
 A problem has a quantity that is compared, and a tolerance of its error:
 
 =============  ==================================================================================
-quantity       error
-=============  ==================================================================================
-``state``      difference of the final states, displacement or nu times velocity, over the height
-               of the recorded motion (over one static deflection if that is larger)
-``contacts``   contact events of the record that are missing, spurious or out of order
-``orbit``      difference of the extrema of the settled orbit over its height
-``fractions``  difference of the fractions of time in normal mesh, backlash and inverse mesh
-``energy``     relative difference of the energy about the rest position, constant stiffness
-``deviation``  relative difference of the distance from the orbit without loss of contact
-=============  ==================================================================================
+quantity       error =============
+================================================================================== ``state``
+difference of the final states, displacement or nu times velocity, over the height of the recorded
+motion (over one static deflection if that is larger) ``contacts``   contact events of the record
+that are missing, spurious or out of order ``orbit``      difference of the extrema of the settled
+orbit over its height ``fractions``  difference of the fractions of time in drive-side contact,
+backlash and coast-side contact ``energy``     relative difference of the energy about the rest
+position, constant stiffness ``deviation``  relative difference of the distance from the orbit
+without loss of contact =============
+==================================================================================
 
 The state of a train has all coordinates except for the free rotation; velocities are derivatives
 with respect to the mesh phase.
@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from gearlib.analysis.tongues import meissner
 from gearlib.engines.pair.stiffness import stiffness_levels
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.models.six_degrees import SixDegreePair
@@ -130,7 +130,8 @@ def _state_problems() -> dict[str, Problem]:
 
     They are defined by rows of description, model and tuning, followed by the initial state (rest
     on the drive-side flank line if it is missing) and the number of mesh periods (10 if missing).
-    In descriptions, the near flank is that of the drive side, the far flank that of the coast side.
+    In descriptions, the near flank is that of the drive side, the coast-side flank that of the
+    coast side.
     """
     six_degrees = SixDegreePair(
         pair=PAPER,
@@ -158,7 +159,7 @@ def _state_problems() -> dict[str, Problem]:
     rows = {
         "double_crossing": ("in and out within a long step", wide_backlash, 1.0, fall, 40),
         "rest_near": ("at rest on the near flank line", PAPER, 0.82),
-        "rest_far": ("at rest on the far flank line", PAPER, 0.82, coast_line),
+        "rest_far": ("at rest on the coast-side flank line", PAPER, 0.82, coast_line),
         "no_backlash": ("no backlash", no_backlash, 0.9, fast_down),
         "nano_backlash": ("backlash 1e-9", _gear_pair(backlash=1e-9), 0.9, fast_down),
         "endless_backlash": ("infinite backlash", _gear_pair(backlash=math.inf), 0.9, fast_down),

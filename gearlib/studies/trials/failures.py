@@ -70,7 +70,9 @@ class Outcome(NamedTuple):
     state: tuple = (math.nan, math.nan)  #: final coordinates and velocities, no free rotation
     low: float = math.nan  #: smallest recorded displacement
     high: float = math.nan  #: largest recorded displacement
-    fractions: tuple = (math.nan,) * 3  #: of time in normal mesh, backlash, inverse mesh
+    fractions: tuple = (
+        math.nan,
+    ) * 3  #: of time in drive-side contact, backlash, coast-side contact
     bounces: float = math.nan  #: per mesh period
     period: int = 0  #: mesh periods after which the motion repeats; 0: it does not
     contacts: tuple = ()  #: contact codes (before, after) of every event; of trains mesh by mesh
@@ -95,7 +97,7 @@ def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
         order = np.argsort(run.event_mesh.values, kind="stable")
         contacts = [codes[order] for codes in (run.event_mesh.values, *contacts)]
         state = model.reduction()[0] @ state
-    names = ("fraction_normal", "fraction_backlash", "fraction_inverse")
+    names = ("fraction_drive", "contact_loss_fraction", "fraction_coast")
     return Outcome(
         status=status.OK,
         state=tuple(state),

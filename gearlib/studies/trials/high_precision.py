@@ -18,14 +18,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
-from gearlib.models.one_mesh_system import state_matrix_by_phase
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
+from gearlib.models.single_mesh_system import state_matrix_by_phase
 
 #: Additional digits for the rounding errors of about a thousand sums in a step.
 GUARD_DIGITS = 10
 #: Steps per radian of the natural oscillation, at least.
 _STEPS_PER_RADIAN = 4
-_CODES = (INVERSE, BACKLASH, NORMAL)
+_CODES = (COAST, NO_CONTACT, DRIVE)
 #: Function that converts arrays and lists of numbers to arrays of `Decimal`.
 decimals = np.vectorize(Decimal, otypes=[object])
 
@@ -52,9 +52,9 @@ def run(
     with localcontext(prec=digits + GUARD_DIGITS):
         # Only models with one degree of freedom have a scalar equation of motion.
         equations = (_six_degrees if model.equation is None else _one_degree)(model, tuning)
-        z, contact, phases, codes = equations.start, NORMAL, [], []
+        z, contact, phases, codes = equations.start, DRIVE, [], []
         # The rows of A in z' = A z for derivatives of displacements do not depend on the contact.
-        derivative_matrix = equations.matrices[BACKLASH, 0]
+        derivative_matrix = equations.matrices[NO_CONTACT, 0]
         if state is not None:
             z = decimals([*state, 1])
             # Contact may begin or end at the start, so the contact code shortly after it is used.
@@ -82,16 +82,16 @@ def run(
 
 def _one_degree(model: Any, tuning: float) -> Equations:
     """Return the equations of a model with one degree of freedom, state z = (x, dx/dtau, 1)."""
-    pair, nu = model.mesh, Decimal(tuning)
+    pair, nu = model.pair, Decimal(tuning)
     ratios = pair.contact_ratio, pair.stiffness_ratio, pair.backlash_ratio
     epsilon, kappa, backlash = map(Decimal, ratios)
     mean, matrices = kappa + (1 - kappa) * (epsilon - 1), {}
     for code in _CODES:
-        in_contact = code != BACKLASH
+        in_contact = code != NO_CONTACT
         ratio = Decimal(pair.damping_ratio if in_contact else pair.backlash_damping_ratio)
         for segment, level in enumerate((Decimal(1), kappa, Decimal(1))):
             stiffness = level / mean / nu**2 if in_contact else 0
-            load = 1 / nu**2 - (stiffness * backlash if code == INVERSE else 0)
+            load = 1 / nu**2 - (stiffness * backlash if code == COAST else 0)
             rows = [[0, 1, 0], [-stiffness, -2 * ratio / nu, load], [0, 0, 0]]
             matrices[code, segment] = decimals(rows)
     # Rows of the damping are the contact codes -1, 0 and 1; the last column is cubic damping.
@@ -122,7 +122,7 @@ def _six_degrees(model: Any, tuning: float) -> Equations:
     # Correct the first rotation and its velocity: the start is at rest where contact begins.
     coordinate_count = 2 + len(model.elastic_bearings())
     z[0] -= lines[0] @ z
-    z[coordinate_count] -= lines[0] @ (matrices[BACKLASH, 0] @ z)
+    z[coordinate_count] -= lines[0] @ (matrices[NO_CONTACT, 0] @ z)
     return Equations(matrices, dict.fromkeys(_CODES, 0), bounds, lines, z)
 
 
@@ -141,10 +141,10 @@ def _segment_bounds(contact_ratio: Decimal) -> list[Decimal]:
 
 
 def _contact_code(distances: Sequence[Decimal]) -> int:
-    """Return the contact code at distances from the drive-side and the back-side flank line."""
+    """Return the contact code at distances from the drive-side and the coast-side flank line."""
     if distances[0] >= 0:
-        return NORMAL
-    return INVERSE if distances[1] < 0 else BACKLASH
+        return DRIVE
+    return COAST if distances[1] < 0 else NO_CONTACT
 
 
 def _series(matrix: np.ndarray, cubic: Decimal | int, z: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gearlib.models.one_degree import OneDegreePair
+from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.models.trains.ready_made import split_power_reducer
@@ -21,7 +21,7 @@ class Case(NamedTuple):
 
     tuning: float
     damped_in_contact: bool  #: whether linear damping acts in contact
-    damped_in_backlash: bool  #: whether linear damping acts in the backlash
+    damped_in_backlash: bool  #: whether linear damping acts in free flight
     settles: bool  #: whether the motion settles on an orbit of one mesh period
 
 

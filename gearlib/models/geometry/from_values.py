@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from gearlib import checks
 from gearlib.models.geometry.gear import RACKS, Material, SpurGear, TipRelief, Web
-from gearlib.models.geometry.mesh import Mesh
+from gearlib.models.geometry.gear_stage import GearStage
 
 #: Fields that the second gear of a mesh takes from the first by default.
 _COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material")
@@ -41,8 +41,8 @@ def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -
         return SpurGear(**(default_fields | fields))
 
 
-def mesh(values: dict) -> Mesh:
-    """Build and return a `Mesh` from a dict with pinion, wheel, centre_distance and backlash.
+def stage(values: dict) -> GearStage:
+    """Build and return a `GearStage` from a dict with pinion, wheel, centre_distance and backlash.
 
     Pinion and wheel are dicts of gears; the wheel takes missing values from the pinion. Lengths are
     in m, and other keys are ignored.
@@ -51,7 +51,7 @@ def mesh(values: dict) -> Mesh:
         pinion = gear(values["pinion"])
     with checks.below("wheel"):
         wheel = gear(values["wheel"], mate_values=values["pinion"])
-    return Mesh(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
+    return GearStage(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
 
 
 #: Largest position error of a planet in tooth pitches, since angles are often rounded.
@@ -63,8 +63,8 @@ _MAX_SHIFTED_TEETH = 2
 class PlanetaryMeshes(NamedTuple):
     """Meshes of the planets with sun and ring of a planetary set, and angles of the planets."""
 
-    sun_mesh: Mesh
-    ring_mesh: Mesh
+    sun_mesh: GearStage
+    ring_mesh: GearStage
     positions: tuple  #: angles, rad
 
 
@@ -82,9 +82,9 @@ def planetary_meshes(
     checks.require(internal, "ring.internal", False, "True, of a ring gear")
     try:
         with checks.below("", owner="the sun mesh", pinion="sun", wheel="planet"):
-            sun_mesh = Mesh(sun, planet, centre_distance, backlash[0])
+            sun_mesh = GearStage(sun, planet, centre_distance, backlash[0])
         with checks.below("", owner="the ring mesh", pinion="planet", wheel="ring"):
-            ring_mesh = Mesh(planet, ring, sun_mesh.centre_distance, backlash[1])
+            ring_mesh = GearStage(planet, ring, sun_mesh.centre_distance, backlash[1])
     except ValueError:
         _check_ring_teeth(sun, planet, ring, centre_distance)
         raise
@@ -131,7 +131,7 @@ def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
         raise checks.refusal("ring.teeth", ring.teeth, allowed) from None
 
 
-def _check_planet_spacing(sun_mesh: Mesh, count: int, angles: Sequence[float]) -> None:
+def _check_planet_spacing(sun_mesh: GearStage, count: int, angles: Sequence[float]) -> None:
     """Raise ValueError if the tip circles of `count` planets at angles in rad overlap."""
     sorted_angles = sorted(angle % math.tau for angle in angles)
     next_angles = [*sorted_angles[1:], sorted_angles[0] + math.tau]

@@ -17,9 +17,8 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
-from gearlib.engines.linear import one_mesh, propagator
+from gearlib.engines.linear import propagator, single_mesh
 from gearlib.engines.linear.periods import EVENT_COLUMNS, EVENT_MESH
-from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.linear.sparse_series import nonzero_fields
 from gearlib.engines.linear.train_system import TrainSystem
 
@@ -100,7 +99,7 @@ def start_profile_run(model, speeds, loads, state):
     `speeds` and `loads` are those of `pieces_of`; the velocities in `state`, by phase, become
     velocities by theta in z.
     """
-    runner, pieces = model.profile_propagator(), pieces_of(model, speeds, loads)
+    runner, pieces = model.speed_course_propagator(), pieces_of(model, speeds, loads)
     z = np.array(runner.initial_state(state), float)
     z[z.size // 2 :] *= pieces[0].speed
     return runner, pieces, z
@@ -363,7 +362,7 @@ class _ProfileRunMixin:
         m = len(system.drive_lines)
         raw = self.empty_raw_samples(len(sample_times))
         raw[:, -1] = sample_times
-        summary = np.empty(((self.constants.summary_blocks[-1] + 1) * m, SUMMARY_COLUMNS))
+        summary = np.empty(((self.constants.summary_blocks[-1] + 1) * m, orbit.SUMMARY_COLUMNS))
         # The run enlarges the event table if there are more than four events a mesh and interval.
         events, period_counts = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
         all_components = np.append(state, self._driven_components(piece, intervals, bounds[0]))
@@ -381,7 +380,7 @@ class _ProfileRunMixin:
         event_rows = events[:, columns_of_record]
         # At tuning 1 phases are times. The first column counts from the start of the profiles.
         event_rows[:, 0] += bounds[events[:, orbit.EVENT_PERIOD].astype(int)]
-        summary = summary.reshape(-1, m, SUMMARY_COLUMNS)
+        summary = summary.reshape(-1, m, orbit.SUMMARY_COLUMNS)
         record = columns, raw[:, : 2 * half], intervals.block, summary, event_rows
         phases = intervals.offset + intervals.phase[intervals.first_segments]
         return IntervalRecord(piece, phases, bounds, *record, status)
@@ -391,7 +390,7 @@ class _ProfileTrain(_ProfileRunMixin, propagator.Propagator):
     """A gear train along a speed and load profile."""
 
 
-class ProfilePair(_ProfileRunMixin, one_mesh.Propagator):
+class ProfilePair(_ProfileRunMixin, single_mesh.Propagator):
     """A model with one mesh along a speed and load profile."""
 
     def initial_state(self, state):

@@ -8,7 +8,6 @@ from gearlib.engines import orbit
 from gearlib.engines.linear.modal_frame import ModalFrame
 from gearlib.engines.linear.periods import EVENT_COLUMNS
 from gearlib.engines.linear.propagator import Propagator as Train
-from gearlib.engines.linear.record import SUMMARY_COLUMNS
 from gearlib.engines.orbit import Record
 
 
@@ -44,12 +43,11 @@ class Propagator(Train):
     def fill_record(self, z, span, samples, events, summary, first_period):
         """Run from the state z, shape (2 N,), and fill the tables; see `Base.fill_record`."""
         z -= self.flank_deviation
-        train_summary, raw = np.empty((1, SUMMARY_COLUMNS)), self.empty_raw_samples(len(samples))
+        raw = self.empty_raw_samples(len(samples))
         event_rows = np.empty((len(events), EVENT_COLUMNS))
         period, event_rows, event_count, status, system = self.run_system(
-            z, raw, event_rows, span.max_events, train_summary, span[:2], first_period=first_period
+            z, raw, event_rows, span.max_events, summary[None], span[:2], first_period=first_period
         )
-        summary[:] = train_summary[0, : orbit.SUMMARY_COLUMNS]
         summary[[orbit.X_MAX, orbit.X_MIN]] += self.drive_line
         state = np.ones(self.components)
         state[: z.size] = z * self.scale

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from gearlib.data.result import result, result_of_many, stacked
-from gearlib.models.geometry import drawings
+from gearlib.models.geometry import from_values as geometry
 from gearlib.models.geometry.transmission_error import optimum_relief
 from gearlib.models.load_sharing_pair import LoadSharingPair
 from gearlib.models.profiles import Rectangular
@@ -36,7 +36,7 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     In the dataset, own_stiffness_ratio is the smallest over the largest stiffness of a method, and
     method_uncertainty the relative uncertainty of a method.
     """
-    meshes = {name: drawings.mesh(drawing) for name, drawing in pairs.items()}
+    meshes = {name: geometry.stage(drawing) for name, drawing in pairs.items()}
     phases = {name: _sampled_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
 
     def stiffness_data(pair: str, method: str) -> dict:
@@ -116,7 +116,7 @@ def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int)
     load the amounts of a short relief make little difference.
     """
     torque, options = gears["torque"], {"stiffness": stiffness, "phases": phases}
-    own = drawings.mesh(gears | {name: gears[name] | {"pitch_errors": ()} for name in _GEARS})
+    own = geometry.stage(gears | {name: gears[name] | {"pitch_errors": ()} for name in _GEARS})
     meshes = {"none": own.with_reliefs(None, None), "own": own}
     if meshes["none"] == own:
         del meshes["own"]

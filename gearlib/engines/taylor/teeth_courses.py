@@ -8,7 +8,7 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
-from gearlib.engines.linear.speed_profiles import IntervalRecord, PieceIntervals, ProfilePiece
+from gearlib.engines.linear.speed_courses import IntervalRecord, PieceIntervals, ProfilePiece
 from gearlib.engines.taylor import teeth
 from gearlib.engines.taylor.propagator import TO_BERNSTEIN
 
@@ -73,7 +73,7 @@ class ProfilePropagator(teeth.Propagator):
         theta = intervals.bounds(piece, lengths)
         system = self._system_of(piece, intervals, lengths, theta)
         samples = np.zeros((periods * samples_per_period, orbit.SAMPLE_COLUMNS))
-        summaries = np.empty((system.summary_blocks[-1] + 1, orbit.SUMMARY_COLUMNS + 1))
+        summaries = np.empty((system.summary_blocks[-1] + 1, orbit.SUMMARY_COLUMNS))
         events = np.empty((_FIRST_EVENT_ROWS, orbit.EVENT_COLUMNS))
         tables = samples, events, max_events, summaries, np.empty((0, 2, 2))
         *state[:], _, events, event_count, status, _ = teeth.run_tooth_pairs(

@@ -3,9 +3,9 @@
     x'' + e x + d(x') + c(tau) (g + p2 |g| g + p3 g^3)
         = F + sum_n (a_n cos n tau + b_n sin n tau) + f''(tau),        tau = nu t,
 
-    g(x) = x - upper     x >= upper           NORMAL contact, c and d of the drive side
-         = 0             lower < x < upper    BACKLASH, d of the gap
-         = x - lower     x <= lower           INVERSE contact, c and d of the coast side
+    g(x) = x - upper     x >= upper           DRIVE contact, c and d of the drive side
+         = 0             lower < x < upper    NO_CONTACT, d of the gap
+         = x - lower     x <= lower           COAST contact, c and d of the coast side
 
 with d(v) = d1 v + d2 |v| v + d3 v^3 and x' in units of the time t of the model; nu is the frequency
 of the excitation in that unit. Each model converts its parameters to an `Equation`. The engines
@@ -19,7 +19,7 @@ A gear pair has Eq. (3) of Hortel & Skuderova (2007) for one coordinate,
 
 with the relative mesh displacement y = q + f(tau) of Eq. (4): the rigid-body motion q of the flanks
 plus the deviation f from the involute, whose inertia appears as a force. The values of k, D2 and D3
-in contact are those of the material, in the backlash those of the oil. In units of the static
+in contact are those of the material, in free flight those of the oil. In units of the static
 deflection d_s = F / C_s and of 1 / Omega_s, the damping over the mesh phase is d1 = 2 beta / nu,
 d2 = D2 d_s / m, d3 = D3 d_s^2 Omega_s nu / m.
 """
@@ -33,11 +33,11 @@ import numpy as np
 from annotated_types import Ge
 
 from gearlib import checks
-from gearlib.engines.codes import BACKLASH, INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.engines.pair.stiffness import force_note
 from gearlib.engines.taylor.series import NonlinearMesh
-from gearlib.models import one_mesh_system
+from gearlib.models import single_mesh_system
 from gearlib.models.harmonics import Harmonics
 from gearlib.models.model import Model
 from gearlib.models.pair import GearPair, WithPair
@@ -97,8 +97,8 @@ class Equation:
         return NonlinearMesh(
             tuning=tuning,
             backlash=self.upper - self.lower,
-            drive_damping=damping[NORMAL + 1],
-            backlash_damping=damping[BACKLASH + 1],
+            drive_damping=damping[DRIVE + 1],
+            backlash_damping=damping[NO_CONTACT + 1],
             stiffness_powers=self.stiffness_powers,
             segment_bounds=drive_side.breaks,
             stiffness_lines=drive_side.lines * force_scale,
@@ -109,7 +109,7 @@ class Equation:
             drive_line=self.upper,
             coast_line=self.lower,
             ground_stiffness=self.ground_stiffness * force_scale,
-            coast_damping=damping[INVERSE + 1],
+            coast_damping=damping[COAST + 1],
             coast_stiffness_lines=coast_side.lines * force_scale,
             coast_stiffness_harmonics=coast_side.harmonics * harmonic_scale,
         )
@@ -126,8 +126,8 @@ class Equation:
         n = 3 + 2 * orders.size
         upper, lower, force_input = np.zeros((3, n), np.result_type(tuning))
         upper[0], force_input[1] = 1.0, -1.0
-        gap_damping = self.damping[BACKLASH + 1, 0]
-        free = one_mesh_system.harmonic_oscillators(n, 3, tuning * orders).astype(upper.dtype)
+        gap_damping = self.damping[NO_CONTACT + 1, 0]
+        free = single_mesh_system.harmonic_oscillators(n, 3, tuning * orders).astype(upper.dtype)
         free[0, 1] = 1.0
         free[1, 2] = self.load
         for row_vector, harmonics in ((free[1], self.force), (upper, self.deviation)):
@@ -138,13 +138,13 @@ class Equation:
         free[1] -= self.ground_stiffness * upper + gap_damping * (upper @ free)
         lower[:] = upper
         upper[2] = -self.upper
-        damping = self.damping[NORMAL + 1, 0] - gap_damping
-        flanks = {NORMAL: one_mesh_system.Flank(upper, drive_side.lines[:, 0], damping)}
+        damping = self.damping[DRIVE + 1, 0] - gap_damping
+        flanks = {DRIVE: single_mesh_system.Flank(upper, drive_side.lines[:, 0], damping)}
         if np.isfinite(self.lower):
             lower[2] = -self.lower
-            damping = self.damping[INVERSE + 1, 0] - gap_damping
-            flanks[INVERSE] = one_mesh_system.Flank(lower, coast_side.lines[:, 0], damping)
-        return one_mesh_system.single_mesh_system(
+            damping = self.damping[COAST + 1, 0] - gap_damping
+            flanks[COAST] = single_mesh_system.Flank(lower, coast_side.lines[:, 0], damping)
+        return single_mesh_system.single_mesh_system(
             free, force_input, flanks, drive_side.low, drive_side.breaks, orders, tuning
         )
 
@@ -199,7 +199,10 @@ class OneDegreePair(WithPair):
     stiffness is not possible, because the flanks could pass through each other.
     """
 
-    pair: Annotated[GearPair, described("Stiffness, mass, load, backlash, linear damping")]
+    # Without `field`, the default of the base class would be that of the parameter.
+    pair: Annotated[GearPair, described("Stiffness, mass, load, backlash, linear damping")] = (
+        field()
+    )
     quadratic_damping: Annotated[_Quadratic, described("Quadratic damping D2 in contact")] = 0.0
     cubic_damping: Annotated[_Cubic, described("Cubic damping D3 in contact")] = 0.0
     backlash_quadratic_damping: Annotated[
@@ -220,7 +223,7 @@ class OneDegreePair(WithPair):
         Harmonics, described("Deviation f(tau) of the flanks from the involute in m")
     ] = Harmonics()
 
-    one_mesh = True
+    has_pair_equation = True
     nonlinear = ("quadratic_damping", "cubic_damping", "quadratic_stiffness", "cubic_stiffness")
 
     @property
@@ -334,9 +337,9 @@ class DeadZoneOscillator(Model):
         "displacement_min": "smallest displacement",
         "dynamic_force_max": "largest contact force",
         "dynamic_force_min": "smallest contact force",
-        "fraction_normal": "fraction of time in upper contact",
-        "fraction_backlash": "fraction of time in the gap",
-        "fraction_inverse": "fraction of time in lower contact",
+        "fraction_drive": "fraction of time in upper contact",
+        "contact_loss_fraction": "fraction of time in the gap",
+        "fraction_coast": "fraction of time in lower contact",
         "fraction_min_stiffness": "fraction of time in contact below the mean upper stiffness",
         "bounces": "losses of upper contact per period of the forcing",
         "period": "periods of the forcing after which the settled motion repeats, 0: not settled",

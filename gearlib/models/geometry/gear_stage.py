@@ -55,7 +55,7 @@ MAX_DEFLECTION = 0.1
 
 
 @declared(kw_only=False)
-class Mesh:
+class GearStage:
     """A pinion and a wheel in mesh; immutable, in SI units.
 
     Two helical gears of an external mesh have helices of opposite hand. The helix angle of the
@@ -367,7 +367,7 @@ class Mesh:
 
         return mesh_stiffness(self, method, **options)
 
-    def with_reliefs(self, pinion: TipRelief | None, wheel: TipRelief | None) -> "Mesh":
+    def with_reliefs(self, pinion: TipRelief | None, wheel: TipRelief | None) -> "GearStage":
         """Return a copy of the mesh with new tip reliefs of pinion and wheel; None removes one."""
         return replace(
             self,
@@ -580,7 +580,7 @@ class Mesh:
         return mean_stiffness
 
 
-def six_degree_parameters(mesh: Mesh) -> dict[str, Any]:
+def six_degree_parameters(mesh: GearStage) -> dict[str, Any]:
     """Return base radii, inertias, masses, teeth and pitch phase of a mesh, in SI units.
 
     The keys are the names of parameters of a `SixDegreePair`; lists are of (pinion, wheel).
@@ -631,4 +631,4 @@ def torque_of(torque: DrivingTorque | None, power: Power | None, speed: Speed | 
     if power is not None and speed is None:
         problem = "is missing: it must be given in rpm, where power is given"
         raise checks.InputError("speed", problem=problem)
-    return torque if power is None else power / (math.tau / 60.0 * speed)
+    return float(torque) if power is None else power / (math.tau / 60.0 * speed)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib.engines.codes import INVERSE, NORMAL
+from gearlib.engines.codes import COAST, DRIVE
 from gearlib.engines.exponential import MAX_NORM, exponential
 from gearlib.engines.linear.train_system import TrainSystem, fill_system_matrix
 
@@ -15,25 +15,25 @@ class Flank(NamedTuple):
 
     distance_row: np.ndarray  #: row vector that maps z to the distance of the flanks, shape (n,)
     stiffness: np.ndarray  #: stiffness in contact in each segment, shape (p,)
-    added_damping: float  #: damping in contact minus damping in the backlash
+    added_damping: float  #: damping in contact minus damping in free flight
 
 
 def single_mesh_system(free, force_input, flanks, below_mean, starts, orders, tuning):
     """Return the `TrainSystem` of one mesh for a state z of n components and p stiffness segments.
 
-    `free`, shape (n, n), is the matrix of dz/dt in the backlash, and a unit contact force adds
-    `force_input`, shape (n,), to dz/dt. `flanks` maps the contact code NORMAL (drive side) and, if
-    there is a coast side, INVERSE to a `Flank`. `below_mean`, shape (p,), marks segments below the
+    `free`, shape (n, n), is the matrix of dz/dt in free flight, and a unit contact force adds
+    `force_input`, shape (n,), to dz/dt. `flanks` maps the contact code DRIVE (drive side) and, if
+    there is a coast side, COAST to a `Flank`. `below_mean`, shape (p,), marks segments below the
     mean stiffness, and `starts`, shape (p + 1,), are their boundaries in phase. `orders` are those
     of the excitation, of which z ends with a cosine and a sine each; `tuning` is its frequency.
     """
     n, p = len(free), len(below_mean)
     constant = n - 1 - 2 * len(orders)  # index of the component of z that is always 1
-    drive_line = flanks[NORMAL].distance_row
-    coast_line = flanks[INVERSE].distance_row if INVERSE in flanks else absent_flank(n, constant)
+    drive_line = flanks[DRIVE].distance_row
+    coast_line = flanks[COAST].distance_row if COAST in flanks else absent_flank(n, constant)
     force_index, forces = np.zeros((3, p, 1), np.int64), {}
     stiffness = np.zeros((3, p, 1), free.dtype)
-    stiffness[:] = flanks[NORMAL].stiffness[:, None]
+    stiffness[:] = flanks[DRIVE].stiffness[:, None]
     for code, (distance_row, levels, damping) in flanks.items():
         stiffness[code + 1, :, 0] = levels
         for segment, level in enumerate(levels):

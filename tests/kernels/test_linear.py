@@ -1,0 +1,152 @@
+"""Kernels of many coordinates: matrices, hash slots, modes, series, bounds and first events."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.interpolate import BPoly
+from scipy.linalg import expm
+
+from gearlib.engines.codes import BOTH, COAST, DRIVE, NO_CONTACT
+from gearlib.engines.linear import distances, modal_arcs, sparse_series, train_system
+from gearlib.engines.linear.modal_frame import add_modes
+from gearlib.engines.linear.run_storage import allocate_run_storage, run_constants
+from tests.properties.known_models import CHAIN, SETTLING
+
+#: The hash of a combination overflows, which numpy reports where kernels are not compiled.
+pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered")
+
+PROPAGATOR = CHAIN.propagator(0.8)
+SYSTEM, SEGMENT = PROPAGATOR.system, 1
+CONSTANTS = run_constants(SYSTEM)._replace(**sparse_series.nonzero_fields(SYSTEM, True))
+M, N = SYSTEM.drive_lines.shape
+CODES = list(product((DRIVE, NO_CONTACT, COAST), repeat=M))
+
+
+def problem(codes, scale=1.0):
+    """Return (effects of the contacts, A of z' = A z, a state z, tables and storage of its modes).
+
+    The matrix is the base matrix and the outer products of all forces.
+    """
+    effects = SYSTEM.effect[np.array(codes) + 1, SEGMENT, np.arange(M)]
+    matrix, z = SYSTEM.base_matrix.copy(), np.zeros(N)
+    for j, effect in enumerate(effects):
+        matrix += SYSTEM.force_input[j, effect].T @ SYSTEM.force_output[j, effect]
+    z[: len(SETTLING)] = scale * np.array(SETTLING)
+    train_system.set_harmonics(SYSTEM.harmonics, z, 0.7)
+    tables = modal_arcs.allocate_modes(N, M, 1)
+    add_modes(tables, SYSTEM, PROPAGATOR.frame, effects)
+    work = allocate_run_storage(N, tables.from_modes.shape[2], M, tables.curves.shape[4] - 1, True)
+    work.state[:N], work.contact[:], work.zero_order[:], work.stays_off[:] = z, codes, 0, False
+    modal_arcs.apply_stored_matrix(tables.to_modes, 0, work.state, work.modal_state)
+    return effects, matrix, z, tables, work
+
+
+def distances_along(matrix, z, times):
+    """Return the distances from coast-side and drive-side lines at equally spaced times."""
+    step, states = expm(times[1] * matrix), [z]
+    for _ in times[1:]:
+        states.append(step @ states[-1])
+    return np.array([[SYSTEM.coast_lines @ z, SYSTEM.drive_lines @ z] for z in states])
+
+
+@pytest.mark.parametrize("n", range(10))
+def test_unrolled_sums_are_products(n):
+    rng, image = np.random.default_rng(n), np.empty(16)
+    a, b, matrix = *rng.normal(size=(2, 10)), rng.normal(size=(n, 16))
+    assert distances._dot_of_first(a, b, n) == pytest.approx(a[:n] @ b[:n], abs=1e-14)
+    assert train_system.dot(a, b[:n]) == pytest.approx(a[:n] @ b[:n], abs=1e-14)
+    modal_arcs.fill_product(matrix, a[:n], image, 16)
+    np.testing.assert_allclose(image, a[:n] @ matrix, atol=1e-13)
+
+
+@pytest.mark.parametrize("codes", CODES)
+def test_modes_and_series_advance_a_state_as_the_exponential(codes):
+    effects, expected, z, tables, work = problem(codes)
+    matrix = np.empty((N, N))
+    train_system.fill_system_matrix(SYSTEM, effects, matrix)
+    np.testing.assert_allclose(matrix, expected, atol=1e-15)
+    phases = 0.7 * SYSTEM.harmonics
+    assert z[N - 1 - 2 * phases.size :: 2] == pytest.approx([1.0, *np.sin(phases)])
+    row = modal_arcs.find_segment_factors(tables, 0, 0, 0.9)
+    assert modal_arcs.find_segment_factors(tables, 0, 0, 0.9) == row
+    arguments = tables.segment_factors[row], 0.9, work.modal_state, work.term, work.image
+    modal_arcs.advance_modes(tables, 0, *arguments)
+    modal_arcs.apply_stored_matrix(tables.from_modes, 0, work.modal_state, work.sampled_state)
+    end = expm(0.9 * matrix) @ z
+    np.testing.assert_allclose(work.sampled_state[:N], end, rtol=0, atol=1e-11)
+    sparse_series.advance_by_series(SYSTEM, CONSTANTS, effects, 0.9, z, work.series)
+    np.testing.assert_allclose(z, end, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("codes", CODES)
+def test_distances_are_polynomials_within_their_bounds(codes):
+    effects, matrix, z, tables, work = problem(codes)
+    unit = sparse_series.fill_taylor_series(SYSTEM, CONSTANTS, effects, z, work.series)
+    sparse_series.fill_distance_series(SYSTEM, CONSTANTS, work.series, work.distance_series)
+    count = distances.fill_amplitudes(tables, 0, work.modal_state, work.amplitudes)
+    fractions = np.linspace(0.0, 1.0, 21)
+    on_piece = distances_along(matrix, z, tables.piece_lengths[0] * fractions)
+    in_unit = distances_along(matrix, z, unit * fractions)
+    for j, side in product(range(M), range(2)):
+        distances.fill_curve(tables.curves[0, side, j], work.modal_state, work.curve)
+        curve = BPoly(work.curve[:, None], [0.0, 1.0])(fractions)
+        np.testing.assert_allclose(curve, on_piece[:, side, j], rtol=0, atol=1e-11)
+        terms, series = work.distance_series[side, j], in_unit[:, side, j]
+        values = np.polyval(terms[-2::-1], fractions)
+        np.testing.assert_allclose(values, series, rtol=0, atol=1e-11)
+        sign, degree = math.copysign(1.0, terms[0]), terms.size - 2
+        may_reach = sparse_series.series_may_reach_zero(terms, sign, degree)
+        assert may_reach or (sign * series > 0.0).all()
+        amplitude = distances.distance_amplitude(tables, 0, side, j, work, count)
+        swing = np.abs(curve - tables.constant_distance[0, side, j]).max()
+        assert swing <= amplitude or not tables.is_bounded[0, side, j]
+
+
+def test_a_series_that_reaches_zero_is_not_taken_for_one_that_does_not():
+    # 0.5 - s + 0.6 s^2 and 0.5 - 0.3 s + 0.1 s^2, then the magnitude of the first coefficient.
+    curves = np.array([[0.5, -1.0, 0.6, 0.5], [0.5, -0.3, 0.1, 0.5]])
+    assert [sparse_series.series_may_reach_zero(c, 1.0, 2) for c in curves] == [True, False]
+
+
+def test_first_events_are_the_first_sign_changes():
+    found, fractions = 0, np.linspace(0.0, 1.0, 1001)
+    for scale in np.cos(np.linspace(0.0, math.pi, 13)):
+        z = problem(CODES[0], scale)[2]
+        drive, coast = SYSTEM.drive_lines @ z, SYSTEM.coast_lines @ z
+        codes = np.where(drive > 0.0, DRIVE, np.where(coast < 0.0, COAST, NO_CONTACT))
+        _, matrix, z, tables, work = problem(codes, scale)
+        first = distances.find_first_events(tables, 0, CONSTANTS, work, 1.0)
+        count = distances.fill_amplitudes(tables, 0, work.modal_state, work.amplitudes)
+        signs = np.sign(distances_along(matrix, z, tables.piece_lengths[0] * fractions))
+        for j, code in enumerate(codes.tolist()):
+            # Without contact both lines count, in contact the line of that side.
+            sides = {DRIVE: [1], COAST: [0], NO_CONTACT: [0, 1]}[code]
+            changed = np.flatnonzero((signs[:, sides, j] != signs[0, sides, j]).any(axis=1))
+            if changed.size:
+                found += 1
+                assert changed[0] - 1 <= 1000.0 * work.event_instant[j] <= changed[0]
+                assert not distances.stays_off_lines(tables, 0, j, CONSTANTS, work, count)
+            else:
+                assert work.event_instant[j] > 1.0
+        assert first == work.event_instant.min()
+    assert found > 5
+
+
+def test_contact_after_a_flank_line():
+    after = {(1, 1): 0, (0, 1): 1, (-1, 1): BOTH, (1, -1): BOTH, (0, -1): -1, (-1, -1): 0}
+    for (code, line), code_after in after.items():
+        assert train_system.next_contact(code, line) == code_after
+    line, states = np.array([1.0, -2.0]), np.array([[2.0, 1.0], [2.0, 1.0 + 1e-12]])
+    assert [train_system.is_past_coast_line(line, z) for z in states] == [False, True]
+
+
+def test_every_combination_has_its_hash_slot():
+    keys, slots = np.array(list(product(range(3), repeat=5)), np.int8), np.full(512, -1)
+    for row, key in enumerate(keys):
+        slot = modal_arcs.find_slot(slots, keys, key.astype(np.int64))
+        assert slots[slot] == -1
+        slots[slot] = row
+    found = [slots[modal_arcs.find_slot(slots, keys, key.astype(np.int64))] for key in keys]
+    assert found == list(range(len(keys)))

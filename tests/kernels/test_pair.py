@@ -1,0 +1,151 @@
+"""Closed forms of the gear pair: motion, first events, tables, maps."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
+from gearlib.engines.pair import contact_table, events, maps, motion, recorded_arcs, settling
+from gearlib.engines.pair.elementary import cos_sin, decay
+
+TUNING = 0.8
+#: Under-damped, critical (frequency 1 / 0.8, rate the same) and over-damped.
+LEVELS = [motion.level_at_tuning(1.0, damping, TUNING) for damping in (0.05, 1.0, 1.7)]
+STARTS = [(0.7, -1.5), (-0.4, 2.0), (1.2, 0.0), (-0.9, -0.3)]
+CASES = list(product(LEVELS, STARTS))
+#: C_max, C_min, half the phase of C_max, phase of C_min, both damping ratios, backlash.
+MESH = motion.mesh_at_tuning(np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.03, 1.4]), TUNING)
+
+
+def test_arithmetic_is_that_of_the_c_library():
+    for z in (0.0, 1e-9, 0.34, 1.0, 17.3, 650.0):
+        assert decay(z) == pytest.approx(math.exp(-z), rel=5e-16)
+        assert cos_sin(-z) == pytest.approx((math.cos(z), -math.sin(z)), abs=5e-16)
+
+
+@pytest.mark.parametrize(("level", "start"), CASES)
+def test_contact_follows_its_equation_and_turns_where_its_velocity_is_zero(level, start):
+    times = np.linspace(0.0, 6.0, 601)
+    states = np.array([motion.evolve(level, *start, t) for t in times])
+    matrix = np.array([[0.0, 1.0], [-level.natural_squared, -2.0 * level.decay_rate]])
+    expected = [expm(t * matrix) @ start for t in times[::50]]
+    np.testing.assert_allclose(states[::50], expected, rtol=0, atol=1e-13)
+    turn = motion.next_turning_time(level, *start)
+    signs = np.sign(states[(times > 1e-9) & (times < turn - 1e-9), 1])
+    assert np.ptp(signs) == 0.0
+    if turn < math.inf:
+        assert abs(motion.evolve(level, *start, turn)[1]) < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("level", "start", "line"),
+    [(*case, line) for case in CASES for line in (-1.1, -0.5, 0.2) if case[1][0] > line],
+)
+def test_a_descent_is_the_first_crossing_of_a_dense_curve(level, start, line):
+    assert events.descent_time(level, line, -1.0, line, 6.0) == 0.0
+    times = np.linspace(0.0, 6.0, 601)
+    heights = np.array([motion.evolve(level, *start, t)[0] for t in times]) - line
+    found = events.descent_time(level, *start, line, 6.0)
+    assert (heights[times < found] > 0.0).all()
+    if found < math.inf:
+        assert motion.evolve(level, *start, found)[0] == pytest.approx(line, abs=1e-14)
+        assert events.descent_time(level, *start, line, 0.99 * found) == math.inf
+
+
+@pytest.mark.parametrize("drag", [0.0, 0.02, 0.4, 3.0])
+@pytest.mark.parametrize("v", [-0.05, -0.8, -2.5])
+def test_a_free_flight_follows_its_equation_up_to_its_impact(drag, v):
+    load = 1.3
+    matrix = np.array([[0.0, 1.0, 0.0], [0.0, -2.0 * drag, load], [0.0, 0.0, 0.0]])
+    for t in (0.01, 0.7, 3.0):
+        found, expected = motion.free_flight(drag, load, -0.2, v, t), expm(matrix * t)
+        np.testing.assert_allclose(found, (expected @ (-0.2, v, 1.0))[:2], rtol=1e-13, atol=1e-14)
+    lowest_time = motion.lowest_point_time(drag, load, v)
+    lowest, speed = motion.free_flight(drag, load, 0.0, v, lowest_time)
+    assert abs(speed) < 1e-14
+    back, impact_speed = motion.return_flight(drag, load, v)
+    assert motion.free_flight(drag, load, 0.0, v, back) == pytest.approx((0.0, impact_speed))
+    assert back == pytest.approx(lowest_time + motion.climb_time(drag, load, -lowest, 0.0))
+    fall = motion.fall_time(drag, load, -0.5 * lowest, v)
+    assert fall < lowest_time
+    assert motion.free_flight(drag, load, 0.0, v, fall)[0] == pytest.approx(0.5 * lowest)
+    narrow, wide = -0.5 * lowest, -2.0 * lowest
+    assert events.next_impact(drag, load, wide, 0.0, v) == pytest.approx((back, DRIVE))
+    assert events.next_impact(drag, load, narrow, 0.0, v) == pytest.approx((fall, COAST))
+
+
+def marched(x, v):
+    """Return (contact code, x and v after a mesh period; its arcs)."""
+    arcs, contact = np.empty((60, events.ARC_COLUMNS)), motion.contact_of(MESH.backlash, x, v)
+    *end, count = events.march_period(MESH, contact, x, v, arcs, 60)
+    return end, arcs[:count]
+
+
+def test_arcs_of_a_period_join_and_change_contact_at_the_lines():
+    codes = set()
+    for start in [(-0.5, -3.0), (0.3, -2.0), (2.0, 1.0)]:
+        (_, *end), arcs = marched(*start)
+        phases, durations = arcs[:, events.START], arcs[:, events.DURATION]
+        np.testing.assert_allclose(phases, np.append(0.0, np.cumsum(durations)[:-1]), atol=1e-13)
+        assert durations.sum() == pytest.approx(2.0 * 1.8 + 2.7)
+        starts = [*map(tuple, arcs[1:, [events.DISPLACEMENT, events.VELOCITY]]), tuple(end)]
+        for arc, following in zip(arcs, starts, strict=True):
+            t = arc[events.START] + arc[events.DURATION]
+            x, v, _, force = recorded_arcs.state_in_arc(MESH, arc, t)
+            assert (x, v) == pytest.approx(following, abs=1e-12)
+            assert arc[events.CONTACT] * force >= -1e-12
+        changes = np.diff(arcs[:, events.CONTACT]) != 0.0
+        assert np.isin(arcs[1:, events.DISPLACEMENT][changes], (0.0, -1.4)).all()
+        codes |= set(arcs[:, events.CONTACT])
+    assert codes == {DRIVE, NO_CONTACT, COAST}
+
+
+def test_the_map_of_a_period_is_its_difference_quotient():
+    start, found = np.array([-0.5, -3.0]), np.eye(2)
+    arcs, h = marched(*start)[1], 1e-6
+    first_code = int(arcs[0, events.CONTACT])
+    maps.multiply_by_arc_maps(MESH, arcs, len(arcs), first_code, found)
+    ends = [[marched(*(start + sign * h * e))[0][1:] for sign in (1, -1)] for e in np.eye(2)]
+    quotients = [(np.array(plus) - minus) / (2.0 * h) for plus, minus in ends]
+    np.testing.assert_allclose(found, np.transpose(quotients), rtol=0, atol=1e-7)
+
+
+def test_the_bound_of_powers_of_a_map_holds():
+    rows = (0.5, 0.3, -0.4, 0.6)
+    matrix, scale = np.reshape(rows, (2, 2)), np.array([[1.0, 1.0 / TUNING], [TUNING, 1.0]])
+    np.testing.assert_allclose(settling.matrix_product(rows, rows), (matrix @ matrix).ravel())
+    powers = [np.linalg.matrix_power(matrix, k) for k in range(200)]
+    total = sum(np.linalg.norm(scale * power) for power in powers)
+    assert total <= settling.power_sum_bound(MESH, rows) < 100.0 * total
+    assert settling.power_sum_bound(MESH, (1.0, 0.0, 0.0, 1.0)) == math.inf
+
+
+def test_tabulated_motions_are_those_of_the_closed_forms():
+    level, length = MESH.low_level, 2.7
+    levels = np.zeros((1, contact_table.LEVEL_COLUMNS))
+    tables = np.zeros((1, contact_table.ENTRIES, 2))
+    contact_table.fill_level_constants(level, length, levels[0])
+    contact_table.fill_table(level, levels[0], tables[0])
+    last, spacing = int(levels[0, contact_table.LAST_ENTRY]), levels[0, contact_table.SPACING]
+    proven = {"loss": 0, "none": 0}
+    for u, v in [(0.2, -2.5), (0.4, 1.0), (1.0, -1.0), (-1.0, 1.5), (0.1, 0.4)]:
+        for k in range(0, last + 1, 7):
+            x, s = tables[0, k]
+            state = contact_table.advance_by_responses(levels, 0, u, v, x, s)
+            state = contact_table.advance_by_series(levels, 0, *state, 0.6 * spacing)
+            expected = motion.evolve(level, u, v, (k + 0.6) * spacing)
+            np.testing.assert_allclose(state, expected, rtol=0, atol=1e-14)
+        k, is_below = contact_table.lowest_entry(levels, tables, 0, u, v)
+        loss = events.descent_time(level, u, v, -level.equilibrium, length)
+        t, speed, _ = contact_table.first_loss_of_contact(levels, tables, 0, u, v, k, length)
+        if t >= 0.0:
+            proven["loss"] += 1
+            assert t == pytest.approx(loss, abs=1e-14)
+            assert speed == pytest.approx(motion.evolve(level, u, v, loss)[1], abs=1e-13)
+        if contact_table.first_minimum_is_above(levels, tables, 0, u, v, k):
+            proven["none"] += 1
+            assert loss == math.inf and not is_below
+    assert all(proven.values())

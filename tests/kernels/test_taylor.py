@@ -1,0 +1,156 @@
+"""Taylor steps: series that satisfy their equation, lengths, crossings, maps, pairs of teeth."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
+from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
+from gearlib.engines.taylor import perturbations, series, taylor_run, teeth
+from gearlib.engines.taylor.series import DISPLACEMENT, MESH_FORCE, ORDER, VELOCITY
+from tests.properties.known_models import KNOWN
+
+MODELS = {name: KNOWN[name].model for name in ("everything", "powers", "unequal sides")}
+MESHES = {name: model.equation.nonlinear_mesh(0.7, 1e-15) for name, model in MODELS.items()}
+CASES = list(product(MODELS, (DRIVE, NO_CONTACT, COAST), (1.0, -1.0)))
+PHASE, SEGMENT, STEP = 1.3, 1, 0.4
+
+
+def waves(harmonics, phase):
+    """Return the sum of rows (order, cosine, sine) at a phase."""
+    return sum(a * math.cos(n * phase) + b * math.sin(n * phase) for n, a, b in harmonics)
+
+
+def equation_of(mesh, code, phase, x, v):
+    """Return (mesh force, acceleration) of the equation in the docstring of `taylor.series`."""
+    side = "coast_stiffness" if code == COAST else "stiffness"
+    value, slope = getattr(mesh, f"{side}_lines")[SEGMENT]
+    stiffness = value + slope * (phase - mesh.segment_bounds[SEGMENT])
+    stiffness += waves(getattr(mesh, f"{side}_harmonics"), phase)
+    g, (p2, p3) = (
+        x - (mesh.coast_line if code == COAST else mesh.drive_line),
+        mesh.stiffness_powers,
+    )
+    force = stiffness * (g + p2 * abs(g) * g + p3 * g**3) if code else 0.0
+    d1, d2, d3 = (mesh.coast_damping, mesh.backlash_damping, mesh.drive_damping)[code + 1]
+    damping = d1 * v + d2 * abs(v) * v + d3 * v**3
+    return force, waves(mesh.force_harmonics, phase) - mesh.ground_stiffness * x - damping - force
+
+
+def motion_of(name, code, sign, x_change=0.0, v_change=0.0):
+    """Return (constants of a mesh, series of its motion with a contact and a sign of x')."""
+    mesh, terms = MESHES[name], np.zeros((series.ROWS, ORDER + 1))
+    x = (mesh.coast_line - 0.6, mesh.drive_line - 0.2, mesh.drive_line + 0.6)[code + 1] + x_change
+    constants, harmonics = series.tabulate_mesh(mesh)
+    state = code, sign, x, 0.8 * sign + v_change
+    series.expand_motion(constants, harmonics, SEGMENT, PHASE, *state, terms, ORDER)
+    return constants, terms
+
+
+@pytest.mark.parametrize(("name", "code", "sign"), CASES)
+def test_a_series_satisfies_the_equation_of_motion(name, code, sign):
+    constants, terms = motion_of(name, code, sign)
+    step, velocity = series.step_length(constants, terms, 0.5), Polynomial(terms[VELOCITY])
+    for t in (0.0, 0.4 * step, step):
+        x, v = series.state_at(terms, t)
+        assert (x, v) == pytest.approx((Polynomial(terms[DISPLACEMENT])(t), velocity(t)))
+        force, acceleration = equation_of(MESHES[name], code, PHASE + t, x, v)
+        # The derivative of the last term is the first that is left out.
+        assert velocity.deriv()(t) == pytest.approx(acceleration, rel=0, abs=1e-10)
+        assert Polynomial(terms[MESH_FORCE])(t) == pytest.approx(force, rel=0, abs=1e-10)
+    assert 0.05 < step <= 0.5 and series.step_length(constants, terms, 1e4) < 1e4
+
+
+@pytest.mark.parametrize(("name", "code", "sign"), CASES)
+def test_the_map_of_a_step_is_its_difference_quotient(name, code, sign):
+    (constants, terms), h = motion_of(name, code, sign), 1e-5
+    row, found, storage = constants[code + 1, SEGMENT], np.empty((2, 2)), np.zeros((6, ORDER + 1))
+    bound, state = perturbations.stiffness_bound(MESHES[name]), terms[[DISPLACEMENT, VELOCITY], 0]
+    step = min(0.1, perturbations.max_perturbation_step(row, bound, code, *state))
+    perturbations.set_identity(found)
+    perturbations.map_step(row, code, sign, step, terms, storage, found)
+    ends = [
+        series.state_at(motion_of(name, code, sign, *change)[1], step)
+        for change in h * np.vstack([np.eye(2), -np.eye(2)])
+    ]
+    quotients = np.subtract(ends[:2], ends[2:]) / (2.0 * h)
+    np.testing.assert_allclose(found, quotients.T, rtol=0, atol=1e-8)
+
+
+def test_a_map_jumps_with_the_damping():
+    mesh, found, v = MESHES["everything"], np.eye(2), -0.8
+    constants, _ = series.tabulate_mesh(mesh)
+    perturbations.map_crossing(constants, SEGMENT, DRIVE, NO_CONTACT, v, found)
+    jump = (mesh.drive_damping - mesh.backlash_damping) @ (1.0, abs(v), v * v)
+    np.testing.assert_allclose(found, [[1.0, 0.0], [jump, 1.0]], atol=1e-14)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_crossing_is_a_fraction_of_the_step(direction):
+    tables = bernstein_matrix(ORDER), np.empty((WORK_ROWS, ORDER + 2))
+    terms = np.zeros((series.ROWS, ORDER + 1))
+    terms[0, :3] = 0.5, direction * 0.3, -direction * 0.5  # the line is reached again at 0.6
+    crossings = [
+        taylor_run.first_crossing(terms, 0, 0.5, direction, h, *tables) for h in (0.8, 0.5)
+    ]
+    assert crossings == pytest.approx([0.75, 2.0])
+
+
+#: Factor and offset of a mesh force or an overlap, each a parabola over the phase.
+LAW = np.array([1.4, 0.3, -0.2, 0.2, -0.5, 0.4])
+
+
+def teeth_motion(x, v):
+    """Return (law over time, series, (x, v) after a step, sum of its terms beyond the square)."""
+    terms, law = np.zeros((series.ROWS + 1, ORDER + 1)), teeth._expand_law(LAW, 0.2, 1.0, 0.0)
+    load, load_rate, damping, scale = 1.5, 0.25, 0.1, 2.0
+    equation = load, load_rate, damping, scale
+    dx, dv, tail = teeth._expand_motion(law, *equation, x, v, STEP, 0.5, terms)
+    return law, terms, np.array([x + dx, v + dv]), tail
+
+
+def test_a_law_over_time_is_that_over_phase():
+    factor, offset = map(Polynomial, teeth._expand_law(LAW, 0.4, 0.9, -0.3))
+    for time in (0.0, 0.6, 1.5):
+        phase = 0.4 + 0.9 * time - 0.15 * time**2
+        expected = Polynomial(LAW[:3])(phase) * 0.7 - Polynomial(LAW[3:])(phase)
+        assert teeth._law_value(LAW, phase, 0.7) == pytest.approx(expected, abs=1e-14)
+        assert factor(time) * 0.7 - offset(time) == pytest.approx(expected, abs=1e-14)
+
+
+def test_a_motion_of_pairs_of_teeth_satisfies_its_equation_and_its_map():
+    law, terms, end, tail = teeth_motion(0.7, -0.3)
+    displacement, velocity = Polynomial(terms[DISPLACEMENT]), Polynomial(terms[VELOCITY])
+    assert end == pytest.approx([displacement(STEP), velocity(STEP)])
+    assert tail == pytest.approx(np.abs(terms[DISPLACEMENT, 3:]) @ STEP ** np.arange(3, ORDER + 1))
+    for t in (0.0, 0.3, STEP):
+        force = 2.0 * teeth._law_value(LAW, 0.2 + t, displacement(t))
+        acceleration = 1.5 + 0.25 * t - 0.1 * velocity(t) - force
+        assert velocity.deriv()(t) == pytest.approx(acceleration, abs=1e-13)
+        assert Polynomial(terms[MESH_FORCE])(t) == pytest.approx(force, abs=1e-13)
+    found = np.eye(2)
+    teeth._map_step(LAW, 0.2, 0.1, 2.0, STEP, found)
+    # The equation is linear, so that differences of any size are exact.
+    columns = [teeth_motion(*start)[2] - end for start in ((1.7, -0.3), (0.7, 0.7))]
+    np.testing.assert_allclose(found, np.transpose(columns), rtol=0, atol=1e-12)
+    (factors, offsets), kept, times = law, 0, np.linspace(0.0, STEP, 101)
+    for offset, sign in product(np.linspace(-1.0, 2.0, 13), (1.0, -1.0)):
+        shifted = offset, *offsets[1:]
+        values = Polynomial(factors)(times) * displacement(times) - Polynomial(shifted)(times)
+        keeps_sign = teeth._keeps_sign((factors, shifted), sign, STEP, tail, terms)
+        kept += keeps_sign
+        assert not keeps_sign or (sign * values > 0.0).all()
+    assert kept > 8
+
+
+def test_the_pairs_that_touch_are_those_that_overlap():
+    # The overlap of each pair is x less its gap. Bits are pairs, 4 is the coast side.
+    overlaps = np.zeros((4, 2, 6))
+    overlaps[:, :, teeth.FACTOR], overlaps[:, :, teeth.OFFSET] = 1.0, (0.1, 0.3)
+    sets = [teeth.touching_set(overlaps, 3, -0.4, 0.0, x) for x in (-0.5, 0.0, 0.2, 0.4)]
+    assert sets == [4, 0, 1, 3] and teeth.touching_set(overlaps, 2, -0.4, 0.0, 0.4) == 2
+    codes = [teeth._contact_code_of(contact_set, 4) for contact_set in sets]
+    assert codes == [COAST, NO_CONTACT, DRIVE, DRIVE]
