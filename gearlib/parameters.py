@@ -130,7 +130,10 @@ class Values:
             return None  # allowed or not by the type
         if self.repeat and not isinstance(values, (tuple, list)):
             values = (values,) * (self.count or 1)
-        return tuple(checks.sequence("", values, self.count))
+        try:
+            return tuple(checks.sequence("", values, self.count))
+        except InputError:
+            raise ValueError from None  # the sentence is that about the annotation
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
@@ -142,7 +145,7 @@ class Values:
 
 def _read_integer(value: Any, info: ValidationInfo) -> int:
     """Return an integer, in a configuration also from a text."""
-    if isinstance(value, str) and info.context is not None:
+    if isinstance(value, str) and info.context is not None and re.fullmatch(r"[-+]?\d+", value):
         value = int(value)
     if not isinstance(value, Integral) or isinstance(value, bool) or int(value) > _MAX_INTEGER:
         raise ValueError

@@ -1,152 +1,56 @@
-"""A walk over the schema of the configuration: each key just outside and just inside its range.
+"""A walk over the annotations of configurations and measured sets: each key outside and inside.
 
-All keys of a section are broken at once, each in one sentence, so that a sentence too many is seen
-as well.
+All keys of a section are broken at once, so that a sentence too many is seen as well.
 """
 
-import math
 import re
-from functools import partial
 from itertools import zip_longest
+from typing import get_args, get_origin
 
 import pytest
+from pydantic import BaseModel, ValidationError
 
-from gearlib.config import ConfigError, load, schema, validation
+from gearlib.config import ConfigError, load, validation
+from gearlib.config.configuration import Config
+from gearlib.config.gear_pair_section import Damping
+from gearlib.config.measured_description import Description
 from gearlib.config.validation import as_text
+from gearlib.parameters import Unit, dotted, is_union, parts, requirement
 from tests.paper import CONFIG
-from tests.refusals.ranges import Range
+from tests.refusals.declared import NAME, children, inside, is_number, valid, wrong
 
-SCHEMA = schema()
-#: A name that a user may choose in a mapping; it is also a damping of the paper's configuration.
-NAME = "k1"
-#: The node of a damping, where one of two keys is required, which the schema does not say.
-DAMPING = SCHEMA["$defs"]["Damping"]
-resolve = partial(validation.resolve, schema=SCHEMA)
-#: The words of a refusal for what a node may be.
-allowed = partial(validation.allowed_text, schema=SCHEMA)
+#: Contents of sections in which more is required than the keys without a default.
+SECTIONS = {
+    Config: {key: CONFIG[key] for key in ("gear_pair", "dampings")},
+    Damping: CONFIG["dampings"][NAME],
+}
 
 
-def children(node):
-    """Return key -> node of a section, or `NAME` -> node of the entries of a mapping."""
-    entries = node.get("patternProperties", {}).values()
-    return node.get("properties", {}) | dict.fromkeys([NAME] * len(entries), *entries)
+def sections(annotation, place, path=(), seen=()):
+    """Yield (path, annotation, function that places a content in a file) of sections."""
+    base, _ = parts(annotation)
+    if is_union(base):
+        for option in get_args(base):
+            yield from sections(option, place, path, seen)
+    elif get_origin(base) is list:
+        yield from sections(get_args(base)[0], lambda value: place([value]), (*path, 0), seen)
+    elif get_origin(base) is dict or isinstance(base, type) and issubclass(base, BaseModel):
+        yield path, annotation, place
+        for key, child in children(annotation).items():
+            content = valid(annotation, SECTIONS)
+            yield from sections(child, lambda x, k=key, c=content: place(c | {k: x}), (*path, key))
 
 
-def is_section(node):
-    return resolve(node).get("type") == "object"
-
-
-def spell(path):
-    """Return a path of keys and indices as refusals spell it, such as `scenes.k1.cases[0]`."""
-    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
-    return text.removeprefix(".") or "the configuration"
-
-
-def minimal_value(node):
-    """Return a value that the schema allows for a node, with nothing but the required keys."""
-    node = resolve(node)
-    kind = node["type"]
-    if "enum" in node:
-        return node["enum"][0]
-    if kind == "array":
-        return [minimal_value(node["items"]) for _ in range(max(1, node.get("minItems", 1)))]
-    if kind == "object":
-        required = node.get("required", []) + [NAME] * node.get("minProperties", 0)
-        if node is DAMPING:
-            return CONFIG["dampings"][NAME]
-        return {key: minimal_value(c) for key, c in children(node).items() if key in required}
-    if kind in ("boolean", "string"):
-        # Some texts have to name a damping.
-        return True if kind == "boolean" else NAME
-    low = max(node.get("minimum", -math.inf), node.get("exclusiveMinimum", -math.inf))
-    high = min(node.get("maximum", math.inf), node.get("exclusiveMaximum", math.inf))
-    # Candidates for integers, narrow ranges, and ranges without a lowest number.
-    return next(n for n in (1, low + 1, (low + high) / 2, high - 1) if low < n < high)
-
-
-def wrong_values(node):
-    """Yield (value, path of the wrong part in the value, words of what is allowed there)."""
-    node, words = resolve(node), allowed(node)
-    kind = node["type"]
-    if kind == "object":
-        values = [None, 7, "text", [], *[{}] * node.get("minProperties", 0)]
-    elif kind == "array":
-        valid, least = minimal_value(node), node.get("minItems", 0)
-        values = [None, 7, "text", {}]
-        if node.get("default") != []:
-            values.append(valid[1:])  # too short
-        if node.get("maxItems") == least:
-            values.append([*valid, valid[0]])  # too long
-        index = max(least - 1, 0)
-        for value, path, inner in (
-            wrong_values(node["items"]) if not is_section(node["items"]) else ()
-        ):
-            yield [*valid[:index], value], (index, *path), inner
-    elif kind == "boolean":
-        values = [1, "yes", None, 0.0]
-    elif kind == "string" or "enum" in node:
-        # Names have a pattern; other texts have 1 to 60 characters.
-        texts = ["no such ~ text"] if "enum" in node or "pattern" in node else ["", "x" * 61]
-        values = [3, None, ["a"], {}, *texts]
-    elif "string" in kind and "pattern" not in node:
-        values = [None, [1.0], {}, math.nan, math.inf] + [True] * ("boolean" not in kind)
-    else:
-        number = Range(words)
-        values = ["fast", "3 mol", None, True, [1.0], {}, *number.outside()]
-        values += [] if number.infinite else [".inf"]
-        values += [] if re.search("speed|rpm|Hz", words) else ["15 rpm"]
-    yield from ((value, (), words) for value in values)
-
-
-def inside(node):
-    """Return numbers just inside the range of a key, one with a unit; lists of them for a list."""
-    node = resolve(node)
-    kind = node["type"]
-    if kind == "array" and not is_section(node["items"]):
-        times = 1 if node.get("uniqueItems") else max(1, node.get("minItems", 1))
-        return [[value] * times for value in inside(node["items"])]
-    if "enum" in node or not {*([kind] if isinstance(kind, str) else kind)} & {"number", "integer"}:
-        return []
-    example = re.search("such as '(.*)'", node.get("$comment", ""))
-    values = Range(allowed(node)).inside()
-    if "in rad" in allowed(node):
-        # The bounds of angles are rounded in the sentences.
-        values = [0.999 * value for value in values]
-    return values + ([example[1]] if example else [])
-
-
-def sections(node=SCHEMA, path=(), seen=None):
-    """Yield (path, node) of each section; of a node with several places once for each first key."""
-    seen = set() if seen is None else seen
-    node = resolve(node)
-    place = (id(node), path[:1] if len(path) < 3 else ())
-    if node["type"] == "array" and is_section(node["items"]):
-        yield from sections(node["items"], (*path, 0), seen)
-    elif node["type"] == "object" and place not in seen:
-        seen.add(place)
-        yield path, node
-        for key, child in children(node).items():
-            yield from sections(child, (*path, key), seen)
-
-
-def configuration(path, value, node=SCHEMA):
-    """Return a configuration with a value at a path, and the keys required around that."""
-    if not path:
-        return value
-    node, (key, *rest) = resolve(node), path
-    if key == 0:
-        return [configuration(rest, value, node["items"])]
-    required = minimal_value(node) if node is not SCHEMA else {"dampings": CONFIG["dampings"]}
-    if node is SCHEMA and key != "gears":
-        # Gears take the place of a gear pair.
-        required["gear_pair"] = CONFIG["gear_pair"]
-    return required | {key: configuration(rest, value, children(node)[key])}
-
-
-def refusals(path, value):
-    """Return the sentences that refuse a value at a path of the configuration."""
+def refusals(place, value):
+    """Return the sentences about a file with a value at its place."""
+    root, content = place(value)
     try:
-        load(configuration(path, value))
+        if root is Description:
+            Description.model_validate(content)
+        else:  # gears take the place of a gear pair
+            load({k: v for k, v in content.items() if k != "gear_pair" or "gears" not in content})
+    except ValidationError as error:
+        return validation.sentences(error, Description, content)
     except ConfigError as refusal:
         return str(refusal).splitlines()
     return []
@@ -155,61 +59,82 @@ def refusals(path, value):
 def at_once(candidates):
     """Yield dicts with the first candidate of every key, then the second one where there is one."""
     for row in zip_longest(*candidates.values()):
-        yield {key: v for key, v in zip(candidates, row, strict=True) if v is not None}
+        yield {key: x for key, x in zip(candidates, row, strict=True) if x is not None}
 
 
-SECTIONS = {spell(path): (path, node) for path, node in sections()}
+def all_sections():
+    """Yield pytest parameters; a class has a parameter in each section of the file."""
+    seen = set()
+    for root in (Config, Description):
+        for path, annotation, place in sections(root, lambda value, root=root: (root, value)):
+            key = str(parts(annotation)[0]), path[:1] if len(path) < 3 else ()
+            if key not in seen:
+                seen.add(key)
+                name = f"{root.__name__}.{dotted(path)}.{getattr(parts(annotation)[0], '__name__', '')}"
+                yield pytest.param(path, annotation, place, id=name)
 
 
-@pytest.mark.parametrize("name", SECTIONS)
-def test_each_wrong_value_gets_one_sentence(name):
-    path, node = SECTIONS[name]
-    candidates = {key: [*wrong_values(child)] for key, child in children(node).items()}
-    if not path:
-        # Gears and a gear pair exclude each other.
-        del candidates["gears"]
-    valid = minimal_value(node) if path else {k: CONFIG[k] for k in ("gear_pair", "dampings")}
+walk = pytest.mark.parametrize(("path", "annotation", "place"), [*all_sections()])
+
+
+@walk
+def test_each_wrong_value_gets_one_sentence(path, annotation, place):
+    candidates = {key: [*wrong(child, in_file=True)] for key, child in children(annotation).items()}
+    # Gears and a gear pair exclude each other, and another kind has other keys.
+    for key in ["gears"] * (not path) + ["kind"] * ("profile" in path):
+        candidates.pop(key, None)
+    content = valid(annotation, SECTIONS)
     for broken in at_once(candidates):
-        sentences = refusals(path, valid | {key: value for key, (value, *_) in broken.items()})
+        sentences = refusals(place, content | {key: value for key, (value, *_) in broken.items()})
         for key, (value, rest, words) in broken.items():
-            for part in rest:
-                value = value[part]
-            begin = f"{spell((*path, key, *rest))} = {as_text(value)} is not allowed: it must be "
+            for index in rest:
+                value = value[index]
+            begin = f"{dotted((*path, key, *rest))} = {as_text(value)} is not allowed: it must be "
             own = [text for text in sentences if text.startswith(begin + words)]
             assert len(own) == 1 and len(own[0]) < 1200, (begin, words, sentences)
         assert len(sentences) == len(broken), sentences
 
 
-@pytest.mark.parametrize("name", SECTIONS)
-def test_unknown_missing_and_repeated_entries_and_invalid_names_are_refused(name):
-    path, node = SECTIONS[name]
-    valid = minimal_value(node)
-    if "properties" not in node:
-        first, *_ = refusals(path, {"a ~": minimal_value(children(node)[NAME])})
-        begin = f"{spell((*path, 'a ~'))} is not allowed as a name: it must be a text matching"
-        assert first.startswith(begin)
+@walk
+def test_unknown_missing_and_repeated_entries_and_invalid_names_are_refused(path, annotation, place):
+    base, content = parts(annotation)[0], valid(annotation, SECTIONS)
+    if get_origin(base) is dict:
+        sentence = f"{dotted((*path, '~'))} is not allowed as a name: it must be "
+        sentence += requirement(get_args(base)[0], True)
+        # Columns of tables may have any name.
+        is_any = place({})[0] is Description
+        assert is_any or sentence in refusals(place, {"~": content[NAME]}), sentence
         return
-    unknown = f"{spell((*path, 'no_such_key'))} = 1 is not a known key: {name} must be "
-    assert f"{unknown}{allowed(node)}" in refusals(path, valid | {"no_such_key": 1})
-    for key, child in children(node).items():
-        if resolve(child).get("uniqueItems"):
-            begin = f"{spell((*path, key))} lists "
-            sentences = refusals(path, valid | {key: 2 * minimal_value(child)[:1]})
-            assert any(t.startswith(begin) and "must be all different" in t for t in sentences)
-    for key in node.get("required", []):
-        sentences = refusals(path, {other: v for other, v in valid.items() if other != key})
-        missing = f"{spell((*path, key))} is missing: it must be {allowed(children(node)[key])}"
-        assert any(text.startswith(missing) for text in sentences), key
+    key = [*children(annotation)][-1]
+    name, place_of = dotted(path) or "the configuration", lambda key: dotted((*path, key))
+    unknown = [f"{name} must be {requirement(annotation, True)}", f"did you mean {key}?"]
+    for key, advice in zip(("no_such_key", f"{key}~"), unknown, strict=True):
+        sentence = f"{place_of(key)} = 1 is not a known key: {advice}"
+        assert sentence in refusals(place, content | {key: 1}), sentence
+    for key, child in children(annotation).items():
+        extras = [getattr(part, "json_schema_extra", None) or {} for part in parts(child)[1]]
+        if any("uniqueItems" in extra for extra in extras if isinstance(extra, dict)):
+            sentences = refusals(place, content | {key: 2 * valid(child)[:1]})
+            begin = f"{place_of(key)} lists "
+            assert any(x.startswith(begin) and "must be all different" in x for x in sentences), key
+        if base.__pydantic_fields__[key].is_required() and (key, *path) != ("kind", "profile"):
+            sentences = refusals(place, {k: v for k, v in content.items() if k != key})
+            missing = f"{place_of(key)} is missing: it must be {requirement(child, True)}"
+            assert any(x.startswith(missing) for x in sentences), (missing, sentences)
 
 
-@pytest.mark.parametrize("name", SECTIONS)
-def test_values_just_inside_are_not_refused_for_their_range(name):
-    path, node = SECTIONS[name]
-    for values in at_once({key: inside(child) for key, child in children(node).items()}):
-        # Other sentences are allowed: values of several keys may not go together.
-        for text in refusals(path, minimal_value(node) | values):
+@walk
+def test_values_just_inside_are_not_refused_for_their_range(path, annotation, place):
+    candidates = {}
+    for key, child in children(annotation).items():
+        item = get_args(parts(child)[0])[0] if get_origin(parts(child)[0]) is list else child
+        examples = [x.example for x in parts(item)[1] if isinstance(x, Unit) and x.example]
+        values = inside(requirement(item)) + examples if is_number(item) else []
+        candidates[key] = values if item is child else [[x] * len(valid(child)) for x in values]
+    for values in at_once(candidates):
+        for text in refusals(place, valid(annotation, SECTIONS) | values):
             for key in values:
-                # The words of a list end with the range of its entries; "did you mean" may follow.
-                words = re.escape(allowed(children(node)[key]).rpartition("each ")[2])
-                place = re.escape(spell((*path, key)))
-                assert not re.fullmatch(rf"{place}\S* = .* must be {words}(; did .*)?", text), text
+                # Other sentences are allowed: values of several keys may not go together.
+                words = re.escape(requirement(children(annotation)[key], True).rpartition("each ")[2])
+                begin = re.escape(dotted((*path, key)))
+                assert not re.fullmatch(rf"{begin}\S* = .* must be {words}(; did .*)?", text), text
