@@ -452,6 +452,8 @@ def _text_in_words(metadata: tuple) -> str:
 
 def _bound_in_words(value: float) -> str:
     """Return a bound as text, with fractions such as "pi / 2"."""
+    if value == math.tau:
+        return "2 pi"
     for n in (2, 3, 4):
         if abs(value) == math.pi / n:
             return f"{'-' * (value < 0.0)}pi / {n}"

@@ -361,7 +361,7 @@ class DeadZoneOscillator(Model):
 
     def __post_init__(self) -> None:
         """Check the edges and stiffnesses, and set default values."""
-        allowed = f"from -inf to upper_edge = {self.upper_edge!r}"
+        allowed = f"a number <= upper_edge = {self.upper_edge!r}"
         valid = self.lower_edge <= self.upper_edge
         checks.require(valid, "lower_edge", self.lower_edge, allowed)
         super().__post_init__()

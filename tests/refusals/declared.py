@@ -12,7 +12,8 @@ from gearlib.parameters import Values, is_union, parts, requirement
 #: A name that a user may choose in a mapping; it is also a damping of the paper's configuration.
 NAME = "k1"
 _BOUND = re.compile(r"(>=|>|<=|<|from|to) (-?pi / [234]|2 pi|-?\d[\d.e+-]*)")
-_PI = {"2 pi": math.tau} | {f"{s}pi / {n}": float(f"{s}1") * math.pi / n for s in ("", "-") for n in (2, 3, 4)}
+_PI = {"2 pi": math.tau} | {f"pi / {n}": math.pi / n for n in (2, 3, 4)}
+_PI |= {f"-{text}": -value for text, value in _PI.items()}
 
 
 def _bounds(words):
@@ -37,9 +38,9 @@ def is_number(annotation):
 
 def outside(words):
     """Return the numbers just outside a range in words, and those that no such range has."""
-    wrong = [1.5, 20.0] if "integer" in words else []
-    wrong += [math.nan, -math.inf] + [math.inf] * ("infin" not in words and ".inf" not in words)
-    return wrong + [_next(bound, sign) if allowed else bound for bound, allowed, sign in _bounds(words)]
+    wrong = [math.nan] + [1.5, 20.0] * ("integer" in words) + [-math.inf] * ("-inf" not in words)
+    wrong += [] if "infin" in words or ".inf" in words else [math.inf]
+    return wrong + [_next(b, sign) if allowed else b for b, allowed, sign in _bounds(words)]
 
 
 def inside(words):
@@ -96,17 +97,18 @@ def wrong(annotation, in_file=False):
         entry = valid(item)
         values = [[]] * bool(least) + [[entry] * ((most or 0) + 1)] * bool(most)
         values += [] if "one value or" in words else [7, "text", {}]
-        if in_file or not hasattr(get_args(base)[0], "__dataclass_fields__"):
+        if in_file or not hasattr(item, "__dataclass_fields__"):
+            index = max(least - 1, 0)
             for value, path, inner in wrong(item, in_file):
-                index = max(least - 1, 0)
-                yield [*[entry] * index, value, *[entry] * (least - index - 1)], (index, *path), inner
+                yield [*[entry] * index, value], (index, *path), inner
     elif is_number(annotation):
         values = ["fast", True, [1.0], {}, *outside(words)]
         values += ["3 mol", *[".inf"] * (".inf" not in words)] if in_file else ["1.0"]
     elif base is str:
         values = [3.5, ["a"], {}]
-        values += ["no such ~ text"] if any(getattr(x, "pattern", None) for x in metadata) else [""]
+        values += ["no such ~ text" for x in metadata if getattr(x, "pattern", None)]
         values += ["x" * (x.max_length + 1) for x in metadata if isinstance(x, MaxLen)]
+        values += ["" for x in metadata if isinstance(x, MinLen)]
     elif base is bool:
         values = [1, "yes", 0.0]
     elif origin is Literal:
@@ -114,5 +116,5 @@ def wrong(annotation, in_file=False):
     elif words.startswith("a mapping"):
         values = [7, "text", [], *[{}] * ("at least" in words)]
     else:  # options, whose method checks them, and parts of models
-        values = [[1.0], {}, math.nan] if in_file else [7, "wrong"]
+        values = [[1.0], {}, math.nan] if in_file else ["wrong", *[7] * (not is_union(base))]
     yield from ((value, (), words) for value in values)

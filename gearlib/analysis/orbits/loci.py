@@ -21,7 +21,7 @@ from gearlib.parameters import Count, Finite, Positive, Unit, Values, WholeNumbe
 from gearlib.progress import Limit
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
 
-_Limit = Annotated[float, Unit("1", infinite="infinity included")]
+_Limit = Annotated[float, Unit("1", infinite="-infinity and infinity included")]
 #: Scaled step of the finite differences of the condition.
 _DIFFERENCE_STEP = 1e-6
 #: Largest value of the condition, relative to its gradient, at a special point.
