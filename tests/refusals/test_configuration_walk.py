@@ -8,7 +8,7 @@ from itertools import zip_longest
 from typing import get_args, get_origin
 
 import pytest
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from gearlib.config import ConfigError, load, validation
 from gearlib.config.configuration import Config
@@ -17,28 +17,26 @@ from gearlib.config.measured_description import Description
 from gearlib.config.validation import as_text
 from gearlib.parameters import Unit, dotted, is_union, parts, requirement
 from tests.paper import CONFIG
-from tests.refusals.declared import NAME, children, inside, is_number, valid, wrong
+from tests.refusals.declared import NAME, children, numbers, valid, wrong
 
 #: Contents of sections in which more is required than the keys without a default.
-SECTIONS = {
-    Config: {key: CONFIG[key] for key in ("gear_pair", "dampings")},
-    Damping: CONFIG["dampings"][NAME],
-}
+CONTENTS = {Config: {key: CONFIG[key] for key in ("gear_pair", "dampings")}}
+CONTENTS[Damping] = CONFIG["dampings"][NAME]
 
 
-def sections(annotation, place, path=(), seen=()):
-    """Yield (path, annotation, function that places a content in a file) of sections."""
+def sections(annotation, place, path=()):
+    """Yield (path, annotation, function that places a content in a file) of all sections."""
     base, _ = parts(annotation)
     if is_union(base):
         for option in get_args(base):
-            yield from sections(option, place, path, seen)
+            yield from sections(option, place, path)
     elif get_origin(base) is list:
-        yield from sections(get_args(base)[0], lambda value: place([value]), (*path, 0), seen)
-    elif get_origin(base) is dict or isinstance(base, type) and issubclass(base, BaseModel):
+        yield from sections(get_args(base)[0], lambda value: place([value]), (*path, 0))
+    elif keys := children(annotation):
         yield path, annotation, place
-        for key, child in children(annotation).items():
-            content = valid(annotation, SECTIONS)
-            yield from sections(child, lambda x, k=key, c=content: place(c | {k: x}), (*path, key))
+        content = valid(annotation, CONTENTS)
+        for key, child in keys.items():
+            yield from sections(child, lambda x, k=key: place(content | {k: x}), (*path, key))
 
 
 def refusals(place, value):
@@ -62,30 +60,25 @@ def at_once(candidates):
         yield {key: x for key, x in zip(candidates, row, strict=True) if x is not None}
 
 
-def all_sections():
-    """Yield pytest parameters; a class has a parameter in each section of the file."""
-    seen = set()
-    for root in (Config, Description):
-        for path, annotation, place in sections(root, lambda value, root=root: (root, value)):
-            key = str(parts(annotation)[0]), path[:1] if len(path) < 3 else ()
-            if key not in seen:
-                seen.add(key)
-                name = f"{root.__name__}.{dotted(path)}.{getattr(parts(annotation)[0], '__name__', '')}"
-                yield pytest.param(path, annotation, place, id=name)
-
-
-walk = pytest.mark.parametrize(("path", "annotation", "place"), [*all_sections()])
+#: Of a class the first section of each top level key, and those near the top.
+SECTIONS = {
+    (str(parts(x)[0]), path[:1] if len(path) < 3 else ()): pytest.param(
+        path, x, place, id=f"{root.__name__} {dotted(path)}"
+    )
+    for root in (Description, Config)
+    for path, x, place in reversed([*sections(root, lambda value, root=root: (root, value))])
+}
+walk = pytest.mark.parametrize(("path", "annotation", "place"), SECTIONS.values())
 
 
 @walk
 def test_each_wrong_value_gets_one_sentence(path, annotation, place):
-    candidates = {key: [*wrong(child, in_file=True)] for key, child in children(annotation).items()}
     # Gears and a gear pair exclude each other, and another kind has other keys.
-    for key in ["gears"] * (not path) + ["kind"] * ("profile" in path):
-        candidates.pop(key, None)
-    content = valid(annotation, SECTIONS)
-    for broken in at_once(candidates):
-        sentences = refusals(place, content | {key: value for key, (value, *_) in broken.items()})
+    left_out = {*["gears"] * (not path), *["kind"] * ("profile" in path)}
+    keys = {key: child for key, child in children(annotation).items() if key not in left_out}
+    for broken in at_once({key: [*wrong(child, in_file=True)] for key, child in keys.items()}):
+        values = {key: value for key, (value, *_) in broken.items()}
+        sentences = refusals(place, valid(annotation, CONTENTS) | values)
         for key, (value, rest, words) in broken.items():
             for index in rest:
                 value = value[index]
@@ -96,45 +89,48 @@ def test_each_wrong_value_gets_one_sentence(path, annotation, place):
 
 
 @walk
-def test_unknown_missing_and_repeated_entries_and_invalid_names_are_refused(path, annotation, place):
-    base, content = parts(annotation)[0], valid(annotation, SECTIONS)
+def test_unknown_missing_and_repeated_entries_and_invalid_names_are_refused(
+    path, annotation, place
+):
+    content, keys, base = valid(annotation, CONTENTS), children(annotation), parts(annotation)[0]
+
+    def assert_refused(key, value, problem):
+        """Check that a key has a problem if it has a value, or has none (None)."""
+        changed = {k: v for k, v in (content | {key: value}).items() if v is not None}
+        begin = f"{dotted((*path, key))} {problem}"
+        assert any(text.startswith(begin) for text in refusals(place, changed)), begin
+
     if get_origin(base) is dict:
-        sentence = f"{dotted((*path, '~'))} is not allowed as a name: it must be "
-        sentence += requirement(get_args(base)[0], True)
-        # Columns of tables may have any name.
-        is_any = place({})[0] is Description
-        assert is_any or sentence in refusals(place, {"~": content[NAME]}), sentence
+        if place({})[0] is Config:  # columns of tables may have any name
+            allowed = requirement(get_args(base)[0], in_file=True)
+            assert_refused("~", content[NAME], f"is not allowed as a name: it must be {allowed}")
         return
-    key = [*children(annotation)][-1]
-    name, place_of = dotted(path) or "the configuration", lambda key: dotted((*path, key))
-    unknown = [f"{name} must be {requirement(annotation, True)}", f"did you mean {key}?"]
-    for key, advice in zip(("no_such_key", f"{key}~"), unknown, strict=True):
-        sentence = f"{place_of(key)} = 1 is not a known key: {advice}"
-        assert sentence in refusals(place, content | {key: 1}), sentence
-    for key, child in children(annotation).items():
-        extras = [getattr(part, "json_schema_extra", None) or {} for part in parts(child)[1]]
-        if any("uniqueItems" in extra for extra in extras if isinstance(extra, dict)):
-            sentences = refusals(place, content | {key: 2 * valid(child)[:1]})
-            begin = f"{place_of(key)} lists "
-            assert any(x.startswith(begin) and "must be all different" in x for x in sentences), key
+    unknown = f"{dotted(path) or 'the configuration'} must be {requirement(annotation, True)}"
+    assert_refused("no_such_key", 1, f"= 1 is not a known key: {unknown}")
+    assert_refused(f"{[*keys][-1]}~", 1, f"= 1 is not a known key: did you mean {[*keys][-1]}?")
+    for key, child in keys.items():
+        if any(
+            "uniqueItems" in (getattr(x, "json_schema_extra", 0) or ()) for x in parts(child)[1]
+        ):
+            assert_refused(key, 2 * valid(child)[:1], f"lists {valid(child)[0]!r} twice")
         if base.__pydantic_fields__[key].is_required() and (key, *path) != ("kind", "profile"):
-            sentences = refusals(place, {k: v for k, v in content.items() if k != key})
-            missing = f"{place_of(key)} is missing: it must be {requirement(child, True)}"
-            assert any(x.startswith(missing) for x in sentences), (missing, sentences)
+            assert_refused(key, None, f"is missing: it must be {requirement(child, True)}")
 
 
 @walk
 def test_values_just_inside_are_not_refused_for_their_range(path, annotation, place):
-    candidates = {}
+    candidates, ranges = {}, {}
     for key, child in children(annotation).items():
-        item = get_args(parts(child)[0])[0] if get_origin(parts(child)[0]) is list else child
-        examples = [x.example for x in parts(item)[1] if isinstance(x, Unit) and x.example]
-        values = inside(requirement(item)) + examples if is_number(item) else []
-        candidates[key] = values if item is child else [[x] * len(valid(child)) for x in values]
+        is_list = get_origin(parts(child)[0]) is list
+        item = get_args(parts(child)[0])[0] if is_list else child
+        if parts(item)[0] in (int, float):
+            ranges[key] = re.escape(requirement(item, in_file=True))
+            examples = [x.example for x in parts(item)[1] if isinstance(x, Unit) and x.example]
+            values = numbers(requirement(item))[1] + examples
+            candidates[key] = [[x] * len(valid(child)) for x in values] if is_list else values
     for values in at_once(candidates):
-        for text in refusals(place, valid(annotation, SECTIONS) | values):
+        for text in refusals(place, valid(annotation, CONTENTS) | values):
             for key in values:
                 # Other sentences are allowed: values of several keys may not go together.
-                words = re.escape(requirement(children(annotation)[key], True).rpartition("each ")[2])
                 begin = re.escape(dotted((*path, key)))
-                assert not re.fullmatch(rf"{begin}\S* = .* must be {words}(; did .*)?", text), text
+                assert not re.fullmatch(rf"{begin}\S* = .* must be {ranges[key]}(; did .*)?", text)
