@@ -640,7 +640,7 @@ Numbers = Annotated[tuple[Finite, ...], Values(), MinLen(1)]
 State = Annotated[
     tuple[Finite, ...],
     Values(2),
-    Allowed("two finite numbers (displacement in static deflections, dx/dtau)"),
+    Allowed("a list of 2 entries, each a finite number (displacement, dx/dtau)"),
 ]
 
 # Parameters of several models.
