@@ -1,4 +1,4 @@
-"""Names in the expressions of `combinations.yaml`, beside public ones."""
+"""Public names and others, in the expressions of `combinations.yaml`."""
 
 from dataclasses import replace
 from functools import partial
@@ -12,6 +12,11 @@ from tests.geometry.drawings import fzg_c
 from tests.paper import PAPER
 from tests.properties.known_models import DAMPED
 
+PUBLIC = {name: getattr(module, name) for module in (g, geometry) for name in module.__all__}
+RESULTS = (geometry.DynamicFactor, geometry.IsoStiffness, geometry.MeshStiffness)
+CALLS = [call for call in PUBLIC.values() if callable(call) and call not in RESULTS]
+CALLS += [g.GearPair.from_ratios, g.Harmonics.from_table, g.LoadSharingPair.from_geometry]
+CALLS += [geometry.SpurGear.thickness_at, geometry.GearStage.transmission_error]
 A = g.Body(name="a", inertia=0.01, base_radius=0.1, teeth=20, torque=100.0)
 B = g.Body(name="b", inertia=0.02, base_radius=0.2, teeth=40, torque=200.0)
 C = replace(B, name="c", torque=0.0)

@@ -10,8 +10,6 @@ import pytest
 import xarray as xr
 import yaml
 
-import gearlib
-from gearlib import geometry
 from gearlib.config import load
 from tests.paper import CONFIG
 from tests.properties import known_models
@@ -33,8 +31,7 @@ FILES = {
     "planetary_set": CONFIG | {"train": {"kind": "planetary_set", "planetary_set": SET}},
     "own": CONFIG | {"train": {"kind": "own", "own": OWN}},
 }
-PUBLIC = {x: getattr(module, x) for module in (gearlib, geometry) for x in module.__all__}
-NAMES = PUBLIC | vars(math) | vars(known_models) | vars(expressions)
+NAMES = expressions.PUBLIC | vars(math) | vars(known_models) | vars(expressions)
 #: What no parameter takes: other types, nested and unhashable values, tables of other contents.
 TAKEN_BY_NONE = [object(), 1j, {"a": []}, [["a"]], np.array([["a"], [1]]), xr.Dataset({"a": 1})]
 
