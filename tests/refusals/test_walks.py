@@ -1,17 +1,16 @@
 """A walk over the parameters of the library and the keys of files: just outside, just inside.
 
-What is allowed is said by the annotation; the numbers to try are read from its words.
+What is allowed is said by the annotation, see `tests.declarations`.
 """
 
 import inspect
-import math
 import re
 from contextlib import suppress
 from functools import partial
-from typing import Annotated, Literal, get_args, get_origin
+from typing import get_args, get_origin
 
 import pytest
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from gearlib import Harmonics
 from gearlib import parameters as p
@@ -20,103 +19,16 @@ from gearlib.config.configuration import Config
 from gearlib.config.gear_pair_section import Damping
 from gearlib.config.measured_description import Description
 from gearlib.geometry import SpurGear
+from tests.declarations import EXAMPLES, NAME, children, inside, valid, wrong
 from tests.paper import CONFIG, PAPER
-from tests.refusals import expressions
+from tests.refusals.test_combinations import AB, CALLS, stage
+from tests.refusals.test_combinations import A as BODY
 
-#: A name that a user may choose in a mapping; it is also a damping of the paper's configuration.
-NAME = "k1"
 #: Class -> a value of it, where more is required than the declarations say.
-EXAMPLES = {type(x): x for x in (expressions.A, expressions.AB, expressions.stage, PAPER)}
-EXAMPLES |= {Harmonics: Harmonics(), SpurGear: expressions.stage.pinion}
+EXAMPLES |= {type(x): x for x in (BODY, AB, stage, PAPER)}
+EXAMPLES |= {Harmonics: Harmonics(), SpurGear: stage.pinion}
 EXAMPLES[Damping] = CONFIG["dampings"][NAME]
 EXAMPLES[Config] = {key: CONFIG[key] for key in ("gear_pair", "dampings")}
-_BOUND = re.compile(r"(>=|>|<=|<|from|to) (-?)(pi / [234]|2 pi|\d[\d.e+-]*)")
-_PI = {"2 pi": math.tau} | {f"pi / {n}": math.pi / n for n in (2, 3, 4)}
-
-
-def numbers(words):
-    """Return (numbers just outside a range in words and those of no range, numbers just inside)."""
-    number = int if "integer" in words else float
-    outside = [math.nan, *[1.5] * (number is int), *[-math.inf] * ("-inf" not in words)]
-    outside += [] if "infin" in words or ".inf" in words else [math.inf]
-    inside = []
-    for sign, minus, text in _BOUND.findall(words):
-        bound = (_PI.get(text) or number(text)) * (-1 if minus else 1)
-        step = (
-            1 if number is int else max(1e-12, abs(bound) * 1e-12)
-        )  # of which the square is not 0
-        step *= -1 if sign in (">", ">=", "from") else 1
-        outside.append(bound if sign in "<>" else bound + step)
-        inside.append(bound - step if sign in "<>" else bound)
-    return outside, inside or [0]
-
-
-def children(annotation):
-    """Return key -> annotation of a section, or `NAME` -> annotation of the values of a mapping."""
-    base, _ = p.parts(annotation)
-    if get_origin(base) is dict:
-        return {NAME: get_args(base)[1]}
-    fields = getattr(base, "__pydantic_fields__", {}).items()
-    return {key: Annotated[(x.annotation, *x.metadata, x)] for key, x in fields}
-
-
-def valid(annotation):
-    """Return an allowed value; of a section the one with the required keys only."""
-    base, words = p.parts(annotation)[0], p.requirement(annotation)
-    if p.is_union(base):
-        return valid(get_args(base)[0])
-    if base in (int, float):
-        inside = numbers(words)[1]
-        return 1 if min(inside) <= 1 <= max(inside) else base(sum(inside) / len(inside))
-    if get_origin(base) in (list, tuple):
-        count = re.match(r"(one value or )?a list of (\d+)", words)
-        return [valid(get_args(base)[0])] * (int(count[2]) if count else 1)
-    if base not in EXAMPLES and (
-        get_origin(base) is dict or issubclass(type(base), type(BaseModel))
-    ):
-        fields = getattr(base, "__pydantic_fields__", {})
-        return {
-            k: valid(x) for k, x in children(base).items() if not fields or fields[k].is_required()
-        }
-    default = get_args(base)[0] if get_origin(base) is Literal else True if base is bool else NAME
-    return EXAMPLES.get(base, default)
-
-
-def wrong(annotation, text_of):
-    """Yield (value, index of the wrong part in it, problem); files have `text_of` values in YAML."""
-    in_file = text_of is validation.as_text
-    (base, metadata), words = p.parts(annotation), p.requirement(annotation, in_file)
-    if get_origin(base) in (list, tuple):
-        entries, values = valid(annotation), [[]] * ("least one" in words)
-        values += [] if "one value or" in words else [7, "text", {}]
-        values += [[*entries, entries[0]]] * bool(re.match(r".*?a list of \d", words))
-        for value, index, problem in wrong(get_args(base)[0], text_of) if "a list" in words else ():
-            yield [*entries[1:], value], f"[{len(entries) - 1}]{index}", problem
-        if any("uniqueItems" in (getattr(x, "json_schema_extra", 0) or ()) for x in metadata):
-            yield 2 * entries, "", "lists "
-    elif base in (int, float):
-        values = ["fast", True, [1.0], {}, *numbers(words)[0]]
-        values += ["3 mol", *["1e400", ".inf"] * (".inf" not in words)] if in_file else ["1.0"]
-    elif base is str:
-        values = [3.5, ["a"], {}, *["~ text" for x in metadata if getattr(x, "pattern", None)]]
-        values += ["x" * (int(most) + 1) for most in re.findall(r"to (\d+) characters", words)]
-    elif base is bool or get_origin(base) is Literal:
-        values = [3.5, ["a"], {}, "no such text"]
-    elif words.startswith("a mapping"):
-        values = [7, "text", [], *[{}] * ("at least" in words)]
-    else:  # options, whose method checks them, and parts of models
-        values = [[1.0], {}, math.nan] if in_file else ["wrong"]
-    yield from ((x, "", f"= {text_of(x)} is not allowed: it must be {words}") for x in values)
-
-
-def inside(annotation, in_file):
-    """Yield numbers just inside the range of an annotation, with a unit, as entries of a list."""
-    base, metadata = p.parts(annotation)
-    if base in (int, float):
-        yield from numbers(p.requirement(annotation))[1]
-        yield from (x.example for x in metadata if isinstance(x, p.Unit) and x.example and in_file)
-    elif get_origin(base) in (list, tuple):
-        yield from ([x] * len(valid(annotation)) for x in inside(get_args(base)[0], in_file))
 
 
 def sections(annotation, place, path=()):
@@ -176,21 +88,18 @@ CASES = [
     for key, child in children(x).items()
     if (path, key) != (("profile",), "kind")
 ]
-for call in expressions.CALLS:
+for call in CALLS:
     declared = p.declared_parameters(call)
     required = {} if inspect.isroutine(call) else declared
     needed = {k: valid(x.annotation) for k, x in required.items() if x.default is p.MISSING}
     for name, x in declared.items():
-        CASES.append(
-            pytest.param(
-                x.annotation,
-                name,
-                partial(refusals_of_call, call, needed, name),
-                repr,
-                id=f"{call.__qualname__}.{name}",
-            )
-        )
-cases = pytest.mark.parametrize(("annotation", "place", "refusals", "text_of"), CASES)
+        CASES.append((x.annotation, name, partial(refusals_of_call, call, needed, name), repr))
+IDS = [f"{place} {i}" for i, (_, place, *_) in enumerate(CASES)]
+cases = pytest.mark.parametrize(
+    ("annotation", "place", "refusals", "text_of"),
+    CASES,
+    ids=[f"{x[1]} {i}" for i, x in enumerate(CASES)],
+)
 
 
 @cases
