@@ -7,13 +7,35 @@ import math
 import re
 from typing import Annotated, Literal, get_args, get_origin
 
+import gearlib
+from gearlib import geometry
 from gearlib import parameters as p
 from gearlib.config import validation
+from gearlib.config.configuration import Config
+from gearlib.config.gear_pair_section import Damping
+from tests.geometry.drawings import fzg_c
+from tests.paper import CONFIG, PAPER
 
 #: A name that a user may choose in a mapping; it is also a damping of the paper's configuration.
 NAME = "k1"
-#: Class -> a value of it, where more is required than the declarations say; tests fill it.
-EXAMPLES: dict = {}
+BODY = gearlib.Body(name="a", inertia=0.01, base_radius=0.1, teeth=20, torque=100.0)
+MESH = gearlib.Mesh(
+    pinion="a", wheel="b", max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.5
+)
+#: Class -> a value of it, where more is required than the declarations say.
+EXAMPLES = {type(x): x for x in (BODY, MESH, PAPER, fzg_c(), fzg_c().pinion, gearlib.Harmonics())}
+EXAMPLES[Damping] = CONFIG["dampings"][NAME]
+EXAMPLES[Config] = {key: CONFIG[key] for key in ("gear_pair", "dampings")}
+PUBLIC = {name: getattr(module, name) for module in (gearlib, geometry) for name in module.__all__}
+#: Public classes and functions, and methods with declared parameters; not the results of functions.
+CALLS = {call for call in PUBLIC.values() if callable(call)}
+CALLS -= {geometry.DynamicFactor, geometry.IsoStiffness, geometry.MeshStiffness}
+CALLS |= {
+    gearlib.GearPair.from_ratios,
+    gearlib.Harmonics.from_table,
+    geometry.SpurGear.thickness_at,
+}
+CALLS |= {gearlib.LoadSharingPair.from_geometry, geometry.GearStage.transmission_error}
 _BOUND = re.compile(r"(>=|>|<=|<|from|to) (-?)(pi / [234]|2 pi|\d[\d.e+-]*)")
 _PI = {"2 pi": math.tau} | {f"pi / {n}": math.pi / n for n in (2, 3, 4)}
 
@@ -100,3 +122,18 @@ def inside(annotation, in_file):
         yield from (x.example for x in metadata if isinstance(x, p.Unit) and x.example and in_file)
     elif get_origin(base) in (list, tuple):
         yield from ([x] * len(valid(annotation)) for x in inside(get_args(base)[0], in_file))
+
+
+def sections(annotation, place, path=()):
+    """Yield (path, annotation, function that places a content in a file) of all sections."""
+    base, _ = p.parts(annotation)
+    if p.is_union(base):
+        for option in get_args(base):
+            yield from sections(option, place, path)
+    elif get_origin(base) is list:
+        yield from sections(get_args(base)[0], lambda value: place([value]), (*path, 0))
+    elif keys := children(annotation):
+        yield path, annotation, place
+        content = valid(annotation)
+        for key, child in keys.items():
+            yield from sections(child, lambda x, k=key: place(content | {k: x}), (*path, key))

@@ -16,6 +16,7 @@ import yaml
 import gearlib as g
 from gearlib import geometry
 from gearlib.config import load
+from tests.declarations import BODY, MESH, PUBLIC
 from tests.geometry.drawings import fzg_c
 from tests.paper import CONFIG, PAPER
 from tests.properties import known_models
@@ -37,15 +38,9 @@ FILES = {
     "planetary_set": CONFIG | {"train": {"kind": "planetary_set", "planetary_set": SET}},
     "own": CONFIG | {"train": {"kind": "own", "own": OWN}},
 }
-PUBLIC = {name: getattr(module, name) for module in (g, geometry) for name in module.__all__}
-RESULTS = (geometry.DynamicFactor, geometry.IsoStiffness, geometry.MeshStiffness)
-CALLS = [call for call in PUBLIC.values() if callable(call) and call not in RESULTS]
-CALLS += [g.GearPair.from_ratios, g.Harmonics.from_table, g.LoadSharingPair.from_geometry]
-CALLS += [geometry.SpurGear.thickness_at, geometry.GearStage.transmission_error]
-A = g.Body(name="a", inertia=0.01, base_radius=0.1, teeth=20, torque=100.0)
-B = g.Body(name="b", inertia=0.02, base_radius=0.2, teeth=40, torque=200.0)
+A, AB = BODY, MESH
+B = replace(A, name="b", inertia=0.02, base_radius=0.2, teeth=40, torque=200.0)
 C = replace(B, name="c", torque=0.0)
-AB = g.Mesh(pinion="a", wheel="b", max_stiffness=4e8, stiffness_ratio=0.6, contact_ratio=1.5)
 paper, stage = PAPER.replace, fzg_c()
 a, b, ab = (partial(replace, element) for element in (A, B, AB))
 shaft, train = partial(g.Shaft, stiffness=1.0), partial(g.GearTrain, bodies=(A, B), meshes=(AB,))
@@ -53,9 +48,8 @@ gear = partial(geometry.SpurGear, teeth=20, module=4e-3, width=0.02)
 web = partial(geometry.Web, thickness=0.01, rim_diameter=0.06, hub_diameter=0.04)
 planet = partial(geometry.SpurGear, module=3e-3, width=0.025)
 ring = partial(planet, internal=True, outer_diameter=0.34)
-drawn_set = partial(
-    geometry.planetary_set, planet(teeth=27), planet(teeth=36), ring(teeth=99), torque=1.0
-)
+SET_GEARS = planet(teeth=27), planet(teeth=36), ring(teeth=99)
+drawn_set = partial(geometry.planetary_set, *SET_GEARS, torque=1.0)
 pair = partial(g.GearPair.from_geometry, stage)
 sharing = partial(g.LoadSharingPair, pair=pair(torque=1.0), stage=stage)
 factor = partial(geometry.dynamic_factor, stage, 302.0, rpm=100.0)
@@ -97,9 +91,7 @@ def check_sentence(refusal, sentence):
     assert "\n" not in text and ". " not in text and len(text) < 500, text
 
 
-@pytest.mark.parametrize(
-    ("base", "change", "sentence"), [(name, *x) for name in FILES for x in pairs(name)]
-)
+@pytest.mark.parametrize(("base", "change", "sentence"), [(x, *y) for x in FILES for y in pairs(x)])
 def test_inconsistent_files_are_refused_in_one_sentence(base, change, sentence):
     # A copy in which no two parts are the same object.
     content, changes = json.loads(json.dumps(FILES[base])), yaml.safe_load(change)

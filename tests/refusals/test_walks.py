@@ -12,38 +12,11 @@ from typing import get_args, get_origin
 import pytest
 from pydantic import ValidationError
 
-from gearlib import Harmonics
 from gearlib import parameters as p
 from gearlib.config import ConfigError, load, validation
 from gearlib.config.configuration import Config
-from gearlib.config.gear_pair_section import Damping
 from gearlib.config.measured_description import Description
-from gearlib.geometry import SpurGear
-from tests.declarations import EXAMPLES, NAME, children, inside, valid, wrong
-from tests.paper import CONFIG, PAPER
-from tests.refusals.test_combinations import AB, CALLS, stage
-from tests.refusals.test_combinations import A as BODY
-
-#: Class -> a value of it, where more is required than the declarations say.
-EXAMPLES |= {type(x): x for x in (BODY, AB, stage, PAPER)}
-EXAMPLES |= {Harmonics: Harmonics(), SpurGear: stage.pinion}
-EXAMPLES[Damping] = CONFIG["dampings"][NAME]
-EXAMPLES[Config] = {key: CONFIG[key] for key in ("gear_pair", "dampings")}
-
-
-def sections(annotation, place, path=()):
-    """Yield (path, annotation, function that places a content in a file) of all sections."""
-    base, _ = p.parts(annotation)
-    if p.is_union(base):
-        for option in get_args(base):
-            yield from sections(option, place, path)
-    elif get_origin(base) is list:
-        yield from sections(get_args(base)[0], lambda value: place([value]), (*path, 0))
-    elif keys := children(annotation):
-        yield path, annotation, place
-        content = valid(annotation)
-        for key, child in keys.items():
-            yield from sections(child, lambda x, k=key: place(content | {k: x}), (*path, key))
+from tests.declarations import CALLS, NAME, children, inside, sections, valid, wrong
 
 
 def refusals_of_call(call, needed, name, value):
@@ -77,29 +50,20 @@ SECTIONS = {
     for root in (Description, Config)
     for path, annotation, place in sections(root, lambda value, root=root: (root, value))
 }
-CASES = [
-    pytest.param(
-        child,
-        p.dotted((*path, key)),
-        partial(refusals_of_file, place, valid(x), key),
-        validation.as_text,
-    )
-    for path, x, place in SECTIONS.values()
-    for key, child in children(x).items()
-    if (path, key) != (("profile",), "kind")
-]
-for call in CALLS:
+CASES = []
+for path, section, place in SECTIONS.values():
+    for key, child in children(section).items():
+        if (path, key) != (("profile",), "kind"):
+            refusals = partial(refusals_of_file, place, valid(section), key)
+            CASES.append((child, p.dotted((*path, key)), refusals, validation.as_text))
+for call in sorted(CALLS, key=lambda call: call.__qualname__):
     declared = p.declared_parameters(call)
     required = {} if inspect.isroutine(call) else declared
     needed = {k: valid(x.annotation) for k, x in required.items() if x.default is p.MISSING}
     for name, x in declared.items():
         CASES.append((x.annotation, name, partial(refusals_of_call, call, needed, name), repr))
 IDS = [f"{place} {i}" for i, (_, place, *_) in enumerate(CASES)]
-cases = pytest.mark.parametrize(
-    ("annotation", "place", "refusals", "text_of"),
-    CASES,
-    ids=[f"{x[1]} {i}" for i, x in enumerate(CASES)],
-)
+cases = pytest.mark.parametrize(("annotation", "place", "refusals", "text_of"), CASES, ids=IDS)
 
 
 @cases
