@@ -1,14 +1,10 @@
 """Checks of values, and the error that says which value is wrong and what it must be."""
 
-import math
 from collections.abc import Hashable, Mapping
 from contextlib import contextmanager
-from numbers import Integral, Real
 
 #: Tunings of the slowest and the fastest allowed speed, as in the configuration.
 MIN_SPEED_TUNING, MAX_SPEED_TUNING = 1e-12, 100.0
-#: Largest integer of numpy and of compiled code.
-_MAX_INTEGER = 2**63 - 1
 
 
 class InputError(ValueError):
@@ -77,38 +73,13 @@ def exactly_one(first_name, first, second_name, second):
         raise InputError(first_name, first, problem=problem)
 
 
-def number(name, value, allowed, accept):
-    """Return `value` as float if it is real and accepted by `accept`, else raise ValueError.
-
-    The function `accept` is not called with NaN; the text `allowed` says what it accepts.
-    """
-    # numpy's scalars are Real; booleans are, too, but True is no stiffness.
-    if isinstance(value, Real) and not isinstance(value, bool):
-        try:
-            result = float(value)
-        except OverflowError:
-            result = math.nan
-        if not math.isnan(result) and accept(result):
-            return result
-    raise refusal(name, value, allowed)
-
-
-def finite_positive(name, value):
-    """Return `value` as float if it is finite and > 0, else raise ValueError."""
-    return number(name, value, "a finite number > 0", lambda v: 0.0 < v < math.inf)
-
-
-def finite_nonnegative(name, value):
-    """Return `value` as float if it is finite and >= 0, else raise ValueError."""
-    return number(name, value, "a finite number >= 0", lambda v: 0.0 <= v < math.inf)
-
-
 def checked_speed(name, value, resonance_speed):
-    """Return a speed in rpm as float if its tuning, speed / `resonance_speed`, is allowed."""
+    """Return a finite speed in rpm, or raise an error unless its tuning is allowed."""
     low, high = MIN_SPEED_TUNING * resonance_speed, MAX_SPEED_TUNING * resonance_speed
     limits = f"from {low:.3g} to {high:.3g} rpm, a tuning of at most {MAX_SPEED_TUNING:g}"
     allowed = f"a finite number > 0, {limits}"
-    return number(name, value, allowed, lambda v: low <= v <= high)
+    require(low <= value <= high, name, value, allowed)
+    return value
 
 
 def require_damping(value, owner=""):
@@ -121,21 +92,6 @@ def require_damping(value, owner=""):
     return value
 
 
-def integers(low, high=None):
-    """Return a description of the integers from `low` to `high`, both included."""
-    return f"an integer >= {low}" if high is None else f"an integer from {low} to {high}"
-
-
-def integer(name, value, low, high=None):
-    """Return `value` as int if it is an integer from `low` to `high`, else raise ValueError."""
-    limit = _MAX_INTEGER if high is None else high
-    # The largest integer of the computer is named only where it is exceeded.
-    is_integer = isinstance(value, Integral) and not isinstance(value, bool)
-    if is_integer and low <= value <= limit:
-        return int(value)
-    raise refusal(name, value, integers(low, limit if is_integer and value > limit else high))
-
-
 def is_one_of(value, choices):
     """Return whether `value` is one of `choices`; tables, whose == gives no bool, are none."""
     return isinstance(value, Hashable) and value in tuple(choices)
@@ -145,12 +101,6 @@ def one_of(name, value, choices):
     """Return `value` if it is one of `choices`, else raise ValueError."""
     require(is_one_of(value, choices), name, value, f"one of {', '.join(map(repr, choices))}")
     return value
-
-
-def finite(name, values):
-    """Return a sequence of finite numbers as a tuple of floats, else raise ValueError."""
-    items = enumerate(sequence(name, values))
-    return tuple(number(f"{name}[{i}]", value, "finite", math.isfinite) for i, value in items)
 
 
 def sequence(name, values, length=None, allowed="a sequence of numbers"):
@@ -165,12 +115,6 @@ def sequence(name, values, length=None, allowed="a sequence of numbers"):
         raise refusal(name, values, allowed) from None
     require(length in (None, len(items)), name, values, allowed)
     return items
-
-
-def numbers(name, values, length):
-    """Return `length` real numbers, which may be infinite, as a list, else raise ValueError."""
-    items = enumerate(sequence(name, values, length))
-    return [number(f"{name}[{i}]", value, "a number", lambda v: True) for i, value in items]
 
 
 def options(value):
@@ -194,12 +138,3 @@ def check_known_parameters(owner, names, known_names):
         if name not in known_names:
             problem = f"is not allowed: the parameters of a {owner} are {', '.join(known_names)}"
             raise InputError(name, problem=problem)
-
-
-def state(name, value):
-    """Return an initial state as a tuple of two finite floats, else raise ValueError."""
-    try:
-        return finite(name, sequence(name, value, 2))
-    except ValueError:
-        allowed = "two finite numbers (displacement in static deflections, dx/dtau)"
-        raise refusal(name, value, allowed) from None

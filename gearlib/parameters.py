@@ -46,6 +46,8 @@ from gearlib.checks import InputError
 
 _T = TypeVar("_T")
 
+#: Largest integer of compiled code.
+_MAX_INTEGER = 2**63 - 1
 #: Default of a required parameter.
 MISSING = inspect.Parameter.empty
 #: Wrong values are refused rather than converted, and so are unknown names.
@@ -83,7 +85,7 @@ class Unit:
         if isinstance(value, Real) and not isinstance(value, bool):
             with contextlib.suppress(OverflowError):
                 number = float(value)
-                if math.isfinite(number) or (self.infinite and number > 0.0):
+                if math.isfinite(number) or (self.infinite and not math.isnan(number)):
                     return number
         raise ValueError
 
@@ -128,7 +130,10 @@ class Values:
             return None  # allowed or not by the type
         if self.repeat and not isinstance(values, (tuple, list)):
             values = (values,) * (self.count or 1)
-        return tuple(checks.sequence("", values, self.count))
+        try:
+            return tuple(checks.sequence("", values, self.count))
+        except InputError:
+            raise ValueError from None  # the sentence is that about the annotation
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         return core_schema.no_info_before_validator_function(self.read, handler(source))
@@ -140,9 +145,9 @@ class Values:
 
 def _read_integer(value: Any, info: ValidationInfo) -> int:
     """Return an integer, in a configuration also from a text."""
-    if isinstance(value, str) and info.context is not None:
+    if isinstance(value, str) and info.context is not None and re.fullmatch(r"[-+]?\d+", value):
         value = int(value)
-    if not isinstance(value, Integral) or isinstance(value, bool):
+    if not isinstance(value, Integral) or isinstance(value, bool) or int(value) > _MAX_INTEGER:
         raise ValueError
     return int(value)
 
@@ -233,6 +238,14 @@ class Parameter:
         return TypeAdapter(self.annotation, config=STRICT)
 
 
+def check(name: str, value: Any, annotation: Any) -> Any:
+    """Return a value in its stored type, or raise the `InputError` of a wrong one."""
+    return _parameter_of(annotation).check(name, value)
+
+
+_parameter_of = functools.cache(Parameter)
+
+
 @functools.cache
 def declared_parameters(constructor: Any) -> dict[str, Parameter]:
     """Return name -> `Parameter` of the declared parameters of a dataclass or function."""
@@ -242,13 +255,19 @@ def declared_parameters(constructor: Any) -> dict[str, Parameter]:
                 field.type, MISSING if field.default is dataclasses.MISSING else field.default
             )
             for field in dataclasses.fields(constructor)
-            if get_origin(field.type) is Annotated
+            if _is_declared(field.type)
         }
     return {
         name: Parameter(parameter.annotation, parameter.default)
         for name, parameter in inspect.signature(inspect.unwrap(constructor)).parameters.items()
-        if get_origin(parameter.annotation) is Annotated
+        if _is_declared(parameter.annotation)
     }
+
+
+def _is_declared(annotation: Any) -> bool:
+    """Return whether an annotation says the allowed values, or allows None as well."""
+    options = get_args(annotation) if is_union(annotation) else (annotation,)
+    return any(get_origin(option) is Annotated for option in options)
 
 
 def numeric_parameters(constructor: Any) -> dict[str, Parameter]:
@@ -433,6 +452,8 @@ def _text_in_words(metadata: tuple) -> str:
 
 def _bound_in_words(value: float) -> str:
     """Return a bound as text, with fractions such as "pi / 2"."""
+    if value == math.tau:
+        return "2 pi"
     for n in (2, 3, 4):
         if abs(value) == math.pi / n:
             return f"{'-' * (value < 0.0)}pi / {n}"
@@ -491,15 +512,25 @@ def _input_error(error: ValidationError, cls: type, arguments: dict) -> Exceptio
 
 
 def checked(function: Callable) -> Callable:
-    """Decorate a function so that its declared keyword arguments are checked and documented."""
+    """Decorate a function so that its declared arguments are checked and documented.
+
+    Defaults are not checked. Loops call the undecorated function, `function.__wrapped__`.
+    """
     parameters = declared_parameters(function)
+    names = inspect.getfullargspec(function).args  # those that may be positional
+
+    def checked_value(name: str, value: Any) -> Any:
+        """Return the value of an argument, in its stored type if it is declared."""
+        parameter = parameters.get(name)
+        if parameter is None or value is parameter.default:
+            return value
+        return parameter.check(name, value)
 
     @functools.wraps(function)
     def call(*args, **arguments):
-        for name, parameter in parameters.items():
-            if arguments.get(name, parameter.default) is not parameter.default:
-                arguments[name] = parameter.check(name, arguments[name])
-        return function(*args, **arguments)
+        checked_args = map(checked_value, names, args)
+        arguments = {name: checked_value(name, value) for name, value in arguments.items()}
+        return function(*checked_args, *args[len(names) :], **arguments)
 
     return documented(call)
 
@@ -514,15 +545,17 @@ ValueError
 
 
 def documented(constructor: Any) -> Any:
-    """Put declared parameters into the docstring of a class or function, types in its signature."""
-    lines = ["", "Parameters", "----------"]
-    for name, parameter in declared_parameters(constructor).items():
-        default = "" if parameter.default is MISSING else f", default {parameter.default!r}"
-        default = ", optional" if parameter.default is None else default
-        lines.append(f"{name} : {parameter.allowed}{default}")
-        lines.append(textwrap.indent(textwrap.fill(parameter.description, 92), "    "))
-    head, raises, errors = (inspect.getdoc(constructor) or "").partition("\n\nRaises\n---")
-    constructor.__doc__ = "\n".join([head, *lines]) + (raises + errors or _RAISES)
+    """Write declared parameters into a docstring without a table, and types into the signature."""
+    text, parameters = inspect.getdoc(constructor) or "", declared_parameters(constructor)
+    if "\nParameters\n---" not in text and any(x.text for x in parameters.values()):
+        lines = ["", "Parameters", "----------"]
+        for name, parameter in parameters.items():
+            default = "" if parameter.default is MISSING else f", default {parameter.default!r}"
+            default = ", optional" if parameter.default is None else default
+            lines.append(f"{name} : {parameter.allowed}{default}")
+            lines.append(textwrap.indent(textwrap.fill(parameter.description, 92), "    "))
+        head, raises, errors = text.partition("\n\nRaises\n---")
+        constructor.__doc__ = "\n".join([head, *lines]) + (raises + errors or _RAISES)
     signature = inspect.signature(constructor)
     plain_parameters = [
         x.replace(annotation=parts(x.annotation)[0]) for x in signature.parameters.values()
@@ -536,8 +569,14 @@ _DRAWING_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 
 
 def unit_hint(value: Any, annotation: Any) -> str:
-    """Return "; did you mean 3 mm?" if `value` is beyond a bound in SI, but not in mm, else ""."""
+    """Return "; did you mean 3 mm?" if `value` is beyond a bound in SI, but not in mm, else "".
+
+    For an integer that no number of the computer can store, return the largest one.
+    """
     base, metadata = parts(annotation)
+    is_bounded = any(isinstance(part, Le) for part in metadata)
+    if base is int and not is_bounded and isinstance(value, Integral) and int(value) > _MAX_INTEGER:
+        return f" and <= {_MAX_INTEGER}"
     unit = next((x.example.partition(" ")[2] for x in metadata if isinstance(x, Unit)), "")
     if unit not in _DRAWING_UNITS or isinstance(value, bool) or not isinstance(value, Real):
         return ""
@@ -558,6 +597,9 @@ NonNegative = Annotated[float, Ge(0), Unit("1")]
 Angle = Annotated[float, Unit("rad", "30 deg")]
 #: Working pressure angle.
 WorkingAngle = Annotated[float, Ge(0), Lt(math.pi / 2), Unit("rad", "20 deg")]
+Fraction = Annotated[float, Ge(0), Le(1), Unit("1")]
+#: Damping ratio of gears that oscillate.
+BelowCritical = Annotated[float, Ge(0), Lt(1), Unit("1")]
 Length = Annotated[float, Gt(0), Unit("m", "100 mm")]
 #: Dimensions of drawings; larger numbers must have been meant in another unit.
 Module = Annotated[float, Gt(0), Le(0.1), Unit("m", "2.5 mm")]
@@ -584,9 +626,22 @@ Damping = Annotated[float, Ge(0), Unit("N s/m", "3.95 N s/mm")]
 TwistDamping = Annotated[float, Ge(0), Unit("N m s/rad", "10 N m s/rad")]
 Time = Annotated[float, Ge(0), Unit("s", "1 us")]
 Teeth = Annotated[int, Ge(3), Le(100_000), INTEGER]
+Count = Annotated[int, Ge(1), INTEGER]
+#: Phases of a mesh period of drawn gears.
+Phases = Annotated[int, Ge(8), Le(100_000), INTEGER]
+WholeNumber = Annotated[int, Ge(0), INTEGER]
 Boolean = Annotated[bool, BeforeValidator(_read_boolean)]
 #: Name of a part.
 Text = Annotated[str, MinLen(1)]
+#: Limits of an interval, and numbers of a table.
+Limits = Annotated[tuple[Finite, ...], Values(2)]
+Numbers = Annotated[tuple[Finite, ...], Values(), MinLen(1)]
+#: Initial state.
+State = Annotated[
+    tuple[Finite, ...],
+    Values(2),
+    Allowed("a list of 2 entries, each a finite number (displacement, dx/dtau)"),
+]
 
 # Parameters of several models.
 

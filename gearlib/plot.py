@@ -10,7 +10,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib import checks
+from gearlib import parameters
 from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.data import motions
 from gearlib.figures import (
@@ -28,6 +28,7 @@ from gearlib.figures import schematic as train_schematic
 from gearlib.figures.fit_figure import fit
 from gearlib.figures.order_map_figure import order_map
 from gearlib.figures.orders_figure import orders
+from gearlib.parameters import Speed
 from gearlib.runs.simulation import simulate
 
 __all__ = [
@@ -270,8 +271,7 @@ def campbell(diagram, *, axes=None, to=None):
     axes = plot_curves.axes_or_new(axes)
     # The argument `to` is the upper limit of the speed axis.
     to = 1.02 * float(diagram.critical_speed.max()) if to is None else to
-    allowed = "a finite number > 0, in rpm"
-    max_speed = checks.number("to", to, allowed, lambda rpm: 0.0 < rpm < math.inf)
+    max_speed = parameters.check("to", to, Speed)
     handles = campbell_figure.draw_orders(axes, diagram, max_speed)
     axes.legend(handles=handles, fontsize=6.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return axes

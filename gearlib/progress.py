@@ -15,8 +15,6 @@ import warnings
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from gearlib import checks
-
 #: Seconds until a bar appears.
 DELAY = 2.0
 _bar_is_shown = threading.Lock()
@@ -48,8 +46,7 @@ class Limit:
     def __init__(self, max_seconds: float | None):
         """Start the time; it never ends with None."""
         self.is_set, self.complete, self._is_first = max_seconds is not None, True, True
-        seconds = checks.finite_positive("max_seconds", max_seconds) if self.is_set else math.inf
-        self._end = time.monotonic() + seconds
+        self._end = math.inf if max_seconds is None else time.monotonic() + max_seconds
 
     def is_over(self) -> bool:
         """Return whether the time is over, not yet at the first step; `complete` is then False."""

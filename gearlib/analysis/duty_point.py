@@ -22,6 +22,7 @@ from gearlib.models.geometry.gear_stage import GearStage, torque_of
 from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.models.model import is_model
 from gearlib.models.single_mesh_system import contact_decay_rate
+from gearlib.parameters import DrivingTorque, Speed, checked
 from gearlib.runs.run_arguments import tuning_at_speed
 from gearlib.runs.simulation import simulate
 
@@ -40,7 +41,10 @@ _RECORD_REVOLUTIONS, _MAX_RECORD_PERIODS = 10, 2000
 _SAMPLES_PER_PERIOD, _MAX_SAMPLES, _MIN_SAMPLES_PER_PERIOD = 128, 2**17, 24
 
 
-def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
+@checked
+def duty_point(
+    gears, speed: Speed, *, torque: DrivingTorque | None = None, initial_state=None, **options
+):
     """Compute dynamic factor, forces and transmission error of gears at one torque and speed.
 
     Parameters
@@ -101,7 +105,7 @@ def duty_point(gears, speed, *, torque=None, initial_state=None, **options):
             cycle_periods = model.repeats
             errors = _worst_stretch(np.array(model.pitch_errors), max_periods)
             model = model.replace(pitch_errors=tuple(errors.tolist()))
-        factor = iso_dynamic_factor(gears, torque, checks.finite_positive("speed", speed))
+        factor = iso_dynamic_factor(gears, torque, speed)
         if factor is not None:
             data["iso_dynamic_factor"] = factor
         data["torque"] = float(torque)

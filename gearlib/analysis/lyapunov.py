@@ -8,27 +8,34 @@ Lengths are those of (dx, nu dx'): displacements, and velocities over the mean e
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from annotated_types import Ge
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_values
-from gearlib.analysis.orbits.followed_parameters import parameter_cases, set_backlash_long_name
+from gearlib.analysis.orbits.followed_parameters import (
+    DimensionlessParameter,
+    parameter_cases,
+    set_backlash_long_name,
+)
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
 from gearlib.engines.growth import propagate_perturbation
 from gearlib.integrators import choose_method
 from gearlib.models.model import UNBOUNDED_FACTOR
+from gearlib.parameters import INTEGER, Count, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Threads, Tuning
 from gearlib.runs.sweeping import WARM_STARTED
 
 #: Largest number of linearised maps that are held in memory at a time.
 MAX_MAPS = 512
 #: Number of batches of consecutive periods; the scatter of their means gives the uncertainty.
 BATCHES = 20
+ExponentPeriods = Annotated[int, Ge(BATCHES), INTEGER]
 #: Ratio of an exponent to its uncertainty above which it is significant.
 _MIN_SIGNIFICANCE = 3.0
 #: Growth is exponential if its logarithm exceeds that of linear growth by more than this.
@@ -191,18 +198,19 @@ def reproducible_orbits(model: Any, diagrams: list, directions: list, starts: li
     return is_reproducible
 
 
+@checked
 def lyapunov_exponents(
     model,
     values,
     *,
-    parameter="tuning",
-    tuning=None,
+    parameter: DimensionlessParameter = "tuning",
+    tuning: Tuning | None = None,
     states=(0.0, 0.0),
-    settle=500,
-    periods=2000,
-    max_events=MAX_EVENTS,
-    threads=None,
-    max_seconds=None,
+    settle: WholeNumber = 500,
+    periods: ExponentPeriods = 2000,
+    max_events: Count = MAX_EVENTS,
+    threads: Threads = None,
+    max_seconds: MaxSeconds = None,
 ):
     """Return the largest Lyapunov exponents of motions over a parameter, with standard errors.
 
@@ -238,21 +246,15 @@ def lyapunov_exponents(
     """
     choose_method(model, None, None)
     values = distinct_values("values", values)
-    settle = checks.integer("settle", settle, 0)
-    periods = checks.integer("periods", periods, BATCHES)
-    max_events = checks.integer("max_events", max_events, 1)
-    threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
     cases, limit = parameter_cases(model, tuning, parameter, values), Limit(max_seconds)
     if isinstance(states, str):
         model.check_state(states)
         states = cases[0][0].start_state(states)
     starts, sizes = float_array(states), {2, len(model.components)}
-    if starts.shape not in {shape for n in sizes for shape in ((n,), (values.size, n))}:
-        raise ValueError(
-            f"states = {states!r} is not allowed: it must be "
-            f"{' or '.join(map(str, sorted(sizes)))} numbers, or as many for each of the "
-            f"{values.size} values"
-        )
+    allowed = f"{' or '.join(map(str, sorted(sizes)))} numbers, or as many for each of the "
+    allowed += f"{values.size} values"
+    is_valid = starts.shape in {shape for n in sizes for shape in ((n,), (values.size, n))}
+    checks.require(is_valid, "states", states, allowed)
     starts = np.broadcast_to(starts, (values.size, starts.shape[-1]))
 
     def exponent_row(i: int) -> tuple:
@@ -266,7 +268,7 @@ def lyapunov_exponents(
         exponent = largest_exponent(case_model, tuning_of_case, state=tuple(starts[i]), **lengths)
         return exponent.value, exponent.uncertainty, exponent.status
 
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         rows = pool.map(exponent_row, range(values.size))
         table = np.array(list(with_bar("values", rows, values.size)))
     data = {name: (parameter, table[:, i]) for i, name in enumerate(("exponent", "uncertainty"))}

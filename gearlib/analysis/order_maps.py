@@ -14,10 +14,11 @@ import json
 import math
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
+from annotated_types import Gt, Le, MinLen
 from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 
@@ -27,6 +28,7 @@ from gearlib.data.files import canonical_json
 from gearlib.data.result import result_of_many
 from gearlib.models.from_values import model_from_json
 from gearlib.models.harmonics import Harmonics
+from gearlib.parameters import CHOICE, Count, Finite, NonNegative, Positive, Unit, Values, checked
 
 #: Phases, and revolutions, closer than this count as equal.
 PHASE_TOLERANCE = 1e-9
@@ -115,17 +117,18 @@ class ShaftRotation:
         return self._time[i] + duration, 60.0 * speed
 
 
+@checked
 def order_map(
     run,
     *,
     variable="displacement",
-    resolution=1.0,
-    highest=None,
-    amplitude="rms",
-    tacho=None,
-    pulses_per_revolution=1,
-    teeth=1,
-    orders=None,
+    resolution: Annotated[float, Gt(0), Le(1), Unit("1")] = 1.0,
+    highest: Positive | None = None,
+    amplitude: Annotated[Literal["rms", "peak", "power"], CHOICE] = "rms",
+    tacho: Annotated[tuple[Finite, ...] | None, Values()] = None,
+    pulses_per_revolution: Count = 1,
+    teeth: Count = 1,
+    orders: Annotated[tuple[NonNegative, ...] | None, Values(), MinLen(1)] = None,
 ):
     """Compute the amplitudes of the orders of a run-up in blocks of revolutions.
 
@@ -184,22 +187,11 @@ def order_map(
         If an argument is invalid, or if a coefficient changes by more than 5 % of the root mean
         square when every second sample is omitted.
     """
-    checks.one_of("amplitude", amplitude, tuple(_AMPLITUDES))
-    teeth = checks.integer("teeth", teeth, 1)
-    per_turn = checks.integer("pulses_per_revolution", pulses_per_revolution, 1)
     allowed = f"one of {', '.join(map(repr, _VARIABLES))}, or of a signal the name of any variable"
     checks.require(isinstance(variable, str), "variable", variable, allowed)
-    resolution = checks.number(
-        "resolution", resolution, "a finite number > 0 and <= 1", lambda x: 0.0 < x <= 1.0
-    )
-    if highest is not None:
-        highest = checks.finite_positive("highest", highest)
     if orders is not None:
-        orders = checks.sequence("orders", orders)
-        orders = [checks.finite_nonnegative("orders", order) for order in orders]
-        checks.require(orders, "orders", orders, "a list of at least one entry")
         highest = max(*orders, resolution) if highest is None else highest
-    motion = _motion(run, variable, highest, tacho, per_turn, teeth)
+    motion = _motion(run, variable, highest, tacho, pulses_per_revolution, teeth)
     revolutions = math.ceil(1.0 / resolution - 1e-12)
     run_revolutions = motion.travel
     blocks = int(run_revolutions / revolutions + PHASE_TOLERANCE)
@@ -222,11 +214,9 @@ def order_map(
     if orders is not None:
         indices = np.array([round(order * revolutions) for order in orders])
         for order, index in zip(orders, indices.tolist(), strict=True):
-            if abs(index - order * revolutions) > 1e-9 * max(order, 1.0) or index >= count:
-                raise ValueError(
-                    f"orders = {order!r} is not allowed: it must be one of 0, "
-                    f"{1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
-                )
+            allowed = f"one of 0, {1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
+            is_valid = abs(index - order * revolutions) <= 1e-09 * max(order, 1.0) and index < count
+            checks.require(is_valid, "orders", order, allowed)
     rpm = 60.0 * revolutions * directions / (ends - begins)
     return _dataset(motion, variable, amplitude, sums, indices, revolutions, begins, ends, rpm)
 
@@ -526,7 +516,8 @@ def _dataset(
     return result_of_many(title, data, coords, method, **names, **motion.attrs)
 
 
-def orders(run, *, count=None):
+@checked
+def orders(run, *, count: Count | None = None):
     """Compute the order spectrum of the mesh force and the transmission error of a run.
 
     Parameters
@@ -611,7 +602,8 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
             + (f", or of the {orbit_periods} periods of the orbit" if orbit_periods else "")
         )
     max_count = max(run.phase.size // periods // 4, 1)
-    count = checks.integer("count", min(10, max_count) if count is None else count, 1, max_count)
+    count = min(10, max_count) if count is None else count
+    checks.require(count <= max_count, "count", count, f"an integer from 1 to {max_count}")
     steps_per_order, length = periods if fractional_orders else 1, math.tau * periods
     order_count = count * steps_per_order + 1
     phase = run.phase.values - run.phase.values[0]

@@ -14,7 +14,9 @@ from gearlib.data.motions import float_array
 from gearlib.data.result import counting_contacts
 from gearlib.data.variables import DESCRIPTIONS
 from gearlib.models.model import is_model, natural_scale
+from gearlib.parameters import Finite, check, checked
 from gearlib.progress import Limit, with_bar
+from gearlib.runs.run_arguments import MaxSeconds
 
 #: Ratio of successive steps of the difference quotients.
 STEP_RATIO = 3.0
@@ -90,8 +92,9 @@ def _difference_quotient(function: Callable, value: float, step: float, centre: 
     return (weights[0] * forward + weights[1] * other + weights[2] * centre) / (2.0 * step)
 
 
+@checked
 def sensitivities(
-    call: Callable, model: Any, parameters: Any, *, max_seconds=None, **arguments: Any
+    call: Callable, model: Any, parameters: Any, *, max_seconds: MaxSeconds = None, **arguments: Any
 ) -> xr.Dataset:
     """Differentiate the results of a call with respect to parameters of a model or arguments.
 
@@ -136,7 +139,7 @@ def sensitivities(
         remaining.remove(name)
         parameter_units, parameter = descriptions[checks.one_of("parameters", name, descriptions)]
         value = arguments[name] if name in arguments else model.value(name)
-        checks.number(name, value, "a finite number", math.isfinite)
+        check(name, value, Finite)
         run = _run_function(call, model, name, arguments)
         is_dimensionless = parameter_units == "1"
         scale = abs(value) or (1.0 if is_dimensionless else natural_scale(model, parameter_units))

@@ -28,15 +28,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from gearlib import integrators
+from gearlib import checks, integrators
 from gearlib.analysis import lyapunov
-from gearlib.checks import finite_positive, integer
 from gearlib.data import status
 from gearlib.data.result import result, stacked
 from gearlib.engines import orbit
 from gearlib.models.profiles import Fourier
+from gearlib.parameters import Count, Positive, checked
 from gearlib.progress import Limit, with_bar
-from gearlib.runs.run_arguments import check_tuning
+from gearlib.runs.run_arguments import MaxSeconds, Tuning
 from gearlib.runs.simulation import run
 
 LABELS = ("periodic", "quasi-periodic", "chaotic", "undecided", "unbounded")
@@ -62,16 +62,17 @@ class Trust:
     runs: xr.Dataset  #: displacement_max, displacement_min, period and status of each run
 
 
+@checked
 def trust(
     model,
-    tuning,
+    tuning: Tuning,
     *,
-    periods=2000,
-    record_periods=32,
+    periods: Count = 2000,
+    record_periods: Count = 32,
     initial_state=(0.0, 0.0),
-    disturbance=1e-3,
-    exponent_periods=4000,
-    max_seconds=None,
+    disturbance: Positive = 1e-3,
+    exponent_periods: lyapunov.ExponentPeriods = 4000,
+    max_seconds: MaxSeconds = None,
 ):
     """Classify the motion at one tuning by runs with several methods and settings.
 
@@ -104,11 +105,8 @@ def trust(
         Naming the argument, its value and the allowed range.
     """
     integrators.choose_method(model, None, None)
-    tuning = check_tuning("tuning", tuning)
-    disturbance = finite_positive("disturbance", disturbance)
-    exponent_periods = integer("exponent_periods", exponent_periods, lyapunov.BATCHES)
-    periods = integer("periods", periods, 1)
-    record_periods = integer("record_periods", record_periods, 1, periods)
+    allowed = f"an integer from 1 to {periods}"
+    checks.require(record_periods <= periods, "record_periods", record_periods, allowed)
     record_periods = max(record_periods, min(model.repeats, periods))
     arguments = {"periods": periods, "record_periods": record_periods}
     arguments |= {"initial_state": initial_state, "samples_per_period": 1}

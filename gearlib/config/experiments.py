@@ -127,7 +127,7 @@ class NonlinearDamping(grid_base(0.5, 1.4, 0.004)):
 class ParametricResonance(t.Grid):
     """Tongues of parametric resonance: the motion without loss of contact, and its stability."""
 
-    start: t.Tuning = field("First tuning of the chart.", 0.3, ge=0.05)
+    start: t.tuning(ge=0.05, le=100) = field("First tuning of the chart.", 0.3)
     stop: t.Stop = 2.4
     step: t.Step = 0.005
     asked: t.Tuning = field("Tuning of the sentence about the singular region.", 0.66)

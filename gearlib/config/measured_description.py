@@ -52,7 +52,7 @@ def _text(max_length):
 def _read_facts(value):
     """Return the section `known`, a dict with text keys; raise ValueError if it is not one."""
     if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
-        raise refusal("known", value, "a mapping of names to what is known")
+        raise ValueError
     return value
 
 

@@ -238,12 +238,12 @@ def _section_of(part):
 PositiveDamping = quantity("N s/m", "3.95 N s/mm", gt=0)
 
 
-def _tuning(maximum):
+def tuning(**bounds):
     """Return the type of a tuning of the gear pair, which may be given as a speed."""
-    words = f"a finite number > 0 and <= {maximum} or a speed such as '1500 rpm'"
+    words = f"{parameters.requirement(number(**bounds))} or a speed such as '1500 rpm'"
     schema = {"type": ["number", "string"], "pattern": f"^{units.RPM.pattern}$"}
     return Annotated[
-        number(gt=0, le=maximum),
+        number(**bounds),
         BeforeValidator(_read_tuning),
         Allowed(words),
         Field(json_schema_extra=schema),
@@ -251,7 +251,7 @@ def _tuning(maximum):
 
 
 #: Tuning of the gear pair and difference of two tunings, which may be speeds.
-Tuning, Distance = _tuning(100), _tuning(10)
+Tuning, Distance = tuning(gt=0, le=100), tuning(gt=0, le=10)
 #: Tuning that must be a number, because it belongs to a train or drawing.
 NumericTuning = number(gt=0, le=100)
 Tolerance = number(gt=0, le=10)

@@ -39,7 +39,7 @@ def _sentence(details: Any, root: type, content: Any) -> str:
         return f"{key}: {cause}" if key else str(cause)
     allowed = parameters.requirement(annotation, in_file=True)
     if kind == "missing":
-        return f"{parameters.dotted(names)} is missing: it must be {allowed}"
+        return f"{key} is missing: it must be {allowed}"
     value = _value_at(content, path, details["input"])
     problem = problem_of(as_text(value), allowed + _hint(value, annotation))
     return f"{key or 'the configuration'} {problem}"

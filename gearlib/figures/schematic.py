@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.figures import style
+from gearlib.parameters import Angle
 
 #: Code of `gearlib.engines.codes` -> marker of a mesh, whether it is filled, its description.
 CONTACTS = {
@@ -155,10 +156,7 @@ def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
     record, or 0. ValueError if it is outside the record, or if the run failed or has other meshes.
     """
     if run is None:
-        return (
-            checks.number("phase", 0.0 if phase is None else phase, "finite", math.isfinite),
-            None,
-        )
+        return parameters.check("phase", phase or 0.0, Angle), None
     if "mesh" not in run.coords or not run.mesh.equals(layout.mesh):
         raise ValueError("mesh of the run is not allowed: its meshes must be those of the train")
     if int(run.status):
@@ -167,8 +165,8 @@ def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
         return float(run.reference_phase), run.contact.values
     first, last = run.phase.values[[0, -1]]
     allowed = f"from {first:.9g} to {last:.9g}"
-    phase = first if phase is None else phase
-    phase = checks.number("phase", phase, allowed, lambda value: first <= value <= last)
+    phase = first if phase is None else parameters.check("phase", phase, Angle)
+    checks.require(first <= phase <= last, "phase", phase, allowed)
     return phase, run.contact.sel(phase=phase, method="nearest").values
 
 

@@ -55,10 +55,7 @@ def methods() -> list[Method]:
 def describe_method(name: str) -> Method:
     """Return the description of the method that is called `name`."""
     method = METHODS[name]
-    options = {
-        option_name: (option.default, option.meaning)
-        for option_name, option in method.OPTIONS.items()
-    }
+    options = {key: (option.default, option.text) for key, option in method.OPTIONS.items()}
     is_available, note = True, ""
     if method.PACKAGE is not None:
         is_available, note = method.PACKAGE.available(), method.PACKAGE.note()
@@ -88,12 +85,8 @@ def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dic
     from gearlib.integrators.method import MissingPackage
     from gearlib.models.model import is_model
 
-    if not is_model(model):
-        # Public functions call their model argument `pair`.
-        raise ValueError(
-            f"pair = {model!r} is not allowed: it must be a GearPair, OneDegreePair, SixDegreePair "
-            "or DeadZoneOscillator"
-        )
+    allowed = "a GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator"
+    checks.require(is_model(model), "model", model, allowed)
     if name is None:
         name = next((name for name in AUTOMATIC if METHODS[name].supports(model)), None)
     checks.one_of("method", name, tuple(METHODS))
@@ -122,6 +115,5 @@ def _checked_options(method_name: str, options: dict | None) -> dict:
                 f"options[{option_name!r}] = {value!r} is not allowed: method {method_name!r} "
                 f"knows {', '.join(map(repr, known_options)) or 'no options'}"
             )
-        check = known_options[option_name].check
-        values[option_name] = check(f"options[{option_name!r}]", value)
+        values[option_name] = known_options[option_name].check(f"options[{option_name!r}]", value)
     return values

@@ -2,22 +2,17 @@
 
 import numpy as np
 
-from gearlib import checks
 from gearlib.engines.codes import OK
-from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, Option
+from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, option
 from gearlib.integrators.recording import MESH_PERIOD, Run
 from gearlib.integrators.right_hand_sides import OneDegree
 from gearlib.integrators.steps.embedded import DENSE_WEIGHTS, StepControl, take_embedded_steps
+from gearlib.parameters import Positive
 
 #: Number of steps that are taken before they are recorded together.
 _STEPS_PER_RECORD = 1_024
 #: Fractions of a step at which ode45 returns the solution by default, besides its ends ("Refine").
 _REFINEMENT = np.array([0.25, 0.5, 0.75])
-
-
-def _check_max_step(name: str, value: float | None) -> float | None:
-    """Return the value of the option `name` if it is None or positive, or raise ValueError."""
-    return None if value is None else checks.finite_positive(name, value)
 
 
 class EmbeddedPair(Integrator):
@@ -28,8 +23,8 @@ class EmbeddedPair(Integrator):
     OPTIONS = {
         "rtol": RELATIVE_TOLERANCE,
         "atol": ABSOLUTE_TOLERANCE,
-        "max_step": Option(
-            None, _check_max_step, "longest step, rad of mesh phase; None: a tenth of the run"
+        "max_step": option(
+            None, Positive | None, "longest step, rad of mesh phase; None: a tenth of the run"
         ),
     }
 
@@ -54,14 +49,12 @@ class Smoothed(Integrator):
     ORDER = 5
     EVENTS = "none: contact and damping change smoothly; switches of stiffness by step control"
     OPTIONS = {
-        "sharpness": Option(
+        "sharpness": option(
             100.0,
-            checks.finite_positive,
+            Positive,
             "per static deflection, of H1 = (1 + tanh(sharpness x)) / 2; H2 and damping likewise",
         ),
-        "rtol": Option(
-            1e-9, checks.finite_positive, "tolerance of a step, relative and in static deflections"
-        ),
+        "rtol": option(1e-9, Positive, "tolerance of a step, relative and in static deflections"),
     }
 
     def create_run(self, model, tuning: float, sharpness: float, rtol: float) -> Run:

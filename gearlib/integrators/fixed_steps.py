@@ -2,13 +2,12 @@
 
 import math
 from functools import partial
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from gearlib import checks
 from gearlib.engines.codes import OK
-from gearlib.integrators.method import Integrator, Option
+from gearlib.integrators.method import Integrator, option
 from gearlib.integrators.recording import MAX_STATE, MESH_PERIOD, Run
 from gearlib.integrators.right_hand_sides import OneDegree, PiecewiseLinear, right_hand_side
 from gearlib.integrators.steps.fixed import (
@@ -17,6 +16,7 @@ from gearlib.integrators.steps.fixed import (
     take_steps,
     take_train_steps,
 )
+from gearlib.parameters import CHOICE, Count, Fraction
 
 #: Number of steps that are taken before they are recorded together.
 _STEPS_PER_RECORD = 8_192
@@ -26,11 +26,7 @@ class FixedSteps(Integrator):
     """A method with fixed steps; a subclass defines its `Scheme`."""
 
     EVENTS = "steps go over switches and contact; changes between step ends, by a straight line"
-    OPTIONS = {
-        "steps_per_period": Option(
-            200, partial(checks.integer, low=1), "equal steps of one mesh period"
-        )
-    }
+    OPTIONS = {"steps_per_period": option(200, Count, "equal steps of one mesh period")}
     #: ``scheme(**options)`` returns the `Scheme` for the options besides `steps_per_period`.
     scheme: Any
 
@@ -64,9 +60,9 @@ class Newmark(FixedSteps):
     ORDER = 2
     OPTIONS = {
         **FixedSteps.OPTIONS,
-        "contact": Option(
+        "contact": option(
             "iterated",
-            partial(checks.one_of, choices=("frozen", "iterated")),
+            Annotated[Literal["frozen", "iterated"], CHOICE],
             "contact and damping of the step start, or iterated until the residual is rounding",
         ),
     }
@@ -86,9 +82,9 @@ class GeneralisedAlpha(FixedSteps):
     ORDER = 2
     OPTIONS = {
         **Newmark.OPTIONS,
-        "spectral_radius": Option(
+        "spectral_radius": option(
             0.8,
-            partial(checks.number, allowed="from 0 to 1", accept=lambda r: 0.0 <= r <= 1.0),
+            Fraction,
             "rho_inf: factor per step on the fastest oscillations; 1: no numerical damping",
         ),
     }

@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearlib import checks
 from gearlib.engines.codes import COAST, NO_CONTACT
 from gearlib.engines.taylor.series import damping_coefficients
-from gearlib.integrators.method import Integrator, Option, Package
+from gearlib.integrators.method import Integrator, Package, option
 from gearlib.integrators.recording import Run
 from gearlib.integrators.right_hand_sides import (
     COAST_FLANK,
@@ -23,6 +22,7 @@ from gearlib.integrators.right_hand_sides import (
     right_hand_side,
 )
 from gearlib.integrators.split import Arc, Branch, Split, Stall
+from gearlib.parameters import Positive
 
 
 class Heyoka(Integrator):
@@ -34,11 +34,7 @@ class Heyoka(Integrator):
     EVENTS = "switches end a run, contact is a terminal event of the Taylor polynomial"
     MODELS = "one or six degrees of freedom, gear trains; no pairs of teeth"
     OPTIONS = {
-        "tol": Option(
-            2.2e-16,
-            checks.finite_positive,
-            "error of a step, relative; by default that of rounding",
-        )
+        "tol": option(2.2e-16, Positive, "error of a step, relative; by default that of rounding")
     }
 
     def supports(self, model) -> bool:

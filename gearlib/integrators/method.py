@@ -1,20 +1,16 @@
 """Base class of the methods of integration, and the default methods "exact" and "taylor"."""
 
-from collections.abc import Callable
 from importlib.util import find_spec
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
-from gearlib import checks
 from gearlib.engines.orbit import Record, Rows, Span
 from gearlib.engines.protocol import run_all_tunings
+from gearlib.parameters import Parameter, Positive, described
 
 
-class Option(NamedTuple):
-    """An option of a method: its default value, its check and its meaning."""
-
-    default: Any
-    check: Callable  #: ``check(name, value)`` returns the value or raises ValueError
-    meaning: str
+def option(default: Any, value_type: Any, meaning: str) -> Parameter:
+    """Return the declaration of an option of a method."""
+    return Parameter(Annotated[value_type, described(meaning)], default)
 
 
 class MissingPackage(ImportError, ValueError):
@@ -37,10 +33,8 @@ class Package(NamedTuple):
 
 
 #: Options that several methods share.
-RELATIVE_TOLERANCE = Option(1e-3, checks.finite_positive, "relative tolerance of a step")
-ABSOLUTE_TOLERANCE = Option(
-    1e-6, checks.finite_positive, "absolute tolerance, static deflections and dx/dtau"
-)
+RELATIVE_TOLERANCE = option(1e-3, Positive, "relative tolerance of a step")
+ABSOLUTE_TOLERANCE = option(1e-6, Positive, "absolute tolerance, static deflections and dx/dtau")
 
 
 class Integrator:
@@ -51,7 +45,7 @@ class Integrator:
     #: Descriptions of its treatment of events, and of the models that it can run.
     EVENTS: ClassVar[str] = ""
     MODELS: ClassVar[str] = "one degree of freedom, any damping, stiffness and excitation"
-    #: Name -> `Option`; the package that it needs besides those of the library, or None.
+    #: Name -> `Parameter`; the package that it needs besides those of the library, or None.
     OPTIONS: ClassVar[dict] = {}
     PACKAGE: ClassVar[Package | None] = None
 
@@ -131,9 +125,9 @@ class Taylor(Exact):
     EVENTS = "steps end at switches and crossings, which are isolated in Bernstein form"
     MODELS = Integrator.MODELS
     OPTIONS = {
-        "tolerance": Option(
+        "tolerance": option(
             1e-16,
-            checks.finite_positive,
+            Positive,
             "truncation error of a step, static deflections; by default that of rounding",
         )
     }

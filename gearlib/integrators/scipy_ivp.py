@@ -6,17 +6,18 @@ of stiffness and, by terminal events, at every change of contact.
 """
 
 from functools import partial
+from typing import Annotated, Literal
 
 import numpy as np
 
-from gearlib import checks
 from gearlib.data import status
-from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, Option
+from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, option
 from gearlib.integrators.recording import MESH_PERIOD, Run, code_of_stall, within_range
 from gearlib.integrators.right_hand_sides import right_hand_side
 from gearlib.integrators.split import Arc, Branch, FlankCrossing, Split, Stall
+from gearlib.parameters import CHOICE, Boolean, requirement
 
-SOLVERS = ("RK45", "DOP853", "Radau", "LSODA")
+Solver = Annotated[Literal["RK45", "DOP853", "Radau", "LSODA"], CHOICE]
 #: Number of steps that are taken before they are recorded together.
 _STEPS_PER_RECORD = 1_000
 
@@ -27,12 +28,12 @@ class Scipy(Integrator):
     EVENTS = "as option events says: none, or switches end a run and contact is a terminal event"
     MODELS = "one or six degrees of freedom, gear trains; no pairs of teeth"
     OPTIONS = {
-        "solver": Option("RK45", partial(checks.one_of, choices=SOLVERS), f"one of {SOLVERS}"),
+        "solver": option("RK45", Solver, requirement(Solver)),
         "rtol": RELATIVE_TOLERANCE,
         "atol": ABSOLUTE_TOLERANCE,
-        "events": Option(
+        "events": option(
             False,
-            partial(checks.one_of, choices=(False, True)),
+            Boolean,
             "whether runs are split at switches of stiffness and at contact",
         ),
     }

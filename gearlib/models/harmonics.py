@@ -4,7 +4,7 @@ import math
 from typing import Annotated, Any
 
 from gearlib import checks
-from gearlib.parameters import Finite, Values, declared, described
+from gearlib.parameters import Count, Finite, Values, checked, declared, described
 
 
 @declared(kw_only=False)
@@ -29,7 +29,8 @@ class Harmonics:
     ] = ()
 
     @classmethod
-    def from_table(cls, phase: Any, values: Any, count: int | None = None) -> "Harmonics":
+    @checked
+    def from_table(cls, phase: Any, values: Any, count: Count | None = None) -> "Harmonics":
         """Return the harmonics of a table over one mesh period, without its mean.
 
         Parameters
@@ -64,7 +65,9 @@ class Harmonics:
                 f"steps of 2 pi / {n} over one mesh period, its end left out"
             )
         checks.require(np.isfinite(values).all(), "values", values, "finite")
-        count = (n - 1) // 2 if count is None else checks.integer("count", count, 1, (n - 1) // 2)
+        highest = (n - 1) // 2
+        count = highest if count is None else count
+        checks.require(count <= highest, "count", count, f"an integer from 1 to {highest}")
         orders = np.arange(1, count + 1)
         spectrum = np.fft.rfft(values)[1 : count + 1] * 2.0 / n * np.exp(-1j * orders * phase[0])
         return cls(tuple(spectrum.real.tolist()), tuple((-spectrum.imag).tolist()))

@@ -18,10 +18,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Ge, Le
 
 from gearlib import checks
 from gearlib.data import summary
@@ -34,7 +33,16 @@ from gearlib.models.harmonics import Harmonics
 from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.profiles import Tabulated
-from gearlib.parameters import INTEGER, Boolean, Unit, declared, described
+from gearlib.parameters import (
+    CHOICE,
+    Boolean,
+    Count,
+    Fraction,
+    Phases,
+    checked,
+    declared,
+    described,
+)
 
 
 def _speed_course_propagator(model: Any) -> Any:
@@ -44,6 +52,7 @@ def _speed_course_propagator(model: Any) -> Any:
     return propagator_of(model)
 
 
+Method = Annotated[Literal["energy", "iso"], CHOICE]
 #: Longest step times the highest frequency: a Taylor series of order 20 has an error of 1e-17.
 _MAX_STEP_ANGLE = 1.18
 #: Options of the stiffness methods.
@@ -75,17 +84,14 @@ class LoadSharingPair(WithPair):
     ] = field()
     stage: Annotated[GearStage, described("Gears with their tip reliefs")]
     phases: Annotated[
-        int,
-        Ge(8),
-        Le(100_000),
-        INTEGER,
+        Phases,
         described(
             "Number of equal intervals of a mesh period in which gaps and compliances are parabolas"
         ),
     ] = 16
     stiffness: Any = "energy"
     coupling: Annotated[
-        Annotated[float, Ge(0), Le(1), Unit("1")] | None,
+        Fraction | None,
         described(
             "Share of the gear body's compliance that is common to all pairs of teeth; None for "
             "that of finite elements"
@@ -117,11 +123,12 @@ class LoadSharingPair(WithPair):
         self._pairs(np.zeros(1))  # raises ValueError if stiffness or coupling is not allowed
 
     @classmethod
+    @checked
     def from_geometry(
         cls,
         stage: GearStage,
         *,
-        stiffness: str = "energy",
+        stiffness: Method = "energy",
         coupling=None,
         twist=True,
         **options: Any,
@@ -143,7 +150,6 @@ class LoadSharingPair(WithPair):
             Fields of the class: phases, deviation, pitch_errors, corner_contact; and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
-        checks.one_of("stiffness", stiffness, ("energy", "iso"))
         fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
         fields |= {"stiffness": stiffness, "coupling": coupling, "twist": twist}
         method_options = {"coupling": coupling, "twist": twist} if stiffness == "energy" else {}
@@ -160,7 +166,8 @@ class LoadSharingPair(WithPair):
         """Return the dynamic factor; see `Model.extra_summary_variables`."""
         return {"dynamic_factor": (dims, self.force_ratios(summary.largest_force(summaries)))}
 
-    def at_load(self, *, phases: int = 128, harmonics: int = 24) -> OneDegreePair:
+    @checked
+    def at_load(self, *, phases: Phases = 128, harmonics: Count = 24) -> OneDegreePair:
         """Return the `OneDegreePair` with the same static transmission error at the load.
 
         With the transmission errors e(tau) without load and x(tau) under the load F, over the mesh

@@ -19,7 +19,7 @@ from gearlib import checks
 from gearlib.engines.codes import COAST, DRIVE
 from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
 from gearlib.models.profiles import Profile
-from gearlib.parameters import declared_parameters
+from gearlib.parameters import Numbers, State, check, declared_parameters
 from gearlib.units import cf_units
 
 #: A motion this many times larger than the lengths of its model counts as unbounded.
@@ -147,11 +147,8 @@ class Model:
         if isinstance(initial_state, str) and initial_state == "static":
             return self.static_state(1.0)
         if isinstance(initial_state, (tuple, list)) and len(initial_state) == self.size > 2:
-            return tuple(
-                checks.number("initial_state", entry, "finite", math.isfinite)
-                for entry in initial_state
-            )
-        return checks.state("initial_state", initial_state)
+            return check("initial_state", initial_state, Numbers)
+        return check("initial_state", initial_state, State)
 
     def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, ...]:
         """Return the static equilibrium just after phase 0, at rest, as an `initial_state`.

@@ -289,7 +289,7 @@ class DeadZoneOscillator(Model):
     upper_edge: Annotated[Finite, described("Upper edge, where the upper contact begins")] = 0.0
     lower_edge: Annotated[
         float,
-        Allowed("a number <= upper_edge"),
+        Allowed("-inf or a number <= upper_edge"),
         described("Lower edge, where the lower contact begins; -inf: there is none"),
     ] = -math.inf
     upper_stiffness: Annotated[_Stiffness, described("Stiffness of the upper contact", "c_u")]
@@ -361,7 +361,7 @@ class DeadZoneOscillator(Model):
 
     def __post_init__(self) -> None:
         """Check the edges and stiffnesses, and set default values."""
-        allowed = f"from -inf to upper_edge = {self.upper_edge!r}"
+        allowed = f"-inf or a number <= upper_edge = {self.upper_edge!r}"
         valid = self.lower_edge <= self.upper_edge
         checks.require(valid, "lower_edge", self.lower_edge, allowed)
         super().__post_init__()

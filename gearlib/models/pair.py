@@ -10,13 +10,22 @@ import math
 from collections.abc import Callable
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from annotated_types import Ge
 
 from gearlib import checks
 from gearlib.engines.pair.stiffness import force_note, mean_over_max
 from gearlib.models.model import Model, single_mesh_propagator, taylor_propagator
 from gearlib.models.pair_parameters import MAX_MAGNITUDE, PairParameters, check_scales
-from gearlib.parameters import declared, declared_parameters
+from gearlib.parameters import (
+    ContactRatio,
+    NonNegative,
+    StiffnessRatio,
+    Unit,
+    checked,
+    declared,
+)
 
 #: Smallest stiffness ratio of the scalar closed forms. They are written about the equilibrium of
 #: each segment; for a smaller ratio that of the softer segment lies so far away that they lose
@@ -63,14 +72,15 @@ class GearPair(PairParameters, Model):
             checks.require(damping is None or damping <= max_damping, name, damping, allowed)
 
     @classmethod
+    @checked
     def from_ratios(
         cls,
         *,
-        contact_ratio: float,
-        stiffness_ratio: float,
-        damping: float = 0.0,
-        backlash_damping: float = 0.0,
-        backlash: float = math.inf,
+        contact_ratio: ContactRatio,
+        stiffness_ratio: StiffnessRatio,
+        damping: NonNegative = 0.0,
+        backlash_damping: NonNegative = 0.0,
+        backlash: Annotated[float, Ge(0), Unit("1", infinite="infinity included")] = math.inf,
         teeth: int = 24,
     ) -> "GearPair":
         """Return a pair given by its dimensionless ratios, with unit scales.
@@ -94,11 +104,6 @@ class GearPair(PairParameters, Model):
         ValueError
             If a value is impossible; the message names parameter, value and range.
         """
-        damping = checks.finite_nonnegative("damping", damping)
-        backlash_damping = checks.finite_nonnegative("backlash_damping", backlash_damping)
-        declared = declared_parameters(PairParameters)
-        contact_ratio = declared["contact_ratio"].check("contact_ratio", contact_ratio)
-        stiffness_ratio = declared["stiffness_ratio"].check("stiffness_ratio", stiffness_ratio)
         stiffness_quotient = mean_over_max(contact_ratio, stiffness_ratio)
         # Mass and load equal the rounded mean stiffness, so that the static deflection and the
         # eigenfrequency are exactly 1 and the ratios keep their last digit.

@@ -2,6 +2,7 @@
 
 import math
 import re
+from numbers import Real
 from typing import Annotated, Any
 
 from gearlib import checks
@@ -96,7 +97,9 @@ def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, flo
             percentage = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
             if percentage:
                 value = float(percentage[1]) / 100.0 * abs(values[centre])
-        values[key] = checks.number(f"{parameter_name}.{key}", value, allowed, math.isfinite)
+        valid = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+        checks.require(valid, f"{parameter_name}.{key}", value, allowed)
+        values[key] = float(value)
     if "std" in values:
         checks.require(values["std"] > 0.0, f"{parameter_name}.std", scatter["std"], f"> 0{suffix}")
     else:

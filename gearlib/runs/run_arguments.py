@@ -1,10 +1,13 @@
-"""Checks of the arguments that all runs share."""
+"""Types and checks of the arguments that all runs share."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-from gearlib import checks, integrators
+from annotated_types import Ge, Le
+
+from gearlib import checks, integrators, parameters
 from gearlib.engines.orbit import Rows, Span
 from gearlib.models.model import is_model
+from gearlib.parameters import CHOICE, Count, Positive, Speed, Unit
 
 #: Default limit of arcs (phases of contact, flights, Taylor steps) in one mesh period.
 MAX_EVENTS = 1_000_000
@@ -13,11 +16,17 @@ MIN_TUNING, MAX_TUNING = 1e-12, 1e5
 #: Largest memory of the record of a run or of the rows of a sweep, bytes.
 MAX_MEMORY = 2_000_000_000
 
+Tuning = Annotated[float, Ge(MIN_TUNING), Le(MAX_TUNING), Unit("1")]
+#: How each run of a sweep starts: from the same state, or from the end of the run before.
+Direction = Annotated[Literal["cold", "up", "down"], CHOICE]
+DIRECTIONS = get_args(get_args(Direction)[0])
+Threads = Count | None
+MaxSeconds = Positive | None
+
 
 def check_tuning(name: str, value: float) -> float:
     """Return the tuning given as argument `name`; raise ValueError if it is out of range."""
-    tuning = checks.finite_positive(name, value)
-    return checks.number(name, tuning, f"from {MIN_TUNING:g} to {MAX_TUNING:g}", is_valid_tuning)
+    return parameters.check(name, value, Tuning)
 
 
 def is_valid_tuning(tuning):
@@ -28,9 +37,7 @@ def is_valid_tuning(tuning):
 def tuning_of(model, tuning: float | None, speed: float | None) -> float:
     """Return the checked tuning of a run for a tuning or a speed in rpm; the other one is None."""
     check_either(model, "tuning", tuning, "speed", speed)
-    if speed is None:
-        return check_tuning("tuning", tuning)
-    return tuning_at_speed(model, "speed", speed)
+    return tuning_at_speed(model, "speed", speed) if tuning is None else tuning
 
 
 def tuning_at_speed(model, name: str, speed: float) -> float:
@@ -39,6 +46,7 @@ def tuning_at_speed(model, name: str, speed: float) -> float:
     `name` is the name of the argument in the error message.
     """
     speed_at_resonance = float(model.speed(1.0))
+    speed = parameters.check(name, speed, Speed)
     return float(model.tuning_at(checks.checked_speed(name, speed, speed_at_resonance)))
 
 
@@ -115,8 +123,8 @@ def check_run(
 ):
     """Validate the arguments of `simulate` for a model and return them as `RunArguments`."""
     method_name, module, options = integrators.choose_method(model, method, options)
-    periods = checks.integer("periods", periods, 1)
-    recorded = checks.integer("record_periods", record_periods, 1, periods)
+    allowed = f"an integer from 1 to {periods}"
+    checks.require(record_periods <= periods, "record_periods", record_periods, allowed)
     state = model.check_state(initial_state)
-    span = Span(periods, recorded, checks.integer("max_events", max_events, 1))
+    span = Span(periods, record_periods, max_events)
     return RunArguments(span, state, method_name, module, options)

@@ -1,10 +1,11 @@
 """`run_up`: the motion of a model while its speed and its load change."""
 
 import math
+from typing import Any
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.data.variables import DESCRIPTIONS
@@ -13,8 +14,9 @@ from gearlib.engines.linear import speed_courses
 from gearlib.engines.summary_columns import COLUMNS
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
+from gearlib.parameters import Count, Finite, NonNegative, Positive, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
-from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, tuning_at_speed
+from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, check_memory, tuning_at_speed
 
 #: Names of the variables that are in SI units in run-ups only -> (CF units, long_name).
 _SI_VARIABLES = {
@@ -41,22 +43,23 @@ _SI_VARIABLES = {
 _NUMBERS_PER_PERIOD = 40
 
 
+@checked
 def run_up(
     model,
-    start=None,
-    stop=None,
+    start: NonNegative | None = None,
+    stop: NonNegative | None = None,
     *,
-    duration=None,
-    acceleration=None,
+    duration: Positive | None = None,
+    acceleration: Positive | None = None,
     speed=None,
     load=((0.0, 1.0),),
     driver=None,
-    driven_mass=0.0,
-    base_radius=None,
+    driven_mass: NonNegative = 0.0,
+    base_radius: Positive | None = None,
     initial_state=None,
-    samples_per_period=0,
-    max_events=MAX_EVENTS,
-    max_seconds=None,
+    samples_per_period: WholeNumber = 0,
+    max_events: Count = MAX_EVENTS,
+    max_seconds: MaxSeconds = None,
 ):
     """Run a model up, down, or along any piecewise linear profile of speed and load.
 
@@ -126,25 +129,26 @@ def run_up(
     """
     _check_model(model)
     speeds = speed_profile(start, stop, duration, acceleration, speed)
-    fastest_argument = "speed" if speed is not None else "stop" if stop >= start else "start"
+    is_rising = speeds[-1, 1] >= speeds[0, 1]
+    fastest_argument = "speed" if speed is not None else "stop" if is_rising else "start"
     tuning_at_speed(model, fastest_argument, float(speeds[:, 1].max()))
-    loads = _check_profile("load", load, "finite", math.isfinite, steps=True)
+    loads = _check_profile("load", load, Finite, steps=True)
     if initial_state is None:
         state = model.static_state(model.tuning_at(speeds[0, 1]), float(loads[0, 1]))
     else:
         state = model.check_state(initial_state)
-    samples = checks.integer("samples_per_period", samples_per_period, 0)
-    max_events = checks.integer("max_events", max_events, 1)
     inertia_forces = _inertia_accelerations(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
     runner, pieces, start_state = speed_courses.start_profile_run(model, speeds, loads, state)
     mesh_count, last = runner.meshes, pieces[-1]
     final_phase = last.phase + last.length * (last.speed + 0.5 * last.acceleration * last.length)
-    numbers_per_period = samples * (mesh_count * 6 + model.size) + _NUMBERS_PER_PERIOD * mesh_count
-    description = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples}"
+    numbers_per_period = (
+        samples_per_period * (mesh_count * 6 + model.size) + _NUMBERS_PER_PERIOD * mesh_count
+    )
+    description = f"a course of {speeds[-1, 0]:g} s with samples_per_period = {samples_per_period}"
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
     teeth, limit = model.periods_per_revolution, Limit(max_seconds)
-    arguments = start_state, samples, max_events, inertia_forces, teeth
+    arguments = start_state, samples_per_period, max_events, inertia_forces, teeth
     profile_run = speed_courses.run_profiles(runner, pieces, *arguments)
     records = list(limit.each(with_bar("parts of the run-up", profile_run)))
     code = records[-1].status
@@ -152,8 +156,8 @@ def run_up(
     if code == status.OK and displacement > model.displacement_limit(1.0, state):
         code = status.OVERFLOW
     data = _revolution_variables(model, records, omega) | _event_variables(model, records, omega)
-    if samples:
-        data |= _time_variables(model, records, omega, samples)
+    if samples_per_period:
+        data |= _time_variables(model, records, omega, samples_per_period)
     if code != status.OK:
         # The numbers of a failed run are NaN, or 0 for integers.
         for name, (dims, values) in data.items():
@@ -179,8 +183,7 @@ def run_up(
 def _check_model(model):
     """Raise ValueError unless `run_up` can run the model, which rotates and has an engine."""
     type_name = type(model).__name__
-    if not is_model(model):
-        raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
+    checks.require(is_model(model), "model", model, "a model such as GearPair")
     if model.speed is None:
         raise ValueError(f"model of type {type_name} is not allowed: nothing turns in it")
     if model.speed_course_propagator is None:
@@ -195,31 +198,35 @@ def _check_model(model):
         )
 
 
-def speed_profile(start=None, stop=None, duration=None, acceleration=None, speed=None):
+@checked
+def speed_profile(
+    start: NonNegative | None = None,
+    stop: NonNegative | None = None,
+    duration: Positive | None = None,
+    acceleration: Positive | None = None,
+    speed=None,
+):
     """Return the speed course as rows of time in s and speed in rpm, shape (n, 2).
 
     Give either the profile as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
     or an `acceleration` (rpm/s). Invalid arguments raise ValueError.
     """
-    allowed_speed = "a finite number >= 0"
     if speed is not None:
         if any(value is not None for value in (start, stop, duration, acceleration)):
             raise ValueError(
                 "speed is not allowed together with start, stop, duration and acceleration"
             )
-        profile = _check_profile("speed", speed, allowed_speed, lambda v: 0.0 <= v < math.inf)
+        profile = _check_profile("speed", speed, NonNegative)
     else:
-        allowed_end = f"{allowed_speed}, rpm"
-        first = checks.number("start", start, allowed_end, lambda v: 0.0 <= v < math.inf)
-        last = checks.number("stop", stop, allowed_end, lambda v: 0.0 <= v < math.inf)
+        if start is None or stop is None:
+            name = "start" if start is None else "stop"
+            raise checks.refusal(name, None, "a finite number >= 0, rpm")
         checks.exactly_one("duration", duration, "acceleration", acceleration)
-        if duration is None:
-            duration = abs(last - first) / checks.finite_positive("acceleration", acceleration)
-        allowed_time = "a finite number of seconds > 0"
         if acceleration is not None:
-            allowed_time += ", the difference of start and stop over the acceleration"
-        duration = checks.number("duration", duration, allowed_time, lambda v: 0.0 < v < math.inf)
-        profile = np.array([[0.0, first], [duration, last]])
+            duration = abs(stop - start) / acceleration
+            allowed = "> 0 s, the difference of start and stop over the acceleration"
+            checks.require(0.0 < duration < math.inf, "duration", duration, allowed)
+        profile = np.array([[0.0, start], [duration, stop]])
     if len(profile) < 2 or profile[0, 0] != 0.0:
         raise ValueError(
             f"speed = {speed!r} is not allowed: it must have two rows or more, the first at 0 s"
@@ -229,18 +236,17 @@ def speed_profile(start=None, stop=None, duration=None, acceleration=None, speed
     return profile
 
 
-def _check_profile(name, pairs, allowed_values: str, is_allowed, steps=False) -> np.ndarray:
+def _check_profile(name, pairs, value_type: Any, steps=False) -> np.ndarray:
     """Return the profile `pairs`, (time in s, speed or load), as an array, shape (n, 2).
 
-    Raise ValueError, with the argument's `name`, if a time decreases or `is_allowed(value)` is
-    false; `allowed_values` describes the allowed values in the message. With `steps` two pairs may
-    have the same time.
+    Raise ValueError, with the argument's `name`, if a time decreases or a value is not of the
+    declared type. With `steps` two pairs may have the same time.
     """
     profile = []
     for i, pair in enumerate(checks.sequence(name, pairs)):
         t, value = checks.sequence(f"{name}[{i}]", pair, 2)
-        t = checks.finite_nonnegative(f"{name}[{i}][0]", t)
-        value = checks.number(f"{name}[{i}][1]", value, allowed_values, is_allowed)
+        t = parameters.check(f"{name}[{i}][0]", t, NonNegative)
+        value = parameters.check(f"{name}[{i}][1]", value, value_type)
         if profile and (t < profile[-1][0] or (t == profile[-1][0] and not steps)):
             relation = "not before" if steps else "after"
             raise ValueError(
@@ -261,9 +267,8 @@ def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarra
     a model with one mesh may have the `driven_mass` J / r_b^2 in kg of the driven gear and the
     `base_radius` in m of the other.
     """
-    driven_mass = checks.finite_nonnegative("driven_mass", driven_mass)
-    if base_radius is not None or driven_mass:
-        base_radius = checks.finite_positive("base_radius", base_radius)
+    allowed = "a finite number > 0 where driven_mass is not 0"
+    checks.require(base_radius or not driven_mass, "base_radius", base_radius, allowed)
     if model.train is not None:
         if driven_mass or base_radius is not None:
             raise ValueError(
@@ -274,9 +279,7 @@ def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarra
         raise ValueError(f"driver = {driver!r} is not allowed: the model has no bodies")
     if not driven_mass:
         return np.zeros(1)
-    return inertia.pair_acceleration(
-        model.pair, driven_mass, checks.finite_positive("base_radius", base_radius)
-    )
+    return inertia.pair_acceleration(model.pair, driven_mass, base_radius)
 
 
 def _revolution_variables(model, records: list, omega: float) -> dict:

@@ -4,28 +4,30 @@ import math
 
 import numpy as np
 
-from gearlib import checks, integrators
+from gearlib import integrators
 from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.engines.codes import NO_CONTACT
 from gearlib.engines.stable_repeats import settled_period
-from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_run, tuning_of
+from gearlib.parameters import Boolean, Count, Speed, checked
+from gearlib.runs.run_arguments import MAX_EVENTS, Tuning, check_memory, check_run, tuning_of
 
 
+@checked
 def simulate(
     model,
-    tuning=None,
+    tuning: Tuning | None = None,
     *,
-    speed=None,
-    periods,
-    record_periods=1,
-    samples_per_period=256,
+    speed: Speed | None = None,
+    periods: Count,
+    record_periods: Count = 1,
+    samples_per_period: Count = 256,
     initial_state=(0.0, 0.0),
     method=None,
     options=None,
-    max_events=MAX_EVENTS,
-    until_settled=False,
+    max_events: Count = MAX_EVENTS,
+    until_settled: Boolean = False,
 ):
     """Run a model at one tuning and record the last mesh periods of the run.
 
@@ -90,17 +92,18 @@ def simulate(
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     tuning = tuning_of(model, tuning, speed)
-    checked = check_run(model, periods, record_periods, initial_state, method, options, max_events)
-    checks.one_of("until_settled", until_settled, (False, True))
-    record, followed_periods = _run(model, tuning, checked, samples_per_period, True, until_settled)
-    recorded = checked.span.recorded
-    first_sample = (checked.span.periods - recorded) * samples_per_period
+    arguments = check_run(
+        model, periods, record_periods, initial_state, method, options, max_events
+    )
+    settings = samples_per_period, True, until_settled
+    record, followed_periods = _run(model, tuning, arguments, *settings)
+    first_sample = (periods - record_periods) * samples_per_period
     codes = np.array([record.period, record.status])
     sample_numbers = first_sample + np.arange(len(record.samples))
     data = {
         **_time_history(model, record.samples, record.status),
         **_event_variables(record.events),
-        **summary.summary_variables(model, (), record.summary, record.final, codes, recorded),
+        **summary.summary_variables(model, (), record.summary, record.final, codes, record_periods),
         **model.scales(),
         **model.speed_scales(tuning),
         "tuning": tuning,
@@ -108,7 +111,7 @@ def simulate(
         "followed": np.int64(followed_periods),
     }
     coords = {"phase": sample_numbers * (2.0 * math.pi / samples_per_period), **model.coordinates()}
-    attributes = checked.attributes() | {"tuning": tuning}
+    attributes = arguments.attributes() | {"tuning": tuning}
     dataset = result("Time course of a gear mesh", model, data, coords, **attributes)
     dataset["status"].attrs["message"] = status.MESSAGES[record.status]
     return dataset
@@ -129,7 +132,6 @@ def _run(model, tuning, arguments, samples_per_period, verify_period=False, unti
     the Floquet multipliers of the orbit and its distance from grazing; with `until_settled` the run
     goes on after the recorded periods until this succeeds.
     """
-    samples_per_period = checks.integer("samples_per_period", samples_per_period, 1)
     recorded = arguments.span.recorded
     argument = f"samples_per_period = {samples_per_period} with record_periods = {recorded}"
     sample_table, _, _ = model.empty_record()

@@ -10,11 +10,16 @@ import numpy as np
 from gearlib import checks
 from gearlib.data import summary
 from gearlib.data.result import result
+from gearlib.parameters import Count, checked
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import (
+    DIRECTIONS,
     MAX_EVENTS,
+    Direction,
+    MaxSeconds,
     Rows,
     RunArguments,
+    Threads,
     check_either,
     check_rows,
     check_run,
@@ -23,7 +28,6 @@ from gearlib.runs.run_arguments import (
     tuning_at_speed,
 )
 
-DIRECTIONS = ("cold", "up", "down")
 #: Directions of warm-started sweeps: each run starts from the final state of the previous one.
 WARM_STARTED = DIRECTIONS[1:]
 
@@ -36,20 +40,21 @@ EXTENSION_RATIO = 0.2
 _SAME_MOTION_TOLERANCE = 1e-3
 
 
+@checked
 def sweep(
     model,
     tunings=None,
     *,
     speeds=None,
-    periods,
-    record_periods,
+    periods: Count,
+    record_periods: Count,
     initial_state=(0.0, 0.0),
-    direction="cold",
+    direction: Direction = "cold",
     method=None,
     options=None,
-    max_events=MAX_EVENTS,
-    threads=None,
-    max_seconds=None,
+    max_events: Count = MAX_EVENTS,
+    threads: Threads = None,
+    max_seconds: MaxSeconds = None,
 ):
     """Run a model at many tunings and summarise the last mesh periods of each run.
 
@@ -112,27 +117,26 @@ def sweep(
     else:
         check = functools.partial(tuning_at_speed, model)
         tunings = model.tuning_at(check_tunings("speeds", speeds, check, model.tuning_at))
-    checked = check_run(model, periods, record_periods, initial_state, method, options, max_events)
-    checks.one_of("direction", direction, DIRECTIONS)
+    arguments = check_run(
+        model, periods, record_periods, initial_state, method, options, max_events
+    )
     _check_order(direction, tunings, "tunings" if speeds is None else "speeds")
-    if direction != "cold" and checked.method != "exact" and model.size > 2:
+    if direction != "cold" and arguments.method != "exact" and model.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom by method "
-            f"{checked.method!r}: it must be 'cold', or the method 'exact', which carries all "
+            f"{arguments.method!r}: it must be 'cold', or the method 'exact', which carries all "
             "coordinates along"
         )
-    threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
-
     limit = Limit(max_seconds)
     check_rows(model, f"a sweep of {tunings.size:,} tunings", tunings.size)
-    rows = _run_sweep(model, tunings, checked, direction, threads, limit)
+    rows = _run_sweep(model, tunings, arguments, direction, threads or os.cpu_count(), limit)
     data = {
-        **summary.summary_variables(model, ("tuning",), *rows[1:], checked.span.recorded),
+        **summary.summary_variables(model, ("tuning",), *rows[1:], record_periods),
         **model.scales(),
         **{name: ("tuning", scale) for name, scale in model.speed_scales(tunings).items()},
     }
     coords = {"tuning": tunings, **model.coordinates()}
-    attributes = checked.attributes() | {"direction": direction}
+    attributes = arguments.attributes() | {"direction": direction}
     title = "Resonance characteristic of a gear mesh"
     dataset = result(title, model, data, coords, **attributes)
     return limit.mark(dataset, tuning=rows.codes[:, 1] >= 0)
@@ -225,10 +229,8 @@ def check_tunings(name: str, tunings, check, tuning_at=np.asarray) -> np.ndarray
         values = np.atleast_1d(np.asarray(tunings))
     except (TypeError, ValueError):
         values = np.empty((0, 0))
-    if values.ndim != 1 or values.size == 0:
-        raise ValueError(
-            f"{name} = {tunings!r} is not allowed: it must be a non-empty sequence of numbers"
-        )
+    allowed = "a non-empty sequence of numbers"
+    checks.require(values.ndim == 1 and values.size != 0, name, tunings, allowed)
     if values.dtype.kind not in "iuf" or not is_valid_tuning(tuning_at(values.astype(float))).all():
         # The check of each value raises an error that names the first wrong value.
         for i, value in enumerate(values.tolist()):

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.order_maps import ShaftRotation
+from gearlib.parameters import Angle
 from gearlib.runs.run_up import run_up, speed_profile
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty import observation
@@ -83,18 +84,17 @@ def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarra
     with suppress(TypeError, ValueError):
         metadata = json.loads(text)
     checks.require(isinstance(metadata, dict), "known", text, "a JSON object, from json.dumps")
-    phase = metadata.get("phase", 0.0)
-    phase = checks.number("known.phase", phase, "a number in rad", np.isfinite)
+    phase = parameters.check("known.phase", metadata.get("phase", 0.0), Angle)
     displacements = np.asarray(data.displacement.values, float)
     checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "increasing")
     constant = float(displacements[0])
     checks.require(np.ptp(displacements) > 0.0, "displacement", constant, "a signal that varies")
-    mesh_periods = checks.number(
+    mesh_periods = float(round(model.periods_per_revolution, 9))  # gear ratios have rounding errors
+    name, allowed = (
         "mesh periods of a revolution",
-        round(model.periods_per_revolution, 9),  # without rounding errors of gear ratios
         "a whole number, as in a train with a fixed carrier",
-        float.is_integer,
     )
+    checks.require(mesh_periods.is_integer(), name, mesh_periods, allowed)
     return metadata, displacements, np.exp(1j * phase * _ORDER_NUMBERS), mesh_periods
 
 

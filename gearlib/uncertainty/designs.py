@@ -205,7 +205,7 @@ class Designs:
             self.source = ModelSource(model) if is_model(model) else FunctionSource(model)
         self.tolerances = distributions.read(tolerances, self.source.parameters, self.source.value)
         self.names = self.tolerances.names
-        self.seed = checks.integer("seed", seed, 0)
+        self.seed = seed
         for name, field in RATIOS.items() if is_model(model) else ():
             if {name, field} <= {*self.names}:
                 raise ValueError(

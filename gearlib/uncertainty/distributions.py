@@ -6,13 +6,15 @@ lower}`` are uniform distributions.
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from annotated_types import Gt, Lt
 from scipy import special, stats
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.models import tolerated
+from gearlib.parameters import Finite, Unit
 
 #: Key of the correlations in the mapping of tolerances.
 CORRELATIONS = "correlations"
@@ -63,6 +65,9 @@ class Tolerances:
         return np.stack([marginal.distribution.ppf(u) for marginal, u in pairs], axis=1)
 
 
+_Correlation = Annotated[float, Gt(-1), Lt(1), Unit("1")]
+
+
 def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) -> Tolerances:
     """Return the joint distribution of parameters from their tolerances, or raise ValueError.
 
@@ -100,8 +105,7 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) 
         checks.require(first != second, key, row, "two different parameters")
         names = frozenset((first, second))
         checks.require(names not in correlations, key, row, "a pair that occurs once")
-        allowed = "a number > -1 and < 1"
-        coefficient = checks.number(key, coefficient, allowed, lambda rho: -1.0 < rho < 1.0)
+        coefficient = parameters.check(key, coefficient, _Correlation)
         correlations[names] = first, second, coefficient
     return Tolerances(marginals, list(correlations.values()))
 
@@ -122,8 +126,7 @@ def _named_distribution(key: str, tolerance: Any) -> Marginal:
                 f"{key}.{parameter} is not allowed: the parameters of {name!r} are "
                 f"{', '.join(allowed_names)}"
             )
-        parameter_key = f"{key}.{parameter}"
-        numbers[parameter] = checks.number(parameter_key, value, "a finite number", math.isfinite)
+        numbers[parameter] = parameters.check(f"{key}.{parameter}", value, Finite)
     for shape in shapes:
         if shape not in numbers:
             raise ValueError(f"{key}.{shape} is missing: {name!r} needs {', '.join(shapes)}")

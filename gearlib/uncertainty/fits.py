@@ -13,10 +13,11 @@ from scipy.optimize import least_squares
 from scipy.stats import binom, chi2
 from scipy.stats import t as student
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.analysis.sensitivities import richardson
 from gearlib.data.result import result
 from gearlib.models.model import is_model
+from gearlib.parameters import Limits
 from gearlib.uncertainty.observation import START_ERROR
 from gearlib.uncertainty.observations import observations_of
 
@@ -233,8 +234,7 @@ def fit(model, data, free):
 
 def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.ndarray]:
     """Check the arguments of `fit`; return its problem and the scaled parameters of the model."""
-    if not is_model(model):
-        raise ValueError(f"model = {model!r} is not allowed: it must be a model such as GearPair")
+    checks.require(is_model(model), "model", model, "a model such as GearPair")
     if model.speed is None:
         kind = type(model).__name__
         raise ValueError(f"model of type {kind} is not allowed: it has no rotational speed")
@@ -248,10 +248,9 @@ def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.nd
     for name, limits in free.items():
         checks.one_of("free", name, model.settable)
         argument = f"free[{name!r}]"
-        lower, upper = checks.numbers(argument, limits, 2)
+        lower, upper = parameters.check(argument, limits, Limits)
         value = model.value(name)
-        finite = math.isfinite(lower) and math.isfinite(upper)
-        checks.require(lower < upper and finite, argument, limits, "finite and increasing")
+        checks.require(lower < upper, argument, limits, "increasing")
         allowed = f"a range that holds {name} = {value:g} of the model"
         checks.require(lower <= value <= upper, argument, limits, allowed)
         for limit in (lower, upper):  # the model raises ValueError if it does not allow a limit

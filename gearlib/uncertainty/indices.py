@@ -6,31 +6,35 @@ fixed (Saltelli et al.: Comput. Phys. Comm. 181 (2010) 259-270).
 """
 
 import itertools
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
 from scipy.stats import bootstrap, qmc
 
 from gearlib import checks
 from gearlib.data.result import result
+from gearlib.parameters import INTEGER, Speed, Unit, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
+from gearlib.runs.run_arguments import MaxSeconds
 from gearlib.uncertainty.design_quantities import QUANTITIES, checked_names, quantity_evaluator
 from gearlib.uncertainty.designs import Designs
 
 _BOOTSTRAP_RESAMPLES = 200
 
 
+@checked
 def sobol_indices(
     model,
     tolerances,
     quantities=("jump_up", "jump_down"),
-    n=1024,
+    n: Annotated[int, Ge(2), Le(2**24), INTEGER] = 1024,
     *,
-    speed=None,
-    confidence=0.95,
-    seed=0,
+    speed: Speed | None = None,
+    confidence: Annotated[float, Gt(0), Lt(1), Unit("1")] = 0.95,
+    seed: WholeNumber = 0,
     progress=None,
-    max_seconds=None,
+    max_seconds: MaxSeconds = None,
 ):
     """Return Sobol' indices of quantities by tolerances, with bootstrapped sampling errors.
 
@@ -58,10 +62,7 @@ def sobol_indices(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    n = checks.integer("n", n, 2, 2**24)
     checks.require(n & (n - 1) == 0, "n", n, "a power of 2")
-    allowed = "a finite number > 0 and < 1"
-    level = checks.number("confidence", confidence, allowed, lambda p: 0.0 < p < 1.0)
     checks.require(progress is None or callable(progress), "progress", progress, "a function")
     designs = Designs(model, tolerances, seed)
     if designs.tolerances.correlations:
@@ -74,7 +75,7 @@ def sobol_indices(
     limit = Limit(max_seconds)
     tables = _design_tables(designs, evaluator, n, progress, limit)
     indices = [
-        _indices_with_intervals(table, level, designs.seed, name)
+        _indices_with_intervals(table, confidence, seed, name)
         for table, name in zip(tables, quantities, strict=True)
     ]
     dims, data = ("quantity", "parameter"), {}
@@ -83,7 +84,7 @@ def sobol_indices(
         data[f"{name}_interval"] = (*dims, "bound"), [intervals[i] for _, intervals in indices]
     data["missing_designs"] = "quantity", np.isnan(tables).sum(axis=(1, 2)).astype(np.int32)
     coords = {"quantity": [*quantities], "parameter": [*designs.names], "bound": ["low", "high"]}
-    attributes = {"tolerances": tolerances, "samples": n, "seed": designs.seed, "confidence": level}
+    attributes = {"tolerances": tolerances, "samples": n, "seed": seed, "confidence": confidence}
     title = "Sobol' indices of a gear mesh by its tolerances"
     dataset = result(title, designs.nominal, data, coords, method="Saltelli 2010", **attributes)
     return limit.mark(dataset, list(range(tables.shape[2], n)))

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.data import measured_names
+from gearlib.parameters import NonNegative, Positive
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty import observation
 from gearlib.uncertainty.course_observations import time_history_observations
@@ -93,7 +94,7 @@ def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
         _check_sensor(name, quantity, data[name].attrs)
     for name, speed in speeds.items():
         checks.require(speed.ndim == 0, name, f"of shape {speed.shape}", "one number, in rpm")
-        checks.finite_positive(name, speed.values[()])
+        parameters.check(name, speed.values[()], Positive)
         _check_sensor(name, name, speed.attrs)
 
 
@@ -113,9 +114,9 @@ def _check_finite_samples(name: str, variable: Any, gaps: bool = False) -> None:
 
 def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
     """Raise ValueError if a sensor has wrong noise, wrong flags, or other units than expected."""
-    checks.finite_nonnegative(f"noise_std of {name}", attrs.get("noise_std", 0.0))
+    parameters.check(f"noise_std of {name}", attrs.get("noise_std", 0.0), NonNegative)
     for flag in ("unknown_gain", "unknown_offset"):
-        checks.integer(f"{flag} of {name}", int(attrs.get(flag, 0)), 0, 1)
+        checks.one_of(f"{flag} of {name}", int(attrs.get(flag, 0)), (0, 1))
     # Mesh orders have the units of the displacement.
     expected_units = measured_names.units_and_description(quantity)[0] or "m"
     units = attrs.get("units", expected_units)

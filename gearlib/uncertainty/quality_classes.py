@@ -7,9 +7,12 @@ are passed to `gearlib.scatter` as limits.
 """
 
 import re
-from typing import Any
+from typing import Annotated, Any
 
-from gearlib import checks
+from annotated_types import Ge, Gt, Le
+
+from gearlib import checks, parameters
+from gearlib.parameters import Unit, checked
 
 _MICROMETRE = 1e-6
 #: Largest reference diameter of each row of the tables, m.
@@ -46,18 +49,19 @@ _IT_GRADES = {
     0.4: (25, 36, 57, 89, 140, 230, 360),
     0.5: (27, 40, 63, 97, 155, 250, 400),
 }
-_MIN_DISTANCE, _FIRST_GRADE = 0.01, 5
+_FIRST_GRADE = 5
+_Distance = Annotated[float, Ge(0.01), Le(0.5), Unit("m")]
+ReferenceDiameter = Annotated[float, Gt(0), Le(_MAX_DIAMETERS[-1]), Unit("m")]
 _DESIGNATION_PATTERN = re.compile(r"(\d\d)\s*(ab|bc|cd|[a-h])|(ab|bc|cd|[a-h])\s*(\d\d)")
 
 
-def thickness_limits(diameter: float, designation: Any) -> tuple[float, float]:
+@checked
+def thickness_limits(diameter: ReferenceDiameter, designation: Any) -> tuple[float, float]:
     """Return the lower and upper allowance of the normal tooth thickness according to DIN 3967, m.
 
     `diameter` is the reference diameter, m, up to 2.5. A designation such as "27cd" consists of the
     number of the tolerance, 21 to 30, and the letters of the series of allowances, a to h.
     """
-    allowed = f"> 0 and <= {_MAX_DIAMETERS[-1]} m"
-    diameter = checks.number("diameter", diameter, allowed, lambda d: 0 < d <= _MAX_DIAMETERS[-1])
     text = designation.strip() if isinstance(designation, str) else ""
     match = _DESIGNATION_PATTERN.fullmatch(text)
     # The number may precede the letters or follow them.
@@ -79,10 +83,8 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
 
     `distance` is from 0.01 to 0.5 m; the designation is a class from "js5" to "js11".
     """
-    lower, upper = _MIN_DISTANCE, max(_IT_GRADES)
-    allowed = f"from {lower} to {upper} m"
-    distance = checks.number("centre_distance", distance, allowed, lambda a: lower <= a <= upper)
-    designations = [f"js{_FIRST_GRADE + i}" for i in range(len(_IT_GRADES[upper]))]
+    distance = parameters.check("centre_distance", distance, _Distance)
+    designations = [f"js{_FIRST_GRADE + i}" for i in range(len(_IT_GRADES[0.5]))]
     checks.one_of("centre_distance", designation, designations)
     row = _IT_GRADES[next(limit for limit in _IT_GRADES if distance <= limit)]
     half_width = _MICROMETRE * row[designations.index(designation)] / 2.0

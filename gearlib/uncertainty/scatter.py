@@ -9,18 +9,27 @@ import json
 import os
 import warnings
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from annotated_types import Ge, Le
 
 from gearlib import checks
 from gearlib.data.files import canonical_json
 from gearlib.data.motions import largest_force
 from gearlib.data.result import result
 from gearlib.data.variables import describe
+from gearlib.parameters import INTEGER, Count, Limits, Speed, Values, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
-from gearlib.runs.run_arguments import check_either, check_memory, check_tuning, tuning_at_speed
+from gearlib.runs.run_arguments import (
+    MaxSeconds,
+    Threads,
+    check_either,
+    check_memory,
+    check_tuning,
+    tuning_at_speed,
+)
 from gearlib.runs.sweeping import check_tunings, sweep
 from gearlib.uncertainty.design_quantities import (
     FOUND,
@@ -70,23 +79,24 @@ class SweepSettings(NamedTuple):
     box: tuple  #: limits of displacement and of dx/dtau of seeded starts
 
 
+@checked
 def scatter(
     model,
     tolerances,
     quantities=("jump_up", "jump_down"),
-    n=1024,
+    n: Annotated[int, Ge(1), Le(MAX_SAMPLES), INTEGER] = 1024,
     *,
-    speed=None,
+    speed: Speed | None = None,
     speeds=None,
     tunings=None,
     directions=("up", "down"),
-    periods=120,
-    record_periods=20,
-    box=DEFAULT_BOX,
-    seed=0,
-    threads=None,
+    periods: Count = 120,
+    record_periods: Count = 20,
+    box: Annotated[tuple[Limits, ...], Values(2)] = DEFAULT_BOX,
+    seed: WholeNumber = 0,
+    threads: Threads = None,
     progress=None,
-    max_seconds=None,
+    max_seconds: MaxSeconds = None,
 ):
     """Compute how jumps, peaks and contact loss scatter with tolerances; return a dataset.
 
@@ -156,13 +166,7 @@ def shard(
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     checks.require(progress is None or callable(progress), "progress", progress, "a function")
     limit = Limit(settings.pop("max_seconds", None))
-    n = checks.integer("n", n, 1, MAX_SAMPLES)
-    first = checks.integer("first", first, 0, n - 1)
-    last = checks.integer("last", last, first + 1, n)
     quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
-    threads = os.cpu_count() if threads is None else checks.integer("threads", threads, 1)
-    if speed is not None:
-        checks.finite_positive("speed", speed)
     designs = Designs(model, tolerances, seed)
     sweeps = _sweep_settings(designs.nominal, **settings)
     if sweeps is None and not quantities:
@@ -221,7 +225,7 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, li
         if progress:
             progress(1)
 
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         list(with_bar("samples", pool.map(compute_sample, range(count)), count))
     data: dict = {}
     for name, column in zip(designs.names, values.T, strict=True):
@@ -265,13 +269,11 @@ def _sweep_settings(
     if "seeded" in directions and model.size > 2:
         allowed = "without 'seeded' for more than one degree of freedom"
         raise checks.refusal("directions", directions, allowed)
-    periods = checks.integer("periods", periods, 1)
-    record_periods = checks.integer("record_periods", record_periods, 1, periods)
-    limits = tuple(tuple(checks.numbers("box", row, 2)) for row in checks.sequence("box", box, 2))
-    for low, high in limits:
-        checks.require(-np.inf < low < high < np.inf, "box", box, "finite increasing limits")
+    allowed = f"an integer from 1 to {periods}"
+    checks.require(record_periods <= periods, "record_periods", record_periods, allowed)
+    checks.require(all(low < high for low, high in box), "box", box, "increasing limits")
     dimension = "tuning" if model.speed is None else "speed"
-    return SweepSettings(dimension, np.sort(grid), directions, periods, record_periods, limits)
+    return SweepSettings(dimension, np.sort(grid), directions, periods, record_periods, box)
 
 
 def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, rows: dict) -> None:

@@ -1,12 +1,13 @@
 """`basins`: attractors of initial states on a grid; `basin_stability`: their shares by tuning."""
 
 import math
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
+from annotated_types import Ge, Le
 from scipy.optimize import linear_sum_assignment
 
-from gearlib import checks
 from gearlib.analysis.global_dynamics.attractors import KINDS, PERIODIC, UNDECIDED, Attractor
 from gearlib.analysis.global_dynamics.classification import check_model, classify
 from gearlib.analysis.global_dynamics.stroboscope import (
@@ -19,8 +20,9 @@ from gearlib.analysis.global_dynamics.stroboscope import (
 )
 from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
+from gearlib.parameters import INTEGER, Boolean, Count, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
-from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
+from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Threads, Tuning, check_tuning
 
 #: Attributes of `Attractor` that are dataset variables of the same name.
 _ATTRACTOR_VARIABLES = ("displacement_max", "displacement_min", "exponent", "uncertainty")
@@ -31,17 +33,18 @@ KIND_FLAGS = flags_of(KINDS)
 _FAMILY_TOLERANCE = 0.25
 
 
+@checked
 def basins(
     model,
-    tuning,
+    tuning: Tuning,
     grid,
     *,
-    periods=500,
-    stop_early=True,
-    seed=0,
-    max_events=MAX_EVENTS,
-    threads=None,
-    max_seconds=None,
+    periods: Count = 500,
+    stop_early: Boolean = True,
+    seed: WholeNumber = 0,
+    max_events: Count = MAX_EVENTS,
+    threads: Threads = None,
+    max_seconds: MaxSeconds = None,
 ):
     """Find the attractors of a damped mesh and the basin of each on a grid of initial states.
 
@@ -105,9 +108,6 @@ def basins(
     """
     stroboscope = Stroboscope(model, tuning, max_events=max_events, threads=threads)
     check_model(model)
-    periods = checks.integer("periods", periods, 1)
-    seed = checks.integer("seed", seed, 0)
-    checks.one_of("stop_early", stop_early, (False, True))
     x, v = grid_axes(grid)
     cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
     states = grid_states(x, v)
@@ -176,17 +176,18 @@ def _attractor_variables(attractors: list[Attractor]) -> dict:
     }
 
 
+@checked
 def basin_stability(
     model,
     tunings,
     region,
     *,
-    samples=400,
-    periods=500,
-    seed=0,
-    max_events=MAX_EVENTS,
-    threads=None,
-    max_seconds=None,
+    samples: Annotated[int, Ge(1), Le(MAX_STATES), INTEGER] = 400,
+    periods: Count = 500,
+    seed: WholeNumber = 0,
+    max_events: Count = MAX_EVENTS,
+    threads: Threads = None,
+    max_seconds: MaxSeconds = None,
 ):
     """Compute which share of a region of initial states leads to each attractor, by tuning.
 
@@ -228,8 +229,7 @@ def basin_stability(
     check_model(model)
     bounds = region_bounds(region)
     low, high = bounds.T
-    cells = int(np.ceil(np.sqrt(checks.integer("samples", samples, 1, MAX_STATES))))
-    periods, seed = checks.integer("periods", periods, 1), checks.integer("seed", seed, 0)
+    cells = int(np.ceil(np.sqrt(samples)))
     attractors_and_shares, limit = [], Limit(max_seconds)
     for i, tuning in limit.each(with_bar("tunings", enumerate(values), values.size)):
         stroboscope = Stroboscope(model, tuning, max_events=max_events, threads=threads)

@@ -1,37 +1,46 @@
 """`poincare_section`: states at a fixed mesh phase; `bifurcation_diagram`: by a parameter."""
 
 import math
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Lt
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import check_one_mesh, distinct_values
-from gearlib.analysis.orbits.followed_parameters import parameter_cases, set_backlash_long_name
+from gearlib.analysis.orbits.followed_parameters import (
+    DimensionlessParameter,
+    parameter_cases,
+    set_backlash_long_name,
+)
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
 from gearlib.engines import orbit
 from gearlib.integrators import choose_method
+from gearlib.parameters import Count, State, Unit, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
-from gearlib.runs.run_arguments import MAX_EVENTS, check_memory, check_tuning
-from gearlib.runs.sweeping import DIRECTIONS
+from gearlib.runs.run_arguments import MAX_EVENTS, Direction, MaxSeconds, Tuning, check_memory
 
 #: Largest number of states in one section.
 MAX_POINTS = 50_000_000
 #: Largest number of states whose sections are computed at a time.
 _MAX_PART = 1024
+#: Mesh phase.
+Phase = Annotated[float, Ge(0), Lt(2.0 * math.pi), Unit("rad")]
 
 
+@checked
 def poincare_section(
     model,
-    tuning,
+    tuning: Tuning,
     states,
     *,
-    periods,
-    settle=0,
-    phase=0.0,
-    max_events=MAX_EVENTS,
-    max_seconds=None,
+    periods: Count,
+    settle: WholeNumber = 0,
+    phase: Phase = 0.0,
+    max_events: Count = MAX_EVENTS,
+    max_seconds: MaxSeconds = None,
 ):
     """Record the states of motions at a fixed mesh phase of every mesh period.
 
@@ -66,7 +75,6 @@ def poincare_section(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    tuning, phase = check_tuning("tuning", tuning), _check_phase(phase)
     starts = np.atleast_2d(float_array(states))
     if starts.ndim != 2 or starts.shape[1] != 2 or not len(starts) or not np.isfinite(starts).all():
         raise checks.refusal(
@@ -74,14 +82,12 @@ def poincare_section(
             states,
             "rows of two finite numbers (displacement in static deflections, dx/dtau)",
         )
-    periods, settle = checks.integer("periods", periods, 1), checks.integer("settle", settle, 0)
     if len(starts) * periods > MAX_POINTS:
         raise ValueError(
             f"states x periods = {len(starts):,} x {periods:,} is not allowed: there must be at "
             f"most {MAX_POINTS:,} states in a section"
         )
-    max_events, limit = checks.integer("max_events", max_events, 1), Limit(max_seconds)
-    method = choose_method(model, None, None)[0]
+    limit, method = Limit(max_seconds), choose_method(model, None, None)[0]
     # Parts of many starts cost no time; single ones do.
     size = 1 if limit.is_set else _MAX_PART
     parts = [starts[i : i + size] for i in range(0, len(starts), size)]
@@ -110,13 +116,6 @@ def poincare_section(
     return limit.mark(dataset, list(range(len(codes), len(starts))))
 
 
-def _check_phase(phase: float) -> float:
-    """Return a mesh phase in rad; raise ValueError unless it is from 0 to less than 2 pi."""
-    return checks.number(
-        "phase", phase, "from 0 to less than 2 pi", lambda p: 0.0 <= p < 2.0 * math.pi
-    )
-
-
 def _section(model, tuning, starts, settle, periods, phase, max_events) -> tuple:
     """Return (recorded states, final states, status codes) of motions from initial states.
 
@@ -137,19 +136,20 @@ def _section(model, tuning, starts, settle, periods, phase, max_events) -> tuple
     return states, ends, codes
 
 
+@checked
 def bifurcation_diagram(
     model,
     values,
     *,
-    parameter="tuning",
-    tuning=None,
-    direction="cold",
-    settle=500,
-    strobes=64,
-    phase=0.0,
-    initial_state=(0.0, 0.0),
-    max_events=MAX_EVENTS,
-    max_seconds=None,
+    parameter: DimensionlessParameter = "tuning",
+    tuning: Tuning | None = None,
+    direction: Direction = "cold",
+    settle: WholeNumber = 500,
+    strobes: Count = 64,
+    phase: Phase = 0.0,
+    initial_state: State = (0.0, 0.0),
+    max_events: Count = MAX_EVENTS,
+    max_seconds: MaxSeconds = None,
 ):
     """Record the stroboscopic states of the steady state for each value of a parameter.
 
@@ -190,15 +190,11 @@ def bifurcation_diagram(
     """
     method = choose_method(model, None, None)[0]
     values = distinct_values("values", values)
-    checks.one_of("direction", direction, DIRECTIONS)
     if direction != "cold" and model.size > 2:
         raise ValueError(
             f"direction = {direction!r} is not allowed for six degrees of freedom: it must be "
             "'cold', because only two of the states that would be carried along are known"
         )
-    settle, strobes = checks.integer("settle", settle, 0), checks.integer("strobes", strobes, 1)
-    initial_state = checks.state("initial_state", initial_state)
-    phase, max_events = _check_phase(phase), checks.integer("max_events", max_events, 1)
     description = f"strobes = {strobes} at {values.size} values"
     check_memory(description, strobes * values.size, 2, "in all")
     cases = parameter_cases(model, tuning, parameter, values)

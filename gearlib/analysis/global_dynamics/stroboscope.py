@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.analysis.orbits.shooting import compose
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.integrators import choose_method
-from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
+from gearlib.parameters import Count, Finite
+from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Motions larger than this, relative to the extent of the model, may grow without bound.
 _MIN_RELATIVE_SIZE = 1e2
@@ -39,11 +40,9 @@ class Stroboscope:
         """
         # Raises ValueError unless a method supports the model.
         choose_method(model, name=None, options=None)
-        self.model, self.tuning = model, check_tuning("tuning", tuning)
-        self.propagator = model.propagator(self.tuning)
-        self.max_events = checks.integer("max_events", max_events, 1)
-        processors = os.cpu_count() or 1
-        self.threads = processors if threads is None else checks.integer("threads", threads, 1)
+        self.model, self.tuning, self.max_events = model, tuning, max_events
+        self.propagator = model.propagator(tuning)
+        self.threads = threads or os.cpu_count() or 1
         self.mesh_periods_per_cycle = model.repeats
         #: Matrices from full states to states without the free rotation (rigid-body motion) of all
         #: shafts, and back.
@@ -146,7 +145,7 @@ def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
         ) from None
     axes = {"grid displacements": displacement_axis, "grid velocities": velocity_axis}
     counts = [
-        checks.integer(f"count of the {name}", axis[2], 1)
+        parameters.check(f"count of the {name}", axis[2], Count)
         if _is_range(axis)
         else float_array(axis).size
         for name, axis in axes.items()
@@ -175,8 +174,8 @@ def _axis_values(name: str, axis: Any) -> np.ndarray:
     """
     if not _is_range(axis):
         return distinct_values(name, axis)
-    first = checks.number(f"first of the {name}", axis[0], "finite", math.isfinite)
-    last = checks.number(f"last of the {name}", axis[1], "finite", math.isfinite)
+    first = parameters.check(f"first of the {name}", axis[0], Finite)
+    last = parameters.check(f"last of the {name}", axis[1], Finite)
     if last < first or (last == first) != (axis[2] == 1):
         raise ValueError(
             f"{name} = {axis!r} is not allowed: the last must be greater than the first, or "
@@ -209,11 +208,9 @@ def region_bounds(region: Any) -> np.ndarray:
         is_valid = is_valid and (np.diff(array) > 0.0).all()
     except (TypeError, ValueError):
         is_valid = False
-    if not is_valid:
-        raise ValueError(
-            f"region = {region!r} is not allowed: it must be ((lowest, highest displacement), "
-            "(lowest, highest dx/dtau)), finite, the second greater"
-        )
+    allowed = "((lowest, highest displacement), (lowest, highest dx/dtau)), finite, the second "
+    allowed += "greater"
+    checks.require(is_valid, "region", region, allowed)
     return array
 
 

@@ -23,7 +23,8 @@ from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multiplie
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.data.motions import float_array
 from gearlib.models.model import is_model
-from gearlib.runs.run_arguments import check_tuning
+from gearlib.parameters import Count, checked
+from gearlib.runs.run_arguments import Tuning
 
 #: Largest residual of a solution, relative to the load or the inertia force if that is larger.
 _MAX_RESIDUAL = 1e-11
@@ -34,7 +35,16 @@ _ADDED_DAMPINGS = (1.0, 0.3, 0.1, 0.03, 0.0)
 _GUESS_HARMONICS, _GUESS_TOLERANCE = 32, 1e-3
 
 
-def harmonic_balance(model, tuning, *, harmonics=64, samples=None, guess=None, period=1):
+@checked
+def harmonic_balance(
+    model,
+    tuning: Tuning,
+    *,
+    harmonics: Count = 64,
+    samples: Count | None = None,
+    guess=None,
+    period: Count = 1,
+):
     """Find a periodic motion by harmonic balance.
 
     Parameters
@@ -134,11 +144,11 @@ def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquatio
     """Return the `MeshEquation` for checked arguments of `harmonic_balance`."""
     if not (is_model(model) and model.has_pair_equation):
         raise checks.refusal("model", model, "a GearPair or a OneDegreePair, one degree of freedom")
-    tuning = check_tuning("tuning", tuning)
-    period = checks.integer("period", period, 1)
-    harmonics = checks.integer("harmonics", harmonics, period)
-    if samples is not None:
-        samples = checks.integer("samples", samples, MIN_SAMPLES * harmonics + 1)
+    allowed = f"an integer >= {period}, the period"
+    checks.require(harmonics >= period, "harmonics", harmonics, allowed)
+    least = MIN_SAMPLES * harmonics + 1
+    is_enough = samples is None or samples >= least
+    checks.require(is_enough, "samples", samples, f"an integer >= {least}")
     return MeshEquation(model, tuning, harmonics, samples, period)
 
 
@@ -172,11 +182,9 @@ def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
             )
         return resize_harmonics(guess.coefficients, equation)
     values = float_array(guess)
-    if values.ndim != 1 or values.size < 3 or not np.isfinite(values).all():
-        raise ValueError(
-            f"guess = {guess!r} is not allowed: it must be a PeriodicSolution or at least 3 "
-            "finite displacements over the period"
-        )
+    allowed = "a PeriodicSolution or at least 3 finite displacements over the period"
+    is_valid = values.ndim == 1 and values.size >= 3 and np.isfinite(values).all()
+    checks.require(is_valid, "guess", guess, allowed)
     coefficients = np.fft.rfft(values, norm="forward")
     # The highest harmonic of an even number of points has no phase, so it is omitted.
     return resize_harmonics(coefficients[: (values.size + 1) // 2], equation)

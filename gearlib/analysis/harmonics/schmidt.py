@@ -22,11 +22,11 @@ E. Schmidt, Math. Ann. 64 (1907) 161-174; Hortel, Skuderova (2007), references [
 from collections.abc import Iterator
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.analysis.harmonics.equation import Force, MeshEquation, from_real_vector, real_vector
 from gearlib.analysis.harmonics.harmonic_balance import (
     check_problem,
@@ -35,6 +35,8 @@ from gearlib.analysis.harmonics.harmonic_balance import (
     stages,
 )
 from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
+from gearlib.parameters import Count, Positive, Values, WholeNumber, checked
+from gearlib.runs.run_arguments import Tuning
 
 #: With degenerate = "auto", harmonics with a larger amplification bound become degenerate.
 _MAX_NORM = 0.5
@@ -81,17 +83,18 @@ class SchmidtSolution(PeriodicSolution):
         }
 
 
+@checked
 def schmidt(
     model,
-    tuning,
+    tuning: Tuning,
     *,
     degenerate="auto",
-    harmonics=1024,
-    samples=None,
-    tolerance=1e-10,
-    max_iterations=2000,
+    harmonics: Count = 1024,
+    samples: Count | None = None,
+    tolerance: Positive = 1e-10,
+    max_iterations: Count = 2000,
     guess=None,
-    period=1,
+    period: Count = 1,
 ):
     """Find a periodic motion by E. Schmidt's splitting of the kernel of an integral equation.
 
@@ -128,8 +131,6 @@ def schmidt(
         Naming the argument, its value and the allowed range.
     """
     equation = check_problem(model, tuning, harmonics, samples, period)
-    tolerance = checks.finite_positive("tolerance", tolerance)
-    max_iterations = checks.integer("max_iterations", max_iterations, 1)
     selected = degenerate_harmonics(equation, degenerate)
     coefficients = first_coefficients(equation, guess)
     iterations, evaluations = 0, 0
@@ -300,6 +301,9 @@ def contraction_factor(equation: MeshEquation, coefficients, degenerate) -> floa
     return float(np.exp(np.mean(np.log(factors[-(_POWER_STEPS // 3) :]))))
 
 
+_Harmonics = Annotated[tuple[WholeNumber, ...], Values()]
+
+
 def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
     """Return the sorted harmonics that `schmidt` solves by Newton's method for its argument.
 
@@ -309,10 +313,17 @@ def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
         checks.one_of("degenerate", degenerate, ("auto",))
         return _resonant(equation, equation.force(first_coefficients(equation, None)))
     if isinstance(degenerate, Real):
-        count = checks.integer("degenerate", degenerate, 0, equation.harmonics + 1)
+        count, most = (
+            parameters.check("degenerate", degenerate, WholeNumber),
+            equation.harmonics + 1,
+        )
+        checks.require(count <= most, "degenerate", degenerate, f"an integer from 0 to {most}")
         return np.sort(np.argsort(np.abs(equation.dynamic_stiffness), kind="stable")[:count])
-    degenerate = checks.sequence("degenerate", degenerate)
-    harmonics = [checks.integer("degenerate", k, 0, equation.harmonics) for k in degenerate]
+    harmonics = parameters.check("degenerate", degenerate, _Harmonics)
+    allowed = f"integers from 0 to {equation.harmonics}"
+    checks.require(
+        max(harmonics, default=0) <= equation.harmonics, "degenerate", degenerate, allowed
+    )
     return np.unique(np.array(harmonics, int))
 
 

@@ -7,10 +7,11 @@ there with the square root of the distance.
 """
 
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
+from annotated_types import Ge
 
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
@@ -18,8 +19,17 @@ from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, as_orbit, check_orbit, is_stable
 from gearlib.analysis.orbits.special_points import BranchPoint, branch_dataset, branch_point
 from gearlib.data.status import flags_of
+from gearlib.parameters import (
+    INTEGER,
+    Count,
+    Finite,
+    Limits,
+    Positive,
+    WholeNumber,
+    checked,
+)
 from gearlib.progress import Limit
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
 
 #: First step, smallest step and step just past a grazing, relative to the largest step.
 _FIRST_STEP, _MIN_STEP, _STEP_PAST_GRAZING = 0.1, 1e-4, 1e-3
@@ -35,19 +45,21 @@ _PROBE_DISTANCE = 1e-3
 _MIN_CLOSED_POINTS = 10
 #: Scaled distances from a period doubling at which the doubled orbit is searched for.
 _SWITCH_DISTANCES = (0.02, 0.005, 0.1, 1e-3)
+MaxPoints = Annotated[int, Ge(2), INTEGER]
 
 
+@checked
 def continue_orbit(
     orbit,
     parameter="tuning",
     *,
-    to,
-    limits=None,
-    max_height=200.0,
-    step=0.05,
-    max_points=4000,
-    max_events=MAX_EVENTS,
-    max_seconds=None,
+    to: Finite,
+    limits: Limits | None = None,
+    max_height: Positive = 200.0,
+    step: Positive = 0.05,
+    max_points: MaxPoints = 4000,
+    max_events: Count = MAX_EVENTS,
+    max_seconds: MaxSeconds = None,
 ):
     """Continue a periodic orbit in a parameter, around folds and through changes of contact.
 
@@ -104,9 +116,6 @@ def continue_orbit(
         orbit.model, orbit.tuning, name, to, "that of the orbit"
     )
     interval = _checked_limits(limits, start, to)
-    max_height = checks.finite_positive("max_height", max_height)
-    step = checks.finite_positive("step", step)
-    max_points = checks.integer("max_points", max_points, 2)
     scale, limit = abs(to - start), Limit(max_seconds)
     problem = Shooting(orbit.model, orbit.tuning, orbit.period, (name,), (scale,), max_events)
     try:
@@ -125,10 +134,7 @@ def _checked_limits(limits: Any, start: float, to: float) -> tuple:
     """
     if limits is None:
         return min(start, to), max(start, to)
-    low, high = (
-        checks.number("limits", limit, "two finite numbers", np.isfinite)
-        for limit in checks.sequence("limits", limits, 2)
-    )
+    low, high = limits
     if not low <= min(start, to) <= max(start, to) <= high:
         raise ValueError(
             f"limits = {limits!r} is not allowed: the orbit's value {start!r} and to = {to!r} must "
@@ -282,7 +288,8 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
     if not is_branch:
         name = type(branch).__name__
         raise ValueError(f"branch = {name} is not allowed: it must be from continue_orbit")
-    point = checks.integer("point", point, 0, branch.sizes["point"] - 1)
+    last = branch.sizes["point"] - 1
+    checks.require(point <= last, "point", point, f"an integer from 0 to {last}")
     if labels and int(branch.label[point]) not in labels:
         allowed = " or ".join(special.LABELS[label] for label in labels)
         raise ValueError(
@@ -307,7 +314,8 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
         raise NoOrbit(f"the orbit of point {point} was not found: {error}") from None
 
 
-def switch_branch(model, branch, point, *, max_events=MAX_EVENTS):
+@checked
+def switch_branch(model, branch, point: WholeNumber, *, max_events: Count = MAX_EVENTS):
     """Return the first orbit of the branch of twice the period from a period doubling.
 
     Parameters

@@ -5,15 +5,16 @@ contact ratio changes neither the mean stiffness nor the damping ratios.
 """
 
 import dataclasses
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.model import is_model
 from gearlib.models.pair_parameters import ratio_fields
+from gearlib.parameters import CHOICE, Backlash, NonNegative, Positive
 from gearlib.runs.run_arguments import check_tuning
 
 #: Name -> (CF units, long_name) of the parameters of every gear pair.
@@ -25,6 +26,12 @@ DIMENSIONLESS_PARAMETERS = {
     "contact_ratio": ("1", "contact ratio epsilon"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max"),
 }
+DimensionlessParameter = Annotated[
+    Literal[
+        "tuning", "damping", "backlash_damping", "backlash", "contact_ratio", "stiffness_ratio"
+    ],
+    CHOICE,
+]
 #: Parameter -> attribute of models with its value, if the names differ.
 _ATTRIBUTE_NAMES = {
     "damping": "damping_ratio",
@@ -48,11 +55,9 @@ def continuation_parameters(model: Any) -> dict:
 def check_parameter(model: Any, name: str) -> str:
     """Return a parameter name; raise ValueError if orbits cannot be continued in it."""
     # A model with gears has a `GearPair`, `mesh`, or the names of the meshes of a train.
-    if not (is_model(model) and (model.pair or model.mesh_names)):
-        raise ValueError(
-            f"pair = {type(model).__name__} is not allowed: it must be a GearPair, a "
-            "OneDegreePair, a SixDegreePair or a GearTrain"
-        )
+    allowed = "a GearPair, a OneDegreePair, a SixDegreePair or a GearTrain"
+    has_gears = is_model(model) and (model.pair or model.mesh_names)
+    checks.require(has_gears, "model", type(model).__name__, allowed)
     return checks.one_of("parameter", name, continuation_parameters(model))
 
 
@@ -63,9 +68,7 @@ def start_and_goal(model: Any, tuning, name: str, goal, start_description) -> tu
     the text for the first value in the message, such as "that of the orbit".
     """
     start = value_of(model, tuning, name)
-    goal = checks.number(
-        "to", goal, f"another {name} than {start_description}", lambda v: v != start
-    )
+    checks.require(goal != start, "to", goal, f"another {name} than {start_description}")
     with_parameter(model, tuning, name, goal)  # raises the ValueError of the model
     return start, goal
 
@@ -85,7 +88,7 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
     Raise ValueError if the value is invalid. All other dimensionless parameters are constant.
     """
     if name == "tuning":
-        return model, checks.finite_positive(name, value)
+        return model, parameters.check(name, value, Positive)
     if name in model.parameters:
         return model.with_parameter(name, value), tuning
     if model.pair is not model:
@@ -93,9 +96,9 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
         inner_pair, _ = with_parameter(model.pair, tuning, name, value)
         return dataclasses.replace(model, pair=inner_pair), tuning
     if name == "backlash":
-        value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
+        value = parameters.check(name, value, Backlash)
     elif name in ("damping", "backlash_damping"):
-        value = checks.finite_nonnegative(name, value)
+        value = parameters.check(name, value, NonNegative)
     if name in _ATTRIBUTE_NAMES:
         return model.replace(**ratio_fields(model, _ATTRIBUTE_NAMES[name], value)), tuning
     changed = model.replace(**{name: value})
@@ -109,7 +112,6 @@ def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np
 
     `tuning` must be None if it is the parameter; other parameters require a `GearPair`.
     """
-    checks.one_of("parameter", parameter, DIMENSIONLESS_PARAMETERS)
     if parameter == "tuning":
         checks.require(tuning is None, "tuning", tuning, "omitted if the tuning is varied")
         return [(model, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
@@ -120,7 +122,6 @@ def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np
             f"parameter = {parameter!r} is not allowed for this {type(model).__name__}: it must be "
             "'tuning' unless the model is a GearPair"
         )
-    tuning = check_tuning("tuning", tuning)
     return [with_parameter(model, tuning, parameter, value) for value in values.tolist()]
 
 

@@ -6,19 +6,22 @@ point on a flank line) define a curve over the state and both parameters.
 
 import itertools
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
 from gearlib import checks
 from gearlib.analysis.orbits import followed_parameters, tracing
-from gearlib.analysis.orbits.continuation import point_of_dataset
+from gearlib.analysis.orbits.continuation import MaxPoints, point_of_dataset
 from gearlib.analysis.orbits.shooting import Evaluation, NoOrbit, Shooting
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS, branch_dataset
 from gearlib.engines.orbit import SAMPLE_A, SAMPLE_V, SAMPLE_X
+from gearlib.parameters import Count, Finite, Positive, Unit, Values, WholeNumber, checked
 from gearlib.progress import Limit
-from gearlib.runs.run_arguments import MAX_EVENTS
+from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
 
+_Limit = Annotated[float, Unit("1", infinite="-infinity and infinity included")]
 #: Scaled step of the finite differences of the condition.
 _DIFFERENCE_STEP = 1e-6
 #: Largest value of the condition, relative to its gradient, at a special point.
@@ -99,18 +102,19 @@ class _SpecialPointProblem(Shooting):
         return solution
 
 
+@checked
 def locus(
     model,
     branch,
-    point,
+    point: WholeNumber,
     parameter,
     *,
-    to,
-    limits=(-np.inf, np.inf),
-    step=0.05,
-    max_points=1000,
-    max_events=MAX_EVENTS,
-    max_seconds=None,
+    to: Finite,
+    limits: Annotated[tuple[_Limit, ...], Values(2)] = (-np.inf, np.inf),
+    step: Positive = 0.05,
+    max_points: MaxPoints = 1000,
+    max_events: Count = MAX_EVENTS,
+    max_seconds: MaxSeconds = None,
 ):
     """Continue a fold, a period doubling or a grazing in a second parameter.
 
@@ -155,9 +159,6 @@ def locus(
     NoOrbit
         If the special point is not found.
     """
-    limits = checks.numbers("limits", limits, 2)
-    step = checks.finite_positive("step", step)
-    max_points = checks.integer("max_points", max_points, 2)
     # The turning point of a grazing is that of one mesh.
     labels = (FOLD, DOUBLING, GRAZING) if getattr(model, "pair", None) else (FOLD, DOUBLING)
     special_point = point_of_dataset(model, branch, point, max_events, labels)

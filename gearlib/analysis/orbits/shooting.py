@@ -13,10 +13,11 @@ grazing, and its multipliers belong to one of the sides.
 import functools
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
+from annotated_types import Ge, Le
 from scipy.linalg import block_diag
 
 from gearlib import checks
@@ -28,7 +29,8 @@ from gearlib.data.result import result
 from gearlib.data.status import CONTACT_FLAGS
 from gearlib.engines import orbit as columns
 from gearlib.integrators import choose_method
-from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
+from gearlib.parameters import INTEGER, Count, checked
+from gearlib.runs.run_arguments import MAX_EVENTS, Tuning
 
 #: Largest residual of an orbit, in static deflections, or relative to a hundredth of its size.
 MAX_RESIDUAL = 1e-12
@@ -94,7 +96,15 @@ def check_orbit(orbit: Any) -> None:
     checks.require(isinstance(orbit, Orbit), "orbit", orbit, "an Orbit")
 
 
-def periodic_orbit(model, tuning, *, guess=None, period=1, max_events=MAX_EVENTS):
+@checked
+def periodic_orbit(
+    model,
+    tuning: Tuning,
+    *,
+    guess=None,
+    period: Annotated[int, Ge(1), Le(MAX_PERIODS), INTEGER] = 1,
+    max_events: Count = MAX_EVENTS,
+):
     """Find a periodic orbit near a guess.
 
     Parameters
@@ -123,10 +133,7 @@ def periodic_orbit(model, tuning, *, guess=None, period=1, max_events=MAX_EVENTS
     NoOrbit
         If there is no orbit near the guess; the message says what to try.
     """
-    choose_method(model, None, None)  # raises ValueError unless `pair` is a model
-    tuning = check_tuning("tuning", tuning)
-    period = checks.integer("period", period, 1, MAX_PERIODS)
-    max_events = checks.integer("max_events", max_events, 1)
+    choose_method(model, None, None)  # raises ValueError unless `model` is a model
     repeats = model.repeats
     if period % repeats:
         raise ValueError(
@@ -187,7 +194,7 @@ class Shooting:
         correspond to one static deflection.
         """
         self.model, self.tuning, self.period = model, tuning, period
-        self.names, self.max_events = names, checks.integer("max_events", max_events, 1)
+        self.names, self.max_events = names, max_events
         self._propagator: Any = None
         #: Matrices that remove the free rotation from full states, and back.
         self.reduction, self.lift = model.reduction()

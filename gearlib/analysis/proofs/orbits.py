@@ -7,9 +7,10 @@ the common tuning of two pieces, the orbit is the only one in the boxes of both.
 import itertools
 import math
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from gearlib import checks
 from gearlib.analysis.orbits.shooting import check_orbit, codes_without_events
@@ -32,8 +33,9 @@ from gearlib.analysis.proofs.path import Path, Windows, smallest_interval
 from gearlib.analysis.proofs.signs import check_contacts, extrema
 from gearlib.data.status import JAMMED, MESSAGES
 from gearlib.engines import orbit as columns
+from gearlib.parameters import INTEGER, checked
 from gearlib.progress import Limit, with_bar
-from gearlib.runs.run_arguments import MAX_EVENTS, check_tuning
+from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Tuning
 
 #: Largest distance between the states of the proven orbit and the candidate, static deflections.
 MAX_DISTANCE = 1e-8
@@ -54,7 +56,8 @@ _MAX_IMAGE_RATIO = 0.8
 _FIRST_PIECE, _MIN_PIECE, _PIECE_GROWTH, _MAX_PIECES = 1.0 / 32.0, 1e-9, 1.6, 100_000
 
 
-def certify(orbit, digits=30):
+@checked
+def certify(orbit, digits: Annotated[int, Ge(10), Le(300), INTEGER] = 30):
     """Prove existence, contact events and stability of a periodic orbit.
 
     Parameters
@@ -88,7 +91,6 @@ def certify(orbit, digits=30):
     events. Method: Krawczyk's test in ball arithmetic, see the page on proofs.
     """
     check_orbit(orbit)
-    digits = checks.integer("digits", digits, 10, 300)
     flint()
     try:
         return _certificate(orbit, simulated_contacts(orbit), digits)
@@ -290,7 +292,8 @@ class Proof:
         return certificate, min(map(digits_of, balls))
 
 
-def certify_range(orbit, *, to, max_seconds=None):
+@checked
+def certify_range(orbit, *, to: Tuning, max_seconds: MaxSeconds = None):
     """Prove that an orbit with the same contacts exists at every tuning of a range.
 
     Parameters
@@ -319,7 +322,6 @@ def certify_range(orbit, *, to, max_seconds=None):
         Without python-flint.
     """
     check_orbit(orbit)
-    to = check_tuning("to", to)
     if to == orbit.tuning:
         raise checks.refusal("to", to, "another tuning than that of the orbit")
     limit = Limit(max_seconds)

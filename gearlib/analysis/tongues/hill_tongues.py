@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from gearlib import checks
 from gearlib.analysis.tongues import meissner
 from gearlib.analysis.tongues.meissner import Tongue, period_map
 from gearlib.models.harmonics import Harmonics
@@ -141,11 +142,8 @@ def _trace_extrema(pair: Any, max_k: float) -> Iterator[tuple]:
     The positions are three values of k = 1 / nu at which the trace T is extremal: before, in and
     after the gap. The very first one is k = 0 with T = 2.
     """
-    if pair.damping_ratio >= 1.0:
-        raise ValueError(
-            f"damping_ratio = {pair.damping_ratio!r} is not allowed: it must be < 1 for a "
-            "stiffness that is not rectangular"
-        )
+    allowed = "< 1 for a stiffness that is not rectangular"
+    checks.require(pair.damping_ratio < 1.0, "damping_ratio", pair.damping_ratio, allowed)
     positions, order = [0.0], 1
     # T / 2 at three successive steps of the scan, from k = 0 on; with order 0 it keeps its sign.
     k, value1, value2 = 2.0 * _SCAN_STEP, 1.0, _half_trace(pair, _SCAN_STEP, order=0)

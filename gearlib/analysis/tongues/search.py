@@ -1,17 +1,19 @@
 """`tongues`: parametric resonance, where the motion without loss of contact is unstable."""
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Ge
 
-from gearlib import checks
+from gearlib import checks, parameters
 from gearlib.analysis.tongues import hill_tongues, meissner
 from gearlib.data.result import result
 from gearlib.models.model import is_model
 from gearlib.models.profiles import Rectangular, Tabulated
+from gearlib.parameters import NonNegative, Numbers, Unit, checked
 from gearlib.progress import Limit, with_bar
-from gearlib.runs.run_arguments import check_tuning
+from gearlib.runs.run_arguments import MaxSeconds, Tuning
 
 #: Parameters that may be varied.
 PARAMETERS = ("stiffness_ratio", "contact_ratio", "damping")
@@ -27,8 +29,16 @@ _COLUMNS = {
 }
 
 
+@checked
 def tongues(
-    model, *, start=0.3, stop=3.0, parameter=None, values=None, step=0.002, max_seconds=None
+    model,
+    *,
+    start: Annotated[float, Ge(MIN_TUNING), Unit("1")] = 0.3,
+    stop: Tuning = 3.0,
+    parameter=None,
+    values: Numbers | None = None,
+    step: Tuning = 0.002,
+    max_seconds: MaxSeconds = None,
 ):
     """Find the tongues of parametric resonance, tunings at which steady contact is unstable.
 
@@ -79,11 +89,8 @@ def tongues(
     Edges in closed form are accurate to about 1e-15, less close to the damping at which both edges
     of a tongue meet. Equations: `gearlib.analysis.tongues.meissner`.
     """
-    start = checks.number("start", start, f">= {MIN_TUNING}", lambda nu: MIN_TUNING <= nu < 1e6)
-    stop = check_tuning("stop", stop)
-    if stop <= start:
-        raise ValueError(f"stop = {stop!r} is not allowed: it must be > start = {start!r}")
-    model, step = checked_model(model), check_tuning("step", step)
+    checks.require(stop > start, "stop", stop, f"> start = {start!r}")
+    model = checked_model(model)
     limit, missing = Limit(max_seconds), []
     if parameter is None:
         checks.require(values is None, "values", values, "left out where parameter is None")
@@ -91,7 +98,8 @@ def tongues(
     else:
         allowed = PARAMETERS if model.pair else (*model.parameters,)[1:]
         checks.one_of("parameter", parameter, allowed)
-        values = _checked_values(values)
+        if values is None:
+            raise checks.refusal("values", None, "given where parameter is")
         models = [replace_parameter(model, parameter, value) for value in values]
         tongue_lists = [
             find_tongues(changed, start, stop, step)
@@ -128,11 +136,8 @@ def checked_model(model: Any) -> Any:
             "model", model, "a GearPair, OneDegreePair, SixDegreePair or GearTrain"
         )
     for name in model.nonlinear:
-        if getattr(model, name):
-            raise ValueError(
-                f"{name} = {getattr(model, name)!r} is not allowed: it must be 0, or the stability "
-                "depends on the motion: see gearlib.periodic_orbit"
-            )
+        allowed = "0, or the stability depends on the motion: see gearlib.periodic_orbit"
+        checks.require(not getattr(model, name), name, getattr(model, name), allowed)
     return model.pair if isinstance(model.profile, Rectangular) else model
 
 
@@ -171,7 +176,7 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
         return model.with_parameter(parameter, value)
     damping = model.damping_ratio
     if parameter == "damping":
-        damping = checks.finite_nonnegative("damping", value)
+        damping = parameters.check("damping", value, NonNegative)
     elif model.size > 2 or isinstance(model.profile, Tabulated):
         raise checks.refusal(
             "parameter", parameter, "'damping' for tabulated stiffness or six degrees of freedom"
@@ -179,13 +184,6 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
     else:
         model = model.replace(**{parameter: value})
     return hill_tongues.with_damping(model, damping)
-
-
-def _checked_values(values: Any) -> tuple:
-    """Return the argument `values` of `tongues` as a tuple; raise ValueError if it is invalid."""
-    numbers = checks.finite("values", values)
-    checks.require(numbers, "values", values, "a sequence of at least one number")
-    return numbers
 
 
 def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension: str) -> tuple:

@@ -77,7 +77,7 @@ def planetary_meshes(
     `centre_distance` of sun and planet is in m; `backlashes` are the normal backlashes of the sun
     mesh and the ring mesh in m. By default both follow from the geometry of the gears.
     """
-    backlash = (None, None) if backlashes is None else checks.sequence("backlashes", backlashes, 2)
+    backlash = backlashes or (None, None)
     internal = getattr(ring, "internal", False)
     checks.require(internal, "ring.internal", False, "True, of a ring gear")
     try:
@@ -88,10 +88,9 @@ def planetary_meshes(
     except ValueError:
         _check_ring_teeth(sun, planet, ring, centre_distance)
         raise
-    count = checks.integer("planets", planets, 1)
     tooth_sum = sun.teeth + ring.teeth
-    positions = equal_positions(sun.teeth, ring.teeth, count) if positions is None else positions
-    angles = checks.finite("positions", checks.sequence("positions", positions, count))
+    positions = equal_positions(sun.teeth, ring.teeth, planets) if positions is None else positions
+    angles = tuple(checks.sequence("positions", positions, planets))
     for i, angle in enumerate(angles):
         pitches = tooth_sum * (angle - angles[0]) / math.tau
         if abs(pitches - round(pitches)) > _POSITION_TOLERANCE:
@@ -100,7 +99,7 @@ def planetary_meshes(
                 "first, or the planet cannot be assembled"
             )
             raise checks.refusal(f"positions[{i}]", angle, allowed)
-    _check_planet_spacing(sun_mesh, count, angles)
+    _check_planet_spacing(sun_mesh, planets, angles)
     return PlanetaryMeshes(sun_mesh, ring_mesh, angles)
 
 

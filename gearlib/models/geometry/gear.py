@@ -7,7 +7,6 @@ action, in m. Positions on the path of contact are those of `gearlib.models.geom
 """
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,10 +14,13 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from gearlib import checks, parameters
 from gearlib.parameters import (
+    CHOICE,
     Boolean,
     Bore,
     Diameter,
     Error,
+    Finite,
+    Length,
     Module,
     NonNegative,
     Relief,
@@ -26,6 +28,7 @@ from gearlib.parameters import (
     Unit,
     Values,
     Width,
+    checked,
     declared,
     described,
 )
@@ -117,6 +120,7 @@ class Web:
 
 #: Shape of a tip relief -> exponent of the gap over the length.
 SHAPES = {"linear": 1, "parabolic": 2}
+Shape = Annotated[Literal["linear", "parabolic"], CHOICE]
 
 
 def gap_of_relief(tip_distance, amount, length, shape: str) -> "np.ndarray":
@@ -138,40 +142,32 @@ class TipRelief:
     length: Annotated[
         ReliefLength, described("L_Ca, of the relieved part along the path of contact")
     ]
-    shape: Annotated[
-        Literal["linear", "parabolic"], parameters.CHOICE, described("Over that length")
-    ] = "linear"
+    shape: Annotated[Shape, described("Over that length")] = "linear"
 
     def gap(self, tip_distance: "ArrayLike") -> "np.ndarray":
         """Return the gap in m at distances from the tip in m, measured along the contact path."""
         return gap_of_relief(tip_distance, self.amount, self.length, self.shape)
 
 
-@dataclass(frozen=True)
+@declared(kw_only=False)
 class PathTable:
-    """A table over the path of contact, linear between its points and constant beyond.
+    """A table over the path of contact, linear between its points and constant beyond."""
 
-    Parameters
-    ----------
-    position : sequence of float
-        Radii of curvature of the pinion's flank, m, strictly increasing, within ``mesh.path``.
-    value : sequence of float
-        Deviations of the flanks in m, or stiffnesses of a pair of teeth in N/m; finite.
-
-    Raises
-    ------
-    ValueError
-        Naming the entry that is wrong.
-    """
-
-    position: tuple
-    value: tuple
+    position: Annotated[
+        tuple[Error, ...],
+        Values(),
+        described(
+            "Radii of curvature of the pinion's flank, strictly increasing, within ``mesh.path``"
+        ),
+    ]
+    value: Annotated[
+        tuple[Finite, ...],
+        Values(),
+        described("Deviations of the flanks in m, or stiffnesses of a pair of teeth in N/m"),
+    ]
 
     def __post_init__(self) -> None:
         """Raise ValueError unless positions increase strictly and each of them has a value."""
-        for name in ("position", "value"):
-            # A frozen dataclass sets its fields by `object.__setattr__` only.
-            object.__setattr__(self, name, checks.finite(name, getattr(self, name)))
         if len(self.position) != len(self.value) or not self.position:
             table = f"a table of {len(self.position)} positions and {len(self.value)} values"
             raise ValueError(f"{table} is not allowed: it must have equally many, at least 1")
@@ -402,9 +398,9 @@ class SpurGear:
         nominal = math.pi / 2.0 + 2.0 * self.shift * math.tan(self.pressure_angle)
         return (self.module * nominal + self.thickness_allowance) / math.cos(self.helix_angle)
 
-    def thickness_at(self, diameter: float) -> float:
+    @checked
+    def thickness_at(self, diameter: Length) -> float:
         """Return the transverse tooth thickness on a circle of a diameter >= d_b, m; ISO 21771."""
-        diameter = checks.finite_positive("diameter", diameter)
         angle = math.acos(min(self.base_diameter / diameter, 1.0))
         narrowing = inv(self.transverse_pressure_angle) - inv(angle)
         return diameter * (self.tooth_thickness / self.reference_diameter + self.sign * narrowing)

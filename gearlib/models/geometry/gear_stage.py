@@ -19,7 +19,23 @@ from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import SpurGear, TipRelief, inv, inverse_involute
 from gearlib.models.geometry.iso import MIN_ROOT_RATIO, iso_rectangle
-from gearlib.parameters import Diameter, RunOut, Unit, declared, described
+from gearlib.parameters import (
+    BelowCritical,
+    Damping,
+    Diameter,
+    DrivingTorque,
+    NonNegative,
+    Phases,
+    Power,
+    RunOut,
+    Speed,
+    Torque,
+    Unit,
+    check,
+    checked,
+    declared,
+    described,
+)
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.mesh_stiffness import MeshStiffness
@@ -73,10 +89,8 @@ class GearStage:
         if self.centre_distance is None:
             object.__setattr__(self, "centre_distance", lower / math.cos(self._nominal_angle()))
         allowed = f"finite and > {lower:.6g} m, where the base circles would have no line of action"
-        distance = checks.number(
-            "centre_distance", self.centre_distance, allowed, lambda v: lower < v < math.inf
-        )
-        object.__setattr__(self, "centre_distance", distance)
+        distance = self.centre_distance
+        checks.require(lower < distance < math.inf, "centre_distance", distance, allowed)
         self._check_interference()
         self._check_contact_ratio()
         longest, is_long = self.longest_relief, self.contact_ratio >= 1.0
@@ -106,7 +120,8 @@ class GearStage:
             equal = any(math.isclose(wheel_value, v, rel_tol=1e-9, abs_tol=1e-12) for v in values)
             checks.require(equal, f"wheel.{name}", wheel_value, allowed)
         if wheel.internal:
-            checks.integer("wheel.teeth", wheel.teeth, pinion.teeth + 1)
+            allowed = f"an integer >= {pinion.teeth + 1}"
+            checks.require(wheel.teeth > pinion.teeth, "wheel.teeth", wheel.teeth, allowed)
 
     def _check_contact_ratio(self) -> None:
         """Raise ValueError unless a pair of teeth is always in contact somewhere on the face."""
@@ -216,7 +231,7 @@ class GearStage:
             backlash = max(backlash, 0.0) if is_given else self.recommended_backlash
         allowed = ">= 0; shifts, allowances of the tooth thickness and centre_distance leave"
         allowed += " too little room"
-        backlash = checks.number("backlash", backlash, allowed, lambda v: 0 <= v < math.inf)
+        checks.require(backlash >= 0.0, "backlash", backlash, allowed)
         object.__setattr__(self, "backlash", backlash)
 
     @property
@@ -360,8 +375,9 @@ class GearStage:
             wheel=replace(self.wheel, tip_relief=wheel),
         )
 
+    @checked
     def transmission_error(
-        self, torque: float | Sequence[float], *, phases: int = 256, **options: Any
+        self, torque: float | Sequence[float], *, phases: Phases = 256, **options: Any
     ) -> Any:
         """Return the static transmission error and the load sharing of the gears under load.
 
@@ -453,7 +469,8 @@ class GearStage:
         with_teeth = checks.one_of("model", model, TRAIN_MODELS) == "teeth"
         if torque is not None:
             allowed = "a finite number, not 0; negative on the coast side"
-            torque = checks.number("torque", torque, allowed, lambda v: math.isfinite(v) and v != 0)
+            torque = check("torque", torque, Torque)
+            checks.require(torque != 0.0, "torque", torque, allowed)
         elif with_teeth:
             problem = (
                 "is missing: it must be given in N m for the model 'teeth', whose transmission "
@@ -588,12 +605,13 @@ def checked_damping(name: str, value: float, stiffness: float, mass: float) -> f
     critical_damping = damping_coefficient(1.0, stiffness, mass)
     if name in ("material_damping", "backlash_damping"):
         allowed = f"a finite number >= 0 and < {critical_damping:.4g} N s/m, a damping ratio of 1"
-        return checks.number(name, value, allowed, lambda v: 0.0 <= v < critical_damping)
+        value = check(name, value, Damping)
+        checks.require(value < critical_damping, name, value, allowed)
+        return value
     if name == "logarithmic_decrement":
-        decrement = checks.finite_nonnegative(name, value)
+        decrement = check(name, value, NonNegative)
         return damping_coefficient(decrement / math.hypot(math.tau, decrement), stiffness, mass)
-    allowed = "a finite number >= 0 and < 1"
-    return checks.number(name, value, allowed, lambda v: 0.0 <= v < 1.0) * critical_damping
+    return check(name, value, BelowCritical) * critical_damping
 
 
 def damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> float:
@@ -601,7 +619,8 @@ def damping_coefficient(damping_ratio: float, stiffness: float, mass: float) -> 
     return 2.0 * damping_ratio * math.sqrt(stiffness * mass)
 
 
-def torque_of(torque: float | None, power: float | None, speed: float | None) -> float:
+@checked
+def torque_of(torque: DrivingTorque | None, power: Power | None, speed: Speed | None) -> float:
     """Return the torque of the pinion, N m, given directly or by power in W and speed in rpm."""
     if torque is not None and power is not None:
         problem = "and power are not allowed together: it must be one of them"
@@ -612,8 +631,4 @@ def torque_of(torque: float | None, power: float | None, speed: float | None) ->
     if power is not None and speed is None:
         problem = "is missing: it must be given in rpm, where power is given"
         raise checks.InputError("speed", problem=problem)
-    if speed is not None:
-        speed = checks.finite_positive("speed", speed)
-    if power is None:
-        return checks.finite_positive("torque", torque)
-    return checks.finite_positive("power", power) / (math.tau / 60.0 * speed)
+    return float(torque) if power is None else power / (math.tau / 60.0 * speed)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gearlib import checks
+from gearlib.parameters import DrivingTorque, Positive, RunOut, checked
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -48,8 +49,9 @@ class IsoStiffness:
     mean: float  #: mesh stiffness c_gamma_alpha = c' (0.75 eps_alpha + 0.25)
 
 
+@checked
 def iso_stiffness(
-    stage: "GearStage", torque: float | None = None, application_factor: float = 1.0
+    stage: "GearStage", torque: DrivingTorque | None = None, application_factor: Positive = 1.0
 ) -> IsoStiffness:
     """Return the mesh stiffness after ISO 6336-1, method B, with its factors.
 
@@ -107,9 +109,7 @@ def _iso_stiffness(
     helix_factor = math.cos(stage.pinion.helix_angle)
     single = theoretical * _THEORY_FACTOR * blank_factor * rack_factor * helix_factor
     single *= material_factor
-    application_factor = checks.finite_positive("application_factor", application_factor)
     if torque is not None:
-        torque = checks.finite_positive("torque", torque)
         force = stage.tangential_force(torque) * application_factor / (stage.width * 1e3)  # N/mm
         single *= min(force / _FULL_STIFFNESS_FORCE, 1.0) ** 0.25
     mean = single * (0.75 * stage.contact_ratio + 0.25)
@@ -181,15 +181,16 @@ class DynamicFactor:
     relief: float  #: B_k
 
 
+@checked
 def dynamic_factor(
     stage: "GearStage",
-    torque: float,
+    torque: DrivingTorque,
     rpm: "ArrayLike",
     *,
-    pitch_deviation: float | None = None,
-    form_deviation: float | None = None,
-    tip_relief: float = 0.0,
-    application_factor: float = 1.0,
+    pitch_deviation: RunOut | None = None,
+    form_deviation: RunOut | None = None,
+    tip_relief: RunOut = 0.0,
+    application_factor: Positive = 1.0,
 ) -> DynamicFactor:
     """Return the dynamic factor of a mesh after ISO 6336-1, method B.
 
@@ -225,7 +226,6 @@ def dynamic_factor(
     """
     import numpy as np  # Imported here, because the checks of the geometry need no numpy.
 
-    torque = checks.finite_positive("torque", torque)
     stiffness = iso_stiffness(checks.gear_stage(stage), torque, application_factor)
     try:
         speed = np.asarray(rpm, float)
@@ -239,13 +239,14 @@ def dynamic_factor(
     resonance_speed = eigenfrequency * 60.0 / (math.tau * stage.pinion.teeth)
     lower_limit = 0.5 + 0.35 * min(math.sqrt(load_per_width / _FULL_RESONANCE_LOAD), 1.0)
     gears = (stage.pinion, stage.wheel)
-    pitch_deviation = _deviation("pitch_deviation", pitch_deviation, gears)
+    if pitch_deviation is None:
+        pitch_deviation = max(gear.pitch_deviation for gear in gears)
+    if form_deviation is None:
+        form_deviation = max(gear.form_deviation for gear in gears)
     pitch_deviation *= math.cos(stage.pinion.transverse_pressure_angle)
-    form_deviation = _deviation("form_deviation", form_deviation, gears)
     # Running in removes 7.5 % of both deviations, but at most 3 um.
     pitch_deviation -= min(0.075 * pitch_deviation, 3e-6)
     form_deviation -= min(0.075 * form_deviation, 3e-6)
-    tip_relief = checks.finite_nonnegative("tip_relief", tip_relief)
     force_ratio_per_metre = 1e9 * stiffness.single / load_per_width
     ignores_relief = any((gear.quality or 0) >= _FIRST_QUALITY_WITHOUT_RELIEF for gear in gears)
     b_p, b_f = force_ratio_per_metre * pitch_deviation, force_ratio_per_metre * form_deviation
@@ -275,10 +276,3 @@ def _coefficients(contact_ratio: float) -> tuple[float, ...]:
     c_v2, c_v3 = 0.57 / (contact_ratio - 0.3), 0.096 / (contact_ratio - 1.56)
     c_v4 = (0.57 - 0.05 * contact_ratio) / (contact_ratio - 1.44)
     return 0.32, c_v2, c_v3, c_v4, 0.47, 0.12 / (contact_ratio - 1.74), c_v7
-
-
-def _deviation(name: str, value: float | None, gears: "tuple[SpurGear, SpurGear]") -> float:
-    """Return the checked deviation `value` in m; None means the larger tolerance of both gears."""
-    if value is not None:
-        return checks.finite_nonnegative(name, value)
-    return max(getattr(gear, name) for gear in gears)

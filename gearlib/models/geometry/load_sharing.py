@@ -34,9 +34,9 @@ from gearlib.models.geometry.gear import PathTable, inv
 from gearlib.models.geometry.iso import pair_stiffness
 from gearlib.models.geometry.mesh_stiffness import (
     PairCompliance,
-    checked_coupling,
     compliance_matrix,
 )
+from gearlib.parameters import Fraction, Numbers, check, checked
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.gear_stage import GearStage
@@ -177,7 +177,6 @@ def tooth_pairs(mesh, phases, *, pitch_errors=None, **options) -> ToothPairs:
     `phases` is the number of phases in each mesh period. There are as many mesh periods as pitch
     errors in m, by default those of the gears. Further options are those of `pairs_at`.
     """
-    phases = checks.integer("phases", phases, 8, 100_000)
     # The mesh phase is 0 in the middle of the segment with the most pairs.
     start = (mesh.contact_ratio - math.floor(mesh.contact_ratio)) / 2.0
     pitch_errors = checked_errors(mesh, pitch_errors)
@@ -401,9 +400,7 @@ def checked_errors(mesh: "GearStage", pitch_errors: ArrayLike | None = None) -> 
     """Return the checked pitch errors of a mesh in m, shape (n,), by default those of its gears."""
     if pitch_errors is None:
         return np.array(mesh.pitch_errors)
-    errors = checks.finite("pitch_errors", pitch_errors)
-    checks.require(errors, "pitch_errors", pitch_errors, "a sequence of at least one number")
-    return np.array(errors)
+    return np.array(check("pitch_errors", pitch_errors, Numbers))
 
 
 def relief_gap(mesh: "GearStage", position: np.ndarray) -> np.ndarray:
@@ -416,7 +413,10 @@ def relief_gap(mesh: "GearStage", position: np.ndarray) -> np.ndarray:
     return gap
 
 
-def _compliance(mesh, position, stiffness, coupling, twist, pair_count) -> np.ndarray:
+@checked
+def _compliance(
+    mesh, position, stiffness, coupling: Fraction | None, twist, pair_count
+) -> np.ndarray:
     """Return the compliance matrices of k pairs of teeth at m phases, shape (m, k, k), m/N.
 
     `position`, (m, k), is on the path of contact in m; `stiffness` is "iso", "energy" or a table
@@ -424,7 +424,6 @@ def _compliance(mesh, position, stiffness, coupling, twist, pair_count) -> np.nd
     default, is the share of the body that all pairs have in common. `pair_count`, int or (m,), is
     the number of pairs on a body in ISO 6336.
     """
-    coupling = checked_coupling(coupling)
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):
         stiffnesses = stiffness.at(position)

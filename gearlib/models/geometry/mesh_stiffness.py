@@ -27,7 +27,7 @@ Weber & Banaschek (1953) (logarithmic in the load).
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,6 +37,7 @@ from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.gear import inv
 from gearlib.models.geometry.iso import MIN_ROOT_RATIO, iso_rectangle, pair_stiffness
 from gearlib.models.profiles import Rectangular, Tabulated
+from gearlib.parameters import CHOICE, DrivingTorque, Fraction, Phases, checked
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.gear import SpurGear
@@ -242,6 +243,10 @@ class Tooth:
         return compliance / (self.gear.material.young * self.width)
 
 
+#: Dependence of the Hertz contact on the load.
+Hertz = Annotated[Literal["constant", "logarithmic"], CHOICE]
+
+
 class PairCompliance:
     """Compliances of a pair of teeth by the energy method along the path of contact, m/N.
 
@@ -250,7 +255,7 @@ class PairCompliance:
 
     def __init__(self, stage: "GearStage", hertz: str = "constant", twist: Any = True) -> None:
         """Prepare a tooth of both gears of a mesh, and check the bores of the gears."""
-        self.mesh, self.hertz = stage, checks.one_of("hertz", hertz, ("constant", "logarithmic"))
+        self.mesh, self.hertz = stage, hertz
         twists = tuple(twist) if isinstance(twist, (tuple, list)) else (twist, twist)
         if len(twists) != 2 or not all(isinstance(value, bool) for value in twists):
             raise checks.refusal("twist", twist, "one of False, True, or two of them")
@@ -341,8 +346,16 @@ def compliance_matrix(pair, positions, forces, coupling=None) -> np.ndarray:
     return matrix
 
 
+@checked
 def energy_stiffness(
-    stage, pitches, count, *, coupling=None, hertz="constant", torque=None, twist=True
+    stage,
+    pitches,
+    count,
+    *,
+    coupling: Fraction | None = None,
+    hertz: Hertz = "constant",
+    torque: DrivingTorque | None = None,
+    twist=True,
 ):
     """Return the mesh stiffness of `count` pairs of teeth by the energy method, N/m, shape (n,).
 
@@ -352,9 +365,8 @@ def energy_stiffness(
     the twist of the bodies about their bores counts.
     """
     pair = PairCompliance(stage, hertz, twist)
-    coupling = checked_coupling(coupling)
-    if hertz == "logarithmic" or torque is not None:
-        torque = checks.finite_positive("torque", torque)
+    allowed = "a finite number > 0 where hertz is 'logarithmic'"
+    checks.require(torque or hertz == "constant", "torque", torque, allowed)
     positions = stage.path[0] + (pitches[:, None] + np.arange(count)) * stage.base_pitch
     load = stage.load(torque or 1.0)
     forces = np.full(positions.shape, load / count)
@@ -365,14 +377,6 @@ def energy_stiffness(
         # The logarithmic contact needs a positive force, even for a pair that would pull.
         forces = np.maximum(pair_stiffness / mesh_stiffness[:, None], 1e-6) * load
     return mesh_stiffness
-
-
-def checked_coupling(coupling: float | None) -> float | None:
-    """Return a coupling from 0 to 1, or None for the shared compliance of the bodies."""
-    if coupling is None:
-        return None
-    allowed = "from 0 to 1, or None for the compliance that bodies share"
-    return checks.number("coupling", coupling, allowed, lambda v: 0.0 <= v <= 1.0)
 
 
 @dataclass(frozen=True)
@@ -406,8 +410,9 @@ class MeshStiffness:
         return {name: getattr(self, name) for name in names}
 
 
+@checked
 def mesh_stiffness(
-    stage: "GearStage", method: str | Tabulated = "iso", *, samples: int = 64, **options: Any
+    stage: "GearStage", method: str | Tabulated = "iso", *, samples: Phases = 64, **options: Any
 ) -> MeshStiffness:
     """Return the mesh stiffness by a method, with its equivalent rectangle of two levels.
 
@@ -480,7 +485,6 @@ def _energy_curve(stage, fewer_pairs, segment, samples, options):
     second one pair less. The curve has about `samples` points; options are those of
     `energy_stiffness`, and the means are in N/m.
     """
-    samples = checks.integer("samples", samples, 8, 100_000)
     pitches, stiffnesses, means = [], [], []
     for start, end, count in ((0.0, segment, fewer_pairs + 1), (segment, 1.0, fewer_pairs)):
         # Five points are enough for the mean of a parabola in a short segment.

@@ -3,6 +3,7 @@
 import itertools
 import math
 from dataclasses import fields, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from gearlib import checks
 from gearlib.data.motions import float_array
 from gearlib.data.variables import describe
-from gearlib.models.geometry.gear import SHAPES, TipRelief, gap_of_relief
+from gearlib.models.geometry.gear import Shape, TipRelief, gap_of_relief
 from gearlib.models.geometry.iso import pair_stiffness
 from gearlib.models.geometry.load_sharing import (
     MIN_SLICES,
@@ -22,6 +23,7 @@ from gearlib.models.geometry.load_sharing import (
     tooth_pairs,
 )
 from gearlib.models.harmonics import Harmonics
+from gearlib.parameters import DrivingTorque, Phases, checked
 
 if TYPE_CHECKING:
     from gearlib.models.geometry.gear_stage import GearStage
@@ -66,7 +68,6 @@ def transmission_error(
     in each mesh period. Options and variables are those of `GearStage.transmission_error`. The
     slices of helical gears are linearized at each load, and their gaps are left out.
     """
-    phases = checks.integer("phases", phases, 8, 100_000)
     torques = np.atleast_1d(float_array(torque))
     valid = torques.ndim == 1 and torques.size and ((torques >= 0.0) & (torques < math.inf)).all()
     checks.require(valid, "torque", torque, "a finite number >= 0, or at least one in a sequence")
@@ -169,13 +170,14 @@ def _contact_ratios(stage, pairs, equilibrium, phases) -> list[float]:
     return ratios
 
 
+@checked
 def optimum_relief(
     stage: "GearStage",
-    torque: float,
+    torque: DrivingTorque,
     *,
     length: str | float | None = None,
-    shape: str = "linear",
-    phases: int = 256,
+    shape: Shape = "linear",
+    phases: Phases = 256,
     **options: Any,
 ) -> "GearStage":
     """Return the mesh with the tip reliefs of least peak-to-peak transmission error at a load.
@@ -215,8 +217,7 @@ def optimum_relief(
     """
     from scipy.ndimage import minimum_filter
 
-    checks.one_of("shape", shape, tuple(SHAPES))
-    load = checks.gear_stage(stage).load(checks.finite_positive("torque", torque))
+    load = checks.gear_stage(stage).load(torque)
     stage = stage.with_reliefs(None, None)
     pair_count = math.floor(stage.contact_ratio)
     limit = stage.longest_relief
@@ -225,7 +226,8 @@ def optimum_relief(
     fixed_length = named_lengths[length] if checks.is_one_of(length, named_lengths) else length
     if fixed_length is not None:
         allowed = f"'long', 'short' or > 0 and <= {limit:.6g} m, (eps_alpha - 1) p_bt"
-        fixed_length = checks.number("length", fixed_length, allowed, lambda v: 0.0 < v <= limit)
+        is_valid = isinstance(fixed_length, Real) and 0.0 < fixed_length <= limit
+        checks.require(is_valid and fixed_length is not True, "length", fixed_length, allowed)
     # A tip relief is less than half of the thickness of the tip.
     tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (stage.pinion, stage.wheel)]
     if stage.overlap_ratio > 0.0:
@@ -313,7 +315,7 @@ def _optimum_of_helical(
 
     `fixed_length` is the length of both reliefs in m or None, and `tips` are their largest amounts.
     """
-    phases = min(checks.integer("phases", phases, 8, 100_000), _HELICAL_PHASES)
+    phases = min(phases, _HELICAL_PHASES)
     limit = stage.longest_relief
     unrelieved = stage.transmission_error(torque, phases=phases, **options)
     deflection = float(unrelieved.transmission_error.mean())

@@ -161,9 +161,7 @@ def planetary(
     n, (sun, ring) = planets, teeth
     planet_teeth = _planet_teeth(teeth, planet_teeth)
     positions = equal_positions(sun, ring, n) if positions is None else positions
-    positions = checks.numbers("positions", positions, n)
-    if ring_phase is not None:
-        checks.number("ring_phase", ring_phase, "finite", math.isfinite)
+    positions = checks.sequence("positions", positions, n)
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
     errors = checks.sequence("pin_errors", pin_errors, n)
     pin_radius, angles = _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle)
@@ -242,7 +240,9 @@ def _planet_teeth(teeth: tuple[int, int], planet_teeth: int | None) -> int:
                 "more than the sun, unless planet_teeth is given"
             )
         planet_teeth = (ring - sun) // 2
-    return checks.integer("planet_teeth", planet_teeth, 3, ring - 1)
+    allowed = f"an integer from 3 to {ring - 1}"
+    checks.require(3 <= planet_teeth < ring, "planet_teeth", planet_teeth, allowed)
+    return planet_teeth
 
 
 def _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle):

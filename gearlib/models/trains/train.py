@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
-from annotated_types import Gt, MinLen
+from annotated_types import Ge, Gt, Le, MinLen
 
 from gearlib import checks
 from gearlib.data import summary
@@ -41,7 +41,18 @@ from gearlib.models.trains.system import (
     largest_norm,
     train_system,
 )
-from gearlib.parameters import Allowed, Boolean, Finite, Unit, Values, declared, described
+from gearlib.parameters import (
+    INTEGER,
+    Allowed,
+    Angle,
+    Boolean,
+    Finite,
+    Unit,
+    Values,
+    checked,
+    declared,
+    described,
+)
 
 
 def _matrix_propagator(model: Model, tuning: float, **options: Any) -> Any:
@@ -53,6 +64,9 @@ def _matrix_propagator(model: Model, tuning: float, **options: Any) -> Any:
 
 
 _Frequency = Annotated[float, Gt(0), Unit("Hz")]
+
+#: Number of orders of mesh frequencies.
+Orders = Annotated[int, Ge(1), Le(1000), INTEGER]
 
 
 @declared()
@@ -365,7 +379,8 @@ class GearTrain(Model):
         # Without gyroscopic forces and excitation only the tuning of the system changes.
         return train_system(self, 1.0, self.segments)
 
-    def static(self, phase: float = 0.0) -> xr.Dataset:
+    @checked
+    def static(self, phase: Angle = 0.0) -> xr.Dataset:
         """Return the static equilibrium of the train, with backlash and errors.
 
         Parameters
@@ -385,7 +400,7 @@ class GearTrain(Model):
         ValueError
             If there is no equilibrium.
         """
-        return statics.static(self, checks.number("phase", phase, "finite", math.isfinite))
+        return statics.static(self, phase)
 
     def modes(self) -> xr.Dataset:
         """Return the natural modes with mean mesh stiffness and all flanks in contact.
@@ -398,7 +413,8 @@ class GearTrain(Model):
         """
         return natural_modes.modes(self)
 
-    def phasing(self, count: int = 12) -> xr.Dataset:
+    @checked
+    def phasing(self, count: Orders = 12) -> xr.Dataset:
         """Return the modal forces by which harmonics of the mesh frequencies excite the modes.
 
         They are those of the mesh stiffness and of the transmission error of the teeth.
@@ -414,9 +430,10 @@ class GearTrain(Model):
             Over `stiffness_order` and `mode`: modal_force, phase_sum (0: the meshes cancel each
             other, 1: all meshes in phase), excites.
         """
-        return natural_modes.phasing(self, checks.integer("count", count, 1, 1000))
+        return natural_modes.phasing(self, count)
 
-    def campbell(self, count: int = 3) -> xr.Dataset:
+    @checked
+    def campbell(self, count: Orders = 3) -> xr.Dataset:
         """Return the critical speeds, where multiples of mesh frequencies are natural frequencies.
 
         The natural frequencies are those of `modes` and do not depend on the speed.
@@ -432,7 +449,7 @@ class GearTrain(Model):
             The dataset of `phasing` at these orders, and critical_speed over `stiffness_order` and
             `mode`, in rpm of the reference pinion.
         """
-        return natural_modes.campbell(self, checks.integer("count", count, 1, 1000))
+        return natural_modes.campbell(self, count)
 
     @cached_property
     def _static_state(self) -> np.ndarray:

@@ -9,7 +9,8 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
-from gearlib import checks
+from gearlib import parameters
+from gearlib.parameters import Backlash
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -75,8 +76,7 @@ def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain
     The mean stiffness does not change, nor do natural frequencies and static deflection.
     """
     if name == "backlash":
-        value = checks.number(name, value, "a number >= 0, inf included", lambda v: v >= 0.0)
-        value *= train.static_deflection
+        value = parameters.check(name, value, Backlash) * train.static_deflection
     meshes = []
     for mesh in train.meshes:
         changed = dataclasses.replace(mesh, **{name: value})
