@@ -143,8 +143,7 @@ def rig_signal(
     time, values = _samples(data, variable)
     attrs, notes = {}, []
     if tacho is None:
-        if per_turn != 1:
-            raise checks.refusal("pulses_per_revolution", per_turn, "1 without tacho")
+        checks.require(per_turn == 1, "pulses_per_revolution", per_turn, "1 without tacho")
         if "speed" not in data.variables or data["speed"].shape != data["time"].shape:
             raise ValueError("tacho = None is not allowed for a dataset without speed")
         speed = np.asarray(data["speed"].values, float)
@@ -305,8 +304,7 @@ def _counted_pulses(pulses: np.ndarray, per_turn: int) -> tuple:
         places = [f"{time:.6g} s" for time in attrs["double_pulses"]]
         notes.append(f"A double tacho pulse is left out: {_listed(places)}.")
     times, counts = times[kept], counts[kept]
-    if times.size < 4:
-        raise checks.refusal("tacho", pulses.tolist(), "at least four regular pulses")
+    checks.require(times.size >= 4, "tacho", pulses.tolist(), "at least four regular pulses")
     for a, b in _irregular(times, counts):
         raise _irregular_pulse(times, counts, first, a, b)
     return times, counts, attrs, notes

@@ -308,9 +308,8 @@ class _InitialStates(Section):
 
 def _check_damped(key, damping):
     """Raise ValueError if `damping` is zero, because undamped motions have no attractors."""
-    if damping.material_damping == damping.backlash_damping == 0.0:
-        allowed = "> 0 for material or backlash, because a mesh without damping has no attractors"
-        raise checks.refusal(key, 0, allowed)
+    allowed = "> 0 for material or backlash, because a mesh without damping has no attractors"
+    checks.require(not damping.material_damping == damping.backlash_damping == 0.0, key, 0, allowed)
 
 
 class Basins(_InitialStates):

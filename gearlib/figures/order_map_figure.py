@@ -59,8 +59,7 @@ def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, 
             )
         for attribute in ("variable", "amplitude"):
             value, allowed = data.attrs[attribute], found.attrs[attribute]
-            if value != allowed:
-                raise checks.refusal(f"measured.{attribute}", value, repr(allowed))
+            checks.require(value == allowed, f"measured.{attribute}", value, repr(allowed))
     found, unit = _in_decibels(found, vertical)
     high = float(found.level.max()) if levels is None else levels[1]
     low = high - LEVEL_RANGE if levels is None else levels[0]

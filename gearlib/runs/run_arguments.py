@@ -56,8 +56,7 @@ def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
     `tuning_name` and `speed_name` are the names of these arguments in the error message. A speed is
     refused for a model without rotating bodies or without a time scale.
     """
-    if not is_model(model):
-        raise checks.refusal("model", model, "a model such as GearPair")
+    checks.require(is_model(model), "model", model, "a model such as GearPair")
     checks.exactly_one(tuning_name, tuning, speed_name, speed)
     if speed is not None and model.speed is None:
         raise ValueError(

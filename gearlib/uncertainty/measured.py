@@ -47,11 +47,9 @@ def read_measured(path):
     ValueError
         Naming the file, the key or column, its value and what is allowed.
     """
-    if not isinstance(path, (str, Path)):
-        raise checks.refusal("path", path, "a YAML file")
+    checks.require(isinstance(path, (str, Path)), "path", path, "a YAML file")
     path = Path(path)
-    if not path.is_file():
-        raise checks.refusal("path", str(path), "a YAML file")
+    checks.require(path.is_file(), "path", str(path), "a YAML file")
     description = measured_description.read(path)
     data = xr.Dataset(attrs={"repairs": ""})
     try:

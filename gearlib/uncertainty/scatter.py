@@ -266,9 +266,8 @@ def _sweep_settings(
         grid = check_tunings("speeds", speeds, check_speed, tuning_at=model.tuning_at)
     directions = checked_names("directions", directions, DIRECTIONS)
     checks.require(directions, "directions", directions, "at least one")
-    if "seeded" in directions and model.size > 2:
-        allowed = "without 'seeded' for more than one degree of freedom"
-        raise checks.refusal("directions", directions, allowed)
+    allowed = "without 'seeded' for more than one degree of freedom"
+    checks.require("seeded" not in directions or model.size <= 2, "directions", directions, allowed)
     allowed = f"an integer from 1 to {periods}"
     checks.require(record_periods <= periods, "record_periods", record_periods, allowed)
     checks.require(all(low < high for low, high in box), "box", box, "increasing limits")

@@ -220,7 +220,7 @@ gears --shift 0.2 --module '2 mm' | --module is not allowed as a value
 run-up PAIR --start 2000 --stop '5 kg' --acceleration 9 | stop = '5 kg' is not allowed
 run-up PAIR --start 2000 --duration 1 | stop is missing: it must be a finite number >= 0
 run-up PAIR --start 2000 --stop 3000 --duration '2 kg' | '2 kg' is not allowed: it must be
-sweep PAIR --start 0 | start = 0 is not allowed: it must be a finite number > 0
+sweep PAIR --start 0 | start = 0 is not allowed: it must be a finite number from 1e-12
 sweep PAIR --start 1 --stop 1 | stop = 1 is not allowed: it must be another
 sweep DRAWN --stop 1e9rpm | stop = 1000000000.0 is not allowed
 simulate DRAWN --model six_degrees --speed 4000 | bearing_stiffness is missing

@@ -322,8 +322,7 @@ def certify_range(orbit, *, to: Tuning, max_seconds: MaxSeconds = None):
         Without python-flint.
     """
     check_orbit(orbit)
-    if to == orbit.tuning:
-        raise checks.refusal("to", to, "another tuning than that of the orbit")
+    checks.require(to != orbit.tuning, "to", to, "another tuning than that of the orbit")
     limit = Limit(max_seconds)
     flint()
     try:

@@ -105,12 +105,11 @@ def planetary_meshes(
 
 def equal_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
     """Return the angles in rad of `count` equally spaced planets; ValueError if they do not fit."""
-    if (sun_teeth + ring_teeth) % count:
-        allowed = (
-            f"such that (z_s + z_r) / N = ({sun_teeth} + {ring_teeth}) / {count} is an integer, "
-            "for equal spacing"
-        )
-        raise checks.refusal("planets", count, allowed)
+    allowed = (
+        f"such that (z_s + z_r) / N = ({sun_teeth} + {ring_teeth}) / {count} is an integer, "
+        "for equal spacing"
+    )
+    checks.require((sun_teeth + ring_teeth) % count == 0, "planets", count, allowed)
     return [2.0 * math.pi * i / count for i in range(count)]
 
 
@@ -140,9 +139,8 @@ def _check_planet_spacing(sun_mesh: GearStage, count: int, angles: Sequence[floa
     ]
     distance = 2.0 * sun_mesh.centre_distance * math.sin(min(*spacings, math.pi) / 2.0)
     tip_diameter = sun_mesh.wheel.tip_diameter
-    if count > 1 and distance <= tip_diameter:
-        allowed = (
-            f"such that the tip circles of neighbours, {tip_diameter:.6g} m in diameter, keep "
-            f"clear of each other; their axes are {distance:.6g} m apart"
-        )
-        raise checks.refusal("planets", count, allowed)
+    allowed = (
+        f"such that the tip circles of neighbours, {tip_diameter:.6g} m in diameter, keep "
+        f"clear of each other; their axes are {distance:.6g} m apart"
+    )
+    checks.require(count <= 1 or distance > tip_diameter, "planets", count, allowed)

@@ -263,11 +263,8 @@ class PairCompliance:
         self._teeth = [Tooth(gear, stage.width, gear_twist) for gear, gear_twist in gears]
         for tooth, name in zip(self._teeth, ("pinion", "wheel"), strict=True):
             max_bore = tooth.gear.root_diameter / MIN_ROOT_RATIO
-            if tooth.gear.bore > max_bore:
-                allowed = (
-                    f"at most {max_bore:.6g} m, root over {MIN_ROOT_RATIO}, for the energy method"
-                )
-                raise checks.refusal(f"{name}.bore", tooth.gear.bore, allowed)
+            allowed = f"at most {max_bore:.6g} m, root over {MIN_ROOT_RATIO}, for the energy method"
+            checks.require(tooth.gear.bore <= max_bore, f"{name}.bore", tooth.gear.bore, allowed)
 
     def teeth_with_phi(self, position: np.ndarray) -> list[tuple[Tooth, np.ndarray]]:
         """Return both teeth that touch at positions in m, each with phi of its flank there.

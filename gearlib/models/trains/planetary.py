@@ -96,12 +96,7 @@ def planetary(
     positions: Positions = None,
     masses: Annotated[
         tuple[Mass, ...], Values(4), described("Masses of sun, ring, carrier and one planet")
-    ] = (
-        0.4,
-        2.35,
-        5.43,
-        0.66,
-    ),
+    ] = (0.4, 2.35, 5.43, 0.66),
     reduced_inertias: Annotated[
         tuple[Mass, ...],
         Values(4),
