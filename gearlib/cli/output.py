@@ -16,14 +16,9 @@ _SHOWN = (
     *("tuning", "speed", "revolution_speed", "revolution_time", "static_deflection", "period"),
     *("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min"),
     *("dynamic_factor", "peak_force_ratio", "mean_force"),
-    *("load_sharing", "fraction_drive", "bounces", "mesh_frequency_hertz", "resonance_speed"),
-    *(
-        "mesh_force_max",
-        "mesh_force_min",
-        "error_peak_to_peak",
-        "error_rms",
-        "contact_loss_fraction",
-    ),
+    *("load_sharing", "fraction_drive", "contact_loss_fraction", "bounces"),
+    *("mesh_frequency_hertz", "resonance_speed"),
+    *("mesh_force_max", "mesh_force_min", "error_peak_to_peak", "error_rms"),
     *("natural_frequency", "mode_kind", "mesh_force", "contact", "grazing", "state", "pattern"),
     *("multiplier_real", "multiplier_imaginary", "complete"),
 )
