@@ -75,7 +75,7 @@ def test_texts_are_read_in_si_units():
     compare(EVERY, load(CONFIG | {"train": EVERY}).train.model_dump())
     # The example has all keys of parts; OWN has those of drawn gears.
     drawn = {"gear", "line_of_action", *train_section.DRAWN_MESH_KEYS} - {"material_damping"}
-    for part, keys in (("Body", "bodies"), ("Shaft", "shafts"), ("GearStage", "meshes")):
+    for part, keys in (("Body", "bodies"), ("Shaft", "shafts"), ("Mesh", "meshes")):
         fields = getattr(train_section, f"{part}Part").model_fields
         assert fields.keys() - EVERY["own"][keys][0].keys() <= drawn
 
