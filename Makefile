@@ -85,7 +85,7 @@ wheel: $(TESTING)
 	GEARLIB_DIST=dist $(BIN)/python -m pytest tests/wheel -rs $(ARGS)
 
 report: all
-	$(BIN)/snakemake --report results/report.html
+	$(BIN)/snakemake --report results/report.html --report-stylesheet workflow/report/report.css
 
 # Jobs that measure wall times run alone anyway.
 speed-and-accuracy: $(INSTALLED)

@@ -69,9 +69,6 @@ __all__ = [name for name in sorted(_PUBLIC) if name != "__version__"]
 def __getattr__(name):
     if name in _PUBLIC:
         return getattr(import_module(f"{__name__}.{_PUBLIC[name]}"), name)
-    removed = import_module(f"{__name__}.removed")
-    if name in removed.REMOVED:
-        raise AttributeError(removed.removal_message(name))
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -2,144 +2,96 @@
 
 Snakemake does not see edits of imported modules. Every start of it writes the lists whose sources
 have changed, so that an edit reruns the jobs whose results it can change, and a touched file reruns
-nothing.
-
-Modules that are loaded by name, with `import_module`, are found if they are imported under
-`if TYPE_CHECKING` too, or if the rule names them.
+nothing. Modules that are loaded by name, with `import_module`, are named by the rule.
 """
 
+import ast
 import hashlib
 import os
-import re
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
-PACKAGE = "gearlib"
+import grimp
 
 #: Folder of the lists, beside what Snakemake records of its jobs.
 LISTS = Path(".snakemake/sources")
 
-# Every start of Snakemake lists the sources of all scripts, and a parser takes ten times as long.
-# Text between quotes that looks like an import counts as one.
-_IMPORT = re.compile(
-    r"^[ \t]*(?:import[ \t]+([^\n#;]+)"
-    r"|from[ \t]+([\w.]+)[ \t]+import[ \t]*(?:\(([^)]*)\)|([^\n#;]+)))",
-    re.M,
-)
 
+def sources(script, loaded=(), package="gearlib"):
+    """Return the sorted paths of a script and of all modules that it imports, also indirectly.
 
-def sources(script, root, loaded=()):
-    """Return the files of a script and of all package modules that it imports, also indirectly.
-
-    `root` is the folder of the package; `loaded` names modules that the script loads dynamically.
-    ``gearlib/__init__.py`` does not count: it only has lazy names, so that scripts and modules
-    import submodules by full names. ImportError for lazy names and undeclared dynamic imports.
+    These are modules of the package and scripts in the same folder; `loaded` names modules that the
+    script loads by name. The ``__init__.py`` of the package only has lazy names and does not count:
+    ImportError if it is imported for them. Paths are relative to the working directory.
     """
-    script, root = os.fspath(script), os.fspath(root)
-    files, pending = set(), [script]
-    for name in loaded:
-        pending += _module_files(name, os.path.dirname(script), root, script)
-    while pending:
-        path = pending.pop()
-        if path not in files:
-            files.add(path)
-            pending += _imported_files(path, root)
-    return sorted(map(Path, files))
+    graph, known_modules = _imports_of(package)
+    scripts, modules = [Path(script)], {*loaded}
+    for path in scripts:
+        for name in _imported_names(path):
+            first = name.split(".")[0]
+            other_script = path.with_name(f"{first}.py")
+            if first == package:
+                modules.add(name if name in known_modules else name.rpartition(".")[0])
+            elif other_script.is_file() and other_script not in scripts:
+                scripts.append(other_script)
+    modules = modules.union(*map(graph.find_upstream_modules, modules))
+    if package in modules:
+        raise ImportError(f"{script} imports from {package} itself: import its modules")
+    return sorted([*map(os.path.relpath, scripts), *map(_file_of, modules)])
 
 
-def listed(script, files):
-    """Write the list of a script's source `files` with checksums if it changed; return its path."""
-    names = [_relative_path(os.fspath(file)) for file in files]
-    digest = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
+def listed(script, paths):
+    """Write the list of a script's source files with checksums if it changed; return its path."""
+    digest = hashlib.sha256("\n".join(paths).encode()).hexdigest()[:8]
     path = LISTS / f"{Path(script).stem}-{digest}.txt"
-    text = "".join(f"{_checksum(name)}  {name}\n" for name in names)
+    text = "".join(f"{_checksum(source)}  {source}\n" for source in paths)
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(f".{os.getpid()}.{path.name}")
         temporary.write_text(text, encoding="utf-8")
-        # Snakemake compares dates if it does not know the job of a result.
-        newest = max(map(_modified, names))
-        os.utime(temporary, ns=(newest, newest))
         os.replace(temporary, path)
     return str(path)
 
 
-def read(path):
-    """Return the source files in the list at `path`, without their checksums."""
-    lines = Path(path).read_text(encoding="utf-8").splitlines()
-    return [line.split("  ", 1)[1] for line in lines]
+@cache
+def _imports_of(package):
+    """Return the graph of imports of a package, and the set of its modules.
+
+    Imports for type checkers only are left out. Importing a module also runs the packages around
+    it, which the graph counts as its imports.
+    """
+    graph = grimp.build_graph(package, cache_dir=None, exclude_type_checking_imports=True)
+    modules = graph.modules
+    for module in modules:
+        parent = module.rpartition(".")[0]
+        if parent not in ("", package):
+            graph.add_import(importer=module, imported=parent)
+    return graph, modules
 
 
 @cache
-def _relative_path(path):
+def _imported_names(path):
+    """Return the names that a script imports, such as "os" or "job.datasets"."""
+    names = []
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+    return names
+
+
+@cache
+def _file_of(module):
+    """Return the path of a module of a package."""
+    package, *parts = module.split(".")
+    path = os.path.join(os.path.dirname(find_spec(package).origin), *parts)
+    path = os.path.join(path, "__init__.py") if os.path.isdir(path) else f"{path}.py"
     return os.path.relpath(path)
 
 
 @cache
-def _modified(path):
-    return os.stat(path).st_mtime_ns
-
-
-@cache
 def _checksum(path):
+    """Return the SHA-256 of a file as text."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
-
-
-@cache
-def _imported_files(path, root):
-    """Return the files that a Python file imports from the package or from its own folder."""
-    return list(_follow_imports(path, root))
-
-
-def _follow_imports(path, root):
-    """Yield each file that a Python file imports from the package or from its own folder."""
-    with open(path, encoding="utf-8") as file:
-        text = file.read()
-    if ("import_module" in text or "__import__" in text) and "if TYPE_CHECKING:" not in text:
-        raise ImportError(f"{path}: import under TYPE_CHECKING what is loaded by name")
-    folder = os.path.dirname(path)
-    for modules, origin, in_brackets, without_brackets in _IMPORT.findall(text):
-        for name in _names(modules):
-            if name == PACKAGE:
-                raise ImportError(f"{path}: import {name}: import modules by full names")
-            yield from _module_files(name, folder, root, path)
-        if not origin:
-            continue
-        if origin.startswith("."):
-            raise ImportError(f"{path}: from {origin}: import {PACKAGE} modules by full names")
-        yield from _module_files(origin, folder, root, path)
-        for name in _names(re.sub("#.*", "", in_brackets) or without_brackets):
-            name, optional = f"{origin}.{name}", origin != PACKAGE
-            yield from _module_files(name, folder, root, path, optional)
-
-
-def _names(text):
-    """Return the imported names in the text of an import statement, without "as ..."."""
-    return [name.split()[0] for name in text.split(",") if name.strip()]
-
-
-def _module_files(name, folder, root, importer, optional=False):
-    """Return the files that ``import name`` runs, from the package or the importer's `folder`.
-
-    ImportError if the package has no such module, unless it is `optional`.
-    """
-    files = _files(name, root) if name.split(".")[0] == PACKAGE else _beside(name, folder)
-    if None in files and not optional:
-        raise ImportError(f"{importer}: {name} is no module of {PACKAGE}; import by full names")
-    return [path for path in files if path]
-
-
-@cache
-def _beside(name, folder):
-    """Return a list with the file of the module `name` in a folder, empty if there is none."""
-    path = os.path.join(folder, f"{name}.py")
-    return [path] if os.path.isfile(path) else []
-
-
-@cache
-def _files(name, root):
-    """Return the file of each module in a dotted name, with None for a missing one."""
-    parts = name.split(".")
-    folders = [os.path.join(root, *parts[:depth]) for depth in range(2, len(parts) + 1)]
-    candidates = [(f"{folder}.py", os.path.join(folder, "__init__.py")) for folder in folders]
-    return [next(filter(os.path.isfile, pair), None) for pair in candidates]

@@ -506,19 +506,26 @@ def schema():
     click.echo(schema_text(), nl=False)
 
 
+_FOLDER = click.Path(file_okay=False, path_type=Path)
+
+
 @main.command()
-@click.argument("path", metavar="[FILE]", type=options.FILE, default="gears.yaml")
-@click.option("--force", is_flag=True, help="Replace an existing file.")
-def init(path, force):
-    """Write a configuration to start from into FILE, by default gears.yaml, with every key."""
+@click.argument("folder", type=_FOLDER)
+def init(folder):
+    """Begin a project: write a configuration to start from into FOLDER/config.yaml.
+
+    `gearlib workflow -j2`, called in FOLDER, computes its targets into FOLDER/results.
+    """
     from gearlib.config import new_project
 
-    output.check("FILE", path, force, options.YAML)
-    output.write_text(path, new_project.text(path.name))
+    path = folder / DEFAULT_CONFIG
+    if path.exists():
+        raise click.UsageError(f"{path} exists: choose another folder")
+    output.write_text(path, new_project.TEXT)
 
 
 @main.command()
-@click.argument("folder", type=click.Path(file_okay=False, path_type=Path), default="paper")
+@click.argument("folder", type=_FOLDER, default="paper")
 @click.option(
     "-j", "--jobs", default=2, type=click.IntRange(1), show_default=True, help="Parallel processes."
 )
@@ -528,9 +535,46 @@ def paper(folder, jobs, everything):
 
     FOLDER gets results/ and a config.yaml; an existing config.yaml is used as it is.
     """
-    if not (folder / "config.yaml").exists():
-        output.write_text(folder / "config.yaml", (_ROOT / "config.yaml").read_text("utf-8"))
+    path = folder / DEFAULT_CONFIG
+    if not path.exists():
+        output.write_text(path, (_ROOT / DEFAULT_CONFIG).read_text("utf-8"))
     _run_snakemake(folder, [f"-j{jobs}", "all" if everything else "paper"])
+
+
+@main.command(params=[click.Argument(["folders"], nargs=-1, required=True, type=_FOLDER)])
+@click.option("-o", "--output", "picture", type=options.FILE, help="Picture to draw, as curve.png.")
+@click.option("--force", is_flag=True, help="Replace an existing picture.")
+def compare(folders, picture, force):
+    """Compare projects: print their gears side by side, and draw their resonance in one figure.
+
+    Each FOLDER has results/resonance.nc, which `gearlib workflow -j2 resonance` computes there.
+    """
+    import pandas
+
+    from gearlib.data import storage
+
+    output.check("--output", picture, force, options.PICTURES)
+    names = [folder.resolve().name for folder in folders]
+    if len(set(names)) < len(names):
+        raise click.UsageError(f"FOLDER {' '.join(names)}: the names of the folders must differ")
+    curves, columns = [], {}
+    for name, folder in zip(names, folders, strict=True):
+        path = folder / "results/resonance.nc"
+        allowed = "a folder with results/resonance.nc, computed by `gearlib workflow -j2 resonance`"
+        checks.require(path.is_file(), "FOLDER", str(folder), allowed)
+        curves.append(storage.read(path))
+        scalars = [value for value in curves[-1].data_vars.values() if not value.ndim]
+        rows = [(x.name, "", WRITTEN_UNITS.get(x.units, x.units), float(x)) for x in scalars]
+        if (table := path.with_name("gears.csv")).is_file():
+            cells = pandas.read_csv(table, keep_default_na=False)
+            rows = cells[["name", "of", "unit", "value"]].values.tolist()
+        columns[name] = {" ".join(filter(None, row[:3])): row[3] for row in rows}
+    output.frame(pandas.DataFrame(columns))
+    if picture:
+        from gearlib.figures import resonance_figure, style
+
+        style.save(resonance_figure.draw_cases(curves, names), picture)
+        click.echo(f"drawn in {picture}")
 
 
 @main.command(context_settings={"ignore_unknown_options": True, "help_option_names": ["-h"]})
@@ -566,7 +610,6 @@ def _run_snakemake(folder, arguments):
         raise ModuleNotFoundError("Snakemake is not installed", name="snakemake")
     command = [sys.executable, "-m", "snakemake", "--snakefile", _ROOT / "Snakefile"]
     command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
-    # The path in the profile would be relative to the folder of the rules.
     command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
     # It is None where standard output, descriptor 1, is closed.
     is_pipe = sys.__stdout__ is not None and not os.isatty(1)

@@ -88,7 +88,7 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     a drawing; otherwise `_UNDAMPED` and `_UNUSED_PAIR` replace missing sections.
     """
     damping, kind, profile = (values.pop(x, None) for x in ("damping", "model", "profile"))
-    mapping = _read(values.pop("config"), values.pop("case"), damping)
+    mapping = _read(values.pop("config"), damping)
     sections = _take_sections(values, needs_drawing)
     drawing, pair, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
     # A damping needs both coefficients; --damping-ratio alone means no damping without contact.
@@ -148,24 +148,18 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     return Gears(mapping, settings, damping=damping, kind=kind, drawn=drawn)
 
 
-def _read(path: Path | None, case: str | None, damping: str | None) -> dict:
-    """Return the configuration in `path` or in config.yaml, or a case of it; {} without a file."""
+def _read(path: Path | None, damping: str | None) -> dict:
+    """Return the configuration in `path` or in config.yaml; {} without a file."""
     if path is None and not DEFAULT_CONFIG.exists():
-        if case or damping:
-            raise click.UsageError("--case and --damping need a configuration: give --config")
+        if damping:
+            raise click.UsageError("--damping needs a configuration: give --config")
         return {}
     mapping, repeated = yaml_keys.read(path or DEFAULT_CONFIG)
     if repeated:
         raise click.UsageError("\n".join(repeated))
     if unknown := config.unknown_sections(mapping):
         raise click.UsageError("\n".join(unknown))
-    cases = config.cases(mapping) if "cases" in mapping else {"": mapping}
-    if (case or "") not in cases:
-        allowed = (
-            f"one of {', '.join(cases)}" if "cases" in mapping else "left out: there are no cases"
-        )
-        raise click.UsageError(f"--case {case or 'is missing'}: it must be {allowed}")
-    return cases[case or ""]
+    return mapping
 
 
 def _take_sections(values: dict, needs_drawing: bool) -> dict:

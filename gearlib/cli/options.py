@@ -14,7 +14,6 @@ from gearlib.config import validation
 from gearlib.config.gear_pair_section import DAMPINGS, Damping, GearPairSection
 from gearlib.config.gears_section import Gears, WheelSection
 from gearlib.data.variables import QUANTITIES
-from gearlib.removed import REMOVED, removal_message
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 #: Endings of files of data, configurations and pictures.
@@ -61,13 +60,10 @@ def mapping_of(text):
 
 
 class Command(click.Command):
-    """A command whose option --teeth takes one or two values, and that reports removed options."""
+    """A command whose option --teeth takes one or two values."""
 
     def parse_args(self, ctx, args):
-        """Refuse removed options; join two values of --teeth, because click expects one."""
-        for option_name in (arg.partition("=")[0] for arg in args):
-            if (name := f"{ctx.info_name} {option_name}") in REMOVED:
-                raise click.UsageError(removal_message(name), ctx)
+        """Join two values of --teeth, because click expects one."""
         args = [part for arg in args for part in re.split("(?<=^--teeth)=", arg)]
         # The command `fit` has an argument, which may follow a single number of teeth.
         wheel_teeth = r"[-+]?[\d.]+" if ctx.command.name == "fit" else r"[^-].*|-[\d.].*"
@@ -158,7 +154,6 @@ _QUANTITY = _MANY | {"type": click.Choice(list(QUANTITIES)), "metavar": "NAME"}
 #: Name of an option, or of a command and its option -> help, default value or type, settings.
 _TABLE = {
     "config": ("Configuration. Default: config.yaml of this folder.", _CONFIGURATION),
-    "case": ("Case of the configuration, by name.", str),
     "damping": ("Damping of the configuration, by name. Default: the first.", str),
     "teeth": ("Number of teeth, z.", number_or_text, {"metavar": "TEETH | PINION WHEEL"}),
     "model": (
@@ -248,7 +243,7 @@ def command_options(command_name, option_names):
     return click_options
 
 
-_GEARS = command_options("", "config case damping teeth") + key_options(DRAWING)
+_GEARS = command_options("", "config damping teeth") + key_options(DRAWING)
 #: Options of two drawn gears, of a gear pair by its numbers or drawing, of a model that moves.
 DRAWN_GEARS, PAIR = _GEARS + key_options(MESH), _GEARS + key_options(PAIR_KEYS)
 MODEL = PAIR + command_options("", "model profile bearing_stiffness bearing_damping")

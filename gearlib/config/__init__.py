@@ -8,14 +8,11 @@ This package does not import the numerical stack, because every start of the wor
 """
 
 import json
-import re
 from functools import cache
 from typing import Any
 
 from gearlib.config import validation
 
-#: Pattern of the names of cases, which are parts of names of workflow rules.
-CASE_NAME = "[A-Za-z][A-Za-z0-9_]*"
 #: Damping coefficient -> keys that may replace it.
 RATIO_KEYS = {
     "material_damping": ("damping_ratio", "logarithmic_decrement"),
@@ -54,7 +51,7 @@ def unknown_sections(mapping: dict) -> list[str]:
     """Return an error message for each top-level key of `mapping` that is not in the schema."""
     from gearlib.config.configuration import Config
 
-    unknown_keys = [key for key in mapping if key not in {"cases", *Config.model_fields}]
+    unknown_keys = [key for key in mapping if key not in Config.model_fields]
     return [validation.unknown_key(Config, Config, (key,), mapping[key]) for key in unknown_keys]
 
 
@@ -74,75 +71,23 @@ def overlay(base: dict, changes: dict) -> dict:
     return merged
 
 
-def cases(mapping: dict) -> dict[str, dict]:
-    """Return the configuration of each case by the name of the case, each accepted by `load`.
-
-    The keys of a case under ``cases`` replace those of the rest of the configuration `mapping`,
-    whose scenes are left out for another `gear_pair`.
-    """
-    case_changes = mapping["cases"]
-    if not isinstance(case_changes, dict) or not case_changes:
-        raise ConfigError(
-            f"cases = {validation.as_text(case_changes)} is not allowed: it must be a mapping of "
-            "at least one name to the keys that differ"
-        )
-    common = {key: value for key, value in mapping.items() if key != "cases"}
-    configurations, problems = {}, []
-    for name, changes in case_changes.items():
-        if not isinstance(name, str) or not re.fullmatch(CASE_NAME, name):
-            problems.append(
-                f"cases.{name} is not allowed as a name: it must be letters, digits and _, a "
-                "letter first"
-            )
-        elif not isinstance(changes, dict):
-            problems.append(
-                f"cases.{name} = {validation.as_text(changes)} is not allowed: it must be a "
-                "mapping of the keys that differ"
-            )
-        else:
-            configurations[name] = _overlay_pair(common, changes)
-            try:
-                load(configurations[name])
-            except ConfigError as error:
-                problems += [f"cases.{name}: {line}" for line in str(error).splitlines()]
-    if problems:
-        raise ConfigError("\n".join(problems))
-    return configurations
-
-
 def overlay_gears(base: dict, changes: dict) -> dict:
     """Return the configuration `base` updated with `changes`, without keys that no longer fit.
 
-    If `base` has a `gear_pair` and `changes` has drawn `gears`, return only `changes`, because the
-    dampings, bearings and scenes of `base` belong to another pair; of another `gear_pair` only the
-    scenes are left out. If `changes` replaces the train
-    without naming targets, the targets of `base` are dropped. If `changes` also replaces the gears,
-    the default targets apply; otherwise only the targets of trains are kept.
+    Gears given by geometry replace a `base` with a `gear_pair`, because its dampings, bearings and
+    scenes belong to that pair. Another `gear_pair` drops the scenes of `base`. A train alone asks
+    for the targets of trains.
     """
+    from gearlib.config import gear_names
     from gearlib.config.targets import TRAIN_TARGETS
 
-    case_changes = changes.get("cases")
-    sections = [changes]
-    if isinstance(case_changes, dict):
-        sections += case_changes.values()
-    changed = {key for section in sections if isinstance(section, dict) for key in section}
-    if "gears" in changed and "gear_pair" in base and "gear_pair" not in changes:
+    if "gears" in changes and "gear_pair" in base and "gear_pair" not in changes:
         return changes
-    if "train" in changed and "targets" not in changed:
-        base = {key: value for key, value in base.items() if key != "targets"}
-        if not changed & {"gears", "gear_pair"}:
-            base["targets"] = list(TRAIN_TARGETS)
-    return _overlay_pair(base, changes)
-
-
-def _overlay_pair(base: dict, changes: dict) -> dict:
-    """Return the configuration `base` updated with `changes`, without scenes of another pair."""
-    from gearlib.config import gear_names
-
-    merged = overlay(base, changes)
-    if "scenes" in base and gear_names.parameters_differ(base, merged):
-        return overlay({key: x for key, x in base.items() if key != "scenes"}, changes)
-    return merged
+    if "train" in changes and not {"gears", "gear_pair", "targets"} & changes.keys():
+        changes = {"targets": list(TRAIN_TARGETS), **changes}
+    if gear_names.parameters_differ(base, overlay(base, changes)):
+        base = {key: value for key, value in base.items() if key != "scenes"}
+    return overlay(base, changes)
 
 
 @cache
@@ -167,16 +112,5 @@ def _drop_null_defaults(node: object) -> None:
 
 
 def schema_text() -> str:
-    """Return the JSON schema of configuration files as text; it includes the key `cases`."""
-    file_schema = {**schema(), "properties": dict(schema()["properties"])}
-    file_schema["properties"]["cases"] = {
-        "description": "Cases side by side: name -> keys that differ; results in results/<case>/.",
-        "patternProperties": {f"^{CASE_NAME}$": {"type": "object"}},
-        "additionalProperties": False,
-        "minProperties": 1,
-        "type": "object",
-    }
-    # A file with cases may have the required keys in its cases only.
-    without_cases = {"oneOf": file_schema.pop("oneOf"), "required": file_schema.pop("required")}
-    file_schema["anyOf"] = [without_cases, {"required": ["cases"]}]
-    return json.dumps(file_schema, indent=2) + "\n"
+    """Return the JSON schema of configuration files as text."""
+    return json.dumps(schema(), indent=2) + "\n"

@@ -2,11 +2,11 @@
 
 from typing import Any, Literal, get_args
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from gearlib import checks
 from gearlib.config import experiments as e
-from gearlib.config import gear_names, measured_description, targets
+from gearlib.config import measured_description, targets
 from gearlib.config import types as t
 from gearlib.config.experiments import FRICTION_HISTORIES, SIX_DEGREE_HISTORIES
 from gearlib.config.gear_pair_section import (
@@ -31,15 +31,8 @@ Target = Literal[
     *("measured", "tolerances"),
 ]
 TARGETS = get_args(Target)
-#: Folders of results, which cannot be names of projects.
-RESULT_FOLDERS = {
-    *("figures", "tables", "logs", "benchmarks", "report", "resonance", "phase_planes", "scenes"),
-    *("labels", "branches", "nonlinear_damping", "models", "failures", "work_precision"),
-    *("measured", "tolerances"),
-}
 #: Largest numbers of samples of all phase planes and of runs of all resonance sweeps.
 MAX_SAMPLES, MAX_RUNS = 40_000_000, 10_000_000
-_ProjectName = t.text("a text of up to 40 letters, digits, _, -", pattern="^[A-Za-z0-9_-]{0,40}$")
 _Path = t.text("a path of a YAML file", pattern=r"\.ya?ml$")
 
 
@@ -51,16 +44,6 @@ class Config(Section):
         "Targets that `snakemake` computes and draws by default. Fig. 3 shows labels, branches and "
         "tongues if labels, branches and parametric_resonance are among them.",
         [name for name in TARGETS if name not in targets.ONLY_IF_NAMED],
-    )
-    project: _ProjectName = field(
-        "Name of the folder of results, results/<project>/; empty for the paper. Default: "
-        "the name of the file given by --configfile, if it describes other gears.",
-        "",
-    )
-    compare: list[_ProjectName] = field(
-        "Other projects or cases, such as `paper`, with whose resonance the target `compare` "
-        "compares this one.",
-        [],
     )
     measured: list[_Path] = field(
         "YAML files of measured data sets, drawn over Fig. 3 and time histories, and scored.", []
@@ -104,22 +87,9 @@ class Config(Section):
     dynamic_factor: DynamicFactor = SECTION
     tolerances: Tolerances = SECTION
 
-    @field_validator("targets", mode="before")
-    @classmethod
-    def _reject_compare(cls, target_names: object) -> object:
-        """Raise ValueError if the list has "compare", which needs results of other projects."""
-        if isinstance(target_names, list) and "compare" in target_names:
-            raise ValueError(
-                f"targets[{target_names.index('compare')}] = 'compare' is not allowed: it must be "
-                "left out, and requested on the command line, snakemake -j2 compare"
-            )
-        return target_names
-
     @model_validator(mode="after")
     def _check(self) -> "Config":
         """Raise ValueError if values of several sections are not compatible."""
-        allowed = f"another name, the paper's results have a folder results/{self.project}/"
-        checks.require(self.project not in RESULT_FOLDERS, "project", self.project, allowed)
         for name, scene in self.scenes.items():
             config_key, periods_shown = f"scenes.{name}.periods_shown", scene.periods_shown
             allowed = f"an integer from 1 to the {self.record_periods} recorded mesh periods"
@@ -164,10 +134,7 @@ class Config(Section):
     def target_errors(self) -> list[str]:
         """Return an error message for each reason why requested targets do not fit the gears."""
         target_names = self.targets
-        # The paper's configuration names all targets, of which another pair takes those that fit.
-        has_all = {*self.targets} >= {*TARGETS} - {*targets.ONLY_IF_NAMED}
-        is_own_pair = self.gears is None and not gear_names.is_paper(self)
-        if "targets" not in self.model_fields_set or (has_all and is_own_pair):
+        if "targets" not in self.model_fields_set:
             # Tolerances other than the default ones are taken as a request.
             default = type(self.tolerances).model_fields["parameters"].default
             tolerances = self.tolerances.model_dump(include={"parameters", "correlations"})

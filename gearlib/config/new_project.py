@@ -1,10 +1,11 @@
 """A configuration to start from: an example of drawn gears with comments on each key."""
 
-_TEXT = """\
-# A project of gearlib: put your gears here. Then
-#     gearlib gears --config {name}            shows what their drawing comes to,
-#     gearlib sweep --config {name}            shows how they run,
-#     gearlib workflow --configfile {name}     computes the targets, into results/.
+#: Content of a new config.yaml.
+TEXT = """\
+# A project of gearlib: put your gears here. Then, in this folder,
+#     gearlib gears            shows what their drawing comes to,
+#     gearlib sweep            shows how they run,
+#     gearlib workflow -j2     computes the targets, into results/.
 # Keys that are comments may be left out. Numbers may have units, as 2.5 mm; bare ones are in SI.
 # The reference of the configuration has all keys; `gearlib schema` prints it for editors.
 
@@ -20,7 +21,7 @@ gears:
     # helix_angle: 0 deg
     # tip_diameter: 62.5 mm
     # bore: 20 mm
-    # tip_relief: {{amount: 10 um, length: 1 mm}}
+    # tip_relief: {amount: 10 um, length: 1 mm}
   wheel:                    # what it leaves out is as at the pinion: module, width, angles, rack
     teeth: 61
     # internal: true        # a ring gear, with its outer_diameter
@@ -29,7 +30,7 @@ gears:
   # centre_distance: 105 mm # by default without backlash
 
 dampings:
-  usual: {{damping_ratio: 0.05, backlash_damping_ratio: 0.0}}
+  usual: {damping_ratio: 0.05, backlash_damping_ratio: 0.0}
 
 resonance:                  # largest and smallest displacement over the tuning
   step: 0.001
@@ -37,8 +38,3 @@ resonance:                  # largest and smallest displacement over the tuning
 phase_planes:               # velocity over displacement at single tunings
   tunings: [0.6, 0.8, 1.0]  # mesh frequency over eigenfrequency, or speeds as 1500 rpm
 """
-
-
-def text(name):
-    """Return the content of a new configuration file, which mentions its own `name`."""
-    return _TEXT.format(name=name)

@@ -1,20 +1,15 @@
 """Methods of integration, chosen by the argument ``method=``.
 
 A method is a `method.Integrator` in the table ``METHODS`` of its module. A method that needs
-another package names it as ``PACKAGE`` and imports it when it runs.
+another package names it as ``PACKAGE`` and imports it when it runs. Nothing here loads the engines
+before a method is chosen, because every start of the workflow reads the table of methods.
 """
 
 from collections import UserDict
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from gearlib import checks
-from gearlib.integrators.method import MissingPackage
-from gearlib.models.model import is_model
-from gearlib.removed import REMOVED, removal_message
-
-if TYPE_CHECKING:  # `workflow.sources` reads this import; any run loads the module by its name.
-    from gearlib.integrators import method  # noqa: F401
 
 
 class _IntegratorTable(UserDict):
@@ -87,12 +82,13 @@ def choose_method(model, name: Any, options: dict | None) -> tuple[str, Any, dic
     "taylor". Missing options take their defaults. Raises ValueError if the method is unknown or
     cannot run the model or if an option is invalid, `MissingPackage` if its package is missing.
     """
+    from gearlib.integrators.method import MissingPackage
+    from gearlib.models.model import is_model
+
     allowed = "a GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator"
     checks.require(is_model(model), "model", model, allowed)
     if name is None:
         name = next((name for name in AUTOMATIC if METHODS[name].supports(model)), None)
-    if checks.is_one_of(name, REMOVED):
-        raise ValueError(removal_message(name))
     checks.one_of("method", name, tuple(METHODS))
     # The other methods are checked only now, because their modules take time to load.
     reason = reason_unsupported(model, name)

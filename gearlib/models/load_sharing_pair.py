@@ -18,13 +18,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from gearlib import checks
 from gearlib.data import summary
-from gearlib.engines.taylor.teeth import ToothPairSystem
+from gearlib.engines.taylor.teeth import Propagator, ToothPairSystem
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.gear import PathTable
 from gearlib.models.geometry.gear_stage import PAIR_OPTIONS, GearStage
@@ -44,8 +44,13 @@ from gearlib.parameters import (
     described,
 )
 
-if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.taylor import teeth, teeth_courses  # noqa: F401
+
+def _speed_course_propagator(model: Any) -> Any:
+    """Return the integrator of pairs of teeth along speed courses."""
+    from gearlib.engines.taylor.teeth_courses import propagator_of
+
+    return propagator_of(model)
+
 
 Method = Annotated[Literal["energy", "iso"], CHOICE]
 #: Longest step times the highest frequency: a Taylor series of order 20 has an error of 1e-17.
@@ -100,8 +105,8 @@ class LoadSharingPair(WithPair):
     ] = True
 
     defaults = {"pitch_errors": lambda model: model.stage.pitch_errors}
-    propagators = {"exact": "taylor.teeth"}
-    speed_course_engine = "taylor.teeth_courses"
+    propagators = {"exact": Propagator}
+    speed_course_propagator = staticmethod(_speed_course_propagator)
     piecewise_linear = False
     force_ratio_name = "dynamic_factor"
     has_damping = property(lambda model: model.pair.has_damping, doc="`GearPair.has_damping`.")

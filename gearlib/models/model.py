@@ -10,8 +10,8 @@ piecewise-linear ``system`` with ``contact_modes``, ``full_state``, ``propagator
 import dataclasses
 import math
 import re
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -21,12 +21,6 @@ from gearlib.models.pair_parameters import RATIO_NAMES, RATIOS, ratio_fields
 from gearlib.models.profiles import Profile
 from gearlib.parameters import Numbers, State, check, declared_parameters
 from gearlib.units import cf_units
-
-if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.linear import single_mesh, speed_courses  # noqa: F401
-    from gearlib.engines.pair import propagator as pair  # noqa: F401
-    from gearlib.engines.taylor import propagator as taylor  # noqa: F401
-
 
 #: A motion this many times larger than the lengths of its model counts as unbounded.
 UNBOUNDED_FACTOR = 1e8
@@ -85,19 +79,18 @@ class Model:
         return self.equation is None or self.equation.is_piecewise_linear()
 
     @property
-    def propagators(self) -> dict[str, str]:
-        """Method name -> module of `gearlib.engines` that integrates the model; default first."""
-        exact = {"exact": "linear.single_mesh"} if self.piecewise_linear else {}
-        return exact | {"taylor": "taylor.propagator"}
+    def propagators(self) -> dict[str, Callable]:
+        """Method name -> function of model, tuning and options that returns the integrator.
+
+        The default method comes first.
+        """
+        exact = {"exact": single_mesh_propagator} if self.piecewise_linear else {}
+        return exact | {"taylor": taylor_propagator}
 
     @property
-    def speed_course_engine(self) -> str | None:
-        """Module of `gearlib.engines` that runs the model along speed courses; None if none."""
-        return "linear.speed_courses" if self.piecewise_linear else None
-
-    def speed_course_propagator(self) -> Any:
-        """Return the integrator of the model along speed courses, of `speed_course_engine`."""
-        return import_module(f"gearlib.engines.{self.speed_course_engine}").propagator_of(self)
+    def speed_course_propagator(self) -> Callable | None:
+        """Function of the model that returns its integrator along speed courses, or None."""
+        return _speed_course_propagator if self.piecewise_linear else None
 
     def steps_per_period(self, tuning: float) -> float:
         """Return the minimum number of integration steps per mesh period; 1 for closed forms."""
@@ -106,12 +99,11 @@ class Model:
     def propagator(self, tuning: float, method: str | None = None, **options: Any) -> Any:
         """Return the integrator of the model at an excitation over natural frequency, `tuning`.
 
-        `method` is a key of `propagators`, by default the first one, which names the module of the
-        integrator class; `options` are keyword arguments of this class.
+        `method` is a key of `propagators`, by default the first one; `options` are keyword
+        arguments of the integrator class.
         """
-        module_name = self.propagators[method or next(iter(self.propagators))]
-        module = import_module(f"gearlib.engines.{module_name}")
-        return module.Propagator(self, float(tuning), **options)
+        propagators = self.propagators
+        return propagators[method or next(iter(propagators))](self, float(tuning), **options)
 
     def nonlinear_mesh(self, tuning: float, tolerance: float = 0.0) -> Any:
         """Return the `NonlinearMesh` of one degree of freedom for Taylor steps with a tolerance."""
@@ -408,6 +400,30 @@ class Model:
         if pair_changes and is_model(pair):
             changes["pair"] = pair.replace(**pair_changes)
         return dataclasses.replace(self, **changes, **recomputed)  # type: ignore[type-var]
+
+
+# Engines are imported on first use, because each of them takes time to load.
+
+
+def single_mesh_propagator(model: Model, tuning: float, **options: Any) -> Any:
+    """Return the integrator in closed forms for a piecewise-linear mesh."""
+    from gearlib.engines.linear.single_mesh import Propagator
+
+    return Propagator(model, tuning, **options)
+
+
+def taylor_propagator(model: Model, tuning: float, **options: Any) -> Any:
+    """Return the integrator by Taylor series for one degree of freedom."""
+    from gearlib.engines.taylor.propagator import Propagator
+
+    return Propagator(model, tuning, **options)
+
+
+def _speed_course_propagator(model: Model) -> Any:
+    """Return the integrator of a piecewise-linear model along speed courses."""
+    from gearlib.engines.linear.speed_courses import propagator_of
+
+    return propagator_of(model)
 
 
 def fields_of(instance: Any) -> dict[str, Any]:

@@ -7,6 +7,7 @@ Source: Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104. The paper pr
 """
 
 import math
+from collections.abc import Callable
 from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +16,7 @@ from annotated_types import Ge
 
 from gearlib import checks
 from gearlib.engines.pair.stiffness import force_note, mean_over_max
-from gearlib.models.model import Model
+from gearlib.models.model import Model, single_mesh_propagator, taylor_propagator
 from gearlib.models.pair_parameters import MAX_MAGNITUDE, PairParameters, check_scales
 from gearlib.parameters import (
     ContactRatio,
@@ -30,6 +31,14 @@ from gearlib.parameters import (
 #: each segment; for a smaller ratio that of the softer segment lies so far away that they lose
 #: more than four digits.
 _MIN_SCALAR_STIFFNESS_RATIO = 1e-4
+
+
+def _scalar_propagator(model: "GearPair", tuning: float, **options: Any) -> Any:
+    """Return the integrator of the pair in scalar closed forms."""
+    # Imported on first use, because it takes time to load.
+    from gearlib.engines.pair.propagator import Propagator
+
+    return Propagator(model, tuning, **options)
 
 
 @declared()
@@ -159,11 +168,11 @@ class GearPair(PairParameters, Model):
         return pair_equation(self, Rectangular().pieces(self))
 
     @property
-    def propagators(self) -> dict[str, str]:
-        """Method name -> engine module: scalar closed forms unless the stiffness ratio is tiny."""
+    def propagators(self) -> dict[str, Callable]:
+        """Integrators by method: scalar closed forms unless the stiffness ratio is tiny."""
         is_scalar = self.stiffness_ratio >= _MIN_SCALAR_STIFFNESS_RATIO
-        exact_module = "pair.propagator" if is_scalar else "linear.single_mesh"
-        return {"exact": exact_module, "taylor": "taylor.propagator"}
+        exact = _scalar_propagator if is_scalar else single_mesh_propagator
+        return {"exact": exact, "taylor": taylor_propagator}
 
     def has_damping(self) -> bool:
         """Return whether damping acts in contact or in free flight."""

@@ -20,7 +20,7 @@ work, a force acts on a coordinate with the derivative of its distance: b = d(y 
 the s above and 1 if the backlash does not move. Forces do not jump when flanks touch;
 `docs/theory/model.md` gives the reasons and says where dampers with k_m > k drive the motion.
 Friction F_T = mu sigma(tau) C g acts across the line of action, with g = y in drive-side contact, y
-- s in coast-side contact and 0 in the backlash. Its direction sigma reverses at the pitch point and
+- s in coast-side contact and 0 in free flight. Its direction sigma reverses at the pitch point and
 half a mesh period later. It opposes the sliding, with z a quarter turn from y in the direction in
 which gear 3 rotates.
 
@@ -43,7 +43,7 @@ from gearlib import checks
 from gearlib.engines.linear.train_system import TrainSystem
 from gearlib.models.geometry.gear_stage import six_degree_parameters
 from gearlib.models.harmonics import Harmonics
-from gearlib.models.model import Model, instance_without_checks
+from gearlib.models.model import Model, instance_without_checks, single_mesh_propagator
 from gearlib.models.pair import GearPair, WithPair
 from gearlib.models.single_mesh_system import contact_monodromy
 from gearlib.models.trains import waves
@@ -159,7 +159,7 @@ class SixDegreePair(WithPair):
     ] = True
 
     extra_samples = EXTRA_VARIABLES
-    propagators = {"exact": "linear.single_mesh"}
+    propagators = {"exact": single_mesh_propagator}
     moving_flank = True
     defaults = {
         "coast_deviation": lambda model: model.deviation,

@@ -201,7 +201,7 @@ def _check_model(model):
     checks.require(is_model(model), "model", model, "a model such as GearPair")
     if model.speed is None:
         raise ValueError(f"model of type {type_name} is not allowed: nothing turns in it")
-    if model.speed_course_engine is None:
+    if model.speed_course_propagator is None:
         raise ValueError(
             f"model of type {type_name} is not allowed in a run-up: it must be piecewise linear; "
             "gearlib.simulate runs it at constant speeds"

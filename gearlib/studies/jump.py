@@ -8,7 +8,7 @@ to the exact jump from the same state.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -21,9 +21,6 @@ from gearlib.models.pair import GearPair
 from gearlib.models.profiles import Fourier
 from gearlib.runs.sweeping import sweep
 from gearlib.studies import many_starts
-
-if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.integrators import embedded_pair  # noqa: F401
 
 #: Orbit heights that differ by less, in static deflections, count as equal.
 SAME_HEIGHT = 0.1

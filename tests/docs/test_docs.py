@@ -4,6 +4,7 @@ import importlib
 import inspect
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -69,8 +70,7 @@ def hook(monkeypatch):
 def test_python_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch, capsys):
     plt.switch_backend("Agg")
     monkeypatch.chdir(tmp_path)
-    for name in ("config.yaml", "gallery.yaml"):
-        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
+    (tmp_path / "config.yaml").write_bytes((ROOT / "config.yaml").read_bytes())
     text = page.read_text(encoding="utf-8")
     names = {}
     pattern = r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?"
@@ -104,8 +104,6 @@ def test_yaml_laid_over_the_configuration_is_accepted(page):
         if "gears" in settings:
             # Settings of drawn gears need no configuration below them.
             assert config.load(yaml.safe_load(block))
-        elif "cases" in settings:
-            assert config.cases(settings)
         else:
             assert config.load(settings)
 
@@ -115,18 +113,27 @@ def test_commands_in_the_pages_succeed_and_print_at_most_eighty_columns(tmp_path
 
     from gearlib.cli.commands import main
 
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_bytes((ROOT / "config.yaml").read_bytes())
-    lines = [line for page in PAGES for block in blocks(page, "sh") for line in block.splitlines()]
-    commands = [shlex.split(line) for line in lines if line.startswith("gearlib ")]
+    shutil.copytree(
+        ROOT / "gallery", tmp_path / "gallery", ignore=shutil.ignore_patterns("results")
+    )
+    commands = []
+    for block in (block for page in PAGES for block in blocks(page, "sh")):
+        folder = tmp_path
+        for line in block.splitlines():
+            if line.startswith("cd "):
+                folder = folder / line.removeprefix("cd ")
+            elif line.startswith("gearlib "):
+                commands.append((folder, shlex.split(line)))
     assert len(commands) > 4
     # The output of `orbit` has lines that a terminal would break.
-    commands += [shlex.split("gearlib orbit --model train --period 3 --tuning 0.7")]
-    commands += [["gearlib", name, "-h"] for name in main.commands]
-    for _, name, *options in commands:
-        # The explorer would serve its page until stopped, trust takes seconds, fit needs rig data:
-        # only the options are compared with the help.
-        help_only = name in ("explore", "trust", "fit")
+    orbit = shlex.split("gearlib orbit --model train --period 3 --tuning 0.7")
+    commands += [(tmp_path, orbit), *((tmp_path, ["gearlib", x, "-h"]) for x in main.commands)]
+    for folder, (_, name, *options) in commands:
+        monkeypatch.chdir(folder)
+        # The explorer would serve its page until stopped, trust takes seconds, fit and compare need
+        # data: only the options are compared with the help.
+        help_only = name in ("explore", "trust", "fit", "compare")
         if name == "workflow" and options != ["-h"]:
             # A dry run; tests/wheel runs a workflow and its report.
             options = [option for option in options if "report" not in option] + ["-n"]

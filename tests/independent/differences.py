@@ -13,6 +13,7 @@ from tests.independent.equations import mean_stiffness
 from tests.independent.systems import equations_of, move
 
 mp.dps = 50
+SHARES = ("fraction_drive", "contact_loss_fraction", "fraction_coast", "fraction_min_stiffness")
 
 
 def columns(model, tuning, periods, state):
@@ -22,8 +23,8 @@ def columns(model, tuning, periods, state):
     table = {"final_state": motion.state if several else motion.mesh_state()}
     for name, values in (("displacement", record.heights), ("dynamic_force", record.forces)):
         table |= {f"{name}_max": list(map(max, values)), f"{name}_min": list(map(min, values))}
-    for i, name in enumerate(("normal", "backlash", "inverse", "min_stiffness")):
-        table[f"fraction_{name}"] = [times[i] / (2 * mp.pi) for times in record.durations]
+    for i, name in enumerate(SHARES):
+        table[name] = [times[i] / (2 * mp.pi) for times in record.durations]
     last = [event for event in motion.events if event.phase > 2 * mp.pi * (periods - 1)]
     table["event_phase"] = [event.phase for event in last]
     table["event_velocity"] = [event.rate for event in last]

@@ -81,7 +81,7 @@ def test_a_branch_from_a_period_doubling_repeats_after_two_periods():
     assert doubled.period == 2
     assert doubled.tuning == pytest.approx(float(branch.tuning[point]), abs=PLACE)
     curve = continue_orbit(doubled, to=0.65)
-    assert curve.contacts.values[-1] == "NBNB" and float(curve.tuning[-1]) == 0.65
+    assert curve.contacts.values[-1] == "FDFD" and float(curve.tuning[-1]) == 0.65
     start = curve.state.values[-1]
     once, twice = (
         simulate(pair, 0.65, periods=n, initial_state=tuple(start)).final_state for n in (1, 2)

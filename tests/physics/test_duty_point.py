@@ -62,7 +62,7 @@ def drawn(*teeth, rms=3e-6):
         g.SpurGear(teeth=z, module=3e-3, width=20e-3, pitch_errors=tuple(draw(0.0, rms, z)))
         for z in teeth
     ]
-    return g.Mesh(*gears, backlash=80e-6)
+    return g.GearStage(*gears, backlash=80e-6)
 
 
 def test_pitch_errors_of_both_gears_are_recorded_until_the_same_teeth_meet_again():

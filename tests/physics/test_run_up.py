@@ -252,6 +252,10 @@ def test_statistics_of_a_revolution_are_those_of_its_time_course(model):
         mean = np.trapezoid(part.dynamic_force, part.time, axis=0) / np.ptp(part.time.values)
         # Where the stiffness switches the force jumps, within a step of 512.
         assert np.abs(mean - own.mean_force).max() < 5e-3 * force
-        for name, code in (("normal", 1), ("backlash", 0), ("inverse", -1)):
+        for name, code in (
+            ("fraction_drive", 1),
+            ("contact_loss_fraction", 0),
+            ("fraction_coast", -1),
+        ):
             share = (part.contact == code).mean("time")
-            assert np.abs(share - own[f"fraction_{name}"]).max() < 5e-3
+            assert np.abs(share - own[name]).max() < 5e-3

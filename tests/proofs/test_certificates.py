@@ -164,10 +164,10 @@ def test_random_orbits_and_wrong_candidates(seed):
     [
         ({"state": np.array((-0.0953, -0.3086))}, "distance"),
         ({"tuning": 0.8151}, "distance"),
-        ({"pair": PAPER}, "distance"),
+        ({"model": PAPER}, "distance"),
         ({"period": 2}, "contacts"),
         ({"pattern": (1,)}, "contacts"),
-        ({"pair": gearlib.OneDegreePair(pair=MATERIAL, cubic_damping=1.0)}, "model"),
+        ({"model": gearlib.OneDegreePair(pair=MATERIAL, cubic_damping=1.0)}, "model"),
     ],
 )
 def test_wrong_candidate_is_refused(change, status):
@@ -187,7 +187,7 @@ def test_orbit_that_touches_the_flank_line_is_refused():
     touching = replace(orbit, state=np.array([2.0, 0.0]), pattern=(1,))
     assert gearlib.certify(touching).status == "fold"
     tilted = pair(contact_ratio=2.0, damping=1e-4)
-    assert not gearlib.certify(replace(touching, pair=tilted))
+    assert not gearlib.certify(replace(touching, model=tilted))
 
 
 def test_without_flint_the_message_says_what_to_install(monkeypatch):

@@ -10,7 +10,7 @@ import gearlib
 from gearlib.analysis.proofs import orbits
 from gearlib.analysis.proofs.balls import flint, precision
 from gearlib.analysis.proofs.certificate_files import ProofFailed
-from gearlib.analysis.proofs.models_in_balls import DRIVE
+from gearlib.analysis.proofs.models_in_balls import DRIVE_SIDE
 from gearlib.analysis.proofs.signs import check_arc, check_contacts
 from tests.proofs.claims import MATERIAL
 
@@ -32,7 +32,7 @@ def is_proven_free_of_grazing(load, x, w, t, *crossed, code=1):
             ),
             mesh_names=["mesh"],
         )
-        marks = [(0, DRIVE) if mark else None for mark in crossed or (False, False)]
+        marks = [(0, DRIVE_SIDE) if mark else None for mark in crossed or (False, False)]
         try:
             end = (law * arb(t)).exp() * start
             check_arc(dynamics, law, start, end, arb(t), [code], marks, 0.0)

@@ -125,7 +125,7 @@ def test_gears_given_by_geometry_have_one_stiffness_for_both_directions_of_the_t
         g.SpurGear(teeth=61, module=3e-3, width=30e-3),
     )
     drive, coast = (
-        gearlib.Mesh.from_geometry(g.Mesh(*gears), "pinion", "wheel", torque=torque)
+        gearlib.Mesh.from_geometry(g.GearStage(*gears), "pinion", "wheel", torque=torque)
         for torque in (20.0, -20.0)
     )
     assert coast == drive

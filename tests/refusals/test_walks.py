@@ -83,7 +83,11 @@ def test_values_just_inside_are_not_refused_for_their_range(annotation, place, r
         assert not [text for text in refusals(value) if re.match(pattern, text)]
 
 
-@pytest.mark.parametrize(("path", "section", "place"), SECTIONS.values(), ids=SECTIONS)
+@pytest.mark.parametrize(
+    ("path", "section", "place"),
+    SECTIONS.values(),
+    ids=[f"{p.dotted(path)} {i}" for i, (path, *_) in enumerate(SECTIONS.values())],
+)
 def test_unknown_and_missing_keys_and_wrong_names_are_refused(path, section, place):
     content, keys, base = valid(section), children(section), p.parts(section)[0]
     name, last = p.dotted(path) or "the configuration", [*keys][-1]

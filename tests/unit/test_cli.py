@@ -16,7 +16,7 @@ from click.testing import CliRunner
 import gearlib
 from gearlib import config
 from gearlib.cli import main
-from gearlib.data import storage
+from gearlib.data import gathering, storage
 from gearlib.units import WRITTEN_UNITS
 from tests.geometry import drawings
 from tests.paper import CONFIG, PAPER
@@ -168,13 +168,30 @@ def test_drawn_gears_come_from_options_or_a_saved_file(run):
 
 
 def test_optional_keys_of_a_new_project_stand_in_their_place_as_comments(run):
-    run("init")
-    run("init", code=2)
-    text = Path("gears.yaml").read_text(encoding="utf-8")
+    run("init mine")
+    assert "mine/config.yaml exists: choose another folder" in run("init mine", code=2)
+    text = Path("mine/config.yaml").read_text(encoding="utf-8")
     # The first "shift" is that of the pinion.
     line = next(line for line in text.splitlines() if line.strip().startswith("# shift:"))
     gears = config.load(yaml.safe_load(text.replace(line, "    shift: 0.3", 1))).gears
     assert (gears.pinion.shift, gears.pinion.module, gears.torque) == (0.3, 2.5e-3, 85.0)
+
+
+def test_compare_prints_gears_side_by_side_and_draws_their_resonance(run):
+    curve = gearlib.sweep(K1, [0.7, 0.8, 0.9], periods=60, record_periods=10)
+    curve = gathering.gather_resonance([curve.assign_coords(damping="k1", direction="cold")])
+    for name in ("light", "heavy"):
+        Path(name, "results").mkdir(parents=True)
+        storage.write(curve, f"{name}/results/resonance.nc")
+    assert "static_deflection m 1e-05 1e-05" in " ".join(run("compare light heavy").split())
+    for name, teeth in (("light", 23), ("heavy", 61)):
+        table = f"name,of,value,unit,meaning\nmass,pinion,{teeth},kg,of the blank\n"
+        Path(name, "results/gears.csv").write_text(table, encoding="utf-8")
+    output = run("compare light heavy -o curves.png")
+    assert output.split()[:7] == ["light", "heavy", "mass", "pinion", "kg", "23", "61"]
+    assert Path("curves.png").stat().st_size > 1000
+    words = "FOLDER = 'other' is not allowed: it must be a folder with results/resonance.nc"
+    assert words in run("compare light other", code=2)
 
 
 #: Wrong command line | part of the error message.
@@ -186,7 +203,6 @@ simulate PAIR --tuning 1 -o no/run.nc | run.nc cannot be written: No such file
 simulate PAIR --tuning 1 -o run.h5 | it must end with one of .nc, .csv
 sweep PAIR --plot curve.jpg | it must end with one of .png, .svg, .pdf
 simulate PAIR --tuning 1 --damping k1 | give --config
-simulate PAIR --tuning 1 --case a | --case and --damping need a configuration
 orbit --config binary.yaml --tuning 1 | binary.yaml is not YAML
 orbit --config twice.yaml --tuning 1 | a is given twice, again in line 3
 orbit --config syntax.yaml --tuning 1 | syntax.yaml is not YAML, line 2, col
@@ -194,7 +210,6 @@ orbit --config colon.yaml --tuning 1 | colon.yaml: 'resonance' is not allowed: i
 workflow -n --configfile colon.yaml | colon.yaml: 'resonance' is not allowed: it must be a mapping
 workflow -n --configfile no.yaml | --configfile = 'no.yaml' is not allowed: it must be a file
 simulate --config five.yaml --tuning 1 | dampings = 5 is not allowed: it must be
-simulate --config four_planets.yaml --case a --tuning 1 | --case a: it must be left out
 modes --config four_planets.yaml | planets = 4 is not allowed: it must be such that (z_s + z_r) / N
 simulate --config misspelt.yaml --tuning 1 | did you mean resonance
 simulate --config four_planets.yaml --damping k9 --tuning 1 | one of k1

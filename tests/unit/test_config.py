@@ -1,4 +1,4 @@
-"""The configuration: numbers, units, speeds, cases, defaults and schema; see tests/refusals too."""
+"""The configuration: numbers, units, speeds, defaults and schema; see tests/refusals too."""
 
 import copy
 import json
@@ -11,13 +11,11 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-import gearlib
 from gearlib import SixDegreePair, tunings, units
 from gearlib.cli import main
-from gearlib.config import ConfigError, cases, load, overlay
+from gearlib.config import ConfigError, load, overlay
 from gearlib.geometry import SpurGear
 from gearlib.models.from_values import model
-from gearlib.removed import REMOVED
 from gearlib.tunings import grid, name_of, values_of, windows
 from tests.paper import CONFIG
 from tests.workflow.project import ROOT
@@ -85,46 +83,6 @@ def test_speeds_in_rpm_become_tunings():
     gears = model(settings.pair(case.damping, case.change))
     assert gears.stiffness_ratio == 0.35
     assert gears.speed(case.tuning) == pytest.approx(2000.0, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("section", "words"),
-    [
-        ({}, "cases = {} is not allowed: it must be"),
-        ("one", "cases = 'one' is not allowed: it must be"),
-        ({"a b": {}}, "cases.a b is not allowed as a name: it must be"),
-        ({"a": 3}, "cases.a = 3 is not allowed: it must be"),
-        ({"a": {"gear_pair": {"load": -1}}}, "cases.a: gear_pair.load = -1 is not allowed"),
-        ({"a": {"geers": {}}}, "cases.a: geers = {} is not a known key"),
-    ],
-)
-def test_a_wrong_case_is_refused(section, words):
-    with pytest.raises(ConfigError) as refusal:
-        cases(CONFIG | {"cases": section})
-    (sentence,) = str(refusal.value).splitlines()
-    assert sentence.startswith(words)
-
-
-@pytest.mark.parametrize("name", sorted(REMOVED))
-def test_a_removed_name_raises_an_error_that_names_its_replacement(name):
-    """Names are attributes, commands with an option ("fit --seed"), keys or targets."""
-    words = f"{name} was removed in gearlib 0.3: {REMOVED[name]}"
-    if " " in name:
-        result = CliRunner().invoke(main, [*name.split(), "1"])
-        assert result.exit_code == 2 and words in " ".join(result.output.split())
-        return
-    section, _, key = name.partition(".")
-    if name not in gearlib.__all__:
-        with pytest.raises(AttributeError, match=re.escape(words)):
-            getattr(gearlib, name)
-    # These two are sections of measured data sets, not of the configuration.
-    if section not in ("fit", "channels"):
-        with pytest.raises(ConfigError, match=re.escape(words)):
-            changed(**{section: {key: 1} if key else {}})
-    # A name without a dot may also be asked for as a target.
-    if not key:
-        with pytest.raises(ConfigError, match=re.escape(words)):
-            changed(targets=["phase_lag", name])
 
 
 def test_a_mistyped_target_is_refused_with_its_likely_name():
@@ -199,12 +157,14 @@ def schema():
     return jsonschema.Draft202012Validator(schema)
 
 
-@pytest.mark.parametrize("name", ["config.yaml", "gallery.yaml"])
-def test_editors_find_the_schema_which_accepts_the_configurations_of_the_project(schema, name):
+@pytest.mark.parametrize("path", [ROOT / "config.yaml", *ROOT.glob("gallery/*/config.yaml")])
+def test_editors_find_the_schema_which_accepts_the_configurations_of_the_project(schema, path):
     target = re.search(r"^SCHEMA := (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
-    text = (ROOT / name).read_text(encoding="utf-8")
-    assert text.startswith(f"# yaml-language-server: $schema={target[1]}\n")
+    text = path.read_text(encoding="utf-8")
+    (named,) = re.findall(r"^# yaml-language-server: \$schema=(.*)\n", text)
+    assert (path.parent / named).resolve() == ROOT / target[1]
     schema.validate(yaml.safe_load(text))
+    load(yaml.safe_load(text))
 
 
 @pytest.mark.parametrize(
@@ -213,7 +173,7 @@ def test_editors_find_the_schema_which_accepts_the_configurations_of_the_project
         lambda settings: settings.pop("dampings"),
         lambda settings: settings.update(damping={}),
         lambda settings: settings["gear_pair"].update(load=-1.0),
-        lambda settings: settings["targets"].append("published"),
+        lambda settings: settings.update(targets=["published"]),
     ],
 )
 def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, change):

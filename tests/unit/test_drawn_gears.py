@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from gearlib import GearPair, LoadSharingPair, duty_point
 from gearlib.cli import main
-from gearlib.config import cases, load, overlay, overlay_gears
+from gearlib.config import load, overlay, overlay_gears
 from gearlib.config.gears_section import DrawnPair, PinionSection
 from gearlib.geometry import GearStage, Material, Rack, SpurGear, TipRelief, Web, iso_stiffness
 from gearlib.models.from_values import model
@@ -91,12 +91,8 @@ def test_a_configuration_is_updated_with_another_one():
     assert "gear_pair" not in overlay(CONFIG, FZG) and "gears" not in overlay(FZG, CONFIG)
     k = overlay(FZG, {"dampings": {"k": {"material_damping": 1.0}}})["dampings"]["k"]
     assert k == {"material_damping": 1.0, "backlash_damping": 0.0}
-    mappings = cases(FZG | {"cases": {"a": {}, "b": {"gear_pair": CONFIG["gear_pair"]}}})
-    assert load(mappings["b"]).gear_pair == load(CONFIG).gear_pair
     # `overlay_gears` also drops sections of config.yaml that belong to the paper's gears.
     assert overlay_gears({**CONFIG, **FZG}, FZG) == FZG
-    in_cases = {"cases": {"a": FZG, "b": FZG}}
-    assert overlay_gears(CONFIG | in_cases, in_cases) == in_cases
     for base, changes in ((CONFIG, {"gear_pair": {"load": 1.0}}), (FZG, smaller_load)):
         assert overlay_gears(overlay(base, changes), changes) == overlay(base, changes)
 

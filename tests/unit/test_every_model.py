@@ -223,8 +223,8 @@ def test_a_new_model_moves_as_its_equation_says():
     # The same oscillator in the parameters of a model of the library.
     twin = DeadZoneOscillator(upper_stiffness=1.0, damping=0.1, load=1.0, forcing=Harmonics((0.5,)))
     new = MODELS["linear stop"]
-    assert new.propagators == {"exact": "linear.single_mesh", "taylor": "taylor.propagator"}
-    assert MODELS["hard stop"].propagators == {"taylor": "taylor.propagator"}
+    assert [*new.propagators] == ["exact", "taylor"]
+    assert [*MODELS["hard stop"].propagators] == ["taylor"]
     curves = [sweep(model, [0.5, NU], periods=50, record_periods=8) for model in (new, twin)]
     for variable in curves[0].data_vars:
         np.testing.assert_array_equal(*(curve[variable] for curve in curves))

@@ -68,7 +68,7 @@ def test_targets_of_a_drawing_or_of_the_paper_are_refused_for_another_pair(targe
     own = overlay_gears(CONFIG, {"gear_pair": {"max_stiffness": "3e8 N/m"}})
     (error,) = load(own | {"targets": [target]}).target_errors()
     assert words in error and error.endswith(f"for the target {target}")
-    # The paper's list of all targets is no request.
+    # The default is no request.
     assert load(own).target_errors() == [] and target not in load(own).computed_targets()
     # Another load is no other pair.
     heavier = overlay_gears(CONFIG, {"gear_pair": {"load": 1e4}})

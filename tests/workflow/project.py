@@ -43,13 +43,13 @@ class Project:
         assert (process.returncode == 0) == succeed, process.stdout
         return process.stdout
 
-    def jobs(self, *arguments):
-        """Run Snakemake and return its jobs, as rule -> number."""
-        return job_counts(self.snakemake(*arguments))
+    def rules(self, *arguments):
+        """Run Snakemake and return the names of the rules whose jobs run."""
+        return rules_in(self.snakemake(*arguments))
 
     def planned(self, *arguments):
-        """Return the jobs, as rule -> number, that Snakemake would run."""
-        return self.jobs("-n", *arguments)
+        """Return the names of the rules whose jobs Snakemake would run."""
+        return self.rules("-n", *arguments)
 
     def configure(self, change):
         """Change the configuration, of which `change` gets the dict."""
@@ -67,14 +67,13 @@ class Project:
         }
 
 
-def job_counts(output):
-    """Return rule -> number from Snakemake's first table of jobs, without the target `all`."""
+def rules_in(output):
+    """Return the names of the rules in Snakemake's first table of jobs, without `all`."""
     table = re.search(r"^Job stats:\njob +count\n[- ]+\n(.*?)^total ", output, re.S | re.M)
     if table is None:
         assert "Nothing to be done" in output, output
-        return {}
-    counts = dict(re.findall(r"^(\w+) +(\d+)$", table[1], re.M))
-    return {rule: int(count) for rule, count in counts.items() if rule != "all"}
+        return set()
+    return {*re.findall(r"^(\w+) +\d+$", table[1], re.M)} - {"all"}
 
 
 def project_copy(folder):

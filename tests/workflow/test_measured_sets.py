@@ -36,8 +36,8 @@ def test_measured_data_rerun_their_jobs_and_damaged_data_stop_every_job(project)
     table = project / "rig/sweeps.csv"
     table.write_text("rpm,sweep,peak\n" + "".join(rows))
     project.configure(lambda settings: settings.update(measured=["rig/sweeps.yaml"]))
-    jobs = ("measured_curve", "measured_table", "draw_resonance", "measured", "resonance")
-    assert project.jobs("-j2", "measured", "resonance") == dict.fromkeys(jobs, 1)
+    rules = {"measured_curve", "measured_table", "draw_resonance", "measured", "resonance"}
+    assert project.rules("-j2", "measured", "resonance") == rules
     with open(project / "results/measured.csv", newline="") as file:
         scores = {(row["damping"], row["quantity"]): row for row in csv.DictReader(file)}
     # The rows are those of the damping k1, so that its misfit vanishes and that of k1m does not.
@@ -45,7 +45,7 @@ def test_measured_data_rerun_their_jobs_and_damaged_data_stop_every_job(project)
     assert float(scores["k1", misfit]["computed"]) < 1e-6 < float(scores["k1m", misfit]["computed"])
     assert misfit in (project / "results/tables/measured.html").read_text()
     table.write_text(table.read_text() + f"{float(curves.speed[-1]) - 1.0},up,11\n")
-    assert project.planned("measured", "resonance") == dict.fromkeys(jobs, 1)
+    assert project.planned("measured", "resonance") == rules
     # A row without a number is refused before any job starts.
     table.write_text(table.read_text() + "3000,up,nan\n")
     refusal = project.snakemake("-n", "measured", succeed=False)

@@ -20,34 +20,24 @@ rule compile_kernels:
         "../scripts/compile_kernels.py"
 
 
-# Models with several coordinates, such as gear trains.
-rule compile_matrix_kernels:
-    pathvars:
-        engine="matrix",
+# "matrix": models with several coordinates, such as gear trains; "taylor": nonlinear damping and
+# smooth stiffness.
+rule compile_model_kernels:
     input:
         sources=sources_of("compile_model_kernels"),
     output:
-        stamp="results/<engine>_kernels.sha256",
+        stamp="results/{engine}_kernels.sha256",
     log:
-        "results/logs/compile_<engine>_kernels.log",
+        "results/logs/compile_{engine}_kernels.log",
     benchmark:
-        "results/benchmarks/compile_<engine>_kernels.tsv"
-    params:
-        engine="matrix",
+        "results/benchmarks/compile_{engine}_kernels.tsv"
     conda:
         "../envs/gearlib.yaml"
     script:
         "../scripts/compile_model_kernels.py"
 
 
-# Nonlinear damping and smooth stiffness.
-use rule compile_matrix_kernels as compile_taylor_kernels with:
-    pathvars:
-        engine="taylor",
-    params:
-        engine="taylor",
-
-
 KERNELS = rules.compile_kernels.output.stamp
-MATRIX_KERNELS = rules.compile_matrix_kernels.output.stamp
-TAYLOR_KERNELS = rules.compile_taylor_kernels.output.stamp
+MATRIX_KERNELS, TAYLOR_KERNELS = expand(
+    rules.compile_model_kernels.output.stamp, engine=["matrix", "taylor"]
+)

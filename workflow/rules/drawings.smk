@@ -8,8 +8,7 @@ if not IS_PAPER:
         input:
             sources=sources_of("table", "studies.gear_table"),
         output:
-            csv="results/gears.csv",
-            page=table_page("gears", "The gears: table", PAPER),
+            **table_files("gears", "The gears: table", PAPER),
         params:
             function="gearlib.studies.gear_table:rows",
             settings={
@@ -39,8 +38,7 @@ use rule _table as mesh_stiffness_table with:
         stiffness="results/mesh_stiffness.nc",
         sources=sources_of("table", "studies.gear_geometry"),
     output:
-        csv="results/mesh_stiffness.csv",
-        page=table_page("mesh_stiffness", "Mesh stiffness by every method, table", DRAWN),
+        **table_files("mesh_stiffness", "Mesh stiffness by every method, table", DRAWN),
     params:
         function="gearlib.studies.gear_geometry:stiffness_rows",
         gears=names_of_drawings("mesh_stiffness"),
@@ -57,15 +55,6 @@ use rule _draw as draw_mesh_stiffness with:
     params:
         draw="mesh_stiffness_figure.draw",
         gears=names_of_drawings("mesh_stiffness"),
-
-
-rule mesh_stiffness:
-    input:
-        target_files(
-            "mesh_stiffness",
-            rules.draw_mesh_stiffness.output,
-            rules.mesh_stiffness_table.output.csv,
-        ),
 
 
 use rule _compute as compute_harris_map with:
@@ -94,11 +83,6 @@ use rule _draw as draw_harris_map with:
         gears=names_of_drawings("harris_map", teeth=True),
 
 
-rule harris_map:
-    input:
-        target_files("harris_map", rules.draw_harris_map.output),
-
-
 use rule _compute as compute_dynamic_factor with:
     pathvars:
         job="dynamic_factor",
@@ -124,8 +108,3 @@ use rule _draw as draw_dynamic_factor with:
     params:
         draw="dynamic_factor_figure.draw",
         gears=names_of_drawings("dynamic_factor", teeth=True),
-
-
-rule dynamic_factor:
-    input:
-        target_files("dynamic_factor", rules.draw_dynamic_factor.output),

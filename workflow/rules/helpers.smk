@@ -7,23 +7,22 @@ Snakemake compares params as text, so that key order and number format (2 or 2.0
 import json
 import os
 import re
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-import gearlib
+from snakemake.logging import logger
 from gearlib import config as configuration
-from gearlib import integrators, tunings
+from gearlib import integrators, processor, tunings
 from gearlib.config import gear_names, measured_description, targets, yaml_keys
 from gearlib.config.gears_section import drawn_pairs, takes_configured_gears
 from gearlib.config.tolerances_section import known_parameters
 from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.geometry.iso import METHOD_NAMES
-from workflow.refusal import refuse
+from workflow.records import mark_changed
 from workflow.sources import listed, sources
 
 ROOT = Path(workflow.basedir)
-#: Folder of the library, which differs from `ROOT` if the library is installed.
-LIBRARY = Path(gearlib.__file__).parents[1]
 
 #: Parts of the report; numbered because its menu is in alphabetical order.
 CLAIMS, EXPLANATIONS, METHODS = "2 The paper's statements", "3 Explanations", "4 Methods"
@@ -39,12 +38,20 @@ LONG = 1
 #: More threads than any machine has, so that Snakemake gives the job all cores.
 ALL_CORES = 1024
 
+# All jobs read this file, also on other nodes; before anything loads numpy.
+os.environ.update(processor.settings())
 # Jobs share compiled Python files, which this variable would prevent.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Scripts import the library beside this Snakefile.
 os.environ.update(
     PYTHONPATH=os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 )
+
+
+def refuse(sentence):
+    """Log an error message and exit; an exception would make Snakemake print a traceback."""
+    logger.error(str(sentence))
+    sys.exit(2)
 
 
 def raise_errors(messages):
@@ -66,13 +73,16 @@ def check_tables_and_distributions(checked):
         distributions.read(checked.tolerance_distributions(), known_parameters(), keys=keys)
 
 
-def checked_configuration():
-    """Return the typed configuration after all checks, or exit with an error message."""
-    is_replaced = workflow.config_settings.replace_workflow_config
-    files = workflow.overwrite_configfiles if is_replaced else workflow.configfiles
+def checked_configuration(changes):
+    """Return the typed configuration after all checks, or exit with an error message.
+
+    It is config.yaml of this folder, or else that of the paper, with `changes` by the command line.
+    """
+    base = Path("config.yaml") if Path("config.yaml").exists() else ROOT / "config.yaml"
     try:
-        raise_errors([message for path in files for message in yaml_keys.read(path)[1]])
-        checked = configuration.load(config)
+        contents = [yaml_keys.read(path) for path in (base, *workflow.overwrite_configfiles)]
+        raise_errors([message for _, repeated in contents for message in repeated])
+        checked = configuration.load(configuration.overlay_gears(contents[0][0], changes))
         raise_errors([*checked.target_errors(), *checked.train_damping_errors()])
         if workflow.is_main_process:
             check_tables_and_distributions(checked)
@@ -86,13 +96,19 @@ def canonical(value):
     return json.loads(json.dumps(value, sort_keys=True))
 
 
-CONFIG = checked_configuration()
+# What the command line gives is in `config` before the file is read.
+CONFIG = checked_configuration(dict(config))
 IS_PAPER = gear_names.is_paper(CONFIG)
 PAPER = "1 The paper's figures" if IS_PAPER else "1 The gears and their motions"
 #: Targets if the command line names none.
 WANTED = CONFIG.computed_targets()
 # Rules and captions need the defaults, too.
+config.clear()
 config.update(canonical(CONFIG.model_dump()))
+
+# The process that sends jobs to other nodes has done this for them.
+if workflow.is_main_process:
+    mark_changed(Path("results"))
 
 
 # Parts of the configuration as plain values.
@@ -156,15 +172,19 @@ def sources_of(script, *modules, methods=()):
     names = [f"gearlib.{module}" for module in modules]
     names += [f"gearlib.integrators.{integrators.METHODS.data[method]}" for method in methods]
     path = ROOT / "workflow" / "scripts" / f"{script}.py"
-    return listed(path, sources(path, LIBRARY, names))
+    return listed(path, sources(path, names))
 
 
-def sources_by_method(script, module):
+def sources_by_method(script, module, *references):
     """Return a dict of method -> file that lists the sources of a job that runs it.
 
-    All lists are written in advance because Snakemake looks for files only once.
+    The job also runs the methods `references`. All lists are written in advance because Snakemake
+    looks for files only once.
     """
-    return {name: sources_of(script, module, methods=[name]) for name in integrators.METHODS.data}
+    return {
+        name: sources_of(script, module, methods=[name, *references])
+        for name in integrators.METHODS.data
+    }
 
 
 def per_damping(pattern):
@@ -190,14 +210,15 @@ def figure_files(name, label, part, caption=None):
     return [report(p, **options) if p.endswith(f".{report_format}") else p for p in paths]
 
 
-def table_page(name, label, part):
-    """Return the HTML page of a table for the report; browsers do not show CSV."""
-    return report(
-        f"results/tables/{name}.html",
-        caption=f"../report/{name}_table.rst",
-        category=part,
-        labels={"figure": label},
-    )
+def table_files(name, label, part):
+    """Return the files of a table by name: CSV, and a page for the report, as browsers want it."""
+    labels = {"figure": label}
+    page = f"results/tables/{name}.html"
+    caption = f"../report/{name}_table.rst"
+    return {
+        "csv": f"results/{name}.csv",
+        "page": report(page, caption=caption, category=part, labels=labels),
+    }
 
 
 def target_files(target, *files):

@@ -31,11 +31,6 @@ use rule _draw as draw_analytic_method with:
         draw="analytic_method_figure.draw",
 
 
-rule analytic_method:
-    input:
-        target_files("analytic_method", rules.draw_analytic_method.output),
-
-
 # Numerical stability of fixed steps on the mesh without contact loss.
 
 
@@ -72,16 +67,11 @@ use rule _draw as draw_stability_chart with:
         draw="stability_figure.draw",
 
 
-rule stability_chart:
-    input:
-        target_files("stability_chart", rules.draw_stability_chart.output),
-
-
 # All methods on difficult problems, except for those whose packages are not installed.
 
 #: Name of a trial -> method with options.
 TRIALS = {trial["name"]: trial for trial in config["failures"]["trials"]}
-TRIAL_SOURCES = sources_by_method("compute", "studies.trials.failures")
+TRIAL_SOURCES = sources_by_method("compute", "studies.trials.failures", "scipy")
 
 
 use rule _compute as trial with:
@@ -130,11 +120,6 @@ use rule _draw as draw_failures with:
         draw="failures_figure.draw",
         gears="paper's pair and others, in problems of its own",
         absent=not_installed(trial["method"] for trial in TRIALS.values()),
-
-
-rule failures:
-    input:
-        target_files("failures", rules.draw_failures.output),
 
 
 # Errors of the methods on test problems, over evaluations and wall time.
@@ -209,8 +194,7 @@ use rule _table as work_precision_table with:
         times=expand(rules.work_precision_times.output, method=INSTALLED),
         sources=sources_of("table", "studies.trials.fastest"),
     output:
-        csv="results/work_precision.csv",
-        page=table_page("work_precision", "Work and precision: table of the fastest", METHODS),
+        **table_files("work_precision", "Work and precision: table of the fastest", METHODS),
     params:
         function="gearlib.studies.trials.fastest:rows",
 
@@ -229,12 +213,3 @@ use rule _draw as draw_work_precision with:
     params:
         draw="work_precision_figure.draw",
         absent=not_installed(config["work_precision"]["methods"]),
-
-
-rule work_precision:
-    input:
-        target_files(
-            "work_precision",
-            rules.draw_work_precision.output,
-            rules.work_precision_table.output.csv,
-        ),

@@ -37,11 +37,6 @@ use rule _draw as draw_run_ups with:
         gears=GEARS,
 
 
-rule run_ups:
-    input:
-        target_files("run_ups", rules.draw_run_ups.output),
-
-
 # Tuning at which the motion from rest jumps, for comparison with Fig. 6.
 
 
@@ -50,7 +45,7 @@ use rule _compute as compute_jump with:
         job="jump",
     input:
         kernels=KERNELS,
-        sources=sources_of("compute", "studies.jump"),
+        sources=sources_of("compute", "studies.jump", methods=["rk45"]),
     output:
         "results/jump.nc",
     params:
@@ -75,11 +70,6 @@ use rule _draw as draw_jump with:
         settings=pick(config["jump"], "marked"),
 
 
-rule jump:
-    input:
-        target_files("jump", rules.draw_jump.output),
-
-
 # Classification of motions as periodic, quasi-periodic or chaotic: the strip of Fig. 3.
 
 
@@ -98,11 +88,6 @@ use rule _compute as label with:
         tunings=grid(config["labels"]),
         settings=without(config["labels"], *GRID),
         damping="{damping}",
-
-
-rule labels:
-    input:
-        target_files("labels", per_damping(rules.label.output)),
 
 
 # Stable and unstable periodic orbits with their folds and grazings.
@@ -154,11 +139,6 @@ use rule _draw as draw_branches with:
         draw="branches_figure.draw",
 
 
-rule branches:
-    input:
-        target_files("branches", rules.draw_branches.output),
-
-
 # Proofs of orbits, as a file that an independent program can check, and as a table.
 
 
@@ -168,9 +148,8 @@ rule compute_certificates:
         branches=per_damping(rules.compute_branches.output),
         sources=sources_of("certificates"),
     output:
+        **table_files("certificates", "Proven orbits: table", EXPLANATIONS),
         json="results/certificates.json",
-        csv="results/certificates.csv",
-        page=table_page("certificates", "Proven orbits: table", EXPLANATIONS),
     params:
         gears=GEAR_PAIR,
         # Without python-flint nothing is proven, and the list in the file is empty.
@@ -186,15 +165,6 @@ rule compute_certificates:
         "../envs/gearlib.yaml"
     script:
         "../scripts/certificates.py"
-
-
-rule certificates:
-    input:
-        target_files(
-            "certificates",
-            rules.compute_certificates.output.csv,
-            rules.compute_certificates.output.json,
-        ),
 
 
 # Linear, quadratic and cubic damping of equal dissipation, the subject of the paper.
@@ -234,8 +204,7 @@ use rule _table as nonlinear_damping_table with:
         studies=PLACES_AND_POWERS,
         sources=sources_of("table", "studies.nonlinear_damping"),
     output:
-        csv="results/nonlinear_damping.csv",
-        page=table_page("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
+        **table_files("nonlinear_damping", "Nonlinear damping: table", EXPLANATIONS),
     params:
         function="gearlib.studies.nonlinear_damping:rows",
 
@@ -251,15 +220,6 @@ use rule _draw as draw_nonlinear_damping with:
         figure_files("nonlinear_damping", "Nonlinear damping of equal work", EXPLANATIONS),
     params:
         draw="nonlinear_damping_figure.draw",
-
-
-rule nonlinear_damping:
-    input:
-        target_files(
-            "nonlinear_damping",
-            rules.draw_nonlinear_damping.output,
-            rules.nonlinear_damping_table.output.csv,
-        ),
 
 
 # Comparison of the models for each scene.
@@ -292,8 +252,7 @@ use rule _table as model_table with:
         comparisons=expand(rules.compare_models.output, scene=CONFIG.scenes),
         sources=sources_of("table", "studies.scenes"),
     output:
-        csv="results/models.csv",
-        page=table_page("models", "Models: table", EXPLANATIONS),
+        **table_files("models", "Models: table", EXPLANATIONS),
     params:
         function="gearlib.studies.scenes:rows",
         settings={"scenes": list(CONFIG.scenes)},
@@ -311,15 +270,6 @@ use rule _draw as draw_models with:
     params:
         draw="models_figure.draw",
         settings={"scenes": list(CONFIG.scenes)},
-
-
-rule models:
-    input:
-        # There is nothing to compare without scenes.
-        target_files(
-            "models",
-            *[rules.draw_models.output, rules.model_table.output.csv] * bool(CONFIG.scenes),
-        ),
 
 
 # Instability tongues of the motion without contact loss.
@@ -363,8 +313,7 @@ use rule _table as parametric_resonance_table with:
         tongues="results/tongues.nc",
         sources=sources_of("table", "studies.stability"),
     output:
-        csv="results/parametric_resonance.csv",
-        page=table_page(
+        **table_files(
             "parametric_resonance", "Parametric resonance: the tuning in question", EXPLANATIONS
         ),
     params:
@@ -383,15 +332,6 @@ use rule _draw as draw_parametric_resonance with:
         figure_files("parametric_resonance", "Parametric resonance: tongues", EXPLANATIONS),
     params:
         draw="parametric_resonance_figure.draw",
-
-
-rule parametric_resonance:
-    input:
-        target_files(
-            "parametric_resonance",
-            rules.draw_parametric_resonance.output,
-            rules.parametric_resonance_table.output.csv,
-        ),
 
 
 # Global dynamics: basins of attraction, bifurcation diagram and Poincaré sections.
@@ -423,11 +363,6 @@ use rule _draw as draw_basins with:
         figure_files("basins", "Basins of attraction", EXPLANATIONS),
     params:
         draw="global_picture_figure.draw_basins",
-
-
-rule basins:
-    input:
-        target_files("basins", rules.draw_basins.output),
 
 
 BIFURCATION_PAIR = canonical(CONFIG.pair(CONFIG.bifurcation.damping))
@@ -483,11 +418,6 @@ use rule _draw as draw_bifurcation with:
         draw="global_picture_figure.draw_bifurcation",
 
 
-rule bifurcation:
-    input:
-        target_files("bifurcation", rules.draw_bifurcation.output),
-
-
 use rule _compute as compute_poincare with:
     pathvars:
         job="poincare",
@@ -513,8 +443,3 @@ use rule _draw as draw_poincare with:
         figure_files("poincare", "Poincaré sections", EXPLANATIONS),
     params:
         draw="global_picture_figure.draw_sections",
-
-
-rule poincare:
-    input:
-        target_files("poincare", rules.draw_poincare.output),

@@ -33,11 +33,6 @@ use rule _draw as draw_phase_lag with:
         draw="phase_shift_figure.draw",
 
 
-rule phase_lag:
-    input:
-        target_files("phase_lag", rules.draw_phase_lag.output),
-
-
 # Fig. 3: resonance characteristics, in windows of tunings.
 
 
@@ -99,11 +94,6 @@ use rule _draw as draw_resonance with:
         settings=COLOURS | ({} if IS_PAPER else {"forces": True}),
 
 
-rule resonance:
-    input:
-        target_files("resonance", rules.draw_resonance.output),
-
-
 # Fig. 5: phase planes at several tunings.
 
 
@@ -154,11 +144,6 @@ use rule _draw as draw_phase_planes with:
         settings=COLOURS,
 
 
-rule phase_planes:
-    input:
-        target_files("phase_planes", rules.draw_phase_planes.output),
-
-
 # Figs. 4, 6, 7, 8: time histories of the scenes, by the smallest sufficient model.
 
 
@@ -194,11 +179,6 @@ use rule _draw as draw_scene with:
         ),
 
 
-rule scenes:
-    input:
-        target_files("scenes", expand(rules.draw_scene.output, scene=CONFIG.scenes)),
-
-
 # Comparison of the paper's statements with the computed data.
 
 
@@ -211,8 +191,7 @@ rule compute_claims:
         scenes=expand(rules.scene.output, scene=CONFIG.scenes),
         sources=sources_of("claims"),
     output:
-        csv="results/claims.csv",
-        page=table_page("claims", "Statements, computed numbers, verdicts", CLAIMS),
+        **table_files("claims", "Statements, computed numbers, verdicts", CLAIMS),
         markdown="results/claims.md",
     params:
         gears=GEAR_PAIR,
@@ -226,10 +205,3 @@ rule compute_claims:
         "../envs/gearlib.yaml"
     script:
         "../scripts/claims.py"
-
-
-rule claims:
-    input:
-        target_files(
-            "claims", rules.compute_claims.output.csv, rules.compute_claims.output.markdown
-        ),

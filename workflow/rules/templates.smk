@@ -1,6 +1,21 @@
 """Templates of rules; a rule adds its job name, inputs, outputs and the function to call."""
 
 
+wildcard_constraints:
+    damping=r"[A-Za-z0-9+_-]+",
+    direction="cold|up|down",
+    engine="matrix|taylor",
+    window=r"\d+\.\d+-\d+\.\d+",
+    tuning=r"\d+\.\d+",
+    samples=r"\d+-\d+",
+    scene=r"[A-Za-z0-9+_-]+",
+    method=r"[a-z0-9_]+",
+    place="material|oil",
+    power="linear|quadratic|cubic",
+    trial=r"[A-Za-z0-9+_-]+",
+    measured=r"[A-Za-z0-9+_-]+",
+
+
 # Calls `function` with the other params and the input datasets, and stores the returned dataset.
 rule _compute:
     pathvars:

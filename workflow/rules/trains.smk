@@ -27,8 +27,7 @@ use rule _table as reducer_table with:
         characteristics="results/reducer.nc",
         sources=sources_of("table", "studies.trains"),
     output:
-        csv="results/reducer.csv",
-        page=table_page("reducer", "Fig. 1: the reducer, table", EXPLANATIONS),
+        **table_files("reducer", "Fig. 1: the reducer, table", EXPLANATIONS),
     params:
         function="gearlib.studies.trains:reducer_rows",
         gears=REDUCER,
@@ -45,11 +44,6 @@ use rule _draw as draw_reducer with:
     params:
         draw="trains_figure.draw_reducer",
         gears=REDUCER,
-
-
-rule reducer:
-    input:
-        target_files("reducer", rules.draw_reducer.output, rules.reducer_table.output.csv),
 
 
 # All meshes of the configured train over speed.
@@ -86,11 +80,6 @@ use rule _draw as draw_train_sweep with:
         gears=TRAIN,
 
 
-rule train_sweep:
-    input:
-        target_files("train_sweep", rules.draw_train_sweep.output),
-
-
 # Natural frequencies and mesh frequencies of the configured train, or else of the reducer.
 
 HAS_OWN_TRAIN = targets.has_custom_train(CONFIG)
@@ -124,8 +113,7 @@ use rule _table as campbell_table with:
         diagram="results/campbell.nc",
         sources=sources_of("table", "studies.trains"),
     output:
-        csv="results/campbell.csv",
-        page=table_page("campbell", "Campbell diagram, table", EXPLANATIONS),
+        **table_files("campbell", "Campbell diagram, table", EXPLANATIONS),
     params:
         function="gearlib.studies.trains:campbell_rows",
         gears=TRAIN if HAS_OWN_TRAIN else REDUCER,
@@ -142,8 +130,3 @@ use rule _draw as draw_campbell with:
     params:
         draw="campbell_figure.draw",
         gears=TRAIN if HAS_OWN_TRAIN else REDUCER,
-
-
-rule campbell:
-    input:
-        target_files("campbell", rules.draw_campbell.output, rules.campbell_table.output.csv),

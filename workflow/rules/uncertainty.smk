@@ -61,8 +61,7 @@ use rule _table as measured_table with:
         resonance="results/resonance.nc",
         sources=sources_of("table", "studies.measured"),
     output:
-        csv="results/measured.csv",
-        page=table_page("measured", "Measured and computed, in numbers", MEASURED),
+        **table_files("measured", "Measured and computed, in numbers", MEASURED),
     params:
         function="gearlib.studies.measured:comparison_rows",
 
@@ -91,16 +90,6 @@ use rule _draw as draw_measured_orders with:
     params:
         draw="measured_figure.draw_orders",
         settings=COLOURS,
-
-
-rule measured:
-    input:
-        target_files(
-            "measured",
-            rules.measured_table.output.csv,
-            rules.draw_measured_courses.output if MEASURED_COURSES else [],
-            rules.draw_measured_orders.output if MEASURED_RUN_UPS else [],
-        ),
 
 
 # Designs by a Sobol' sequence, in shards.
@@ -156,8 +145,7 @@ use rule _table as tolerance_table with:
         scattered="results/tolerances.nc",
         sources=sources_of("table", "studies.tolerance_study"),
     output:
-        csv="results/tolerances.csv",
-        page=table_page("tolerances", "Tolerances: table", TOLERANCES),
+        **table_files("tolerances", "Tolerances: table", TOLERANCES),
     params:
         function="gearlib.studies.tolerance_study:rows",
 
@@ -180,8 +168,3 @@ use rule _draw as draw_tolerances with:
         ),
     params:
         draw="scatter_figure.draw",
-
-
-rule tolerances:
-    input:
-        target_files("tolerances", rules.draw_tolerances.output, rules.tolerance_table.output.csv),

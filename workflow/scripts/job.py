@@ -1,6 +1,5 @@
-"""What all scripts do: read the datasets of a job, log its output and checksums of its results."""
+"""What all scripts do: read the datasets of a job and log its output."""
 
-import atexit
 import contextlib
 import os
 import sys
@@ -10,8 +9,6 @@ from pathlib import Path
 import __main__
 from gearlib.data import storage
 from gearlib.data.files import declare_sources
-from workflow import sources
-from workflow.checksums import record
 
 
 def datasets(files):
@@ -26,13 +23,18 @@ def datasets(files):
     }
 
 
+def source_files(path):
+    """Return the files in the list of sources at `path`, which has their checksums first."""
+    lines = Path(path).read_text(encoding="utf-8").splitlines()
+    return [line.split("  ", 1)[1] for line in lines]
+
+
 def redirect_output(path):
     """Redirect standard output and error of Python and compiled code to the log file `path`.
 
-    When the job ends, the checksums of its outputs are appended. The source files of the job are
-    declared, because netCDF files store their hash.
+    The source files of the job are declared, because netCDF files store their hash.
     """
-    declare_sources(sources.read(__main__.snakemake.input.sources))
+    declare_sources(source_files(__main__.snakemake.input.sources))
     sys.stdout.flush()
     sys.stderr.flush()
     terminal = os.dup(2)
@@ -40,19 +42,18 @@ def redirect_output(path):
     with open(path, "w", encoding="utf-8") as log:
         os.dup2(log.fileno(), 1)
         os.dup2(log.fileno(), 2)
-    atexit.register(_record_outputs, path)
     sys.excepthook = lambda *exception: _report_exception(terminal, *exception)
 
 
-def _record_outputs(log):
-    print(record(log, map(Path, __main__.snakemake.output)), end="")
-
-
 def _report_exception(terminal, exception_type, error, trace):
-    """Write a traceback to the log, but only the message of an OSError, also to the terminal.
+    """Write a traceback to the log, but none of Ctrl-C.
+
+    Of an OSError only the message is written, also to the terminal.
 
     `terminal` is the file descriptor of the original standard error.
     """
+    if issubclass(exception_type, KeyboardInterrupt):
+        return
     if not issubclass(exception_type, OSError):
         traceback.print_exception(exception_type, error, trace)
         return

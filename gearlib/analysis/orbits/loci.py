@@ -160,7 +160,7 @@ def locus(
         If the special point is not found.
     """
     # The turning point of a grazing is that of one mesh.
-    labels = (FOLD, DOUBLING, GRAZING) if getattr(model, "mesh", None) else (FOLD, DOUBLING)
+    labels = (FOLD, DOUBLING, GRAZING) if getattr(model, "pair", None) else (FOLD, DOUBLING)
     special_point = point_of_dataset(model, branch, point, max_events, labels)
     branch_problem, label = special_point.solution.problem, int(branch.label[point])
     tuning, period = branch_problem.tuning, branch_problem.period

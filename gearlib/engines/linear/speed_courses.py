@@ -99,7 +99,7 @@ def start_profile_run(model, speeds, loads, state):
     `speeds` and `loads` are those of `pieces_of`; the velocities in `state`, by phase, become
     velocities by theta in z.
     """
-    runner, pieces = model.speed_course_propagator(), pieces_of(model, speeds, loads)
+    runner, pieces = model.speed_course_propagator(model), pieces_of(model, speeds, loads)
     z = np.array(runner.initial_state(state), float)
     z[z.size // 2 :] *= pieces[0].speed
     return runner, pieces, z

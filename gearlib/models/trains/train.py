@@ -3,7 +3,7 @@
 import math
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
@@ -54,8 +54,14 @@ from gearlib.parameters import (
     described,
 )
 
-if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.engines.linear import propagator  # noqa: F401
+
+def _matrix_propagator(model: Model, tuning: float, **options: Any) -> Any:
+    """Return the integrator in closed forms for any number of meshes."""
+    # Imported on first use, because it takes time to load.
+    from gearlib.engines.linear.propagator import Propagator
+
+    return Propagator(model, tuning, **options)
+
 
 _Frequency = Annotated[float, Gt(0), Unit("Hz")]
 
@@ -104,7 +110,7 @@ class GearTrain(Model):
         ),
     ] = False
 
-    propagators = {"exact": "linear.propagator"}
+    propagators = {"exact": _matrix_propagator}
     title_noun = "a gear train"
     references = (
         "Lin, Parker: J. Vib. Acoust. 121 (1999) 316-321; "

@@ -30,7 +30,7 @@ inaccurate          none of these
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -43,9 +43,6 @@ from gearlib.data.result import result_of_many, stacked
 from gearlib.models.pair import GearPair
 from gearlib.runs.simulation import simulate
 from gearlib.studies.trials.difficult_problems import Problem, problems
-
-if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 #: Names of the verdicts in the order of their codes.
 VERDICTS = (

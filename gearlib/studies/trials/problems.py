@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,9 +11,6 @@ from gearlib.models.pair import GearPair
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.models.trains.ready_made import split_power_reducer
 from gearlib.runs.simulation import simulate
-
-if TYPE_CHECKING:  # loaded by name, for `workflow.sources`
-    from gearlib.integrators import scipy_ivp  # noqa: F401
 
 
 class Case(NamedTuple):

@@ -15,8 +15,6 @@ def write_record():
     job = getattr(sys.modules["__main__"], "snakemake", None)
     if not hasattr(job, "rule"):
         return
-    from workflow import sources
-
     files = {getattr(module, "__file__", None) for module in [*sys.modules.values()]}
     record = {
         "rule": job.rule,
@@ -25,7 +23,7 @@ def write_record():
         "input": {name: files for name, files in job.input.items() if name != "sources"},
         "output": [*job.output],
         "params": dict(job.params.items()),
-        "sources": sources.read(job.input.sources),
+        "sources": [line.split("  ", 1)[1] for line in open(job.input.sources).read().splitlines()],
         "loaded": sorted(filter(None, files)),
         "environment": _ENVIRONMENT,
     }
