@@ -2,7 +2,6 @@
 
 import math
 import re
-from numbers import Real
 from typing import Annotated, Any
 
 from gearlib import checks
@@ -10,12 +9,15 @@ from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.pair_parameters import RATIOS, PairParameters
 from gearlib.parameters import (
+    Allowed,
     BacklashDampingRatio,
     DrivingTorque,
     Error,
+    Finite,
     MaterialDamping,
     NonNegative,
     Parameter,
+    check,
     described,
     numeric_parameters,
 )
@@ -27,6 +29,7 @@ ALLOWED_SCATTER = (
     "one of {mean, std}, {min, max}, {nominal, upper, lower} with deviations from the nominal "
     "value, or {distribution: a name of scipy.stats, and its parameters}"
 )
+_Deviation = Annotated[Finite, Allowed("a finite number, or a share such as '5 %'")]
 _OPTIONAL_KEYS = ("mean", "nominal")
 _PERCENT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*%")
 
@@ -91,15 +94,13 @@ def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, flo
     scatter |= dict.fromkeys(missing, model_value)
     values: dict = {}
     for key in keys:
-        value, allowed = scatter[key], "a finite number"
+        value, value_type = scatter[key], Finite
         if key in ("std", "upper", "lower"):
-            allowed = "a finite number, or a share such as '5 %'"
+            value_type = _Deviation
             percentage = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
             if percentage:
                 value = float(percentage[1]) / 100.0 * abs(values[centre])
-        valid = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
-        checks.require(valid, f"{parameter_name}.{key}", value, allowed)
-        values[key] = float(value)
+        values[key] = check(f"{parameter_name}.{key}", value, value_type)
     if "std" in values:
         checks.require(values["std"] > 0.0, f"{parameter_name}.std", scatter["std"], f"> 0{suffix}")
     else:

@@ -58,17 +58,13 @@ def check_either(model, tuning_name: str, tuning, speed_name: str, speed):
     """
     checks.require(is_model(model), "model", model, "a model such as GearPair")
     checks.exactly_one(tuning_name, tuning, speed_name, speed)
-    if speed is not None and model.speed is None:
-        raise ValueError(
-            f"{speed_name} = {speed!r} is not allowed: nothing turns in this model, so it must be "
-            f"{tuning_name}"
-        )
-    # These are the scales of a pair made by `GearPair.from_ratios`.
-    if speed is not None and model.static_deflection == model.mesh_frequency(1.0) == 1.0:
-        raise ValueError(
-            f"{speed_name} = {speed!r} is not allowed: the model is dimensionless, without a scale "
-            f"of time, so it must be {tuning_name}"
-        )
+    if speed is not None:
+        allowed = f"{tuning_name}, because nothing turns in this model"
+        checks.require(model.speed is not None, speed_name, speed, allowed)
+        # These are the scales of a pair made by `GearPair.from_ratios`.
+        has_time = not model.static_deflection == model.mesh_frequency(1.0) == 1.0
+        allowed = f"{tuning_name}, because the model is dimensionless, without a scale of time"
+        checks.require(has_time, speed_name, speed, allowed)
 
 
 def check_memory(argument: str, row_count: int, numbers_per_row: int, row_name: str):

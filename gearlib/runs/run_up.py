@@ -1,11 +1,13 @@
 """`run_up`: the motion of a model while its speed and its load change."""
 
 import math
-from typing import Any
+from itertools import pairwise
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import MinLen
 
-from gearlib import checks, parameters
+from gearlib import checks
 from gearlib.data import status, summary
 from gearlib.data.result import result
 from gearlib.data.variables import DESCRIPTIONS
@@ -14,7 +16,15 @@ from gearlib.engines.linear import speed_courses
 from gearlib.engines.summary_columns import COLUMNS
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
-from gearlib.parameters import Count, Finite, NonNegative, Positive, WholeNumber, checked
+from gearlib.parameters import (
+    Count,
+    Limits,
+    NonNegative,
+    Positive,
+    Values,
+    WholeNumber,
+    checked,
+)
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, check_memory, tuning_at_speed
 
@@ -39,6 +49,11 @@ _SI_VARIABLES = {
         if column.scale
     },
 }
+#: Rows of time, s, and speed in rpm, or load over that of the model.
+_SpeedCourse = Annotated[
+    tuple[Annotated[tuple[NonNegative, ...], Values(2)], ...], Values(), MinLen(1)
+]
+_LoadCourse = Annotated[tuple[Limits, ...], Values(), MinLen(1)]
 #: Estimate of the numbers stored per mesh and mesh period, without samples: summary and events.
 _NUMBERS_PER_PERIOD = 40
 
@@ -51,8 +66,8 @@ def run_up(
     *,
     duration: Positive | None = None,
     acceleration: Positive | None = None,
-    speed=None,
-    load=((0.0, 1.0),),
+    speed: _SpeedCourse | None = None,
+    load: _LoadCourse = ((0.0, 1.0),),
     driver=None,
     driven_mass: NonNegative = 0.0,
     base_radius: Positive | None = None,
@@ -132,7 +147,7 @@ def run_up(
     is_rising = speeds[-1, 1] >= speeds[0, 1]
     fastest_argument = "speed" if speed is not None else "stop" if is_rising else "start"
     tuning_at_speed(model, fastest_argument, float(speeds[:, 1].max()))
-    loads = _check_profile("load", load, Finite, steps=True)
+    loads = _check_times("load", load, steps=True)
     if initial_state is None:
         state = model.static_state(model.tuning_at(speeds[0, 1]), float(loads[0, 1]))
     else:
@@ -204,7 +219,7 @@ def speed_profile(
     stop: NonNegative | None = None,
     duration: Positive | None = None,
     acceleration: Positive | None = None,
-    speed=None,
+    speed: _SpeedCourse | None = None,
 ):
     """Return the speed course as rows of time in s and speed in rpm, shape (n, 2).
 
@@ -216,7 +231,7 @@ def speed_profile(
             raise ValueError(
                 "speed is not allowed together with start, stop, duration and acceleration"
             )
-        profile = _check_profile("speed", speed, NonNegative)
+        profile = _check_times("speed", speed)
     else:
         if start is None or stop is None:
             name = "start" if start is None else "stop"
@@ -227,35 +242,24 @@ def speed_profile(
             allowed = "> 0 s, the difference of start and stop over the acceleration"
             checks.require(0.0 < duration < math.inf, "duration", duration, allowed)
         profile = np.array([[0.0, start], [duration, stop]])
-    if len(profile) < 2 or profile[0, 0] != 0.0:
-        raise ValueError(
-            f"speed = {speed!r} is not allowed: it must have two rows or more, the first at 0 s"
-        )
+    is_valid = len(profile) > 1 and profile[0, 0] == 0.0
+    checks.require(is_valid, "speed", speed, "of two rows or more, the first at 0 s")
     if not profile[:, 1].any():
         raise ValueError("speed is not allowed to be 0 rpm all along: something must turn")
     return profile
 
 
-def _check_profile(name, pairs, value_type: Any, steps=False) -> np.ndarray:
-    """Return the profile `pairs`, (time in s, speed or load), as an array, shape (n, 2).
+def _check_times(name: str, rows: Any, steps: bool = False) -> np.ndarray:
+    """Return a profile, rows (time in s >= 0, speed or load), as an array, shape (n, 2).
 
-    Raise ValueError, with the argument's `name`, if a time decreases or a value is not of the
-    declared type. With `steps` two pairs may have the same time.
+    Raise ValueError, with the argument's `name`, if a time decreases. With `steps` two rows may
+    have the same time.
     """
-    profile = []
-    for i, pair in enumerate(checks.sequence(name, pairs)):
-        t, value = checks.sequence(f"{name}[{i}]", pair, 2)
-        t = parameters.check(f"{name}[{i}][0]", t, NonNegative)
-        value = parameters.check(f"{name}[{i}][1]", value, value_type)
-        if profile and (t < profile[-1][0] or (t == profile[-1][0] and not steps)):
-            relation = "not before" if steps else "after"
-            raise ValueError(
-                f"{name}[{i}][0] = {t!r} is not allowed: it must be {relation} {profile[-1][0]!r} s"
-            )
-        profile.append((t, value))
-    if not profile:
-        raise ValueError(f"{name} = {pairs!r} is not allowed: it must have a row of s and a value")
-    return np.array(profile)
+    for i, ((before, _), (t, _)) in enumerate(pairwise([(0.0, 0.0), *rows])):
+        is_later = t > before or (t == before and (steps or i == 0))
+        relation = "not before" if steps or i == 0 else "after"
+        checks.require(is_later, f"{name}[{i}][0]", t, f"{relation} {before!r} s")
+    return np.array(rows)
 
 
 def _inertia_accelerations(model, driver, driven_mass, base_radius) -> np.ndarray:

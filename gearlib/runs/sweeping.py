@@ -121,12 +121,10 @@ def sweep(
         model, periods, record_periods, initial_state, method, options, max_events
     )
     _check_order(direction, tunings, "tunings" if speeds is None else "speeds")
-    if direction != "cold" and arguments.method != "exact" and model.size > 2:
-        raise ValueError(
-            f"direction = {direction!r} is not allowed for six degrees of freedom by method "
-            f"{arguments.method!r}: it must be 'cold', or the method 'exact', which carries all "
-            "coordinates along"
-        )
+    allowed = f"'cold' for six degrees of freedom by method {arguments.method!r}; the method "
+    allowed += "'exact' carries all coordinates along"
+    has_all = arguments.method == "exact" or model.size == 2
+    checks.require(direction == "cold" or has_all, "direction", direction, allowed)
     limit = Limit(max_seconds)
     check_rows(model, f"a sweep of {tunings.size:,} tunings", tunings.size)
     rows = _run_sweep(model, tunings, arguments, direction, threads or os.cpu_count(), limit)

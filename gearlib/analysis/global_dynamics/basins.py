@@ -8,6 +8,7 @@ import xarray as xr
 from annotated_types import Ge, Le
 from scipy.optimize import linear_sum_assignment
 
+from gearlib import checks
 from gearlib.analysis.global_dynamics.attractors import KINDS, PERIODIC, UNDECIDED, Attractor
 from gearlib.analysis.global_dynamics.classification import check_model, classify
 from gearlib.analysis.global_dynamics.stroboscope import (
@@ -16,11 +17,10 @@ from gearlib.analysis.global_dynamics.stroboscope import (
     distinct_values,
     grid_axes,
     grid_states,
-    region_bounds,
 )
 from gearlib.data.result import result, stacked
 from gearlib.data.status import flags_of
-from gearlib.parameters import INTEGER, Boolean, Count, WholeNumber, checked
+from gearlib.parameters import INTEGER, Boolean, Count, Limits, Values, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Threads, Tuning, check_tuning
 
@@ -180,7 +180,7 @@ def _attractor_variables(attractors: list[Attractor]) -> dict:
 def basin_stability(
     model,
     tunings,
-    region,
+    region: Annotated[tuple[Limits, ...], Values(2)],
     *,
     samples: Annotated[int, Ge(1), Le(MAX_STATES), INTEGER] = 400,
     periods: Count = 500,
@@ -227,8 +227,8 @@ def basin_stability(
     values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
     Stroboscope(model, values[0])
     check_model(model)
-    bounds = region_bounds(region)
-    low, high = bounds.T
+    low, high = np.transpose(region)
+    checks.require((low < high).all(), "region", region, "increasing limits")
     cells = int(np.ceil(np.sqrt(samples)))
     attractors_and_shares, limit = [], Limit(max_seconds)
     for i, tuning in limit.each(with_bar("tunings", enumerate(values), values.size)):
@@ -248,7 +248,7 @@ def basin_stability(
         data,
         coords,
         method="stratified initial states",
-        region=bounds.tolist(),
+        region=[list(limits) for limits in region],
         samples=cells * cells,
         periods=periods,
         seed=seed,

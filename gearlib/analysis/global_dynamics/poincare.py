@@ -190,11 +190,8 @@ def bifurcation_diagram(
     """
     method = choose_method(model, None, None)[0]
     values = distinct_values("values", values)
-    if direction != "cold" and model.size > 2:
-        raise ValueError(
-            f"direction = {direction!r} is not allowed for six degrees of freedom: it must be "
-            "'cold', because only two of the states that would be carried along are known"
-        )
+    allowed = "'cold' for six degrees of freedom, because only two of the states are known"
+    checks.require(direction == "cold" or model.size == 2, "direction", direction, allowed)
     description = f"strobes = {strobes} at {values.size} values"
     check_memory(description, strobes * values.size, 2, "in all")
     cases = parameter_cases(model, tuning, parameter, values)

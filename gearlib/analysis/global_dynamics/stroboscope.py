@@ -124,11 +124,8 @@ def check_one_mesh(model: Any) -> None:
 
     The message refers to the model by the name `model` of the argument of the callers.
     """
-    if model.mesh_names:
-        raise ValueError(
-            f"model = {type(model).__name__} is not allowed here: it must have one mesh, whose "
-            "displacement and velocity are the initial state"
-        )
+    allowed = "of one mesh, whose displacement and velocity are the initial state"
+    checks.require(not model.mesh_names, "model", type(model).__name__, allowed)
 
 
 def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
@@ -194,23 +191,6 @@ def distinct_values(name: str, values: Any) -> np.ndarray:
         raise checks.refusal(name, values, "a non-empty sequence of finite numbers")
     if np.unique(array).size < array.size:
         raise ValueError(f"{name} = {values!r} is not allowed: its values must be all different")
-    return array
-
-
-def region_bounds(region: Any) -> np.ndarray:
-    """Return a region of initial states as an array, shape (2, 2); otherwise raise ValueError.
-
-    Its rows are the lowest and highest displacement, and the lowest and highest velocity.
-    """
-    try:
-        array = float_array([[low, high] for low, high in region])
-        is_valid = array.shape == (2, 2) and np.isfinite(array).all()
-        is_valid = is_valid and (np.diff(array) > 0.0).all()
-    except (TypeError, ValueError):
-        is_valid = False
-    allowed = "((lowest, highest displacement), (lowest, highest dx/dtau)), finite, the second "
-    allowed += "greater"
-    checks.require(is_valid, "region", region, allowed)
     return array
 
 

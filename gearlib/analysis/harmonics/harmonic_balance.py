@@ -144,8 +144,7 @@ def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquatio
     """Return the `MeshEquation` for checked arguments of `harmonic_balance`."""
     if not (is_model(model) and model.has_pair_equation):
         raise checks.refusal("model", model, "a GearPair or a OneDegreePair, one degree of freedom")
-    allowed = f"an integer >= {period}, the period"
-    checks.require(harmonics >= period, "harmonics", harmonics, allowed)
+    checks.require(harmonics >= period, "harmonics", harmonics, f"an integer >= {period}")
     least = MIN_SAMPLES * harmonics + 1
     is_enough = samples is None or samples >= least
     checks.require(is_enough, "samples", samples, f"an integer >= {least}")

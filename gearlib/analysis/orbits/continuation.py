@@ -135,11 +135,8 @@ def _checked_limits(limits: Any, start: float, to: float) -> tuple:
     if limits is None:
         return min(start, to), max(start, to)
     low, high = limits
-    if not low <= min(start, to) <= max(start, to) <= high:
-        raise ValueError(
-            f"limits = {limits!r} is not allowed: the orbit's value {start!r} and to = {to!r} must "
-            "lie between them"
-        )
+    allowed = f"an interval that holds the orbit's value {start!r} and to = {to!r}"
+    checks.require(low <= min(start, to) <= max(start, to) <= high, "limits", limits, allowed)
     return low, high
 
 

@@ -135,11 +135,8 @@ def periodic_orbit(
     """
     choose_method(model, None, None)  # raises ValueError unless `model` is a model
     repeats = model.repeats
-    if period % repeats:
-        raise ValueError(
-            f"period = {period} is not allowed: it must be a multiple of the {repeats} mesh "
-            "periods after which the excitation repeats"
-        )
+    allowed = f"a multiple of the {repeats} mesh periods after which the excitation repeats"
+    checks.require(period % repeats == 0, "period", period, allowed)
     problem = Shooting(model, tuning, period, max_events=max_events)
     try:
         solution = _newton(problem, problem.initial_unknowns(_initial_state(problem, guess)))
