@@ -133,7 +133,10 @@ def with_pairs(cases):
     """Return title, tuning and the like of cases, and the parameters of their gear pairs."""
     without_pair = {"damping", "change"}
     return canonical(
-        [x.model_dump(exclude=without_pair) | {"pair": CONFIG.pair(x.damping, x.change)} for x in cases]
+        [
+            x.model_dump(exclude=without_pair) | {"pair": CONFIG.pair(x.damping, x.change)}
+            for x in cases
+        ]
     )
 
 
