@@ -15,11 +15,6 @@ from tests.references import Stored
 
 REFERENCES = Stored("sensitivities")
 #: Variables of a run in the order in which the references have them.
-VARIABLES = (
-    "displacement_max displacement_min dynamic_force_max dynamic_force_min event_phase "
-    "event_velocity final_state contact_loss_fraction fraction_coast fraction_min_stiffness "
-    "fraction_drive"
-).split()
 FULL = ("contact_ratio", "stiffness_ratio", "material_damping", "backlash_ratio", "tuning")
 UNDAMPED = DAMPED.replace(material_damping=0.0, backlash_damping=0.0)
 SERIES = gearlib.OneDegreePair(
@@ -49,13 +44,13 @@ def test_derivatives_of_runs_against_many_digits(name):
     options = {"periods": periods, "initial_state": state, "samples_per_period": 1}
 
     def variables(model, tuning):
-        return simulate(model, tuning, **options)[VARIABLES]
+        return simulate(model, tuning, **options)[differences.VARIABLES]
 
     result = sensitivities(variables, model, names, tuning=tuning)
     rows = REFERENCES.rows(differences.of_run, describe(model), tuning, periods, state, list(names))
     for parameter, row in zip(names, rows, strict=True):
         row = np.array(row, float)
-        for variable in VARIABLES:
+        for variable in differences.VARIABLES:
             values, errors = (
                 result[f"d_{variable}_d_{parameter}{end}"].values.ravel() for end in ("", "_error")
             )
