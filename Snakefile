@@ -25,7 +25,7 @@ include: "workflow/rules/paper.smk"
 include: "workflow/rules/motions.smk"
 include: "workflow/rules/methods.smk"
 include: "workflow/rules/trains.smk"
-include: "workflow/rules/drawings.smk"
+include: "workflow/rules/geometry.smk"
 include: "workflow/rules/uncertainty.smk"
 include: "workflow/rules/targets.smk"
 

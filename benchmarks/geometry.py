@@ -1,4 +1,4 @@
-"""What drawn gears cost: geometry and stiffness of one mesh in a fresh process, import apart.
+"""What gear geometry costs: geometry and stiffness of one mesh in a fresh process, import apart.
 
 Nothing of it is compiled, so the first call is what a user waits for.
 """
@@ -42,7 +42,7 @@ def first(arguments):
 def rows():
     """Return rows (name, value, unit)."""
     return [
-        (f"fresh process, a drawn mesh and its first stiffness, {name}", 1e3 * first(code), "ms")
+        (f"fresh process, a stage and its first stiffness, {name}", 1e3 * first(code), "ms")
         for name, code in CASES.items()
     ]
 

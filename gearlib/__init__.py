@@ -17,7 +17,7 @@ folder           responsibility
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================
 
-Beside them lie ``geometry``, the public names of gears by their drawing, ``plot``, pictures of any
+Beside them lie ``geometry``, the public names of gears by geometry, ``plot``, pictures of any
 dataset, ``checks`` of single values, ``colours`` of categories, ``progress`` of long calls and
 limits of their time, ``processor``, the instruction set of jobs, ``tunings`` and their names,
 ``version``. The names below are loaded on first use, so that reading a configuration does not pay

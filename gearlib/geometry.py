@@ -1,6 +1,6 @@
-"""Drawn gears: `SpurGear`, `GearStage`, their parts and stiffness, and `planetary_set`.
+"""Gears given by geometry: `SpurGear`, `GearStage`, their parts and stiffness, and `planetary_set`.
 
-`GearStage` here is the mesh of two drawn gears, `gearlib.Mesh` is part of a `GearTrain`.
+`GearStage` here is two gears in mesh by geometry, `gearlib.Mesh` is part of a `GearTrain`.
 """
 
 from typing import TYPE_CHECKING
@@ -35,7 +35,7 @@ __all__ = [
 
 
 def __getattr__(name):
-    # The compiled code of trains loads slowly, and drawn gears do not need it.
+    # The compiled code of trains loads slowly, and gears given by geometry do not need it.
     if name != "planetary_set":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from gearlib.models.trains.planetary import planetary_set

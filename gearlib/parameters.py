@@ -564,8 +564,8 @@ def documented(constructor: Any) -> Any:
     return constructor
 
 
-#: Factors to SI of the units of drawings, in which numbers are often given by mistake.
-_DRAWING_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
+#: Factors to SI of the units of gear geometry, in which numbers are often given by mistake.
+_GEOMETRY_UNITS = {"mm": 1e-3, "um": 1e-6, "deg": math.pi / 180.0}
 
 
 def unit_hint(value: Any, annotation: Any) -> str:
@@ -578,9 +578,9 @@ def unit_hint(value: Any, annotation: Any) -> str:
     if base is int and not is_bounded and isinstance(value, Integral) and int(value) > _MAX_INTEGER:
         return f" and <= {_MAX_INTEGER}"
     unit = next((x.example.partition(" ")[2] for x in metadata if isinstance(x, Unit)), "")
-    if unit not in _DRAWING_UNITS or isinstance(value, bool) or not isinstance(value, Real):
+    if unit not in _GEOMETRY_UNITS or isinstance(value, bool) or not isinstance(value, Real):
         return ""
-    scaled = float(value) * _DRAWING_UNITS[unit]
+    scaled = float(value) * _GEOMETRY_UNITS[unit]
     for part in metadata:
         if isinstance(part, Le | Lt):
             bound: Any = part.le if isinstance(part, Le) else part.lt
@@ -601,7 +601,7 @@ Fraction = Annotated[float, Ge(0), Le(1), Unit("1")]
 #: Damping ratio of gears that oscillate.
 BelowCritical = Annotated[float, Ge(0), Lt(1), Unit("1")]
 Length = Annotated[float, Gt(0), Unit("m", "100 mm")]
-#: Dimensions of drawings; larger numbers must have been meant in another unit.
+#: Dimensions of gear geometry; larger numbers must have been meant in another unit.
 Module = Annotated[float, Gt(0), Le(0.1), Unit("m", "2.5 mm")]
 Width = Annotated[float, Gt(0), Le(2), Unit("m", "20 mm")]
 Diameter = Annotated[float, Gt(0), Le(20), Unit("m", "100 mm")]
@@ -627,7 +627,7 @@ TwistDamping = Annotated[float, Ge(0), Unit("N m s/rad", "10 N m s/rad")]
 Time = Annotated[float, Ge(0), Unit("s", "1 us")]
 Teeth = Annotated[int, Ge(3), Le(100_000), INTEGER]
 Count = Annotated[int, Ge(1), INTEGER]
-#: Phases of a mesh period of drawn gears.
+#: Phases of a mesh period of gears given by geometry.
 Phases = Annotated[int, Ge(8), Le(100_000), INTEGER]
 WholeNumber = Annotated[int, Ge(0), INTEGER]
 Boolean = Annotated[bool, BeforeValidator(_read_boolean)]
@@ -673,5 +673,5 @@ Decrement = Annotated[
     NonNegative | None,
     described("delta = 2 pi beta / sqrt(1 - beta^2), in place of damping_ratio"),
 ]
-DrawnDamping = Annotated[Damping | None, described("k_1 in contact, in place of damping_ratio")]
+ContactDamping = Annotated[Damping | None, described("k_1 in contact, in place of damping_ratio")]
 BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in free flight, beta_m")]

@@ -13,7 +13,7 @@ from gearlib import parameters as p
 from gearlib.config import validation
 from gearlib.config.configuration import Config
 from gearlib.config.gear_pair_section import Damping
-from tests.geometry.drawings import fzg_c
+from tests.geometry.stages import fzg_c
 from tests.paper import CONFIG, PAPER
 
 #: A name that a user may choose in a mapping; it is also a damping of the paper's configuration.

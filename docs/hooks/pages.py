@@ -50,6 +50,6 @@ def run(path):
 def on_page_markdown(markdown, page, **_):
     """Let the links to these files lead to their pages."""
     markdown = re.sub(r"\]\((\.\./)?((?:\.\./)*)CONTRIBUTING\.md", r"](\2contributing.md", markdown)
-    if page.file.src_uri != "from_a_drawing.md":
-        markdown = markdown.replace("](from_a_drawing.ipynb)", "](from_a_drawing.md)")
+    if page.file.src_uri != "from_geometry.md":
+        markdown = markdown.replace("](from_geometry.ipynb)", "](from_geometry.md)")
     return markdown

@@ -92,7 +92,7 @@ def duty_point(
             name = "torque" if torque is not None else next(iter(options))
             raise ValueError(
                 f"{name} = {torque if name == 'torque' else options[name]!r} is not allowed: a "
-                "model has its own, only drawn gears take it"
+                "model has its own, only gears given by geometry take it"
             )
         model = gears
     else:

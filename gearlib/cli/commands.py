@@ -73,20 +73,20 @@ def gear_command(
         if motion == "none":
             values["model"] = "train"
         given = take_gears(values, moves=motion != "none")
-        gears, drawing = given.rectangle() if rectangle else given, given.settings.gears
+        gears, section = given.rectangle() if rectangle else given, given.settings.gears
         # Whole cycles of pitch errors are too long for each speed of a sweep.
         model = gears.model(pitch_errors=motion != "sweep")
         description = gears.description(model)
         if motion == "one speed":
             speed = values.pop("speed")
-            if speed is None and values["tuning"] is None and drawing:
-                speed = drawing.speed
+            if speed is None and values["tuning"] is None and section:
+                speed = section.speed
             values["tuning"] = tuning_of(model, values["tuning"], in_rpm("speed", speed))
         if name in ("simulate", "sweep", "trust") and not values.get("initial_state"):
             values["initial_state"] = "static" if gears.kind == "teeth" else (0.0, 0.0)
         click.echo(click.wrap_text(description, output.WIDTH))
-        notes = [model.force_note] if motion != "none" and drawing else []
-        if gears.kind == "teeth" and motion == "sweep" and drawing.modification_key("pitch_errors"):
+        notes = [model.force_note] if motion != "none" and section else []
+        if gears.kind == "teeth" and motion == "sweep" and section.modification_key("pitch_errors"):
             notes.append("Pitch errors are left out: `gearlib simulate` has them, at one speed.")
         if gears is not given:
             notes.append(_note_on_teeth(given, model, in_rpm("speed", values.get("speed"))))
@@ -115,7 +115,7 @@ def _note_on_teeth(gears, model, speed):
     """
     from gearlib.analysis.duty_point import duty_point
 
-    speed = speed or gears.drawn.speed or float(model.speed(1.0))
+    speed = speed or gears.geometry.speed or float(model.speed(1.0))
     point = duty_point(gears.model(), speed)
     contact = "lose" if float(point.contact_loss_fraction) > 0.0 else "keep"
     return (
@@ -166,9 +166,9 @@ def simulate(gears, model, tuning, samples, **settings):
 def sweep(gears, model, start, stop, speed, points, direction, **settings):
     """Run many tunings: the resonance characteristic.
 
-    The default range of drawn gears includes their --speed. With --direction down it extends
-    downwards until the motion has jumped down. Pairs of teeth are swept up and down, unless a
-    direction is given.
+    The default range of gears given by geometry includes their --speed. With --direction down it
+    extends downwards until the motion has jumped down. Pairs of teeth are swept up and down, unless
+    a direction is given.
     """
     import numpy as np
 
@@ -178,8 +178,11 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     direction = direction or "cold"
     first, last = _tuning_range(model, 0.1 if both_ways and start is None else start, stop)
     checks.require(first != last, "stop", stop, "another tuning than start")
-    is_default_range, speed = gears.drawn and start is None and stop is None, in_rpm("speed", speed)
-    if is_default_range and (speed := speed or gears.drawn.speed):
+    is_default_range, speed = (
+        gears.geometry and start is None and stop is None,
+        in_rpm("speed", speed),
+    )
+    if is_default_range and (speed := speed or gears.geometry.speed):
         tuning = run_arguments.tuning_at_speed(model, "speed", speed)
         first, last = min(first, tuning), max(last, tuning)
     grid = np.linspace(first, last, points)
@@ -211,7 +214,7 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
     from gearlib.figures import dynamic_factor_figure
     from gearlib.studies.teeth_over_speed import over_speed
 
-    curves = over_speed(model, model.speed(np.sort(tunings)), gears.drawn.speed, **settings)
+    curves = over_speed(model, model.speed(np.sort(tunings)), gears.geometry.speed, **settings)
     if not curves.get("complete", True):
         click.echo("The sweeps were stopped after --max-seconds.")
     rows = np.unique(np.linspace(0, curves.tuning.size - 1, _SPEEDS_IN_TABLE).round().astype(int))
@@ -366,7 +369,7 @@ def scatter(gears, model, quantity, samples, points, **settings):
 def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, distance_class, quality):
     """Return (source, tolerances) for `gearlib.scatter`.
 
-    The source is `model`, or a design of the drawing if a tolerance is one of the drawing.
+    The source is `model`, or a `StageDesign` if a tolerance is one of the geometry.
     `tolerance_texts`, such as ["load std=5%"], replace the section `tolerances`; the last three
     arguments are classes of DIN 3967 (one or two), DIN 3964 and ISO 1328-1, or None.
     """
@@ -385,24 +388,24 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
         name = toleranced.parameter
         unit = known_parameters[name].number if name in known_parameters else None
         tolerances[name] = toleranced.distribution_dict(f"tolerances.{name}", unit)
-    drawing_only = tolerated.geometry_parameters().keys() - tolerated.pair_parameters().keys()
-    needs_drawing = has_classes or bool(tolerances.keys() & drawing_only)
+    geometry_only = tolerated.geometry_parameters().keys() - tolerated.pair_parameters().keys()
+    needs_geometry = has_classes or bool(tolerances.keys() & geometry_only)
     if has_section and section.correlations:
         tolerances["correlations"] = [[*x.parameters, x.rho] for x in section.correlations]
-    if not needs_drawing:
+    if not needs_geometry:
         return model, tolerances
-    if gears.drawn is None:
+    if gears.geometry is None:
         raise click.UsageError(
-            "tolerances of a drawing need gears given by geometry, not --model six_degrees or train"
+            "these tolerances need gears given by geometry, not --model six_degrees or train"
         )
     from gearlib.studies.tolerance_study import nominal_design
     from gearlib.uncertainty.quality_classes import by_class
 
     # The backlash follows from the thickness of the teeth.
-    drawing = gears.drawn.drawing_dict() | ({"backlash": None} if thickness else {})
+    stage = gears.geometry.geometry_dict() | ({"backlash": None} if thickness else {})
     for gear in ("pinion", "wheel") if quality else ():
-        drawing[gear] = drawing[gear] | {"quality": quality}
-    source = nominal_design(model.as_dict(), drawing)
+        stage[gear] = stage[gear] | {"quality": quality}
+    source = nominal_design(model.as_dict(), stage)
     # With a quality, the form of the flanks scatters.
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
     return source, by_class(source.stage, **classes) | tolerances
@@ -447,9 +450,9 @@ def fit(gears, model, data, free):
     return fitted.dataset(), lambda plot: plot.fit(fitted)
 
 
-@main.command(params=options.DRAWN_GEARS + options.command_options("", "format save plot force"))
+@main.command(params=options.STAGE + options.command_options("", "format save plot force"))
 def gears(format, save, plot, force, **values):
-    """Print geometry, mesh stiffness by each method and resonance of two drawn gears.
+    """Print geometry, mesh stiffness by each method and resonance of two gears given by geometry.
 
     With a speed and a damping the table includes the duty point.
     """
@@ -458,33 +461,33 @@ def gears(format, save, plot, force, **values):
     output.check("--save", save, force, options.YAML)
     output.check("--plot", plot, force, options.PICTURES)
     # A configuration to be saved must have a damping.
-    drawn = take_gears(values, moves=bool(save), needs_drawing=True)
+    gears = take_gears(values, moves=bool(save), needs_geometry=True)
     if save:
         import yaml
 
-        output.write_text(save, yaml.safe_dump(drawn.mapping, sort_keys=False, allow_unicode=True))
-    drawing, damping = drawn.settings.gears, drawn.settings.dampings[drawn.damping].given()
+        output.write_text(save, yaml.safe_dump(gears.mapping, sort_keys=False, allow_unicode=True))
+    section, damping = gears.settings.gears, gears.settings.dampings[gears.damping].given()
     # The table has all methods; the options belong to the configured one, by default iso.
-    options_by_method = {drawing.stiffness or "iso": drawing.stiffness_options}
-    load = drawing.load() | {"damping": damping}
-    rows = gear_table.gear_quantities(drawing.mesh(), options=options_by_method, **load)
-    if drawing.speed and drawn.damping != NO_DAMPING:
-        model = drawn.model()
-        point = drawing.speed, drawing.driving_torque()
-        rows += gear_table.duty_rows(model, *point, drawn.stiffness(model))
+    options_by_method = {section.stiffness or "iso": section.stiffness_options}
+    load = section.load() | {"damping": damping}
+    rows = gear_table.gear_quantities(section.mesh(), options=options_by_method, **load)
+    if section.speed and gears.damping != NO_DAMPING:
+        model = gears.model()
+        point = section.speed, section.driving_torque()
+        rows += gear_table.duty_rows(model, *point, gears.stiffness(model))
     if format == "text":
-        click.echo(drawn.name)
+        click.echo(gears.name)
     output.gear_table(rows, format)
-    if drawing.speed and drawn.damping == NO_DAMPING:
+    if section.speed and gears.damping == NO_DAMPING:
         click.echo("There is no duty point without a damping: give --damping-ratio.", err=True)
     if plot:
         from gearlib.figures import mesh_stiffness_figure
         from gearlib.studies.gear_geometry import mesh_stiffness
 
         # This is a `PublishedPair` without published values.
-        pair_dict = drawing.model_dump() | {"torque": drawing.driving_torque(), "published": {}}
+        pair_dict = section.model_dump() | {"torque": section.driving_torque(), "published": {}}
         curves = mesh_stiffness({"mesh stiffness": pair_dict}, samples=_CURVE_PHASES)
-        output.save_picture(plot, drawn.name, lambda _: mesh_stiffness_figure.draw(curves))
+        output.save_picture(plot, gears.name, lambda _: mesh_stiffness_figure.draw(curves))
     # The values of this row tell by method whether the motion repeats.
     if any(row.name == "settled" and not all(row.values.values()) for row in rows):
         raise click.ClickException("the motion at the duty point has not settled")

@@ -33,7 +33,7 @@ class Gears(NamedTuple):
     settings: Any  #: its sections that commands need, checked
     damping: str  #: name of the damping
     kind: str  #: of the model: teeth, rectangle, six_degrees or train
-    drawn: Any  #: the section `gears` if a single pair of gears is drawn, else None
+    geometry: Any  #: the section `gears` of a single pair, else None
 
     @property
     def name(self) -> str:
@@ -65,8 +65,8 @@ class Gears(NamedTuple):
     def description(self, model: Any) -> str:
         """Return the name of the gears, the stiffness of their model, and a backlash by default."""
         parts = [self.name, self.stiffness(model)]
-        if self.drawn and self.drawn.backlash is None:
-            mesh = self.drawn.mesh()
+        if self.geometry and self.geometry.backlash is None:
+            mesh = self.geometry.mesh()
             if mesh.has_recommended_backlash:
                 parts.append(f"recommended backlash {1e6 * mesh.backlash:.4g} um, as none is given")
         return "; ".join(parts)
@@ -81,16 +81,16 @@ def in_rpm(name, value):
     raise refusal(name, value, "a number, or a speed in rpm such as 1500rpm")
 
 
-def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) -> Gears:
+def take_gears(values: dict, moves: bool = True, needs_geometry: bool = False) -> Gears:
     """Remove the options that describe gears from the dict `values`, and return the gears.
 
-    Options override the configuration. With `moves` the gears need a damping, with `needs_drawing`
-    a drawing; otherwise `_UNDAMPED` and `_UNUSED_PAIR` replace missing sections.
+    Options override the configuration. With `moves` the gears need a damping, with `needs_geometry`
+    gear geometry; otherwise `_UNDAMPED` and `_UNUSED_PAIR` replace missing sections.
     """
     damping, kind, profile = (values.pop(x, None) for x in ("damping", "model", "profile"))
     mapping = _read(values.pop("config"), damping)
-    sections = _take_sections(values, needs_drawing)
-    drawing, pair, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
+    sections = _take_sections(values, needs_geometry)
+    stage, pair, coefficients = (sections[x] for x in ("gears", "gear_pair", "dampings"))
     # A damping needs both coefficients; --damping-ratio alone means no damping without contact.
     if "damping_ratio" in coefficients and "backlash_damping" not in coefficients:
         coefficients["backlash_damping_ratio"] = 0.0
@@ -101,13 +101,13 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
         raise click.UsageError("--bearing-stiffness and --bearing-damping need --model six_degrees")
     if kind == "train" and "train" not in mapping:
         raise click.UsageError(NO_TRAIN)
-    # The option --backlash belongs to the drawing if there is one.
-    if "backlash" in pair and ("gears" in mapping or drawing):
-        drawing["backlash"] = pair.pop("backlash")
-    if drawing and "gears" not in mapping:
+    # The option --backlash belongs to the geometry if there is one.
+    if "backlash" in pair and ("gears" in mapping or stage):
+        stage["backlash"] = pair.pop("backlash")
+    if stage and "gears" not in mapping:
         # Dampings and bearings of the configuration are those of its own gears.
         mapping = _select(mapping, "train", *(["dampings"] if damping else []))
-    mapping = overlay(mapping, {"gears": drawing} if drawing else {})
+    mapping = overlay(mapping, {"gears": stage} if stage else {})
     train = mapping.get("train")
     needs_pair = not isinstance(train, dict) or train.get("kind", PAIR_TRAINS[0]) in PAIR_TRAINS
     if "gears" in mapping:
@@ -116,10 +116,10 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
                 raise click.UsageError("damping_ratio is missing: give --damping-ratio, >= 0, < 1")
             mapping |= _UNDAMPED
         if pair:
-            # Options of the gear pair replace parameters that follow from the drawing.
-            drawn_pair = config.load(_UNDAMPED | {"gears": mapping["gears"]}).gear_pair
-            pair = drawn_pair.model_dump() | pair
-    elif needs_drawing:
+            # Options of the gear pair replace parameters that follow from the geometry.
+            derived = config.load(_UNDAMPED | {"gears": mapping["gears"]}).gear_pair
+            pair = derived.model_dump() | pair
+    elif needs_geometry:
         raise click.UsageError("gears is missing: give --teeth, --module ..., or a configuration")
     elif "gear_pair" not in mapping and not pair and not needs_pair:
         if kind != "train":
@@ -136,7 +136,7 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     changes = {key: section for key, section in changes.items() if section or not mapping}
     mapping = overlay(mapping, changes)
     # Other sections may not be valid for gears that options have changed.
-    settings = config.load(_select(mapping, *_NEEDED_SECTIONS) if drawing or changes else mapping)
+    settings = config.load(_select(mapping, *_NEEDED_SECTIONS) if stage or changes else mapping)
     if damping not in settings.dampings:
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
     if moves and kind == "train" and (message := missing_mesh_damping(settings)):
@@ -144,8 +144,8 @@ def take_gears(values: dict, moves: bool = True, needs_drawing: bool = False) ->
     kind = kind or ("teeth" if settings.gears else "rectangle")
     if kind == "teeth" and not settings.gears:
         raise refusal("--model", kind, "rectangle: the gears are not given by their geometry")
-    drawn = settings.gears if kind in ("teeth", "rectangle") else None
-    return Gears(mapping, settings, damping=damping, kind=kind, drawn=drawn)
+    geometry = settings.gears if kind in ("teeth", "rectangle") else None
+    return Gears(mapping, settings, damping=damping, kind=kind, geometry=geometry)
 
 
 def _read(path: Path | None, damping: str | None) -> dict:
@@ -162,11 +162,11 @@ def _read(path: Path | None, damping: str | None) -> dict:
     return mapping
 
 
-def _take_sections(values: dict, needs_drawing: bool) -> dict:
+def _take_sections(values: dict, needs_geometry: bool) -> dict:
     """Remove the options that are config keys from `values`, and return their sections.
 
-    With `needs_drawing` the command has the options `options.DRAWN_GEARS`, else `options.PAIR`,
-    which describe a pair by a drawing or by its numbers. `teeth` is a number or a text with two.
+    With `needs_geometry` the command has the options `options.STAGE`, else `options.PAIR`,
+    which describe a pair by its geometry or its numbers. `teeth` is a number or a text with two.
     """
     sections: dict = {"gears": {}, "gear_pair": {}, "dampings": {}}
     teeth = values.pop("teeth")
@@ -175,11 +175,11 @@ def _take_sections(values: dict, needs_drawing: bool) -> dict:
             raise refusal("--teeth", teeth, "an integer, or two values, PINION WHEEL")
         for gear, count in zip(("pinion", "wheel"), teeth.split(), strict=True):
             sections["gears"][gear] = {"teeth": options.number_or_text(count)}
-    elif needs_drawing and teeth is not None:
+    elif needs_geometry and teeth is not None:
         raise refusal("--teeth", teeth, "two values, PINION WHEEL")
     elif teeth is not None:
         sections["gear_pair"]["teeth"] = teeth
-    key_groups = options.DRAWING + (options.MESH if needs_drawing else options.PAIR_KEYS)
+    key_groups = options.GEOMETRY + (options.MESH if needs_geometry else options.PAIR_KEYS)
     for _section_class, names, section_keys in key_groups:
         for name in names:
             value = values.pop(name)

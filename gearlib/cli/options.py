@@ -119,7 +119,7 @@ def option(name, help_text, default_or_type=None, flags=(), **settings):
 
 
 def key_options(key_groups):
-    """Return the options of groups (section class, key names, section keys), as in `DRAWING`."""
+    """Return the options of groups (section class, key names, section keys), as in `GEOMETRY`."""
     click_options = []
     for section, names, section_keys in key_groups:
         settings = {"nargs": 2, "metavar": "PINION WHEEL"} if section_keys == _BOTH_GEARS else {}
@@ -131,9 +131,9 @@ def key_options(key_groups):
 
 
 _BOTH_GEARS = ["gears.pinion", "gears.wheel"]
-#: Keys that are options: of drawn gears, of their mesh, of a gear pair. Each group has a section
-#: class, names of its keys, and the keys of the sections of this class in the configuration.
-DRAWING = [
+#: Keys that are options: of gears given by geometry, of their mesh, of a gear pair. Each group has a
+#: section class, names of its keys, and the keys of its sections in the configuration.
+GEOMETRY = [
     (WheelSection, ["shift", "tip_diameter", "bore", "thickness_allowance"], _BOTH_GEARS),
     (WheelSection, ["module", "width", "pressure_angle", "helix_angle", "rack"], _BOTH_GEARS[:1]),
     (WheelSection, ["internal", "outer_diameter"], _BOTH_GEARS[1:]),
@@ -214,8 +214,11 @@ _TABLE = {
     "tolerance": ("Tolerance, 'load std=5%'; may be repeated.", str, _MANY | {"flags": ["-t"]}),
     "quantity": (f"Quantity, of {', '.join(QUANTITIES)}; may be repeated.", None, _QUANTITY),
     "free": ("Parameter to fit, NAME[=LOW,HIGH]; may be repeated. Default: of DATA.", str, _MANY),
-    "thickness_class": ("Tooth thickness of drawn gears by DIN 3967: 26cd, or '26cd 25cd'.", str),
-    "distance_class": ("Centre distance of drawn gears by DIN 3964: js7.", str),
+    "thickness_class": (
+        "Tooth thickness of gears given by geometry by DIN 3967: 26cd, or '26cd 25cd'.",
+        str,
+    ),
+    "distance_class": ("Centre distance of gears given by geometry by DIN 3964: js7.", str),
     "quality": ("Quality by ISO 1328-1, within which profiles scatter.", click.IntRange(1, 11)),
     "samples": ("Number of designs.", 1024, {"type": click.IntRange(1)}),
     "scatter points": (
@@ -243,7 +246,7 @@ def command_options(command_name, option_names):
     return click_options
 
 
-_GEARS = command_options("", "config damping teeth") + key_options(DRAWING)
-#: Options of two drawn gears, of a gear pair by its numbers or drawing, of a model that moves.
-DRAWN_GEARS, PAIR = _GEARS + key_options(MESH), _GEARS + key_options(PAIR_KEYS)
+_GEARS = command_options("", "config damping teeth") + key_options(GEOMETRY)
+#: Options of two gears given by geometry, of any gear pair, of a model that moves.
+STAGE, PAIR = _GEARS + key_options(MESH), _GEARS + key_options(PAIR_KEYS)
 MODEL = PAIR + command_options("", "model profile bearing_stiffness bearing_damping")

@@ -1,4 +1,4 @@
-"""Printing, writing and drawing of the results of commands."""
+"""Print, write and draw the results of commands."""
 
 import csv
 import io
@@ -113,7 +113,7 @@ def definitions(rows):
 
 
 def gear_table(rows, file_format):
-    """Print the rows of the table of drawn gears as "text", "json" or "csv"."""
+    """Print the rows of the table of gears given by geometry as "text", "json" or "csv"."""
     if file_format == "json":
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))
     elif file_format == "csv":

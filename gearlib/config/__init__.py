@@ -36,7 +36,7 @@ def load(mapping: dict) -> Any:
 
     if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
         raise ConfigError(
-            "gears and gear_pair are not allowed together: it must be either the drawing of the "
+            "gears and gear_pair are not allowed together: it must be either the geometry of the "
             "gears or the numbers of their mesh"
         )
     try:

@@ -48,7 +48,7 @@ class Config(Section):
     measured: list[_Path] = field(
         "YAML files of measured data sets, drawn over Fig. 3 and time histories, and scored.", []
     )
-    # `gear_pair` is derived from `gears` where the gears are drawn; only `gear_pair` is dumped.
+    # `gear_pair` is derived from `gears` where it is given; only `gear_pair` is dumped.
     gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
     profile: Profile = field(
@@ -104,8 +104,8 @@ class Config(Section):
             allowed = "left out where gears are given: their stiffness is that of their teeth"
             raise checks.refusal("profile", self.profile.kind, allowed)
         measured_description.read_sets(self.measured)  # Raises the errors of their files.
-        # Only the workflow computes targets, and it calls `target_errors` itself. For drawn gears
-        # their errors are raised here as well, so that commands report them.
+        # Only the workflow computes targets, and it calls `target_errors` itself. With
+        # `gears` these errors are raised here as well, so that commands report them.
         if self.gears and (messages := self.target_errors()):
             raise ValueError("\n".join(messages))
         return self
@@ -195,7 +195,7 @@ class Config(Section):
         kind = kind or ("teeth" if self.gears else "rectangle")
         if kind == "teeth":
             section = {
-                "gears": self.gears.drawing_dict(),
+                "gears": self.gears.geometry_dict(),
                 "damping": self.dampings[damping].given(),
             }
             return {"model": "teeth", "pitch_errors": pitch_errors} | section
@@ -210,7 +210,7 @@ class Config(Section):
         """Return the keyword arguments of `gearlib.SixDegreePair` except `pair`."""
         arguments = self.six_degrees.model_dump()
         if self.gears:
-            gears = self.gears.drawing_dict()
+            gears = self.gears.geometry_dict()
             arguments["teeth"] = [gears[name]["teeth"] for name in ("pinion", "wheel")]
         return arguments
 
@@ -236,9 +236,9 @@ class Config(Section):
         pair = PairParameters(**parameters)
         # Ratios such as the damping ratio follow from the parameters, and may have tolerances, too.
         nominal_values = parameters | {name: getattr(pair, name) for name in RATIOS}
-        if self.tolerances.concern_drawing():
-            drawing = self.gears.drawing_dict()
-            nominal_values |= drawing
+        if self.tolerances.concern_geometry():
+            stage = self.gears.geometry_dict()
+            nominal_values |= stage
             for gear in ("pinion", "wheel"):
-                nominal_values |= {f"{gear}.{key}": value for key, value in drawing[gear].items()}
+                nominal_values |= {f"{gear}.{key}": value for key, value in stage[gear].items()}
         return self.tolerances.distributions(nominal_values)

@@ -36,18 +36,18 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
     """Return the content of a YAML file with defaults added, and the context of its validation.
 
     The context is a dict: `pair` and `dampings` are the validated sections, None if invalid;
-    `drawn` says whether the gears are given by a drawing, the section `gears`.
+    `by_geometry` says whether the gears are given by geometry, the section `gears`.
     """
     if not isinstance(mapping, dict):
         return mapping, {}
     pair, gears, dampings = _read_gears(mapping)
-    context = {"pair": pair, "dampings": dampings, "drawn": gears is not None}
+    context = {"pair": pair, "dampings": dampings, "by_geometry": gears is not None}
     defaults = _gear_defaults(pair or _VALID_PAIR, dampings or _VALID_DAMPINGS)
     six_degrees = mapping.get("six_degrees") or {}
     if gears:
         defaults["resonance"] = _resonance_range(mapping.get("resonance"), pair, gears.speed)
         defaults["six_degrees"] = gears.six_degrees()
-        # The test problem "six_degrees" needs bearings, which a drawing does not have.
+        # The test problem "six_degrees" needs bearings, which the section `gears` does not have.
         if "bearing_stiffness" not in six_degrees:
             other_problems = [name for name in get_args(Problem) if name != "six_degrees"]
             defaults["work_precision"]["problems"] = other_problems
@@ -65,7 +65,7 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
 
 
 def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | None]:
-    """Return the `GearPairSection`, its drawing and the dampings, None where they are invalid."""
+    """Return the `GearPairSection`, its geometry and the dampings, None where they are invalid."""
     pair, gears = None, None
     try:
         if "gears" in mapping:
@@ -73,14 +73,14 @@ def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | 
             pair = GearPairSection(**gears.pair())
         else:
             pair = GearPairSection.model_validate(mapping.get("gear_pair"))
-        context = {"pair": pair, "drawn": gears is not None}
+        context = {"pair": pair, "by_geometry": gears is not None}
         return pair, gears, _DAMPINGS_TYPE.validate_python(mapping.get("dampings"), context=context)
     except ValidationError:
         return pair, gears, None
 
 
 def _resonance_range(resonance: Any, pair: Any, speed: float | None) -> dict[str, float]:
-    """Return the defaults of `start`, `stop` and `lowest` of the resonance sweep of drawn gears.
+    """Return the defaults of `start`, `stop` and `lowest` of the resonance sweep with `gears`.
 
     The range, 0.5 to 1.4, is extended to the speed (rpm) of the gears, in steps of the section
     `resonance`; `lowest`, a fifth of start, limits the extension of a downward sweep that has not

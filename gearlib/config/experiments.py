@@ -20,12 +20,12 @@ _RANGE = "Lowest and highest initial value."
 
 
 class Resonance(grid_base(0.5, 1.4, 0.0005)):
-    """The resonance characteristic (Fig. 3), in windows; by default with the speed of a drawing."""
+    """The resonance characteristic (Fig. 3), in windows; by default with the speed of `gears`."""
 
     window: t.Tuning = field("Tunings of one job of a cold sweep; a whole multiple of step.", 0.9)
     lowest: t.Tuning = field(
         "Tuning to which the downward sweep goes on below start until it has jumped; default: "
-        "start, in the default range of drawn gears a fifth of it.",
+        "start, in the default range of gears given by geometry a fifth of it.",
         None,
     )
     directions: Distinct[Literal["cold", "up", "down"]] = field(

@@ -21,7 +21,7 @@ PAPER = {
 _TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 
 
-def name_of_drawing(pair: Any, modified: bool = True, pitch_errors: bool = True) -> str:
+def name_of_stage(pair: Any, modified: bool = True, pitch_errors: bool = True) -> str:
     """Return the name of gears given by geometry: "gear pair z 23/61, m 2.5 mm, tip relief".
 
     If what the name stands below has no modified flanks, `modified` is False; if it has tip reliefs
@@ -40,13 +40,13 @@ def name_of_drawing(pair: Any, modified: bool = True, pitch_errors: bool = True)
 
 
 def _module_and_helix(gear: Any) -> str:
-    """Return normal module and helix angle of a drawn gear as text."""
+    """Return normal module and helix angle of a gear given by geometry as text."""
     helix = f", β {math.degrees(gear.helix_angle):.6g}°" if gear.helix_angle else ""
     return f"m {1e3 * gear.module:.6g} mm{helix}"
 
 
 def name_of_parameters(pair: Any) -> str:
-    """Return the name of a gear pair that is given by its parameters instead of a drawing.
+    """Return the name of a gear pair that is given by its parameters instead of gear geometry.
 
     `pair` is a dict, a `GearPair` or a `GearPairSection` with the four parameters in `PAPER`.
     """
@@ -69,16 +69,16 @@ def parameters_differ(base: dict, changed: dict) -> bool:
 
 
 def name_of_pair(config: Any, modified: bool = True, pitch_errors: bool = True) -> str:
-    """Return the name of the gear pair of a configuration; options as in `name_of_drawing`."""
+    """Return the name of the gear pair of a configuration; options as in `name_of_stage`."""
     if config.gears:
-        return name_of_drawing(config.gears, modified, pitch_errors)
+        return name_of_stage(config.gears, modified, pitch_errors)
     return name_of_parameters(config.gear_pair)
 
 
 def name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) -> str:
-    """Return the name of the gear pair with its model: pairs of teeth of drawn gears, or not.
+    """Return the name of the gear pair with its model: pairs of teeth or rectangle.
 
-    Gears without a drawing are named by their rectangle.
+    Gears without geometry are named by their rectangle.
     """
     gears, name = config.gears, name_of_pair(config, modified=teeth, pitch_errors=pitch_errors)
     if config.profile:

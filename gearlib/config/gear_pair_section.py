@@ -19,7 +19,7 @@ from gearlib.models.profiles import PROFILES
 from gearlib.parameters import Allowed, RunOut
 
 DAMPINGS = tuple(RATIO_KEYS)
-#: Digits of derived values; rounding makes them independent of the units of the drawing.
+#: Digits of derived values; rounding makes them independent of the units of the geometry.
 _DIGITS = 12
 _DampingRatio = t.number(ge=0, le=1000)
 _Pair = create_section("_Pair", "", PairParameters, exclude=DAMPINGS, required=("teeth",))
@@ -79,8 +79,8 @@ class Damping(_Coefficients):
                 )
                 raise checks.InputError(first, problem=problem)
             ((key, value),) = values.items()
-            if pair and from_context(info, "drawn"):
-                # Drawn gears must be less than critically damped; only the check matters here.
+            if pair and from_context(info, "by_geometry"):
+                # Less than critical damping is needed; only the check matters here.
                 checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
             given[key] = value
             if pair and key != coefficient_key:
@@ -153,7 +153,7 @@ class Run(Section):
         return self
 
 
-#: Error message where drawn gears have no bearings.
+#: Error message where gears given by geometry have no bearings.
 MISSING_BEARINGS = (
     "six_degrees.bearing_stiffness is missing: it must be a list of 4 entries, C3y, C3z, C2y, C2z "
     "in N/m, for these gears; bearing_damping in N s/m comes beside it"
@@ -163,9 +163,9 @@ MISSING_BEARINGS = (
 class SixDegrees(Section):
     """Bodies and bearings of six degrees of freedom, SI; gear 3 first, then gear 2.
 
-    For drawn gears, the pinion first, radii, inertias, masses and pitch phase follow from the
-    drawing; damping, run-out and friction are 0 by default; the bearing stiffness must be given.
-    The defaults of other gears assume two equal gears on soft bearings.
+    For gears given by geometry, the pinion first, radii, inertias, masses and pitch phase follow
+    from the geometry; damping, run-out and friction are 0 by default; the bearing stiffness must be
+    given. The defaults of other gears assume two equal gears on soft bearings.
     """
 
     base_radii: list_of(p.Length, 2) = field("Base radii Rb3, Rb2, m. Default: 0.1 m.", None)

@@ -1,4 +1,4 @@
-"""Sections of drawn gears: `gears`, which replaces `gear_pair`, and the pairs of studies."""
+"""Sections of gear geometry: `gears`, which replaces `gear_pair`, and the gears of studies."""
 
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal
@@ -32,7 +32,7 @@ Z20_PAIR = {
     "backlash": 50e-6,
     "torque": 500.0,
 }
-#: Section of a study of drawn gears -> its key of the gears.
+#: Section of a study of gears given by geometry -> its key of the gears.
 GEARS_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears", "dynamic_factor": "gears"}
 _RING_KEYS = ("internal", "outer_diameter")
 
@@ -40,7 +40,7 @@ _RING_KEYS = ("internal", "outer_diameter")
 _RACK = {key: x.annotation for key, x in p.declared_parameters(Rack).items()}
 GearSection = create_section(
     "GearSection",
-    "One gear by its drawing, see `gearlib.geometry.SpurGear`.",
+    "One gear by geometry, see `gearlib.geometry.SpurGear`.",
     SpurGear,
     exclude=_RING_KEYS,
     optional=("module", "width", "pressure_angle", "helix_angle", "rack"),
@@ -51,14 +51,17 @@ GearSection = create_section(
         field("Fillet radius rho_fP of another rack, in modules.", None),
     ),
 )
-_DOC = "The driving gear by its drawing; its revolutions are counted."
+_DOC = "The driving gear by geometry; its revolutions are counted."
 PinionSection = create_section("PinionSection", _DOC, SpurGear, "module", "width", base=GearSection)
 _DOC = "The other gear; left out, its module, width, angles, rack and material are the pinion's."
 WheelSection = create_section("WheelSection", _DOC, SpurGear, *_RING_KEYS, base=GearSection)
-_DOC = "A gear of a train by its drawing, see `gearlib.geometry.SpurGear`."
+_DOC = "A gear of a train by geometry, see `gearlib.geometry.SpurGear`."
 BodyGear = create_section("BodyGear", _DOC, SpurGear, *_RING_KEYS, base=PinionSection)
 _Placed = create_section(
-    "_Placed", "Two drawn gears in their places.", GearStage, exclude=("pinion", "wheel")
+    "_Placed",
+    "Two gears given by geometry in their places.",
+    GearStage,
+    exclude=("pinion", "wheel"),
 )
 
 
@@ -72,7 +75,7 @@ def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) 
 
 
 class MethodSection(Section):
-    """Method of computing the mesh stiffness of drawn gears."""
+    """Method of computing the mesh stiffness of gears given by geometry."""
 
     stiffness: Literal["iso", "energy"] = field(
         "Stiffness by ISO 6336-1, method B, or by the energy method. Default: energy or, if a bore "
@@ -101,8 +104,8 @@ class MethodSection(Section):
         return {name: f"{section}stiffness_options.{name}" for name in self.stiffness_options or ()}
 
 
-class DrawnPair(_Placed):
-    """A pair of gears by their drawing, and its load."""
+class StageSection(_Placed):
+    """A pair of gears by geometry, and its load."""
 
     pinion: PinionSection
     wheel: WheelSection
@@ -119,9 +122,9 @@ class DrawnPair(_Placed):
 
         The methods are "iso" and "energy".
         """
-        drawing = self.model_dump(include={"pinion", "wheel", "centre_distance"})
+        values = self.model_dump(include={"pinion", "wheel", "centre_distance"})
         # The default gears are known to be valid. Computing them would slow the workflow's start.
-        if any(drawing.items() <= pair.items() for pair in (FZG_C, Z20_PAIR)):
+        if any(values.items() <= pair.items() for pair in (FZG_C, Z20_PAIR)):
             return
         mesh = self.mesh()
         for method in stiffness_methods:
@@ -139,8 +142,8 @@ class DrawnPair(_Placed):
         return ""
 
 
-class Gears(MethodSection, DrawnPair):
-    """A pair of gears by their drawing, in place of gear_pair, which is derived from it."""
+class Gears(MethodSection, StageSection):
+    """A pair of gears by geometry, in place of gear_pair, which is derived from it."""
 
     torque: p.DrivingTorque = field("Torque of the pinion, N m; or power and speed.", None)
     power: p.Power = field("Power of the pinion, W.", None)
@@ -160,19 +163,19 @@ class Gears(MethodSection, DrawnPair):
         """Return the torque of the pinion, N m, rounded to 12 digits."""
         return rounded(torque_of(self.torque, self.power, self.speed))
 
-    def drawing_dict(self) -> dict:
-        """Return the drawing, the stiffness method and the pinion torque (N m) as a dict."""
+    def geometry_dict(self) -> dict:
+        """Return the geometry, the stiffness method and the pinion torque (N m) as a dict."""
         return self.model_dump(exclude={"power", "speed"}) | {"torque": self.driving_torque()}
 
     def pair(self) -> dict:
-        """Return the values of the section `gear_pair` that follow from the drawing."""
+        """Return the values of the section `gear_pair` that follow from the geometry."""
         mesh, arguments = self.mesh(), self.load() | self.stiffness_arguments()
         with checks.below("", outer_diameter="wheel.outer_diameter", **self.option_keys()):
             values = mesh.pair_parameters(**arguments)
         return {name: rounded(value) for name, value in values.items() if "damping" not in name}
 
     def six_degrees(self) -> dict:
-        """Return the values of the section `six_degrees` that follow from the drawing.
+        """Return the values of the section `six_degrees` that follow from the geometry.
 
         Friction, run-out and bearing damping are 0; the bearing stiffness is left out.
         """
@@ -182,8 +185,8 @@ class Gears(MethodSection, DrawnPair):
         return values | zeros
 
 
-class PublishedPair(DrawnPair):
-    """A pair of gears by their drawing, with published values of its stiffness."""
+class PublishedPair(StageSection):
+    """A pair of gears by geometry, with published values of its stiffness."""
 
     published: dict[t.Name, p.Stiffness] = field("Published mean stiffness by source, N/m.", {})
 
@@ -195,10 +198,10 @@ class PublishedPair(DrawnPair):
 
 
 class MeshStiffness(Section):
-    """The mesh stiffness of drawn pairs by all methods, with its uncertainty."""
+    """The mesh stiffness of gears given by geometry by all methods, with its uncertainty."""
 
     pairs: Annotated[dict[t.Name, PublishedPair], Field(min_length=1, max_length=6)] = field(
-        "Drawn pairs by name.",
+        "Pairs given by geometry by name.",
         {"z20-20": Z20_PAIR | {"published": {"ISO": 4.9e8, "thumb": 5.2e8}}, "FZG-C": FZG_C},
     )
     samples: t.integer(8, 4096) = field("Number of phases in the mesh period.", 64)
@@ -207,7 +210,7 @@ class MeshStiffness(Section):
 class HarrisMap(Section):
     """The static transmission error of gears at several loads, with own and best tip reliefs."""
 
-    gears: DrawnPair = field(
+    gears: StageSection = field(
         "The pair at its design load; pitch errors are left out. By default FZG type C.",
         FZG_C | {"backlash": 160e-6},
     )
@@ -228,7 +231,7 @@ class HarrisMap(Section):
 class DynamicFactor(Section):
     """Dynamic factor and transmission error of pairs of teeth over speed, up and down."""
 
-    gears: DrawnPair = field(
+    gears: StageSection = field(
         "The pair and its load; pitch errors are left out. By default FZG type C.",
         FZG_C | {"backlash": 160e-6},
     )
@@ -258,10 +261,10 @@ def takes_configured_gears(config: Any, section_name: str) -> bool:
     return config.gears is not None and GEARS_KEYS[section_name] not in section.model_fields_set
 
 
-def drawn_pairs(config: Any, section_name: str) -> dict[str, DrawnPair]:
-    """Return name -> drawn pair of a section in `GEARS_KEYS`.
+def stage_sections(config: Any, section_name: str) -> dict[str, StageSection]:
+    """Return name -> gears of a section in `GEARS_KEYS`.
 
-    If the section has no gears, these are the drawn gears of the configuration.
+    If the section has no gears, these are the gears given by geometry of the configuration.
     """
     if not takes_configured_gears(config, section_name):
         pairs = getattr(getattr(config, section_name), GEARS_KEYS[section_name])
@@ -278,7 +281,7 @@ def unsuitable_gears(config: Any, section_name: str) -> str:
         return ""
     methods = {"mesh_stiffness": ["iso", "energy"], "harris_map": [config.harris_map.stiffness]}
     try:
-        for pair in drawn_pairs(config, section_name).values():
+        for pair in stage_sections(config, section_name).values():
             with checks.below("gears"):
                 pair.check(stiffness_methods=methods.get(section_name, ()))
     except ValueError as error:

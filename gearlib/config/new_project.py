@@ -1,9 +1,9 @@
-"""A configuration to start from: an example of drawn gears with comments on each key."""
+"""A configuration to start from: an example of gear geometry with comments on each key."""
 
 #: Content of a new config.yaml.
 TEXT = """\
 # A project of gearlib: put your gears here. Then, in this folder,
-#     gearlib gears            shows what their drawing comes to,
+#     gearlib gears            shows what their geometry comes to,
 #     gearlib sweep            shows how they run,
 #     gearlib workflow -j2     computes the targets, into results/.
 # Keys that are comments may be left out. Numbers may have units, as 2.5 mm; bare ones are in SI.

@@ -93,8 +93,8 @@ def _scenes_error(config: Any) -> str:
     return _missing_bearings(config) if models - {"pair"} else ""
 
 
-def _drawn_gears_error(reason: str, config: Any) -> str:
-    """Return the error message, with its reason, if the configuration has drawn gears, else ""."""
+def _geometry_error(reason: str, config: Any) -> str:
+    """Return the error message, with its reason, if the configuration has `gears`, else ""."""
     return f"gears is not allowed: {reason}, it must be left out" if config.gears else ""
 
 
@@ -103,15 +103,15 @@ def _claims_error(config: Any) -> str:
     if config.gears is None and not gear_names.is_paper(config):
         values = ", ".join(f"{key} {value:g}" for key, value in gear_names.PAPER.items())
         return f"gear_pair is not allowed: the statements are about the paper's pair, {values}"
-    return _drawn_gears_error("its statements are about the paper's pair", config)
+    return _geometry_error("its statements are about the paper's pair", config)
 
 
-def _drawing_error(section_name: str, config: Any) -> str:
-    """Return why a section of drawn gears has none, else ""."""
+def _missing_gears(section_name: str, config: Any) -> str:
+    """Return why a section of gears given by geometry has none, else ""."""
     key = gears_section.GEARS_KEYS[section_name]
     is_given = config.gears or key in getattr(config, section_name).model_fields_set
     if not is_given and not gear_names.is_paper(config):
-        return f"gears is missing: it must be the drawing of the gears, or {section_name}.{key}"
+        return f"gears is missing: it must be the geometry of the gears, or {section_name}.{key}"
     return gears_section.unsuitable_gears(config, section_name)
 
 
@@ -126,15 +126,17 @@ def _reducer_error(config: Any) -> str:
             "reducer describes the reducer of this target"
         )
     if config.gears and "teeth" not in config.reducer.model_fields_set:
-        return "reducer.teeth is missing: it must be given where the gears are drawn"
+        return "reducer.teeth is missing: it must be given where the gears are given by geometry"
     return ""
 
 
 def _missing_teeth(config: Any) -> str:
-    """Return the error message if a train of drawn pairs has no numbers of teeth, else ""."""
+    """Return the error message if a train with `gears` has no numbers of teeth, else ""."""
     kind = config.train.kind
     if config.gears and kind in PAIR_TRAINS and getattr(config.train, kind).teeth is None:
-        return f"train.{kind}.teeth is missing: it must be given where the gears are drawn"
+        return (
+            f"train.{kind}.teeth is missing: it must be given where the gears are given by geometry"
+        )
     return ""
 
 
@@ -146,12 +148,12 @@ def _train_sweep_error(config: Any) -> str:
 
 def _tolerances_error(config: Any) -> str:
     """Return why the gears cannot have the tolerances of the configuration, else ""."""
-    # All parameters belong either to the drawing or to the gear pair; the message has the first.
-    if config.tolerances.concern_drawing() and config.gears is None:
+    # All parameters belong either to the geometry or to the gear pair; the message has the first.
+    if config.tolerances.concern_geometry() and config.gears is None:
         name = config.tolerances.parameters[0].parameter
         return (
             f"tolerances.parameters[0].parameter = {name!r} is not allowed: it must be a parameter "
-            "of gear_pair where no gears are drawn"
+            "of gear_pair where no gears are given by geometry"
         )
     try:
         config.tolerance_distributions()
@@ -165,16 +167,16 @@ _REFUSALS = {
     "scenes": _scenes_error,
     "claims": _claims_error,
     "models": _scenes_error,
-    "failures": partial(_drawn_gears_error, "its problems have gears of their own"),
+    "failures": partial(_geometry_error, "its problems have gears of their own"),
     "work_precision": lambda x: (
         _missing_bearings(x) if "six_degrees" in x.work_precision.problems else ""
     ),
     "reducer": _reducer_error,
     "campbell": lambda x: _missing_teeth(x) if has_custom_train(x) else _reducer_error(x),
     "train_sweep": _train_sweep_error,
-    "mesh_stiffness": partial(_drawing_error, "mesh_stiffness"),
-    "harris_map": partial(_drawing_error, "harris_map"),
-    "dynamic_factor": partial(_drawing_error, "dynamic_factor"),
+    "mesh_stiffness": partial(_missing_gears, "mesh_stiffness"),
+    "harris_map": partial(_missing_gears, "harris_map"),
+    "dynamic_factor": partial(_missing_gears, "dynamic_factor"),
     "measured": lambda x: "" if x.measured else NO_MEASURED_SETS,
     "tolerances": _tolerances_error,
 }

@@ -119,7 +119,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         check_unique("parameters", self.parameters, "parameter")
         names = [tolerance.parameter for tolerance in self.parameters]
         known_names = ", ".join(known_parameters())
-        allowed = f"one of {known_names}, all of the gear pair or all of the drawing"
+        allowed = f"one of {known_names}, all of the gear pair or all of the geometry"
         for i, name in enumerate(names):
             is_known = name in self._known_parameters()
             checks.require(is_known, f"parameters[{i}].parameter", name, allowed)
@@ -138,19 +138,19 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         self._complete_tolerances("", dict.fromkeys(names, 1.0))
         return self
 
-    def concern_drawing(self):
-        """Return whether the tolerances are about a drawing.
+    def concern_geometry(self):
+        """Return whether the tolerances are about the gear geometry.
 
-        All parameters are then parameters of a drawing, and not all of them of a gear pair as well.
+        All parameters are then parameters of the geometry, and not all also of a gear pair.
         """
         names = {tolerance.parameter for tolerance in self.parameters}
         are_of_pair = names <= tolerated.pair_parameters().keys()
         return names <= tolerated.geometry_parameters().keys() and not are_of_pair
 
     def _known_parameters(self):
-        """Return name -> `Parameter` of the drawing or the gear pair, whichever is toleranced."""
-        is_drawing = self.concern_drawing()
-        return tolerated.geometry_parameters() if is_drawing else tolerated.pair_parameters()
+        """Return name -> `Parameter` of the geometry or the gear pair, whichever is toleranced."""
+        is_geometry = self.concern_geometry()
+        return tolerated.geometry_parameters() if is_geometry else tolerated.pair_parameters()
 
     def distributions(self, nominal_values):
         """Return parameter name -> distribution, a dict, for `gearlib.scatter`.

@@ -1,4 +1,4 @@
-"""Sections of gear trains: ready-made, drawn or of one's own parts; sweep, reducer, Campbell."""
+"""Sections of gear trains: ready-made, by geometry or of own parts; sweep, reducer, Campbell."""
 
 import math
 from typing import Any, Literal
@@ -31,11 +31,11 @@ RingSection = create_section(
     "RingSection", _DOC, SpurGear, *_RING_KEYS, base=GearSection, required=_RING_KEYS
 )
 _MESH_KEYS = ("model", *_DAMPINGS)
-_DOC = "Stiffness and damping of drawn meshes."
-DrawnMesh = create_section("DrawnMesh", _DOC, planetary_set, *_MESH_KEYS, base=MethodSection)
-_Set = create_section("_Set", "", planetary_set, base=DrawnMesh, exclude=("torque", *_MESH_KEYS))
-#: Keys of a mesh that are for drawn gears only, and the coefficient in place of ratios.
-DRAWN_MESH_KEYS = {*DrawnMesh.model_fields, "torque", "centre_distance"}
+_DOC = "Stiffness and damping of meshes of gears given by geometry."
+GeometryMesh = create_section("GeometryMesh", _DOC, planetary_set, *_MESH_KEYS, base=MethodSection)
+_Set = create_section("_Set", "", planetary_set, base=GeometryMesh, exclude=("torque", *_MESH_KEYS))
+#: Keys of a mesh that are for gears given by geometry only, and the coefficient in place of ratios.
+GEOMETRY_KEYS = {*GeometryMesh.model_fields, "torque", "centre_distance"}
 
 
 def _rectangle(arguments: dict) -> dict:
@@ -50,7 +50,7 @@ def _rectangle(arguments: dict) -> dict:
 
 
 class PlanetarySet(_Set):
-    """Sun, planets and ring by their drawing. Arguments of `gearlib.geometry.planetary_set`."""
+    """Sun, planets and ring by geometry. Arguments of `gearlib.geometry.planetary_set`."""
 
     sun: PinionSection
     planet: GearSection
@@ -68,7 +68,7 @@ class PlanetarySet(_Set):
             layout_keys = {"planets", "positions", "centre_distance", "backlashes"}
             planets = planetary_meshes(sun, planet, ring, **self.model_dump(include=layout_keys))
             arguments = self.arguments()
-            mesh_keys = {*DrawnMesh.model_fields, "options"} & arguments.keys()
+            mesh_keys = {*GeometryMesh.model_fields, "options"} & arguments.keys()
             mesh_arguments = _rectangle({key: arguments[key] for key in mesh_keys})
             torque = arguments["torque"]
             sun_mesh_torque = torque / len(planets.positions)
@@ -110,11 +110,11 @@ _Body = create_section("_Body", "", elements.Body, optional=("inertia", "base_ra
 class BodyPart(_Body):
     """A gear or a carrier, see `gearlib.Body`."""
 
-    gear: BodyGear = field("Drawing, which gives its inertia and base radius.", None)
+    gear: BodyGear = field("Geometry, which gives its inertia and base radius.", None)
 
     @model_validator(mode="after")
     def _check(self):
-        """Require inertia and base radius of a body without a drawing."""
+        """Require inertia and base radius of a body without gear geometry."""
         for key in ("inertia", "base_radius"):
             if self.gear is None and getattr(self, key) is None:
                 raise self.missing(key)
@@ -128,13 +128,15 @@ class Deviation(Section):
     sines: list[p.Error] = field("Amplitudes of the sines of orders 1, 2, ..., m.", [])
 
 
-_DOC = "Centre distance of drawn gears, m. Default: without backlash by the shifts."
-_TORQUE_DOC = "Torque of the pinion of drawn gears, N m. Default: by the torques of the bodies."
+_DOC = "Centre distance of gears given by geometry, m. Default: without backlash by the shifts."
+_TORQUE_DOC = (
+    "Torque of the pinion of gears given by geometry, N m. Default: by the torques of the bodies."
+)
 MeshPart = create_section(
     "MeshPart",
-    "Two gears in mesh, see `gearlib.Mesh`; stiffness, ratios, phases follow where both are drawn.",
+    "Two gears in mesh, see `gearlib.Mesh`; two bodies with `gear` give stiffness, ratios, phases.",
     elements.Mesh,
-    base=DrawnMesh,
+    base=GeometryMesh,
     exclude=("material_damping", "transmission_error"),
     optional=("max_stiffness", "stiffness_ratio", "contact_ratio"),
     centre_distance=(Diameter, field(_DOC, None)),
@@ -155,17 +157,17 @@ class Own(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if a drawn gear or a mesh is impossible."""
+        """Raise ValueError if a gear given by geometry or a mesh is impossible."""
         keys = {body.name: f"bodies[{i}].gear" for i, body in enumerate(self.bodies) if body.gear}
         gears = {x.name: spur_gear(keys[x.name], x.gear) for x in self.bodies if x.gear}
         meshes: list[Any] = self.meshes
         for i, mesh in enumerate(meshes):
             key, pinion, wheel = f"meshes[{i}]", mesh.pinion, mesh.wheel
             if mesh.max_stiffness is not None or not {pinion, wheel} <= gears.keys():
-                _check_undrawn_mesh(key, mesh)
+                _check_mesh_without_geometry(key, mesh)
                 continue
             # Torque and dampings; the keys of the stiffness method have other names as arguments.
-            arguments = mesh.model_dump(include=DRAWN_MESH_KEYS - MethodSection.model_fields.keys())
+            arguments = mesh.model_dump(include=GEOMETRY_KEYS - MethodSection.model_fields.keys())
             distance = arguments.pop("centre_distance", None)
             arguments = _rectangle(arguments | mesh.stiffness_arguments())
             places = {"pinion": keys[pinion], "wheel": keys[wheel]} | mesh.option_keys(f"{key}.")
@@ -176,14 +178,14 @@ class Own(Section):
         return self
 
 
-def _check_undrawn_mesh(mesh_key: str, mesh: Any) -> None:
-    """Raise ValueError if `mesh` has no stiffness, or keys that are only for drawn gears."""
+def _check_mesh_without_geometry(mesh_key: str, mesh: Any) -> None:
+    """Raise ValueError if `mesh` has no stiffness, or keys that need both gears."""
     for key in ("max_stiffness", "stiffness_ratio", "contact_ratio"):
         if getattr(mesh, key) is None:
-            problem = "is missing: it must be given unless both gears are drawn"
+            problem = "is missing: it must be given unless both gears are given by geometry"
             raise checks.InputError(f"{mesh_key}.{key}", problem=problem)
-    allowed = "left out where the stiffness is given or a gear is not drawn"
-    for key, value in mesh.model_dump(include=DRAWN_MESH_KEYS - {"material_damping"}).items():
+    allowed = "left out where the stiffness is given or a gear is not given by geometry"
+    for key, value in mesh.model_dump(include=GEOMETRY_KEYS - {"material_damping"}).items():
         # The first of these keys, if any, is refused.
         raise checks.refusal(f"{mesh_key}.{key}", value, allowed)
 
@@ -212,7 +214,7 @@ class Train(Section):
     idler: Idler = t.SECTION
     two_stage: TwoStage = t.SECTION
     own: Own = t.SECTION
-    planetary_set: PlanetarySet = field("Sun, planets and ring by their drawing.", None)
+    planetary_set: PlanetarySet = field("Sun, planets and ring by geometry.", None)
 
     @model_validator(mode="after")
     def _check(self):

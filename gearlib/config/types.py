@@ -252,7 +252,7 @@ def tuning(**bounds):
 
 #: Tuning of the gear pair and difference of two tunings, which may be speeds.
 Tuning, Distance = tuning(gt=0, le=100), tuning(gt=0, le=10)
-#: Tuning that must be a number, because it belongs to a train or drawing.
+#: Tuning that must be a number, because it belongs to a train or gears given by geometry.
 NumericTuning = number(gt=0, le=100)
 Tolerance = number(gt=0, le=10)
 Count, LargeCount = integer(1, 1000), integer(1, 1_000_000)
@@ -275,7 +275,7 @@ Seed = with_description(integer(0, 1_000_000), "Seed of the random starts.")
 
 
 class NumericGrid(Section):
-    """Equidistant tunings of a train or drawing."""
+    """Equidistant tunings of a train or gears given by geometry."""
 
     start: NumericStart
     stop: NumericStop

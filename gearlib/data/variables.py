@@ -300,7 +300,7 @@ DESCRIPTIONS = {
     "chosen": ("1", "smallest model that suffices for the scene"),
     "tolerance": ("1", "largest change that counts as none"),
     "harmonics": ("1", "harmonics of the truncated stiffness"),
-    # mesh stiffness of drawn gears
+    # mesh stiffness of gears given by geometry
     "stiffness_phase": ("rad", "mesh phase of the stiffness, 0 in the middle of double contact"),
     "mesh_stiffness": ("N m-1", "mesh stiffness, dF/dx"),
     "mean_mesh_stiffness": ("N m-1", "mean mesh stiffness by the method"),

@@ -25,28 +25,28 @@ _SPEED_LABEL = "speed of the pinion, rpm"
 
 
 class Figures:
-    """The figures of a gear pair over the tuning, or of drawn gears over the pinion speed."""
+    """The figures of a gear pair over the tuning, or of gear geometry over the speed."""
 
-    def __init__(self, drawn: bool):
-        """Create empty figures, also of the teeth if `drawn`: the gears are given by a drawing."""
-        self.drawn = drawn
+    def __init__(self, by_geometry: bool):
+        """Create empty figures, also of the teeth if the gears are given `by_geometry`."""
+        self.by_geometry = by_geometry
         # Names of the curves of the Harris map: torques over the chosen torque, which is the last.
         self.harris_names = [*(f"{ratio:g}" for ratio in TORQUE_RATIOS), "chosen"]
         self.sources = defaultdict(lambda: ColumnDataSource({"x": [], "y": []}))
         self.table = pn.pane.Markdown("", width=290)
         self.resonance, self.marker = self._resonance_figure()
-        self.teeth_panes = [pane(plot) for plot in self._teeth_figures()] if drawn else []
+        self.teeth_panes = [pane(plot) for plot in self._teeth_figures()] if by_geometry else []
 
     def rows(self) -> list:
         """Return the rows of the figures as Panel objects."""
-        rows = [beside(self.table, *self.teeth_panes)] if self.drawn else []
+        rows = [beside(self.table, *self.teeth_panes)] if self.by_geometry else []
         motion_panes = map(pane, self._motion_figures())
         return [*rows, beside(pane(self.resonance, _LARGE_HEIGHT)), beside(*motion_panes)]
 
     def draw(self, view: View) -> str:
         """Draw the results of a view into all figures, and return its message."""
         tuning = float(view.run.tuning)
-        if self.drawn:
+        if self.by_geometry:
             self._draw_curves(view.curves)
         else:
             for name, curve in (("up", view.up), ("down", view.down)):
@@ -60,7 +60,7 @@ class Figures:
         self._set("multipliers", view.multipliers.real, view.multipliers.imag)
         if view.orders is not None:
             self._set("orders", *_stems(view.orders))
-        if self.drawn:
+        if self.by_geometry:
             self.marker.location = float(view.run.speed)
             self._draw_teeth(view)
             return view.message
@@ -88,7 +88,7 @@ class Figures:
         self._set("jumps", np.append(x, np.nan), np.append(y, np.nan))
 
     def _draw_teeth(self, view: View) -> None:
-        """Show the derived quantities, the Harris map and the load share of drawn gears."""
+        """Show derived quantities, Harris map and load share of gears given by geometry."""
         rows = [f"| {name} | {value} |" for name, value in derived_quantities(view)]
         self.table.object = "\n".join(["| derived | |", "|---|---:|", *rows])
         error = view.error
@@ -118,7 +118,7 @@ class Figures:
 
     def _resonance_figure(self):
         """Return the figure of the resonance curve and its marker at the chosen speed or tuning."""
-        if self.drawn:
+        if self.by_geometry:
             title, y = "Pairs of teeth: dynamic factor", "dynamic factor"
             x = _SPEED_LABEL
             lines = [
@@ -200,7 +200,7 @@ def _stems(spectrum):
 
 
 def derived_quantities(view: View) -> list[tuple[str, str]]:
-    """Return (name, value with unit) of quantities that follow from the drawing of the gears."""
+    """Return (name, value with unit) of quantities that follow from the geometry of the gears."""
     mesh, pair = view.mesh, view.pair
     quantities = [
         ("contact ratio", f"{mesh.contact_ratio:.4f}"),

@@ -18,7 +18,7 @@ class Page:
     def __init__(self, mapping: dict, damping: str):
         """Create the page of a configuration; `damping` is the name of one of its dampings."""
         self.slider_set = Sliders(mapping, damping)
-        self.figures = Figures(self.slider_set.drawn)
+        self.figures = Figures(self.slider_set.by_geometry)
         self.widgets = {name: _widget(slider) for name, slider in self.slider_set.sliders.items()}
         self.note = pn.pane.Markdown("", sizing_mode="stretch_width", css_classes=["note"])
         self.button = pn.widgets.FileDownload(

@@ -66,7 +66,7 @@ def parameter_slider(model: type, name: str, initial: float, low: float, high: f
 class Sliders:
     """The sliders of a configuration with one of its dampings.
 
-    Drawn gears have sliders of their drawing and speed, others of the gear pair and its tuning.
+    Gears given by geometry have sliders of geometry and speed, others of pair and tuning.
     `abscissa` is the name of the slider that is the abscissa of the resonance curve.
     """
 
@@ -74,8 +74,8 @@ class Sliders:
         """Create the sliders of a configuration; `damping` is the name of one of its dampings."""
         self.mapping, self.damping = mapping, damping
         settings = config.load(mapping)
-        self.drawn = settings.gears is not None
-        if self.drawn:
+        self.by_geometry = settings.gears is not None
+        if self.by_geometry:
             pairs_of_teeth = model(settings.gears_model(damping))
             self.pair, self.stiffness_model = pairs_of_teeth.pair, pairs_of_teeth.stiffness_model
         else:
@@ -83,16 +83,16 @@ class Sliders:
         # Rounding restores ratios from which the coefficients were computed.
         ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
         self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
-        make_sliders = self._drawing_sliders if self.drawn else self._pair_sliders
+        make_sliders = self._geometry_sliders if self.by_geometry else self._pair_sliders
         self.heading, self.sliders = make_sliders(settings)
         for name, symbol, ratio in zip(
             ("damping_ratio", "backlash_damping_ratio"), ("β", "β_m"), self.ratios, strict=True
         ):
             self.sliders[name] = slider(f"damping ratio {symbol}", ratio, 0.0, max(0.3, 2 * ratio))
-        self.abscissa = "speed" if self.drawn else "tuning"
+        self.abscissa = "speed" if self.by_geometry else "tuning"
 
     def _pair_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
-        """Return (heading, name -> slider) of a gear pair without drawing: tuning, parameters."""
+        """Return (heading, name -> slider) of a gear pair: tuning and parameters."""
         pair, grid, tuning = self.pair, settings.resonance, settings.phase_planes.tunings[0]
         # Infinite backlash is shown as four static deflections.
         backlash = pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
@@ -108,13 +108,13 @@ class Sliders:
             sliders[name] = parameter_slider(GearPair, name, *value_and_limits)
         return heading, sliders
 
-    def _drawing_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
-        """Return (heading, name -> slider) of drawn gears, and keep their mesh in `self.mesh`."""
+    def _geometry_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
+        """Return (heading, name -> slider) of gear geometry, and keep the mesh in `self.mesh`."""
         self.mesh = mesh = settings.gears.mesh()
         torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
         reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
         heading = (
-            f"Drawn gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
+            f"Gears by geometry, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
             f"width {1e3 * pinion.width:g} mm, {torque:g} N m; {self.stiffness_model}"
         )
         resonance_speed, relief = float(self.pair.speed(1.0)), max(reliefs, default=0.0)
@@ -153,10 +153,10 @@ class Sliders:
         if moved - {"tuning", "speed"}:
             ratios = {name: values[name] for name in ("damping_ratio", "backlash_damping_ratio")}
             changed["dampings"][self.damping] = ratios
-        if self.drawn:
+        if self.by_geometry:
             # The other sections fit the initial gears only.
             changed = {"gears": changed["gears"], "dampings": changed["dampings"]}
-            self._apply_to_drawing(changed["gears"], values, moved)
+            self._apply_to_geometry(changed["gears"], values, moved)
             settings = config.load(changed)
             pair = model(settings.pair(self.damping))
             tuning = float(pair.tuning_at(values["speed"]))
@@ -167,7 +167,7 @@ class Sliders:
         changed["phase_planes"] = {**changed.get("phase_planes", {}), "tunings": [tuning]}
         return changed
 
-    def _apply_to_drawing(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
+    def _apply_to_geometry(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
         """Write the values of the `moved` sliders into the section `gears` of the configuration.
 
         Tip diameters change so that the addendum in modules is preserved.
@@ -176,23 +176,23 @@ class Sliders:
             gears["pinion"][name] = values[name]
             gears["wheel"].pop(name, None)
         for gear in ("pinion", "wheel"):
-            drawing, initial = gears[gear], getattr(self.mesh, gear)
+            section, initial = gears[gear], getattr(self.mesh, gear)
             for name in ("teeth", "shift"):
                 if f"{gear}_{name}" in moved:
-                    drawing[name] = values[f"{gear}_{name}"]
-            if "tip_diameter" in drawing and moved & _GEOMETRY:
+                    section[name] = values[f"{gear}_{name}"]
+            if "tip_diameter" in section and moved & _GEOMETRY:
                 height = (initial.tip_diameter - initial.reference_diameter) / 2.0
                 addendum = initial.sign * height / initial.module
                 addendum += values[f"{gear}_shift"] - initial.shift
                 module, angle = values["module"], values["helix_angle"]
-                reference_diameter = drawing["teeth"] * module / math.cos(angle)
+                reference_diameter = section["teeth"] * module / math.cos(angle)
                 diameter = reference_diameter + 2.0 * initial.sign * module * addendum
-                drawing["tip_diameter"] = float(f"{diameter:.12g}")
-            if "module" in moved and drawing.get("tip_relief"):
+                section["tip_diameter"] = float(f"{diameter:.12g}")
+            if "module" in moved and section.get("tip_relief"):
                 length = initial.tip_relief.length * values["module"] / initial.module
-                drawing["tip_relief"] = drawing["tip_relief"] | {"length": length}
-            if drawing.get("pitch_errors") and f"{gear}_teeth" in moved:
-                del drawing["pitch_errors"]
+                section["tip_relief"] = section["tip_relief"] | {"length": length}
+            if section.get("pitch_errors") and f"{gear}_teeth" in moved:
+                del section["pitch_errors"]
         if moved & _GEOMETRY:
             gears.pop("centre_distance", None)
         if "backlash" in moved:

@@ -25,7 +25,7 @@ _POINTS, _PERIODS, _RECORDED = 500, 70, 10
 _SPEEDS = 301
 #: Mesh periods of the motion at the setting before its record, and the longest record of them.
 _SETTLING_PERIODS, _MAX_RECORDED = 280, 100
-#: Ends of the resonance curve of drawn gears, over the resonance speed.
+#: Ends of the resonance curve of gears given by geometry, over the resonance speed.
 MIN_SPEED_RATIO, MAX_SPEED_RATIO = SPEED_RANGE
 #: Torques of the Harris map besides the given one, over it.
 TORQUE_RATIOS = 0.0, 0.5, 1.5, 2.0

@@ -1,4 +1,4 @@
-"""Mesh stiffness of drawn gears by every method, with means, uncertainty and published values."""
+"""Mesh stiffness by every method, with means, uncertainty and published values."""
 
 import math
 

@@ -98,7 +98,7 @@ def with_models(value: Any) -> Any:
 def pairs_of_teeth(gears: dict, damping: dict, pitch_errors: bool = True) -> LoadSharingPair:
     """Return the `LoadSharingPair` of the section `gears` of a configuration.
 
-    `gears` are drawing data with the torque (N m), the stiffness method and its options, if given;
+    `gears` are geometry with the torque (N m), the stiffness method and its options, if given;
     `damping` has coefficients (N s/m) or ratios by their keys in the configuration. Without
     `pitch_errors` those of the gears are left out.
     """

@@ -15,8 +15,8 @@ name                   responsibility
 ``certificates``       what is proven of the paper's orbits
 ``many_starts``        where motions from many seeded starts end
 ``trains``             all meshes of gear trains over speed, Campbell diagrams
-``drawn_gears``        mesh stiffness by every method, Harris maps
-``gear_table``         all that a drawing of two gears comes to
+``gear_geometry``      mesh stiffness by every method, Harris maps
+``gear_table``         all numbers of two gears
 ``measured``           measured sets beside a model
 ``tolerance_study``    shards, indices and the table of tolerances
 ``claims``             the paper's statements, checked against computed data

@@ -1,4 +1,4 @@
-"""Compute the mesh stiffness of drawn gears by several methods, and Harris maps of tip relief."""
+"""Compute the mesh stiffness by several methods, and Harris maps of tip relief."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -31,12 +31,12 @@ _GEARS = ["pinion", "wheel"]
 def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     """Return the mesh stiffness of gear pairs by every method, over phase and as a mean.
 
-    `pairs` maps names to drawing data, which also have the entries torque (N m) and published, a
+    `pairs` maps names to the values of two gears, with the entries torque (N m) and published, a
     mapping of sources to published mean stiffnesses (N/m). `samples` is the number of mesh phases.
     In the dataset, own_stiffness_ratio is the smallest over the largest stiffness of a method, and
     method_uncertainty the relative uncertainty of a method.
     """
-    meshes = {name: geometry.stage(drawing) for name, drawing in pairs.items()}
+    meshes = {name: geometry.stage(gears) for name, gears in pairs.items()}
     phases = {name: _sampled_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
 
     def stiffness_data(pair: str, method: str) -> dict:
@@ -53,8 +53,8 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
         }
 
     published = []  # (name of the pair, source, mean stiffness)
-    for name, drawing in pairs.items():
-        published += [(name, source, value) for source, value in drawing["published"].items()]
+    for name, gears in pairs.items():
+        published += [(name, source, value) for source, value in gears["published"].items()]
     axes = {"pair": list(pairs), "stiffness_method": list(METHODS)}
     data = stacked(axes, stiffness_data, "point") | {
         "stiffness_phase": (("pair", "point"), [*phases.values()]),
@@ -65,7 +65,7 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     _, uncertainties = data["method_uncertainty"]
     data["method_uncertainty"] = "stiffness_method", uncertainties[-1]
     coords = axes | {"published": np.array([source for _, source, _ in published], str)}
-    title = "Mesh stiffness of drawn gears by several methods"
+    title = "Mesh stiffness of gears by several methods"
     return result_of_many(title, data, coords, parameters={"pairs": pairs, "samples": samples})
 
 
@@ -109,8 +109,8 @@ def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
 def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int) -> xr.Dataset:
     """Return the static transmission error of a gear pair at several loads, with each tip relief.
 
-    `gears` are drawing data and the design torque (N m); pitch errors are left out. `loads` are
-    relative to the design load; `stiffness` and `phases` are arguments of
+    `gears` are the values of two gears and the design torque (N m); pitch errors are left out.
+    `loads` are relative to the design load; `stiffness` and `phases` are arguments of
     `Mesh.transmission_error`. The reliefs are none, the gears' own if they have any, the best long
     one at the design load, and a short one with its amounts on half of the length: at the design
     load the amounts of a short relief make little difference.

@@ -1,4 +1,4 @@
-"""Tabulate two drawn gears: geometry, stiffness by each method, and load, in common units."""
+"""Tabulate two gears: geometry, stiffness by each method, and load, in common units."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -146,16 +146,16 @@ def cells(quantities: Iterable[Quantity]) -> Iterator[list]:
         yield from ([row.name, of, x, row.unit, row.meaning] for of, x in row.values.items())
 
 
-def rows(pairs: dict[str, GearPair], drawing: dict | None) -> Iterator[list]:
-    """Yield the rows of the table of a configuration: of its drawing, if any, and of its pairs.
+def rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
+    """Yield the rows of the table of a configuration: of its `gears`, if any, and of its pairs.
 
     `pairs` maps names of dampings to the gear pair that runs.
     """
     models = {name: (pair,) for name, pair in pairs.items()}
-    if drawing:
-        options = {drawing.get("stiffness", "iso"): drawing.get("stiffness_options")}
-        mesh = geometry.stage(drawing)
-        quantities = gear_quantities(mesh, options=options, torque=drawing["torque"])
+    if gears:
+        options = {gears.get("stiffness", "iso"): gears.get("stiffness_options")}
+        mesh = geometry.stage(gears)
+        quantities = gear_quantities(mesh, options=options, torque=gears["torque"])
     else:
         pair = next(iter(models.values()))
         quantities = _quantities((*_PAIR_QUANTITIES, *_STIFFNESS_QUANTITIES), {"pair": pair})

@@ -9,7 +9,7 @@ import xarray as xr
 from gearlib.data.variables import QUANTITIES
 from gearlib.models.geometry import from_values as geometry
 from gearlib.models.pair import GearPair
-from gearlib.uncertainty.designs import DrawnPair
+from gearlib.uncertainty.designs import StageDesign
 from gearlib.uncertainty.indices import sobol_indices
 from gearlib.uncertainty.scatter import shard as scatter_shard
 
@@ -17,49 +17,48 @@ from gearlib.uncertainty.scatter import shard as scatter_shard
 _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)
 
 
-def nominal_design(pair: GearPair, drawing: dict | None = None) -> GearPair | DrawnPair:
-    """Return the design whose parameters scatter: a `GearPair`, or gears that are drawn.
+def nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair | StageDesign:
+    """Return the design whose parameters scatter: a `GearPair`, or gears given by geometry.
 
-    `drawing` has the drawing data of two gears, their torque
-    and stiffness method, or is None; the damping of drawn gears is that of `pair`.
+    `gears` has the geometry of two gears, their torque and stiffness method, or is None; they have
+    the damping of `pair`.
     """
-    if drawing is None:
+    if gears is None:
         return pair
-    return DrawnPair(
-        geometry.stage(drawing),
-        # "drawing" keeps the backlash of the drawing; with None it follows from other parameters.
-        backlash=None if drawing.get("backlash") is None else "drawing",
-        torque=drawing["torque"],
-        stiffness=drawing.get("stiffness"),
-        options=drawing.get("stiffness_options"),
+    return StageDesign(
+        geometry.stage(gears),
+        keep_backlash=gears.get("backlash") is not None,
+        torque=gears["torque"],
+        stiffness=gears.get("stiffness"),
+        options=gears.get("stiffness_options"),
         material_damping=pair.material_damping,
         backlash_damping_ratio=pair.backlash_damping_ratio,
     )
 
 
 def scatter_of_shard(
-    *, pair: GearPair, tolerances: dict, samples: int, shard: str, threads, drawing=None, **settings
+    *, pair: GearPair, tolerances: dict, samples: int, shard: str, threads, gears=None, **settings
 ) -> xr.Dataset:
     """Return the results of `gearlib.scatter` for a part of all random samples.
 
     `shard` is a string such as "0-100": the indices of its first sample and of the first sample
-    after it. `pair` and `drawing` are arguments of `nominal_design`, `tolerances` maps
+    after it. `pair` and `gears` are arguments of `nominal_design`, `tolerances` maps
     parameters to their distributions, `settings` are further arguments of `gearlib.scatter`.
     """
     first, last = map(int, shard.split("-"))
-    design = nominal_design(pair, drawing)
+    design = nominal_design(pair, gears)
     return scatter_shard(design, tolerances, samples, first, last, threads=threads, **settings)
 
 
 def sobol_indices_of_design(
-    *, pair: GearPair, tolerances: dict, samples: int, drawing: dict | None = None, **settings: Any
+    *, pair: GearPair, tolerances: dict, samples: int, gears: dict | None = None, **settings: Any
 ) -> xr.Dataset:
     """Return the Sobol' indices of a design from a number of samples.
 
-    `pair` and `drawing` are arguments of `nominal_design`, `tolerances` maps parameters to their
+    `pair` and `gears` are arguments of `nominal_design`, `tolerances` maps parameters to their
     distributions, `settings` are further arguments of `gearlib.sobol_indices`.
     """
-    return sobol_indices(nominal_design(pair, drawing), tolerances, n=samples, **settings)
+    return sobol_indices(nominal_design(pair, gears), tolerances, n=samples, **settings)
 
 
 def rows(scattered: xr.Dataset) -> Iterator[list]:

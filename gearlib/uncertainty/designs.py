@@ -63,21 +63,21 @@ class ModelSource:
         return self.model.with_values(changes)
 
 
-class DrawnPair:
-    """Make designs from two drawn gears, a `gearlib.geometry.GearStage`, by changing their drawing.
+class StageDesign:
+    """Make designs from a `gearlib.geometry.GearStage` by changing its geometry, load and damping.
 
     Parameters are ``centre_distance`` and ``backlash`` of the mesh, fields of a `SpurGear` such as
     ``pinion.thickness_allowance``, the load and the damping.
     """
 
-    def __init__(self, mesh: Any, *, backlash: str | None = "drawing", **options: Any):
+    def __init__(self, mesh: Any, *, keep_backlash: bool = True, **options: Any):
         """Take a mesh and options of `GearPair.from_geometry`, such as torque and damping_ratio.
 
-        A `backlash` that does not vary is that of the mesh ("drawing"), or it is computed for each
-        sample from profile shifts, centre distance and allowances (None).
+        A backlash that does not vary is that of the stage with `keep_backlash`; otherwise it is
+        computed for each sample from profile shifts, centre distance and allowances.
         """
         self.stage = checks.gear_stage(mesh)
-        self.backlash = checks.one_of("backlash", backlash, ("drawing", None))
+        self.keep_backlash = keep_backlash
         self.options = options
         self.parameters = geometry_parameters()
         self.descriptions = {
@@ -86,7 +86,7 @@ class DrawnPair:
         }
 
     def value(self, name: str) -> Any:
-        """Return the nominal value of a parameter, None if the drawing does not have it."""
+        """Return the nominal value of a parameter, None if there is none."""
         gear, _, field = name.rpartition(".")
         if not gear and name in LOAD_PARAMETERS | FLANK_PARAMETERS:
             return self.options.get(name)
@@ -117,7 +117,7 @@ class DrawnPair:
     def _changed(self, changes: dict) -> tuple:
         """Return the changed mesh, options, and cosine and sine coefficient of a deviation, m."""
         gears: dict = {"pinion": {}, "wheel": {}}
-        backlash = self.stage.backlash if self.backlash == "drawing" else None
+        backlash = self.stage.backlash if self.keep_backlash else None
         fields = {"backlash": backlash, "centre_distance": self.stage.centre_distance}
         options = dict(self.options)
         # A changed damping replaces that of the options, which may have another name.
@@ -198,10 +198,10 @@ class Designs:
 
     def __init__(self, model: Any, tolerances: Any, seed: int = 0):
         """Check these arguments of `gearlib.scatter`, and build the nominal model."""
-        allowed = "a model such as GearPair, a DrawnPair or a function that returns a model"
+        allowed = "a model such as GearPair, a StageDesign or a function that returns a model"
         checks.require(is_model(model) or callable(model), "model", model, allowed)
         self.source: Any = model
-        if not isinstance(model, DrawnPair):
+        if not isinstance(model, StageDesign):
             self.source = ModelSource(model) if is_model(model) else FunctionSource(model)
         self.tolerances = distributions.read(tolerances, self.source.parameters, self.source.value)
         self.names = self.tolerances.names
@@ -239,8 +239,8 @@ class Designs:
         return model
 
     def duty_model_builder(self, values: np.ndarray) -> Callable | None:
-        """Return a function that builds the model of a drawing at the duty point, else None."""
-        if not isinstance(self.source, DrawnPair):
+        """Return a function that builds the model of the gears at the duty point, else None."""
+        if not isinstance(self.source, StageDesign):
             return None
         changes = dict(zip(self.names, map(float, values), strict=True))
         return partial(self.source.duty_model, changes)

@@ -1,4 +1,4 @@
-"""Tolerances by the classes of drawings: tooth thickness, centre distance, profile form.
+"""Tolerances by classes: tooth thickness, centre distance, profile form.
 
 Sources: DIN 3967 (1978), allowances E_sns and tolerances T_sn of the tooth thickness, tables 1 and
 2; DIN 3964 (1980), centre distance js 5 to js 11, half of the IT grades of ISO 286-1; ISO
@@ -94,10 +94,10 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
 def by_class(
     mesh: Any, *, thickness: Any = None, centre_distance: str | None = None, form: bool = False
 ) -> dict:
-    """Return tolerances from the classes of a drawing, for `gearlib.scatter` of a `DrawnPair`.
+    """Return tolerances by classes, for `gearlib.scatter` of a `StageDesign`.
 
     `thickness` is a class of DIN 3967 such as "27cd", or a pair of classes for pinion and wheel;
-    the backlash follows from it if the `DrawnPair` has ``backlash=None``. `centre_distance` is a
+    the backlash follows if the `StageDesign` has ``keep_backlash=False``. `centre_distance` is a
     class of DIN 3964 such as "js7". With `form`, profiles vary within the tolerance of profile form
     for the `quality` of the gears. The standard does not prescribe the shape of the deviation; here
     it is a first mesh harmonic whose cosine and sine are at most half of the larger tolerance.

@@ -102,12 +102,12 @@ def scatter(
 
     Parameters
     ----------
-    model : Model, DrawnPair or callable
-        A model with its `settable` parameters, a `gearlib.uncertainty.designs.DrawnPair` of two
-        drawn gears, or a function that takes the parameters by name and returns a model.
+    model : Model, StageDesign or callable
+        A model with its `settable` parameters, a `gearlib.uncertainty.designs.StageDesign` of gears
+        given by geometry, or a function that takes the parameters by name and returns a model.
     tolerances : mapping
         Name of a parameter -> ``{mean, std}``, ``{min, max}``, ``{nominal, upper, lower}`` with
-        deviations as on drawings, or ``{distribution, ...}``, a name of `scipy.stats` and its
+        deviations as in drawings, or ``{distribution, ...}``, a name of `scipy.stats` and its
         parameters; SI units. Values between limits are equally likely. ``correlations``, a list
         of [name, name, rho], are those of a Gaussian copula.
     quantities : sequence of str

@@ -25,7 +25,7 @@ from tests.paper import CONFIG
 
 assert browser  # a fixture
 
-DRAWN = {
+GEOMETRY = {
     "gears": {
         "pinion": {"teeth": 23, "module": "2.5 mm", "width": "18 mm", "tip_diameter": "62 mm"},
         "wheel": {"teeth": 61},
@@ -38,7 +38,7 @@ DRAWN = {
 RELIEF = {"amount": "15 um", "length": "2 mm", "shape": "parabolic"}
 #: Samples of the time history that the page draws.
 SHOWN_SAMPLES = SHOWN_PERIODS * SAMPLES
-RELIEVED = config.overlay(DRAWN, {"gears": {"pinion": {"tip_relief": RELIEF}}})
+RELIEVED = config.overlay(GEOMETRY, {"gears": {"pinion": {"tip_relief": RELIEF}}})
 
 
 def moved(settings, damping, **values):
@@ -65,9 +65,9 @@ def test_untouched_sliders_keep_the_configuration_and_the_first_tuning():
     first_tuning = CONFIG["phase_planes"]["tunings"][0]
     unchanged = CONFIG | {"phase_planes": CONFIG["phase_planes"] | {"tunings": [first_tuning]}}
     assert moved(CONFIG, "k1") == unchanged
-    unchanged = moved(DRAWN, "d")
+    unchanged = moved(GEOMETRY, "d")
     (tuning,) = unchanged.pop("phase_planes")["tunings"]
-    assert unchanged == DRAWN and pair_of(DRAWN, "d").speed(tuning) == pytest.approx(9000.0)
+    assert unchanged == GEOMETRY and pair_of(GEOMETRY, "d").speed(tuning) == pytest.approx(9000.0)
 
 
 def test_sliders_of_a_pair_change_its_numbers():
@@ -82,11 +82,11 @@ def test_sliders_of_a_pair_change_its_numbers():
     assert config.load(configuration).scenes == config.load(CONFIG).scenes
 
 
-def test_sliders_of_a_drawing_change_the_gears_of_the_library():
+def test_sliders_of_gear_geometry_change_the_gears_of_the_library():
     values = {"module": 3e-3, "pinion_teeth": 25, "pinion_shift": 0.2, "helix_angle": 0.2}
     values |= {"torque": 40.0, "speed": 5000.0, "backlash": 100e-6, "width": 0.02}
-    configuration = moved(DRAWN, "d", **values)
-    mesh, old_mesh = (config.load(settings).gears.mesh() for settings in (configuration, DRAWN))
+    configuration = moved(GEOMETRY, "d", **values)
+    mesh, old_mesh = (config.load(settings).gears.mesh() for settings in (configuration, GEOMETRY))
     pinion = mesh.pinion
     assert (pinion.teeth, pinion.module, pinion.shift) == (25, 3e-3, 0.2)
     assert (mesh.wheel.module, mesh.wheel.helix_angle, mesh.width) == (3e-3, 0.2, 0.02)
@@ -107,7 +107,7 @@ def test_reliefs_change_in_proportion_or_are_as_long_as_single_contact_allows():
     assert mesh.pinion.tip_relief.amount == pytest.approx(30e-6)
     assert mesh.pinion.tip_relief.length == pytest.approx(4e-3)
     assert mesh.wheel.tip_relief is None
-    mesh = config.load(moved(DRAWN, "d", tip_relief=30e-6)).gears.mesh()
+    mesh = config.load(moved(GEOMETRY, "d", tip_relief=30e-6)).gears.mesh()
     for gear in (mesh.pinion, mesh.wheel):
         assert gear.tip_relief.length == pytest.approx(mesh.longest_relief)
 
@@ -129,9 +129,9 @@ def test_a_view_of_a_pair_shows_what_the_library_computes():
     )
 
 
-def test_a_view_of_drawn_gears_shows_the_load_sharing_model():
+def test_a_view_of_gears_given_by_geometry_shows_the_load_sharing_model():
     view, gears = compute_view(moved(RELIEVED, "d"), "d"), config.load(RELIEVED).gears
-    # The power and the speed are those of DRAWN.
+    # The power and the speed are those of GEOMETRY.
     torque = 30e3 / (9000.0 * math.tau / 60.0)
     error = gears.mesh().transmission_error(torque, stiffness="energy")
     np.testing.assert_allclose(view.error.transmission_error[-1], error.transmission_error[0])
@@ -154,7 +154,7 @@ def test_a_view_of_drawn_gears_shows_the_load_sharing_model():
 
 def test_curves_over_the_speed_are_sweeps_of_pairs_of_teeth_with_iso_beside():
     quality = {"gears": {"pinion": {"quality": 6}, "wheel": {"quality": 6}}}
-    settings = config.overlay(DRAWN, quality)
+    settings = config.overlay(GEOMETRY, quality)
     shown, gears = page.Page(settings, "d"), config.load(settings).gears
     arguments = {"damping_ratio": 0.03, "backlash_damping_ratio": 0.01}
     torque = gears.driving_torque()
@@ -173,9 +173,9 @@ def test_curves_over_the_speed_are_sweeps_of_pairs_of_teeth_with_iso_beside():
     assert 0.0 < np.nanmin(jumps) < np.nanmax(jumps) - 1000.0
 
 
-def test_sliders_of_a_drawing_have_the_damping_ratio_of_pairs_of_teeth():
+def test_sliders_of_gear_geometry_have_the_damping_ratio_of_pairs_of_teeth():
     damping = {"material_damping": 500.0, "backlash_damping": 3.0}
-    settings = DRAWN | {"dampings": {"d": damping}}
+    settings = GEOMETRY | {"dampings": {"d": damping}}
     pairs_of_teeth = model(config.load(settings).gears_model("d"))
     shown = sliders.Sliders(settings, "d")
     assert shown.sliders["damping_ratio"].initial == pytest.approx(
@@ -186,7 +186,7 @@ def test_sliders_of_a_drawing_have_the_damping_ratio_of_pairs_of_teeth():
     assert model(changed).material_damping == pytest.approx(500.0, rel=0.02)
 
 
-@pytest.mark.parametrize("settings", [DRAWN, RELIEVED])
+@pytest.mark.parametrize("settings", [GEOMETRY, RELIEVED])
 def test_a_pair_of_teeth_carries_what_its_neighbours_leave(settings):
     shown, mesh = page.Page(settings, "d"), config.load(settings).gears.mesh()
     position, share = (shown.figures.sources["share"].data[axis] for axis in "xy")
@@ -205,7 +205,7 @@ def test_a_pair_of_teeth_carries_what_its_neighbours_leave(settings):
 
 
 def test_moving_a_slider_redraws_the_figures_or_shows_why_it_is_refused():
-    shown = page.Page(DRAWN, "d")
+    shown = page.Page(GEOMETRY, "d")
     before = {name: source.data["y"] for name, source in shown.figures.sources.items()}
     shown.widgets["torque"].value = 60.0
     sources = shown.figures.sources
@@ -238,7 +238,7 @@ def test_moving_a_slider_redraws_the_figures_or_shows_why_it_is_refused():
 
 @pytest.mark.parametrize(("name", "at"), [("tuning", 0.8312), ("speed", 9000.4)])
 def test_a_click_on_the_resonance_curve_moves_the_slider_there(name, at):
-    shown = page.Page(CONFIG, "k1") if name == "tuning" else page.Page(DRAWN, "d")
+    shown = page.Page(CONFIG, "k1") if name == "tuning" else page.Page(GEOMETRY, "d")
     widget = shown.widgets[name]
     for x in (at, 1e9):
         shown.pick(Tap(shown.figures.resonance, x=x, y=1.0))
@@ -254,7 +254,7 @@ def test_a_click_on_the_resonance_curve_moves_the_slider_there(name, at):
             (),
             "gears is missing: the configuration describes a train",
         ),
-        (DRAWN, ("--model", "train"), "No such option"),
+        (GEOMETRY, ("--model", "train"), "No such option"),
     ],
 )
 def test_what_the_page_cannot_show_is_refused(tmp_path, monkeypatch, settings, options, words):
@@ -267,12 +267,12 @@ def test_what_the_page_cannot_show_is_refused(tmp_path, monkeypatch, settings, o
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    """The address of a running explorer of the gears DRAWN."""
+    """The address of a running explorer of the gears GEOMETRY."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     folder = tmp_path_factory.mktemp("explored")
-    (folder / "config.yaml").write_text(yaml.safe_dump(DRAWN), encoding="utf-8")
+    (folder / "config.yaml").write_text(yaml.safe_dump(GEOMETRY), encoding="utf-8")
     command = [sys.executable, "-m", "gearlib", "explore", "--no-show", "--port", str(port)]
     server = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     yield f"http://127.0.0.1:{port}"
@@ -299,10 +299,10 @@ def _reachable(driver, address):
 def test_the_page_in_a_browser_computes_a_moved_slider_fits_the_window_and_saves(browser, address):
     wait_for(lambda: _reachable(browser, address))
     first = wait_for(lambda: _note(browser))
-    # The figures have a canvas or more each, each slider of DRAWN has a handle.
+    # The figures have a canvas or more each, each slider of GEOMETRY has a handle.
     wait_for(lambda: len(texts(browser, "canvas")) >= 6)
     handles = wait_for(lambda: everywhere(browser, ".noUi-handle"))
-    names = list(sliders.Sliders(DRAWN, "d").sliders)
+    names = list(sliders.Sliders(GEOMETRY, "d").sliders)
     assert len(handles) == len(names) == 13
     handles[names.index("module")].send_keys(Keys.PAGE_UP * 2)
     second = wait_for(lambda: _note(browser, first))

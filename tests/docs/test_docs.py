@@ -28,7 +28,7 @@ assert browser  # a fixture
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
-NOTEBOOK = DOCS / "from_a_drawing.ipynb"
+NOTEBOOK = DOCS / "from_geometry.ipynb"
 
 needs_mkdocs = pytest.mark.skipif(
     any(
@@ -102,7 +102,7 @@ def test_yaml_laid_over_the_configuration_is_accepted(page):
         settings = yaml.safe_load((ROOT / "config.yaml").read_text(encoding="utf-8"))
         settings = overlay(settings, yaml.safe_load(block))
         if "gears" in settings:
-            # Settings of drawn gears need no configuration below them.
+            # Settings of gears given by geometry need no configuration below them.
             assert config.load(yaml.safe_load(block))
         else:
             assert config.load(settings)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearlib.geometry import GearStage, SpurGear, dynamic_factor, iso_stiffness
-from tests.geometry.drawings import fzg_c, iso_example
+from tests.geometry.stages import fzg_c, iso_example
 
 
 def by_hand(ratio, contact, pitch, form, relief):

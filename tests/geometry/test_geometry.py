@@ -1,4 +1,4 @@
-"""Geometry of drawn gears: backlash, clearances, masses."""
+"""Geometry of gears given by geometry: backlash, clearances, masses."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 
 from gearlib import LoadSharingPair
 from gearlib.geometry import GearStage, SpurGear, Web
-from tests.geometry.drawings import gears_of_20_teeth, ring, short_teeth
+from tests.geometry.stages import gears_of_20_teeth, ring, short_teeth
 
 COSINE = math.cos(math.radians(20.0))
 

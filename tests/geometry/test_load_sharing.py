@@ -11,7 +11,7 @@ from scipy.optimize import brentq, nnls
 from gearlib.geometry import GearStage, PathTable, Rack, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry.load_sharing import ToothPairs
 from gearlib.models.geometry.mesh_stiffness import energy_stiffness
-from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example, ring
+from tests.geometry.stages import fzg_c, gears_of_20_teeth, iso_example, ring
 
 MESHES = pytest.mark.parametrize("mesh", [fzg_c(), gears_of_20_teeth(), ring()])
 PAIR_STIFFNESS = 2e8  #: N/m, of a pair of teeth where it is constant
@@ -160,10 +160,10 @@ def test_relief_of_a_gear_begins_at_its_own_tip(mesh):
     (start, end), length = mesh.path, mesh.longest_relief
     wheel, pinion = (TipRelief(amount=amount, length=length) for amount in (2e-5, 1e-5))
     table = PathTable((start, start + length, end - length, end), (2e-5, 0.0, 0.0, 1e-5))
-    drawn = mesh.with_reliefs(pinion, wheel).transmission_error(TORQUE)
+    modified = mesh.with_reliefs(pinion, wheel).transmission_error(TORQUE)
     by_table = mesh.transmission_error(TORQUE, deviation=table)
-    np.testing.assert_allclose(drawn.gap, table.at(drawn.path_position), atol=1e-18)
-    np.testing.assert_allclose(drawn.transmission_error, by_table.transmission_error, rtol=1e-12)
+    np.testing.assert_allclose(modified.gap, table.at(modified.path_position), atol=1e-18)
+    np.testing.assert_allclose(modified.transmission_error, by_table.transmission_error, rtol=1e-12)
     parabola = TipRelief(amount=2e-5, length=length, shape="parabolic")
     np.testing.assert_allclose(parabola.gap([0.0, length / 2, length]), [2e-5, 5e-6, 0.0])
 
@@ -172,19 +172,19 @@ def test_each_pair_has_the_pitch_errors_of_both_gears():
     """Teeth meet again after the least common multiple of 16 and 24 mesh periods."""
     mesh, rng = fzg_c(), np.random.default_rng(0)
     pinion, wheel = (tuple(rng.uniform(0.0, 5e-6, z)) for z in (16, 24))
-    drawn = dataclasses.replace(
+    modified = dataclasses.replace(
         mesh,
         pinion=dataclasses.replace(mesh.pinion, pitch_errors=pinion),
         wheel=dataclasses.replace(mesh.wheel, pitch_errors=wheel),
     )
-    found = drawn.transmission_error(TORQUE, phases=8, stiffness=CONSTANT)
+    found = modified.transmission_error(TORQUE, phases=8, stiffness=CONSTANT)
     errors, deflection = np.tile(pinion, 3) + np.tile(wheel, 2), mesh.load(TORQUE) / PAIR_STIFFNESS
     single, both = found.transmission_error[0].values.reshape(48, 8)[:, [4, 0]].T
     np.testing.assert_allclose(single, deflection + errors, rtol=1e-12)
     # In double contact a pair shares with the one before it.
     mean = (errors + np.roll(errors, 1)) / 2.0
     np.testing.assert_allclose(both, deflection / 2.0 + mean, rtol=1e-12)
-    assert dataclasses.replace(drawn, wheel=mesh.wheel).pitch_errors == pinion
+    assert dataclasses.replace(modified, wheel=mesh.wheel).pitch_errors == pinion
 
 
 @pytest.mark.parametrize("load_ratio", [0.0, 0.2, 1.0])

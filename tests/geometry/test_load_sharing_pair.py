@@ -15,7 +15,7 @@ from gearlib.data.status import JAMMED
 from gearlib.geometry import GearStage, PathTable, SpurGear, TipRelief, optimum_relief
 from gearlib.models.geometry import load_sharing
 from gearlib.models.geometry.load_sharing import corner_gap, pairs_at, tooth_pairs
-from tests.geometry.drawings import (
+from tests.geometry.stages import (
     fzg_c,
     gears_of_20_teeth,
     high_contact_ratio_mesh,
@@ -200,7 +200,7 @@ def test_maps_are_the_derivatives_of_the_motion(tuning):
     np.testing.assert_allclose(maps[1] @ maps[0], np.transpose(columns), atol=1e-4)
 
 
-def test_the_pair_at_its_load_has_the_static_error_of_the_drawing():
+def test_the_pair_at_its_load_has_the_static_error_of_its_stage():
     """At rest under the load it is F / C more than without, where it is minus the deviation."""
     mesh, n = optimum_relief(fzg_c(), TORQUE / 2.0, length="long"), 65
     model = LoadSharingPair.from_geometry(mesh, **ON_PATH, **OPTIONS)
@@ -219,11 +219,11 @@ def test_the_pair_at_its_load_has_the_static_error_of_the_drawing():
 @pytest.mark.parametrize(("backlash", "jams"), [(3e-6, True), (7e-6, True), (9e-6, False)])
 def test_teeth_too_thick_for_the_backlash_jam(backlash, jams):
     """One tooth in three is 8 um too thick: no force of the coast side is left out."""
-    drawing = replace(fzg_c(), backlash=backlash)
+    stage = replace(fzg_c(), backlash=backlash)
     # A constant stiffness of each pair of teeth, without a shared body.
     model = LoadSharingPair(
-        pair=GearPair.from_geometry(drawing, **OPTIONS),
-        stage=drawing,
+        pair=GearPair.from_geometry(stage, **OPTIONS),
+        stage=stage,
         stiffness=PathTable((0.0,), (3e8,)),
         pitch_errors=(0.0, -8e-6, 0.0),
         **ON_PATH,

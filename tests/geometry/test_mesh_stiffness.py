@@ -1,4 +1,4 @@
-"""Mesh stiffness: quadrature of the energies, averages over the face; the pair of a drawing."""
+"""Mesh stiffness: quadrature of the energies, averages over the face; the pair of gear geometry."""
 
 import math
 
@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from gearlib import GearPair
 from gearlib.geometry import GearStage, SpurGear, iso_stiffness, mesh_stiffness
 from gearlib.models.geometry.mesh_stiffness import PairCompliance, Tooth, energy_stiffness
-from tests.geometry.drawings import fzg_c, gears_of_20_teeth, iso_example, ring, short_teeth
+from tests.geometry.stages import fzg_c, gears_of_20_teeth, iso_example, ring, short_teeth
 
 
 def compliance_by_quadrature(tooth, phi):
@@ -125,7 +125,7 @@ def test_below_a_contact_ratio_of_1_a_slice_has_one_pair_or_none():
         mesh.stiffness("iso")
 
 
-def test_the_pair_of_a_drawing_has_its_load_and_damping():
+def test_the_pair_of_a_stage_has_its_load_and_damping():
     """docs/worked_example.md prints what a pair has by its torque and damping ratio."""
     mesh = fzg_c()
 

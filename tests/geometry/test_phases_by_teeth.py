@@ -14,18 +14,18 @@ from tests.independent import equations
 from tests.independent.systems import describe, system_of
 
 
-def drawing_of(gear):
+def gear_of(gear):
     """Return the `SpurGear` of gearlib for a `Gear` of `tests/geometry/teeth.py`."""
     rim = {"outer_diameter": 2.2 * gear.tip} if gear.internal else {}
     values = {name: getattr(gear, name) for name in ("teeth", "shift", "internal")}
     return SpurGear(module=MODULE, width=0.02, **values, **rim)
 
 
-def drawn_mesh(gears, mesh):
+def stage_of(gears, mesh):
     """Return the `gearlib.geometry.GearStage` of a mesh of a `Machine`, a ring gear as the
     wheel."""
     names = sorted(mesh[:2], key=lambda name: gears[name].internal)
-    return GearStage(*(drawing_of(gears[name]) for name in names), mesh[2])
+    return GearStage(*(gear_of(gears[name]) for name in names), mesh[2])
 
 
 def random_machine(rng):
@@ -51,7 +51,7 @@ def random_machine(rng):
             new_gear = Gear(teeth, -gears[name].shift, internal=True)
         try:
             centre_distance = axis_distance(gears[name], new_gear, rng.uniform(0.0, 0.03))
-            drawn_mesh(gears | {new_name: new_gear}, (name, new_name, centre_distance))
+            stage_of(gears | {new_name: new_gear}, (name, new_name, centre_distance))
         except ValueError:
             continue  # such teeth interfere
         gears[new_name] = new_gear
@@ -79,11 +79,9 @@ def train_of(machine, rng):
         fields = {"name": f"mesh {i}", "direction": direction}
         fields["position"] = angle if centre == driver else angle + math.pi
         fields["driving"] = driver if names_driver else None
-        drawing = drawn_mesh(gears, (pinion, wheel, centre_distance))
-        meshes.append(
-            gearlib.Mesh.from_geometry(drawing, pinion, wheel, model="rectangle", **fields)
-        )
-    bodies = [Body.from_gear(drawing_of(gear), name) for name, gear in gears.items()]
+        stage = stage_of(gears, (pinion, wheel, centre_distance))
+        meshes.append(gearlib.Mesh.from_geometry(stage, pinion, wheel, model="rectangle", **fields))
+    bodies = [Body.from_gear(gear_of(gear), name) for name, gear in gears.items()]
     shafts = [
         Shaft(bodies=(first, second), stiffness=1e6, keying=angle or None)
         for first, second, angle in machine.shafts
@@ -184,7 +182,7 @@ def test_planetary_set_driven_by_sun_or_ring(name, driving):
     sun, planet, ring = map(Gear, teeth, shifts, (False, False, True))
     distance = axis_distance(sun, planet)
     train = planetary_set(
-        *map(drawing_of, (sun, planet, ring)),
+        *map(gear_of, (sun, planet, ring)),
         planets=len(positions),
         positions=positions if name == "unequal" else None,
         centre_distance=distance,

@@ -13,7 +13,7 @@ import pytest
 
 from gearlib.geometry import GearStage, Material, SpurGear, Web, dynamic_factor, iso_stiffness
 from gearlib.models.geometry.mesh_stiffness import _BODY_COEFFICIENTS, PairCompliance, Tooth
-from tests.geometry.drawings import iso_example
+from tests.geometry.stages import iso_example
 
 STEEL = Material(density=7830.0)
 HELICAL = {"module": 14e-3, "width": 0.36, "helix_angle": math.radians(10.0), "material": STEEL}

@@ -13,7 +13,7 @@ from gearlib import plot, simulate, sweep
 from gearlib.figures import measured_figure, style
 from gearlib.studies import measured as study
 from gearlib.uncertainty.synthetic_rigs import synthetic_rig
-from tests.geometry.drawings import own
+from tests.geometry.stages import own
 from tests.paper import PAPER as PAPER_PAIR
 
 MESH = own()

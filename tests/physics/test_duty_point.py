@@ -55,7 +55,7 @@ def test_a_transient_that_is_cut_off_is_named_with_what_is_left_of_it():
     assert duty.settled == 0
 
 
-def drawn(*teeth, rms=3e-6):
+def stage(*teeth, rms=3e-6):
     """Return a stage with random pitch errors on both gears."""
     draw = np.random.default_rng(3).normal
     gears = [
@@ -66,7 +66,7 @@ def drawn(*teeth, rms=3e-6):
 
 
 def test_pitch_errors_of_both_gears_are_recorded_until_the_same_teeth_meet_again():
-    mesh, load = drawn(23, 61), {"torque": 85.0, "damping_ratio": 0.05}
+    mesh, load = stage(23, 61), {"torque": 85.0, "damping_ratio": 0.05}
     duty = duty_point(mesh, 6000.0, **load)
     pair, cycle = LoadSharingPair.from_geometry(mesh, **load), 23 * 61
     settings = {"periods": 3 * cycle, "record_periods": cycle, "samples_per_period": 1}
@@ -78,7 +78,7 @@ def test_pitch_errors_of_both_gears_are_recorded_until_the_same_teeth_meet_again
 
 
 def test_a_cycle_too_long_to_compute_is_sampled_and_says_so():
-    duty = duty_point(drawn(89, 131), 6000.0, torque=300.0, damping_ratio=0.05)
+    duty = duty_point(stage(89, 131), 6000.0, torque=300.0, damping_ratio=0.05)
     assert duty.settled == 0 and "sample" in duty.comment and str(89 * 131) in duty.comment
 
 

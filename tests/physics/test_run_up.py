@@ -12,7 +12,7 @@ import gearlib
 from gearlib.engines.taylor.teeth import touching_set
 from gearlib.geometry import optimum_relief
 from gearlib.models import acceleration
-from tests.geometry.drawings import fzg_c
+from tests.geometry.stages import fzg_c
 from tests.independent.systems import RunUp, describe
 from tests.paper import PAPER
 from tests.properties.known_models import GEARS

@@ -18,7 +18,7 @@ from gearlib import (
     SixDegreePair,
 )
 from gearlib.models.profiles import Steps
-from tests.geometry.drawings import fzg_c, gears_of_20_teeth
+from tests.geometry.stages import fzg_c, gears_of_20_teeth
 from tests.independent.equations import Piece
 from tests.independent.program import first_codes
 from tests.independent.series import Step
@@ -150,10 +150,10 @@ def six_degrees(draw, rigid=False):
 
 @st.composite
 def tooth_pairs(draw):
-    """Return a `LoadSharingPair` of drawn gears."""
-    drawing = draw(st.sampled_from([fzg_c, gears_of_20_teeth]))()
+    """Return a `LoadSharingPair` of gears given by geometry."""
+    stage = draw(st.sampled_from([fzg_c, gears_of_20_teeth]))()
     return LoadSharingPair.from_geometry(
-        drawing, torque=draw(between(50.0, 500.0)), damping_ratio=draw(between(0.0, 0.1))
+        stage, torque=draw(between(50.0, 500.0)), damping_ratio=draw(between(0.0, 0.1))
     )
 
 

@@ -68,7 +68,7 @@ def compare(case, found, other, state=None, displacement=None):
     return True
 
 
-# An oscillator has no units, and a drawing is always in metres.
+# An oscillator has no units, and gear geometry is always in metres.
 @pytest.mark.parametrize("kind", sorted(CASES.keys() - {"oscillator", "pairs of teeth"}))
 @given(data=st.data())
 @FEW

@@ -9,7 +9,7 @@ import gearlib
 from gearlib import LoadSharingPair, integrators
 from gearlib.data import summary
 from gearlib.runs import simulation
-from tests.geometry.drawings import fzg_c
+from tests.geometry.stages import fzg_c
 from tests.physics.test_step_methods import SPLIT, VARIANTS
 from tests.properties.known_models import KNOWN, Known
 

@@ -17,12 +17,12 @@ import gearlib as g
 from gearlib import geometry
 from gearlib.config import load
 from tests.declarations import BODY, MESH, PUBLIC
-from tests.geometry.drawings import fzg_c
+from tests.geometry.stages import fzg_c
 from tests.paper import CONFIG, PAPER
 from tests.properties import known_models
 from tests.properties.known_models import DAMPED
-from tests.unit.test_drawn_gears import FZG
-from tests.unit.test_drawn_trains import OWN, SET
+from tests.unit.test_gears_section import FZG
+from tests.unit.test_train_section import OWN, SET
 
 ROWS = yaml.safe_load(Path(__file__).with_name("combinations.yaml").read_text(encoding="utf-8"))
 TWENTY = {"pinion": {"teeth": 20, "module": "4 mm", "width": "20 mm"}, "wheel": {"teeth": 40}}
@@ -49,7 +49,7 @@ web = partial(geometry.Web, thickness=0.01, rim_diameter=0.06, hub_diameter=0.04
 planet = partial(geometry.SpurGear, module=3e-3, width=0.025)
 ring = partial(planet, internal=True, outer_diameter=0.34)
 SET_GEARS = planet(teeth=27), planet(teeth=36), ring(teeth=99)
-drawn_set = partial(geometry.planetary_set, *SET_GEARS, torque=1.0)
+planetary = partial(geometry.planetary_set, *SET_GEARS, torque=1.0)
 pair = partial(g.GearPair.from_geometry, stage)
 sharing = partial(g.LoadSharingPair, pair=pair(torque=1.0), stage=stage)
 factor = partial(geometry.dynamic_factor, stage, 302.0, rpm=100.0)

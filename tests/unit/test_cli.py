@@ -18,7 +18,7 @@ from gearlib import config
 from gearlib.cli import main
 from gearlib.data import gathering, storage
 from gearlib.units import WRITTEN_UNITS
-from tests.geometry import drawings
+from tests.geometry import stages
 from tests.paper import CONFIG, PAPER
 from tests.unit.test_gear_names import relieved
 
@@ -28,7 +28,7 @@ PAIR = (
     "--teeth 24 --material-damping 3953.7 --backlash-damping 0"
 )
 UNDAMPED = "--teeth 23 61 --module 2.5mm --width 18mm --torque 85Nm --backlash 80um"
-DRAWN = f"{UNDAMPED} --damping-ratio 0.05"
+GEOMETRY = f"{UNDAMPED} --damping-ratio 0.05"
 K1 = PAPER.replace(material_damping=3953.7)
 FROM_FILE = "--config mine.yaml"
 CONFIG_FILE = Path(__file__).parents[2] / "config.yaml"
@@ -40,7 +40,7 @@ def run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
     def call(line, code=0):
-        words = shlex.split(line.replace("PAIR", PAIR).replace("DRAWN", DRAWN))
+        words = shlex.split(line.replace("PAIR", PAIR).replace("GEOMETRY", GEOMETRY))
         result = CliRunner().invoke(main, words)
         assert result.exit_code == code, (line, result.output)
         return result.output
@@ -113,7 +113,9 @@ def test_files_hold_what_the_library_computes_in_the_format_of_their_suffix(run,
 
 
 def test_a_left_hand_helix_is_a_negative_angle(run):
-    right, left = (run(f"gears DRAWN --helix-angle {sign}15deg").splitlines() for sign in ("", "-"))
+    right, left = (
+        run(f"gears GEOMETRY --helix-angle {sign}15deg").splitlines() for sign in ("", "-")
+    )
     assert "-15" in left[0] and right[1:] == left[1:]
 
 
@@ -143,24 +145,24 @@ def test_a_run_up_an_orbit_and_trust_print_their_results(run):
     assert "orbit of period 1" in output and f"\n{last_row} " in output
 
 
-def test_drawn_gears_come_from_options_or_a_saved_file(run):
-    run("gears DRAWN --save mine.yaml --plot stiffness.svg")
+def test_gears_given_by_geometry_come_from_options_or_a_saved_file(run):
+    run("gears GEOMETRY --save mine.yaml --plot stiffness.svg")
     assert Path("stiffness.svg").exists()
-    pair = gearlib.LoadSharingPair.from_geometry(drawings.own(), torque=85.0, damping_ratio=0.05)
+    pair = gearlib.LoadSharingPair.from_geometry(stages.own(), torque=85.0, damping_ratio=0.05)
     expected = gearlib.simulate(pair, speed=4000.0, periods=200, initial_state="static")
-    outputs = {gears: run(f"simulate {gears} --speed 4000") for gears in ("DRAWN", FROM_FILE)}
+    outputs = {gears: run(f"simulate {gears} --speed 4000") for gears in ("GEOMETRY", FROM_FILE)}
     run(f"simulate {FROM_FILE} --speed 4000 -o run.nc")
     displacement = xr.load_dataset("run.nc").displacement
     np.testing.assert_allclose(displacement, expected.displacement, rtol=1e-9)
-    first_line = outputs["DRAWN"].splitlines()[0]
+    first_line = outputs["GEOMETRY"].splitlines()[0]
     assert first_line == "gear pair z 23/61, m 2.5 mm; pairs of teeth, energy method"
     # A speed saved with the gears is the speed of runs that name none.
-    run("gears DRAWN --speed 4000 --save fast.yaml")
-    assert run("simulate --config fast.yaml") == outputs["DRAWN"] == outputs[FROM_FILE]
+    run("gears GEOMETRY --speed 4000 --save fast.yaml")
+    assert run("simulate --config fast.yaml") == outputs["GEOMETRY"] == outputs[FROM_FILE]
     # Options replace values of the saved file: here the static deflection at twice the torque.
     output = run(f"simulate {FROM_FILE} --torque '170 Nm' --speed 4000")
     assert f" {2.0 * pair.static_deflection:.10g} m " in output
-    # Gears that are not drawn have one number of teeth, that of the pinion.
+    # Gears that are given by parameters have one number of teeth, that of the pinion.
     assert " 1500 rpm " in run("simulate PAIR --teeth 48 --speed 1500")
     # Undamped gears have a table, but a motion at a speed that does not settle is an error.
     run(f"gears {UNDAMPED}")
@@ -222,19 +224,19 @@ run-up PAIR --start 2000 --duration 1 | stop is missing: it must be a finite num
 run-up PAIR --start 2000 --stop 3000 --duration '2 kg' | '2 kg' is not allowed: it must be
 sweep PAIR --start 0 | start = 0 is not allowed: it must be a finite number from 1e-12
 sweep PAIR --start 1 --stop 1 | stop = 1 is not allowed: it must be another
-sweep DRAWN --stop 1e9rpm | stop = 1000000000.0 is not allowed
-simulate DRAWN --model six_degrees --speed 4000 | bearing_stiffness is missing
+sweep GEOMETRY --stop 1e9rpm | stop = 1000000000.0 is not allowed
+simulate GEOMETRY --model six_degrees --speed 4000 | bearing_stiffness is missing
 simulate --tuning 1 UNDAMPED | damping_ratio is missing
 gears UNDAMPED --save other.yaml | damping_ratio is missing
-modes DRAWN | train is missing
+modes GEOMETRY | train is missing
 campbell PAIR | train is missing
 scatter PAIR -t load | must have keys, each once, as 'load std=5%'
 scatter PAIR -t 'load std=1% std=2%' | must have keys
 scatter PAIR -t 'load stdd=5%' | must have keys of mean, std
-scatter DRAWN --thickness-class '1 2 3' | --thickness-class = '1 2 3' is not allowed: it must be
+scatter GEOMETRY --thickness-class '1 2 3' | --thickness-class = '1 2 3' is not allowed: it must be
 scatter PAIR -t 'torque std=5%' | need gears given by geometry
 scatter PAIR --distance-class js7 | need gears given by geometry
-scatter DRAWN | --tolerance is missing
+scatter GEOMETRY | --tolerance is missing
 """
 
 
@@ -252,12 +254,12 @@ def test_invalid_command_lines_exit_with_code_2(run):
 
 
 @pytest.mark.parametrize(
-    "line", ["gears DRAWN", "gears DRAWN --format csv", "workflow --list-rules"]
+    "line", ["gears GEOMETRY", "gears GEOMETRY --format csv", "workflow --list-rules"]
 )
 def test_a_closed_pipe_ends_a_command_in_silence(line):
     reader, writer = os.pipe()
     os.close(reader)
-    words = shlex.split(line.replace("DRAWN", DRAWN))
+    words = shlex.split(line.replace("GEOMETRY", GEOMETRY))
     command = [sys.executable, "-m", "gearlib", *words]
     process = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True)
     os.close(writer)

@@ -16,7 +16,7 @@ from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.models.model import Model
 from gearlib.models.one_degree_pair import Equation
 from gearlib.models.profiles import Steps
-from tests.geometry.drawings import fzg_c
+from tests.geometry.stages import fzg_c
 from tests.paper import PAPER
 from tests.properties.known_models import CHAIN, gears
 
@@ -56,11 +56,11 @@ DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
 RIGID = gears(math.inf, 3953.7, 3953.7)
 #: Turning, it has 18 mesh periods per revolution of the sun.
 PLANETARY = {"teeth": (24, 72), "stiffness_ratio": (0.8, 0.8)}
-FROM_DRAWING = gearlib.LoadSharingPair.from_geometry
+FROM_GEOMETRY = gearlib.LoadSharingPair.from_geometry
 MODELS = {
     "gear pair": DAMPED,
     "one degree": gearlib.OneDegreePair(pair=DAMPED, backlash_cubic_damping=4e5),
-    "pairs of teeth": FROM_DRAWING(fzg_c(), torque=300.0, damping_ratio=0.05),
+    "pairs of teeth": FROM_GEOMETRY(fzg_c(), torque=300.0, damping_ratio=0.05),
     "six degrees": RIGID,
     "run-out": RIGID.replace(eccentricities=(1e-6, 1e-6), teeth=(3, 2)),
     "train": CHAIN,

@@ -45,7 +45,7 @@ def relieved():
         ("train_sweep", {}, "train.split_power_reducer.teeth is missing"),
     ],
 )
-def test_targets_that_cannot_take_drawn_gears_are_refused(target, change, words):
+def test_targets_that_cannot_take_gears_given_by_geometry_are_refused(target, change, words):
     gears = OWN["gears"] | {"pinion": OWN["gears"]["pinion"] | change}
     with pytest.raises(ConfigError) as refusal:
         load(OWN | {"gears": gears, "targets": [target]})
@@ -64,7 +64,7 @@ def test_targets_that_cannot_take_drawn_gears_are_refused(target, change, words)
         ("models", "scenes = {} is not allowed"),
     ],
 )
-def test_targets_of_a_drawing_or_of_the_paper_are_refused_for_another_pair(target, words):
+def test_targets_of_gear_geometry_or_of_the_paper_are_refused_for_another_pair(target, words):
     own = overlay_gears(CONFIG, {"gear_pair": {"max_stiffness": "3e8 N/m"}})
     (error,) = load(own | {"targets": [target]}).target_errors()
     assert words in error and error.endswith(f"for the target {target}")
@@ -75,7 +75,7 @@ def test_targets_of_a_drawing_or_of_the_paper_are_refused_for_another_pair(targe
     assert target in load(heavier).computed_targets()
 
 
-def test_default_targets_of_a_drawn_train_with_and_without_a_pair():
+def test_default_targets_of_a_train_given_by_geometry_with_and_without_a_pair():
     alone = load(overlay_gears(overlay(CONFIG, PLANETS), PLANETS))
     assert alone.computed_targets() == [*TRAIN_TARGETS]
     both = PLANETS | {"gear_pair": {"load": 1e3}}
@@ -87,7 +87,7 @@ def test_default_targets_of_a_drawn_train_with_and_without_a_pair():
     assert words.endswith(", for the target reducer")
 
 
-def test_names_of_gears_say_what_was_drawn():
+def test_names_of_gears_say_what_geometry_they_have():
     helical = overlay(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}})
     pairs = (OWN, NAME), (helical, f"{NAME}, β 15°"), (relieved(), f"{NAME}, tip relief")
     for settings, name in pairs:

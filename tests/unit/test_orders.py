@@ -1,4 +1,4 @@
-"""Orders of runs and of sampled signals; duty points of drawn gears, models and trains."""
+"""Orders of runs and of sampled signals; duty points of gears, models and trains."""
 
 import math
 
@@ -9,7 +9,7 @@ import xarray as xr
 import gearlib
 from gearlib import GearPair, LoadSharingPair, duty_point, orders, simulate
 from gearlib.geometry import GearStage, SpurGear, TipRelief, dynamic_factor
-from tests.geometry.drawings import own
+from tests.geometry.stages import own
 
 COMMON = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "teeth": 24}
 LOSING = GearPair.from_ratios(damping=0.02, backlash=0.5, backlash_damping=0.01, **COMMON)
@@ -180,7 +180,7 @@ def test_bearings_of_six_degrees_and_trains_carry_the_load():
     assert forces == pytest.approx([pair.load] * 2, rel=1e-6)
     train = duty_point(gearlib.two_stage(pair), 3000.0)
     assert train.mesh_force_max.dims == ("mesh",) and train.bearing_force_max.dims == ("body",)
-    # A model has its load, a drawing needs a torque.
+    # A model has its load, the geometry needs a torque.
     with pytest.raises(ValueError, match="torque = 1"):
         duty_point(pair, 3000.0, torque=1.0)
     with pytest.raises(ValueError, match="torque is missing"):

@@ -11,9 +11,9 @@ from scipy import stats
 import gearlib
 from gearlib.parameters import declared_parameters
 from gearlib.uncertainty import distributions
-from gearlib.uncertainty.designs import Designs, DrawnPair
+from gearlib.uncertainty.designs import Designs, StageDesign
 from gearlib.uncertainty.quality_classes import by_class, distance_limits, thickness_limits
-from tests.geometry.drawings import fzg_c
+from tests.geometry.stages import fzg_c
 from tests.paper import PAPER
 
 #: Parameters that may have tolerances; "free" has neither a unit nor limits.
@@ -180,10 +180,10 @@ def test_tooth_thicknesses_follow_the_series_of_din_3967():
     assert np.diff(np.log10(widths)) == pytest.approx(0.2, abs=0.05)
 
 
-def test_backlash_and_deviation_scatter_by_the_classes_of_a_drawing():
+def test_backlash_and_deviation_scatter_by_the_classes_of_gears():
     mesh = fzg_c(quality=7)
     tolerances = by_class(mesh, thickness=("26cd", "26c"), centre_distance="js8", form=True)
-    gears = DrawnPair(mesh, torque=302.0, damping_ratio=0.06, backlash=None)
+    gears = StageDesign(mesh, torque=302.0, damping_ratio=0.06, keep_backlash=False)
     designs = Designs(gears, tolerances | {"torque": {"mean": 302.0, "std": 10.0}})
     assert designs.units("pinion.thickness_allowance")[0] == "m"
     models = [designs.model(row) for row in designs.values(designs.points(0, 16))]

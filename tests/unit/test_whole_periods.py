@@ -9,7 +9,7 @@ from gearlib.engines.pair.events import ARC_COLUMNS, march_period
 from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
 from gearlib.engines.pair.propagator import ratios
 from gearlib.engines.pair.whole_periods import advance_periods, new_work, set_mesh, set_start
-from tests.geometry.drawings import own
+from tests.geometry.stages import own
 from tests.paper import PAPER
 from tests.physics.test_random_meshes import random_mesh
 

@@ -99,8 +99,8 @@ def test_the_wheel_works_in_an_empty_environment(call, python, tmp_path):
     assert __version__ in call(command, "--version") and "simulate" in call(command, "--help")
     where = call(python, "-c", "import gearlib; print(gearlib.__file__)")
     assert Path(where).is_relative_to(python.parents[1])
-    drawing = ["--teeth", "23", "61", "--module", "2.5 mm", "--width", "18 mm"]
-    assert "contact_ratio" in call(command, "gears", *drawing, "--torque", "85 N m")
+    gears = ["--teeth", "23", "61", "--module", "2.5 mm", "--width", "18 mm"]
+    assert "contact_ratio" in call(command, "gears", *gears, "--torque", "85 N m")
 
 
 def test_the_workflow_runs_from_the_wheel(call, python_with_extras, tmp_path):

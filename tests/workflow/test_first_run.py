@@ -50,10 +50,10 @@ def test_sources_of_a_job_are_all_it_loads(first_run, records):
 
 
 def test_code_that_draws_is_no_source_of_a_computation(records):
-    drawing = "gearlib/figures/"
+    figures = "gearlib/figures/"
     for job in records:
-        if not any(drawing in path for path in job["loaded"]):
-            assert not any(path.startswith(drawing) for path in job["sources"]), job["rule"]
+        if not any(figures in path for path in job["loaded"]):
+            assert not any(path.startswith(figures) for path in job["sources"]), job["rule"]
 
 
 def test_every_job_starts_with_the_settings_of_the_processor(records):

@@ -43,7 +43,7 @@ def test_each_target_has_a_rule_and_each_figure_and_table_a_caption(paper):
     assert rendered >= 40
 
 
-def test_gears_of_the_user_reach_the_studies_of_drawn_gears(project, paper):
+def test_gears_of_the_user_reach_the_studies_of_gears_given_by_geometry(project, paper):
     quality = {"pinion": {**OWN["gears"]["pinion"], "quality": 6}}
     quality["wheel"] = {"teeth": 61, "quality": 6}
     mine = rules_of(project, OWN | {"gears": OWN["gears"] | quality})

@@ -15,7 +15,7 @@ from snakemake.logging import logger
 from gearlib import config as configuration
 from gearlib import integrators, processor, tunings
 from gearlib.config import gear_names, measured_description, targets, yaml_keys
-from gearlib.config.gears_section import drawn_pairs, takes_configured_gears
+from gearlib.config.gears_section import stage_sections, takes_configured_gears
 from gearlib.config.tolerances_section import known_parameters
 from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.geometry.iso import METHOD_NAMES
@@ -26,7 +26,7 @@ ROOT = Path(workflow.basedir)
 
 #: Parts of the report; numbered because its menu is in alphabetical order.
 CLAIMS, EXPLANATIONS, METHODS = "2 The paper's statements", "3 Explanations", "4 Methods"
-TRAINS, DRAWN = "5 Gear trains", "6 From the drawing"
+TRAINS, GEOMETRY = "5 Gear trains", "6 From the geometry"
 MEASURED, TOLERANCES = "7 Measured", "8 Tolerances"
 
 #: Keys of sections that describe a grid of tunings, and seeded initial states.
@@ -162,7 +162,7 @@ if CONFIG.gears and "initial_state" not in CONFIG.run.model_fields_set:
     GEARS_RUN["initial_state"] = "static"
 SAMPLES = {"samples_per_period": config["run"]["samples_per_period"]}
 SAMPLED_RUN, GEARS_SAMPLED_RUN = RUN | SAMPLES, GEARS_RUN | SAMPLES
-#: Sweeps of pairs of teeth, for a note on figures of drawn gears that need a rectangle.
+#: Sweeps of pairs of teeth, for a note on figures of gears given by geometry that need a rectangle.
 TEETH_SWEEPS = ["results/resonance.nc"] if CONFIG.gears else []
 COLOURS = {"colours": config["figures"]["colours"]}
 
@@ -238,7 +238,7 @@ def target_files(target, *files):
 def if_wanted(target, files, pairs_only=False):
     """Return files if their target is wanted, else an empty list.
 
-    With `pairs_only` files are left out for drawn gears, whose sweeps have pairs of teeth.
+    With `pairs_only` files are left out for gears given by geometry, whose sweeps have pairs of teeth.
     """
     return [] if target not in WANTED or (pairs_only and CONFIG.gears) else files
 
@@ -276,7 +276,7 @@ def files_of_set(wildcards):
     return [path, *description.files(path)]
 
 
-# Methods, drawings, designs.
+# Methods, gears, designs.
 
 
 def not_installed(methods):
@@ -284,20 +284,20 @@ def not_installed(methods):
     return [name for name in dict.fromkeys(methods) if not targets.installed(name)]
 
 
-def drawings(section):
-    """Return a dict of name -> drawing of the gears of a section."""
-    pairs = drawn_pairs(CONFIG, section)
+def stages(section):
+    """Return a dict of name -> gears of a section."""
+    pairs = stage_sections(CONFIG, section)
     return canonical({name: pair.model_dump() for name, pair in pairs.items()})
 
 
-def names_of_drawings(section, teeth=False):
+def names_of_stages(section, teeth=False):
     """Return a text with the names of the gears of a section; with `teeth`, as pairs of teeth."""
-    pairs, suffix = drawn_pairs(CONFIG, section).values(), ""
+    pairs, suffix = stage_sections(CONFIG, section).values(), ""
     if teeth:
         method = config[section].get("stiffness") or CONFIG.gears and CONFIG.gears.stiffness
         method = method or next(iter(pairs)).mesh().tooth_stiffness
         suffix = f"; pairs of teeth, {METHOD_NAMES[method]}"
-    names = (gear_names.name_of_drawing(pair, teeth, pitch_errors=False) for pair in pairs)
+    names = (gear_names.name_of_stage(pair, teeth, pitch_errors=False) for pair in pairs)
     return " and ".join(dict.fromkeys(names)) + suffix
 
 
@@ -320,16 +320,16 @@ DESIGNS = canonical(
         **pick(config["tolerances"], "seed", "quantities"),
     }
 )
-if CONFIG.tolerances.concern_drawing() and CONFIG.gears:
-    DESIGNS["drawing"] = canonical(CONFIG.gears.drawing_dict())
+if CONFIG.tolerances.concern_geometry() and CONFIG.gears:
+    DESIGNS["gears"] = canonical(CONFIG.gears.geometry_dict())
 
 #: The gears of the Harris map.
-HARRIS_PAIR = next(iter(drawn_pairs(CONFIG, "harris_map").values()))
+HARRIS_PAIR = next(iter(stage_sections(CONFIG, "harris_map").values()))
 
 #: Values for captions that the configuration does not contain.
 config["captions"] = {
     "dampings": ", ".join(CONFIG.dampings),
-    "drawn": CONFIG.gears is not None,
+    "geometry": CONFIG.gears is not None,
     "paper": IS_PAPER,
     "forces": force_note(CONFIG.gear_pair.stiffness_ratio) if CONFIG.gears else "",
     # The model of sweeps and run-ups.
@@ -346,13 +346,13 @@ config["captions"] = {
         f"{CONFIG.reducer.damping}"
     ),
     "missing": ", ".join(not_installed(CONFIG.work_precision.methods)),
-    "stiffness_pairs": " and ".join(drawn_pairs(CONFIG, "mesh_stiffness")),
+    "stiffness_pairs": " and ".join(stage_sections(CONFIG, "mesh_stiffness")),
     "reliefs_left_out": bool(
         CONFIG.gears
         and CONFIG.gears.modification_key()
         and takes_configured_gears(CONFIG, "mesh_stiffness")
     ),
     "design_torque": HARRIS_PAIR.torque,
-    "dynamic_factor_torque": next(iter(drawn_pairs(CONFIG, "dynamic_factor").values())).torque,
+    "dynamic_factor_torque": next(iter(stage_sections(CONFIG, "dynamic_factor").values())).torque,
     "errors_left_out": bool(HARRIS_PAIR.modification_key("pitch_errors")),
 }

@@ -35,7 +35,7 @@ TARGET_FILES = {
     "reducer": [rules.draw_reducer.output, rules.reducer_table.output.csv],
     "train_sweep": [rules.draw_train_sweep.output],
     "campbell": [rules.draw_campbell.output, rules.campbell_table.output.csv],
-    # Drawn gears.
+    # Gears given by geometry.
     "mesh_stiffness": [rules.draw_mesh_stiffness.output, rules.mesh_stiffness_table.output.csv],
     "harris_map": [rules.draw_harris_map.output],
     "dynamic_factor": [rules.draw_dynamic_factor.output],

@@ -12,7 +12,7 @@ def draw_figures(files, paths, draw, settings, gears, absent, dpi):
     """Draw the figures of a rule and save each in all formats.
 
     `files` are the named inputs of the rule, `paths` its outputs. `draw`, module and function of
-    `gearlib.figures`, gets the datasets and the `settings`. A figure names drawn `gears`, "" for
+    `gearlib.figures`, gets the datasets and the `settings`. A figure names `gears`, "" for
     none, and the methods whose packages are `absent`. A figure of a rectangle says what sweeps of
     pairs of teeth do, an input `teeth`.
     """

@@ -216,8 +216,8 @@ class GearStage:
             allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
             # If the value were right in um (values >= 1) or mm, the message suggests this unit.
             example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
-            in_drawing = Annotated[float, Le(self.base_pitch), Unit("m", example)]
-            allowed += parameters.unit_hint(self.backlash, in_drawing)
+            in_geometry = Annotated[float, Le(self.base_pitch), Unit("m", example)]
+            allowed += parameters.unit_hint(self.backlash, in_geometry)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
         # Pitch minus tooth thicknesses on the working circles, along the normal.

@@ -1,4 +1,4 @@
-"""Drawn gears: mesh stiffness, Harris maps, dynamic factors over speed; table of own gears."""
+"""Gears given by geometry: mesh stiffness, Harris maps, dynamic factors over speed; table of own gears."""
 
 if not IS_PAPER:
 
@@ -13,7 +13,7 @@ if not IS_PAPER:
             function="gearlib.studies.gear_table:rows",
             settings={
                 "pairs": PAIRS,
-                "drawing": canonical(CONFIG.gears and CONFIG.gears.drawing_dict()),
+                "gears": canonical(CONFIG.gears and CONFIG.gears.geometry_dict()),
             },
             gears=GEAR_PAIR,
 
@@ -27,7 +27,7 @@ use rule _compute as compute_mesh_stiffness with:
         "results/mesh_stiffness.nc",
     params:
         function="gearlib.studies.gear_geometry:mesh_stiffness",
-        pairs=drawings("mesh_stiffness"),
+        pairs=stages("mesh_stiffness"),
         samples=config["mesh_stiffness"]["samples"],
 
 
@@ -38,10 +38,10 @@ use rule _table as mesh_stiffness_table with:
         stiffness="results/mesh_stiffness.nc",
         sources=sources_of("table", "studies.gear_geometry"),
     output:
-        **table_files("mesh_stiffness", "Mesh stiffness by every method, table", DRAWN),
+        **table_files("mesh_stiffness", "Mesh stiffness by every method, table", GEOMETRY),
     params:
         function="gearlib.studies.gear_geometry:stiffness_rows",
-        gears=names_of_drawings("mesh_stiffness"),
+        gears=names_of_stages("mesh_stiffness"),
 
 
 use rule _draw as draw_mesh_stiffness with:
@@ -51,10 +51,10 @@ use rule _draw as draw_mesh_stiffness with:
         stiffness="results/mesh_stiffness.nc",
         sources=sources_of("draw", "figures.mesh_stiffness_figure"),
     output:
-        figure_files("mesh_stiffness", "Mesh stiffness by every method", DRAWN),
+        figure_files("mesh_stiffness", "Mesh stiffness by every method", GEOMETRY),
     params:
         draw="mesh_stiffness_figure.draw",
-        gears=names_of_drawings("mesh_stiffness"),
+        gears=names_of_stages("mesh_stiffness"),
 
 
 use rule _compute as compute_harris_map with:
@@ -67,7 +67,7 @@ use rule _compute as compute_harris_map with:
     params:
         **pick(config["harris_map"], "loads", "stiffness", "phases"),
         function="gearlib.studies.gear_geometry:harris_map",
-        gears=without(*drawings("harris_map").values(), "published"),
+        gears=without(*stages("harris_map").values(), "published"),
 
 
 use rule _draw as draw_harris_map with:
@@ -77,10 +77,10 @@ use rule _draw as draw_harris_map with:
         data="results/harris_map.nc",
         sources=sources_of("draw", "figures.harris_map_figure"),
     output:
-        figure_files("harris_map", "Tip relief: Harris maps", DRAWN),
+        figure_files("harris_map", "Tip relief: Harris maps", GEOMETRY),
     params:
         draw="harris_map_figure.draw",
-        gears=names_of_drawings("harris_map", teeth=True),
+        gears=names_of_stages("harris_map", teeth=True),
 
 
 use rule _compute as compute_dynamic_factor with:
@@ -104,7 +104,7 @@ use rule _draw as draw_dynamic_factor with:
         curves="results/dynamic_factor.nc",
         sources=sources_of("draw", "figures.dynamic_factor_figure"),
     output:
-        figure_files("dynamic_factor", "Dynamic factor and transmission error over speed", DRAWN),
+        figure_files("dynamic_factor", "Dynamic factor and transmission error over speed", GEOMETRY),
     params:
         draw="dynamic_factor_figure.draw",
-        gears=names_of_drawings("dynamic_factor", teeth=True),
+        gears=names_of_stages("dynamic_factor", teeth=True),

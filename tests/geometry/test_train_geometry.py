@@ -1,4 +1,4 @@
-"""Trains of drawn gears: the numbers of their drawings; phases are in test_phases_by_teeth.py."""
+"""Trains of gears given by geometry; phases are in test_phases_by_teeth.py."""
 
 import math
 
@@ -9,12 +9,12 @@ import gearlib
 from gearlib import Body, GearPair, GearTrain
 from gearlib.geometry import GearStage, SpurGear, TipRelief, iso_stiffness, planetary_set
 from gearlib.models.geometry.gear import inv
-from tests.geometry.drawings import fzg_c
+from tests.geometry.stages import fzg_c
 
 COMMON = {"module": 3e-3, "width": 0.025}
 
 
-def test_a_planetary_set_has_the_numbers_of_its_drawing():
+def test_a_planetary_set_has_the_numbers_of_its_gears():
     sun, planet = (SpurGear(teeth=z, **COMMON) for z in (27, 36))
     ring = SpurGear(teeth=99, internal=True, outer_diameter=0.34, **COMMON)
     options = {"torque": 300.0, "damping_ratio": 0.05, "carrier_mass": 4.0, "model": "rectangle"}
@@ -42,9 +42,9 @@ def test_a_planetary_set_has_the_numbers_of_its_drawing():
     assert train.by_name["carrier"].torque == pytest.approx(-300.0 * (1 + 99 / 27), rel=1e-12)
 
 
-def test_a_pair_as_a_train_of_drawn_gears():
-    drawn = fzg_c()
-    mesh = GearStage(drawn.pinion, drawn.wheel, drawn.centre_distance, backlash=1e-4)
+def test_a_pair_as_a_train_of_gears_given_by_geometry():
+    stage = fzg_c()
+    mesh = GearStage(stage.pinion, stage.wheel, stage.centre_distance, backlash=1e-4)
     options = {"torque": 302.0, "damping_ratio": 0.06, "backlash_damping_ratio": 0.01}
     pair = GearPair.from_geometry(mesh, **options)
     pinion = Body.from_gear(mesh.pinion, "pinion", torque=302.0)

@@ -1,4 +1,4 @@
-"""Gears by their drawing: what a configuration derives of them, and the table of their numbers."""
+"""Gears by geometry: what a configuration derives of them, and the table of their numbers."""
 
 import json
 import math
@@ -11,13 +11,13 @@ from click.testing import CliRunner
 from gearlib import GearPair, LoadSharingPair, duty_point
 from gearlib.cli import main
 from gearlib.config import load, overlay, overlay_gears
-from gearlib.config.gears_section import DrawnPair, PinionSection
+from gearlib.config.gears_section import PinionSection, StageSection
 from gearlib.geometry import GearStage, Material, Rack, SpurGear, TipRelief, Web, iso_stiffness
 from gearlib.models.from_values import model
 from gearlib.models.geometry import from_values as geometry
 from gearlib.studies import gear_table
 from gearlib.studies.gear_geometry import harris_map
-from tests.geometry.drawings import fzg_c, ring
+from tests.geometry.stages import fzg_c, ring
 from tests.paper import CONFIG
 
 FZG = yaml.safe_load("""
@@ -47,13 +47,13 @@ def fzg():
 
 
 def test_the_pair_is_that_of_the_library():
-    drawn = {key: value for key, value in FZG["gears"].items() if key != "torque"}
-    drawn |= {"power": "60 kW", "speed": "2170 rpm", "stiffness": "energy"}
-    drawn["stiffness_options"] = {"hertz": "logarithmic"}
-    energy = {"stiffness": "energy", "options": drawn["stiffness_options"]}
+    gears = {key: value for key, value in FZG["gears"].items() if key != "torque"}
+    gears |= {"power": "60 kW", "speed": "2170 rpm", "stiffness": "energy"}
+    gears["stiffness_options"] = {"hertz": "logarithmic"}
+    energy = {"stiffness": "energy", "options": gears["stiffness_options"]}
     for settings, arguments in (
         (FZG, {"torque": 302.0}),
-        (FZG | {"gears": drawn}, {"power": 60e3, "speed": 2170.0, **energy}),
+        (FZG | {"gears": gears}, {"power": 60e3, "speed": 2170.0, **energy}),
     ):
         expected = GearPair.from_geometry(fzg(), damping_ratio=0.06, **arguments).as_dict()
         # 12 digits are kept.
@@ -67,8 +67,8 @@ def test_every_key_is_passed_to_the_gear():
     rack = Rack(addendum=0.9, dedendum=1.3, tip_radius=0.2)
     material = Material(young=200e9, poisson=0.29, density=7800.0)
     common = {"module": 4e-3, "width": 0.03, "rack": rack, "material": material, **angles}
-    # No model simulates tip relief of helical gears, but a drawing may have all keys.
-    mesh = DrawnPair.model_validate(
+    # No model simulates tip relief of helical gears, but the section may have all keys.
+    mesh = StageSection.model_validate(
         {"pinion": EVERY_KEY, "wheel": {"teeth": 50}, "torque": 50.0}
     ).mesh()
     own = {"teeth": 40, "shift": 0.1, "tip_diameter": 0.1685, "thickness_allowance": -4e-5}
@@ -81,7 +81,7 @@ def test_every_key_is_passed_to_the_gear():
     wheel = {"teeth": 99, "internal": True, "outer_diameter": "440 mm"}
     pinion = {"teeth": 36, "module": "4 mm", "width": "30 mm"}
     values = {"pinion": pinion, "wheel": wheel, "torque": 100.0}
-    assert DrawnPair.model_validate(values).mesh() == ring()
+    assert StageSection.model_validate(values).mesh() == ring()
 
 
 def test_a_configuration_is_updated_with_another_one():
@@ -109,7 +109,7 @@ def test_published_numbers_stand_in_the_table():
     assert table["working_pressure_angle"]["mesh"] == pytest.approx(22.44, abs=5e-3)
     assert table["transverse_contact_ratio"]["mesh"] == pytest.approx(1.44, abs=5e-3)
     assert table["tip_diameter"] == pytest.approx({"pinion": 82.46, "wheel": 118.36}, rel=1e-12)
-    # a - (d_a1 + d_f2) / 2, by hand from the drawing: d_f = m (z + 2 x - 2.5).
+    # a - (d_a1 + d_f2) / 2, by hand from the geometry: d_f = m (z + 2 x - 2.5).
     roots = 4.5 * (24 + 2 * 0.1715 - 2.5), 4.5 * (16 + 2 * 0.1817 - 2.5)
     gaps = [91.5 - (tip + root) / 2 for tip, root in zip((82.46, 118.36), roots, strict=True)]
     assert list(table["clearance"].values()) == pytest.approx(gaps, rel=1e-9)

@@ -1,4 +1,4 @@
-"""Drawn gears with published numbers, for the tests."""
+"""Gears given by geometry with published numbers, for the tests."""
 
 import math
 
@@ -6,7 +6,7 @@ from gearlib.geometry import GearStage, Material, Rack, SpurGear
 
 
 def iso_example(**changes):
-    """ISO/TR 6336-30:2017, example 1, with the tip diameters to the 10 um of a drawing."""
+    """ISO/TR 6336-30:2017, example 1, with the tip diameters to the 10 um of gear geometry."""
     common = {"module": 8e-3, "helix_angle": math.radians(15.8), "width": 0.1, "rack": "D"}
     pinion = SpurGear(teeth=17, shift=0.145, tip_diameter=0.15966, **common | changes)
     return GearStage(pinion, SpurGear(teeth=103, tip_diameter=0.87235, **common | changes), 0.5)

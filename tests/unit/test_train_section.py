@@ -73,11 +73,11 @@ def test_a_ready_made_train_is_that_of_the_library(kind):
 
 def test_texts_are_read_in_si_units():
     compare(EVERY, load(CONFIG | {"train": EVERY}).train.model_dump())
-    # The example has all keys of parts; OWN has those of drawn gears.
-    drawn = {"gear", "line_of_action", *train_section.DRAWN_MESH_KEYS} - {"material_damping"}
+    # The example has all keys of parts; OWN has those of gears given by geometry.
+    geometry = {"gear", "line_of_action", *train_section.GEOMETRY_KEYS} - {"material_damping"}
     for part, keys in (("Body", "bodies"), ("Shaft", "shafts"), ("Mesh", "meshes")):
         fields = getattr(train_section, f"{part}Part").model_fields
-        assert fields.keys() - EVERY["own"][keys][0].keys() <= drawn
+        assert fields.keys() - EVERY["own"][keys][0].keys() <= geometry
 
 
 def test_a_planetary_set_is_that_of_the_library():
@@ -101,7 +101,7 @@ def test_a_planetary_set_is_that_of_the_library():
     assert train.by_name["sun"].torque == pytest.approx(expected.by_name["sun"].torque, rel=1e-11)
 
 
-def test_a_train_of_drawn_gears_is_that_of_the_library():
+def test_a_train_of_gears_given_by_geometry_is_that_of_the_library():
     pinion, idler, wheel = (
         SpurGear(teeth=z, shift=x, module=4e-3, width=0.03, bore=bore)
         for z, x, bore in ((21, 0.2, 0.025), (37, 0.0, 0.0), (42, 0.0, 0.0))
