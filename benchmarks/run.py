@@ -30,7 +30,11 @@ from gearlib.explorer.view import compute_view
 
 REPEATS = repeats(7)
 DAMPED = GearPair.from_ratios(
-    contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash_damping=0.0617, backlash=4
+    contact_ratio=1.569,
+    stiffness_ratio=0.5879,
+    damping=0.0617,
+    backlash_damping=0.0617,
+    backlash_ratio=4,
 )
 
 

@@ -24,7 +24,12 @@ from gearlib.analysis.orbits.special_points import FOLD
 
 HERE = Path(__file__).parent
 #: The paper's mesh, damped alike in contact and in free flight: only g and c have to be smoothed.
-RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.0617, "backlash": 4.0}
+RATIOS = {
+    "contact_ratio": 1.569,
+    "stiffness_ratio": 0.5879,
+    "damping": 0.0617,
+    "backlash_ratio": 4.0,
+}
 START, STOP, SHOWN = 0.6, 1.2, 0.75
 WIDTHS = (0.1, 0.05, 0.025, 0.0125, 0.00625)
 #: Types of points in AUTO's files: fold of periodic orbits, value asked for.
@@ -34,7 +39,9 @@ _FOLD, _GIVEN = 5, -4
 def start_orbit(width):
     """Return (phase, states) of the smooth orbit at START, after transients."""
     nu, beta = START, RATIOS["damping"]
-    kappa, epsilon, gap = (RATIOS[k] for k in ("stiffness_ratio", "contact_ratio", "backlash"))
+    kappa, epsilon, gap = (
+        RATIOS[k] for k in ("stiffness_ratio", "contact_ratio", "backlash_ratio")
+    )
     high = 1.0 / (kappa + (1.0 - kappa) * (epsilon - 1.0))
     edge = math.cos(math.pi * (epsilon - 1.0))
 
@@ -80,7 +87,7 @@ def auto(width):
             shutil.copy(HERE / file, folder)
         phase, states = start_orbit(width)
         np.savetxt(folder / "start.dat", np.column_stack([phase, states]), fmt="%.16e")
-        keys = ("damping", "stiffness_ratio", "contact_ratio", "backlash")
+        keys = ("damping", "stiffness_ratio", "contact_ratio", "backlash_ratio")
         values = [START, *(RATIOS[key] for key in keys), width]
         case = {
             "parameters": {i + 1: v for i, v in enumerate(values)} | {11: 2.0 * math.pi},

@@ -18,7 +18,6 @@ from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_v
 from gearlib.analysis.orbits.followed_parameters import (
     DimensionlessParameter,
     parameter_cases,
-    set_backlash_long_name,
 )
 from gearlib.data import status
 from gearlib.data.motions import float_array
@@ -276,4 +275,4 @@ def lyapunov_exponents(
     settings = {"parameter": parameter, "tuning": tuning, "settle": settle, "periods": periods}
     title, coords = "Largest Lyapunov exponents of a gear mesh", {parameter: values}
     dataset = result(title, model, data, coords, method="variational maps", **settings)
-    return limit.mark(set_backlash_long_name(dataset, parameter), **{parameter: table[:, 2] >= 0})
+    return limit.mark(dataset, **{parameter: table[:, 2] >= 0})

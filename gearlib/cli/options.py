@@ -131,7 +131,7 @@ def key_options(key_groups):
 
 
 _BOTH_GEARS = ["gears.pinion", "gears.wheel"]
-#: Keys that are options: of gears given by geometry, of their mesh, of a gear pair. Each group has a
+#: Keys that are options: of gear geometry, of the mesh, of a gear pair. Each group has a
 #: section class, names of its keys, and the keys of its sections in the configuration.
 GEOMETRY = [
     (WheelSection, ["shift", "tip_diameter", "bore", "thickness_allowance"], _BOTH_GEARS),

@@ -114,7 +114,7 @@ class Sliders:
         torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
         reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
         heading = (
-            f"Gears by geometry, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
+            f"Gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
             f"width {1e3 * pinion.width:g} mm, {torque:g} N m; {self.stiffness_model}"
         )
         resonance_speed, relief = float(self.pair.speed(1.0)), max(reliefs, default=0.0)

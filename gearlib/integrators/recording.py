@@ -45,14 +45,14 @@ def code_of_stall(state: np.ndarray) -> int:
     return status.STALLED if np.abs(state).max() < _HUGE_STATE else status.OVERFLOW
 
 
-def next_contact_code(code: int, final_code: int, backlash: float) -> int:
+def next_contact_code(code: int, final_code: int, backlash_ratio: float) -> int:
     """Return the contact code that follows `code` when a mesh changes from it to `final_code`.
 
     Without backlash the contact changes directly from one flank to the other.
     """
     if code == NO_CONTACT:
         return int(final_code)
-    return NO_CONTACT if backlash > 0.0 else -code
+    return NO_CONTACT if backlash_ratio > 0.0 else -code
 
 
 class Run:

@@ -98,7 +98,7 @@ class OneDegree(_RightHandSide):
         # Equal for the contact codes -1, 0 and 1; shape (3, segments, 1 mesh).
         self.below_mean = np.repeat(mesh.below_mean[None, :, None], 3, axis=0)
         # The backlash is constant, so both flanks never touch at once.
-        self.backlashes, self.may_jam = np.array([mesh.backlash]), np.array([False])
+        self.backlashes, self.may_jam = np.array([mesh.backlash_ratio]), np.array([False])
         #: Displacements at which drive and coast flank begin to touch, static deflections.
         self._contact_displacements = np.array([mesh.drive_line, mesh.coast_line])
         self.tuning = tuning

@@ -97,14 +97,14 @@ class Split(Run):
         """Return the flank crossings that would change the contact codes, shape (m,)."""
         crossings = []
         for mesh, code in enumerate(contact_codes.tolist()):
-            backlash = self.problem.backlashes[mesh]
+            backlash_ratio = self.problem.backlashes[mesh]
             if code == NO_CONTACT:
                 crossings.append(FlankCrossing(mesh, DRIVE_FLANK, direction=1, code_after=DRIVE))
-                if backlash < math.inf:
+                if backlash_ratio < math.inf:
                     crossing = FlankCrossing(mesh, COAST_FLANK, direction=-1, code_after=COAST)
                     crossings.append(crossing)
             else:
-                code_after = next_contact_code(code, NO_CONTACT, backlash)
+                code_after = next_contact_code(code, NO_CONTACT, backlash_ratio)
                 flank, other_flank = DRIVE_FLANK, COAST_FLANK
                 if code == COAST:
                     flank, other_flank = other_flank, flank

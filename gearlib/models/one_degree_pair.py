@@ -96,7 +96,7 @@ class Equation:
         mean_force = [0.0, self.load * force_scale, 0.0]
         return NonlinearMesh(
             tuning=tuning,
-            backlash=self.upper - self.lower,
+            backlash_ratio=self.upper - self.lower,
             drive_damping=damping[DRIVE + 1],
             backlash_damping=damping[NO_CONTACT + 1],
             stiffness_powers=self.stiffness_powers,

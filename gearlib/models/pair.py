@@ -80,7 +80,7 @@ class GearPair(PairParameters, Model):
         stiffness_ratio: StiffnessRatio,
         damping: NonNegative = 0.0,
         backlash_damping: NonNegative = 0.0,
-        backlash: Annotated[float, Ge(0), Unit("1", infinite="infinity included")] = math.inf,
+        backlash_ratio: Annotated[float, Ge(0), Unit("1", infinite="infinity included")] = math.inf,
         teeth: int = 24,
     ) -> "GearPair":
         """Return a pair given by its dimensionless ratios, with unit scales.
@@ -94,7 +94,7 @@ class GearPair(PairParameters, Model):
             Contact ratio epsilon in [1, 2]; ratio kappa of minimum to maximum stiffness in (0, 1].
         damping, backlash_damping : float, default 0
             Damping ratios beta in contact and beta_m in free flight; finite, >= 0.
-        backlash : float, default infinite
+        backlash_ratio : float, default infinite
             Backlash in static deflections; >= 0.
         teeth : int, default 24
             Number of mesh periods per revolution.
@@ -114,7 +114,7 @@ class GearPair(PairParameters, Model):
             contact_ratio=contact_ratio,
             reduced_mass=mean_stiffness,
             load=mean_stiffness,
-            backlash=backlash,
+            backlash=backlash_ratio,
             material_damping=2.0 * damping * mean_stiffness,
             backlash_damping=2.0 * backlash_damping * mean_stiffness,
             teeth=teeth,

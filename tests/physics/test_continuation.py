@@ -40,7 +40,7 @@ def up():
 
 def test_an_orbit_that_repeats_after_two_periods_has_period_two_if_six_are_asked_for():
     pair = GearPair.from_ratios(
-        contact_ratio=1.6, stiffness_ratio=0.6, damping=0.02, backlash=math.inf
+        contact_ratio=1.6, stiffness_ratio=0.6, damping=0.02, backlash_ratio=math.inf
     )
     orbit = periodic_orbit(pair, 1.7, guess=(0.7, 0.9), period=6)
     assert orbit.period == 2
@@ -105,7 +105,7 @@ def test_at_a_fold_a_multiplier_is_one_and_beyond_it_no_orbit_is_left(up):
 
 
 @pytest.mark.parametrize(
-    ("name", "end"), [("damping", 0.0), ("backlash", 2.0), ("contact_ratio", 1.4)]
+    ("name", "end"), [("damping", 0.0), ("backlash_ratio", 2.0), ("contact_ratio", 1.4)]
 )
 def test_a_branch_over_another_parameter_ends_at_the_orbit_of_the_changed_pair(name, end):
     branch = continue_orbit(periodic_orbit(DAMPED, 0.95), name, to=end)

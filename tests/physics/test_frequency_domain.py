@@ -14,7 +14,7 @@ MATERIAL = FREE.replace(material_damping=3953.7)
 BOTH = MATERIAL.replace(backlash_damping=3953.7)
 CUBIC = OneDegreePair(pair=FREE, cubic_damping=4e5, backlash_quadratic_damping=2e4)
 CONSTANT = gearlib.GearPair.from_ratios(
-    contact_ratio=1.5, stiffness_ratio=1.0, damping=0.1, backlash=4.0
+    contact_ratio=1.5, stiffness_ratio=1.0, damping=0.1, backlash_ratio=4.0
 )
 
 

@@ -15,11 +15,13 @@ from tests.paper import PAPER
 from tests.unit.test_whole_periods import event_by_event
 
 
-def gear_pair(damping, oil=None, backlash=4.0, **changed):
+def gear_pair(damping, oil=None, backlash_ratio=4.0, **changed):
     """Return a pair by its damping ratios, in contact and, if another, in free flight: `oil`."""
     shape = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879} | changed
     oil = damping if oil is None else oil
-    return GearPair.from_ratios(**shape, damping=damping, backlash_damping=oil, backlash=backlash)
+    return GearPair.from_ratios(
+        **shape, damping=damping, backlash_damping=oil, backlash_ratio=backlash_ratio
+    )
 
 
 #: The paper's damping of the material: three orbits of period 1 at 0.72.
@@ -59,7 +61,7 @@ def test_basins_have_the_attractors_of_runs_event_by_event(pair, tuning, periods
 
 
 def test_chaotic_and_unbounded_motions_have_their_kinds():
-    soft = gear_pair(damping=0.0164, backlash=7.2, contact_ratio=1.6, stiffness_ratio=0.35)
+    soft = gear_pair(damping=0.0164, backlash_ratio=7.2, contact_ratio=1.6, stiffness_ratio=0.35)
     result = basins(soft, 0.44, grid(4), periods=200)
     assert result.attractor_kind.values.tolist() == [CHAOTIC] and result.exponent[0] > 0.5
     # The tongue at twice the eigenfrequency, wide open for large motions.

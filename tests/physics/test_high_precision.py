@@ -22,12 +22,12 @@ def digits_of(value):
 @pytest.mark.parametrize(
     ("changes", "tuning", "state"),
     [
-        ({"backlash": 4.0, "damping": 0.0}, 0.9, (0.0, 0.0)),  # reaches the coast-side flank
-        ({"backlash": 1.0, "damping": 2.0, "backlash_damping": 1.0}, 0.3, (-3.0, 1.0)),
-        ({"backlash": 0.0, "damping": 0.05}, 0.85, (0.0, -1.5)),  # no play between the flanks
-        ({"backlash": math.inf}, 0.9, (0.5, -2.0)),
-        ({"backlash": 4.0}, 0.75, (-4.0, 0.0)),  # from rest on the coast-side flank
-        ({"backlash": 2.0, "contact_ratio": 2.0, "stiffness_ratio": 1.0}, 0.9, (2.0, -2.0)),
+        ({"backlash_ratio": 4.0, "damping": 0.0}, 0.9, (0.0, 0.0)),  # reaches the coast-side flank
+        ({"backlash_ratio": 1.0, "damping": 2.0, "backlash_damping": 1.0}, 0.3, (-3.0, 1.0)),
+        ({"backlash_ratio": 0.0, "damping": 0.05}, 0.85, (0.0, -1.5)),  # no play between the flanks
+        ({"backlash_ratio": math.inf}, 0.9, (0.5, -2.0)),
+        ({"backlash_ratio": 4.0}, 0.75, (-4.0, 0.0)),  # from rest on the coast-side flank
+        ({"backlash_ratio": 2.0, "contact_ratio": 2.0, "stiffness_ratio": 1.0}, 0.9, (2.0, -2.0)),
     ],
 )
 def test_linear_runs_in_many_digits_are_those_of_closed_forms(changes, tuning, state):

@@ -24,10 +24,10 @@ def random_mesh(rng):
         "stiffness_ratio": choose(rng.uniform(0.05, 1.0), 1.0),
         "damping": choose(10 ** rng.uniform(-3, 0.5), 0.0, 1.0),
         "backlash_damping": choose(10 ** rng.uniform(-3, 0.5), 0.0),
-        "backlash": choose(10 ** rng.uniform(-2, 1.3), 0.0, math.inf),
+        "backlash_ratio": choose(10 ** rng.uniform(-2, 1.3), 0.0, math.inf),
     }
     tuning = 10 ** rng.uniform(-0.8, 0.5)
-    far = -ratios["backlash"] if math.isfinite(ratios["backlash"]) else 0.0
+    far = -ratios["backlash_ratio"] if math.isfinite(ratios["backlash_ratio"]) else 0.0
     state = choose(rng.uniform(-6.0, 4.0), 0.0, far), choose(rng.uniform(-3.0, 3.0), 0.0)
     if rng.random() < 0.25 and ratios["contact_ratio"] > 1.05:
         # A state that grazes the drive-side flank: found backwards from a minimum next to it.
@@ -79,7 +79,7 @@ def test_no_event_missed_or_invented(seed):
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_mesh_that_just_misses_the_far_flank_is_distinguished_from_one_that_hits_it(side):
     tuning, damping, gap = 0.8, 0.05, 2.0
-    ratios = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": gap}
+    ratios = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash_ratio": gap}
     pair = GearPair.from_ratios(damping=damping, backlash_damping=damping, **ratios)
     for miss in (1e-3, 1e-6, 1e-9, 1e-12):
         # Free flight, backwards in time from rest beside the coast-side flank.

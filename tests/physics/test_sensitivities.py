@@ -94,7 +94,11 @@ def test_the_derivative_of_a_run_up_by_the_load_is_the_displacement_over_the_loa
 
 def test_sensitivities_at_a_grazing_warn_that_events_appear_or_vanish():
     pair = gearlib.GearPair.from_ratios(
-        contact_ratio=1.5, stiffness_ratio=0.6, damping=0.05, backlash_damping=0.05, backlash=4
+        contact_ratio=1.5,
+        stiffness_ratio=0.6,
+        damping=0.05,
+        backlash_damping=0.05,
+        backlash_ratio=4,
     )
     orbit = gearlib.continue_orbit(periodic_orbit(pair, 0.6), to=1.0)
     grazing = float(orbit.tuning[int(np.flatnonzero(orbit.label == GRAZING)[0])])

@@ -26,7 +26,7 @@ FULL = OneDegreePair(
     deviation=Harmonics((2e-6,)),
 )
 #: In the middle of its tongue, without backlash: every motion grows.
-GROWING = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.3, backlash=0.0)
+GROWING = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.3, backlash_ratio=0.0)
 SPLIT = {"solver": "DOP853", "rtol": 1e-12, "atol": 1e-12, "events": True}
 NAMES = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "scipy", "smoothed")
 #: Every method but the exact ones, with each of its options that changes what it does.

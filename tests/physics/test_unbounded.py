@@ -15,7 +15,7 @@ from gearlib.data.status import OK, OVERFLOW
 from tests.properties.known_models import pairs_as_train
 
 PAIR = GearPair.from_ratios(
-    contact_ratio=1.3, stiffness_ratio=0.4, damping=0.02, backlash_damping=0.01, backlash=1.0
+    contact_ratio=1.3, stiffness_ratio=0.4, damping=0.02, backlash_damping=0.01, backlash_ratio=1.0
 )
 #: Tunings on both sides of the lower end of the principal tongue, 0.9406, and where motions grow.
 TUNINGS = np.array([0.93, 0.94, 0.941, 0.9412, 0.942, 0.9435, 0.945])

@@ -55,18 +55,18 @@ FAR = replace(STOP, ground_stiffness=0.3, upper_edge=50.0, lower_edge=-50.0)
 CASES = {
     "two contacts": (MATERIAL, 0.9, None, 1, "stable"),
     "no contact lost": (MATERIAL, 0.7, None, 1, "stable"),
-    "coast-side contact": (pair(damping=0.02, backlash=1.0), 0.7, None, 1, None),
+    "coast-side contact": (pair(damping=0.02, backlash_ratio=1.0), 0.7, None, 1, None),
     "another damping in free flight": (
         PAPER.replace(backlash_damping=3953.7), 0.82, None, 1, "stable",
     ),
-    "two mesh periods": (pair(damping=0.03, backlash=4.0), 2.0, None, 2, None),
-    "no backlash": (pair(damping=0.05, backlash=0.0), 0.95, None, 1, None),
+    "two mesh periods": (pair(damping=0.03, backlash_ratio=4.0), 2.0, None, 2, None),
+    "no backlash": (pair(damping=0.05, backlash_ratio=0.0), 0.95, None, 1, None),
     "endless backlash": (pair(damping=0.05), 0.9, None, 1, None),
     "constant stiffness": (pair(damping=0.05, contact_ratio=2.0), 0.9, (1.1, 0.0), 1, "stable"),
     "the lower stiffness alone": (
         pair(damping=0.05, contact_ratio=1.0), 0.9, (1.1, 0.0), 1, "stable",
     ),
-    "over-damped": (pair(damping=1.4, backlash=3.0), 0.8, None, 1, "stable"),
+    "over-damped": (pair(damping=1.4, backlash_ratio=3.0), 0.8, None, 1, "stable"),
     "undamped, elliptic": (pair(), 1.3, (1.0, 0.0), 1, "undecided"),
     "undamped, in a tongue": (pair(), 2.0, (1.0, 0.0), 1, "unstable"),
     "forced": (FORCED, 0.75, (1.0, 0.0), 1, "stable"),
@@ -128,7 +128,7 @@ def random_orbit(rng):
         stiffness_ratio=float(rng.uniform(0.2, 1.0)),
         damping=float(rng.choice([0.0, 0.1 * damping, damping, 1.3], p=[0.1, 0.4, 0.47, 0.03])),
         backlash_damping=float(rng.choice([0.0, rng.uniform(0.0, 0.2)])),
-        backlash=float(rng.choice([0.0, np.inf, rng.uniform(0.1, 8.0)], p=[0.05, 0.1, 0.85])),
+        backlash_ratio=float(rng.choice([0.0, np.inf, rng.uniform(0.1, 8.0)], p=[0.05, 0.1, 0.85])),
     )
     guess = None if rng.random() < 0.3 else tuple(rng.normal(0.0, 1.5, 2))
     tuning = float(rng.uniform(0.3, 2.4))

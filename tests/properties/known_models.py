@@ -42,7 +42,7 @@ DAMPED = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
 UNDAMPED = LINEAR.replace(material_damping=0.0, backlash_damping=0.0)
 #: Not the paper's: it strikes both flanks at 0.88 and, unstable, at 0.851.
 OTHER = GearPair.from_ratios(
-    contact_ratio=1.3, stiffness_ratio=0.7, damping=0.03, backlash_damping=0.01, backlash=0.8
+    contact_ratio=1.3, stiffness_ratio=0.7, damping=0.03, backlash_damping=0.01, backlash_ratio=0.8
 )
 QUADRATIC = {"quadratic_damping": 3e4, "backlash_quadratic_damping": 2e4}
 CUBIC = {"cubic_damping": 4e5, "backlash_cubic_damping": 2e5}

@@ -216,7 +216,7 @@ def test_a_locus_from_a_point_that_is_not_special_ends_in_a_sentence(model):
     for label in (special_points.FOLD, special_points.DOUBLING, special_points.GRAZING):
         branch.label[0] = label
         with pytest.raises((ValueError, NoOrbit), match="point|not allowed"):
-            gearlib.locus(pair, branch, 0, "backlash", to=5.0, max_points=3)
+            gearlib.locus(pair, branch, 0, "backlash_ratio", to=5.0, max_points=3)
 
 
 def test_a_new_model_moves_as_its_equation_says():

@@ -11,7 +11,7 @@ from gearlib.studies.trials import difficult_problems, failures
 from gearlib.studies.trials.difficult_problems import Problem
 from gearlib.studies.trials.failures import Outcome, classify_run
 
-PAIR = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6, backlash=4.0)
+PAIR = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.6, backlash_ratio=4.0)
 CONTACTS = ((1, 0), (0, 1))
 STALLED = (status.EVENT_LIMIT, status.NOT_CONVERGED, status.STALLED)
 #: A settled orbit of one period, height 2, one bounce a period.

@@ -9,7 +9,7 @@ from gearlib.data.files import remove_leftovers, replacing, write_table_page
 from gearlib.data.gathering import gather_phase_planes, gather_resonance
 
 TUNINGS = [0.6, 0.7, 0.8, 0.9]
-RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
+RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash_ratio": 4.0}
 PAIRS = {name: GearPair.from_ratios(**RATIOS, damping=k) for name, k in (("a", 0.06), ("b", 0.0))}
 
 

@@ -26,7 +26,11 @@ UNEQUAL, TRAIN = SIX.replace(teeth=(30, 24)), gearlib.split_power_reducer(PAPER)
 RUN, SPAN = {"periods": 4, "samples_per_period": 8}, {"periods": 60, "record_periods": 4}
 #: Damped in contact and in free flight.
 PAIR = GearPair.from_ratios(
-    contact_ratio=1.569, stiffness_ratio=0.5879, damping=0.0617, backlash_damping=0.0617, backlash=4
+    contact_ratio=1.569,
+    stiffness_ratio=0.5879,
+    damping=0.0617,
+    backlash_damping=0.0617,
+    backlash_ratio=4,
 )
 
 

@@ -12,7 +12,7 @@ from gearlib.geometry import GearStage, SpurGear, TipRelief, dynamic_factor
 from tests.geometry.stages import own
 
 COMMON = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "teeth": 24}
-LOSING = GearPair.from_ratios(damping=0.02, backlash=0.5, backlash_damping=0.01, **COMMON)
+LOSING = GearPair.from_ratios(damping=0.02, backlash_ratio=0.5, backlash_damping=0.01, **COMMON)
 
 
 def run(pair=LOSING, tuning=1.0, **more):
@@ -22,7 +22,7 @@ def run(pair=LOSING, tuning=1.0, **more):
 def test_the_balance_of_every_order_holds():
     # (-w^2 + i w d) X + F / nu^2 = 0 at w > 0 by the equation of motion, in contact or not, where
     # both dampings are equal; the mean force is the load.
-    pair = GearPair.from_ratios(damping=0.03, backlash=0.5, backlash_damping=0.03, **COMMON)
+    pair = GearPair.from_ratios(damping=0.03, backlash_ratio=0.5, backlash_damping=0.03, **COMMON)
     spectrum = orders(run(pair, 0.66, periods=1500, samples_per_period=2048), count=40)
     w = spectrum.mesh_order.values[24::24]
     x, force = (

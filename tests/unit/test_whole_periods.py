@@ -14,7 +14,7 @@ from tests.paper import PAPER
 from tests.physics.test_random_meshes import random_mesh
 
 MAX_ARCS = 10**6
-PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash": 4.0}
+PAIR = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash_ratio": 4.0}
 #: The small motion of the pair with equal damping ends here in a fold, by bisection over runs of a
 #: million periods that start from the state below.
 FOLD, AT_FOLD = 0.81685037334556, (-0.16062993275504864, -0.3277925734167014)

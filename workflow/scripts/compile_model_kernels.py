@@ -14,7 +14,7 @@ MODELS = {"matrix": {"deviation": Harmonics((1e-6,))}, "taylor": {"cubic_damping
 
 if __name__ == "__main__":
     redirect_output(snakemake.log[0])
-    pair = GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.6, backlash=4.0)
+    pair = GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.6, backlash_ratio=4.0)
     model = OneDegreePair(pair=pair, **MODELS[snakemake.wildcards.engine])
     propagator = model.propagator(0.9)
     start = propagator.initial_state((0.0, 0.0))

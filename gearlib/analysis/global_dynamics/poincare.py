@@ -11,7 +11,6 @@ from gearlib.analysis.global_dynamics.stroboscope import check_one_mesh, distinc
 from gearlib.analysis.orbits.followed_parameters import (
     DimensionlessParameter,
     parameter_cases,
-    set_backlash_long_name,
 )
 from gearlib.data import status
 from gearlib.data.motions import float_array
@@ -158,7 +157,7 @@ def bifurcation_diagram(
     model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
     values : array_like of float, shape (n,)
         Values of the parameter, all different.
-    parameter : {"tuning", "damping", "backlash_damping", "backlash", "contact_ratio", \
+    parameter : {"tuning", "damping", "backlash_damping", "backlash_ratio", "contact_ratio", \
 "stiffness_ratio"}
         Parameter that is varied; models other than a `GearPair` only have the tuning.
     tuning : float, optional
@@ -214,7 +213,7 @@ def bifurcation_diagram(
     settings |= {"strobes": strobes, "phase": phase, "initial_state": initial_state}
     title = "Bifurcation diagram of a gear mesh"
     dataset = result(title, model, data, coords, method=method, **settings)
-    return limit.mark(set_backlash_long_name(dataset, parameter), **{parameter: table[:, 1] >= 0})
+    return limit.mark(dataset, **{parameter: table[:, 1] >= 0})
 
 
 def _diagram(cases, values, direction, section_arguments, initial_state, limit) -> tuple:

@@ -100,7 +100,7 @@ class MeshEquation:
         """Return damping and mesh force on the grid from the harmonics of a motion, (h + 1,)."""
         mesh, (x, v) = self.mesh, self.motion(coefficients)
         step = 2.0 * np.pi * self.period / self.samples
-        coast_deflection = -(x + mesh.backlash)  # of the coast-side flank, > 0 in contact
+        coast_deflection = -(x + mesh.backlash_ratio)  # of the coast-side flank, > 0 in contact
         contact = _contact(x, v, step) + _COAST_SIGNS * _contact(coast_deflection, -v, step)
         # The suffixes _x and _v denote derivatives with respect to displacement and velocity.
         fraction, fraction_x, fraction_v, deflection, deflection_x, deflection_v = contact

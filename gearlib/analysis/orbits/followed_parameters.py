@@ -8,12 +8,11 @@ import dataclasses
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import xarray as xr
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.model import is_model
-from gearlib.models.pair_parameters import ratio_fields
+from gearlib.models.pair_parameters import RATIOS, ratio_fields
 from gearlib.parameters import CHOICE, Backlash, NonNegative, Positive
 from gearlib.runs.run_arguments import check_tuning
 
@@ -22,13 +21,18 @@ DIMENSIONLESS_PARAMETERS = {
     "tuning": ("1", "tuning nu, mesh frequency over mean eigenfrequency"),
     "damping": ("1", "damping ratio beta of the material in contact"),
     "backlash_damping": ("1", "damping ratio beta_m of the oil in free flight"),
-    "backlash": ("1", "backlash in static deflections"),
+    "backlash_ratio": ("1", "backlash in static deflections"),
     "contact_ratio": ("1", "contact ratio epsilon"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max"),
 }
 DimensionlessParameter = Annotated[
     Literal[
-        "tuning", "damping", "backlash_damping", "backlash", "contact_ratio", "stiffness_ratio"
+        "tuning",
+        "damping",
+        "backlash_damping",
+        "backlash_ratio",
+        "contact_ratio",
+        "stiffness_ratio",
     ],
     CHOICE,
 ]
@@ -36,7 +40,6 @@ DimensionlessParameter = Annotated[
 _ATTRIBUTE_NAMES = {
     "damping": "damping_ratio",
     "backlash_damping": "backlash_damping_ratio",
-    "backlash": "backlash_ratio",
 }
 
 
@@ -95,12 +98,13 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
         # The model contains a `GearPair`, which has the parameter.
         inner_pair, _ = with_parameter(model.pair, tuning, name, value)
         return dataclasses.replace(model, pair=inner_pair), tuning
-    if name == "backlash":
+    if name == "backlash_ratio":
         value = parameters.check(name, value, Backlash)
     elif name in ("damping", "backlash_damping"):
         value = parameters.check(name, value, NonNegative)
-    if name in _ATTRIBUTE_NAMES:
-        return model.replace(**ratio_fields(model, _ATTRIBUTE_NAMES[name], value)), tuning
+    attribute = _ATTRIBUTE_NAMES.get(name, name)
+    if attribute in RATIOS:
+        return model.replace(**ratio_fields(model, attribute, value)), tuning
     changed = model.replace(**{name: value})
     # The largest stiffness changes, so that the mean stiffness is constant.
     mean_ratio = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
@@ -123,13 +127,3 @@ def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np
             "'tuning' unless the model is a GearPair"
         )
     return [with_parameter(model, tuning, parameter, value) for value in values.tolist()]
-
-
-def set_backlash_long_name(dataset: xr.Dataset, parameter: str) -> xr.Dataset:
-    """Set the long_name of the backlash if it is the parameter of a dataset; return the dataset.
-
-    In other datasets the variable "backlash" is the position of the flank over time.
-    """
-    if parameter == "backlash":
-        dataset[parameter].attrs["long_name"] = "backlash in static deflections"
-    return dataset

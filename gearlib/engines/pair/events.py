@@ -97,7 +97,7 @@ def _descent_root(level, u, v, line, earliest, latest):
 
 
 @kernel
-def next_impact(drag, load, backlash, x, v):
+def next_impact(drag, load, backlash_ratio, x, v):
     """Return (duration, flank code) of a free flight through the backlash up to its next impact.
 
     The flight x'' + 2 drag x' = load starts with displacement -backlash <= x <= 0 and velocity v;
@@ -106,12 +106,12 @@ def next_impact(drag, load, backlash, x, v):
     """
     if v >= 0.0:
         return climb_time(drag, load, -x, v), 1
-    if x <= -backlash:
+    if x <= -backlash_ratio:
         return 0.0, -1
     t = lowest_point_time(drag, load, v)
     lowest, _ = free_flight(drag, load, x, v, t)
-    if lowest < -backlash * (1.0 + GRAZING_TOLERANCE):
-        return min(fall_time(drag, load, x + backlash, v), t), -1
+    if lowest < -backlash_ratio * (1.0 + GRAZING_TOLERANCE):
+        return min(fall_time(drag, load, x + backlash_ratio, v), t), -1
     return t + climb_time(drag, load, -lowest, 0.0), 1
 
 
@@ -129,31 +129,36 @@ def next_event(mesh, level, contact, x, v, max_duration):
     line, where x is exact, or after `max_duration`, where the contact code does not change.
     """
     if contact == NO_CONTACT:
-        t, flank_code = next_impact(mesh.drag, mesh.load, mesh.backlash, x, v)
+        t, flank_code = next_impact(mesh.drag, mesh.load, mesh.backlash_ratio, x, v)
         if t > max_duration:
             x, v = free_flight(mesh.drag, mesh.load, x, v, max_duration)
             return max_duration, contact, x, v
         _, v = free_flight(mesh.drag, mesh.load, x, v, t)
         if flank_code == DRIVE:
             return t, DRIVE, 0.0, max(v, 0.0)
-        return t, COAST, -mesh.backlash, min(v, 0.0)
+        return t, COAST, -mesh.backlash_ratio, min(v, 0.0)
     if contact == DRIVE:
         u = x - level.equilibrium
         t = descent_time(level, u, v, -level.equilibrium, max_duration)
         if t <= max_duration:
             _, speed = evolve(level, u, v, t)
             if speed < 0.0:
-                return t, (COAST if mesh.backlash == 0.0 else NO_CONTACT), 0.0, speed
+                return t, (COAST if mesh.backlash_ratio == 0.0 else NO_CONTACT), 0.0, speed
         u, v = evolve(level, u, v, max_duration)
         return max_duration, contact, u + level.equilibrium, v
     # Back-side contact is mirrored: it ends when -u falls through the static deflection.
-    u = x + mesh.backlash - level.equilibrium
+    u = x + mesh.backlash_ratio - level.equilibrium
     t = descent_time(level, -u, -v, level.equilibrium, max_duration)
     if t <= max_duration:
         _, speed = evolve(level, u, v, t)
-        return t, (DRIVE if mesh.backlash == 0.0 else NO_CONTACT), -mesh.backlash, max(speed, 0.0)
+        return (
+            t,
+            (DRIVE if mesh.backlash_ratio == 0.0 else NO_CONTACT),
+            -mesh.backlash_ratio,
+            max(speed, 0.0),
+        )
     u, v = evolve(level, u, v, max_duration)
-    return max_duration, contact, u + level.equilibrium - mesh.backlash, v
+    return max_duration, contact, u + level.equilibrium - mesh.backlash_ratio, v
 
 
 @kernel

@@ -70,7 +70,7 @@ def run_many_states(mesh, states, periods, max_arcs, ends, statuses):
         if is_within_range(x, v):
             set_start(work, x, v)
             _, x, v, status, _, _ = run_unrecorded(
-                mesh, work, contact_of(mesh.backlash, x, v), x, v, periods, max_arcs
+                mesh, work, contact_of(mesh.backlash_ratio, x, v), x, v, periods, max_arcs
             )
         ends[i, 0], ends[i, 1], statuses[i] = x, v, status
 
@@ -90,7 +90,7 @@ def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, st
         x, v, status = states[j, 0], states[j, 1], OVERFLOW
         if is_within_range(x, v):
             set_start(work, x, v)
-            contact = contact_of(mesh.backlash, x, v)
+            contact = contact_of(mesh.backlash_ratio, x, v)
             contact, x, v, status, _, _ = run_unrecorded(
                 mesh, work, contact, x, v, settle_periods, max_arcs
             )

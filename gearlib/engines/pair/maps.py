@@ -72,7 +72,7 @@ def fill_period_maps(mesh, x, v, periods, max_arcs, matrices):
     its start. `max_arcs` is the largest number of arcs of a period.
     """
     arcs = np.empty((64, ARC_COLUMNS))
-    contact = contact_of(mesh.backlash, x, v)
+    contact = contact_of(mesh.backlash_ratio, x, v)
     previous_code = contact
     for i in range(periods):
         start = contact, x, v

@@ -125,7 +125,7 @@ class PairConstants(NamedTuple):
     low_length: float  #: phase length of the C_min segment
     drag: float  #: b = beta_m / nu
     load: float  #: f = 1 / nu^2
-    backlash: float  #: backlash in static deflections
+    backlash_ratio: float  #: backlash in static deflections
     tuning: float  #: nu
 
 
@@ -137,23 +137,27 @@ def mesh_at_tuning(pair_parameters, tuning):
     segment and of the C_min segment, damping ratios beta in contact and beta_m in free flight, and
     the backlash in static deflections.
     """
-    damping, drag, backlash = pair_parameters[4], pair_parameters[5] / tuning, pair_parameters[6]
+    damping, drag, backlash_ratio = (
+        pair_parameters[4],
+        pair_parameters[5] / tuning,
+        pair_parameters[6],
+    )
     high_level = level_at_tuning(pair_parameters[0], damping, tuning)
     low_level = level_at_tuning(pair_parameters[1], damping, tuning)
     half_high_length, low_length = pair_parameters[2], pair_parameters[3]
     load = 1.0 / (tuning * tuning)
     return PairConstants(
-        low_level, high_level, half_high_length, low_length, drag, load, backlash, tuning
+        low_level, high_level, half_high_length, low_length, drag, load, backlash_ratio, tuning
     )
 
 
 @kernel
-def contact_of(backlash, x, v):
+def contact_of(backlash_ratio, x, v):
     """Return the contact code (1 drive side, 0 loss, -1 coast side) at displacement x, velocity v.
 
     The drive-side flanks touch at x = 0, the coast-side flanks at x = -backlash.
     """
-    return contact_between(0.0, -backlash, x, v)
+    return contact_between(0.0, -backlash_ratio, x, v)
 
 
 @kernel

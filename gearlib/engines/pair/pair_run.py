@@ -109,7 +109,7 @@ def run_unrecorded(mesh, work, contact, x, v, periods, max_arcs):
             offset_x, offset_v = settling.offset_after_repeats(settled, k)
             if k > 0:
                 x, v = x - settled.x + offset_x, v - settled.v + offset_v
-                contact = contact_of(mesh.backlash, x, v)
+                contact = contact_of(mesh.backlash_ratio, x, v)
                 work.memory[REMAINING] = -1.0
                 n += k * repeat
             size = max(1.0, abs(x), mesh.tuning * abs(v))
@@ -147,7 +147,7 @@ def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events,
     """
     if not is_within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW
-    contact = contact_of(mesh.backlash, x, v)
+    contact = contact_of(mesh.backlash_ratio, x, v)
     set_start(work, x, v)
     first_recorded = periods - record_periods
     contact, x, v, status, repeat, is_on_orbit = run_unrecorded(

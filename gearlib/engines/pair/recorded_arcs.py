@@ -27,7 +27,7 @@ def _add_displacement(mesh, level, contact, x, summary):
     if contact == DRIVE:
         force = level.stiffness * x
     elif contact == COAST:
-        force = level.stiffness * (x + mesh.backlash)
+        force = level.stiffness * (x + mesh.backlash_ratio)
     summary[orbit.FORCE_MAX] = max(summary[orbit.FORCE_MAX], force)
     summary[orbit.FORCE_MIN] = min(summary[orbit.FORCE_MIN], force)
 
@@ -57,10 +57,12 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
             if not has_next:
                 end_x, _ = free_flight(mesh.drag, mesh.load, x, v, duration)
             # Rounding must not move the impact beyond the line.
-            end_x = min(max(end_x, -mesh.backlash), 0.0)
+            end_x = min(max(end_x, -mesh.backlash_ratio), 0.0)
             _add_displacement(mesh, level, contact, end_x, summary)
             continue
-        equilibrium = level.equilibrium if contact == DRIVE else level.equilibrium - mesh.backlash
+        equilibrium = (
+            level.equilibrium if contact == DRIVE else level.equilibrium - mesh.backlash_ratio
+        )
         summary[orbit.TIME_DRIVE if contact == DRIVE else orbit.TIME_COAST] += duration
         if arcs[i, LEVEL] == 0.0:
             summary[orbit.TIME_LOW] += duration
@@ -82,7 +84,7 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
         # The integral of the equation of motion: load less damping and change of momentum.
         momentum_change = end_v - v + 2.0 * level.decay_rate * (end_x - x)
         summary[orbit.FORCE_SUM] += duration - momentum_change / mesh.load
-        end_x = max(end_x, 0.0) if contact == DRIVE else min(end_x, -mesh.backlash)
+        end_x = max(end_x, 0.0) if contact == DRIVE else min(end_x, -mesh.backlash_ratio)
         _add_displacement(mesh, level, contact, end_x, summary)
 
 
@@ -117,7 +119,7 @@ def state_in_arc(mesh, arc, t):
     if contact == NO_CONTACT:
         x, v = free_flight(mesh.drag, mesh.load, x, v, t)
         return x, v, mesh.load - 2.0 * mesh.drag * v, 0.0
-    equilibrium = level.equilibrium if contact == DRIVE else level.equilibrium - mesh.backlash
+    equilibrium = level.equilibrium if contact == DRIVE else level.equilibrium - mesh.backlash_ratio
     u, v = evolve(level, x - equilibrium, v, t)
     acceleration = -2.0 * level.decay_rate * v - level.natural_squared * u
     return u + equilibrium, v, acceleration, level.stiffness * (u + level.equilibrium)

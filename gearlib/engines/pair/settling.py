@@ -112,19 +112,19 @@ def all_arcs_avoid_grazing(mesh, arcs, arc_count, orbit_distance):
             speed = mesh.tuning * v
             is_clear = _avoids_grazing(0.0, x, speed, margin, orbit_distance)
             is_clear = is_clear and _avoids_grazing(
-                -mesh.backlash, x, speed, margin, orbit_distance
+                -mesh.backlash_ratio, x, speed, margin, orbit_distance
             )
             if v < 0.0:
                 time = lowest_point_time(mesh.drag, mesh.load, v)
                 if time < duration:
                     lowest, _ = free_flight(mesh.drag, mesh.load, x, v, time)
-                    is_clear = is_clear and lowest + mesh.backlash > margin
+                    is_clear = is_clear and lowest + mesh.backlash_ratio > margin
             x, v = free_flight(mesh.drag, mesh.load, x, v, duration)
             is_clear = is_clear and _avoids_grazing(
-                -mesh.backlash, x, mesh.tuning * v, margin, orbit_distance
+                -mesh.backlash_ratio, x, mesh.tuning * v, margin, orbit_distance
             )
         else:
-            line = 0.0 if contact == DRIVE else -mesh.backlash
+            line = 0.0 if contact == DRIVE else -mesh.backlash_ratio
             equilibrium = line + level.equilibrium
             is_clear = _avoids_grazing(line, x, mesh.tuning * v, margin, orbit_distance)
             time = next_turning_time(level, x - equilibrium, v)

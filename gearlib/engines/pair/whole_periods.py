@@ -92,7 +92,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
     abort.
     """
     levels, tables, memory, states = work
-    max_return_energy = 2.0 * mesh.load * mesh.backlash * table.ROUNDING_MARGIN
+    max_return_energy = 2.0 * mesh.load * mesh.backlash_ratio * table.ROUNDING_MARGIN
     count = np.int64(0)
     end_u = end_v = 0.0
     flight_remaining, duration = memory[REMAINING], memory[FLIGHT_DURATION]
@@ -201,7 +201,7 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                 if speed * speed >= max_return_energy:
                     # The coast-side flank may be reached: march event by event to the next impact.
                     t += loss_time
-                    flight_code = NO_CONTACT if mesh.backlash > 0.0 else COAST
+                    flight_code = NO_CONTACT if mesh.backlash_ratio > 0.0 else COAST
                     x, v = 0.0, speed
                     t, contact, x, v, count = march_rest_of_segment(
                         mesh, i, start, t, length, flight_code, x, v, arcs, count, max_arcs, True

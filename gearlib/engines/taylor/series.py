@@ -55,7 +55,7 @@ class NonlinearMesh(NamedTuple):
     """Dimensionless constants and tables of the nonlinear mesh at one tuning."""
 
     tuning: float
-    backlash: float  #: in static deflections, drive_line - coast_line
+    backlash_ratio: float  #: in static deflections, drive_line - coast_line
     drive_damping: np.ndarray  #: d1, d2, d3 in drive-side contact, shape (3,)
     backlash_damping: np.ndarray  #: d1, d2, d3 in free flight, shape (3,)
     stiffness_powers: np.ndarray  #: p2, p3 of the contact stiffness, shape (2,)

@@ -22,7 +22,7 @@ PARAMETERS = {
     "tuning": ("1", "tuning nu, reference mesh frequency over reference frequency"),
     "stiffness_ratio": ("1", "stiffness ratio kappa = C_min / C_max of all meshes"),
     "contact_ratio": ("1", "contact ratio epsilon of all meshes"),
-    "backlash": ("1", "backlash of all meshes in static deflections"),
+    "backlash_ratio": ("1", "backlash of all meshes in static deflections"),
     "material_damping": ("N s m-1", "damping in contact of all meshes"),
 }
 #: Fields of bodies, shafts and meshes -> (CF units, description).
@@ -58,16 +58,17 @@ FIELDS: dict = {
 def shared_value(train: "GearTrain", name: str) -> float:
     """Return the value of a parameter in `PARAMETERS` that all meshes of a train share.
 
-    The backlash is in static deflections. Raises ValueError if the meshes have different values.
+    Raises ValueError if the meshes have different values.
     """
-    values = {getattr(mesh, name) for mesh in train.meshes}
+    is_backlash = name == "backlash_ratio"
+    values = {mesh.backlash if is_backlash else getattr(mesh, name) for mesh in train.meshes}
     if len(values) > 1:
         raise ValueError(
             f"parameter = {name!r} is not allowed for this train: its meshes must share one value, "
             f"not {', '.join(map(repr, sorted(values)))}"
         )
     value = values.pop()
-    return value / train.static_deflection if name == "backlash" else value
+    return value / train.static_deflection if is_backlash else value
 
 
 def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain":
@@ -75,8 +76,9 @@ def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain
 
     The mean stiffness does not change, nor do natural frequencies and static deflection.
     """
-    if name == "backlash":
+    if name == "backlash_ratio":
         value = parameters.check(name, value, Backlash) * train.static_deflection
+        name = "backlash"
     meshes = []
     for mesh in train.meshes:
         changed = dataclasses.replace(mesh, **{name: value})

@@ -62,7 +62,12 @@ _UNDAMPED = PAPER.replace(material_damping=0.0)
 _UNDAMPED_WITHOUT_COAST_SIDE = _UNDAMPED.replace(backlash=math.inf)
 #: Distance in tuning from the edge of a tongue, and initial displacement from the orbit.
 _DISTANCE_FROM_TONGUE, _PERTURBATION = 1e-4, 1e-6
-_RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.0617, "backlash": 4.0}
+_RATIOS = {
+    "contact_ratio": 1.569,
+    "stiffness_ratio": 0.5879,
+    "damping": 0.0617,
+    "backlash_ratio": 4.0,
+}
 _COMPARED_CONTACTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
 
 
@@ -148,21 +153,26 @@ def _state_problems() -> dict[str, Problem]:
     # The motion starts 1e4 above the coast-side flank line and reaches 0.1 below it. Free motion
     # of 140 rad is a parabola, exact for all methods of order 2 or more, so their steps grow
     # without limit; the contact that follows lasts only 0.9 rad.
-    wide_backlash = _gear_pair(damping=0.0, backlash=2e4)
+    wide_backlash = _gear_pair(damping=0.0, backlash_ratio=2e4)
     fall = (-1e4, -math.sqrt(2.0 * (1e4 + 0.1)))
     rest, coast_line = (0.0, 0.0), (-PAPER.backlash_ratio, 0.0)
     down, fast_down = (0.0, -1.0), (0.0, -3.0)
     slow_pair = _gear_pair(damping=0.002)
     ratio_above_1, ratio_below_2 = (_gear_pair(contact_ratio=r) for r in (1.0 + 1e-9, 2.0 - 1e-9))
     critically_damped = _gear_pair(contact_ratio=1.0, damping=1.0)
-    overdamped, no_backlash = _gear_pair(damping=20.0), _gear_pair(backlash=0.0)
+    overdamped, no_backlash = _gear_pair(damping=20.0), _gear_pair(backlash_ratio=0.0)
     rows = {
         "double_crossing": ("in and out within a long step", wide_backlash, 1.0, fall, 40),
         "rest_near": ("at rest on the near flank line", PAPER, 0.82),
         "rest_far": ("at rest on the coast-side flank line", PAPER, 0.82, coast_line),
         "no_backlash": ("no backlash", no_backlash, 0.9, fast_down),
-        "nano_backlash": ("backlash 1e-9", _gear_pair(backlash=1e-9), 0.9, fast_down),
-        "endless_backlash": ("infinite backlash", _gear_pair(backlash=math.inf), 0.9, fast_down),
+        "nano_backlash": ("backlash 1e-9", _gear_pair(backlash_ratio=1e-9), 0.9, fast_down),
+        "endless_backlash": (
+            "infinite backlash",
+            _gear_pair(backlash_ratio=math.inf),
+            0.9,
+            fast_down,
+        ),
         "critical": ("critically damped contact", critically_damped, 0.9, fast_down, 1),
         "overdamped": ("overdamped contact, $\\beta$ = 20", overdamped, 0.9, fast_down, 5),
         "soft": ("stiffness ratio 1e-6", _gear_pair(stiffness_ratio=1e-6), 0.9, rest, 5),
