@@ -91,9 +91,9 @@ class FourierSums:
 class ShaftRotation:
     """Rotation of a shaft with a piecewise linear speed course."""
 
-    def __init__(self, speed_profile: ArrayLike):
-        """Integrate the speed; the profile has rows (time in s, speed in rpm), shape (n, 2)."""
-        self._time, speed = np.array(speed_profile, float).T
+    def __init__(self, speed_course: ArrayLike):
+        """Integrate the speed; it has rows (time in s, speed in rpm), shape (n, 2)."""
+        self._time, speed = np.array(speed_course, float).T
         #: Speed in rev/s, its slope in rev/s^2, and revolutions since the first row.
         self._speed = speed / 60.0
         self._slope = np.diff(self._speed) / np.diff(self._time)
@@ -304,18 +304,18 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
         speed, time, speeds = run.speed.values, run.time.values, np.array(parameters["speed"])
         # Shaft angle in rad from speeds in rpm, by the trapezoidal rule.
         angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
-        scale, units, profiles = 1.0, run[variable].attrs["units"], run.attrs["parameters"]
+        scale, units, courses = 1.0, run[variable].attrs["units"], run.attrs["parameters"]
     else:
         phase, rpm, omega = phase - phase[0], float(run.speed), float(run.mesh_frequency)
         speeds = np.array([[0.0, rpm], [math.tau * parameters["record_periods"] / omega, rpm]])
         angle = math.pi / 30.0 * rpm * phase[-1] / omega
         scale_of, units = _VARIABLES[variable]
-        scale, profiles = float(scale_of(run)), _profiles_json(speeds)
+        scale, courses = float(scale_of(run)), _courses_json(speeds)
     teeth = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
     # Mesh periods per revolution are an integer, apart from rounding errors.
     teeth = float(round(teeth)) if abs(teeth - round(teeth)) < 1e-6 * teeth else teeth
     if "time" in run.sizes:
-        # The variable or its slope may jump at corners of the profiles and at contact events.
+        # The variable or its slope may jump at corners of the courses and at contact events.
         times = [row[0] for row in (*parameters["speed"], *parameters["load"])]
         times.extend(run.event_time.values if "event_time" in run else ())
         event_phases = math.tau * teeth * ShaftRotation(speeds).revolutions(np.array(times))
@@ -330,7 +330,7 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
         max_order=_DEFAULT_MESH_ORDERS * teeth,
         units=units,
         coords={name: run[name].variable for name in run[variable].dims[1:]},
-        attrs=_attributes(run, "references", "gear_pair", "model") | {"parameters": profiles},
+        attrs=_attributes(run, "references", "gear_pair", "model") | {"parameters": courses},
     )
 
 
@@ -345,8 +345,8 @@ def _attributes(run: xr.Dataset, *names: str) -> dict:
     return {name: run.attrs[name] for name in names if name in run.attrs}
 
 
-def _profiles_json(speeds: np.ndarray) -> str:
-    """Return a speed course, rows of s and rpm, and a constant load profile as JSON."""
+def _courses_json(speeds: np.ndarray) -> str:
+    """Return a speed course, rows of s and rpm, and a constant load course as JSON."""
     return canonical_json({"speed": speeds.tolist(), "load": [[0.0, 1.0]]})
 
 

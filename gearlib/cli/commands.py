@@ -241,10 +241,10 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
 def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
     """Run the gears up or down: forces and contact losses over the speed."""
     from gearlib.data.motions import largest_force
-    from gearlib.runs.run_up import speed_profile
+    from gearlib.runs.run_up import speed_course
 
     start, stop = in_rpm("start", start), in_rpm("stop", stop)
-    speed_points = speed_profile(start, stop, duration, acceleration).tolist()
+    speed_points = speed_course(start, stop, duration, acceleration).tolist()
     if back:
         speed_points.append([2.0 * speed_points[-1][0], start])
     run = gearlib.run_up(model, speed=speed_points, **settings)

@@ -13,7 +13,7 @@ import numpy as np
 from gearlib.engines.codes import COAST, NO_CONTACT
 from gearlib.engines.taylor.series import damping_coefficients
 from gearlib.integrators.method import Integrator, Package, option
-from gearlib.integrators.recording import Run
+from gearlib.integrators.run import Run
 from gearlib.integrators.right_hand_sides import (
     COAST_FLANK,
     DRIVE_FLANK,

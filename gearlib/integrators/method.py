@@ -49,7 +49,7 @@ class Integrator:
     OPTIONS: ClassVar[dict] = {}
     PACKAGE: ClassVar[Package | None] = None
 
-    #: ``create_run(model, tuning, **options)`` returns a `gearlib.integrators.recording.Run`.
+    #: ``create_run(model, tuning, **options)`` returns a `gearlib.integrators.run.Run`.
     create_run: Any
 
     def run(

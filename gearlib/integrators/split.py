@@ -12,7 +12,7 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.engines.codes import BOTH, COAST, DRIVE, NO_CONTACT
-from gearlib.integrators.recording import (
+from gearlib.integrators.run import (
     MESH_PERIOD,
     Run,
     code_of_stall,

@@ -76,10 +76,10 @@ def run_up(
     max_events: Count = MAX_EVENTS,
     max_seconds: MaxSeconds = None,
 ):
-    """Run a model up, down, or along any piecewise linear profile of speed and load.
+    """Run a model up, down, or along any piecewise linear course of speed and load.
 
     At constant acceleration the stiffness switches at roots of a quadratic equation, and between
-    these switches the solution has a closed form, as at constant speed. With run-out, profile
+    these switches the solution has a closed form, as at constant speed. With run-out, course
     deviations or pairs of teeth it is a power series, accurate to rounding error; the attribute
     ``source`` says so.
     The mesh transmits the load and the inertia torque, see `gearlib.models.acceleration`.
@@ -97,10 +97,10 @@ def run_up(
     acceleration : float
         Magnitude of the constant acceleration in rpm/s, finite, > 0.
     speed : sequence of (float, float), optional
-        Speed profile, instead of the four arguments above: pairs of time in seconds, increasing
+        Speed course, instead of the four arguments above: pairs of time in seconds, increasing
         from 0, and speed in rpm. The speed is linear between them.
     load : sequence of (float, float), optional
-        Load profile: pairs of time in seconds, non-decreasing, and ratio of the load to that of the
+        Load course: pairs of time in seconds, non-decreasing, and ratio of the load to that of the
         model (a factor on all torques of a train), finite. The load is linear between them and
         constant before the first and after the last; two pairs at the same time are a step.
     driver : str, optional
@@ -111,7 +111,7 @@ def run_up(
         base radius in m of the gear to which the speed refers. By default there is no inertia.
     initial_state : tuple of float or "static", optional
         State at time 0 and the first speed, as in `simulate`. By default the static state,
-        ``model.static_state``, under the first load of the profile: a run-up from (0, 0), where
+        ``model.static_state``, under the first load of the course: a run-up from (0, 0), where
         flanks just touch, begins with a transient whose force may exceed that of resonances.
     samples_per_period : int, default 0
         Number of samples of the time history in each mesh period, at equal steps of time. With 0
@@ -143,7 +143,7 @@ def run_up(
     Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104, Eq. (1)-(3).
     """
     _check_model(model)
-    speeds = speed_profile(start, stop, duration, acceleration, speed)
+    speeds = speed_course(start, stop, duration, acceleration, speed)
     is_rising = speeds[-1, 1] >= speeds[0, 1]
     fastest_argument = "speed" if speed is not None else "stop" if is_rising else "start"
     tuning_at_speed(model, fastest_argument, float(speeds[:, 1].max()))
@@ -154,7 +154,7 @@ def run_up(
         state = model.check_state(initial_state)
     inertia_forces = _inertia_accelerations(model, driver, driven_mass, base_radius)
     omega = float(model.mesh_frequency(1.0))
-    runner, pieces, start_state = speed_courses.start_profile_run(model, speeds, loads, state)
+    runner, pieces, start_state = speed_courses.start_course_run(model, speeds, loads, state)
     mesh_count, last = runner.meshes, pieces[-1]
     final_phase = last.phase + last.length * (last.speed + 0.5 * last.acceleration * last.length)
     numbers_per_period = (
@@ -164,8 +164,8 @@ def run_up(
     check_memory(description, int(final_phase / math.tau) + 1, numbers_per_period, "mesh periods")
     teeth, limit = model.periods_per_revolution, Limit(max_seconds)
     arguments = start_state, samples_per_period, max_events, inertia_forces, teeth
-    profile_run = speed_courses.run_profiles(runner, pieces, *arguments)
-    records = list(limit.each(with_bar("parts of the run-up", profile_run)))
+    course_run = speed_courses.run_courses(runner, pieces, *arguments)
+    records = list(limit.each(with_bar("parts of the run-up", course_run)))
     code = records[-1].status
     displacement = summary.max_displacement(records[-1].summary)
     if code == status.OK and displacement > model.displacement_limit(1.0, state):
@@ -214,7 +214,7 @@ def _check_model(model):
 
 
 @checked
-def speed_profile(
+def speed_course(
     start: NonNegative | None = None,
     stop: NonNegative | None = None,
     duration: Positive | None = None,
@@ -223,7 +223,7 @@ def speed_profile(
 ):
     """Return the speed course as rows of time in s and speed in rpm, shape (n, 2).
 
-    Give either the profile as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
+    Give either the course as `speed`, or the speeds `start` and `stop` (rpm) with a `duration` (s)
     or an `acceleration` (rpm/s). Invalid arguments raise ValueError.
     """
     if speed is not None:
@@ -231,7 +231,7 @@ def speed_profile(
             raise ValueError(
                 "speed is not allowed together with start, stop, duration and acceleration"
             )
-        profile = _check_times("speed", speed)
+        course = _check_times("speed", speed)
     else:
         if start is None or stop is None:
             name = "start" if start is None else "stop"
@@ -241,16 +241,16 @@ def speed_profile(
             duration = abs(stop - start) / acceleration
             allowed = "> 0 s, the difference of start and stop over the acceleration"
             checks.require(0.0 < duration < math.inf, "duration", duration, allowed)
-        profile = np.array([[0.0, start], [duration, stop]])
-    is_valid = len(profile) > 1 and profile[0, 0] == 0.0
+        course = np.array([[0.0, start], [duration, stop]])
+    is_valid = len(course) > 1 and course[0, 0] == 0.0
     checks.require(is_valid, "speed", speed, "of two rows or more, the first at 0 s")
-    if not profile[:, 1].any():
+    if not course[:, 1].any():
         raise ValueError("speed is not allowed to be 0 rpm all along: something must turn")
-    return profile
+    return course
 
 
 def _check_times(name: str, rows: Any, steps: bool = False) -> np.ndarray:
-    """Return a profile, rows (time in s >= 0, speed or load), as an array, shape (n, 2).
+    """Return a course, rows (time in s >= 0, speed or load), as an array, shape (n, 2).
 
     Raise ValueError, with the argument's `name`, if a time decreases. With `steps` two rows may
     have the same time.

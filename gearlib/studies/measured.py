@@ -323,8 +323,8 @@ def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
         options = {"resolution": 1.0 / block_size, "orders": z * _MESH_ORDERS}
         computed = []
         for model in models.values():
-            profile = _speed_profile(condition)
-            run = run_up(model, speed=profile, samples_per_period=_SAMPLES_PER_PERIOD)
+            speed_course = _speed_course(condition)
+            run = run_up(model, speed=speed_course, samples_per_period=_SAMPLES_PER_PERIOD)
             maps = [order_map(run, variable=name, **options).amplitude.values.T for name in names]
             blocks = np.arange(maps[0].shape[-1])
             computed.append(xr.DataArray(np.array(maps), {"block": blocks}, dims))
@@ -357,7 +357,7 @@ def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
     return np.where(complete, amplitude, np.nan)
 
 
-def _speed_profile(condition: xr.Dataset) -> list[tuple[float, float]]:
+def _speed_course(condition: xr.Dataset) -> list[tuple[float, float]]:
     """Approximate a measured speed course by straight lines between points (s, rpm).
 
     The points are means over groups of samples, so that sensor noise does not cause acceleration.

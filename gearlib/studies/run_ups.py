@@ -46,10 +46,10 @@ def run_ups_at_several_rates(
     for i, count in enumerate(revolutions):
         mean_speed = 0.5 * (start_speed + stop_speed)  # rpm
         seconds = 60.0 * count / mean_speed
-        profile = [(0.0, start_speed), (seconds, stop_speed), (2.0 * seconds, start_speed)]
+        speed_course = [(0.0, start_speed), (seconds, stop_speed), (2.0 * seconds, start_speed)]
         is_slowest = count == max(revolutions)
         samples = SAMPLES_PER_PERIOD if is_slowest else 0
-        run = run_up(model, speed=profile, samples_per_period=samples)
+        run = run_up(model, speed=speed_course, samples_per_period=samples)
         values = {
             "tuning": run.revolution_speed / stop_speed * stop,
             "displacement_max": run.displacement_max / model.static_deflection,

@@ -15,7 +15,7 @@ from gearlib import checks, parameters
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.order_maps import ShaftRotation
 from gearlib.parameters import Angle
-from gearlib.runs.run_up import run_up, speed_profile
+from gearlib.runs.run_up import run_up, speed_course
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty import observation
 from gearlib.uncertainty.observation import Channel, Curve, Observation, Prediction
@@ -59,7 +59,7 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
     return observations
 
 
-def _speed_profile(metadata: dict) -> tuple[list, dict]:
+def _speed_course(metadata: dict) -> tuple[list, dict]:
     """Return the speed course of a run-up, rows (s, rpm), and keyword arguments of `run_up`."""
     if "course" not in metadata:
         raise ValueError("known.course is missing: a run-up needs its speed course, rows (s, rpm)")
@@ -68,7 +68,7 @@ def _speed_profile(metadata: dict) -> tuple[list, dict]:
     for name in options:
         checks.one_of("known.options", name, _RUN_UP_OPTIONS)
     try:
-        return speed_profile(speed=metadata["course"]).tolist(), options
+        return speed_course(speed=metadata["course"]).tolist(), options
     except ValueError as error:
         raise ValueError(f"known.course: {error}") from None
 
@@ -172,10 +172,10 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
 def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     """Return the observation of a run-up: mesh orders of revolutions and speeds of jumps."""
     metadata, displacements, phase_factors, mesh_periods = _checked_history(model, data)
-    profile, options = _speed_profile(metadata)
-    rotation = ShaftRotation(profile)
+    course, options = _speed_course(metadata)
+    rotation = ShaftRotation(course)
     orders, variance_ratios, warning = _revolution_orders(
-        rotation, profile[-1][0], data.time.values, displacements, mesh_periods
+        rotation, course[-1][0], data.time.values, displacements, mesh_periods
     )
     count = variance_ratios.size
     compared, amplitudes, jumps = _compared_revolutions(orders, variance_ratios)
@@ -201,7 +201,7 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
     def predict(model: Any) -> Prediction:
         """Run the model up; return its mesh orders in compared revolutions and speeds of jumps."""
         settings = {"samples_per_period": _RUN_UP_SAMPLES_PER_PERIOD, **options}
-        run = run_up(model, speed=profile, **settings)
+        run = run_up(model, speed=course, **settings)
         if int(run.status):
             raise NoOrbit(run.status.attrs["message"])
         displacement = run.displacement.values.reshape(run.sizes["time"], -1)[:, mesh]
@@ -246,8 +246,8 @@ def _revolution_orders(rotation, end, times, displacements, mesh_periods):
     """
     revolutions = rotation.revolutions(times)
     count, interval = int(revolutions[-1]), f"{times[0]:.6g} to {times[-1]:.6g} s"
-    profile_revolutions = float(rotation.revolutions(np.array([end]))[0])
-    is_within = revolutions[0] < 1.0 and count <= profile_revolutions + 1e-9
+    course_revolutions = float(rotation.revolutions(np.array([end]))[0])
+    is_within = revolutions[0] < 1.0 and count <= course_revolutions + 1e-9
     allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
     checks.require(is_within, "time", interval, allowed)
     # More revolutions must be compared than are skipped at the start.

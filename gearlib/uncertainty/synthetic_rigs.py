@@ -9,7 +9,7 @@ from gearlib.runs.run_up import run_up
 
 
 def synthetic_rig(
-    model, speed_profile, seed, *, noise=0.05, bits=12, samples_per_period=32, gain=1.0
+    model, speed_course, seed, *, noise=0.05, bits=12, samples_per_period=32, gain=1.0
 ) -> xr.Dataset:
     """Return synthetic measured data of a run-up with a speed course, rows of s and rpm.
 
@@ -20,7 +20,7 @@ def synthetic_rig(
     attributes.
     """
     rng = np.random.default_rng(seed)
-    run = run_up(model, speed=speed_profile, samples_per_period=samples_per_period)
+    run = run_up(model, speed=speed_course, samples_per_period=samples_per_period)
     signal = run.displacement.values.reshape(run.sizes["time"], -1)[:, 0]
     noise_std, span = noise * signal.std(), np.ptp(signal)
     shaft_angle = run.phase.values / float(model.periods_per_revolution)
@@ -42,7 +42,7 @@ def synthetic_rig(
         "speed": ("sample", run.speed.values, {"units": "min-1", "long_name": "speed"}),
     }
     # Metadata of the test rig for `gearlib.fit`: speed course, and mesh phase at the start in rad.
-    metadata = {"course": [list(map(float, row)) for row in speed_profile], "phase": 0.0}
+    metadata = {"course": [list(map(float, row)) for row in speed_course], "phase": 0.0}
     attributes = {"title": "Synthetic rig", "source": "synthetic", "synthetic": 1}
     attributes["known"] = json.dumps(metadata)
     variables = {name: ("sample", step * np.round(values / step), attrs)}

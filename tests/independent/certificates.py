@@ -25,7 +25,7 @@ _ROUNDING = mpf(10) ** -17
 
 def model_of(claim):
     """Return the description of the model of a claim, with exact numbers."""
-    model = exact(mp, claim["pair"])
+    model = exact(mp, claim["model"])
     for mesh in model.get("meshes", [model]):
         if "pitch_phase" in mesh:
             # Angles in turns are rounded once.
@@ -90,7 +90,7 @@ class Motion:
     def faults(self, orbit):
         """Return what an orbit, as `orbit` returns it, refutes of the claim, sorted words."""
         claim, (state, motion, multipliers), n = self.claim, orbit, len(self.kept)
-        meshes = claim["pair"].get("meshes", [{"name": "mesh"}])
+        meshes = claim["model"].get("meshes", [{"name": "mesh"}])
         events = [(meshes[e.contact]["name"], e.before, e.after, e) for e in motion.events]
         listed = [(e.get("mesh", "mesh"), e["before"], e["after"], e) for e in claim["events"]]
         # Events at one phase, to rounding, have no order.

@@ -77,7 +77,7 @@ def test_a_run_up_without_acceleration_is_a_run_at_constant_speed(model, tuning,
 
 
 def reference(model, speed, load, push=0.0):
-    """Return the `RunUp` of the code of `tests.independent` along profiles of speed and load.
+    """Return the `RunUp` of the code of `tests.independent` along courses of speed and load.
 
     `push` is the acceleration of a pair, m/s^2, for 1 rad/s^2 of the mesh; others have their own.
     """
@@ -89,7 +89,7 @@ def reference(model, speed, load, push=0.0):
 
 
 def random_course(rng, model, tuning, periods, swing):
-    """Return random profiles of the speed, (s, rpm), and of the load, (s, factor), as lists.
+    """Return random courses of the speed, (s, rpm), and of the load, (s, factor), as lists.
 
     They last so many mesh periods of the tuning, from whose speed they differ by the share `swing`.
     The load is one at the ends and jumps in between.
@@ -217,8 +217,8 @@ def test_models_of_many_coordinates_move_as_in_the_independent_program(model, tu
 @pytest.mark.parametrize("load", [0.4, -0.4])
 def test_gears_of_constant_stiffness_stay_in_the_static_state(model, load):
     # The load is turned up at the end, after the last revolution that is compared.
-    profile = [(0.0, load), (0.4, load), (0.4, 1.0)]
-    run = gearlib.run_up(model, 3000.0, 3000.0, duration=0.5, load=profile)
+    course = [(0.0, load), (0.4, load), (0.4, 1.0)]
+    run = gearlib.run_up(model, 3000.0, 3000.0, duration=0.5, load=course)
     steady = run.isel(revolution=slice(15))
     forces = load * np.array(getattr(model, "mean_forces", 1.0)) * model.load
     for name in ("dynamic_force_min", "dynamic_force_max"):

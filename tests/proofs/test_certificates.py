@@ -26,8 +26,8 @@ COUNT = int(os.environ.get("GEARLIB_CERTIFICATES", "40"))
 def faults_of(certificate):
     """Return the claims of a certificate, as JSON, that an orbit in 50 digits contradicts."""
     claim = claim_of(certificate)
-    if not isinstance(certificate.pair, gearlib.GearPair):
-        claim["pair"] = describe(certificate.pair)
+    if not isinstance(certificate.model, gearlib.GearPair):
+        claim["model"] = describe(certificate.model)
     return faults(claim)
 
 

@@ -59,7 +59,7 @@ class _Claim:
     def as_dict(self) -> dict:
         """Return the claim for JSON: enclosures as two decimals, exact floats in hexadecimal."""
         values = dict(vars(self))
-        model, train = values.pop("pair"), values.pop("train", None)
+        model, train = values.pop("model"), values.pop("train", None)
         if not values.get("missing", True):
             del values["missing"]
         values |= vars(train) if train else {}
@@ -68,7 +68,7 @@ class _Claim:
         if model.equation is not None:
             # The equation of motion of a pair does not depend on its teeth.
             parameters.pop("teeth", None)
-        return {"claim": self.claim, **values, "pair": json_value(parameters, True)}
+        return {"claim": self.claim, **values, "model": json_value(parameters, True)}
 
     def __repr__(self: Any) -> str:
         """Return the claim as text: a title, a line for each proven quantity, and the stability."""
@@ -82,7 +82,7 @@ class _Claim:
 class _OrbitClaim(_Claim):
     """A periodic orbit that is proven to exist; see `docs/theory/proofs.md`."""
 
-    pair: Any  #: the model
+    model: Any
     tuning: float
     period: int  #: smallest period, in mesh periods of the reference mesh
     displacement: Any  #: `Enclosure` at tau = 0, in static deflections; a tuple for a train
@@ -172,7 +172,7 @@ class Piece:
 class RangeCertificate(_Claim):
     """An orbit that is proven at every tuning of a range, one branch with the same contacts."""
 
-    pair: Any  #: the model
+    model: Any
     start: float  #: lowest tuning, an exact number
     stop: float  #: highest tuning
     period: int  #: mesh periods

@@ -275,7 +275,7 @@ class Proof:
         else:
             other_fields = vars(self.dynamics.train_description(self.codes))
         certificate = (Certificate if one_degree else TrainCertificate)(
-            pair=self.orbit.model,
+            model=self.orbit.model,
             tuning=float(self.orbit.tuning),
             period=self.orbit.period,
             displacement=displacement,

@@ -161,7 +161,7 @@ class Propagator(Base):
 
         z changes in place. `period_counts` are the numbers of all and of recorded mesh periods,
         each with at most `max_events` events; the run begins in period `first_period` of the
-        excitation. Samples have the columns of `record.record`, `summary` has a row a mesh, and
+        excitation. Samples have the columns of `sampling.sample_motion`, `summary` has a row a mesh, and
         `maps`, shape (periods, 2 N, 2 N), get the derivatives of the period maps. Returns (period
         of the motion, events, number of events, status, system of the samples' segments).
         """
@@ -221,7 +221,7 @@ class Propagator(Base):
         return period, events, int(work.counters[EVENT_ROWS]), status, system
 
     def empty_raw_samples(self, count: int) -> np.ndarray:
-        """Return an empty table of `count` samples with the columns of `record.record`."""
+        """Return an empty table of `count` samples with the columns of `sampling.sample_motion`."""
         m, n = self.system.drive_lines.shape
         return np.empty((count, n + m + 1))
 

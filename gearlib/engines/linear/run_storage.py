@@ -57,7 +57,7 @@ class RunStorage(NamedTuple):
     instant_rounding: np.ndarray  #: rounding error of `event_instant`, shape (m,)
     state: np.ndarray  #: z, padded
     modal_state: np.ndarray  #: y, the state in modes, padded
-    mode_buffer: np.ndarray  #: copy of y that `record` moves on, or a deviation in modes
+    mode_buffer: np.ndarray  #: copy of y that `sample_motion` moves on, or a deviation in modes
     sampled_modes: np.ndarray  #: y at a sample
     sampled_state: np.ndarray  #: z at a sample
     term: np.ndarray  #: storage of a series

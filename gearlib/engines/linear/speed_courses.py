@@ -1,4 +1,4 @@
-"""Runs along a speed and a load profile: run-ups, run-downs, steps and ramps of torque.
+"""Runs along a speed and a load course: run-ups, run-downs, steps and ramps of torque.
 
 Between switches of stiffness the equations of motion in theta, the time of the model, do not depend
 on the speed: a piece of constant acceleration has the matrices of a run at constant speed and
@@ -32,8 +32,8 @@ _GOLDEN_SECTION = 0.3819660112501051
 _UNREACHABLE_COST = 2**62
 
 
-class ProfilePiece(NamedTuple):
-    """An interval of a speed and load profile in which both are linear in theta."""
+class CoursePiece(NamedTuple):
+    """An interval of a speed and load course in which both are linear in theta."""
 
     start: float  #: theta at its start
     length: float  #: its duration in theta
@@ -57,9 +57,9 @@ class ProfilePiece(NamedTuple):
 
 
 class IntervalRecord(NamedTuple):
-    """Record of k intervals of a run: mesh periods, cut where pieces of the profiles end."""
+    """Record of k intervals of a run: mesh periods, cut where pieces of the courses end."""
 
-    piece: ProfilePiece
+    piece: CoursePiece
     phase: np.ndarray  #: tau at the bounds of the intervals, shape (k + 1,)
     theta: np.ndarray  #: theta at the bounds of the intervals, shape (k + 1,)
     samples: np.ndarray  #: columns of `orbit`, shape (j, m, 6)
@@ -71,8 +71,8 @@ class IntervalRecord(NamedTuple):
     status: int
 
 
-def pieces_of(model: Any, speeds: np.ndarray, loads: np.ndarray) -> list[ProfilePiece]:
-    """Split a speed and a load profile of a model into pieces on which both are linear.
+def pieces_of(model: Any, speeds: np.ndarray, loads: np.ndarray) -> list[CoursePiece]:
+    """Split a speed and a load course of a model into pieces on which both are linear.
 
     `speeds`, shape (j, 2), has the columns time in s and speed in rpm; `loads`, shape (k, 2), time
     in s and fraction of the nominal load. Two loads at one time are a step; the last load holds to
@@ -87,14 +87,14 @@ def pieces_of(model: Any, speeds: np.ndarray, loads: np.ndarray) -> list[Profile
     for start, end in zip(times[:-1].tolist(), times[1:].tolist(), strict=True):
         speed, acceleration = _value_and_slope(speeds, start)
         load, slope = _value_and_slope(loads, start)
-        piece = ProfilePiece(start, end - start, phase, speed, acceleration, load, slope)
+        piece = CoursePiece(start, end - start, phase, speed, acceleration, load, slope)
         pieces.append(piece)
         phase += piece.length * (speed + 0.5 * acceleration * piece.length)
     return pieces
 
 
-def start_profile_run(model, speeds, loads, state):
-    """Return (propagator, list of `ProfilePiece`, state z) at the start of speed and load profiles.
+def start_course_run(model, speeds, loads, state):
+    """Return (propagator, list of `CoursePiece`, state z) at the start of speed and load courses.
 
     `speeds` and `loads` are those of `pieces_of`; the velocities in `state`, by phase, become
     velocities by theta in z.
@@ -105,22 +105,22 @@ def start_profile_run(model, speeds, loads, state):
     return runner, pieces, z
 
 
-def _value_and_slope(profile: np.ndarray, time: float) -> tuple[float, float]:
-    """Return value and slope, just after `time`, of a piecewise linear profile of (time, value)."""
-    i = int(np.searchsorted(profile[:, 0], time, side="right")) - 1
+def _value_and_slope(course: np.ndarray, time: float) -> tuple[float, float]:
+    """Return value and slope, just after `time`, of a piecewise linear course of (time, value)."""
+    i = int(np.searchsorted(course[:, 0], time, side="right")) - 1
     if i < 0:
-        return float(profile[0, 1]), 0.0
-    if i == len(profile) - 1:
-        return float(profile[-1, 1]), 0.0
-    (start, value), (end, end_value) = profile[i : i + 2].tolist()
+        return float(course[0, 1]), 0.0
+    if i == len(course) - 1:
+        return float(course[-1, 1]), 0.0
+    (start, value), (end, end_value) = course[i : i + 2].tolist()
     slope = (end_value - value) / (end - start)
     return value + slope * (time - start), slope
 
 
-def run_profiles(
+def run_courses(
     runner, pieces, state, samples_per_period, max_events, base_acceleration, periods_per_block
 ):
-    """Run the propagator `runner` through a list of `ProfilePiece`; yield records up to a failure.
+    """Run the propagator `runner` through a list of `CoursePiece`; yield records up to a failure.
 
     `state`, shape (2 N,), has velocities by theta and changes in place. Each mesh period has
     samples at equal steps of time and at most `max_events` contact events. `base_acceleration`,
@@ -148,7 +148,7 @@ class PieceIntervals(NamedTuple):
     begins: bool  #: whether the first interval begins with the piece
     ends: bool  #: whether the last interval ends with the piece
 
-    def speeds(self, piece: ProfilePiece) -> np.ndarray:
+    def speeds(self, piece: CoursePiece) -> np.ndarray:
         """Return the tuning nu at the bounds of the p segments in a piece, shape (p + 1,)."""
         speeds = piece.speed_at(self.offset + self.phase)
         # Near standstill the root of a difference loses half of its digits, so that the speeds at
@@ -159,7 +159,7 @@ class PieceIntervals(NamedTuple):
             speeds[-1] = max(piece.speed + piece.acceleration * piece.length, 0.0)
         return speeds
 
-    def lengths(self, piece: ProfilePiece) -> np.ndarray:
+    def lengths(self, piece: CoursePiece) -> np.ndarray:
         """Return the durations in theta of the p segments in a piece, shape (p,)."""
         speeds = self.speeds(piece)
         speed_sums = speeds[:-1] + speeds[1:]
@@ -180,7 +180,7 @@ class PieceIntervals(NamedTuple):
         padded_lengths[interval, position] = length
         return np.cumsum(padded_lengths, axis=1)[interval, position]
 
-    def bounds(self, piece: ProfilePiece, length: np.ndarray) -> np.ndarray:
+    def bounds(self, piece: CoursePiece, length: np.ndarray) -> np.ndarray:
         """Return theta at the bounds of the k intervals, from the segments' `length`s, (k + 1,)."""
         start = piece.start
         if not self.begins:
@@ -190,7 +190,7 @@ class PieceIntervals(NamedTuple):
 
 
 def _piece_intervals(runner, piece, periods_per_block):
-    """Yield `PieceIntervals` of a `ProfilePiece`, a limited number of mesh periods at a time.
+    """Yield `PieceIntervals` of a `CoursePiece`, a limited number of mesh periods at a time.
 
     `runner` is the propagator; a block of the summary lasts `periods_per_block` mesh periods.
     """
@@ -234,8 +234,8 @@ def _piece_intervals(runner, piece, periods_per_block):
             return
 
 
-class _ProfileRunMixin:
-    """Mixin that lets a propagator run through the pieces of a speed and load profile."""
+class _CourseRunMixin:
+    """Mixin that lets a propagator run through the pieces of a speed and load course."""
 
     system: Any
     constants: Any
@@ -254,8 +254,8 @@ class _ProfileRunMixin:
         """Return (system, constants, number of periods) of the present `PieceIntervals`."""
         return self.system, self.constants, period_counts[0]
 
-    def set_piece(self, piece: ProfilePiece, base_acceleration: np.ndarray) -> None:
-        """Set the loads and the acceleration of a `ProfilePiece`.
+    def set_piece(self, piece: CoursePiece, base_acceleration: np.ndarray) -> None:
+        """Set the loads and the acceleration of a `CoursePiece`.
 
         `base_acceleration`, shape (N,), is the acceleration that d2tau/dtheta2 = 1 causes.
         """
@@ -269,7 +269,7 @@ class _ProfileRunMixin:
 
     @cached_property
     def base_system(self):
-        """`TrainSystem` of the model before loads and segments of the profiles are set."""
+        """`TrainSystem` of the model before loads and segments of the courses are set."""
         return self.system
 
     @cached_property
@@ -294,7 +294,7 @@ class _ProfileRunMixin:
         """Return the state components between velocities and constant at the start of intervals.
 
         These are the speed and the harmonics, if there are any, and the change of the load since
-        the start of the `ProfilePiece`, if it has a slope; `theta` is the time there.
+        the start of the `CoursePiece`, if it has a slope; `theta` is the time there.
         """
         mesh_period = round(intervals.offset / math.tau) % self.model.repeats
         values, phase = [], intervals.phase[0] + math.tau * mesh_period
@@ -378,7 +378,7 @@ class _ProfileRunMixin:
         changes = [EVENT_MESH, orbit.EVENT_FROM, orbit.EVENT_TO, orbit.EVENT_VELOCITY]
         columns_of_record = [orbit.EVENT_PHASE, *changes, orbit.EVENT_PERIOD, orbit.EVENT_PHASE]
         event_rows = events[:, columns_of_record]
-        # At tuning 1 phases are times. The first column counts from the start of the profiles.
+        # At tuning 1 phases are times. The first column counts from the start of the courses.
         event_rows[:, 0] += bounds[events[:, orbit.EVENT_PERIOD].astype(int)]
         summary = summary.reshape(-1, m, orbit.SUMMARY_COLUMNS)
         record = columns, raw[:, : 2 * half], intervals.block, summary, event_rows
@@ -386,12 +386,12 @@ class _ProfileRunMixin:
         return IntervalRecord(piece, phases, bounds, *record, status)
 
 
-class _ProfileTrain(_ProfileRunMixin, propagator.Propagator):
-    """A gear train along a speed and load profile."""
+class _CourseTrain(_CourseRunMixin, propagator.Propagator):
+    """A gear train along a speed and load course."""
 
 
-class ProfilePair(_ProfileRunMixin, single_mesh.Propagator):
-    """A model with one mesh along a speed and load profile."""
+class CourseMesh(_CourseRunMixin, single_mesh.Propagator):
+    """A model with one mesh along a speed and load course."""
 
     def initial_state(self, state):
         """Return the state z for a `state`, see `Base.initial_state`, less the flank deviations."""
@@ -399,16 +399,16 @@ class ProfilePair(_ProfileRunMixin, single_mesh.Propagator):
 
 
 def propagator_of(model: Any) -> Any:
-    """Return the propagator, with time theta, of a model along speed and load profiles."""
-    runner = (_ProfileTrain if model.mesh_names else ProfilePair)(model, 1.0)
+    """Return the propagator, with time theta, of a model along speed and load courses."""
+    runner = (_CourseTrain if model.mesh_names else CourseMesh)(model, 1.0)
     runner.description = "Taylor steps" if runner.system.harmonics.size else "closed forms"
     return runner
 
 
 def _system_with_load(
-    system: TrainSystem, piece: ProfilePiece, base_acceleration: np.ndarray
+    system: TrainSystem, piece: CoursePiece, base_acceleration: np.ndarray
 ) -> TrainSystem:
-    """Return a `TrainSystem` with the load and the acceleration of a `ProfilePiece`.
+    """Return a `TrainSystem` with the load and the acceleration of a `CoursePiece`.
 
     A changing load adds one component to the state. `base_acceleration`, shape (N,), is the
     acceleration by theta that d2tau/dtheta2 = 1 causes.

@@ -1,4 +1,4 @@
-"""Pairs of teeth along a speed and a load profile: Taylor steps in theta, the time of the model.
+"""Pairs of teeth along a speed and a load course: Taylor steps in theta, the time of the model.
 
 While the acceleration is constant the mesh phase is quadratic in theta, so that stiffness and gaps,
 parabolas over the phase, are polynomials in theta: the series of `teeth` hold from standstill on.
@@ -8,7 +8,7 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
-from gearlib.engines.linear.speed_courses import IntervalRecord, PieceIntervals, ProfilePiece
+from gearlib.engines.linear.speed_courses import IntervalRecord, PieceIntervals, CoursePiece
 from gearlib.engines.taylor import teeth
 from gearlib.engines.taylor.propagator import TO_BERNSTEIN
 
@@ -16,8 +16,8 @@ from gearlib.engines.taylor.propagator import TO_BERNSTEIN
 _FIRST_EVENT_ROWS = 64
 
 
-class ProfilePropagator(teeth.Propagator):
-    """A `LoadSharingPair` along a speed and load profile."""
+class CoursePropagator(teeth.Propagator):
+    """A `LoadSharingPair` along a speed and load course."""
 
     meshes, long_run_out = 1, False
     #: Load due to the acceleration of the present piece, over the load of the model.
@@ -28,15 +28,15 @@ class ProfilePropagator(teeth.Propagator):
         """The `ToothPairSystem` of the model at tuning 1."""
         return self.system
 
-    def set_piece(self, piece: ProfilePiece, base_acceleration: np.ndarray) -> None:
-        """Set the load due to the acceleration of a `ProfilePiece`.
+    def set_piece(self, piece: CoursePiece, base_acceleration: np.ndarray) -> None:
+        """Set the load due to the acceleration of a `CoursePiece`.
 
         `base_acceleration`, shape (1,), is the acceleration that d2tau/dtheta2 = 1 causes.
         """
         self.inertia_load = float(base_acceleration[0]) * piece.acceleration
 
     def _system_of(
-        self, piece: ProfilePiece, intervals: PieceIntervals, lengths: np.ndarray, theta: np.ndarray
+        self, piece: CoursePiece, intervals: PieceIntervals, lengths: np.ndarray, theta: np.ndarray
     ) -> teeth.ToothPairSystem:
         """Return the `ToothPairSystem` of the p segments of k intervals of a piece.
 
@@ -92,6 +92,6 @@ class ProfilePropagator(teeth.Propagator):
         return IntervalRecord(piece, phases, theta, *record, status)
 
 
-def propagator_of(model) -> ProfilePropagator:
-    """Return the propagator, with time theta, of a model along speed and load profiles."""
-    return ProfilePropagator(model, 1.0)
+def propagator_of(model) -> CoursePropagator:
+    """Return the propagator, with time theta, of a model along speed and load courses."""
+    return CoursePropagator(model, 1.0)

@@ -112,7 +112,7 @@ def _distance_integral(tables, combination, side, j, start, end, t):
 
 
 @kernel_without_refcounts
-def record(
+def sample_motion(
     system, tables, combination, work, segment, phase, length, piece_length, summary, samples
 ):
     """Record a motion without contact changes in the summary, a row a mesh, and the samples.
