@@ -15,7 +15,7 @@ import math
 import re
 import textwrap
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import (
@@ -355,11 +355,14 @@ def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
 
 def _section_of_kind(union: Any, kind: Any) -> Any:
     """Return the section in a union whose key `kind` has this value, None if there is none."""
-    for section in get_args(union):
-        field = getattr(section, "__pydantic_fields__", {}).get("kind")
-        if field is not None and kind in get_args(field.annotation):
-            return section
-    return None
+    sections = (x for x in get_args(union) if kind in get_args(kinds([x])))
+    return next(sections, None)
+
+
+def kinds(sections: Iterable) -> Any:
+    """Return the type of the key `kind` that chooses among sections."""
+    fields = (getattr(section, "__pydantic_fields__", {}).get("kind") for section in sections)
+    return Literal[tuple(x for field in fields if field for x in get_args(field.annotation))]
 
 
 def dotted(path: tuple) -> str:
