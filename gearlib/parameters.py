@@ -478,7 +478,6 @@ def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
         initialize = made.__init__
         names = [field.name for field in dataclasses.fields(made)]
 
-        @functools.wraps(initialize)
         def __init__(self, *args, **arguments):
             try:
                 initialize(self, *args, **arguments)
@@ -486,7 +485,6 @@ def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
                 given = dict(zip(names, args, strict=False)) | arguments
                 raise _input_error(error, made, given) from None
 
-        __init__.__module__ = cls.__module__  # not pydantic's, for tools that read the code
         made.__init__ = __init__
         return documented(made)
 
