@@ -485,6 +485,7 @@ def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
                 given = dict(zip(names, args, strict=False)) | arguments
                 raise _input_error(error, made, given) from None
 
+        __init__.__module__ = cls.__module__  # for tools that read the code
         made.__init__ = __init__
         return documented(made)
 
