@@ -560,11 +560,19 @@ def documented(constructor: Any) -> Any:
         head, raises, errors = text.partition("\n\nRaises\n---")
         constructor.__doc__ = "\n".join([head, *lines]) + (raises + errors or _RAISES)
     signature = inspect.signature(constructor)
-    plain_parameters = [
-        x.replace(annotation=parts(x.annotation)[0]) for x in signature.parameters.values()
-    ]
-    constructor.__signature__ = signature.replace(parameters=plain_parameters)
+    plain = [x.replace(annotation=_plain(x.annotation)) for x in signature.parameters.values()]
+    constructor.__signature__ = signature.replace(parameters=plain)
+    if inspect.isclass(constructor):
+        this = inspect.Parameter("self", inspect.Parameter.POSITIONAL_ONLY)
+        initialize: Any = constructor.__init__
+        initialize.__signature__ = signature.replace(parameters=[this, *plain])
     return constructor
+
+
+def _plain(annotation: Any) -> Any:
+    """Return the type of an annotation and of its items, without what is allowed."""
+    base, item = parts(annotation)[0], _item_of(annotation)
+    return base if item is None else get_origin(base)[(_plain(item), *get_args(base)[1:])]
 
 
 #: Factors to SI of the units of drawings, in which numbers are often given by mistake.
