@@ -5,7 +5,7 @@ import subprocess
 import pytest
 
 from tests.slurm import cluster
-from tests.workflow.project import SNAKEMAKE, TIMEOUT, small_project
+from tests.workflow.project import SNAKEMAKE, TIMEOUT, few_jobs, small_project
 
 TARGETS = ["results/resonance.nc", "results/figures/fig2_phase_shift.png"]
 
@@ -22,11 +22,8 @@ def slurm():
 
 def only_a_few_jobs(settings):
     """Leave one damping, a window and an upward sweep: a job costs seconds on Slurm."""
-    settings["dampings"] = {"k1": settings["dampings"]["k1"]}
-    settings["figures"]["colours"] = {"k1": "#000000"}
+    few_jobs(settings, "k1")
     settings["resonance"] |= {"directions": ["cold", "up"]}
-    settings["stability_chart"] = {"damping": "k1"}
-    settings["scenes"] = {}
     settings["targets"] = ["phase_lag", "resonance"]
 
 

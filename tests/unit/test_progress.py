@@ -20,15 +20,13 @@ ORBIT = gearlib.periodic_orbit(PAIR, 1.3)
 GRID, DAMPINGS, NEVER, AT_ONCE = [0.6, 0.7, 0.8], [0.01, 0.02], 1e6, 1e-9
 SCATTERED = {"tolerances": {"load": {"std": "1 %"}}, "n": 4}
 RUN = {"periods": 20, "record_periods": 2}
+STROBES = {"settle": 9, "strobes": 4}
 FORCE = {"quantities": ["force"], "speed": 3e3}
 #: Name -> (call with `max_seconds`, dimension of what is left out).
 CALLS = {
     "cold": (partial(gearlib.sweep, PAIR, GRID, **RUN), "tuning"),
     "up": (partial(gearlib.sweep, ONE, GRID, direction="up", **RUN), "tuning"),
-    "bifurcation": (
-        partial(gearlib.bifurcation_diagram, PAIR, GRID, settle=9, strobes=4),
-        "tuning",
-    ),
+    "bifurcation": (partial(gearlib.bifurcation_diagram, PAIR, GRID, **STROBES), "tuning"),
     "section": (partial(gearlib.poincare_section, PAIR, 0.8, np.eye(2), periods=3), "orbit"),
     "exponents": (partial(gearlib.lyapunov_exponents, PAIR, GRID, settle=0, periods=20), "tuning"),
     "tongues": (partial(gearlib.tongues, PAIR, parameter="damping", values=DAMPINGS), "damping"),
