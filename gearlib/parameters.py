@@ -688,4 +688,4 @@ METHOD_MODULES = {
     "smoothed": "embedded_pair",
     "heyoka": "heyoka",
 }
-MethodName = Literal[*METHOD_MODULES]
+MethodName = Literal[*METHOD_MODULES]  # type: ignore[valid-type]
