@@ -686,3 +686,17 @@ Decrement = Annotated[
 ]
 DrawnDamping = Annotated[Damping | None, described("k_1 in contact, in place of damping_ratio")]
 BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in free flight, beta_m")]
+
+#: Method of integration -> its module in `gearlib.integrators`; a start reads the names alone.
+METHOD_MODULES = {
+    "exact": "method",
+    "taylor": "method",
+    "rk4": "fixed_steps",
+    "rk45": "embedded_pair",
+    "newmark": "fixed_steps",
+    "generalised_alpha": "fixed_steps",
+    "scipy": "scipy_ivp",
+    "smoothed": "embedded_pair",
+    "heyoka": "heyoka",
+}
+MethodName = Literal[*METHOD_MODULES]  # type: ignore[valid-type]
