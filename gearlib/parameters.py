@@ -15,7 +15,7 @@ import math
 import re
 import textwrap
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import (
@@ -355,11 +355,14 @@ def place_of(root: Any, location: tuple) -> tuple[tuple, Any]:
 
 def _section_of_kind(union: Any, kind: Any) -> Any:
     """Return the section in a union whose key `kind` has this value, None if there is none."""
-    for section in get_args(union):
-        field = getattr(section, "__pydantic_fields__", {}).get("kind")
-        if field is not None and kind in get_args(field.annotation):
-            return section
-    return None
+    sections = (x for x in get_args(union) if kind in get_args(kinds([x])))
+    return next(sections, None)
+
+
+def kinds(sections: Iterable) -> Any:
+    """Return the type of the key `kind` that chooses among sections."""
+    fields = (getattr(section, "__pydantic_fields__", {}).get("kind") for section in sections)
+    return Literal[tuple(x for field in fields if field for x in get_args(field.annotation))]
 
 
 def dotted(path: tuple) -> str:
@@ -475,7 +478,6 @@ def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
         initialize = made.__init__
         names = [field.name for field in dataclasses.fields(made)]
 
-        @functools.wraps(initialize)
         def __init__(self, *args, **arguments):
             try:
                 initialize(self, *args, **arguments)
@@ -483,6 +485,7 @@ def declared(*, kw_only: bool = True) -> Callable[[type[_T]], type[_T]]:
                 given = dict(zip(names, args, strict=False)) | arguments
                 raise _input_error(error, made, given) from None
 
+        __init__.__module__ = cls.__module__  # for tools that read the code
         made.__init__ = __init__
         return documented(made)
 
@@ -557,11 +560,19 @@ def documented(constructor: Any) -> Any:
         head, raises, errors = text.partition("\n\nRaises\n---")
         constructor.__doc__ = "\n".join([head, *lines]) + (raises + errors or _RAISES)
     signature = inspect.signature(constructor)
-    plain_parameters = [
-        x.replace(annotation=parts(x.annotation)[0]) for x in signature.parameters.values()
-    ]
-    constructor.__signature__ = signature.replace(parameters=plain_parameters)
+    plain = [x.replace(annotation=_plain(x.annotation)) for x in signature.parameters.values()]
+    constructor.__signature__ = signature.replace(parameters=plain)
+    if inspect.isclass(constructor):
+        this = inspect.Parameter("self", inspect.Parameter.POSITIONAL_ONLY)
+        initialize: Any = constructor.__init__
+        initialize.__signature__ = signature.replace(parameters=[this, *plain])
     return constructor
+
+
+def _plain(annotation: Any) -> Any:
+    """Return the type of an annotation and of its items, without what is allowed."""
+    base, item = parts(annotation)[0], _item_of(annotation)
+    return base if item is None else get_origin(base)[(_plain(item), *get_args(base)[1:])]
 
 
 #: Factors to SI of the units of gear geometry, in which numbers are often given by mistake.
@@ -675,3 +686,17 @@ Decrement = Annotated[
 ]
 ContactDamping = Annotated[Damping | None, described("k_1 in contact, in place of damping_ratio")]
 BacklashDampingRatio = Annotated[NonNegative, described("Damping ratio in free flight, beta_m")]
+
+#: Method of integration -> its module in `gearlib.integrators`; a start reads the names alone.
+METHOD_MODULES = {
+    "exact": "method",
+    "taylor": "method",
+    "rk4": "fixed_steps",
+    "rk45": "embedded_pair",
+    "newmark": "fixed_steps",
+    "generalised_alpha": "fixed_steps",
+    "scipy": "scipy_ivp",
+    "smoothed": "embedded_pair",
+    "heyoka": "heyoka",
+}
+MethodName = Literal[*METHOD_MODULES]  # type: ignore[valid-type]

@@ -48,9 +48,8 @@ def numbers(words):
     inside = []
     for sign, minus, text in _BOUND.findall(words):
         bound = (_PI.get(text) or number(text)) * (-1 if minus else 1)
-        step = (
-            1 if number is int else max(1e-12, abs(bound) * 1e-12)
-        )  # of which the square is not 0
+        # The smallest step is one whose square is not 0.
+        step = 1 if number is int else max(1e-12, abs(bound) * 1e-12)
         step *= -1 if sign in (">", ">=", "from") else 1
         outside.append(bound if sign in "<>" else bound + step)
         inside.append(bound - step if sign in "<>" else bound)

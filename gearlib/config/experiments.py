@@ -391,11 +391,6 @@ class StabilityChart(grid_base(0.2, 2.6, 0.02)):
     )
 
 
-#: Names of `gearlib.methods()`, kept here so that a start need not load the numerical stack.
-MethodName = Literal[
-    *("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha"),
-    *("scipy", "smoothed", "heyoka"),
-]
 #: Integration method -> the optional package that it needs.
 METHOD_PACKAGES = {"heyoka": "heyoka"}
 
@@ -406,7 +401,7 @@ class Trial(Section):
     name: t.text(f"a text matching {t.NAME}", pattern=t.NAME) = field(
         "Name in the figure and in the data."
     )
-    method: MethodName = field("Name of the method, see `gearlib.methods`.")
+    method: p.MethodName = field("Name of the method, see `gearlib.methods`.")
     options: dict[t.Name, t.Option] = field("Options that are not the defaults.", {})
 
 
@@ -454,7 +449,9 @@ Problem = Literal[
 class WorkPrecision(Section):
     """Errors of the methods on test problems, against evaluations and wall time."""
 
-    methods: Distinct[MethodName] = field("Names of `gearlib.methods()`.", [*get_args(MethodName)])
+    methods: Distinct[p.MethodName] = field(
+        "Names of `gearlib.methods()`.", [*get_args(p.MethodName)]
+    )
     problems: Distinct[Problem] = field("Names of the test problems.", [*get_args(Problem)])
     damping: t.PositiveDamping = field("Linear damping, N s/m. Default: the largest one.", None)
     cubic_damping: t.quantity("N s^3/m^3", "5e-6 N s^3/mm^3", gt=0) = field(

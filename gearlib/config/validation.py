@@ -32,6 +32,10 @@ def _sentence(details: Any, root: type, content: Any) -> str:
         return _wrong_name(mapping, (*names[:-1], details["input"]), cause)
     if kind == "extra_forbidden":
         return unknown_key(root, annotation, (*path, names[-1]), details["input"])
+    if kind.startswith("union_tag"):  # the key that chooses among several sections
+        sections = get_args(parameters.parts(annotation)[0])
+        path, annotation = (*path, "kind"), parameters.kinds(sections)
+        kind = kind.replace("union_tag_not_found", "missing")
     key = parameters.dotted(path)
     if isinstance(cause, InputError):
         return sentence(cause, key, content)

@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from gearlib import checks
+from gearlib.parameters import METHOD_MODULES
 
 
 class _IntegratorTable(UserDict):
@@ -19,17 +20,7 @@ class _IntegratorTable(UserDict):
         return import_module(f"{__name__}.{self.data[name]}").METHODS[name]
 
 
-METHODS = _IntegratorTable(
-    exact="method",
-    taylor="method",
-    rk4="fixed_steps",
-    rk45="embedded_pair",
-    newmark="fixed_steps",
-    generalised_alpha="fixed_steps",
-    scipy="scipy_ivp",
-    smoothed="embedded_pair",
-    heyoka="heyoka",
-)
+METHODS = _IntegratorTable(METHOD_MODULES)
 
 #: Methods that are chosen by default; the others are for comparison.
 AUTOMATIC = ("exact", "taylor")

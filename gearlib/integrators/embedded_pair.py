@@ -4,8 +4,8 @@ import numpy as np
 
 from gearlib.engines.codes import OK
 from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, option
-from gearlib.integrators.run import MESH_PERIOD, Run
 from gearlib.integrators.right_hand_sides import OneDegree
+from gearlib.integrators.run import MESH_PERIOD, Run
 from gearlib.integrators.steps.embedded import DENSE_WEIGHTS, StepControl, take_embedded_steps
 from gearlib.parameters import Positive
 

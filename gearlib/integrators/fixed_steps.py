@@ -8,8 +8,8 @@ import numpy as np
 
 from gearlib.engines.codes import OK
 from gearlib.integrators.method import Integrator, option
-from gearlib.integrators.run import MAX_STATE, MESH_PERIOD, Run
 from gearlib.integrators.right_hand_sides import OneDegree, PiecewiseLinear, right_hand_side
+from gearlib.integrators.run import MAX_STATE, MESH_PERIOD, Run
 from gearlib.integrators.steps.fixed import (
     Scheme,
     tabulate_excitation,

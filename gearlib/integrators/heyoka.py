@@ -13,7 +13,6 @@ import numpy as np
 from gearlib.engines.codes import COAST, NO_CONTACT
 from gearlib.engines.taylor.series import damping_coefficients
 from gearlib.integrators.method import Integrator, Package, option
-from gearlib.integrators.run import Run
 from gearlib.integrators.right_hand_sides import (
     COAST_FLANK,
     DRIVE_FLANK,
@@ -21,6 +20,7 @@ from gearlib.integrators.right_hand_sides import (
     PiecewiseLinear,
     right_hand_side,
 )
+from gearlib.integrators.run import Run
 from gearlib.integrators.split import Arc, Branch, Split, Stall
 from gearlib.parameters import Positive
 

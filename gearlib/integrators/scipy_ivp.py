@@ -12,8 +12,8 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.integrators.method import ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE, Integrator, option
-from gearlib.integrators.run import MESH_PERIOD, Run, code_of_stall, within_range
 from gearlib.integrators.right_hand_sides import right_hand_side
+from gearlib.integrators.run import MESH_PERIOD, Run, code_of_stall, within_range
 from gearlib.integrators.split import Arc, Branch, FlankCrossing, Split, Stall
 from gearlib.parameters import CHOICE, Boolean, requirement
 

@@ -12,18 +12,18 @@ import numpy as np
 
 from gearlib.data import status
 from gearlib.engines.codes import BOTH, COAST, DRIVE, NO_CONTACT
+from gearlib.integrators.right_hand_sides import (
+    COAST_FLANK,
+    DRIVE_FLANK,
+    OneDegree,
+    PiecewiseLinear,
+)
 from gearlib.integrators.run import (
     MESH_PERIOD,
     Run,
     code_of_stall,
     next_contact_code,
     within_range,
-)
-from gearlib.integrators.right_hand_sides import (
-    COAST_FLANK,
-    DRIVE_FLANK,
-    OneDegree,
-    PiecewiseLinear,
 )
 
 

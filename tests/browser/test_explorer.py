@@ -38,6 +38,7 @@ GEOMETRY = {
 RELIEF = {"amount": "15 um", "length": "2 mm", "shape": "parabolic"}
 #: Samples of the time history that the page draws.
 SHOWN_SAMPLES = SHOWN_PERIODS * SAMPLES
+TRAIN = {"train": {"kind": "planetary"}}
 RELIEVED = config.overlay(GEOMETRY, {"gears": {"pinion": {"tip_relief": RELIEF}}})
 
 
@@ -249,11 +250,7 @@ def test_a_click_on_the_resonance_curve_moves_the_slider_there(name, at):
 @pytest.mark.parametrize(
     ("settings", "options", "words"),
     [
-        (
-            {"train": {"kind": "planetary"}},
-            (),
-            "gears is missing: the configuration describes a train",
-        ),
+        (TRAIN, (), "gears is missing: the configuration describes a train"),
         (GEOMETRY, ("--model", "train"), "No such option"),
     ],
 )

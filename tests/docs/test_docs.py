@@ -30,18 +30,9 @@ DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 NOTEBOOK = DOCS / "from_geometry.ipynb"
 
+DOCS_PACKAGES = "ipykernel material mkdocs_click mkdocstrings nbconvert ziamath".split()
 needs_mkdocs = pytest.mark.skipif(
-    any(
-        find_spec(name) is None
-        for name in (
-            "ipykernel",
-            "material",
-            "mkdocs_click",
-            "mkdocstrings",
-            "nbconvert",
-            "ziamath",
-        )
-    ),
+    not all(map(find_spec, DOCS_PACKAGES)),
     reason="mkdocs and its packages are not installed: pip install '.[docs]'",
 )
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.pair import contact_table, events, maps, motion, recorded_arcs, settling
+from gearlib.engines.pair import contact_table, events, maps, motion, sampling, settling
 from gearlib.engines.pair.elementary import cos_sin, decay
 
 TUNING = 0.8
@@ -94,7 +94,7 @@ def test_arcs_of_a_period_join_and_change_contact_at_the_lines():
         starts = [*map(tuple, arcs[1:, [events.DISPLACEMENT, events.VELOCITY]]), tuple(end)]
         for arc, following in zip(arcs, starts, strict=True):
             t = arc[events.START] + arc[events.DURATION]
-            x, v, _, force = recorded_arcs.state_in_arc(MESH, arc, t)
+            x, v, _, force = sampling.state_in_arc(MESH, arc, t)
             assert (x, v) == pytest.approx(following, abs=1e-12)
             assert arc[events.CONTACT] * force >= -1e-12
         changes = np.diff(arcs[:, events.CONTACT]) != 0.0

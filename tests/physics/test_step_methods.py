@@ -8,23 +8,14 @@ import pytest
 from scipy.integrate import RK45
 
 import gearlib
-from gearlib import GearPair, Harmonics, OneDegreePair, integrators, simulate
+from gearlib import GearPair, OneDegreePair, integrators, simulate
 from gearlib.data.status import NOT_CONVERGED, OVERFLOW
 from tests.paper import PAPER
-from tests.properties.known_models import TABLE
+from tests.properties.known_models import CUBIC, KNOWN
 
 PAIR = PAPER.replace(contact_ratio=1.5, material_damping=3953.7, backlash_damping=3953.7)
 OIL_FREE = PAIR.replace(contact_ratio=1.569, backlash_damping=0.0)
-FULL = OneDegreePair(
-    pair=PAIR.replace(backlash=12e-6, material_damping=1000.0, backlash_damping=300.0),
-    profile=TABLE,
-    quadratic_damping=3e4,
-    cubic_damping=4e5,
-    backlash_quadratic_damping=2e4,
-    cubic_stiffness=2e9,
-    excitation=Harmonics((0.0, 4000.0)),
-    deviation=Harmonics((2e-6,)),
-)
+FULL = KNOWN["everything"].model.replace(cubic_stiffness=2e9, **CUBIC)
 #: In the middle of its tongue, without backlash: every motion grows.
 GROWING = GearPair.from_ratios(contact_ratio=1.5, stiffness_ratio=0.3, backlash_ratio=0.0)
 SPLIT = {"solver": "DOP853", "rtol": 1e-12, "atol": 1e-12, "events": True}

@@ -3,58 +3,38 @@
 import dataclasses
 import math
 
-from gearlib import GearPair, Harmonics
+import pint
 
-#: Field -> powers of length, mass and time in its unit; what is not here is a number.
-UNITS = {
-    field: powers
-    for powers, fields in {
-        (1, 0, 0): "backlash deviation coast_deviation base_radii base_radius eccentricities "
-        "eccentricity offset error transmission_error",
-        (0, 1, 0): "reduced_mass masses mass",
-        (2, 1, 0): "inertias inertia",
-        (1, 1, -2): "load excitation",
-        (2, 1, -2): "torques torque torsional_stiffness stiffness",
-        (0, 1, -2): "max_stiffness bearing_stiffness support_stiffness bending_stiffness",
-        (-1, 0, 0): "quadratic_stiffness",
-        (-2, 0, 0): "cubic_stiffness",
-        (0, 1, -1): "material_damping backlash_damping bearing_damping support_damping "
-        "bending_damping",
-        (2, 1, -1): "torsional_damping damping",
-        (-1, 1, 0): "quadratic_damping backlash_quadratic_damping",
-        (-2, 1, 1): "cubic_damping backlash_cubic_damping",
-        (0, 0, -1): "reference_frequency",
-    }.items()
-    for field in fields.split()
-}
-NUMBERS = {
-    *("stiffness_ratio", "contact_ratio", "teeth", "run_out_phase", "friction", "pitch_phase"),
-    *("moving_backlash", "preload", "profile", "name", "bodies", "carrier", "angle"),
-    *("eccentricity_phase", "pinion", "wheel", "internal", "position", "pressure_angle"),
-    *("line_of_action", "direction", "phase", "coast_phase", "tooth_thickness", "reference"),
-    *("carrier_ratio", "gyroscopic", "driving", "keying"),
-}
+from gearlib import GearPair, Harmonics
+from gearlib.parameters import declared_parameters
+
+REGISTRY = pint.UnitRegistry()
+#: Field -> unit of its `Harmonics`; other fields declare theirs.
+HARMONICS = dict.fromkeys(("deviation", "coast_deviation", "transmission_error"), "m")
+HARMONICS["excitation"] = "N"
+
+
+def unit_factor(unit, length, mass, time):
+    """Return the number of a unit whose length, mass and time are smaller by these factors."""
+    scales = {"[length]": length, "[mass]": mass, "[time]": time}
+    dimensions = REGISTRY.Unit(unit).dimensionality
+    return math.prod(scales[name] ** power for name, power in dimensions.items())
 
 
 def in_units(value, length=1.0, mass=1.0, time=1.0):
-    """Return a model whose numbers are those of smaller units, by these factors.
-
-    A field that neither table knows is an error: a new parameter has to say its unit.
-    """
-    changes = {}
-    for field in dataclasses.fields(value):
-        own = getattr(value, field.name)
-        if field.name in UNITS and not (field.name == "bodies" or own is None):
-            powers = zip((length, mass, time), UNITS[field.name], strict=True)
-            changes[field.name] = _times(own, math.prod(base**power for base, power in powers))
-        elif dataclasses.is_dataclass(own) and not isinstance(own, Harmonics):
-            # A profile holds numbers only.
-            inner = isinstance(own, GearPair)
-            changes[field.name] = in_units(own, length, mass, time) if inner else own
+    """Return a model whose numbers are those of smaller units, by these factors."""
+    changes, declared = {}, declared_parameters(type(value))
+    for name in declared.keys() | {"pair"} & vars(value).keys():
+        own = getattr(value, name)
+        unit = declared[name].unit if name in declared else ""
+        if isinstance(own, Harmonics):
+            unit = HARMONICS[name]
+        if unit and own is not None:
+            changes[name] = _times(own, unit_factor(unit, length, mass, time))
+        elif isinstance(own, GearPair):
+            changes[name] = in_units(own, length, mass, time)
         elif isinstance(own, tuple) and own and dataclasses.is_dataclass(own[0]):
-            changes[field.name] = tuple(in_units(part, length, mass, time) for part in own)
-        else:
-            assert own in (None, ()) or field.name in NUMBERS, f"{field.name} has no unit"
+            changes[name] = tuple(in_units(part, length, mass, time) for part in own)
     return dataclasses.replace(value, **changes)
 
 

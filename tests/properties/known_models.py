@@ -195,6 +195,12 @@ def _of(pair=LINEAR, **more):
     return OneDegreePair(pair=pair, **more)
 
 
+_NARROW, _SERIES = LINEAR.replace(backlash=12e-6), Series(1.4, Harmonics((0.4,), (0.2, -0.1)))
+_WAVES = {"excitation": Harmonics((0.0, 4000.0)), "deviation": Harmonics((2e-6,))}
+_CHAINS = [chain_with_everything(np.random.default_rng(seed)) for seed in range(3)]
+_BOUNCING = {"stiffness_ratio": (0.7, 0.7), "reference_frequency": 1475.7}
+_RIGID_PINS = {"support_stiffness": (1e8, 1e8, 1e8, math.inf), "backlash": 5e-6}
+_RIGID_PINS["stiffness_ratio"] = (0.6, 0.6)
 _TURNING = {"turning": True, "gyroscopic": True, "stiffness_ratio": (0.7, 0.7)}
 KNOWN = {
     "pair": Known(DAMPED, 0.9, (1.0, -3.0)),
@@ -211,24 +217,10 @@ KNOWN = {
     "table": Known(_of(profile=TABLE), 0.8, (1.0, -3.0)),
     "excited": Known(_of(excitation=Harmonics((500.0, 200.0), (-800.0,))), 0.8, (1.0, -3.0)),
     "deviating": Known(_of(deviation=Harmonics((3e-6,), (1e-6, 1e-6))), 0.7, (1.0, -3.0)),
-    "everything": Known(
-        _of(
-            LINEAR.replace(backlash=12e-6),
-            profile=TABLE,
-            **QUADRATIC,
-            excitation=Harmonics((0.0, 4000.0)),
-            deviation=Harmonics((2e-6,)),
-        ),
-        0.6,
-        (1.0, -3.0),
-    ),
+    "everything": Known(_of(_NARROW, profile=TABLE, **QUADRATIC, **_WAVES), 0.6, (1.0, -3.0)),
     "oscillator": Known(OSCILLATOR, 0.8, (0.3, -1.0)),
     "unequal sides": Known(UNEQUAL, 1.3, (0.2, 0.9)),
-    "series": Known(
-        replace(OSCILLATOR, upper_stiffness=Series(1.4, Harmonics((0.4,), (0.2, -0.1)))),
-        0.8,
-        (0.3, -1.0),
-    ),
+    "series": Known(OSCILLATOR.replace(upper_stiffness=_SERIES), 0.8, (0.3, -1.0)),
     **{name: Known(*one, (0.2, 0.9)) for name, one in published.PROBLEMS.items()},
     "soft bearings": Known(gears(3e7, free=True), 0.66, (0.0, 0.0), 8),
     "rigid bearings": Known(gears(math.inf, 3953.7, 500.0), 0.8, (1.0, -4.0)),
@@ -252,25 +244,11 @@ KNOWN = {
     "chain that strikes": Known(CHAIN, 0.7, STRIKING, 2),
     "pair as a train": Known(pairs_as_train(DAMPED), 0.9, (0.15, 0.15, -3.0, -3.0)),
     "idler that deviates": Known(_wavy_idler(), 0.9, (0.0,) * 6, 2),
-    **{
-        f"chain with everything {seed}": Known(
-            chain_with_everything(np.random.default_rng(seed)), 0.9, "static", 6
-        )
-        for seed in range(3)
-    },
+    **{f"chain with everything {i}": Known(x, 0.9, "static", 6) for i, x in enumerate(_CHAINS)},
     "ring that drives": Known(ring_driven_train(), 3.0, "static", 4),
-    "bouncing planets": Known(
-        gearlib.planetary(stiffness_ratio=(0.7, 0.7), reference_frequency=1475.7), 1.0, "static", 4
-    ),
+    "bouncing planets": Known(gearlib.planetary(**_BOUNCING), 1.0, "static", 4),
     "turning planets": Known(gearlib.planetary(**_TURNING, backlash=1e-6), 0.2, "static", 3),
     "two stages": Known(gearlib.two_stage(PAPER), 0.8, "static", 3),
     "reducer": Known(gearlib.split_power_reducer(PAPER, internal=True), 0.95, "static", 3),
-    "rigid pins": Known(
-        gearlib.planetary(
-            stiffness_ratio=(0.6, 0.6), support_stiffness=(1e8, 1e8, 1e8, math.inf), backlash=5e-6
-        ),
-        1.0,
-        "static",
-        3,
-    ),
+    "rigid pins": Known(gearlib.planetary(**_RIGID_PINS), 1.0, "static", 3),
 }

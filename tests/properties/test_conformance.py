@@ -17,6 +17,7 @@ import gearlib
 from gearlib import periodic_orbit, simulate
 from gearlib.analysis.orbits.shooting import compose, floquet_multipliers
 from tests.independent import program
+from tests.independent.differences import SHARES
 from tests.independent.systems import describe, equations_of, move
 from tests.properties.cases import CASES, random_trains_case
 from tests.properties.known_models import (
@@ -32,7 +33,6 @@ from tests.properties.known_models import (
 from tests.properties.test_properties import FEW, comparison_tolerance
 
 SAMPLES = 16
-TIMES = ("fraction_drive", "contact_loss_fraction", "fraction_coast", "fraction_min_stiffness")
 
 
 def by_contact(events, count):
@@ -87,7 +87,7 @@ def assert_same_motion(case, run, motion, tolerance):
         expected, found = [extremum(row) for row in values], run[f"{name}_{extremum.__name__}"]
         np.testing.assert_allclose(np.ravel(found), expected, rtol=0, atol=atol, err_msg=name)
     shares = np.array(motion.record.durations).T / (2.0 * math.pi * case.periods)
-    for name, expected in zip(TIMES, shares, strict=True):
+    for name, expected in zip(SHARES, shares, strict=True):
         np.testing.assert_allclose(np.ravel(run[name]), expected, rtol=0, atol=1e5 * tolerance)
 
 

@@ -12,6 +12,7 @@ import pytest
 import gearlib
 from gearlib import Fourier, GearPair, OneDegreePair, integrators, simulate, sweep
 from gearlib.engines.summary_columns import COLUMNS
+from tests.independent.differences import SHARES
 from tests.paper import PAPER
 from tests.physics.test_step_methods import FULL, OIL_FREE, PAIR, SPLIT, VARIANTS
 from tests.properties.cases import random_trains_case
@@ -55,7 +56,6 @@ MOTIONS = {
     **{f"random train {seed}": Known(*random_trains_case(seed), 2) for seed in (0, 5)},
 }
 STATES = ("displacement", "velocity", "acceleration", "dynamic_force", "final_state")
-SHARES = ("fraction_drive", "contact_loss_fraction", "fraction_coast", "fraction_min_stiffness")
 EXTREMA = ("displacement_max", "displacement_min")
 INSTALLED = {method for method in METHODS if integrators.describe_method(method).available}
 

@@ -12,14 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gearlib
-from gearlib import DeadZoneOscillator, OneDegreePair, simulate
+from gearlib import OneDegreePair, simulate
 from tests.independent.systems import describe, system_of
 from tests.properties.cases import CASES
-from tests.properties.known_models import UNDAMPED, gears
+from tests.properties.known_models import OSCILLATOR, UNDAMPED, gears
 from tests.properties.test_properties import FEW
 
-CONSTANT = UNDAMPED.replace(contact_ratio=2.0, backlash=12e-6)
-_FREE = {"structural_damping": 0.0, "material_damping": 0.0, "backlash_damping": 0.0}
+CONSTANT, NO_WAVE = UNDAMPED.replace(contact_ratio=2.0, backlash=12e-6), gearlib.Harmonics()
+SIX = gears(1e9, share=0.0, backlash=12e-6).replace(pair=CONSTANT)
+PLANETS = {"structural_damping": 0.0, "material_damping": 0.0, "backlash_damping": 0.0}
+PLANETS["backlash"] = 1e-6
+POWERS = {"quadratic_stiffness": 5e3, "cubic_stiffness": 2e9}
+STILL = {"damping": 0.0, "upper_damping": 0.0, "forcing": NO_WAVE, "deviation": NO_WAVE}
+REDUCER = gearlib.split_power_reducer(CONSTANT.replace(backlash=2e-6), internal=True)
 
 
 def _undamped(train):
@@ -32,39 +37,13 @@ def _undamped(train):
 #: which it meets all flanks.
 CONSERVATIVE = {
     "gear pair": (CONSTANT, (1.0, -6.0)),
-    "powers": (
-        OneDegreePair(pair=CONSTANT, quadratic_stiffness=5e3, cubic_stiffness=2e9),
-        (1.0, -6.0),
-    ),
-    "oscillator": (
-        DeadZoneOscillator(
-            upper_edge=0.2,
-            lower_edge=-0.9,
-            upper_stiffness=1.3,
-            lower_stiffness=0.8,
-            ground_stiffness=0.1,
-            load=0.1,
-        ),
-        (0.3, -3.0),
-    ),
-    **{
-        f"six degrees, backlash that moves: {moving}": (
-            gears(1e9, share=0.0, backlash=12e-6, moving_backlash=moving).replace(pair=CONSTANT),
-            (5.0, 0.0),
-        )
-        for moving in (False, True)
-    },
-    **{
-        f"planets, turning: {turning}": (
-            gearlib.planetary(backlash=1e-6, turning=turning, gyroscopic=turning, **_FREE),
-            3.0,
-        )
-        for turning in (False, True)
-    },
-    "reducer": (
-        _undamped(gearlib.split_power_reducer(CONSTANT.replace(backlash=2e-6), internal=True)),
-        3.0,
-    ),
+    "powers": (OneDegreePair(pair=CONSTANT, **POWERS), (1.0, -6.0)),
+    "oscillator": (OSCILLATOR.replace(**STILL), (0.3, -3.0)),
+    "six degrees": (SIX, (5.0, 0.0)),
+    "coast-side flank at rest": (SIX.replace(moving_backlash=False), (5.0, 0.0)),
+    "planets": (gearlib.planetary(**PLANETS), 3.0),
+    "turning planets": (gearlib.planetary(**PLANETS, turning=True, gyroscopic=True), 3.0),
+    "reducer": (_undamped(REDUCER), 3.0),
 }
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import gearlib
-from gearlib import geometry as g
 from gearlib import plot
 from gearlib.analysis.duty_point import duty_point
 from gearlib.analysis.orbits.jumps import main_resonance
@@ -116,16 +115,3 @@ def test_a_run_up_on_the_coast_side_shows_its_largest_forces():
     np.testing.assert_allclose(largest_force(coast), expected, rtol=1e-6)
     (line, *_) = plot.run_up(coast).lines
     assert np.nanmax(line.get_ydata()) == pytest.approx(expected[:, 0].max(), rel=1e-6)
-
-
-def test_gears_given_by_geometry_have_one_stiffness_for_both_directions_of_the_torque():
-    # At this torque the stiffness of ISO 6336 depends on the load.
-    gears = (
-        g.SpurGear(teeth=23, module=3e-3, width=30e-3),
-        g.SpurGear(teeth=61, module=3e-3, width=30e-3),
-    )
-    drive, coast = (
-        gearlib.Mesh.from_geometry(g.GearStage(*gears), "pinion", "wheel", torque=torque)
-        for torque in (20.0, -20.0)
-    )
-    assert coast == drive

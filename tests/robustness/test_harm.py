@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.workflow.project import SNAKEMAKE, Project, small_project
+from tests.workflow.project import SNAKEMAKE, Project, few_jobs, small_project
 
 pytestmark = pytest.mark.slow
 
@@ -38,12 +38,8 @@ def tiny_project(folder):
     """Return a project of seven jobs: a phase plane for each of two dampings, the phase lag."""
 
     def configure(settings):
-        for section in (settings["dampings"], settings["figures"]["colours"]):
-            for name in section.keys() - {"k1", "k1m"}:
-                del section[name]
+        few_jobs(settings, "k1", "k1m")
         settings["figures"]["formats"] = ["png", "pdf"]
-        settings["stability_chart"] = {"damping": "k1"}
-        settings["scenes"] = {}
         settings["targets"] = ["phase_planes", "phase_lag"]
 
     project = small_project(folder)

@@ -5,7 +5,7 @@ import subprocess
 import pytest
 
 from tests.slurm import cluster
-from tests.workflow.project import SNAKEMAKE, TIMEOUT, small_project
+from tests.workflow.project import few_jobs, small_project
 
 TARGETS = ["results/resonance.nc", "results/figures/fig2_phase_shift.png"]
 
@@ -22,11 +22,8 @@ def slurm():
 
 def only_a_few_jobs(settings):
     """Leave one damping, a window and an upward sweep: a job costs seconds on Slurm."""
-    settings["dampings"] = {"k1": settings["dampings"]["k1"]}
-    settings["figures"]["colours"] = {"k1": "#000000"}
+    few_jobs(settings, "k1")
     settings["resonance"] |= {"directions": ["cold", "up"]}
-    settings["stability_chart"] = {"damping": "k1"}
-    settings["scenes"] = {}
     settings["targets"] = ["phase_lag", "resonance"]
 
 
@@ -41,29 +38,20 @@ def test_jobs_on_slurm_write_the_same_bytes_as_local_jobs(slurm, tmp_path):
     for project in (here, there):
         project.configure(only_a_few_jobs)
     here.snakemake("-j2", *TARGETS)
-    done = subprocess.run(
-        [
-            SNAKEMAKE,
-            *TARGETS,
-            "--profile=profiles/slurm",
-            # Slurm has no accounting here. A question for the status before a job has ended is
-            # repeated ten seconds later, so the first one comes after 9 s.
-            "--slurm-status-command=squeue",
-            "--slurm-no-account",
-            "--slurm-init-seconds-before-status-checks=9",
-            "--latency-wait=5",
-        ],
-        cwd=there.folder,
-        env=slurm,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=TIMEOUT,
+    # Slurm has no accounting here. A question for the status before a job has ended is repeated ten
+    # seconds later, so the first one comes after 9 s.
+    printed = there.snakemake(
+        *TARGETS,
+        "--profile=profiles/slurm",
+        "--slurm-status-command=squeue",
+        "--slurm-no-account",
+        "--slurm-init-seconds-before-status-checks=9",
+        "--latency-wait=5",
+        **slurm,
     )
-    assert done.returncode == 0, done.stdout
-    jobs = done.stdout.count("has been submitted with SLURM jobid")
+    jobs = printed.count("has been submitted with SLURM jobid")
     # Kernels; a window and an upward sweep; gathering; the lag and its figure.
-    assert jobs == 1 + 2 + 1 + 2, done.stdout
+    assert jobs == 1 + 2 + 1 + 2, printed
     assert results(there) == results(here)
     assert set(TARGETS) <= set(here.results())
     finished = subprocess.run(

@@ -5,14 +5,17 @@ motions that are run without the check for jamming.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import gearlib
-from gearlib import Body, GearTrain, Harmonics, Mesh
+from gearlib import Harmonics
 from gearlib.data import status
 from tests.independent.systems import describe, system_of
+from tests.paper import PAPER
+from tests.properties.known_models import pairs_as_train
 from tests.trains.random_trains import jamming_problem
 
 #: Samples of a mesh period; the largest overlap, in static deflections, that is rounding.
@@ -21,21 +24,11 @@ SAMPLES, ROUNDING = 2000, 1e-9
 
 def two_gears(drive, coast, backlash=1e-6, load=400.0):
     """Return a train of two equal gears, with cosine deviations of both flanks; m and N."""
-    radius = 0.05
-    body = dict(teeth=24, base_radius=radius, inertia=6.0 * radius**2, torque=load * radius)
-    mesh = Mesh(
-        pinion="a",
-        wheel="b",
-        max_stiffness=4e8,
-        stiffness_ratio=0.6,
-        contact_ratio=1.5,
-        backlash=backlash,
-        material_damping=2000.0,
-        backlash_damping=500.0,
-        deviation=Harmonics((drive,)),
-        coast_deviation=Harmonics((coast,)),
-    )
-    return GearTrain(bodies=[Body(name="a", **body), Body(name="b", **body)], meshes=[mesh])
+    stiffness = {"stiffness_ratio": 0.6, "contact_ratio": 1.5, "reduced_mass": 3.0}
+    damping = {"material_damping": 2000.0, "backlash_damping": 500.0}
+    train = pairs_as_train(PAPER.replace(load=load, backlash=backlash, **stiffness, **damping))
+    waves = {"deviation": Harmonics((drive,)), "coast_deviation": Harmonics((coast,))}
+    return train.replace(meshes=[replace(train.meshes[0], **waves)])
 
 
 def run_without_jamming_check(train, tuning, state, periods):

@@ -9,12 +9,11 @@ import scipy.integrate
 import gearlib
 from gearlib.data import status
 from tests.paper import PAPER
+from tests.physics.test_step_methods import SPLIT
 
 VARIABLES = ("displacement", "velocity", "dynamic_force", "body_motion", "final_state", "bounces")
 VARIABLES += ("mean_force", "fraction_drive", "contact_loss_fraction", "fraction_coast")
 VARIABLES += ("fraction_min_stiffness",)
-#: With these options of scipy the run stops at each contact event and starts anew.
-SPLIT = {"solver": "DOP853", "events": True, "rtol": 1e-12, "atol": 1e-12}
 #: The state from which `bouncing` strikes the far side.
 START = (0.5, 3.0, -2.0, 0.0, 1.0, 0.0)
 

@@ -41,10 +41,8 @@ class Stop(Model):
             coast_stiffness=side,
             damping=damping,
             stiffness_powers=np.array([0.0, self.hardening]),  # quadratic, cubic
-            ground_stiffness=0.0,
             load=1.0,
             force=Harmonics((0.5,)).table(),
-            deviation=Harmonics().table(),
             natural_frequency=math.sqrt(self.stiffness),
         )
 
@@ -217,18 +215,3 @@ def test_a_locus_from_a_point_that_is_not_special_ends_in_a_sentence(model):
         branch.label[0] = label
         with pytest.raises((ValueError, NoOrbit), match="point|not allowed"):
             gearlib.locus(pair, branch, 0, "backlash_ratio", to=5.0, max_points=3)
-
-
-def test_a_new_model_moves_as_its_equation_says():
-    # The same oscillator in the parameters of a model of the library.
-    twin = DeadZoneOscillator(upper_stiffness=1.0, damping=0.1, load=1.0, forcing=Harmonics((0.5,)))
-    new = MODELS["linear stop"]
-    assert [*new.propagators] == ["exact", "taylor"]
-    assert [*MODELS["hard stop"].propagators] == ["taylor"]
-    curves = [sweep(model, [0.5, NU], periods=50, record_periods=8) for model in (new, twin)]
-    for variable in curves[0].data_vars:
-        np.testing.assert_array_equal(*(curve[variable] for curve in curves))
-    assert "a mass at a stop" in curves[0].attrs["title"]
-    np.testing.assert_array_equal(*(periodic_orbit(model, NU).multipliers for model in (new, twin)))
-    with pytest.raises(ValueError, match="method = 'rk4' is not allowed for this Stop"):
-        simulate(new, NU, periods=1, method="rk4")

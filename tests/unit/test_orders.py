@@ -8,8 +8,9 @@ import xarray as xr
 
 import gearlib
 from gearlib import GearPair, LoadSharingPair, duty_point, orders, simulate
-from gearlib.geometry import GearStage, SpurGear, TipRelief, dynamic_factor
+from gearlib.geometry import GearStage, SpurGear, dynamic_factor
 from tests.geometry.stages import own
+from tests.physics.test_order_maps import OPTIONS, assert_orders, ramp
 
 COMMON = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "teeth": 24}
 LOSING = GearPair.from_ratios(damping=0.02, backlash_ratio=0.5, backlash_damping=0.01, **COMMON)
@@ -56,37 +57,21 @@ def test_what_has_no_revolutions_is_refused():
     assert orders(run(record_periods=2)).order.values[1] == 12.0
 
 
-def chirp():
-    """Return a signal of a mean and waves of orders 3 and 12, and the revolutions made.
-
-    It begins after 2 s; the speed goes from 600 to 1800 rpm in 6 s.
-    """
-    t = 2.0 + np.arange(120_000) / 20_000.0
-    speed = 600.0 + 200.0 * (t - 2.0)
-    turns = (600.0 + 100.0 * (t - 2.0)) * (t - 2.0) / 60.0
-    x = 0.5 + 2.0 * np.cos(math.tau * 3.0 * turns + 0.4) + np.sin(math.tau * 12.0 * turns)
-    data = {"acceleration": ("sample", x, {"units": "m s-2"})}
-    return xr.Dataset(data, {"time": ("sample", t), "speed": ("sample", speed)}), turns
-
-
-def test_a_chirp_has_its_orders_by_its_speed_or_a_tacho():
-    data, turns = chirp()
-    options = {"variable": "acceleration", "amplitude": "peak", "highest": 20, "teeth": 24}
-    levels = gearlib.order_map(data, **options)
-    assert levels.sizes["time"] == int(turns[-1]) and float(levels.teeth) == 24.0
-    # Splines through ten samples of the shortest wave and more.
-    exact = np.zeros(21)
-    exact[[0, 3, 12]] = 0.5, 2.0, 1.0
-    assert np.abs(levels.amplitude.values - exact).max() < 2e-5
-    assert np.abs(levels.phase.sel(order=3) - 0.4).max() < 1e-5
+def test_a_signal_of_known_orders_has_them_by_its_speed_or_a_tacho():
+    data, turns = ramp(600.0, 1800.0, jitter=0.0)
+    revolutions = turns(data.time.values)
+    data = data.assign_coords(time=data.time + 2.0)
+    levels = gearlib.order_map(data, teeth=24, **OPTIONS)
+    assert levels.sizes["time"] == int(revolutions[-1]) and float(levels.teeth) == 24.0
+    assert_orders(levels, 2e-5)
     assert np.abs(levels.overall - math.sqrt(2.5)).max() < 1e-4
     np.testing.assert_allclose(levels.rpm, 600.0 + 200.0 * (levels.time.values - 2.0), rtol=2e-3)
-    track = gearlib.order_map(data, orders=[12], variable="acceleration")
+    track = gearlib.order_map(data, orders=[3], variable="acceleration")
     assert np.abs(track.amplitude - math.sqrt(0.5)).max() < 2e-5
-    pulses = np.interp(np.arange(int(turns[-1]) + 1), turns, data.time.values)
-    by_tacho = gearlib.order_map(data.drop_vars("speed"), tacho=pulses, **options)
+    pulses = np.interp(np.arange(int(revolutions[-1]) + 1), revolutions, data.time.values)
+    by_tacho = gearlib.order_map(data.drop_vars("speed"), tacho=pulses, **OPTIONS)
     # The first and last pulses have neighbours on one side only.
-    assert np.abs(by_tacho.amplitude.values - exact)[3:-3].max() < 1e-4
+    assert_orders(by_tacho.isel(time=slice(3, -3)))
 
 
 def test_the_last_revolution_counts_and_powers_have_squared_units():
@@ -118,7 +103,7 @@ def test_the_last_revolution_counts_and_powers_have_squared_units():
     ],
 )
 def test_what_has_no_orders_is_refused(change, options, words):
-    data, _ = chirp()
+    data, _ = ramp(600.0, 1800.0)
     for name, value in change.items():
         data = data.drop_vars(name) if value is None else data.copy(deep=True)
         if value is not None:
@@ -146,18 +131,6 @@ def test_a_duty_point_is_the_settled_run_in_si_units():
     # The motion repeats and is never without drive-side contact.
     assert duty.settled == 1 and duty.contact_loss_fraction == pytest.approx(0.0, abs=1e-12)
     assert all({"units", "long_name"} <= value.attrs.keys() for value in duty.data_vars.values())
-
-
-def test_gears_with_tip_relief_are_computed_by_load_sharing():
-    relief, options = TipRelief(amount=8e-6, length=2e-3), {"torque": 85.0, "damping_ratio": 0.1}
-    mesh = MESH.with_reliefs(relief, relief)
-    relieved = duty_point(mesh, 3000.0, stiffness="energy", **options)
-    expected = duty_point(LoadSharingPair.from_geometry(mesh, **options), 3000.0)
-    for name in ("dynamic_factor", "error_peak_to_peak", "mesh_order_error"):
-        np.testing.assert_allclose(relieved[name], expected[name], rtol=1e-12)
-    # The relief matters: its effect is larger than 2 %.
-    plain = duty_point(MESH, 3000.0, **options)
-    assert abs(relieved.dynamic_factor / plain.dynamic_factor - 1.0) > 0.02
 
 
 def test_mesh_orders_that_cannot_be_told_from_free_vibrations_are_nan():

@@ -78,10 +78,7 @@ NO_RESULTS = [
 ODD = {
     "no backlash": (resonance_figure, CURVES.assign(backlash_ratio=0.0)),
     "no coast-side flank": (resonance_figure, CURVES.assign(backlash_ratio=math.inf)),
-    "planes without a coast-side flank": (
-        phase_planes_figure,
-        PLANES.assign(backlash_ratio=math.inf),
-    ),
+    "planes of one flank": (phase_planes_figure, PLANES.assign(backlash_ratio=math.inf)),
     "a plane without a result": (phase_planes_figure, NO_PLANE),
     "no result at a tuning": (resonance_figure, SHORT),
     "one tuning": (resonance_figure, CURVES.isel(tuning=[4])),

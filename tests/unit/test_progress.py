@@ -3,6 +3,7 @@
 import io
 import json
 import sys
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,34 +17,21 @@ from tests.paper import PAPER
 PAIR = PAPER.replace(material_damping=4e3)
 ONE = gearlib.OneDegreePair(pair=PAIR)
 ORBIT = gearlib.periodic_orbit(PAIR, 1.3)
-GRID, NEVER, AT_ONCE = [0.6, 0.7, 0.8], 1e6, 1e-9
+GRID, DAMPINGS, NEVER, AT_ONCE = [0.6, 0.7, 0.8], [0.01, 0.02], 1e6, 1e-9
 SCATTERED = {"tolerances": {"load": {"std": "1 %"}}, "n": 4}
 RUN = {"periods": 20, "record_periods": 2}
+STROBES = {"settle": 9, "strobes": 4}
+FORCE = {"quantities": ["force"], "speed": 3e3}
 #: Name -> (call with `max_seconds`, dimension of what is left out).
 CALLS = {
-    "cold": (lambda **k: gearlib.sweep(PAIR, GRID, **RUN, **k), "tuning"),
-    "up": (lambda **k: gearlib.sweep(ONE, GRID, direction="up", **RUN, **k), "tuning"),
-    "bifurcation": (
-        lambda **k: gearlib.bifurcation_diagram(PAIR, GRID, settle=9, strobes=4, **k),
-        "tuning",
-    ),
-    "section": (
-        lambda **k: gearlib.poincare_section(PAIR, 0.8, np.eye(2), periods=3, **k),
-        "orbit",
-    ),
-    "exponents": (
-        lambda **k: gearlib.lyapunov_exponents(PAIR, GRID, settle=0, periods=20, **k),
-        "tuning",
-    ),
-    "tongues": (
-        lambda **k: gearlib.tongues(PAIR, parameter="damping", values=[0.01, 0.02], **k),
-        "damping",
-    ),
-    "scatter": (
-        lambda **k: gearlib.scatter(PAIR, quantities=["force"], speed=3e3, **SCATTERED, **k),
-        "sample",
-    ),
-    "branch": (lambda **k: gearlib.continue_orbit(ORBIT, to=1.2, **k), "point"),
+    "cold": (partial(gearlib.sweep, PAIR, GRID, **RUN), "tuning"),
+    "up": (partial(gearlib.sweep, ONE, GRID, direction="up", **RUN), "tuning"),
+    "bifurcation": (partial(gearlib.bifurcation_diagram, PAIR, GRID, **STROBES), "tuning"),
+    "section": (partial(gearlib.poincare_section, PAIR, 0.8, np.eye(2), periods=3), "orbit"),
+    "exponents": (partial(gearlib.lyapunov_exponents, PAIR, GRID, settle=0, periods=20), "tuning"),
+    "tongues": (partial(gearlib.tongues, PAIR, parameter="damping", values=DAMPINGS), "damping"),
+    "scatter": (partial(gearlib.scatter, PAIR, **FORCE, **SCATTERED), "sample"),
+    "branch": (partial(gearlib.continue_orbit, ORBIT, to=1.2), "point"),
 }
 
 

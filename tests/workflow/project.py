@@ -98,6 +98,14 @@ def small_project(folder):
     return project
 
 
+def few_jobs(settings, *dampings):
+    """Leave only some dampings, and no scenes, in a configuration."""
+    for section in (settings["dampings"], settings["figures"]["colours"]):
+        for name in section.keys() - {*dampings}:
+            del section[name]
+    settings |= {"scenes": {}, "stability_chart": {"damping": dampings[0]}}
+
+
 def recorded_run(folder):
     """Run `snakemake -j2` in a new small project; return it, what it printed, and its records."""
     records = folder / "records"

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.workflow.project import ROOT
+from tests.workflow.project import ROOT, small_project
 
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 _BLOCK = re.compile(r'^```(\w+) title="([^"]+)"\n(.*?)^```', re.DOTALL | re.MULTILINE)
@@ -19,14 +19,15 @@ def follow(folder, heading):
     recipe = re.search(rf"^### {heading}\n(.*?)^##", PAGE, re.DOTALL | re.MULTILINE)[1]
     for language, name, text in _BLOCK.findall(recipe):
         path = folder / name
-        old = path.read_text(encoding="utf-8") if path.exists() else ""
+        new = path.read_text(encoding="utf-8") if path.exists() else ""
         if language == "diff":
-            lines = text.splitlines(keepends=True)
-            before = "".join(line[1:] for line in lines if line[0] != "+")
-            assert old.count(before) == 1, f"{name}: {before}"
-            new = old.replace(before, "".join(line[1:] for line in lines if line[0] != "-"))
+            for hunk in text.split("@@\n"):
+                lines = hunk.splitlines(keepends=True)
+                before = "".join(line[1:] for line in lines if line[0] != "+")
+                assert new.count(before) == 1, f"{name}: {before}"
+                new = new.replace(before, "".join(line[1:] for line in lines if line[0] != "-"))
         else:
-            new = f"{old}\n\n{text}" if old else text
+            new = f"{new}\n\n{text}" if new else text
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(new, encoding="utf-8")
 
@@ -67,13 +68,17 @@ def test_a_stiffness_profile(copy):
 
 
 MODEL = """
+import numpy as np
 import gearlib
 stop = gearlib.Stop(stiffness=1.0)
 twin = gearlib.DeadZoneOscillator(
     upper_stiffness=1.0, damping=0.1, load=1.0, forcing=gearlib.Harmonics((0.5,))
 )
-runs = [gearlib.simulate(model, 0.9, periods=5) for model in (stop, twin)]
-print(*(float(run.displacement_max) for run in runs))
+runs = [gearlib.sweep(model, [0.5, 0.9], periods=5, record_periods=2) for model in (stop, twin)]
+assert all(np.array_equal(runs[0][x], runs[1][x], equal_nan=True) for x in runs[0].data_vars)
+orbits = [gearlib.periodic_orbit(model, 0.9) for model in (stop, twin)]
+assert (orbits[0].multipliers == orbits[1].multipliers).all()
+print(*stop.propagators, runs[0].title)
 gearlib.Stop(stiffness=-1.0)
 """
 
@@ -81,5 +86,79 @@ gearlib.Stop(stiffness=-1.0)
 def test_a_model(copy):
     follow(copy, "A model")
     process = python(copy, "-c", MODEL)
-    first, second = process.stdout.split()
-    assert first == second and "stiffness = -1.0 is not allowed" in process.stderr
+    assert process.stdout.startswith("exact taylor ") and "a mass at a stop" in process.stdout
+    assert "stiffness = -1.0 is not allowed" in process.stderr
+
+
+METHOD = """
+import gearlib
+from gearlib.config import load
+from tests.paper import CONFIG, PAPER
+pair = PAPER.replace(material_damping=3953.7)
+method = {"method": "dop853", "options": {"rtol": 1e-10, "atol": 1e-10}}
+runs = [gearlib.simulate(pair, 0.9, periods=3, **options) for options in (method, {})]
+print(*(run.final_state.values[0] for run in runs), *(run.sizes["event"] for run in runs))
+trials = [{"name": name, "method": name} for name in ("dop853", "dop854")]
+load(CONFIG | {"failures": {"trials": trials}})
+"""
+
+
+def test_a_method(copy):
+    follow(copy, "A method")
+    process = python(copy, "-c", METHOD)
+    first, second, *events = map(float, process.stdout.split())
+    assert first == pytest.approx(second, rel=1e-8) and events[0] == events[1] > 0
+    assert "failures.trials[1].method = 'dop854' is not allowed" in process.stderr
+    assert "failures.trials[0]" not in process.stderr
+
+
+@pytest.mark.slow
+def test_a_quantity_in_summaries(copy):
+    follow(copy, "A quantity in summaries")
+    tests, orbit = copy / "tests/properties/test_summaries.py", copy / "gearlib/engines/orbit.py"
+    # Runs that strike both flanks, by engines and steps.
+    chosen = tests, "-k", "(flanks or strikes or unequal) and (exact or taylor or rk4)"
+    assert python(copy, "-m", "pytest", *chosen).returncode == 0
+    right = orbit.read_text(encoding="utf-8")
+    orbit.write_text(right.replace("[IMPACTS] += ", "[IMPACTS] += 2.0 * "), encoding="utf-8")
+    assert python(copy, "-m", "pytest", *chosen).returncode == 1
+    # Without its value in the tests.
+    orbit.write_text(right, encoding="utf-8")
+    shutil.copy2(ROOT / "tests/properties/test_summaries.py", tests)
+    assert python(copy, "-m", "pytest", *chosen).returncode == 1
+
+
+def report_after(project, target):
+    """Run a target in a project; return the rules of its jobs and the text of the report."""
+    project.configure(lambda settings: settings.update(targets=[target]))
+    rules = project.rules("-j2")
+    project.snakemake("--report", "report.html")
+    return rules, (project / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_figure_of_data_that_exist(tmp_path):
+    project = small_project(tmp_path / "project")
+    follow(project, "A figure of data that exist")
+    rules, report = report_after(project, "harris_map")
+    assert rules == {"compute_harris_map", "draw_harris_map", "draw_relieved_stiffness"}
+    assert "Mesh stiffness at 1.0 times the design torque." in report
+    assert (project / "results/figures/relieved_stiffness.png").stat().st_size > 1000
+    with (project / "gearlib/figures/relieved_stiffness_figure.py").open("a") as source:
+        source.write("\n# one more line\n")
+    assert project.planned() == {"draw_relieved_stiffness"}
+
+
+@pytest.mark.slow
+def test_a_study(tmp_path):
+    project = small_project(tmp_path / "project")
+    follow(project, "A study")
+    run, report = report_after(project, "load_study")
+    rules = {"compute_load_study", "load_study_table"}
+    assert run == {"compile_kernels", *rules} and "From rest, at tuning 0.75." in report
+    assert len((project / "results/load_study.csv").read_text().splitlines()) == 3
+    project.configure(lambda settings: settings.update(load_study={"tuning": 0.8}))
+    assert project.planned() == rules
+    project.configure(lambda settings: settings.update(load_study={"tuned": 0.8}))
+    refusal = project.snakemake("-n", succeed=False)
+    assert "load_study.tuned = 0.8 is not a known key" in refusal

@@ -17,7 +17,6 @@ from gearlib.engines.linear.modal_arcs import (
     find_segment_factors,
     find_slot,
 )
-from gearlib.engines.linear.sampling import sample_motion
 from gearlib.engines.linear.run_storage import (
     EVENT_ROWS,
     FIRST_EVENT_ROW,
@@ -25,6 +24,7 @@ from gearlib.engines.linear.run_storage import (
     SAMPLES_TAKEN,
     SEGMENT,
 )
+from gearlib.engines.linear.sampling import sample_motion
 from gearlib.engines.linear.sparse_series import (
     SERIES,
     advance_by_series,
@@ -116,8 +116,8 @@ def run_period(
 
     The state in `work`, and small perturbations of it, `vectors`, shape (k, n or more), change in
     place. `number` is the index of the mesh period in the excitation, `limit` the largest number of
-    events. If `is_recorded`, `summary`, a row a mesh, `samples` as in `sampling.sample_motion` and `events`,
-    shape (k, 6), are filled; an event table without rows stays empty. The status
+    events. If `is_recorded`, `summary`, a row a mesh, `samples` as in `sampling.sample_motion` and
+    `events`, shape (k, 6), are filled; an event table without rows stays empty. The status
     COMBINATION_MISSING asks for the modes of ``work.effects`` in `tables`, EVENTS_FULL for a larger
     event table; the next call then continues from there.
     """
@@ -142,7 +142,9 @@ def run_period(
                 combination = tables.hash_slots[slot]
                 if combination < 0 and tables.series_steps[slot] < tables.mode_cost[0]:
                     combination = SERIES
-                events_are_full = is_recorded and 0 < events.shape[0] < work.counters[EVENT_ROWS] + m
+                events_are_full = (
+                    is_recorded and 0 < events.shape[0] < work.counters[EVENT_ROWS] + m
+                )
                 if combination == -1 or events_are_full:
                     work.progress[0] = remaining
                     return COMBINATION_MISSING if combination == -1 else EVENTS_FULL

@@ -161,9 +161,9 @@ class Propagator(Base):
 
         z changes in place. `period_counts` are the numbers of all and of recorded mesh periods,
         each with at most `max_events` events; the run begins in period `first_period` of the
-        excitation. Samples have the columns of `sampling.sample_motion`, `summary` has a row a mesh, and
-        `maps`, shape (periods, 2 N, 2 N), get the derivatives of the period maps. Returns (period
-        of the motion, events, number of events, status, system of the samples' segments).
+        excitation. Samples have the columns of `sampling.sample_motion`, `summary` has a row a
+        mesh, and `maps`, shape (periods, 2 N, 2 N), get the derivatives of the period maps. Returns
+        (period of the motion, events, number of events, status, system of the samples' segments).
         """
         system, constants, end = self.next_segments(first_period, 0, period_counts)
         (periods, record_periods), size = period_counts, z.size

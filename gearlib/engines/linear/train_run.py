@@ -173,7 +173,17 @@ def run_train(
         rows = summary[constants.summary_blocks[number] * m :]
         table = samples[first_sample:last_sample]
         status = run_period(
-            system, constants, tables, work, number, limit, vectors, is_recorded, rows, table, events
+            system,
+            constants,
+            tables,
+            work,
+            number,
+            limit,
+            vectors,
+            is_recorded,
+            rows,
+            table,
+            events,
         )
         if status < 0:
             return status

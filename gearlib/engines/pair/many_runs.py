@@ -8,7 +8,7 @@ from gearlib.engines import orbit
 from gearlib.engines.codes import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.engines.jit import kernel
 from gearlib.engines.orbit import is_within_range
-from gearlib.engines.pair import recorded_arcs
+from gearlib.engines.pair import sampling
 from gearlib.engines.pair.events import ARC_COLUMNS, START
 from gearlib.engines.pair.motion import contact_of, mesh_at_tuning
 from gearlib.engines.pair.pair_run import (
@@ -106,7 +106,7 @@ def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, st
                 i = 0
                 while i + 1 < arc_count and arcs[i + 1, START] <= phase:
                     i += 1
-                table[j, row, 0], table[j, row, 1], _, _ = recorded_arcs.state_in_arc(
+                table[j, row, 0], table[j, row, 1], _, _ = sampling.state_in_arc(
                     mesh, arcs[i], phase
                 )
         ends[j, 0], ends[j, 1], statuses[j] = x, v, status

@@ -9,7 +9,7 @@ from gearlib.engines.codes import EVENT_LIMIT, OK, OVERFLOW
 from gearlib.engines.copies import copy
 from gearlib.engines.jit import inlined_kernel, kernel
 from gearlib.engines.orbit import is_within_range
-from gearlib.engines.pair import recorded_arcs, settling
+from gearlib.engines.pair import sampling, settling
 from gearlib.engines.pair.events import ARC_COLUMNS
 from gearlib.engines.pair.motion import contact_of
 from gearlib.engines.pair.whole_periods import (
@@ -170,14 +170,14 @@ def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events,
         status = period_status(x, v, arc_count, max_arcs)
         if status != OK:
             return x, v, 0, events, 0, status
-        recorded_arcs.add_arcs_to_summary(mesh, arcs, arc_count, summary)
-        events, event_rows, previous_code = recorded_arcs.record_events(
+        sampling.add_arcs_to_summary(mesh, arcs, arc_count, summary)
+        events, event_rows, previous_code = sampling.record_events(
             arcs, arc_count, previous_code, n, events, event_rows, summary
         )
         if samples_per_period > 0:
             period_samples = samples[i * samples_per_period : (i + 1) * samples_per_period]
             orbit.fill_sample_phases(period_samples, orbit.SAMPLE_PHASE, 2.0 * math.pi)
-            recorded_arcs.sample_arcs(mesh, arcs, arc_count, period_samples)
+            sampling.sample_arcs(mesh, arcs, arc_count, period_samples)
     for k in orbit.SUMS:
         summary[k] *= record_periods / computed_periods
     if computed_periods < record_periods:

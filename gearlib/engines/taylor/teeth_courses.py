@@ -8,7 +8,7 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
-from gearlib.engines.linear.speed_courses import IntervalRecord, PieceIntervals, CoursePiece
+from gearlib.engines.linear.speed_courses import CoursePiece, IntervalRecord, PieceIntervals
 from gearlib.engines.taylor import teeth
 from gearlib.engines.taylor.propagator import TO_BERNSTEIN
 
