@@ -13,6 +13,7 @@ from gearlib.config.gear_pair_section import MISSING_BEARINGS
 from gearlib.config.targets import NO_TRAIN, missing_mesh_damping
 from gearlib.config.train_section import PAIR_TRAINS
 from gearlib.models.geometry.iso import METHOD_NAMES
+from gearlib.models.pair_parameters import PAPER
 
 DEFAULT_CONFIG = Path("config.yaml")
 _BEARINGS = ("bearing_stiffness", "bearing_damping")
@@ -23,7 +24,7 @@ _NEEDED_SECTIONS = (
 #: Damping of gears that do not move, and gear pair beside a train that does not use it.
 NO_DAMPING = "not-given"
 _UNDAMPED = {"dampings": {NO_DAMPING: {"material_damping": 0.0, "backlash_damping": 0.0}}}
-_UNUSED_PAIR = {"gear_pair": gear_names.PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1}}
+_UNUSED_PAIR = {"gear_pair": PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1}}
 
 
 class Gears(NamedTuple):

@@ -11,13 +11,6 @@ from gearlib.config.gears_section import FZG_C
 from gearlib.models.geometry.iso import METHOD_NAMES
 from gearlib.models.profiles import profile_of
 
-#: Values of the mesh of Hortel and Skuderova (2007), "the paper"; they identify its pair.
-PAPER = {
-    "max_stiffness": 4e8,
-    "stiffness_ratio": 0.5879,
-    "contact_ratio": 1.569,
-    "reduced_mass": 3.123,
-}
 _TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 
 
@@ -45,34 +38,20 @@ def _module_and_helix(gear: Any) -> str:
     return f"m {1e3 * gear.module:.6g} mm{helix}"
 
 
-def name_of_parameters(pair: Any) -> str:
-    """Return the name of a gear pair that is given by its parameters instead of gear geometry.
-
-    `pair` is a dict, a `GearPair` or a `GearPairSection` with the four parameters in `PAPER`.
-    """
-    values = pair if isinstance(pair, dict) else {key: getattr(pair, key) for key in PAPER}
-    if all(math.isclose(values[key], value, rel_tol=1e-9) for key, value in PAPER.items()):
-        return "paper's pair"
-    return (
-        "gear pair C_max {stiffness:.10g} N/µm, κ {stiffness_ratio:.10g}, "
-        "ε {contact_ratio:.10g}, m_red {reduced_mass:.10g} kg"
-    ).format(stiffness=1e-6 * values["max_stiffness"], **values)
-
-
 def parameters_differ(base: dict, changed: dict) -> bool:
     """Return whether two configurations, each content of YAML, have different valid gear pairs."""
     try:
         pairs = [GearPairSection.model_validate(x.get("gear_pair")) for x in (base, changed)]
     except ValidationError:
         return False
-    return len(set(map(name_of_parameters, pairs))) > 1
+    return pairs[0].name != pairs[1].name
 
 
 def name_of_pair(config: Any, modified: bool = True, pitch_errors: bool = True) -> str:
     """Return the name of the gear pair of a configuration; options as in `name_of_stage`."""
     if config.gears:
         return name_of_stage(config.gears, modified, pitch_errors)
-    return name_of_parameters(config.gear_pair)
+    return config.gear_pair.name
 
 
 def name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) -> str:
@@ -132,4 +111,4 @@ def name_of_train(config: Any, pair_name: str = "") -> str:
 
 def is_paper(config: Any) -> bool:
     """Return whether the gear pair of a configuration is the paper's."""
-    return name_of_pair(config) == "paper's pair" and config.profile is None
+    return config.gears is None and config.gear_pair.is_paper and config.profile is None

@@ -12,6 +12,7 @@ from gearlib.config import gear_names, gears_section
 from gearlib.config.experiments import METHOD_PACKAGES
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
 from gearlib.config.train_section import PAIR_TRAINS, Kind
+from gearlib.models.pair_parameters import PAPER
 
 #: Targets for any gear train of the section `train`.
 TRAIN_TARGETS = ("train_sweep", "campbell")
@@ -101,7 +102,7 @@ def _geometry_error(reason: str, config: Any) -> str:
 def _claims_error(config: Any) -> str:
     """Return the error message if the gears are not the paper's, else ""."""
     if config.gears is None and not gear_names.is_paper(config):
-        values = ", ".join(f"{key} {value:g}" for key, value in gear_names.PAPER.items())
+        values = ", ".join(f"{key} {value:g}" for key, value in PAPER.items())
         return f"gear_pair is not allowed: the statements are about the paper's pair, {values}"
     return _geometry_error("its statements are about the paper's pair", config)
 

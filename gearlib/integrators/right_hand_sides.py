@@ -312,7 +312,7 @@ class PiecewiseLinear(_RightHandSide):
         branch = segment, contact_codes.tobytes()
         if branch not in self._matrices:
             matrix = np.empty_like(self.system.base_matrix)
-            # The entry `effect` is the force case of a mesh: backlash, or contact at a stiffness.
+            # The entry `effect` is the force case of a mesh: no contact, or contact at a stiffness.
             force_cases = self.system.effect[contact_codes + 1, segment, self._meshes]
             fill_system_matrix(self.system, force_cases, matrix)
             scaled_matrix = matrix[: self.size] / self.scale[: self.size, None]

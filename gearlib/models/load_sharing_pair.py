@@ -418,7 +418,7 @@ class LoadSharingPair(WithPair):
         `tuning` is the mesh frequency over the mean natural frequency.
         """
         system, max_stiffness = self.system_and_max_stiffness
-        # In the backlash and in contact, by mesh phase.
+        # In free flight and in contact, by mesh phase.
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
         max_step = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
         return system._replace(damping=damping, max_step=max_step, tuning=tuning)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from annotated_types import Ge
 
 from gearlib import checks
-from gearlib.engines.pair.stiffness import force_note, mean_over_max
+from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.model import Model, single_mesh_propagator, taylor_propagator
 from gearlib.models.pair_parameters import MAX_MAGNITUDE, PairParameters, check_scales
 from gearlib.parameters import (
@@ -46,18 +46,6 @@ class GearPair(PairParameters, Model):
     """One pair of spur gears, in SI units; immutable."""
 
     has_pair_equation = True
-
-    @property
-    def force_note(self) -> str:
-        """A sentence on jumps of the mesh force for results; "" for a constant stiffness."""
-        return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
-
-    @property
-    def stiffness_model(self) -> str:
-        """The mesh stiffness in words."""
-        if not self.force_note:
-            return "constant stiffness"
-        return f"rectangle, kappa {self.stiffness_ratio:.4g}, epsilon {self.contact_ratio:.4g}"
 
     def __post_init__(self) -> None:
         """Check the parameters, their scales and the damping ratios."""

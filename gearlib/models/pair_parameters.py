@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from annotated_types import Ge, Le
 
 from gearlib import checks, parameters
-from gearlib.engines.pair.stiffness import mean_over_max
+from gearlib.engines.pair.stiffness import force_note, mean_over_max
 from gearlib.parameters import (
     Backlash,
     BacklashDamping,
@@ -22,6 +22,14 @@ from gearlib.parameters import (
 
 #: Limits of scales and damping ratios: squares of numbers beyond them overflow or underflow.
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-30, 1e30
+
+#: Values of the mesh of Hortel and Skuderova (2007), "the paper"; they identify its pair.
+PAPER = {
+    "max_stiffness": 4e8,
+    "stiffness_ratio": 0.5879,
+    "contact_ratio": 1.569,
+    "reduced_mass": 3.123,
+}
 
 
 def check_scales(pair: Any) -> None:
@@ -69,6 +77,33 @@ class PairScales:
     def backlash_ratio(self):
         """Backlash over the static deflection, s_k C_s / F."""
         return self.backlash / self.static_deflection
+
+    @property
+    def force_note(self) -> str:
+        """A sentence on jumps of the mesh force for results; "" for a constant stiffness."""
+        return "" if self.contact_ratio in (1.0, 2.0) else force_note(self.stiffness_ratio)
+
+    @property
+    def stiffness_model(self) -> str:
+        """The mesh stiffness in words."""
+        if not self.force_note:
+            return "constant stiffness"
+        return f"rectangle, kappa {self.stiffness_ratio:.4g}, epsilon {self.contact_ratio:.4g}"
+
+    @property
+    def is_paper(self) -> bool:
+        """Whether the mesh is that of the paper."""
+        return all(math.isclose(getattr(self, key), value) for key, value in PAPER.items())
+
+    @property
+    def name(self) -> str:
+        """Name of the gears in titles and captions."""
+        if self.is_paper:
+            return "paper's pair"
+        return (
+            f"gear pair C_max {1e-6 * self.max_stiffness:.10g} N/µm, "
+            f"κ {self.stiffness_ratio:.10g}, ε {self.contact_ratio:.10g}, m_red {self.reduced_mass:.10g} kg"
+        )
 
 
 @declared()

@@ -72,7 +72,7 @@ def certify_branches(
         certificates += [{"damping": damping} | entry for entry in pair_certificates]
     for damping, pair in pairs.items():
         if pair.has_damping():  # a single damped pair is enough for the reducer
-            labels = {"damping": damping, "model": "reducer"}
+            labels = {"damping": damping, "gears": "reducer"}
             certificates += [labels | certificate for certificate in _reducer_certificates(pair)]
             break
     return certificates
@@ -207,7 +207,7 @@ def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
         numbers = (first_tuning, certificate.get("stop"), certificate.get("displacement_min"))
         decimals = ["" if number is None else _decimal(number) for number in numbers]
         contacts = "".join(_CONTACT_LETTERS[code] for code in certificate.get("pattern", ()))
-        labels = [certificate[name] for name in ("damping", "model") if name in certificate]
+        labels = [certificate[name] for name in ("damping", "gears") if name in certificate]
         tuning, last_tuning, min_displacement = decimals
         cells = [", ".join(labels), certificate["claim"], tuning, last_tuning, contacts]
         yield [*cells, min_displacement, certificate["stability"], certificate["reason"]]

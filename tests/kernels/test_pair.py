@@ -79,7 +79,7 @@ def test_a_free_flight_follows_its_equation_up_to_its_impact(drag, v):
 
 def marched(x, v):
     """Return (contact code, x and v after a mesh period; its arcs)."""
-    arcs, contact = np.empty((60, events.ARC_COLUMNS)), motion.contact_of(MESH.backlash, x, v)
+    arcs, contact = np.empty((60, events.ARC_COLUMNS)), motion.contact_of(MESH.backlash_ratio, x, v)
     *end, count = events.march_period(MESH, contact, x, v, arcs, 60)
     return end, arcs[:count]
 

@@ -50,7 +50,7 @@ web = partial(geometry.Web, thickness=0.01, rim_diameter=0.06, hub_diameter=0.04
 planet = partial(geometry.SpurGear, module=3e-3, width=0.025)
 ring = partial(planet, internal=True, outer_diameter=0.34)
 SET_GEARS = planet(teeth=27), planet(teeth=36), ring(teeth=99)
-planetary = partial(geometry.planetary_set, *SET_GEARS, torque=1.0)
+geometry_set = partial(geometry.planetary_set, *SET_GEARS, torque=1.0)
 pair = partial(g.GearPair.from_geometry, stage)
 sharing = partial(g.LoadSharingPair, pair=pair(torque=1.0), stage=stage)
 factor = partial(geometry.dynamic_factor, stage, 302.0, rpm=100.0)

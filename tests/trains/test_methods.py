@@ -14,12 +14,12 @@ from tests.physics.test_step_methods import SPLIT
 VARIABLES = ("displacement", "velocity", "dynamic_force", "body_motion", "final_state", "bounces")
 VARIABLES += ("mean_force", "fraction_drive", "contact_loss_fraction", "fraction_coast")
 VARIABLES += ("fraction_min_stiffness",)
-#: The state from which `bouncing` strikes the far side.
+#: The state from which `bouncing` strikes the coast side.
 START = (0.5, 3.0, -2.0, 0.0, 1.0, 0.0)
 
 
 def bouncing():
-    """Return an idler train with friction whose flanks part and strike the far side from START."""
+    """Return an idler train with friction whose flanks part and hit the coast side from START."""
     train = gearlib.idler(PAPER.replace(backlash=12e-6, material_damping=3000.0))
     return train.replace(meshes=[replace(m, friction=(0.05, 0.03)) for m in train.meshes])
 

@@ -24,7 +24,7 @@ FOLD, AT_FOLD = 0.81685037334556, (-0.16062993275504864, -0.3277925734167014)
 def event_by_event(mesh, x, v, periods):
     """Return (contact, x, v) after so many mesh periods, propagated from event to event."""
     no_arcs = np.empty((0, ARC_COLUMNS))
-    contact = contact_of(mesh.backlash, x, v)
+    contact = contact_of(mesh.backlash_ratio, x, v)
     for _ in range(periods):
         contact, x, v, _ = march_period(mesh, contact, x, v, no_arcs, MAX_ARCS)
     return contact, x, v
@@ -36,7 +36,7 @@ def whole_periods(mesh, x, v, periods):
     work, no_arcs = new_work(), np.empty((0, ARC_COLUMNS))
     set_mesh(work, mesh)
     set_start(work, x, v)
-    contact = contact_of(mesh.backlash, x, v)
+    contact = contact_of(mesh.backlash_ratio, x, v)
     return advance_periods(mesh, work, 0, contact, x, v, periods, MAX_ARCS, no_arcs)
 
 

@@ -17,7 +17,6 @@ from gearlib import integrators, processor, tunings
 from gearlib.config import gear_names, measured_description, targets, yaml_keys
 from gearlib.config.gears_section import stage_sections, takes_configured_gears
 from gearlib.config.tolerances_section import known_parameters
-from gearlib.engines.pair.stiffness import force_note
 from gearlib.models.geometry.iso import METHOD_NAMES
 from workflow.records import mark_changed
 from workflow.sources import listed, sources
@@ -331,7 +330,7 @@ config["captions"] = {
     "dampings": ", ".join(CONFIG.dampings),
     "geometry": CONFIG.gears is not None,
     "paper": IS_PAPER,
-    "forces": force_note(CONFIG.gear_pair.stiffness_ratio) if CONFIG.gears else "",
+    "forces": CONFIG.gear_pair.force_note if CONFIG.gears else "",
     # The model of sweeps and run-ups.
     "model": (
         f"Model: {GEARS.partition('; ')[2]}, which share the load and touch early at their tip "

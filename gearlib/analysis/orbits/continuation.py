@@ -96,7 +96,7 @@ def continue_orbit(
     xarray.Dataset
         Over ``point``, along the branch: the parameter under its name, state, multiplier_real,
         multiplier_imaginary, stable (no multiplier outside the unit circle), label, contacts (the
-        sequence of contact states, N normal, B backlash, I inverse), displacement_max,
+        sequence of contact states, D drive side, F free flight, C coast side), displacement_max,
         displacement_min, orbit_height (max - min), residual. Labelled points are located to
         rounding error; a branch that does not reach `to` has the label "end" at its last point.
 
@@ -263,10 +263,10 @@ def _dataset(problem: Shooting, points: list, name: str, goal: float) -> xr.Data
         "displacement_min": ("point", minima),
         "orbit_height": ("point", maxima - minima),  # displacement range
         "static_deflection": problem.model.static_deflection,
-        name: np.array([point.value for point in points]),
     }
     if problem.model.pair:  # the `GearPair` of a model with one pair of gears
         data["backlash_ratio"] = problem.model.backlash_ratio
+    data[name] = np.array([point.value for point in points])
     solutions = [point.solution for point in points]
     title = "Branch of periodic orbits of a gear mesh"
     dataset = branch_dataset(title, solutions, data, parameter=name, to=goal)

@@ -39,7 +39,7 @@ class ContactEvent:
     """Gain or loss of a contact."""
 
     phase: Enclosure  #: mesh phase from tau = 0, rad
-    before: int  #: contact code before: 1 drive-side contact, 0 backlash, -1 coast-side contact
+    before: int  #: contact code before: 1 drive-side contact, 0 no contact, -1 coast-side contact
     after: int
     velocity: Enclosure  #: dx/dtau, in static deflections
 

@@ -164,17 +164,17 @@ def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, 
     """Return the `BallModel` of a model with one coordinate.
 
     `ground_stiffness` acts without contact, `flank_positions` are the displacements at which the
-    (coast, drive) flanks touch, and `damping` is that of (coast side, backlash, drive side).
+    (coast, drive) flanks touch, and `damping` is that of (coast side, no contact, drive side).
     """
     arb = flint().arb
-    unit_row, (coast, backlash, drive) = (arb(1),), map(arb, damping)
+    unit_row, (coast, free, drive) = (arb(1),), map(arb, damping)
     mesh = BallMesh(
         name="mesh",
         rows=(unit_row, unit_row),
         constants=tuple(-arb(x) if math.isfinite(x) else None for x in flank_positions),
         stiffness=[[arb(level) for level in levels] for levels in stiffness],
         damping=(coast, drive),
-        backlash_damping=backlash,
+        backlash_damping=free,
         has_backlash=flank_positions[COAST_SIDE] < flank_positions[DRIVE_SIDE],
     )
     return BallModel(
@@ -235,7 +235,7 @@ def _equation_in_balls(model, tuning: float) -> BallModel:
 
 
 def _train_in_balls(train, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `GearTrain`, whose `inverse` attributes are of the coast side."""
+    """Return the `BallModel` of a `GearTrain`, with both flanks of its meshes."""
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
     coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)

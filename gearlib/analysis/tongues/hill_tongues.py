@@ -39,14 +39,14 @@ _MAX_ESTIMATED_DAMPING = 0.3
 _DAMPING_RATIO_STEP = 1.25
 
 
-def tongues_of_one_degree(pair: Any, start: float, stop: float) -> list:
+def tongues_of_one_degree(model: Any, start: float, stop: float) -> list:
     """Return the `Tongue`s of a linear `OneDegreePair` for tunings from `start` to `stop`.
 
     They are those whose gaps, intervals of k = 1 / tuning with |T| >= 2, overlap this range.
     """
     tongues = []
-    for order, extrema in _trace_extrema(pair, 1.0 / start):
-        tongue, (low_k, high_k) = _gap_tongue(pair, order, *extrema)
+    for order, extrema in _trace_extrema(model, 1.0 / start):
+        tongue, (low_k, high_k) = _gap_tongue(model, order, *extrema)
         if low_k > 1.0 / start:
             break
         if high_k >= 1.0 / stop:
@@ -54,12 +54,12 @@ def tongues_of_one_degree(pair: Any, start: float, stop: float) -> list:
     return tongues
 
 
-def closing_damping(pair: Any, tongue: Tongue) -> float:
+def closing_damping(model: Any, tongue: Tongue) -> float:
     """Return the damping ratio above which a tongue of a `OneDegreePair` is closed.
 
     It is 0 if the tongue has no width without damping.
     """
-    undamped = with_damping(pair, 0.0)
+    undamped = with_damping(model, 0.0)
     extrema = dict(_trace_extrema(undamped, 1.0 / tongue.peak))
     # Extrema of the trace over k = 1 / tuning before, in and after the gap of the tongue.
     before, middle, after = extrema[tongue.order]
@@ -71,7 +71,7 @@ def closing_damping(pair: Any, tongue: Tongue) -> float:
         """Return the growth of the tongue at a damping ratio."""
         # Damping lowers the frequency, so that the extrema shift.
         shift = 1.0 / math.sqrt(1.0 - damping * damping)
-        damped = with_damping(pair, damping)
+        damped = with_damping(model, damping)
         low, high = shift * (before + middle) / 2.0, shift * (middle + after) / 2.0
         peak = _trace_extremum(damped, tongue.order, low, high)
         return _gap_tongue(damped, tongue.order, shift * before, peak, shift * after)[0].growth
@@ -114,43 +114,43 @@ def closing_damping_of_six_degrees(model: Any, tongue: Tongue) -> float:
     return meissner.last_downward_zero(largest_margin, dampings)
 
 
-def with_damping(pair: Any, damping: float) -> Any:
+def with_damping(model: Any, damping: float) -> Any:
     """Return a copy of a model with another damping ratio of the material."""
-    material_damping = 2.0 * damping * pair.reduced_mass * pair.mean_eigenfrequency
-    return pair.replace(material_damping=material_damping)
+    material_damping = 2.0 * damping * model.reduced_mass * model.mean_eigenfrequency
+    return model.replace(material_damping=material_damping)
 
 
-def _half_trace(pair: Any, k: float, order: int) -> float:
+def _half_trace(model: Any, k: float, order: int) -> float:
     """Return (-1)^order T / 2 at the tuning 1 / k, which exceeds 1 in the gap of the order.
 
     T is the trace of the map over one mesh period, divided by the decay due to damping.
     """
-    inverse_decay = math.exp(2.0 * math.pi * pair.damping_ratio * k)
-    unforced = pair.replace(excitation=Harmonics(), deviation=Harmonics())
+    inverse_decay = math.exp(2.0 * math.pi * model.damping_ratio * k)
+    unforced = model.replace(excitation=Harmonics(), deviation=Harmonics())
     trace = float(np.trace(period_map(unforced, 1.0 / k)[0]))
     return 0.5 * (-1.0) ** order * inverse_decay * trace
 
 
-def _trace_extremum(pair: Any, order: int, low: float, high: float) -> float:
+def _trace_extremum(model: Any, order: int, low: float, high: float) -> float:
     """Return k = 1 / nu from `low` to `high` at the extremum of the trace T in a gap."""
-    return meissner.maximum(lambda k: _half_trace(pair, k, order), low, high)[1]
+    return meissner.maximum(lambda k: _half_trace(model, k, order), low, high)[1]
 
 
-def _trace_extrema(pair: Any, max_k: float) -> Iterator[tuple]:
+def _trace_extrema(model: Any, max_k: float) -> Iterator[tuple]:
     """Yield (order, positions) of the gaps up to k = `max_k`, and of the next one.
 
     The positions are three values of k = 1 / nu at which the trace T is extremal: before, in and
     after the gap. The very first one is k = 0 with T = 2.
     """
     allowed = "< 1 for a stiffness that is not rectangular"
-    checks.require(pair.damping_ratio < 1.0, "damping_ratio", pair.damping_ratio, allowed)
+    checks.require(model.damping_ratio < 1.0, "damping_ratio", model.damping_ratio, allowed)
     positions, order = [0.0], 1
     # T / 2 at three successive steps of the scan, from k = 0 on; with order 0 it keeps its sign.
-    k, value1, value2 = 2.0 * _SCAN_STEP, 1.0, _half_trace(pair, _SCAN_STEP, order=0)
+    k, value1, value2 = 2.0 * _SCAN_STEP, 1.0, _half_trace(model, _SCAN_STEP, order=0)
     while True:
-        value3, sign = _half_trace(pair, k, order=0), (-1) ** order
+        value3, sign = _half_trace(model, k, order=0), (-1) ** order
         if sign * (value2 - value1) > 0.0 >= sign * (value3 - value2):
-            positions.append(_trace_extremum(pair, order, k - 2.0 * _SCAN_STEP, k))
+            positions.append(_trace_extremum(model, order, k - 2.0 * _SCAN_STEP, k))
             if order > 1:
                 yield order - 1, tuple(positions[-3:])
                 if positions[-2] > max_k:
@@ -159,7 +159,7 @@ def _trace_extrema(pair: Any, max_k: float) -> Iterator[tuple]:
         k, value1, value2 = k + _SCAN_STEP, value2, value3
 
 
-def _gap_tongue(pair: Any, order: int, before: float, middle: float, after: float) -> tuple:
+def _gap_tongue(model: Any, order: int, before: float, middle: float, after: float) -> tuple:
     """Return (`Tongue`, ends of its gap over k = 1 / nu) around the extremum `middle` of T.
 
     The ends lie between the neighbouring extrema `before` and `after`; they are equal if the gap is
@@ -168,7 +168,7 @@ def _gap_tongue(pair: Any, order: int, before: float, middle: float, after: floa
 
     def excess(k: float) -> float:
         """Return |T| / 2 - 1 in the gap."""
-        return _half_trace(pair, k, order) - 1.0
+        return _half_trace(model, k, order) - 1.0
 
     def scaled_excess(k: float) -> tuple:
         """Return (|T| / 2 - 1, s) in the gap with s = 0: it is not scaled by exp(-2 s)."""
@@ -177,21 +177,21 @@ def _gap_tongue(pair: Any, order: int, before: float, middle: float, after: floa
     ends = middle, middle
     if excess(middle) > _ROUNDING_ERROR:
         ends = tuple(meissner.edge(excess, middle, k) for k in (max(before, _SCAN_STEP), after))
-    return meissner.tongue_in_gap(order, *ends, pair.damping_ratio, scaled_excess), ends
+    return meissner.tongue_in_gap(order, *ends, model.damping_ratio, scaled_excess), ends
 
 
-def tongues_of_several_degrees(pair: Any, start: float, stop: float, step: float) -> list:
+def tongues_of_several_degrees(model: Any, start: float, stop: float, step: float) -> list:
     """Return the sorted `Tongue`s of a model with several degrees of freedom.
 
     They are truncated at the tunings `start` and `stop`, which are scanned with a `step`.
     """
     grid = np.linspace(start, stop, max(3, math.ceil((stop - start) / step) + 1))
-    edges = [(start, 0), *sorted(_edges(pair, grid)), (stop, 0)]
+    edges = [(start, 0), *sorted(_edges(model, grid)), (stop, 0)]
     tongues: list = []
     for (low, low_multiplier), (high, high_multiplier) in pairwise(edges):
         if high <= low:
             continue
-        growth, peak = _largest_growth(pair, low, high, grid)
+        growth, peak = _largest_growth(model, low, high, grid)
         if growth <= _MIN_GROWTH:
             continue
         if tongues and tongues[-1].stop == low:
@@ -208,47 +208,47 @@ def tongues_of_several_degrees(pair: Any, start: float, stop: float, step: float
     return tongues
 
 
-def _edges(pair: Any, grid: np.ndarray) -> list:
+def _edges(model: Any, grid: np.ndarray) -> list:
     """Return a list of (tuning, multiplier) at which the stability may change.
 
     `grid` are the scanned tunings. The multiplier is 1 or -1, or 0 for a complex pair.
     """
-    maps = np.array([pair.contact_monodromy(nu) for nu in grid])
-    edges = [(nu, value) for value in (1, -1) for nu in _zeros(pair, value, grid, maps)]
+    maps = np.array([model.contact_monodromy(nu) for nu in grid])
+    edges = [(nu, value) for value in (1, -1) for nu in _zeros(model, value, grid, maps)]
     is_unstable = [_log_spectral_radius(matrix) > _MIN_GROWTH for matrix in maps]
     for i, (low, high) in enumerate(pairwise(grid)):
         if is_unstable[i] != is_unstable[i + 1] and not any(low <= nu <= high for nu, _ in edges):
-            edges.append((meissner.root(lambda nu: _growth(pair, nu) - _MIN_GROWTH, low, high), 0))
+            edges.append((meissner.root(lambda nu: _growth(model, nu) - _MIN_GROWTH, low, high), 0))
     return edges
 
 
-def _largest_growth(pair: Any, low: float, high: float, grid: np.ndarray) -> tuple:
+def _largest_growth(model: Any, low: float, high: float, grid: np.ndarray) -> tuple:
     """Return (largest growth, its tuning) between two edges, the tunings `low` and `high`.
 
     The maximum on the grid of tunings is refined if the motion is unstable there.
     """
     tunings = [low, *grid[(grid > low) & (grid < high)], high]
     inner = tunings[1:-1] or [0.5 * (low + high)]
-    growths = [_growth(pair, nu) for nu in inner]
+    growths = [_growth(model, nu) for nu in inner]
     best = int(np.argmax(growths))
     if growths[best] <= _MIN_GROWTH:
         return growths[best], inner[best]
     bracket = tunings if len(tunings) > 2 else [low, inner[0], high]
-    return meissner.maximum(lambda nu: _growth(pair, nu), bracket[best], bracket[best + 2])
+    return meissner.maximum(lambda nu: _growth(model, nu), bracket[best], bracket[best + 2])
 
 
-def _characteristic(pair: Any, tuning: float, multiplier: int) -> float:
+def _characteristic(model: Any, tuning: float, multiplier: int) -> float:
     """Return det(M - multiplier I) of the monodromy matrix M; the multiplier is 1 or -1.
 
     It is zero if this is a Floquet multiplier.
     """
-    monodromy = pair.contact_monodromy(tuning)
+    monodromy = model.contact_monodromy(tuning)
     return float(np.linalg.det(monodromy - multiplier * np.eye(len(monodromy))))
 
 
-def _growth(pair: Any, tuning: float) -> float:
+def _growth(model: Any, tuning: float) -> float:
     """Return the logarithm of the largest Floquet multiplier of the motion without contact loss."""
-    return _log_spectral_radius(pair.contact_monodromy(tuning))
+    return _log_spectral_radius(model.contact_monodromy(tuning))
 
 
 def _log_spectral_radius(matrix: np.ndarray) -> float:
@@ -256,7 +256,7 @@ def _log_spectral_radius(matrix: np.ndarray) -> float:
     return math.log(np.abs(np.linalg.eigvals(matrix)).max())
 
 
-def _zeros(pair: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> list:
+def _zeros(model: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> list:
     """Return the tunings at which the multiplier, 1 or -1, is a Floquet multiplier.
 
     `grid` are increasing tunings, `maps` the monodromy matrices at these, shape (m, n, n).
@@ -265,7 +265,7 @@ def _zeros(pair: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> li
 
     def characteristic(tuning: float) -> float:
         """Return the determinant at a tuning."""
-        return _characteristic(pair, tuning, multiplier)
+        return _characteristic(model, tuning, multiplier)
 
     zeros = []
     for i, (low, high) in enumerate(pairwise(grid)):

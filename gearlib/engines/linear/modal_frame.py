@@ -87,7 +87,7 @@ class ModalFrame:
     The modes are those with all meshes at their mean stiffness, scaled by their frequencies. They
     separate springs of very different stiffness, so that slow modes stay accurate beside shafts a
     million times as stiff as a mesh. `from_frame` and `to_frame`, shape (2 N, 2 N), transform
-    states; `base_matrix` is the matrix of the motion while all meshes are in their backlash.
+    states; `base_matrix` is the matrix of the motion while no flanks touch.
     """
 
     def __init__(self, frequencies, shapes, rigid, mass):

@@ -9,7 +9,7 @@ and every mesh in contact adds outer products to A: a force is a functional of t
     A = base_matrix + sum over j, k of outer(force_input[j, d, k], force_output[j, d, k])
 
 for meshes j and forces k. The effect d of a mesh is a small number for each contact and stiffness
-level (and sense of friction) that it may have; effect 0 is the backlash and adds nothing.
+level (and sense of friction) that it may have; effect 0 is no contact and adds nothing.
 """
 
 import math
@@ -29,7 +29,7 @@ ZERO_TOLERANCE = 1e-14
 class TrainSystem(NamedTuple):
     """One train at one tuning: n components, m meshes, p segments, e effects of a mesh at most."""
 
-    base_matrix: np.ndarray  #: A while all meshes are in their backlash, shape (n, n)
+    base_matrix: np.ndarray  #: A while no flanks touch, shape (n, n)
     drive_lines: np.ndarray  #: row vectors: displacement over the drive-side flank, shape (m, n)
     coast_lines: np.ndarray  #: row vectors: over the coast-side flank, contact where < 0, (m, n)
     force_input: np.ndarray  #: dz/dtheta for a unit of each force, shape (m, e, 2, n)

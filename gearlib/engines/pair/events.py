@@ -8,7 +8,7 @@ An *arc* is a piece of orbit with one closed form. A row of the arc table holds
 The first crossing of a flank line is proven to be the first, without sampling. In contact the
 turning points are known in closed form and their depths decrease, so that the first minimum after
 the start is the deepest: the motion crosses the line once on the way to it, or never. A free
-flight through the backlash has one lowest point, and likewise one descent and one climb.
+free flight has one lowest point, and likewise one descent and one climb.
 """
 
 import math
@@ -98,7 +98,7 @@ def _descent_root(level, u, v, line, earliest, latest):
 
 @kernel
 def next_impact(drag, load, backlash_ratio, x, v):
-    """Return (duration, flank code) of a free flight through the backlash up to its next impact.
+    """Return (duration, flank code) of a free flight up to its next impact.
 
     The flight x'' + 2 drag x' = load starts with displacement -backlash <= x <= 0 and velocity v;
     the backlash > 0 may be infinite. The code is 1 for the drive-side flank (x = 0) and -1 for the
@@ -146,7 +146,7 @@ def next_event(mesh, level, contact, x, v, max_duration):
                 return t, (COAST if mesh.backlash_ratio == 0.0 else NO_CONTACT), 0.0, speed
         u, v = evolve(level, u, v, max_duration)
         return max_duration, contact, u + level.equilibrium, v
-    # Back-side contact is mirrored: it ends when -u falls through the static deflection.
+    # Coast-side contact is mirrored: it ends when -u falls through the static deflection.
     u = x + mesh.backlash_ratio - level.equilibrium
     t = descent_time(level, -u, -v, level.equilibrium, max_duration)
     if t <= max_duration:

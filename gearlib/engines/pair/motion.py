@@ -1,4 +1,4 @@
-"""Constants of a mesh, and its motion in contact and through the backlash in closed form.
+"""Constants of a mesh, and its motion in contact and in free flight, in closed form.
 
 In contact, between two stiffness switches, the flanks touch as
 
@@ -10,7 +10,7 @@ q = a u0' + W^2 u0 the motion is
     u(t)  = u0  C(t) + p S(t),        C = exp(-a t) cos(w t),      S = exp(-a t) sin(w t) / w
     u'(t) = u0' C(t) - q S(t),        (cosh, sinh when over-damped; 1, t when critical)
 
-with w^2 = |W^2 - a^2|. In the backlash it moves freely under load and oil drag, a free flight:
+with w^2 = |W^2 - a^2|. In free flight it moves under load and oil drag:
 
     x'' + 2 b x' = f,      b = beta_m / nu,    f = 1 / nu^2 > 0.
 

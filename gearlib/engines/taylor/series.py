@@ -120,7 +120,7 @@ def tabulate_mesh(mesh):
     harmonics = np.zeros((4, max_count + 1, ORDER + 4))
     mean_force = _fill_harmonics(mesh.force_harmonics, harmonics[EXCITATION])
     for contact_code in (COAST, NO_CONTACT, DRIVE):
-        # In the backlash the stiffness of the drive side is recorded, but it exerts no force.
+        # In free flight the stiffness of the drive side is recorded, but it exerts no force.
         is_coast = contact_code == COAST
         harmonics_of_side = mesh.coast_stiffness_harmonics if is_coast else mesh.stiffness_harmonics
         mean = _fill_harmonics(harmonics_of_side, harmonics[contact_code + 1])

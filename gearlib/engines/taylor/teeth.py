@@ -7,7 +7,7 @@ While the pairs of one set touch, the displacement x over a time follows
 where a and b are parabolas over the mesh phase tau on each segment, and L is the load. At constant
 speed the time is the phase and s = 1 / nu^2. In a run-up it is theta, s = 1, L is linear in theta,
 and the phase is quadratic in theta, so that a and b have the degree 4. A set of the k pairs is an
-integer with a bit for each pair; set 0 is the backlash and set 2^k the contact of the coast side.
+integer with a bit for each pair; set 0 is no contact and set 2^k the contact of the coast side.
 If the other pairs of a set carry the load, pair i overlaps by p x - r, and touches where this is
 > 0. Displacements are in static deflections, forces over the load. The series converges to rounding
 on steps below 1.18 over the natural frequency. A step ends with its segment and at the first

@@ -41,18 +41,18 @@ class ContactLaw(NamedTuple):
 def create_contact_law(mesh: NonlinearMesh, sharpness: float = 0.0) -> ContactLaw:
     """Return the contact law of a nonlinear mesh, smoothed if `sharpness` is positive."""
     arrays = mesh.drive_damping, mesh.backlash_damping, mesh.coast_damping, mesh.stiffness_powers
-    drive, backlash, coast, stiffness = (tuple(coefficients.tolist()) for coefficients in arrays)
-    is_linear = not any((*drive[1:], *backlash[1:], *coast[1:], *stiffness))
+    drive, free, coast, stiffness = (tuple(coefficients.tolist()) for coefficients in arrays)
+    is_linear = not any((*drive[1:], *free[1:], *coast[1:], *stiffness))
     # A simple law has an expression of the acceleration that takes half the time.
     is_simple = sharpness == 0.0 and is_linear and drive == coast and mesh.ground_stiffness == 0.0
     # The fields drive_x, coast_x, ground_stiffness and sharpness of the law.
     constants = mesh.drive_line, mesh.coast_line, mesh.ground_stiffness, sharpness
-    return ContactLaw(drive, backlash, coast, stiffness, *map(float, constants), is_simple)
+    return ContactLaw(drive, free, coast, stiffness, *map(float, constants), is_simple)
 
 
 @inlined_kernel
 def contact_code_at(contact_law: ContactLaw, x: float) -> int:
-    """Return the contact code (drive side, coast side or backlash) at the displacement x."""
+    """Return the contact code (drive side, coast side or no contact) at the displacement x."""
     if x >= contact_law.drive_x:
         return DRIVE
     return COAST if x <= contact_law.coast_x else NO_CONTACT
@@ -268,7 +268,7 @@ def train_derivative(system: TrainSystem, t: float, state: np.ndarray) -> np.nda
             contact_code = DRIVE
         elif dot(system.coast_lines[mesh], full_state) <= 0.0:
             contact_code = COAST
-        # The entry `effect` is the force case of a mesh: backlash, or contact at a stiffness.
+        # The entry `effect` is the force case of a mesh: no contact, or contact at a stiffness.
         force_case = system.effect[contact_code + 1, segment, mesh]
         # A mesh has two forces, elastic with damping, and friction. Each is linear in the state.
         for k in range(2):

@@ -69,7 +69,7 @@ class Outcome(NamedTuple):
     high: float = math.nan  #: largest recorded displacement
     fractions: tuple = (
         math.nan,
-    ) * 3  #: of time in drive-side contact, backlash, coast-side contact
+    ) * 3  #: of time in drive-side contact, no contact, coast-side contact
     bounces: float = math.nan  #: per mesh period
     period: int = 0  #: mesh periods after which the motion repeats; 0: it does not
     contacts: tuple = ()  #: contact codes (before, after) of every event; of trains mesh by mesh
