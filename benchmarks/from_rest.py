@@ -99,7 +99,7 @@ def rows(pair):
     code = (
         "import numpy as np; from gearlib import GearPair, sweep;"
         "pair = GearPair.from_ratios(contact_ratio=1.569, stiffness_ratio=0.5879,"
-        " damping=0.0617, backlash_damping=0.0617, backlash=4);"
+        " damping=0.0617, backlash_damping=0.0617, backlash_ratio=4);"
         f"sweep(pair, np.linspace(0.5, 1.4, {TUNINGS}), periods=120, record_periods=24, threads=1)"
     )
     spent = min(fresh([sys.executable, "-c", code]) for _ in range(repeats(3)))

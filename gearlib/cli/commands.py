@@ -178,10 +178,8 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
     direction = direction or "cold"
     first, last = _tuning_range(model, 0.1 if both_ways and start is None else start, stop)
     checks.require(first != last, "stop", stop, "another tuning than start")
-    is_default_range, speed = (
-        gears.geometry and start is None and stop is None,
-        in_rpm("speed", speed),
-    )
+    is_default_range = gears.geometry and start is None and stop is None
+    speed = in_rpm("speed", speed)
     if is_default_range and (speed := speed or gears.geometry.speed):
         tuning = run_arguments.tuning_at_speed(model, "speed", speed)
         first, last = min(first, tuning), max(last, tuning)

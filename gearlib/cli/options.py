@@ -214,11 +214,8 @@ _TABLE = {
     "tolerance": ("Tolerance, 'load std=5%'; may be repeated.", str, _MANY | {"flags": ["-t"]}),
     "quantity": (f"Quantity, of {', '.join(QUANTITIES)}; may be repeated.", None, _QUANTITY),
     "free": ("Parameter to fit, NAME[=LOW,HIGH]; may be repeated. Default: of DATA.", str, _MANY),
-    "thickness_class": (
-        "Tooth thickness of gears given by geometry by DIN 3967: 26cd, or '26cd 25cd'.",
-        str,
-    ),
-    "distance_class": ("Centre distance of gears given by geometry by DIN 3964: js7.", str),
+    "thickness_class": ("Class of the tooth thickness, DIN 3967: 26cd, or '26cd 25cd'.", str),
+    "distance_class": ("Class of the centre distance, DIN 3964: js7.", str),
     "quality": ("Quality by ISO 1328-1, within which profiles scatter.", click.IntRange(1, 11)),
     "samples": ("Number of designs.", 1024, {"type": click.IntRange(1)}),
     "scatter points": (

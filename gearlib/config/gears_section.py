@@ -32,7 +32,7 @@ Z20_PAIR = {
     "backlash": 50e-6,
     "torque": 500.0,
 }
-#: Section of a study of gears given by geometry -> its key of the gears.
+#: Section of a study of gear geometry -> its key of the gears.
 GEARS_KEYS = {"mesh_stiffness": "pairs", "harris_map": "gears", "dynamic_factor": "gears"}
 _RING_KEYS = ("internal", "outer_diameter")
 
@@ -58,10 +58,7 @@ WheelSection = create_section("WheelSection", _DOC, SpurGear, *_RING_KEYS, base=
 _DOC = "A gear of a train by geometry, see `gearlib.geometry.SpurGear`."
 BodyGear = create_section("BodyGear", _DOC, SpurGear, *_RING_KEYS, base=PinionSection)
 _Placed = create_section(
-    "_Placed",
-    "Two gears given by geometry in their places.",
-    GearStage,
-    exclude=("pinion", "wheel"),
+    "_Placed", "Two gears in their places.", GearStage, exclude=("pinion", "wheel")
 )
 
 
@@ -198,10 +195,10 @@ class PublishedPair(StageSection):
 
 
 class MeshStiffness(Section):
-    """The mesh stiffness of gears given by geometry by all methods, with its uncertainty."""
+    """The mesh stiffness of gears by all methods, with its uncertainty."""
 
     pairs: Annotated[dict[t.Name, PublishedPair], Field(min_length=1, max_length=6)] = field(
-        "Pairs given by geometry by name.",
+        "Pairs of gears by name.",
         {"z20-20": Z20_PAIR | {"published": {"ISO": 4.9e8, "thumb": 5.2e8}}, "FZG-C": FZG_C},
     )
     samples: t.integer(8, 4096) = field("Number of phases in the mesh period.", 64)
@@ -264,7 +261,7 @@ def takes_configured_gears(config: Any, section_name: str) -> bool:
 def stage_sections(config: Any, section_name: str) -> dict[str, StageSection]:
     """Return name -> gears of a section in `GEARS_KEYS`.
 
-    If the section has no gears, these are the gears given by geometry of the configuration.
+    If the section has no gears, these are the section `gears` of the configuration.
     """
     if not takes_configured_gears(config, section_name):
         pairs = getattr(getattr(config, section_name), GEARS_KEYS[section_name])

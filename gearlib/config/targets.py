@@ -122,12 +122,11 @@ def _reducer_error(config: Any) -> str:
     if train.kind != "split_power_reducer":
         return f"train.kind = {train.kind!r} is not allowed: it must be split_power_reducer"
     if keys := [*train.split_power_reducer.model_dump()]:
-        return (
-            f"train.split_power_reducer.{keys[0]} is not allowed: it must be left out; the section "
+        return f"train.split_power_reducer.{keys[0]} is not allowed: it must be left out; the section "
             "reducer describes the reducer of this target"
         )
     if config.gears and "teeth" not in config.reducer.model_fields_set:
-        return "reducer.teeth is missing: it must be given where the gears are given by geometry"
+        return "reducer.teeth is missing: it must be given beside gears"
     return ""
 
 
@@ -135,9 +134,7 @@ def _missing_teeth(config: Any) -> str:
     """Return the error message if a train with `gears` has no numbers of teeth, else ""."""
     kind = config.train.kind
     if config.gears and kind in PAIR_TRAINS and getattr(config.train, kind).teeth is None:
-        return (
-            f"train.{kind}.teeth is missing: it must be given where the gears are given by geometry"
-        )
+        return f"train.{kind}.teeth is missing: it must be given beside gears"
     return ""
 
 
@@ -154,7 +151,7 @@ def _tolerances_error(config: Any) -> str:
         name = config.tolerances.parameters[0].parameter
         return (
             f"tolerances.parameters[0].parameter = {name!r} is not allowed: it must be a parameter "
-            "of gear_pair where no gears are given by geometry"
+            "of gear_pair where gears is left out"
         )
     try:
         config.tolerance_distributions()

@@ -102,7 +102,8 @@ class PairScales:
             return "paper's pair"
         return (
             f"gear pair C_max {1e-6 * self.max_stiffness:.10g} N/µm, "
-            f"κ {self.stiffness_ratio:.10g}, ε {self.contact_ratio:.10g}, m_red {self.reduced_mass:.10g} kg"
+            f"κ {self.stiffness_ratio:.10g}, ε {self.contact_ratio:.10g}, "
+            f"m_red {self.reduced_mass:.10g} kg"
         )
 
 

@@ -110,13 +110,13 @@ def sort_last_event(events, row, first_row):
 
 @inlined_without_refcounts
 def run_period(
-    system, constants, tables, work, number, limit, vectors, is_recorded, summary, samples, events
+    system, constants, tables, work, number, limit, vectors, recorded, summary, samples, events
 ):
     """Run through one mesh period from contact event to contact event; return a status.
 
     The state in `work`, and small perturbations of it, `vectors`, shape (k, n or more), change in
     place. `number` is the index of the mesh period in the excitation, `limit` the largest number of
-    events. If `is_recorded`, `summary`, a row a mesh, `samples` as in `sampling.sample_motion` and
+    events. If `recorded`, `summary`, a row a mesh, `samples` as in `sampling.sample_motion` and
     `events`, shape (k, 6), are filled; an event table without rows stays empty. The status
     COMBINATION_MISSING asks for the modes of ``work.effects`` in `tables`, EVENTS_FULL for a larger
     event table; the next call then continues from there.
@@ -142,9 +142,7 @@ def run_period(
                 combination = tables.hash_slots[slot]
                 if combination < 0 and tables.series_steps[slot] < tables.mode_cost[0]:
                     combination = SERIES
-                events_are_full = (
-                    is_recorded and 0 < events.shape[0] < work.counters[EVENT_ROWS] + m
-                )
+                events_are_full = recorded and 0 < events.shape[0] < work.counters[EVENT_ROWS] + m
                 if combination == -1 or events_are_full:
                     work.progress[0] = remaining
                     return COMBINATION_MISSING if combination == -1 else EVENTS_FULL
@@ -176,7 +174,7 @@ def run_period(
                     return UNRESOLVED
                 if instant <= 1.0:
                     step = instant * piece
-            if is_recorded:
+            if recorded:
                 phase = system.starts[segment] - system.starts[first]
                 phase += (constants.lengths[segment] - remaining) * system.tuning
                 sample_motion(
@@ -233,7 +231,7 @@ def run_period(
                 contact_before = work.contact[j]
                 _cross_flank_line(system, constants, work, j, segment, vectors)
                 work.counters[PERIOD_EVENTS] += 1
-                if is_recorded:
+                if recorded:
                     state = work.state[: constants.drive_rates.shape[1]]
                     velocity = dot(constants.drive_rates[j], state) / system.tuning
                     code_after = work.contact[j]

@@ -163,27 +163,17 @@ def run_train(
             for r in range(vectors.shape[0]):
                 for k in range(vectors.shape[1]):
                     vectors[r, k] = 1.0 if r == k else 0.0
-        is_recorded = period >= first_recorded
+        recorded = period >= first_recorded
         number = (system.first_period + period) % (system.first_segment.shape[0] - 1)
         first_sample = max(period - first_recorded, 0) * per_period
-        last_sample = first_sample + per_period if is_recorded else first_sample
+        last_sample = first_sample + per_period if recorded else first_sample
         if constants.sample_starts.shape[0] > 0:
             first_sample = constants.sample_starts[number]
             last_sample = constants.sample_starts[number + 1]
         rows = summary[constants.summary_blocks[number] * m :]
         table = samples[first_sample:last_sample]
         status = run_period(
-            system,
-            constants,
-            tables,
-            work,
-            number,
-            limit,
-            vectors,
-            is_recorded,
-            rows,
-            table,
-            events,
+            system, constants, tables, work, number, limit, vectors, recorded, rows, table, events
         )
         if status < 0:
             return status
@@ -191,7 +181,7 @@ def run_train(
             events[row, orbit.EVENT_PERIOD] = period
         if status == OK and _exceeds_range(work.state):
             status = OVERFLOW
-        if is_recorded and status == OK:
+        if recorded and status == OK:
             for j in range(m):
                 if orbit.has_unresolved_extremum(rows[j]):
                     status = UNRESOLVED

@@ -151,12 +151,8 @@ def next_event(mesh, level, contact, x, v, max_duration):
     t = descent_time(level, -u, -v, level.equilibrium, max_duration)
     if t <= max_duration:
         _, speed = evolve(level, u, v, t)
-        return (
-            t,
-            (DRIVE if mesh.backlash_ratio == 0.0 else NO_CONTACT),
-            -mesh.backlash_ratio,
-            max(speed, 0.0),
-        )
+        contact_after = DRIVE if mesh.backlash_ratio == 0.0 else NO_CONTACT
+        return t, contact_after, -mesh.backlash_ratio, max(speed, 0.0)
     u, v = evolve(level, u, v, max_duration)
     return max_duration, contact, u + level.equilibrium - mesh.backlash_ratio, v
 

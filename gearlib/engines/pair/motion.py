@@ -137,11 +137,8 @@ def mesh_at_tuning(pair_parameters, tuning):
     segment and of the C_min segment, damping ratios beta in contact and beta_m in free flight, and
     the backlash in static deflections.
     """
-    damping, drag, backlash_ratio = (
-        pair_parameters[4],
-        pair_parameters[5] / tuning,
-        pair_parameters[6],
-    )
+    damping, drag = pair_parameters[4], pair_parameters[5] / tuning
+    backlash_ratio = pair_parameters[6]
     high_level = level_at_tuning(pair_parameters[0], damping, tuning)
     low_level = level_at_tuning(pair_parameters[1], damping, tuning)
     half_high_length, low_length = pair_parameters[2], pair_parameters[3]

@@ -62,18 +62,13 @@ _UNDAMPED = PAPER.replace(material_damping=0.0)
 _UNDAMPED_WITHOUT_COAST_SIDE = _UNDAMPED.replace(backlash=math.inf)
 #: Distance in tuning from the edge of a tongue, and initial displacement from the orbit.
 _DISTANCE_FROM_TONGUE, _PERTURBATION = 1e-4, 1e-6
-_RATIOS = {
-    "contact_ratio": 1.569,
-    "stiffness_ratio": 0.5879,
-    "damping": 0.0617,
-    "backlash_ratio": 4.0,
-}
+_RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.0617}
 _COMPARED_CONTACTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
 
 
 def _gear_pair(**changes: float) -> GearPair:
     """Return the default gear pair with changed arguments of `GearPair.from_ratios`."""
-    return GearPair.from_ratios(**(_RATIOS | changes))
+    return GearPair.from_ratios(**(_RATIOS | {"backlash_ratio": 4.0} | changes))
 
 
 def _grazing(side: str, exponent: int) -> Problem:
@@ -161,18 +156,14 @@ def _state_problems() -> dict[str, Problem]:
     ratio_above_1, ratio_below_2 = (_gear_pair(contact_ratio=r) for r in (1.0 + 1e-9, 2.0 - 1e-9))
     critically_damped = _gear_pair(contact_ratio=1.0, damping=1.0)
     overdamped, no_backlash = _gear_pair(damping=20.0), _gear_pair(backlash_ratio=0.0)
+    endless_backlash = _gear_pair(backlash_ratio=math.inf)
     rows = {
         "double_crossing": ("in and out within a long step", wide_backlash, 1.0, fall, 40),
         "rest_near": ("at rest on the near flank line", PAPER, 0.82),
         "rest_far": ("at rest on the coast-side flank line", PAPER, 0.82, coast_line),
         "no_backlash": ("no backlash", no_backlash, 0.9, fast_down),
         "nano_backlash": ("backlash 1e-9", _gear_pair(backlash_ratio=1e-9), 0.9, fast_down),
-        "endless_backlash": (
-            "infinite backlash",
-            _gear_pair(backlash_ratio=math.inf),
-            0.9,
-            fast_down,
-        ),
+        "endless_backlash": ("infinite backlash", endless_backlash, 0.9, fast_down),
         "critical": ("critically damped contact", critically_damped, 0.9, fast_down, 1),
         "overdamped": ("overdamped contact, $\\beta$ = 20", overdamped, 0.9, fast_down, 5),
         "soft": ("stiffness ratio 1e-6", _gear_pair(stiffness_ratio=1e-6), 0.9, rest, 5),
