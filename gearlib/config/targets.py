@@ -122,7 +122,8 @@ def _reducer_error(config: Any) -> str:
     if train.kind != "split_power_reducer":
         return f"train.kind = {train.kind!r} is not allowed: it must be split_power_reducer"
     if keys := [*train.split_power_reducer.model_dump()]:
-        return f"train.split_power_reducer.{keys[0]} is not allowed: it must be left out; the section "
+        return (
+            f"train.split_power_reducer.{keys[0]} is not allowed: it must be left out; the section "
             "reducer describes the reducer of this target"
         )
     if config.gears and "teeth" not in config.reducer.model_fields_set:

@@ -129,7 +129,9 @@ class Deviation(Section):
 
 
 _DOC = "Centre distance of gears given by geometry, m. Default: without backlash by the shifts."
-_TORQUE_DOC = "Torque of the pinion if both bodies have gear, N m. Default: by those of the bodies."
+_TORQUE_DOC = (
+    "Torque of the pinion if both gears have geometry, N m. Default: by those of the bodies."
+)
 MeshPart = create_section(
     "MeshPart",
     "Two gears in mesh, see `gearlib.Mesh`; two bodies with `gear` give stiffness, ratios, phases.",
@@ -180,9 +182,9 @@ def _check_mesh_without_geometry(mesh_key: str, mesh: Any) -> None:
     """Raise ValueError if `mesh` has no stiffness, or keys that need both gears."""
     for key in ("max_stiffness", "stiffness_ratio", "contact_ratio"):
         if getattr(mesh, key) is None:
-            problem = "is missing: it must be given unless both bodies have gear"
+            problem = "is missing: it must be given unless both gears have geometry"
             raise checks.InputError(f"{mesh_key}.{key}", problem=problem)
-    allowed = "left out where the stiffness is given or a body has no gear"
+    allowed = "left out where the stiffness is given or a gear has no geometry"
     for key, value in mesh.model_dump(include=GEOMETRY_KEYS - {"material_damping"}).items():
         # The first of these keys, if any, is refused.
         raise checks.refusal(f"{mesh_key}.{key}", value, allowed)

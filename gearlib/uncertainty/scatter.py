@@ -108,8 +108,8 @@ def scatter(
     tolerances : mapping
         Name of a parameter -> ``{mean, std}``, ``{min, max}``, ``{nominal, upper, lower}`` with
         deviations from the nominal value, or ``{distribution, ...}``, a name of `scipy.stats`
-        and its parameters; SI units. Values between limits are equally likely. ``correlations``, a list
-        of [name, name, rho], are those of a Gaussian copula.
+        and its parameters; SI units. Values between limits are equally likely. ``correlations``, a
+        list of [name, name, rho], are those of a Gaussian copula.
     quantities : sequence of str
         Quantities of each design, names of `gearlib.uncertainty.design_quantities.QUANTITIES`.
     n : int, default 1024
