@@ -111,4 +111,4 @@ def name_of_train(config: Any, pair_name: str = "") -> str:
 
 def is_paper(config: Any) -> bool:
     """Return whether the gear pair of a configuration is the paper's."""
-    return config.gears is None and config.gear_pair.is_paper and config.profile is None
+    return name_of_pair(config) == "paper's pair" and config.profile is None

@@ -236,6 +236,6 @@ for _name in (
     *("reduced_mass", "load", "backlash", "backlash_ratio", "material_damping", "damping_ratio"),
     *("backlash_damping", "backlash_damping_ratio", "teeth", "static_deflection"),
     *("mean_eigenfrequency", "flank_lines", "tuning_factor_max", "tuning_factor_min"),
-    *("tuning_max", "tuning_min", "mesh_frequency", "scales", "speed"),
+    *("tuning_max", "tuning_min", "mesh_frequency", "scales", "speed", "name"),
 ):
     setattr(WithPair, _name, property(attrgetter(f"pair.{_name}"), doc=f"`GearPair.{_name}`."))

@@ -24,12 +24,8 @@ from gearlib.parameters import (
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-30, 1e30
 
 #: Values of the mesh of Hortel and Skuderova (2007), "the paper"; they identify its pair.
-PAPER = {
-    "max_stiffness": 4e8,
-    "stiffness_ratio": 0.5879,
-    "contact_ratio": 1.569,
-    "reduced_mass": 3.123,
-}
+PAPER = {"max_stiffness": 4e8, "stiffness_ratio": 0.5879}
+PAPER |= {"contact_ratio": 1.569, "reduced_mass": 3.123}
 
 
 def check_scales(pair: Any) -> None:
@@ -91,14 +87,9 @@ class PairScales:
         return f"rectangle, kappa {self.stiffness_ratio:.4g}, epsilon {self.contact_ratio:.4g}"
 
     @property
-    def is_paper(self) -> bool:
-        """Whether the mesh is that of the paper."""
-        return all(math.isclose(getattr(self, key), value) for key, value in PAPER.items())
-
-    @property
     def name(self) -> str:
         """Name of the gears in titles and captions."""
-        if self.is_paper:
+        if all(math.isclose(getattr(self, key), value) for key, value in PAPER.items()):
             return "paper's pair"
         return (
             f"gear pair C_max {1e-6 * self.max_stiffness:.10g} N/µm, "

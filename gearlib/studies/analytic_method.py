@@ -47,15 +47,14 @@ def analytic_method_study(
     harmonics), balance_harmonics and schmidt_harmonics (the numbers of harmonics at which the
     errors of each method are computed), and most_degenerate (largest number of degenerate ones).
     """
-    model = pair
     data = stacked(
         {"direction": WARM_STARTED},
-        lambda direction: _resonance_curve(model, direction, tunings, settings["harmonics"], run),
+        lambda direction: _resonance_curve(pair, direction, tunings, settings["harmonics"], run),
         "tuning",
     )
-    data |= _convergence(model, tunings, settings["harmonics"], settings["most_degenerate"])
+    data |= _convergence(pair, tunings, settings["harmonics"], settings["most_degenerate"])
     harmonic_counts = {name: settings[f"{name}_harmonics"] for name in ("balance", "schmidt")}
-    data |= _method_errors(model, settings["shown"], harmonic_counts)
+    data |= _method_errors(pair, settings["shown"], harmonic_counts)
     coords = {
         "shown": settings["shown"],
         "phase": np.arange(_SAMPLES) * (2.0 * np.pi / _SAMPLES),
@@ -66,12 +65,12 @@ def analytic_method_study(
         **{f"{key}_harmonics": np.array(harmonic_counts[key], np.int32) for key in harmonic_counts},
         "direction": list(WARM_STARTED),
     }
-    histories = [_iteration_history(model, tuning, settings) for tuning in settings["shown"]]
+    histories = [_iteration_history(pair, tuning, settings) for tuning in settings["shown"]]
     dataset = xr.Dataset(data, coords).merge(xr.concat(histories, "shown"))
-    dataset["backlash_ratio"] = model.backlash_ratio
+    dataset["backlash_ratio"] = pair.backlash_ratio
     title = "The analytic method and harmonic balance against exact orbits"
     methods = "schmidt, harmonic balance"
-    return result(title, model, dataset, method=methods, harmonics=settings["harmonics"])
+    return result(title, pair, dataset, method=methods, harmonics=settings["harmonics"])
 
 
 def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:

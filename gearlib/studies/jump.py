@@ -134,17 +134,17 @@ def jump_and_shifts(
     large height steps in the scan, and settled is 0 where the jump depends on the initial state, so
     that median and range over several states are given. Values are NaN without a jump in the scan.
     """
-    model, tunings = pair, np.asarray(tunings, float)
+    tunings = np.asarray(tunings, float)
     resolution = settings["resolution"]
-    reference = find_jump(model, tunings, resolution, **run)
+    reference = find_jump(pair, tunings, resolution, **run)
     base_shift = reference.tuning - reference.tuning  # NaN without a jump
     shifts_by_variation = [("base", 0.0, [base_shift], reference.large_steps)]
-    for kind, value, varied, arguments in variations(model, settings):
+    for kind, value, varied, arguments in variations(pair, settings):
         jump = find_jump(varied, tunings, resolution, **run | arguments)
         shifts = [jump.tuning - reference.tuning]
         shifts_by_variation.append((kind, value, shifts, jump.large_steps))
     if settings["tolerances"]:
-        shifts_by_variation += _tolerance_shifts(model, tunings, settings, run)
+        shifts_by_variation += _tolerance_shifts(pair, tunings, settings, run)
 
     def summary(variation: tuple) -> dict:
         """Return the variables for a variation (kind, value, shifts in tuning, large step count).
@@ -164,7 +164,7 @@ def jump_and_shifts(
             "settled": np.int8(kind != "tolerance"),
         }
 
-    curve = sweep(model, tunings, **run)
+    curve = sweep(pair, tunings, **run)
     data = stacked({"variation": shifts_by_variation}, summary)
     data |= {"height": ("tuning", orbit_heights(curve))}
     coords = {"tuning": tunings, "variation": np.arange(len(shifts_by_variation))}

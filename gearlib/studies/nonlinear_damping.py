@@ -68,14 +68,14 @@ def damped_model(pair: GearPair, place: str, power: str, settings: dict) -> tupl
     "linear", "quadratic" or "cubic". `settings` have the linear damping (N s/m), and amplitude
     (static deflections) and tuning of the harmonic motion in which all dampings do equal work.
     """
-    undamped, exponent = pair, [*POWERS].index(power) + 1
-    amplitude = settings["amplitude"] * undamped.static_deflection
-    frequency = undamped.mesh_frequency(settings["tuning"])
+    exponent = [*POWERS].index(power) + 1
+    amplitude = settings["amplitude"] * pair.static_deflection
+    frequency = pair.mesh_frequency(settings["tuning"])
     coefficient = equivalent_coefficient(settings["damping"], exponent, amplitude, frequency)
     damping = {PLACES[place][exponent - 1]: coefficient}
     if exponent == 1:
-        return undamped.replace(**damping), coefficient
-    return OneDegreePair(pair=undamped, **damping), coefficient
+        return pair.replace(**damping), coefficient
+    return OneDegreePair(pair=pair, **damping), coefficient
 
 
 def damping_study(
