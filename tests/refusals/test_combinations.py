@@ -1,11 +1,13 @@
 """The rows of `combinations.yaml`: what is refused in one sentence, and what no argument may be."""
 
+import ast
+import inspect
 import json
 import math
 import re
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ import yaml
 import gearlib as g
 from gearlib import geometry
 from gearlib.config import load
+from gearlib.parameters import declared_parameters
 from tests.declarations import BODY, MESH, PUBLIC
 from tests.geometry.stages import fzg_c
 from tests.paper import CONFIG, PAPER
@@ -81,8 +84,18 @@ def set_at_path(content, path, value):
 
 def pairs(base):
     """Return (what is wrong, sentence) of the rows of a base."""
-    cells = " | ".join(ROWS[base].splitlines()).split(" | ")
-    return list(zip(cells[::2], cells[1::2], strict=True))
+    return [row.split(" | ") for row in ROWS[base].splitlines()]
+
+
+def undeclared(call):
+    """Return (function, arguments, names of those without declaration) of a call in words."""
+    tree = ast.parse(call, mode="eval").body
+    function = eval(ast.unparse(tree.func), NAMES)  # noqa: S307
+    values = [eval(ast.unparse(x), NAMES) for x in tree.args]  # noqa: S307
+    named = {x.arg: eval(ast.unparse(x.value), NAMES) for x in tree.keywords}  # noqa: S307
+    given = dict(zip(inspect.signature(function).parameters, values, strict=False)) | named
+    declared = declared_parameters(getattr(function, "func", function))
+    return function, given, [name for name in given if name not in declared]
 
 
 @pytest.mark.parametrize(("base", "change", "sentence"), [(x, *y) for x in FILES for y in pairs(x)])
@@ -104,11 +117,13 @@ def test_impossible_models_and_calls_are_refused_in_one_sentence(call, sentence)
     assert_sentence(refusal.value, sentence)
 
 
-@pytest.mark.parametrize(("call", "name"), pairs("undeclared"))
-def test_what_no_parameter_takes_is_refused_by_its_name(call, name):
-    for value in TAKEN_BY_NONE:
+@pytest.mark.parametrize("call", ROWS["undeclared"].splitlines())
+def test_what_no_parameter_takes_is_refused_by_its_name(call):
+    function, given, names = undeclared(call)
+    assert names
+    for name, value in product(names, TAKEN_BY_NONE):
         with pytest.raises(ValueError, match="not allowed") as refusal:
-            eval(call, NAMES, {"X": value})  # noqa: S307
+            function(**given | {name: value})
         # Options are named by their keys, such as that of {"a": []}.
         assert name in str(refusal.value) or str(refusal.value).startswith("a "), refusal.value
 
