@@ -1,0 +1,377 @@
+"""`read_gearbox`: stages, shafts, springs and load cases of a gearbox from a REXS file."""
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gearlib import checks
+from gearlib.checks import InputError
+from gearlib.gearboxes import gears, parts, rexs
+from gearlib.gearboxes.gears import Stage
+from gearlib.gearboxes.loads import Loads, Rotors, solve
+from gearlib.gearboxes.rexs import Component, RexsModel
+from gearlib.models.geometry.gear_stage import GearStage
+from gearlib.models.trains.ready_made import STRUCTURAL_DAMPING
+
+if TYPE_CHECKING:
+    from gearlib.models.trains.train import GearTrain
+
+#: Largest differences, in m and rad, of a place that is stated twice.
+_DISTANCE_TOLERANCE, _ANGLE_TOLERANCE = 1e-5, 1e-3
+_GEARS = ("cylindrical_gear", "ring_gear")
+#: Name of the load case of a file without a load spectrum.
+NOMINAL = "nominal"
+
+
+def read_gearbox(path: Any) -> "Gearbox":
+    """Read a gearbox from a REXS file: .rexs, .rexsj, .rexsz or .rexs.zip, versions 1.0 to 1.7.
+
+    Parameters
+    ----------
+    path : str or path-like
+        File to read.
+
+    Returns
+    -------
+    Gearbox
+        Its `stage`, `load` and `train` return models; printed, it is a table of the stages.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file is damaged, of another version or without cylindrical stages.
+    """
+    model = rexs.read(path)
+    try:
+        return Gearbox(model)
+    except InputError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+class Gearbox:
+    """A gearbox: stages, shafts, bearings, couplings and load cases of a REXS file.
+
+    Parameters
+    ----------
+    model : gearlib.gearboxes.rexs.RexsModel
+        Content of the file.
+
+    Attributes
+    ----------
+    stages : dict of str to gearlib.gearboxes.gears.Stage
+        Cylindrical stages by name.
+    refused : dict of str to str
+        Stages that cannot be computed, and the reason.
+    shafts : dict of str to gearlib.gearboxes.parts.Shaft
+        Shafts by the id of their component.
+    bearings, couplings : list of gearlib.gearboxes.parts.Spring
+        Bearings, and couplings that are engaged.
+    planetary_stages : list of str
+        Names of the planetary stages.
+    load_cases : dict of str to float
+        Load cases and their fractions of the load duration, NaN if they are not stated; "nominal"
+        alone if the file has no load spectrum.
+    defaults, notes : list of str
+        What the file leaves open, with the value in its place, and where it contradicts itself.
+    """
+
+    def __init__(self, model: RexsModel):
+        self.model = model
+        self.defaults: list[str] = []
+        self.notes: list[str] = []
+        self.refused: dict[str, str] = {}
+        self.places = parts.Places(model)
+        self.shafts = parts.shafts(model, self.places, self.defaults)
+        self.bearings = parts.springs(model, parts.BEARINGS, "radial_stiffness", "N/m")
+        self.couplings = parts.springs(model, parts.COUPLINGS, "rotational_stiffness", "N m/rad")
+        self.planetary_stages = [part.name for part in model.of_type("planetary_stage")]
+        self.load_cases = model.load_fractions() or {NOMINAL: math.nan}
+        self.shaft_of = {
+            gear.id: shaft
+            for shaft in model.of_type("shaft")
+            for gear in model.parts_of(shaft)
+            if gear.type in _GEARS
+        }
+        self.stages = self._read_stages()
+        self._loads: dict[str, Loads] = {}
+        for name in self.stages:
+            try:
+                self.stage(name)
+            except ValueError as error:
+                self.refused[name] = str(error)
+
+    def default(self, text: str) -> None:
+        """List what the file leaves open, with the value in its place."""
+        if text not in self.defaults:
+            self.defaults.append(text)
+
+    def note(self, text: str) -> None:
+        """List a contradiction in the file."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def _read_stages(self) -> dict[str, Stage]:
+        """Return the cylindrical stages by name; other stages are refused."""
+        carriers = {}  # id of the shaft of a planet -> id of its carrier
+        for planetary in self.model.of_type("planetary_stage"):
+            owners = [x for x in self.model.parts_of(planetary) if x.type == "planet_carrier"]
+            for sides in self.model.related("planet_shaft", planetary_stage=planetary):
+                carriers[sides["shaft"].id] = (owners or [planetary])[0].id
+        found = {}
+        for part in self.model.components.values():
+            if not part.type.endswith("_stage") or part.type == "planetary_stage":
+                continue
+            sides = next(self.model.related("stage", stage=part), {})
+            pair = [sides.get("gear_1"), sides.get("gear_2")]
+            if part.type != "cylindrical_stage":
+                reason = "a cylindrical_stage, with spur or helical gears"
+            elif None in pair or any(gear.id not in self.shaft_of for gear in pair):
+                reason = "a stage of two gears that lie on shafts"
+            else:
+                pair.sort(key=lambda gear: (gear.type == "ring_gear", gears.teeth(gear)))
+                carried = [carriers.get(self.shaft_of[gear.id].id) for gear in pair]
+                carrier = next(filter(None, carried), None)
+                found[part.name] = Stage(part.name, part, *pair, carrier)
+                continue
+            self.refused[part.name] = f"{part} is not allowed: it must be {reason}"
+        if not found:
+            reasons = "; ".join(self.refused.values())
+            problem = "are missing: it must have a cylindrical_stage with two gears"
+            raise InputError("stages", problem=f"{problem}{': ' if reasons else ''}{reasons}")
+        return found
+
+    @cached_property
+    def rotors(self) -> Rotors:
+        """What turns together, and the kinematics."""
+        return Rotors(self)
+
+    def loads(self, load_case: str | None = None) -> Loads:
+        """Return all torques and speeds in a load case, by default in the first one."""
+        case = next(iter(self.load_cases)) if load_case is None else load_case
+        checks.one_of("load_case", case, list(self.load_cases))
+        if case not in self._loads:
+            self._loads[case] = solve(self, None if case == NOMINAL else case)
+            for text in self._loads[case].notes:
+                self.note(text)
+        return self._loads[case]
+
+    def _named(self, name: str) -> Stage:
+        return self.stages[checks.one_of("stage", name, list(self.stages))]
+
+    def load(self, stage: str, load_case: str | None = None) -> dict[str, float]:
+        """Return the torque (N m) and the speed (rpm) of the pinion of a stage in a load case.
+
+        They have no signs and are arguments of `gearlib.duty_point`. The speed is relative to the
+        line of centres; it is left out if the file states none. By default the load case is the
+        first one.
+
+        Raises
+        ------
+        ValueError
+            If a torque is missing, or the stage or load case is unknown.
+        """
+        name, loads = self._named(stage).name, self.loads(load_case)
+        if loads.missing is not None:
+            raise loads.missing
+        load = {"torque": abs(loads.pinion_torques[name])}
+        if loads.pinion_speeds is not None:
+            load["speed"] = abs(loads.pinion_speeds[name])
+        return load
+
+    def stage(self, name: str, load_case: str | None = None) -> GearStage:
+        """Return the geometry of a stage with the flanks that carry the load in a load case.
+
+        Without a torque these are the left flanks. By default the load case is the first one.
+
+        Raises
+        ------
+        ValueError
+            If the geometry is incomplete or impossible; the message names component and attribute.
+        """
+        stage, torque = self._named(name), self.loads(load_case).pinion_torques.get(name, 0.0)
+        sides = []
+        for gear in (stage.pinion, stage.wheel):
+            # Seen along the axis, the right flanks of upright teeth press counterclockwise.
+            positive = torque * self.places.direction(self.shaft_of[gear.id])
+            sides.append("left" if positive >= 0.0 else "right")
+        return gears.geometry(self, stage, sides, self.centre_distance(stage))
+
+    def shaft_diameters(self, gear: Component) -> tuple[float, float]:
+        """Return inner and outer diameter of the shaft in the middle of a gear, m; 0 without it."""
+        shaft = self.shafts[self.shaft_of[gear.id].id]
+        middle = sum(self.face(gear)) / 2.0
+        for section in shaft.sections:
+            if section.start <= middle <= section.end:
+                fraction = (middle - section.start) / (section.end - section.start)
+                inner, outer = (
+                    d[0] + (d[1] - d[0]) * fraction for d in (section.inner, section.outer)
+                )
+                return inner, outer
+        return 0.0, 0.0
+
+    def face(self, gear: Component) -> tuple[float, float]:
+        """Return where the face of a gear begins and ends on its shaft, m."""
+        width = gear.number("face_width", "m", "for the contact ratios and the stiffness")
+        shaft, start = self.shaft_of[gear.id], gear.number("u_coordinate_on_shaft", "m")
+        if start is None or self._is_placed(gear, shaft):
+            # Where the middle lies, whatever the coordinate means in this version of the format.
+            middle = self.coordinate(gear, shaft)
+        else:
+            middle = start + (width / 2.0 if self.model.version == "1.0" else 0.0)
+        return middle - width / 2.0, middle + width / 2.0
+
+    def _is_placed(self, part: Component, shaft: Component) -> bool:
+        """Return whether the file has the positions of a component and of its shaft."""
+        return self.places.position(part) is not None and self.shafts[shaft.id].start is not None
+
+    def coordinate(self, part: Component, shaft: Component) -> float:
+        """Return the coordinate on a shaft at which a component lies by its position, m."""
+        if not self._is_placed(part, shaft):
+            problem = f"is missing: it must be given for the place on {shaft}"
+            raise InputError("u_coordinate_on_shaft", problem=problem, owner=str(part))
+        line = self.shafts[shaft.id]
+        return line.direction * float((self.places.position(part) - line.start)[0])
+
+    def line_of_centres(self, stage: Stage) -> np.ndarray | None:
+        """Return the vector from the axis of the pinion to that of the wheel along v and w, m.
+
+        It is None if the file does not state where both of them lie.
+        """
+        places = []
+        for gear in (stage.pinion, stage.wheel):
+            place = self.places.position(gear)
+            places.append(place if place is not None else self.shafts[self.shaft_of[gear.id].id].start)
+        if any(place is None for place in places):
+            return None
+        vector = (places[1] - places[0])[1:]
+        return vector if math.hypot(*vector) > _DISTANCE_TOLERANCE else None
+
+    def centre_distance(self, stage: Stage) -> float:
+        """Return the centre distance of a stage, m: that stated, else that of the positions."""
+        stated, vector = stage.part.number("center_distance", "m"), self.line_of_centres(stage)
+        placed = None if vector is None else math.hypot(*vector)
+        if stated is None and placed is None:
+            problem = "is missing: it must be given, or support_vector of both gears"
+            raise InputError("center_distance", problem=problem, owner=str(stage.part))
+        if None not in (stated, placed) and abs(placed - stated) > _DISTANCE_TOLERANCE:
+            self.note(
+                f"center_distance of {stage.part} is {1e3 * stated:.7g} mm, but by support_vector "
+                f"{1e3 * placed:.7g} mm; the first is used"
+            )
+        return placed if stated is None else stated
+
+    def centre_line_angle(self, stage: Stage) -> float:
+        """Return the angle from v of the line from the axis of the pinion to that of the wheel.
+
+        It is that of the positions, else the angle that the stage states, in rad.
+        """
+        vector = self.line_of_centres(stage)
+        stated = stage.part.number("rotating_angle_around_neg_u_axis", "rad")
+        if stated is not None:
+            stated = math.pi / 2.0 - stated  # from w towards v
+            first = next(self.model.related("stage", stage=stage.part))["gear_1"]
+            stated += 0.0 if first.id == stage.pinion.id else math.pi
+        if vector is None:
+            if stated is None:
+                self.default(f"direction of the wheel of {stage.part}: along v")
+            return stated or 0.0
+        angle = math.atan2(vector[1], vector[0])
+        if stated is not None and abs(math.remainder(angle - stated, math.tau)) > _ANGLE_TOLERANCE:
+            degrees = math.degrees(math.remainder(stated - angle, math.tau))
+            self.note(
+                f"rotating_angle_around_neg_u_axis of {stage.part} puts the wheel {degrees:.4g} "
+                "degrees from its support_vector, which is used"
+            )
+        return angle
+
+    def material(self, part: Component) -> tuple:
+        """Return the material of a component and its shear modulus, Pa."""
+        return parts.material(self.model, part, self.defaults)
+
+    def planet(self, stage: Stage) -> Component:
+        """Return the gear of a planetary stage that a carrier carries."""
+        shafts = {x["shaft"].id for x in self.model.related("planet_shaft")}
+        pair = stage.pinion, stage.wheel
+        return next(gear for gear in pair if self.shaft_of[gear.id].id in shafts)
+
+    def _stages_on(self, carrier: Component) -> list[Stage]:
+        return [stage for stage in self.stages.values() if stage.carrier == carrier.id]
+
+    def pin_radius(self, carrier: Component) -> float:
+        """Return the radius of the pins of a carrier, m."""
+        return self.centre_distance(self._stages_on(carrier)[0])
+
+    def default_carrier(self, carrier: Component) -> tuple[float, float]:
+        """Return mass (kg) and inertia (kg m^2) of a carrier that the file does not describe.
+
+        It is a disc with the width and material of a planet and the radius of the pins.
+        """
+        planet, radius = self.planet(self._stages_on(carrier)[0]), self.pin_radius(carrier)
+        width = planet.number("face_width", "m", "for the inertia of the carrier")
+        mass = math.pi * radius**2 * width * self.material(planet)[0].density
+        self.default(f"inertia of {carrier}: a disc with the width and material of a planet")
+        return mass, mass * radius**2 / 2.0
+
+    def end_at_planets(self, part: Component, carrier: Component) -> float:
+        """Return the coordinate of the end of a carrier shaft that is next to the planets, m."""
+        shaft, planet = self.shafts[part.id], self.planet(self._stages_on(carrier)[0])
+        u = self.coordinate(planet, part)
+        return min(shaft.ends, key=lambda end: abs(end - u))
+
+    def train(
+        self,
+        load_case: str | None = None,
+        *,
+        bearing_stiffness: float | None = None,
+        damping_ratio: float = 0.05,
+        structural_damping: float = STRUCTURAL_DAMPING,
+        model: str = "teeth",
+        stiffness: str | None = None,
+        options: dict | None = None,
+        reference: str | None = None,
+    ) -> "GearTrain":
+        """Return the whole box as a gear train in a load case, by default the first one.
+
+        Parameters
+        ----------
+        load_case : str, optional
+            Name of a load case.
+        bearing_stiffness : float, optional
+            Stiffness of all bearings, N/m. By default bearings have their own; axes without a
+            bearing stiffness are rigid.
+        damping_ratio : float, default 0.05
+            Damping ratio of each mesh, of its two gears alone.
+        structural_damping : float, default 1e-6
+            Damping of shafts, couplings and bearings over their stiffness, s.
+        model, stiffness, options
+            Model and stiffness of the meshes, see `gearlib.Mesh.from_geometry`.
+        reference : str, optional
+            Stage whose mesh sets scales and tuning, by default the first.
+
+        Returns
+        -------
+        GearTrain
+            Meshes have the names of the stages, bodies those of gears, loads and carriers.
+
+        Raises
+        ------
+        ValueError
+            If something is missing or impossible; the message names component and attribute.
+        """
+        from gearlib.gearboxes.train import build  # Loads the compiled code of trains.
+
+        return build(
+            self,
+            load_case,
+            bearing_stiffness=bearing_stiffness,
+            structural_damping=structural_damping,
+            reference=reference,
+            damping_ratio=damping_ratio,
+            model=model,
+            stiffness=stiffness,
+            options=options,
+        )
