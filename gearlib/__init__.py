@@ -3,6 +3,7 @@
 ===============  ================================================================================
 folder           responsibility
 ===============  ================================================================================
+``gearboxes``    gearboxes from REXS files: `read_gearbox`
 ``models``       models that can be simulated: parameters, mesh stiffness, equations of motion
 ``engines``      exact runs from event to event; compiled, one folder for each kind of system
 ``data``         named datasets and files: names and units, netCDF, CSV
@@ -28,6 +29,7 @@ from importlib import import_module
 
 #: Module -> its public names.
 _MODULES = {
+    "analysis.characteristic_frequencies": "characteristic_frequencies",
     "analysis.duty_point": "duty_point",
     "analysis.global_dynamics.basins": "basin_stability basins",
     "analysis.global_dynamics.poincare": "bifurcation_diagram poincare_section",
@@ -42,6 +44,7 @@ _MODULES = {
     "analysis.sensitivities": "sensitivities",
     "analysis.tongues.search": "tongues",
     "analysis.trust": "trust",
+    "gearboxes.gearbox": "read_gearbox",
     "integrators": "methods",
     "models.harmonics": "Harmonics",
     "models.load_sharing_pair": "LoadSharingPair",

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from gearlib import units
+from gearlib import checks, units
 from gearlib.checks import InputError
 
 #: Newest version that is read.
@@ -146,137 +146,103 @@ def read(path: Any) -> RexsModel:
     """
     content = Path(path).read_bytes()
     try:
-        if zipfile.is_zipfile(io.BytesIO(content)) or content[:2] == b"PK":
+        if content[:2] == b"PK":
             content = _model_in_archive(content)
         if content.lstrip(b"\xef\xbb\xbf \r\n\t")[:1] == b"{":
-            tree = _JsonTree(json.loads(content.decode("utf-8-sig")))
-        else:
-            tree = _XmlTree(ElementTree.fromstring(content))
-        return tree.model()
+            tree = json.loads(content.decode("utf-8-sig"))
+            return _model(tree.get("model", tree))
+        return _model(_from_xml(ElementTree.fromstring(content)))
     except InputError as error:
         raise ValueError(f"{path}: {error}") from None
-    except (ElementTree.ParseError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise ValueError(f"{path} is damaged or no REXS file: {error}") from None
-    except (KeyError, TypeError, AttributeError, UnicodeError, json.JSONDecodeError) as error:
-        raise ValueError(f"{path} is damaged or no REXS file: {error!r}") from None
+    except Exception as error:  # those of zipfile, ElementTree, json and Python
+        raise ValueError(f"{path} is damaged or no REXS file: {error}") from error
 
 
 def _model_in_archive(content: bytes) -> bytes:
     """Return the content of the model file in a ZIP archive."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = [name for name in archive.namelist() if name.lower().endswith(_SUFFIXES)]
-        names.sort(key=lambda name: (_SUFFIXES.index(Path(name).suffix.lower()), name.count("/")))
         if not names:
-            raise zipfile.BadZipFile("the archive has no model, a file with the suffix .rexs")
-        return archive.read(names[0])
+            raise ValueError("the archive has no model, a file with the suffix .rexs or .rexsj")
+        return archive.read(min(names, key=lambda name: (name.count("/"), len(name))))
 
 
-class _Tree:
-    """A file as a tree, whose nodes have attributes, children by tag and values."""
+def _from_xml(root: ElementTree.Element) -> dict:
+    """Return an XML model as the objects and lists of a JSON model."""
 
-    def model(self) -> RexsModel:
-        """Return the content of the file."""
-        version = str(self.get(self.root, "version") or "")
-        numbers = [int(text) if text.isdigit() else -1 for text in version.split(".")[:2]]
-        if not (1, 0) <= tuple(numbers) <= _NEWEST:
-            allowed = f"a version of REXS from 1.0 to {'.'.join(map(str, _NEWEST))}"
-            raise InputError("version", version or None, allowed)
-        components = self.components(self.root)
-        names = [part.name for part in components.values()]
-        components = {
-            key: part._replace(name=part.name if names.count(part.name) == 1 else _numbered(part))
-            for key, part in components.items()
-        }
-        relations = [
-            (
-                str(self.get(relation, "type")),
-                [
-                    (str(self.get(ref, "role")), str(self.get(ref, "id")))
-                    for ref in self.children(relation, "ref")
-                ],
-            )
-            for relation in self.children(self.child(self.root, "relations"), "relation")
+    def entries(node, tag: str, **children: str) -> list[dict]:
+        """Return the elements with a tag below a node as dicts with lists of their children."""
+        found = [] if node is None else node.findall(tag)
+        return [
+            dict(x.attrib) | {f"{y}s": entries(x, y) for y in children.values()} | _xml_value(x)
+            for x in found
         ]
-        spectrum = self.child(self.root, "load_spectrum")
-        cases = {}
-        for i, case in enumerate(self.children(spectrum, "load_case"), 1):
-            changed = self.components(case)
-            name = str(self.get(case, "name") or self.get(case, "id") or i)
-            cases[name if name not in cases else f"{name} [{i}]"] = {
-                key: part.attributes for key, part in changed.items()
-            }
-        application = str(self.get(self.root, "applicationId") or "")
-        return RexsModel(version, application, components, relations, cases)
 
-    def components(self, node: Any) -> dict[str, Component]:
-        """Return the components below a node, by id."""
-        parent = self.child(node, "components")
-        found = {}
-        for part in self.children(node if parent is None else parent, "component"):
-            kind, key = str(self.get(part, "type")), str(self.get(part, "id"))
-            name = " ".join(str(self.get(part, "name") or kind).split())
-            attributes = {
-                str(self.get(entry, "id")): (self.value(entry), self.get(entry, "unit") or "")
-                for entry in self.children(part, "attribute")
-            }
-            found[key] = Component(key, kind, name, attributes)
-        return found
+    for element in root.iter():
+        element.tag = str(element.tag).rpartition("}")[2]  # without a namespace
+    root = root if root.tag == "model" else root.find(".//model")
+    spectrum = root.find("load_spectrum")
+    cases = [] if spectrum is None else spectrum.findall("load_case")
+    return dict(root.attrib) | {
+        "relations": entries(root.find("relations"), "relation", part="ref"),
+        "components": entries(root.find("components"), "component", part="attribute"),
+        "load_spectrum": {
+            "load_cases": [
+                dict(case.attrib)
+                | {"components": entries(_components_of(case), "component", part="attribute")}
+                for case in cases
+            ]
+        },
+    }
 
 
-def _numbered(part: Component) -> str:
-    """Return the name of a component with its id, which makes it unique."""
-    suffix = f"[{part.id}]"
-    return part.name if part.name.endswith(suffix) else f"{part.name} {suffix}"
+def _components_of(case: ElementTree.Element) -> ElementTree.Element:
+    """Return the element of a load case that has its components."""
+    components = case.find("components")
+    return case if components is None else components
 
 
-class _XmlTree(_Tree):
-    """An XML file."""
-
-    def __init__(self, root: ElementTree.Element):
-        for element in root.iter():
-            element.tag = str(element.tag).rpartition("}")[2]  # without a namespace
-        self.root = root if root.tag == "model" else root.find(".//model")
-        if self.root is None:
-            raise InputError("model", problem="is missing: it must be the element of the gear unit")
-
-    def get(self, node, name):
-        """Return an attribute of an element, None if it has none of that name."""
-        return node.get(name)
-
-    def child(self, node, tag):
-        """Return the first child with a tag, or None."""
-        return node.find(tag)
-
-    def children(self, node, tag):
-        """Return the children of an element, or of None, with a tag."""
-        return [] if node is None else node.findall(tag)
-
-    def value(self, node):
-        """Return the text of an attribute, or the list of texts of an array."""
-        array = node.find("array")
-        return node.text if array is None else [cell.text for cell in array.iter("c")]
+def _xml_value(element: ElementTree.Element) -> dict:
+    """Return the value of an attribute: its text, or the texts of an array."""
+    if element.tag != "attribute":
+        return {}
+    array = element.find("array")
+    return {"value": element.text if array is None else [cell.text for cell in array.iter("c")]}
 
 
-class _JsonTree(_Tree):
-    """A JSON file, in which lists have the plural of the tags of XML."""
+def _model(tree: dict) -> RexsModel:
+    """Return the content of a JSON model."""
+    version = str(tree.get("version") or "")
+    numbers = tuple(int(text) if text.isdigit() else -1 for text in version.split(".")[:2])
+    allowed = f"a version of REXS from 1.0 to {'.'.join(map(str, _NEWEST))}"
+    checks.require((1, 0) <= numbers <= _NEWEST, "version", version or None, allowed)
+    components = _components(tree)
+    names = [part.name for part in components.values()]
+    for key, part in components.items():
+        suffix = f"[{part.id}]"
+        if names.count(part.name) > 1 and not part.name.endswith(suffix):
+            components[key] = part._replace(name=f"{part.name} {suffix}")
+    relations = [
+        (relation["type"], [(ref["role"], str(ref["id"])) for ref in relation["refs"]])
+        for relation in tree.get("relations") or []
+    ]
+    cases: dict = {}
+    for i, case in enumerate((tree.get("load_spectrum") or {}).get("load_cases") or [], 1):
+        name = str(case.get("name") or case.get("id") or i)
+        changes = {key: part.attributes for key, part in _components(case).items()}
+        cases[name if name not in cases else f"{name} [{i}]"] = changes
+    return RexsModel(version, str(tree.get("applicationId") or ""), components, relations, cases)
 
-    def __init__(self, root: Any):
-        self.root = root["model"] if "model" in root else root
 
-    def get(self, node, name):
-        """Return an entry of an object, None if it has none of that name."""
-        return node.get(name)
-
-    def child(self, node, tag):
-        """Return the list or object with a key, or None."""
-        return node.get(tag)
-
-    def children(self, node, tag):
-        """Return the entries of a list, or of the list of an object with the plural of a tag."""
-        if isinstance(node, dict):
-            node = node.get(f"{tag}s")
-        return node or []
-
-    def value(self, node):
-        """Return the value of an attribute, whose key names its type, or None."""
-        return next((x for key, x in node.items() if key not in ("id", "unit", "name")), None)
+def _components(node: dict) -> dict[str, Component]:
+    """Return the components of a model or load case by id."""
+    found = {}
+    for part in node.get("components") or []:
+        attributes = {}
+        for entry in part.get("attributes") or []:
+            # In JSON the key of the value is its type.
+            values = [x for key, x in entry.items() if key not in ("id", "unit")]
+            attributes[entry["id"]] = (values[0] if values else None, entry.get("unit") or "")
+        name = " ".join(str(part.get("name") or part["type"]).split())
+        found[str(part["id"])] = Component(str(part["id"]), part["type"], name, attributes)
+    return found

@@ -415,7 +415,8 @@ class GearTrain(Model):
         -------
         xarray.Dataset
             Over `mode`: natural_frequency (Hz), mode_kind (rigid, rotational, translational,
-            satellite, other), mode_shape over body and axis, strain_energy over mesh.
+            satellite, other), mode_shape over body and axis, strain_energy over mesh, shaft_energy
+            over shaft.
         """
         return natural_modes.modes(self)
 
