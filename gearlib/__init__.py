@@ -44,6 +44,7 @@ _MODULES = {
     "analysis.sensitivities": "sensitivities",
     "analysis.tongues.search": "tongues",
     "analysis.trust": "trust",
+    "config.train_files": "read_train write_train",
     "gearboxes.gearbox": "read_gearbox",
     "integrators": "methods",
     "models.harmonics": "Harmonics",

@@ -137,12 +137,13 @@ MeshPart = create_section(
     "Two gears in mesh, see `gearlib.Mesh`; two bodies with `gear` give stiffness, ratios, phases.",
     elements.Mesh,
     base=GeometryMesh,
-    exclude=("material_damping", "transmission_error"),
+    exclude=("material_damping",),
     optional=("max_stiffness", "stiffness_ratio", "contact_ratio"),
     centre_distance=(Diameter, field(_DOC, None)),
     torque=(Torque, field(_TORQUE_DOC, None)),
     deviation=(Deviation, field("Deviation of the drive-side flanks.", None)),
     coast_deviation=(Deviation, field("Deviation of the coast-side flanks.", None)),
+    transmission_error=(Deviation, field("Error of the teeth under load, without its mean.", None)),
 )
 
 
@@ -233,6 +234,12 @@ class Train(Section):
         # The name of the mesh that sets the scales, and the frequency, Hz, of the tuning 1.
         arguments |= self.model_dump(include={"reference", "reference_frequency"})
         return {"kind": self.kind, "arguments": arguments}
+
+
+class TrainFile(Section):
+    """A file with a train alone, see `gearlib.read_train`."""
+
+    train: Train
 
 
 class TrainSweep(t.IncreasingStarts, grid_base(0.5, 1.4, 0.01, t.NumericGrid), t.RecordedPeriods):

@@ -1,6 +1,7 @@
 """`read_gearbox`: stages, shafts, springs and load cases of a gearbox from a REXS file."""
 
 import math
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -75,17 +76,17 @@ class Gearbox:
     load_cases : dict of str to float
         Load cases and their fractions of the load duration, NaN if they are not stated; "nominal"
         alone if the file has no load spectrum.
-    defaults, notes : list of str
-        What the file leaves open, with the value in its place, and where it contradicts itself.
+    notes : list of str
+        Where the file contradicts itself, and what is used.
     """
 
     def __init__(self, model: RexsModel):
         self.model = model
-        self.defaults: list[str] = []
+        self._defaults: dict[str, list[str]] = {}  # text -> components
         self.notes: list[str] = []
         self.refused: dict[str, str] = {}
         self.places = parts.Places(model)
-        self.shafts = parts.shafts(model, self.places, self.defaults)
+        self.shafts = parts.shafts(model, self.places, self.default)
         self.bearings = parts.springs(model, parts.BEARINGS, "radial_stiffness", "N/m")
         self.couplings = parts.springs(model, parts.COUPLINGS, "rotational_stiffness", "N m/rad")
         self.planetary_stages = [part.name for part in model.of_type("planetary_stage")]
@@ -104,10 +105,16 @@ class Gearbox:
             except ValueError as error:
                 self.refused[name] = str(error)
 
-    def default(self, text: str) -> None:
-        """List what the file leaves open, with the value in its place."""
-        if text not in self.defaults:
-            self.defaults.append(text)
+    @property
+    def defaults(self) -> list[str]:
+        """What the file leaves open, with the value in its place and the components."""
+        return [f"{text}: {', '.join(names)}" for text, names in self._defaults.items()]
+
+    def default(self, text: str, part: Component) -> None:
+        """List the text of a default for a component."""
+        names = self._defaults.setdefault(text, [])
+        if part.name not in names:
+            names.append(part.name)
 
     def note(self, text: str) -> None:
         """List a contradiction in the file."""
@@ -277,7 +284,7 @@ class Gearbox:
             stated += 0.0 if first.id == stage.pinion.id else math.pi
         if vector is None:
             if stated is None:
-                self.default(f"direction of the wheel of {stage.part}: along v")
+                self.default("the wheel lies along v from the pinion", stage.part)
             return stated or 0.0
         angle = math.atan2(vector[1], vector[0])
         if stated is not None and abs(math.remainder(angle - stated, math.tau)) > _ANGLE_TOLERANCE:
@@ -290,7 +297,7 @@ class Gearbox:
 
     def material(self, part: Component) -> tuple:
         """Return the material of a component and its shear modulus, Pa."""
-        return parts.material(self.model, part, self.defaults)
+        return parts.material(self.model, part, self.default)
 
     def planet(self, stage: Stage) -> Component:
         """Return the gear of a planetary stage that a carrier carries."""
@@ -313,7 +320,7 @@ class Gearbox:
         planet, radius = self.planet(self._stages_on(carrier)[0]), self.pin_radius(carrier)
         width = planet.number("face_width", "m", "for the inertia of the carrier")
         mass = math.pi * radius**2 * width * self.material(planet)[0].density
-        self.default(f"inertia of {carrier}: a disc with the width and material of a planet")
+        self.default("the carrier is a disc with the width and material of a planet", carrier)
         return mass, mass * radius**2 / 2.0
 
     def end_at_planets(self, part: Component, carrier: Component) -> float:
@@ -375,3 +382,81 @@ class Gearbox:
             stiffness=stiffness,
             options=options,
         )
+
+    def rows(self, load_case: str | None = None) -> Iterator[list]:
+        """Yield the names of the columns, then the values of each stage in a load case.
+
+        A value that is not known is None.
+        """
+        yield [name for name, _ in _COLUMNS]
+        loads = self.loads(load_case)
+        for name, stage in self.stages.items():
+            geometry = None if name in self.refused else self.stage(name, load_case)
+            torque = abs(loads.pinion_torques[name]) if loads.missing is None else None
+            speed = None if loads.pinion_speeds is None else abs(loads.pinion_speeds[name])
+            yield [value(name, stage.signed_teeth, geometry, torque, speed) for _, value in _COLUMNS]
+
+    def __str__(self) -> str:
+        """Return the tables of the stages and loads of all load cases, and what was assumed."""
+        lines = [f"gearbox, REXS {self.model.version}, {self.model.application}".rstrip(", ")]
+        for case, fraction in self.load_cases.items():
+            share = "" if math.isnan(fraction) else f", {100.0 * fraction:.4g} % of the duration"
+            lines += ["", f"load case {case}{share}", *_aligned(self.rows(case))]
+            lines += ["", *_aligned(self._load_rows(case))]
+            if (missing := self.loads(case).missing) is not None:
+                lines.append(str(missing))
+        for title, texts in (
+            ("not stated in the file", self.defaults),
+            ("contradictions in the file", self.notes),
+            ("stages that are not computed", self.refused.values()),
+        ):
+            lines += ["", f"{title}:", *(f"  {text}" for text in texts)] if texts else []
+        return "\n".join(lines)
+
+    def _load_rows(self, case: str) -> Iterator[list]:
+        """Yield the rows of the table of external loads, whose torques are counterclockwise."""
+        yield ["external load", "on", "torque (N m)", "speed (rpm)"]
+        loads = self.loads(case)
+        for load, part in loads.external:
+            speed = None if loads.speeds is None else loads.speeds[part.id]
+            yield [load.name, part.name, loads.torques[load.id] if not loads.missing else None, speed]
+
+
+def _product(first: float | None, second: float) -> float | None:
+    return None if first is None else first * second
+
+
+#: Name and unit of a column of the table of the stages, and its value from the name of a stage, its
+#: numbers of teeth, its geometry (None if it is refused), and torque and speed of the pinion.
+_COLUMNS: tuple = (
+    ("stage", lambda name, z, stage, torque, speed: name),
+    ("teeth", lambda name, z, stage, torque, speed: f"{z[0]}/{abs(z[1])}"),
+    ("m_n (mm)", lambda name, z, stage, torque, speed: stage and 1e3 * stage.pinion.module),
+    ("beta (deg)", lambda name, z, stage, *_: stage and math.degrees(stage.pinion.helix_angle)),
+    ("a (mm)", lambda name, z, stage, torque, speed: stage and 1e3 * stage.centre_distance),
+    ("b (mm)", lambda name, z, stage, torque, speed: stage and 1e3 * stage.width),
+    ("eps_alpha", lambda name, z, stage, torque, speed: stage and round(stage.contact_ratio, 4)),
+    ("eps_beta", lambda name, z, stage, torque, speed: stage and round(stage.overlap_ratio, 4)),
+    ("ratio", lambda name, z, stage, torque, speed: abs(z[1]) / z[0]),
+    ("n_1 (rpm)", lambda name, z, stage, torque, speed: speed),
+    ("n_2 (rpm)", lambda name, z, stage, torque, speed: _product(speed, z[0] / abs(z[1]))),
+    ("T_1 (N m)", lambda name, z, stage, torque, speed: torque),
+    ("T_2 (N m)", lambda name, z, stage, torque, speed: _product(torque, abs(z[1]) / z[0])),
+    ("f_mesh (Hz)", lambda name, z, stage, torque, speed: _product(speed, z[0] / 60.0)),
+    (
+        "F_bt (N)",
+        lambda name, z, stage, torque, speed: None
+        if None in (stage, torque)
+        else stage.load(torque),
+    ),
+)
+
+
+def _aligned(rows: Iterable[list]) -> list[str]:
+    """Return rows of cells as lines with aligned columns; numbers have six digits."""
+    texts = [
+        ["-" if x is None else f"{x:.6g}" if isinstance(x, float) else str(x) for x in row]
+        for row in rows
+    ]
+    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in texts]

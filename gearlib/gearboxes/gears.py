@@ -89,7 +89,7 @@ def geometry(box: "Gearbox", stage: Stage, sides: list[str], distance: float) ->
         result = GearStage(*made, distance, backlash)
     if backlash is None and result.has_recommended_backlash:
         value = 1e3 * result.backlash
-        box.default(f"normal backlash of {stage.part}: the recommended {value:.4g} mm")
+        box.default(f"normal backlash {value:.4g} mm, as recommended", stage.part)
     return result
 
 
@@ -111,12 +111,12 @@ def _angles(box: "Gearbox", gear: Component, flank: Component) -> dict[str, Any]
     values = {"module": gear.number("normal_module", "m", "for the geometry of the stage")}
     for field, default, text in (
         ("pressure_angle", math.radians(20.0), "20 degrees"),
-        ("helix_angle", 0.0, "0, a spur gear"),
+        ("helix_angle", 0.0, "0"),
     ):
         values[field] = _number((flank, gear), field, "rad")
         if values[field] is None:
             values[field] = default
-            box.default(f"{_ATTRIBUTES[field]} of {gear}: {text}")
+            box.default(f"{_ATTRIBUTES[field]} {text}", gear)
     return values
 
 
@@ -138,14 +138,14 @@ def _shifts(box, stage: Stage, flanks: list, angles: dict, distance: float) -> l
     total = round(involute * count / (2.0 * math.tan(alpha)), 9)
     i = shifts.index(None)
     shifts[i] = total - shifts[1 - i]
-    box.default(f"{name} of {gears[i]}: {shifts[i]:.6g}, by the centre distance")
+    box.default(f"{name} {shifts[i] + 0.0:.6g}, by the centre distance", gears[i])
     return shifts
 
 
 def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> SpurGear:
     """Return the geometry of a gear with the values that are known already."""
     internal = gear.type == "ring_gear"
-    chosen, _ = parts.material(box.model, gear, box.defaults)
+    chosen, _ = parts.material(box.model, gear, box.default)
     values |= {
         "teeth": teeth(gear),
         "width": gear.number("face_width", "m", "for the contact ratios and the stiffness"),
@@ -156,11 +156,10 @@ def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> Sp
     tip = gear.number("tip_diameter", "m")
     if tip is None:
         factor = values["rack"].addendum
-        box.default(f"tip_diameter of {gear}: d + 2 m_n ({factor:g} + x), not shortened")
+        box.default(f"tip_diameter d + 2 m_n ({factor:g} + x), not shortened", gear)
     else:
         values["tip_diameter"] = abs(tip)
     plain = SpurGear(**values)
-    shaft = box.shafts.get(box.shaft_of[gear.id].id)
     inside, outside = box.shaft_diameters(gear)
     if internal:
         rim = gear.number("outer_diameter", "m") or inside
@@ -168,11 +167,11 @@ def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> Sp
             values["outer_diameter"] = rim
         else:
             values["outer_diameter"] = plain.root_diameter + 7.0 * plain.module
-            box.default(f"rim of {gear}: 3.5 modules above the root")
+            box.default("rim 3.5 modules above the root", gear)
     elif outside and outside < plain.root_diameter / MIN_ROOT_RATIO:
         values["bore"] = outside
     elif outside:
-        box.default(f"bore of {gear}: none, one piece with {shaft.name}")
+        box.default("no bore, one piece with the shaft", gear)
     relief = _relief(box, flank, plain)
     return SpurGear(**values, tip_relief=relief)
 

@@ -152,8 +152,11 @@ class Places:
         return 1 if frame is None or frame[1][0] @ self.axes[0] >= 0.0 else -1
 
 
-def material(model: RexsModel, part: Component, defaults: list[str]) -> tuple[Material, float]:
-    """Return the material of a component and its shear modulus in Pa; add what is a default."""
+def material(model: RexsModel, part: Component, default: Callable) -> tuple[Material, float]:
+    """Return the material of a component and its shear modulus, Pa.
+
+    The function `default` takes the text of a default and the component.
+    """
     steel, source = Material(), model.referenced(part, "material")
     values = {}
     for field, name, unit in (
@@ -164,14 +167,14 @@ def material(model: RexsModel, part: Component, defaults: list[str]) -> tuple[Ma
         values[field] = source.number(name, unit) if source else None
         if values[field] is None:
             values[field] = getattr(steel, field)
-            defaults.append(f"{name} of {part}: steel, {values[field]:g} {unit.strip('1')}".strip())
+            default(f"{name} of steel, {values[field]:g} {unit.strip('1')}".strip(), part)
     chosen = Material(**values)
     shear = source.number("shear_modulus", "Pa") if source else None
     return chosen, shear or chosen.young / (2.0 * (1.0 + chosen.poisson))
 
 
-def shafts(model: RexsModel, places: Places, defaults: list[str]) -> dict[str, Shaft]:
-    """Return the shafts of a model by id; add to `defaults` what is not stated in the file."""
+def shafts(model: RexsModel, places: Places, default: Callable) -> dict[str, Shaft]:
+    """Return the shafts of a model by id; `default` is that of `material`."""
     found = {}
     for part in model.of_type("shaft"):
         sections, end = [], 0.0
@@ -188,7 +191,7 @@ def shafts(model: RexsModel, places: Places, defaults: list[str]) -> dict[str, S
                     raise InputError(f"outer_diameter_{at}", d, allowed, owner=str(x))
             if end > start:
                 sections.append(Section(start, end, tuple(outer), tuple(inner)))
-        chosen, shear = material(model, part, defaults)
+        chosen, shear = material(model, part, default)
         sections.sort()
         origin = places.position(part)
         found[part.id] = Shaft(

@@ -187,7 +187,7 @@ def _mesh(
     without a torque gets the rectangle as a draft.
     """
     values = {"material_damping": None} | values  # None: the damping is unknown.
-    for name in {"deviation", "coast_deviation"} & values.keys():
+    for name in {"deviation", "coast_deviation", "transmission_error"} & values.keys():
         values[name] = Harmonics(**values[name])
     pinion, wheel = (gears.get(values[name]) for name in ("pinion", "wheel"))
     if pinion is None or wheel is None or "max_stiffness" in values:
