@@ -128,6 +128,11 @@ DESCRIPTIONS = {
     "error_amplitude_error": ("m", "estimated error of the amplitude of the transmission error"),
     "mean_square_force": ("N2", "mean square of the mesh force, by samples"),
     "mean_square_error": ("m2", "mean square of the transmission error, by samples"),
+    # gearboxes
+    "natural_mode": ("1", "number of the natural mode of the box"),
+    "mode_frequency": ("Hz", "natural frequency of the box"),
+    "mode_strain_energy": ("1", "share of the mesh in the strain energy of the natural mode"),
+    "mode_shaft_energy": ("1", "share of the shaft in the strain energy of the natural mode"),
     # characteristic frequencies
     "hunting_tooth_frequency": ("Hz", "hunting tooth frequency, at which the same teeth meet"),
     "assembly_phase_frequency": ("Hz", "assembly phase frequency"),

@@ -200,12 +200,19 @@ class Gearbox:
             If the geometry is incomplete or impossible; the message names component and attribute.
         """
         stage, torque = self._named(name), self.loads(load_case).pinion_torques.get(name, 0.0)
-        sides = []
-        for gear in (stage.pinion, stage.wheel):
-            # Seen along the axis, the right flanks of upright teeth press counterclockwise.
-            positive = torque * self.places.direction(self.shaft_of[gear.id])
-            sides.append("left" if positive >= 0.0 else "right")
+        sides = [self._loaded_side(gear, torque) for gear in (stage.pinion, stage.wheel)]
         return gears.geometry(self, stage, sides, self.centre_distance(stage))
+
+    def _loaded_side(self, gear: Component, torque: float) -> str:
+        """Return the side of the flank that presses for a torque on the pinion, left or right.
+
+        Seen on the datum face of a gear with upright teeth, as in ISO 21771, left is on the left.
+        Both gears of a mesh press with flanks on the same side.
+        """
+        face = str(gear.value("datum_face_orientation") or "negative").lower()
+        towards = 1 if face.startswith("pos") or face == "+" else -1
+        turn = torque * self.places.direction(gear) * towards
+        return "right" if turn < 0.0 or (turn == 0.0 and towards < 0) else "left"
 
     def shaft_diameters(self, gear: Component) -> tuple[float, float]:
         """Return inner and outer diameter of the shaft in the middle of a gear, m; 0 without it."""

@@ -2,13 +2,13 @@
 
 import math
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gearlib import checks
 from gearlib.checks import InputError
-from gearlib.gearboxes import parts
 from gearlib.gearboxes.rexs import Component
-from gearlib.models.geometry.gear import RACKS, Rack, SpurGear, TipRelief, inv
+from gearlib.models.geometry.gear import RACKS, SpurGear, TipRelief, inv
 from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.geometry.iso import MIN_ROOT_RATIO
 
@@ -24,6 +24,9 @@ _ATTRIBUTES = {
     "pressure_angle": "normal_pressure_angle",
     "helix_angle": "helix_angle_reference_diameter",
     "tip_diameter": "tip_diameter",
+    "addendum": "addendum_coefficient_basic_profile",
+    "amount": "tip_relief_depth",
+    "length": "tip_relief_datum_length",
     "centre_distance": "center_distance",
 }
 
@@ -83,7 +86,9 @@ def geometry(box: "Gearbox", stage: Stage, sides: list[str], distance: float) ->
     for gear, flank, angle, shift in zip(gears, flanks, angles, shifts, strict=True):
         with _named(("", gear)):
             made.append(_gear(box, gear, flank, angle | {"shift": shift}))
-    backlash = stage.part.number("normal_backlash", "m")
+    limits = [stage.part.number(f"{x}_normal_backlash", "m") for x in ("minimum", "maximum")]
+    given = [x for x in limits if x is not None]
+    backlash = sum(given) / len(given) if given else None
     owners = ("pinion", stage.pinion), ("wheel", stage.wheel), ("", stage.part)
     with _named(*owners):
         result = GearStage(*made, distance, backlash)
@@ -145,56 +150,75 @@ def _shifts(box, stage: Stage, flanks: list, angles: dict, distance: float) -> l
 def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> SpurGear:
     """Return the geometry of a gear with the values that are known already."""
     internal = gear.type == "ring_gear"
-    chosen, _ = parts.material(box.model, gear, box.default)
+    addendum = _number((flank, gear), "addendum", "1")
     values |= {
         "teeth": teeth(gear),
         "width": gear.number("face_width", "m", "for the contact ratios and the stiffness"),
         "internal": internal,
-        "material": chosen,
-        "rack": _rack(box, gear),
+        "material": box.material(gear)[0],
     }
     tip = gear.number("tip_diameter", "m")
     if tip is None:
-        factor = values["rack"].addendum
-        box.default(f"tip_diameter d + 2 m_n ({factor:g} + x), not shortened", gear)
+        box.default(f"tip_diameter d + 2 m_n ({addendum or 1.0:g} + x), not shortened", gear)
     else:
         values["tip_diameter"] = abs(tip)
-    plain = SpurGear(**values)
+    quality = gear.number("tolerance_class_according_to_iso_1328_2013", "1")
+    if quality is not None and 1.0 <= quality <= 11.0:
+        values["quality"] = round(quality)
+    made = _with_rack(box, gear, values, addendum or 1.0)
     inside, outside = box.shaft_diameters(gear)
     if internal:
-        rim = gear.number("outer_diameter", "m") or inside
-        if rim and rim > plain.root_diameter:
-            values["outer_diameter"] = rim
-        else:
-            values["outer_diameter"] = plain.root_diameter + 7.0 * plain.module
+        if inside <= made.root_diameter:
+            inside = made.root_diameter + 7.0 * made.module
             box.default("rim 3.5 modules above the root", gear)
-    elif outside and outside < plain.root_diameter / MIN_ROOT_RATIO:
-        values["bore"] = outside
+        made = replace(made, outer_diameter=inside)
+    elif outside and outside < made.root_diameter / MIN_ROOT_RATIO:
+        made = replace(made, bore=outside)
     elif outside:
         box.default("no bore, one piece with the shaft", gear)
-    relief = _relief(box, flank, plain)
-    return SpurGear(**values, tip_relief=relief)
+    relief = _relief(box, flank, made)
+    return replace(made, tip_relief=relief) if relief else made
 
 
-def _rack(box: "Gearbox", gear: Component) -> Rack:
-    """Return the basic rack of a gear: that of its tool if this one does not undercut its teeth."""
-    return RACKS["A"]
+def _with_rack(box: "Gearbox", gear: Component, values: dict, addendum: float) -> SpurGear:
+    """Return a gear with the rack of its tool, or with rack A of ISO 53 where this is impossible."""
+    rack = replace(RACKS["A"], addendum=addendum)
+    for tool in box.model.linked(gear, "rack_shaped_tool"):
+        # The addendum of the tool cuts the dedendum of the gear.
+        dedendum = tool.number("addendum_coefficient_reference_profile", "1")
+        radius = tool.number("tip_radius_factor", "1")
+        try:
+            made = replace(
+                rack,
+                dedendum=rack.dedendum if dedendum is None else dedendum,
+                tip_radius=rack.tip_radius if radius is None else radius,
+            )
+            return SpurGear(**values, rack=made)
+        except InputError:
+            box.default("rack A of ISO 53, since the tool would undercut the teeth", gear)
+    return SpurGear(**values, rack=rack)
 
 
 def _relief(box: "Gearbox", flank: Component, gear: SpurGear) -> TipRelief | None:
     """Return the tip relief of a flank, or None."""
-    part = next(iter(box.model.linked(flank, "tip_relief")), flank)
-    amount = part.number("tip_relief_depth", "m")
-    if not amount:
+    part = next(iter(box.model.linked(flank, "tip_relief")), None)
+    if part is None or not (amount := part.number("tip_relief_depth", "m")):
         return None
     length, start = (part.number(f"tip_relief_datum_{x}", "m") for x in ("length", "diameter"))
     if start is not None:
         base = gear.base_diameter
-        allowed = f"from the base diameter, {base:.6g} m, to the tip diameter"
-        valid = base <= start < gear.tip_diameter if not gear.internal else start > gear.tip_diameter
-        checks.require(valid, "tip_relief_datum_diameter", start, allowed, str(part))
+        lowest, highest = sorted((max(base, gear.root_diameter), gear.tip_diameter))
+        allowed = f"between {lowest:.6g} and {highest:.6g} m, on the flank"
+        checks.require(
+            lowest <= start <= highest, "tip_relief_datum_diameter", start, allowed, str(part)
+        )
         length = abs(gear.tip_roll_length - math.sqrt(start**2 - base**2) / 2.0)
     elif length is None:
         problem = "is missing: it must be given for the tip relief"
         raise InputError("tip_relief_datum_diameter", problem=problem, owner=str(part))
-    return TipRelief(amount=amount, length=length)
+    shape = part.value("shape_of_relief") or "linear"
+    shapes = {"linear": "linear", "parabolic": "parabolic", "circular": "parabolic"}
+    allowed = "linear, parabolic or circular"
+    checks.require(shape in shapes, "shape_of_relief", shape, allowed, str(part))
+    with _named(("", part)):
+        return TipRelief(amount=amount, length=length, shape=shapes[shape])

@@ -162,6 +162,7 @@ def _external_loads(model) -> list[tuple[Component, Component]]:
         for load in model.of_type("external_load")
         for sides in model.related("assembly", part=load)
         if sides["assembly"].type not in ("gear_unit", "gear_casing")
+        and (load.is_true("transmits_torque") is not False or load.value("torque_around_u_axis"))
     ]
 
 
@@ -197,7 +198,7 @@ def _torques(box, model, rotors, motions, notes) -> tuple[dict[str, float], Inpu
         torque = load.number("torque_around_u_axis", "N m")
         direction = box.places.direction(part)
         works = motions.T @ rotors.column(part)
-        if torque is None and load.is_true("transmits_torque") is not False and works.any():
+        if torque is None and works.any():
             unknown.append((load, works))
         elif torque is not None and not load.is_true("defines_torque") and works.any():
             followers.append((load, works))

@@ -200,21 +200,30 @@ def shafts(model: RexsModel, places: Places, default: Callable) -> dict[str, Sha
     return found
 
 
+def _is_engaged(model: RexsModel, part: Component) -> bool:
+    """Return whether a coupling, which may list this for each gear of the box, is engaged."""
+    engaged = part.value("is_engaged")
+    if isinstance(engaged, list):
+        units = model.of_type("gear_unit")
+        gear = int(units[0].number("gear_shift_index", "1") or 1) if units else 1
+        engaged = engaged[gear - 1] if 0 < gear <= len(engaged) else None
+    return str(engaged).strip().lower() != "false"
+
+
 def springs(model: RexsModel, types: tuple, attribute: str, unit: str) -> list[Spring]:
     """Return the bearings or couplings of some types; a disengaged coupling is left out."""
     found = []
     for part in model.of_type(*types):
-        if part.is_true("is_engaged") is False:
+        if not _is_engaged(model, part):
             continue
-        for sides in model.related("side", assembly=part):
-            if not {"inner_part", "outer_part"} <= sides.keys():
-                continue
-            coordinates = [
-                part.number(f"u_coordinate_on_shaft_{side}_side", "m") for side in ("inner", "outer")
-            ]
-            inner, outer = (
-                (sides[f"{side}_part"], u)
-                for side, u in zip(("inner", "outer"), coordinates, strict=True)
-            )
-            found.append(Spring(part, inner, outer, part.number(attribute, unit)))
+        # Couplings of version 1.0 have two sides, without names.
+        for relation, roles, ends in (
+            ("side", ("inner_part", "outer_part"), ("inner_side", "outer_side")),
+            ("coupling", ("side_1", "side_2"), ("side_1", "side_2")),
+        ):
+            for sides in model.related(relation, assembly=part):
+                if {*roles} <= sides.keys():
+                    coordinates = [part.number(f"u_coordinate_on_shaft_{x}", "m") for x in ends]
+                    inner, outer = zip((sides[role] for role in roles), coordinates, strict=True)
+                    found.append(Spring(part, inner, outer, part.number(attribute, unit)))
     return found

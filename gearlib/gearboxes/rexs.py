@@ -20,7 +20,9 @@ from gearlib.checks import InputError
 #: Newest version that is read.
 _NEWEST = (1, 7)
 #: Unit in a file -> its spelling for `gearlib.units`.
-_SPELLINGS = {"": "1", "none": "1", "-": "1", "mum": "um", "°": "deg", "mm mum": "mm um"}
+_SPELLINGS = {"": "1", "none": "1", "-": "1", "mum": "um", "°": "deg"}
+#: Attributes of a load case, of the gear unit or with a prefix, that state its part of the time.
+_FRACTIONS = ("load_duration_fraction", "operating_time_fraction")
 _SUFFIXES = (".rexs", ".rexsj", ".xml", ".json")
 
 
@@ -52,10 +54,12 @@ class Component(NamedTuple):
                 raise InputError(name, problem=problem, owner=str(self))
             return None
         spelling = _SPELLINGS.get(str(file_unit).strip(), str(file_unit).strip())
-        spelling = spelling.replace("mum", "um").replace("°", "deg")
         kind = "a number" if unit == "1" else f"a number in {unit} or another unit of its dimension"
         try:
-            number = float(text) if unit == spelling else units.read(f"{text} {spelling}", unit)
+            if (unit, spelling) == ("1", "%"):
+                number = float(text) / 100.0
+            else:
+                number = float(text) if unit == spelling else units.read(f"{text} {spelling}", unit)
         except ValueError:
             number = math.nan
         if not math.isfinite(number):
@@ -73,7 +77,6 @@ class Component(NamedTuple):
     def is_true(self, name: str) -> bool | None:
         """Return whether an attribute is true, None if it is not given."""
         value = self.value(name)
-        value = value[0] if isinstance(value, list) and value else value
         return None if value is None else str(value).strip().lower() == "true"
 
 
@@ -124,9 +127,11 @@ class RexsModel(NamedTuple):
         """Return the fraction of the load duration of each load case, NaN if it is not stated."""
         fractions = {}
         for name, changes in self.load_cases.items():
-            parts = [Component(key, "load case", name, x) for key, x in changes.items()]
-            numbers = (part.number("load_duration_fraction", "1") for part in parts)
-            fractions[name] = next((x for x in numbers if x is not None), math.nan)
+            fractions[name] = math.nan
+            for key, attributes in changes.items():
+                for attribute in filter(lambda x: x.endswith(_FRACTIONS), attributes):
+                    part = Component(key, "load case", name, attributes)
+                    fractions[name] = part.number(attribute, "1") or 0.0
         return fractions
 
     def in_case(self, name: str | None) -> "RexsModel":
