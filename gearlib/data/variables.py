@@ -129,6 +129,8 @@ DESCRIPTIONS = {
     "mean_square_force": ("N2", "mean square of the mesh force, by samples"),
     "mean_square_error": ("m2", "mean square of the transmission error, by samples"),
     # gearboxes
+    "corner_position": ("m", "corner of a section or gear"),
+    "part_stage": ("1", "stage of the gear, empty for shafts"),
     "natural_mode": ("1", "number of the natural mode of the box"),
     "mode_frequency": ("Hz", "natural frequency of the box"),
     "mode_strain_energy": ("1", "share of the mesh in the strain energy of the natural mode"),

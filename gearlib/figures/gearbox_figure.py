@@ -1,7 +1,5 @@
 """Figures of gearboxes: the box from the side, stages over the speed, modes and their energies."""
 
-from typing import Any
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -9,63 +7,35 @@ from matplotlib.patches import Polygon
 
 from gearlib.figures import campbell_figure, style
 
-_SHAFT_COLOUR, _BEARING_COLOUR = "#D9D9D9", "#707070"
+_SHAFT_COLOUR = "#D9D9D9"
 #: Most modes of the figure of strain energies.
 _MODES = 16
 
 
-def draw_box(axes: Axes, box: Any) -> None:
-    """Draw shafts, gears and bearings of a `Gearbox` to scale, seen from the side, in mm.
-
-    The view is across the direction in which the axes lie furthest apart.
-    """
-    lines = {key: shaft for key, shaft in box.shafts.items() if shaft.start is not None}
-    places = np.array([shaft.start[1:] for shaft in lines.values()]).reshape(-1, 2)
-    spread = places - places.mean(axis=0) if lines else places
-    across = np.linalg.svd(spread)[2][0] if lines else np.array([0.0, 1.0])
-    across = across if across[1] >= 0.0 else -across
-
-    def polygon(shaft: Any, ends: tuple, inner: tuple, outer: tuple, **options: Any) -> None:
-        """Draw a conical part of a shaft, hollow where the inner diameters are not 0."""
-        u = 1e3 * (shaft.start[0] + shaft.direction * np.array(ends))
-        height = 1e3 * float(shaft.start[1:] @ across)
-        inner, outer = (500.0 * np.array(diameters) for diameters in (inner, outer))
-        for side in (1.0, -1.0):
-            y = np.concatenate([height + side * outer, height + side * inner[::-1]])
-            axes.add_patch(Polygon(np.stack([[*u, *u[::-1]], y], axis=1), **options))
-
-    for shaft in lines.values():
-        for section in shaft.sections:
-            ends = section.start, section.end
-            options = {"facecolor": _SHAFT_COLOUR, "edgecolor": "0.4", "linewidth": 0.4}
-            polygon(shaft, ends, section.inner, section.outer, **options)
-    drawn: set = set()
-    for i, (name, stage) in enumerate(box.stages.items()):
-        geometry = None if name in box.refused else box.stage(name)
-        for gear, side in ((stage.pinion, "pinion"), (stage.wheel, "wheel")):
-            shaft = lines.get(box.shaft_of[gear.id].id)
-            if geometry is None or shaft is None or gear.id in drawn:
-                continue
-            drawn.add(gear.id)
-            made = getattr(geometry, side)
-            diameters = made.bore, made.tip_diameter
-            diameters = (made.tip_diameter, made.outer_diameter) if made.internal else diameters
-            inner, outer = ((d, d) for d in diameters)
-            colour = style.PALETTE[i % len(style.PALETTE)]
-            options = {"facecolor": colour, "alpha": 0.6, "edgecolor": "black", "linewidth": 0.6}
-            polygon(shaft, box.face(gear), inner, outer, label=name, **options)
-    for bearing in box.bearings:
-        shaft = lines.get(bearing.inner[0].id)
-        if shaft is not None and bearing.inner[1] is not None:
-            u = 1e3 * (shaft.start[0] + shaft.direction * bearing.inner[1])
-            height = 1e3 * float(shaft.start[1:] @ across)
-            style.draw_markers(axes, [u], [height], "x", _BEARING_COLOUR, 5.0, label="bearing")
+def draw_outline(axes: Axes, outline: xr.Dataset) -> None:
+    """Draw shafts and gears to scale, seen from the side; `outline` is that of `Gearbox.outline`."""
+    labels = dict.fromkeys(str(x) for x in outline.part_stage.values if str(x))
+    colours = {label: style.PALETTE[i % len(style.PALETTE)] for i, label in enumerate(labels)}
+    for i, stage in enumerate(map(str, outline.part_stage.values)):
+        corners = 1e3 * outline.corner_position.values[i]
+        options = {"facecolor": _SHAFT_COLOUR, "edgecolor": "0.4", "linewidth": 0.4, "zorder": 1}
+        if stage:
+            options |= {"facecolor": colours[stage], "alpha": 0.6, "zorder": 2, "label": stage}
+        axes.add_patch(Polygon(corners, **options))
     axes.set_aspect("equal")
     axes.autoscale_view()
     axes.set(xlabel="along the shafts (mm)", ylabel="across them (mm)")
-    handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-    if handles:
-        axes.legend(handles.values(), handles, fontsize=6, loc="upper left", bbox_to_anchor=(1, 1))
+    found, names = axes.get_legend_handles_labels()
+    handles = dict(zip(names, found, strict=True))
+    axes.legend(handles.values(), handles, fontsize=6, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
+@style.styled()
+def draw_view(outline: xr.Dataset):
+    """Return the figure of a gearbox from the side."""
+    figure = style.page_figure(height=4.0)
+    draw_outline(figure.add_subplot(), outline)
+    return figure
 
 
 @style.styled()

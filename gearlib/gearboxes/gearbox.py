@@ -17,6 +17,8 @@ from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.trains.ready_made import STRUCTURAL_DAMPING
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from gearlib.models.trains.train import GearTrain
 
 #: Largest differences, in m and rad, of a place that is stated twice.
@@ -389,6 +391,54 @@ class Gearbox:
             stiffness=stiffness,
             options=options,
         )
+
+    def outline(self) -> "xr.Dataset":
+        """Return the outlines of sections and gears to scale, seen across the box.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over ``part``, ``corner`` and ``coordinate`` (along the shafts, and across them in the
+            direction in which the axes lie furthest apart): corner_position in m; over ``part``:
+            part_stage, the stage of a gear, "" for shafts. Parts without positions are left out.
+        """
+        import xarray as xr
+
+        from gearlib.data.variables import describe
+
+        placed = {key: x for key, x in self.shafts.items() if x.start is not None}
+        axes = np.array([shaft.start[1:] for shaft in placed.values()]).reshape(-1, 2)
+        across = np.linalg.svd(axes - axes.mean(axis=0))[2][0] if placed else np.array([0.0, 1.0])
+        across = across * (1.0 if across[1] >= 0.0 else -1.0)
+        found: list[tuple] = []  # (shaft, ends, inner diameters, outer diameters, stage)
+        for shaft in placed.values():
+            found += [(shaft, x[:2], x.inner, x.outer, "") for x in shaft.sections]
+        drawn: set = set()
+        for name, stage in self.stages.items():
+            geometry = None if name in self.refused else self.stage(name)
+            for gear, side in ((stage.pinion, "pinion"), (stage.wheel, "wheel")):
+                shaft = placed.get(self.shaft_of[gear.id].id)
+                if geometry and shaft and gear.id not in drawn:
+                    drawn.add(gear.id)
+                    made = getattr(geometry, side)
+                    ends = made.bore, made.tip_diameter
+                    inner, outer = ends[::-1] if made.internal else ends
+                    outer = made.outer_diameter if made.internal else outer
+                    found.append((shaft, self.face(gear), (inner,) * 2, (outer,) * 2, name))
+        corners, stages = [], []
+        for shaft, ends, inner, outer, name in found:
+            u = shaft.start[0] + shaft.direction * np.array(ends)
+            height = float(shaft.start[1:] @ across)
+            for side in (0.5, -0.5):
+                y = height + side * np.array([*outer, *inner[::-1]])
+                corners.append(np.stack([[*u, *u[::-1]], y], axis=1))
+                stages.append(name)
+        data = {
+            "corner_position": (("part", "corner", "coordinate"), np.reshape(corners, (-1, 4, 2))),
+            "part_stage": ("part", np.array(stages, object)),
+        }
+        coords = {"coordinate": ["along", "across"]}
+        return describe(xr.Dataset(data, coords, {"title": "Outline of a gearbox"}))
 
     def rows(self, load_case: str | None = None) -> Iterator[list]:
         """Yield the names of the columns, then the values of each stage in a load case.

@@ -158,16 +158,14 @@ def material(model: RexsModel, part: Component, default: Callable) -> tuple[Mate
     The function `default` takes the text of a default and the component.
     """
     steel, source = Material(), model.referenced(part, "material")
-    values = {}
-    for field, name, unit in (
-        ("young", "elastic_modulus", "Pa"),
-        ("poisson", "poisson_ratio", "1"),
-        ("density", "density", "kg/m^3"),
-    ):
-        values[field] = source.number(name, unit) if source else None
-        if values[field] is None:
-            values[field] = getattr(steel, field)
-            default(f"{name} of steel, {values[field]:g} {unit.strip('1')}".strip(), part)
+    names = {"young": "elastic_modulus", "poisson": "poisson_ratio", "density": "density"}
+    found = {
+        field: source and source.number(names[field], unit)
+        for field, unit in (("young", "Pa"), ("poisson", "1"), ("density", "kg/m^3"))
+    }
+    if missing := [names[field] for field, value in found.items() if value is None]:
+        default(f"{', '.join(missing)} of steel: 206 GPa, 0.3, 7850 kg/m^3", part)
+    values = {x: getattr(steel, x) if value is None else value for x, value in found.items()}
     chosen = Material(**values)
     shear = source.number("shear_modulus", "Pa") if source else None
     return chosen, shear or chosen.young / (2.0 * (1.0 + chosen.poisson))
