@@ -1,6 +1,7 @@
 """`characteristic_frequencies`: mesh, shaft, hunting tooth and planet frequencies at a speed."""
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,12 @@ from gearlib import checks
 from gearlib.data.result import result_of_many
 from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.parameters import Speed, checked
+
+#: Variables of the dataset in Hz.
+FREQUENCIES = (
+    *("mesh_frequency_hertz", "hunting_tooth_frequency", "assembly_phase_frequency"),
+    *("sideband_spacing", "shaft_frequency", "planet_passing_frequency"),
+)
 
 
 @checked
@@ -82,13 +89,15 @@ def _planet_passing(train: Any, reference: float) -> np.ndarray:
     return np.array([reference * rate if rate else math.nan for rate in rates])
 
 
-def frequency_rows(frequencies: xr.Dataset):
-    """Yield the rows of a table of characteristic frequencies, the names of the columns first."""
+def frequency_rows(frequencies: xr.Dataset) -> Iterator[list]:
+    """Yield the rows of a table of characteristic frequencies, the names of the columns first.
+
+    Orders are multiples of the speed.
+    """
     yield ["of", "frequency", "hertz", "order"]
     shaft = float(frequencies.speed) / 60.0
-    for name, variable in frequencies.data_vars.items():
-        if name == "speed":
-            continue
+    for name in FREQUENCIES:
+        variable = frequencies[name]
         for cell in variable.stack(cell=variable.dims, create_index=False).transpose("cell"):
             if np.isfinite(value := float(cell)):
                 owner = " ".join(str(cell[dim].item()) for dim in variable.dims)
