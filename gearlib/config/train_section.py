@@ -14,6 +14,7 @@ from gearlib.config.gears_section import (
     GearSection,
     MethodSection,
     PinionSection,
+    WheelSection,
     spur_gear,
 )
 from gearlib.config.types import Section, create_section, field, grid_base, list_of
@@ -22,7 +23,7 @@ from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.gear_stage import GearStage, torque_of
 from gearlib.models.trains import elements, planetary, ready_made
 from gearlib.models.trains.planetary import planetary_set
-from gearlib.parameters import Diameter, Module, Torque
+from gearlib.parameters import Diameter, Module, RunOut, Torque
 
 _RING_KEYS = ("outer_diameter",)
 _DAMPINGS = ("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio")
@@ -33,7 +34,10 @@ RingSection = create_section(
 _MESH_KEYS = ("model", *_DAMPINGS)
 _DOC = "Stiffness and damping of meshes of gears given by geometry."
 GeometryMesh = create_section("GeometryMesh", _DOC, planetary_set, *_MESH_KEYS, base=MethodSection)
-_Set = create_section("_Set", "", planetary_set, base=GeometryMesh, exclude=("torque", *_MESH_KEYS))
+_Set = create_section(
+    "_Set", "", planetary_set, base=GeometryMesh, exclude=("torque", "stages", *_MESH_KEYS)
+)
+_Stage = create_section("_Stage", "", planetary.ParallelStage, exclude=("stage",))
 #: Keys of a mesh that are for gears given by geometry only, and the coefficient in place of ratios.
 GEOMETRY_KEYS = {*GeometryMesh.model_fields, "torque", "centre_distance"}
 
@@ -49,6 +53,15 @@ def _rectangle(arguments: dict) -> dict:
     return method | arguments | {"model": "rectangle"}
 
 
+class ParallelStage(_Stage):
+    """Two gears on fixed axes, one on a shaft of the set; see `gearlib.geometry.ParallelStage`."""
+
+    pinion: PinionSection
+    wheel: WheelSection
+    centre_distance: Diameter = field("Centre distance, m. Default: without backlash.", None)
+    backlash: RunOut = field("Normal backlash, m. Default: what the gears leave.", None)
+
+
 class PlanetarySet(_Set):
     """Sun, planets and ring by geometry. Arguments of `gearlib.geometry.planetary_set`."""
 
@@ -58,6 +71,7 @@ class PlanetarySet(_Set):
     torque: p.DrivingTorque = field("Torque of the sun, N m; or power and speed.", None)
     power: p.Power = field("Power of the sun, W.", None)
     speed: p.Speed = field("Speed of the sun, rpm.", None)
+    stages: list[ParallelStage] = field("Parallel stages on shafts of sun or carrier.", [])
 
     @model_validator(mode="after")
     def _check(self):

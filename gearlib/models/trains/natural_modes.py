@@ -38,7 +38,7 @@ def modes(train: "GearTrain") -> xr.Dataset:
     springs = train.strains[: -len(train.meshes)]
     of_shafts = springs[len(springs) - 3 * len(train.shafts) :] ** 2
     shaft_energy = np.zeros((frequency.size, len(train.shafts)))
-    shaft_energy[free.shape[1] :] = of_shafts.reshape(len(train.shafts), 3, -1).sum(axis=1).T
+    shaft_energy[free.shape[1] :] = of_shafts.reshape(len(train.shafts), 3, squares.size).sum(axis=1).T
     kinds = ["rigid"] * free.shape[1] + _mode_kinds(train, motions[free.shape[1] :])
     dataset = xr.Dataset(
         {
@@ -53,7 +53,7 @@ def modes(train: "GearTrain") -> xr.Dataset:
         },
         coords={
             "mode": np.arange(frequency.size),
-            "shaft": ["-".join(shaft.bodies) for shaft in train.shafts],
+            "shaft": np.array(["-".join(shaft.bodies) for shaft in train.shafts], str),
             **train.names,
         },
         attrs={"title": "Natural modes of a gear train"},

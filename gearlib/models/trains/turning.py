@@ -79,7 +79,9 @@ def speeds(bodies, meshes, shafts, reference, carrier_ratio) -> Speeds:
         ratios.append((mesh.pinion, mesh.wheel, ratio, axes_speed, f"mesh {mesh.name}"))
     for shaft in shafts:
         ratios.append((*shaft.bodies, Fraction(1), Fraction(0), f"shaft {'-'.join(shaft.bodies)}"))
-    speed_of = {reference_mesh.pinion: reference_speed}
+    # Carriers stand still in the frame of the positions.
+    speed_of = dict.fromkeys([x.carrier for x in bodies.values() if x.carrier], Fraction(0))
+    speed_of[reference_mesh.pinion] = reference_speed
     count = 0
     while len(speed_of) > count:
         count = len(speed_of)
