@@ -18,8 +18,8 @@ folder           responsibility
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================
 
-Beside them lie ``geometry``, the public names of gears by geometry, ``plot``, pictures of any
-dataset, ``checks`` of single values, ``colours`` of categories, ``progress`` of long calls and
+Beside them lie ``geometry``, the public names of gears by geometry, ``train_files``, ``plot``,
+pictures of any dataset, ``checks`` of single values, ``colours`` of categories, ``progress`` of long calls and
 limits of their time, ``processor``, the instruction set of jobs, ``tunings`` and their names,
 ``version``. The names below are loaded on first use, so that reading a configuration does not pay
 for the numerical stack.
@@ -44,7 +44,6 @@ _MODULES = {
     "analysis.sensitivities": "sensitivities",
     "analysis.tongues.search": "tongues",
     "analysis.trust": "trust",
-    "config.train_files": "read_train write_train",
     "gearboxes.gearbox": "read_gearbox",
     "integrators": "methods",
     "models.harmonics": "Harmonics",
@@ -60,6 +59,7 @@ _MODULES = {
     "runs.run_up": "run_up",
     "runs.simulation": "simulate",
     "runs.sweeping": "sweep",
+    "train_files": "read_train write_train",
     "uncertainty.fits": "fit",
     "uncertainty.indices": "sobol_indices",
     "uncertainty.measured": "read_measured",

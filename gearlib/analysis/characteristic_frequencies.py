@@ -51,7 +51,7 @@ def characteristic_frequencies(gears, speed: Speed):
         shafts, meshes = frequencies / counts[0], ["pinion-wheel"]
         passing = np.full(2, math.nan)
     else:
-        train = getattr(gears, "train", None)
+        train: Any = getattr(gears, "train", None)
         allowed = "a gearlib.geometry.GearStage or a gearlib.GearTrain"
         checks.require(train is not None, "gears", gears, allowed)
         names, meshes = list(train.body_names), list(train.mesh_names)

@@ -548,7 +548,7 @@ def gearbox(path, report, force):
     box = gearlib.read_gearbox(path)
     click.echo(box)
     if report:
-        from gearlib.studies import gearbox_report
+        from gearlib.cli import gearbox_report
 
         output.write_text(report, gearbox_report.page(path, str(box)))
 

@@ -50,7 +50,7 @@ def load(mapping: dict) -> Any:
 
 
 def _with_unused_pair(mapping: dict) -> dict:
-    """Return a configuration whose gearbox is computed, with a pair of no use if it has no other."""
+    """Return a configuration with a gearbox; a pair of no use is added if it has no gears."""
     from gearlib.config.targets import NOT_GIVEN
     from gearlib.models.pair_parameters import PAPER
 

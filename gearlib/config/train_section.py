@@ -253,9 +253,9 @@ class Train(Section):
 class GearboxSection(Section):
     """A gearbox in a REXS file, see `gearlib.read_gearbox`: its stages and the whole box."""
 
-    file: t.text("a path of a REXS file", pattern=r"(?i)\.(rexs|rexsj|rexsz|rexs\.zip|xml|json)$") = (
-        field("Path of the file: .rexs, .rexsj, .rexsz or .rexs.zip.")
-    )
+    file: t.text(
+        "a path of a REXS file", pattern=r"(?i)\.(rexs|rexsj|rexsz|rexs\.zip|xml|json)$"
+    ) = field("Path of the file: .rexs, .rexsj, .rexsz or .rexs.zip.")
     damping_ratio: t.number(gt=0, lt=1) = field("Damping ratio of each mesh.", 0.05)
     points: t.integer(2, 10_000) = field("Number of speeds of the curve of a stage.", 101)
     orders: t.integer(1, 20) = field("Highest order of each mesh frequency.", 3)

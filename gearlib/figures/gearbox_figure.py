@@ -13,7 +13,7 @@ _MODES = 16
 
 
 def draw_outline(axes: Axes, outline: xr.Dataset) -> None:
-    """Draw shafts and gears to scale, seen from the side; `outline` is that of `Gearbox.outline`."""
+    """Draw shafts and gears to scale, seen from the side, by the result of `Gearbox.outline`."""
     labels = dict.fromkeys(str(x) for x in outline.part_stage.values if str(x))
     colours = {label: style.PALETTE[i % len(style.PALETTE)] for i, label in enumerate(labels)}
     for i, stage in enumerate(map(str, outline.part_stage.values)):
@@ -86,7 +86,9 @@ def draw_modes(box: xr.Dataset):
             share = box[name].isel(natural_mode=slice(0, _MODES)).sel({dim: label}).values
             colour = style.PALETTE[i % len(style.PALETTE)]
             hatch = "" if dim == "mesh" else "///"
-            lower.bar(modes, share, bottom=bottom, color=colour, hatch=hatch, label=f"{dim} {label}")
+            lower.bar(
+                modes, share, bottom=bottom, color=colour, hatch=hatch, label=f"{dim} {label}"
+            )
             bottom += share
     labels = [f"{value:.4g}" for value in box.mode_frequency.values[:_MODES]]
     lower.set_xticks(modes, labels, rotation=60, fontsize=6)

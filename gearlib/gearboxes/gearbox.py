@@ -101,6 +101,7 @@ class Gearbox:
         }
         self.stages = self._read_stages()
         self._loads: dict[str, Loads] = {}
+        self.loads()  # Raises the error of gears that are locked.
         for name in self.stages:
             try:
                 self.stage(name)
@@ -144,7 +145,7 @@ class Gearbox:
                 pair.sort(key=lambda gear: (gear.type == "ring_gear", gears.teeth(gear)))
                 carried = [carriers.get(self.shaft_of[gear.id].id) for gear in pair]
                 carrier = next(filter(None, carried), None)
-                found[part.name] = Stage(part.name, part, *pair, carrier)
+                found[part.name] = Stage(part.name, part, pair[0], pair[1], carrier)
                 continue
             self.refused[part.name] = f"{part} is not allowed: it must be {reason}"
         if not found:
@@ -246,6 +247,10 @@ class Gearbox:
 
     def coordinate(self, part: Component, shaft: Component) -> float:
         """Return the coordinate on a shaft at which a component lies by its position, m."""
+        others = [x for x in self.model.parts_of(shaft) if x.type in _GEARS and x.id != part.id]
+        if not self._is_placed(part, shaft) and part.type in parts.COUPLINGS and others:
+            self.default(f"lies at {others[0].name}", part)
+            return sum(self.face(others[0])) / 2.0
         if not self._is_placed(part, shaft):
             problem = f"is missing: it must be given for the place on {shaft}"
             raise InputError("u_coordinate_on_shaft", problem=problem, owner=str(part))
@@ -260,7 +265,9 @@ class Gearbox:
         places = []
         for gear in (stage.pinion, stage.wheel):
             place = self.places.position(gear)
-            places.append(place if place is not None else self.shafts[self.shaft_of[gear.id].id].start)
+            places.append(
+                place if place is not None else self.shafts[self.shaft_of[gear.id].id].start
+            )
         if any(place is None for place in places):
             return None
         vector = (places[1] - places[0])[1:]
@@ -278,7 +285,7 @@ class Gearbox:
                 f"center_distance of {stage.part} is {1e3 * stated:.7g} mm, but by support_vector "
                 f"{1e3 * placed:.7g} mm; the first is used"
             )
-        return placed if stated is None else stated
+        return float(placed if stated is None else stated)
 
     def centre_line_angle(self, stage: Stage) -> float:
         """Return the angle from v of the line from the axis of the pinion to that of the wheel.
@@ -451,7 +458,9 @@ class Gearbox:
             geometry = None if name in self.refused else self.stage(name, load_case)
             torque = abs(loads.pinion_torques[name]) if loads.missing is None else None
             speed = None if loads.pinion_speeds is None else abs(loads.pinion_speeds[name])
-            yield [value(name, stage.signed_teeth, geometry, torque, speed) for _, value in _COLUMNS]
+            yield [
+                value(name, stage.signed_teeth, geometry, torque, speed) for _, value in _COLUMNS
+            ]
 
     def __str__(self) -> str:
         """Return the tables of the stages and loads of all load cases, and what was assumed."""
@@ -476,7 +485,12 @@ class Gearbox:
         loads = self.loads(case)
         for load, part in loads.external:
             speed = None if loads.speeds is None else loads.speeds[part.id]
-            yield [load.name, part.name, loads.torques[load.id] if not loads.missing else None, speed]
+            yield [
+                load.name,
+                part.name,
+                loads.torques[load.id] if not loads.missing else None,
+                speed,
+            ]
 
 
 def _product(first: float | None, second: float) -> float | None:
@@ -502,9 +516,9 @@ _COLUMNS: tuple = (
     ("f_mesh (Hz)", lambda name, z, stage, torque, speed: _product(speed, z[0] / 60.0)),
     (
         "F_bt (N)",
-        lambda name, z, stage, torque, speed: None
-        if None in (stage, torque)
-        else stage.load(torque),
+        lambda name, z, stage, torque, speed: (
+            None if None in (stage, torque) else stage.load(torque)
+        ),
     ),
 )
 

@@ -91,7 +91,7 @@ def geometry(box: "Gearbox", stage: Stage, sides: list[str], distance: float) ->
     backlash = sum(given) / len(given) if given else None
     owners = ("pinion", stage.pinion), ("wheel", stage.wheel), ("", stage.part)
     with _named(*owners):
-        result = GearStage(*made, distance, backlash)
+        result = GearStage(made[0], made[1], distance, backlash)
     if backlash is None and result.has_recommended_backlash:
         value = 1e3 * result.backlash
         box.default(f"normal backlash {value:.4g} mm, as recommended", stage.part)
@@ -125,7 +125,7 @@ def _angles(box: "Gearbox", gear: Component, flank: Component) -> dict[str, Any]
     return values
 
 
-def _shifts(box, stage: Stage, flanks: list, angles: dict, distance: float) -> list[float]:
+def _shifts(box, stage: Stage, flanks: list, angles: dict, distance: float) -> list:
     """Return the profile shifts of pinion and wheel; one may follow from the centre distance."""
     name, gears = _ATTRIBUTES["shift"], (stage.pinion, stage.wheel)
     shifts = [_number(pair, "shift", "1") for pair in zip(flanks, gears, strict=True)]
@@ -181,7 +181,7 @@ def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> Sp
 
 
 def _with_rack(box: "Gearbox", gear: Component, values: dict, addendum: float) -> SpurGear:
-    """Return a gear with the rack of its tool, or with rack A of ISO 53 where this is impossible."""
+    """Return a gear with the rack of its tool, or with rack A of ISO 53 if that would undercut it."""
     rack = replace(RACKS["A"], addendum=addendum)
     for tool in box.model.linked(gear, "rack_shaped_tool"):
         # The addendum of the tool cuts the dedendum of the gear.
@@ -207,7 +207,7 @@ def _relief(box: "Gearbox", flank: Component, gear: SpurGear) -> TipRelief | Non
     length, start = (part.number(f"tip_relief_datum_{x}", "m") for x in ("length", "diameter"))
     if start is not None:
         base = gear.base_diameter
-        lowest, highest = sorted((max(base, gear.root_diameter), gear.tip_diameter))
+        lowest, highest = sorted([max(base, gear.root_diameter), float(gear.tip_diameter)])
         allowed = f"between {lowest:.6g} and {highest:.6g} m, on the flank"
         checks.require(
             lowest <= start <= highest, "tip_relief_datum_diameter", start, allowed, str(part)

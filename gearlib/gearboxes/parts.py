@@ -130,8 +130,8 @@ class Places:
         if origin is None or len(origin) != 3:
             return None
         u, w = (part.vector(f"{axis}_axis_vector", "mm") for axis in "uw")
-        u, w = np.array(u or [1.0, 0.0, 0.0]), np.array(w or [0.0, 0.0, 1.0])
-        axes = np.stack([u, np.cross(w, u), w])
+        along, up = np.array(u or [1.0, 0.0, 0.0]), np.array(w or [0.0, 0.0, 1.0])
+        axes = np.stack([along, np.cross(up, along), up])
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
         other = self.model.components.get(str(part.value("reference_component_for_position")))
         if other is None or other.id == part.id or other.type == "gear_unit" or depth > 20:

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearlib.checks import InputError
-from gearlib.gearboxes.gears import Stage
-from gearlib.gearboxes.parts import RIGID, Spring
+from gearlib.gearboxes.parts import RIGID
 from gearlib.gearboxes.rexs import Component
 from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.trains.elements import Body, Mesh, Shaft
-from gearlib.models.trains.ready_made import STRUCTURAL_DAMPING, proportional_damping
+from gearlib.models.trains.ready_made import proportional_damping
 from gearlib.models.trains.train import GearTrain
 
 if TYPE_CHECKING:
@@ -52,9 +51,11 @@ class _Node:
 
     @property
     def name(self) -> str:
-        """The name of the body: that of its gear, its carrier or its first part."""
-        carriers = [part for part in self.parts if part.type == "planet_carrier"]
-        return (self.gear or (carriers + self.parts)[0]).name
+        """The name of the body: that of its gear, carrier or load, else of a spring on a shaft."""
+        named = [x for x in self.parts if x.type in ("planet_carrier", "external_load")]
+        if self.gear or named:
+            return (self.gear or named[0]).name
+        return f"{self.parts[0].name}, {self.shaft.name}"
 
     def body(self) -> "_Node":
         """Return the node that stands for all nodes that are joined to this one."""
@@ -137,7 +138,7 @@ class _Assembly:
                 if owner.id == part.id:
                     u = self.box.coordinate(spring.part, part) if u is None else u
                     items.append((u, u, spring.part))
-        for key, node in self.rigid_parts.items():
+        for key in self.rigid_parts:
             carrier = self.model.components[key]
             if carrier.type == "planet_carrier" and self._is_welded(part, key):
                 u = self.box.end_at_planets(part, carrier)
@@ -202,9 +203,7 @@ class _Assembly:
 
     def _support(self, node: _Node, part: Component) -> None:
         """Set the stiffness of the axis of a node on a shaft."""
-        on_shaft = [
-            x for x in self.box.bearings if part.id in (x.inner[0].id, x.outer[0].id)
-        ]
+        on_shaft = [x for x in self.box.bearings if part.id in (x.inner[0].id, x.outer[0].id)]
         moving = [x for x in self.bearings if part.id in (x.inner[0].id, x.outer[0].id)]
         if moving and len(moving) == len(on_shaft):
             here = [x for x in moving if self.places[x.part.id, part.id] is node]
@@ -219,12 +218,12 @@ class _Assembly:
         if geometry.internal:
             moments = [width * (geometry.outer_diameter**n - diameter**n) for n in (2, 4)]
         else:
-            start, end = self.box.face(gear)
-            moments = [
-                width * diameter**n
-                - shaft.integral(lambda u, outer, inner: np.minimum(outer, diameter) ** n, start, end)
-                for n in (2, 4)
+            face = self.box.face(gear)
+            bores = [
+                shaft.integral(lambda u, outer, inner: np.minimum(outer, diameter) ** 2, *face),
+                shaft.integral(lambda u, outer, inner: np.minimum(outer, diameter) ** 4, *face),
             ]
+            moments = [width * diameter**n - bore for n, bore in zip((2, 4), bores, strict=True)]
         density = geometry.material.density
         return math.pi / 4.0 * density * moments[0], math.pi / 32.0 * density * moments[1]
 
@@ -270,7 +269,10 @@ class _Assembly:
             carriers = [part for part in node.parts if part.type == "planet_carrier"]
             radius = self.box.pin_radius(carriers[0]) if carriers else 0.01
             if gear:
-                radius, fields["teeth"] = self.gears[gear.id].base_diameter / 2.0, self.gears[gear.id].teeth
+                radius, fields["teeth"] = (
+                    self.gears[gear.id].base_diameter / 2.0,
+                    self.gears[gear.id].teeth,
+                )
             if carriers and not node.inertia:
                 node.mass, node.inertia = self.box.default_carrier(carriers[0])
             if not node.inertia:

@@ -161,7 +161,11 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
 
 def _parallel_stage(values: dict) -> planetary.ParallelStage:
     """Return a parallel stage of a planetary set with its gears as dicts."""
-    fields = {name: values[name] for name in ("on", "gear", "shaft_stiffness", "position") if name in values}
+    fields = {
+        name: values[name]
+        for name in ("on", "gear", "shaft_stiffness", "position")
+        if name in values
+    }
     return planetary.ParallelStage(stage=geometry_from_dict(values), **fields)
 
 

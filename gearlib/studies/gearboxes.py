@@ -162,7 +162,9 @@ def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
     for name, found in cells.items():
         if len(found) > 1:
             fractions = np.array([x for x, *_ in found])
-            losses = [0.0 if x is None else float(x.contact_loss_fraction.max()) for _, x, _ in found]
+            losses = [
+                0.0 if x is None else float(x.contact_loss_fraction.max()) for _, x, _ in found
+            ]
             columns = [_stage_cells(point, data) for _, point, data in found]
             largest = [_largest(cell) for cell in zip(*columns, strict=True)]
             largest[7] = _text(float(fractions @ losses / fractions.sum()))
@@ -180,7 +182,9 @@ def _stage_cells(point: xr.Dataset | None, data: xr.Dataset) -> list[str]:
     """Return the cells of a stage from its operating point and its curves over the speed."""
     factors = data.dynamic_factor.max("direction")
     at = int(factors.fillna(-np.inf).argmax())
-    iso = point["iso_dynamic_factor"] if point is not None and "iso_dynamic_factor" in point else None
+    iso = (
+        point["iso_dynamic_factor"] if point is not None and "iso_dynamic_factor" in point else None
+    )
     jumps = np.concatenate([data.jump_up_speed.values, data.jump_down_speed.values])
     return [
         _text(None if point is None else point.speed),

@@ -15,11 +15,11 @@ use rule _compute as compute_gearbox_stage with:
     output:
         "results/gearbox/stage_{number}.nc",
     params:
+        **pick(BOX or {}, "damping_ratio", "points"),
         function="gearlib.studies.gearboxes:stage_over_speed",
         file=BOX and BOX["file"],
         stage=lambda w: STAGES[int(w.number)][0],
         load_case=lambda w: STAGES[int(w.number)][1],
-        **pick(BOX or {}, "damping_ratio", "points"),
 
 
 use rule _table as gearbox_table with:
@@ -85,10 +85,10 @@ use rule _compute as compute_gearbox with:
     output:
         "results/gearbox/box_{number}.nc",
     params:
+        **pick(BOX or {}, "damping_ratio", "orders"),
         function="gearlib.studies.gearboxes:whole_box",
         file=BOX and BOX["file"],
         load_case=lambda w: BOXES[int(w.number)],
-        **pick(BOX or {}, "damping_ratio", "orders"),
 
 
 use rule _table as gearbox_modes_table with:
@@ -111,7 +111,9 @@ use rule _draw as draw_gearbox_modes with:
         box="results/gearbox/box_{number}.nc",
         sources=sources_of("draw", "figures.gearbox_figure"),
     output:
-        figure_files("gearbox/modes_{number}", "Campbell diagram and modes", GEARBOX, "gearbox_modes"),
+        figure_files(
+            "gearbox/modes_{number}", "Campbell diagram and modes", GEARBOX, "gearbox_modes"
+        ),
     params:
         draw="gearbox_figure.draw_modes",
         gears=BOX and BOX["file"],
@@ -127,10 +129,10 @@ use rule _compute as compute_gearbox_run_up with:
     output:
         "results/gearbox/run_up_{number}.nc",
     params:
+        **pick(BOX or {}, "damping_ratio", "revolutions"),
         function="gearlib.studies.gearboxes:run_up",
         file=BOX and BOX["file"],
         load_case=lambda w: BOXES[int(w.number)],
-        **pick(BOX or {}, "damping_ratio", "revolutions"),
 
 
 use rule _draw as draw_gearbox_run_up with:

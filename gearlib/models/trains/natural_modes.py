@@ -38,7 +38,9 @@ def modes(train: "GearTrain") -> xr.Dataset:
     springs = train.strains[: -len(train.meshes)]
     of_shafts = springs[len(springs) - 3 * len(train.shafts) :] ** 2
     shaft_energy = np.zeros((frequency.size, len(train.shafts)))
-    shaft_energy[free.shape[1] :] = of_shafts.reshape(len(train.shafts), 3, squares.size).sum(axis=1).T
+    shaft_energy[free.shape[1] :] = (
+        of_shafts.reshape(len(train.shafts), 3, squares.size).sum(axis=1).T
+    )
     kinds = ["rigid"] * free.shape[1] + _mode_kinds(train, motions[free.shape[1] :])
     dataset = xr.Dataset(
         {

@@ -299,7 +299,10 @@ class ParallelStage:
         ratio = sign * pinion.teeth / wheel.teeth  # speed of the wheel over that of the pinion
         other = "wheel" if self.gear == "pinion" else "pinion"
         # The power is the same; the shaft acts on its gear against the torque of the body.
-        torques = {self.gear: -torque, other: torque / (ratio if self.gear == "pinion" else 1 / ratio)}
+        torques = {
+            self.gear: -torque,
+            other: torque / (ratio if self.gear == "pinion" else 1 / ratio),
+        }
         loading = torques["wheel"] if wheel.internal else torques["pinion"]
         changed = {
             self.on: dataclasses.replace(bodies[self.on], torque=0.0),

@@ -178,8 +178,8 @@ def phases(bodies, meshes, shafts, reference, speeds) -> dict:
     """Return the phase of each mesh in mesh periods, in [0, 1), by the name of the mesh.
 
     `bodies` maps names to `Body`, `reference` is the name of the reference mesh, and `speeds` are
-    the `Speeds` of the bodies. Raises ValueError if the teeth do not fit together, so that the train
-    cannot be assembled.
+    the `Speeds` of the bodies. Raises ValueError if the teeth do not fit together, so that the
+    train cannot be assembled.
     """
     meshes_by_teeth = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
     # Given keyings come before those that follow from the loops of meshes.

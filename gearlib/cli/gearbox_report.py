@@ -1,4 +1,4 @@
-"""The page of `gearlib gearbox FILE --report`: tables and pictures of a gearbox in one HTML file."""
+"""The page of `gearlib gearbox FILE --report`: tables and pictures of a gearbox in one file."""
 
 import base64
 import io
@@ -36,7 +36,8 @@ def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolut
     with ThreadPoolExecutor(2) as pool:
         found = list(
             pool.map(
-                lambda job: gearboxes.stage_over_speed(file, *job, damping_ratio, points), stages
+                lambda job: gearboxes.stage_over_speed(file, job[0], job[1], damping_ratio, points),
+                stages,
             )
         )
     body += ["<h2>Stages</h2>", _table(gearboxes.stage_rows(found, file))]

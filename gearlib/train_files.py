@@ -1,4 +1,4 @@
-"""`write_train` and `read_train`: gear trains in YAML, as a configuration has them, and in netCDF."""
+"""`write_train` and `read_train`: gear trains in YAML, as in a configuration, and in netCDF."""
 
 import dataclasses
 from pathlib import Path
@@ -48,7 +48,7 @@ def write_train(train: Any, path: Any) -> None:
 
 
 def _given(element: Any) -> dict:
-    """Return the fields of a body, shaft or mesh that differ from their defaults, as plain values."""
+    """Return the fields of a body, shaft or mesh without defaults, as plain values."""
     values = {}
     for field in dataclasses.fields(element):
         value = getattr(element, field.name)
