@@ -19,10 +19,10 @@ folder           responsibility
 ===============  ================================================================================
 
 Beside them lie ``geometry``, the public names of gears by geometry, ``train_files``, ``plot``,
-pictures of any dataset, ``checks`` of single values, ``colours`` of categories, ``progress`` of long calls and
-limits of their time, ``processor``, the instruction set of jobs, ``tunings`` and their names,
-``version``. The names below are loaded on first use, so that reading a configuration does not pay
-for the numerical stack.
+pictures of any dataset, ``checks`` of single values, ``colours`` of categories, ``progress`` of
+long calls and limits of their time, ``processor``, the instruction set of jobs, ``tunings`` and
+their names, ``version``. The names below are loaded on first use, so that reading a configuration
+does not pay for the numerical stack.
 """
 
 from importlib import import_module

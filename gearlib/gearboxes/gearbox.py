@@ -1,6 +1,7 @@
 """`read_gearbox`: stages, shafts, springs and load cases of a gearbox from a REXS file."""
 
 import math
+import textwrap
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 #: Largest differences, in m and rad, of a place that is stated twice.
 _DISTANCE_TOLERANCE, _ANGLE_TOLERANCE = 1e-5, 1e-3
 _GEARS = ("cylindrical_gear", "ring_gear")
+_WIDTH = 80  #: of printed lines
 #: Name of the load case of a file without a load spectrum.
 NOMINAL = "nominal"
 
@@ -190,7 +192,8 @@ class Gearbox:
         load = {"torque": abs(loads.pinion_torques[name])}
         if loads.pinion_speeds is not None:
             load["speed"] = abs(loads.pinion_speeds[name])
-        return load
+        # The digits beyond are rounding errors of the balance.
+        return {name: float(f"{value:.12g}") for name, value in load.items()}
 
     def stage(self, name: str, load_case: str | None = None) -> GearStage:
         """Return the geometry of a stage with the flanks that carry the load in a load case.
@@ -463,20 +466,20 @@ class Gearbox:
             ]
 
     def __str__(self) -> str:
-        """Return the tables of the stages and loads of all load cases, and what was assumed."""
+        """Return the tables of all load cases, and what the file leaves open."""
         lines = [f"gearbox, REXS {self.model.version}, {self.model.application}".rstrip(", ")]
         for case, fraction in self.load_cases.items():
             share = "" if math.isnan(fraction) else f", {100.0 * fraction:.4g} % of the duration"
             lines += ["", f"load case {case}{share}", *_aligned(self.rows(case))]
             lines += ["", *_aligned(self._load_rows(case))]
             if (missing := self.loads(case).missing) is not None:
-                lines.append(str(missing))
+                lines += _wrapped(str(missing))
         for title, texts in (
             ("not stated in the file", self.defaults),
             ("contradictions in the file", self.notes),
             ("stages that are not computed", self.refused.values()),
         ):
-            lines += ["", f"{title}:", *(f"  {text}" for text in texts)] if texts else []
+            lines += ["", f"{title}:", *(x for text in texts for x in _wrapped(text))] * bool(texts)
         return "\n".join(lines)
 
     def _load_rows(self, case: str) -> Iterator[list]:
@@ -523,11 +526,28 @@ _COLUMNS: tuple = (
 )
 
 
+def _wrapped(text: str) -> list[str]:
+    """Return the lines of a text of a list."""
+    return textwrap.wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="    ")
+
+
 def _aligned(rows: Iterable[list]) -> list[str]:
-    """Return rows of cells as lines with aligned columns; numbers have six digits."""
+    """Return rows of cells as lines with aligned columns; numbers have six digits.
+
+    Columns that do not fit on a line follow below, after the first column.
+    """
     texts = [
-        ["-" if x is None else f"{x:.6g}" if isinstance(x, float) else str(x) for x in row]
+        ["-" if x is None else f"{x + 0.0:.6g}" if isinstance(x, float) else str(x) for x in row]
         for row in rows
     ]
-    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
-    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in texts]
+    widths = [max(map(len, column)) + 2 for column in zip(*texts, strict=True)]
+    blocks: list[list[int]] = []
+    for i, width in enumerate(widths[1:], 1):
+        if not blocks or widths[0] + sum(widths[j] for j in blocks[-1]) + width > _WIDTH:
+            blocks.append([])
+        blocks[-1].append(i)
+    return [
+        "".join(row[i].ljust(widths[i]) for i in [0, *block]).rstrip()
+        for block in blocks
+        for row in texts
+    ]

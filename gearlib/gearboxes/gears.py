@@ -181,7 +181,7 @@ def _gear(box: "Gearbox", gear: Component, flank: Component, values: dict) -> Sp
 
 
 def _with_rack(box: "Gearbox", gear: Component, values: dict, addendum: float) -> SpurGear:
-    """Return a gear with the rack of its tool, or with rack A of ISO 53 if that would undercut it."""
+    """Return a gear with the rack of its tool, or with rack A of ISO 53 if that undercuts it."""
     rack = replace(RACKS["A"], addendum=addendum)
     for tool in box.model.linked(gear, "rack_shaped_tool"):
         # The addendum of the tool cuts the dedendum of the gear.

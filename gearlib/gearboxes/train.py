@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gearlib import checks
 from gearlib.checks import InputError
 from gearlib.gearboxes.parts import RIGID
 from gearlib.gearboxes.rexs import Component
@@ -359,23 +360,25 @@ def build(
                 **parameters[key],
             )
         )
-    first = box.stages[reference or next(iter(box.stages))]
-    frames = {
-        round(loads.motion_of(box, stage.carrier), 12)
-        for stage in box.stages.values()
-        if stage.carrier
-    }
-    if len(frames) > 1:
+    frames = {loads.motion_of(box, x.carrier) for x in box.stages.values() if x.carrier}
+    frame = frames.pop() if frames else 0.0
+    if any(abs(other - frame) > 1e-9 * abs(frame) for other in frames):
         raise ValueError(
             "planetary stages whose carriers turn at different speeds are not allowed in a train; "
             "each stage by itself can be computed"
         )
-    frame = frames.pop() if frames else 0.0
-    pinion = loads.motion_of(box, box.shaft_of[first.pinion.id].id)
+    in_frame = {
+        name: loads.motion_of(box, box.shaft_of[stage.pinion.id].id) - frame
+        for name, stage in box.stages.items()
+    }
+    # A pinion that stands still among the planets cannot set the scale of speeds.
+    fastest = max(map(abs, in_frame.values()))
+    choices = [name for name, speed in in_frame.items() if abs(speed) > 1e-9 * fastest]
+    reference = checks.one_of("reference", reference or choices[0], choices)
     return GearTrain(
         bodies=bodies,
         meshes=meshes,
         shafts=shafts,
         reference=reference,
-        carrier_ratio=frame / (pinion - frame),
+        carrier_ratio=frame / in_frame[reference],
     )

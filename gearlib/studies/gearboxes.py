@@ -181,7 +181,7 @@ def _nearest(data: xr.Dataset, speed: float) -> float:
 def _stage_cells(point: xr.Dataset | None, data: xr.Dataset) -> list[str]:
     """Return the cells of a stage from its operating point and its curves over the speed."""
     factors = data.dynamic_factor.max("direction")
-    at = int(factors.fillna(-np.inf).argmax())
+    at = int(factors.fillna(-np.inf).argmax("tuning"))
     iso = (
         point["iso_dynamic_factor"] if point is not None and "iso_dynamic_factor" in point else None
     )
@@ -223,7 +223,7 @@ def box_rows(boxes: Sequence[xr.Dataset]) -> Iterator[list]:
             for name, dim in (("mode_strain_energy", "mesh"), ("mode_shaft_energy", "shaft")):
                 share = box[name].isel(natural_mode=i)
                 if share.size and float(share.max()) > 0.0:
-                    owner = str(box[dim].values[int(share.argmax())])
+                    owner = str(box[dim].values[int(share.values.argmax())])
                     largest = f"largest share of the energy in a {dim}, {owner}"
                     yield [case, f"mode {i}", largest, _text(share.max()), ""]
         for name in box.mesh.values:

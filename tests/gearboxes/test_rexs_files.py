@@ -149,7 +149,7 @@ def test_a_stage_that_cannot_be_computed_does_not_hide_the_other(name, changes, 
     box = read(file, tmp_path)
     assert sentence.partition("80.0")[0] in box.refused["Stufe 1"]
     assert box.stage("Stufe 2").pinion.teeth == 19
-    assert box.refused["Stufe 1"] in str(box)
+    assert box.refused["Stufe 1"] in " ".join(str(box).split())
     with pytest.raises(ValueError, match="stage Stufe 1 is refused"):
         box.train()
 

@@ -26,7 +26,7 @@ from fractions import Fraction
 from typing import NamedTuple
 
 from gearlib import checks
-from gearlib.models.trains.elements import Mesh
+from gearlib.models.trains.elements import Mesh, lies_in_housing
 
 #: Largest misfit of teeth in pitches: positions are angles, often rounded to few digits.
 _POSITION_TOLERANCE = 1e-6
@@ -48,12 +48,6 @@ class Speeds(NamedTuple):
     def at(self, mesh: Mesh, bodies: dict) -> dict[str, Fraction]:
         """Return the speeds of the bodies relative to the line of centres of a mesh."""
         return self.in_housing if lies_in_housing(mesh, bodies) else self.in_frame
-
-
-def lies_in_housing(mesh: Mesh, bodies: dict) -> bool:
-    """Return whether the axes of a mesh stand still beside carriers that turn."""
-    is_carried = bodies[mesh.pinion].carrier or bodies[mesh.wheel].carrier
-    return not is_carried and any(body.carrier for body in bodies.values())
 
 
 def speeds(bodies, meshes, shafts, reference, carrier_ratio) -> Speeds:
