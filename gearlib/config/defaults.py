@@ -56,7 +56,7 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
         for key in (*_BODY_KEYS, "bearing_stiffness"):
             del defaults["six_degrees"][key]
     completed = overlay(defaults, mapping)
-    if "gears" in mapping:
+    if "gears" in mapping or pair:
         completed["gear_pair"] = pair or _VALID_PAIR
     figures = completed["figures"]
     if isinstance(figures, dict) and isinstance(figures["colours"], dict):

@@ -66,7 +66,8 @@ class Pieces:
 class Profile:
     """A stiffness over one mesh period, the shape of the mesh stiffness of a pair.
 
-    A new profile is a class below with a method ``pieces`` and an entry in ``gearlib/__init__.py``.
+    A new profile is a class above `PROFILES` with a method ``pieces``, and an entry in
+    ``gearlib/__init__.py``.
     """
 
     @property

@@ -28,8 +28,8 @@ def run_many(
 
     `pair_parameters`, shape (7,), are those of `mesh_at_tuning`. Each run lasts a `Span` and starts
     from `state`, shape (2,), or, with `warm_start`, from the end of the last run unless that has
-    failed. A displacement beyond `max_x` gives the status OVERFLOW. The tables are `summaries`,
-    shape (n, 9), final states `ends`, (n, 2), and `outcomes`, int, (n, 2): period and status.
+    failed. A displacement beyond `max_x` gives the status OVERFLOW. The tables have a row for each
+    run: `summaries`, final states `ends`, (n, 2), and `outcomes`, int, (n, 2): period and status.
     """
     samples = np.empty((0, orbit.SAMPLE_COLUMNS))
     events = np.empty((0, orbit.EVENT_COLUMNS))

@@ -152,7 +152,7 @@ def mesh_at_tuning(pair_parameters, tuning):
 def contact_of(backlash_ratio, x, v):
     """Return the contact code (1 drive side, 0 loss, -1 coast side) at displacement x, velocity v.
 
-    The drive-side flanks touch at x = 0, the coast-side flanks at x = -backlash.
+    The drive-side flanks touch at x = 0, the coast-side flanks at x = -backlash_ratio.
     """
     return contact_between(0.0, -backlash_ratio, x, v)
 
