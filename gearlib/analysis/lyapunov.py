@@ -22,7 +22,7 @@ from gearlib.analysis.orbits.followed_parameters import (
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
-from gearlib.engines.growth import propagate_perturbation
+from gearlib.engines.matrices import propagate_perturbation
 from gearlib.integrators import choose_method
 from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.parameters import INTEGER, Count, WholeNumber, checked
