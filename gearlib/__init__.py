@@ -57,9 +57,8 @@ _MODULES = {
     "runs.simulation": "simulate",
     "runs.sweeping": "sweep",
     "uncertainty.fits": "fit",
-    "uncertainty.indices": "sobol_indices",
     "uncertainty.measured": "read_measured",
-    "uncertainty.scatter": "scatter",
+    "uncertainty.scatter": "scatter sobol_indices",
     "version": "__version__",
 }
 _PUBLIC = {name: module for module, names in _MODULES.items() for name in names.split()}

@@ -15,7 +15,7 @@ from annotated_types import Ge
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_values
-from gearlib.analysis.orbits.followed_parameters import (
+from gearlib.analysis.orbits.tracing import (
     DimensionlessParameter,
     parameter_cases,
 )

@@ -16,7 +16,7 @@ import gearlib
 from gearlib import checks
 from gearlib.cli import options, output
 from gearlib.cli.gears import DEFAULT_CONFIG, NO_DAMPING, in_rpm, take_gears
-from gearlib.config import measured_description, schema_text, tolerances_section, yaml_keys
+from gearlib.config import measured_description, schema_text, tolerances_section, validation
 from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
 from gearlib.models import tolerated
 from gearlib.units import WRITTEN_UNITS
@@ -603,7 +603,7 @@ def workflow(arguments):
             # Unlike Snakemake, this reports a missing file, and the line of an error.
             allowed = "a file; targets stand before this option"
             checks.require(Path(argument).is_file(), "--configfile", argument, allowed)
-            yaml_keys.read(argument)
+            validation.read_yaml(argument)
     _run_snakemake(Path(), arguments)
 
 

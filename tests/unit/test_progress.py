@@ -11,7 +11,7 @@ import pytest
 
 import gearlib
 from gearlib import progress
-from gearlib.engines.linear import modal_arcs
+from gearlib.engines.linear import modal_arcs, train_system
 from tests.paper import PAPER
 
 PAIR = PAPER.replace(material_damping=4e3)

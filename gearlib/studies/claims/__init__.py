@@ -4,14 +4,7 @@ Every verdict follows from numbers by a stated rule, with the accuracy of the pa
 strict criterion gives another answer, the verdict names both. A statement without data in the
 configuration is "not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
 
-===================  =================================================
-module               responsibility
-===================  =================================================
-``data``             the data of one configuration
-``statements``       the statements and their rules
-``characteristics``  rules on scales, characteristics and phase planes
-``scene_claims``     rules on single runs
-===================  =================================================
+`statements` lists them; `rules` has the data of one configuration and the rules that judge it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +12,7 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 from gearlib.data.files import replacing
-from gearlib.studies.claims.data import Data, NoData
+from gearlib.studies.claims.rules import Data, NoData
 from gearlib.studies.claims.statements import CHECKS
 
 HOLDS, DIFFERS, NOT_EVALUATED = "holds", "differs", "not evaluated"
