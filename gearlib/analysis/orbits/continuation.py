@@ -19,15 +19,7 @@ from gearlib.analysis.orbits import tracing
 from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, as_orbit, check_orbit, is_stable
 from gearlib.analysis.orbits.special_points import BranchPoint, branch_dataset, branch_point
 from gearlib.data.status import flags_of
-from gearlib.parameters import (
-    INTEGER,
-    Count,
-    Finite,
-    Limits,
-    Positive,
-    WholeNumber,
-    checked,
-)
+from gearlib.parameters import INTEGER, Count, Finite, Limits, Positive, WholeNumber, checked
 from gearlib.progress import Limit
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
 

@@ -176,10 +176,7 @@ DimensionlessParameter = Annotated[
     CHOICE,
 ]
 #: Parameter -> attribute of models with its value, if the names differ.
-_ATTRIBUTE_NAMES = {
-    "damping": "damping_ratio",
-    "backlash_damping": "backlash_damping_ratio",
-}
+_ATTRIBUTE_NAMES = {"damping": "damping_ratio", "backlash_damping": "backlash_damping_ratio"}
 
 
 def continuation_parameters(model: Any) -> dict:

@@ -1,19 +1,23 @@
-"""Rules for the statements of the paper, and the data of one configuration that they judge.
+"""The paper's statements, checked against computed data.
 
-A rule gets the `Data` of a configuration and returns whether the statement holds, and a
-description of the computed numbers. Statements are judged with the accuracy of the paper's plots.
-If the strict criterion gives another answer, that an orbit must repeat after whole mesh periods to
-within 1e-6 of its height, a rule returns a third item that describes it.
+Every verdict follows from numbers by a stated rule, with the accuracy of the paper's plots. If a
+strict criterion gives another answer, the verdict names both. A statement without data in the
+configuration is "not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
 
-First come scales, characteristics and phase planes (Fig. 3 and 5), then single runs (Fig. 2, 4, 6,
-7 and 8).
+A rule gets the `Data` of a configuration and returns whether its statement holds, and a description
+of the computed numbers. If the strict criterion gives another answer, that an orbit must repeat
+after whole mesh periods to within 1e-6 of its height, a rule returns a third item that describes
+it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
+from gearlib.data.files import replacing
 from gearlib.data.motions import LINE_WIDTH, describe_settling, period_spread, true_intervals
 from gearlib.studies.certificates import FIG6_TUNINGS
 
@@ -32,7 +36,7 @@ class Data:
     """The computed data of one configuration; methods select those that a statement needs."""
 
     def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> None:
-        """Take a `GearPair`, dampings by name, and datasets; `gearlib.studies.claims` has details.
+        """Take a `GearPair`, dampings by name, and datasets; `evaluate` has details.
 
         `jump` has the jump of the motion from rest, `scenes` maps names to sets of simulated cases.
         """
@@ -99,6 +103,67 @@ class Data:
         return planes
 
 
+#: The statements in order: id, text, place in the paper, figure of the workflow, and the rule.
+CHECKS: list[tuple] = []
+
+
+def _statement(identifier: str, text: str, place: str, figure: str = "") -> Callable:
+    """Return a decorator that adds a rule to `CHECKS`; by default the figure is the place."""
+
+    def add(rule: Callable) -> Callable:
+        CHECKS.append((identifier, text, place, figure or place, rule))
+        return rule
+
+    return add
+
+
+@_statement(
+    "P1",
+    "nu = 0.815: nu_max 0.7391, nu_min 0.9639; nu = 0.8151: 0.7392, 0.9640",
+    "text to Fig. 6",
+    figure="Fig. 3",
+)
+def printed_tunings(data: Data) -> tuple[bool, str]:
+    """Judge statement P1: the printed tunings referred to the largest and smallest stiffness."""
+    # Tuning nu -> nu_max, nu_min: the natural frequency is that at the extreme stiffness.
+    printed = {0.815: (0.7391, 0.9639), 0.8151: (0.7392, 0.9640)}
+    computed = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
+    # Half a unit of the four printed decimals, with a margin for rounding errors.
+    tolerance = 0.5001e-4
+    differences = np.subtract([*printed.values()], [*computed.values()])
+    holds = bool((np.abs(differences) <= tolerance).all())
+    texts = [f"{nu:g}: {nu_max:.5f}, {nu_min:.5f}" for nu, (nu_max, nu_min) in computed.items()]
+    return holds, "; ".join(texts)
+
+
+@_statement(
+    "P2", "k1 = 3.95, 4, 0.04 N s/mm: beta 0.062, 0.0624, 0.000624", "text, Fig. 2", figure="Fig. 3"
+)
+def printed_damping_ratios(data: Data) -> tuple[bool, str]:
+    """Judge statement P2: the printed damping ratios of three material dampings."""
+    # Damping in N s/m -> printed ratio, and half a unit of its last digit.
+    printed = {3950.0: (0.062, 0.5e-3), 4000.0: (0.0624, 0.5e-4), 40.0: (0.000624, 0.5e-6)}
+    computed = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
+    holds = all(abs(computed[k] - ratio) <= tolerance for k, (ratio, tolerance) in printed.items())
+    return holds, "; ".join(f"{k:g} N s/m: {ratio:.6g}" for k, ratio in computed.items())
+
+
+#: Smaller phase shifts, degrees, are within the line width of a printed time history.
+VISIBLE_SHIFT = 1.0
+
+
+@_statement("P3", "the size of k1 shifts the phase of y(t) against C(t)", "Fig. 2")
+def phase_shift(data: Data) -> tuple[bool, str]:
+    """Judge statement P3: the material damping visibly shifts the phase of the motion."""
+    lag = data.phase_lag.lag.isel(harmonic=0)
+    if lag.size < 2 or lag.isnull().any():
+        raise NoData("fewer than two dampings have an orbit of one mesh period")
+    pairs = zip(lag.damping.values, lag.values, strict=True)
+    text = ", ".join(f"k1 = {damping:g} N s/m: {degrees:.3f}" for damping, degrees in pairs)
+    tuning, shift = float(data.phase_lag.shown_tuning), float(lag.max() - lag.min())
+    return shift > VISIBLE_SHIFT, f"lag of the first harmonic at nu = {tuning:g}, degrees: {text}"
+
+
 #: Centre and half width of the paper's "small region" of tunings; it states only "near 0.66".
 _SMALL_REGION_CENTRE, _SMALL_REGION_HALF_WIDTH = 0.66, 0.02
 
@@ -117,28 +182,9 @@ def loses_contact(curve: xr.Dataset) -> np.ndarray:
     return curve.displacement_min.values < -CONTACT_TOLERANCE
 
 
-def printed_tunings(data: Data) -> tuple[bool, str]:
-    """Judge statement P1: the printed tunings referred to the largest and smallest stiffness."""
-    # Tuning nu -> nu_max, nu_min: the natural frequency is that at the extreme stiffness.
-    printed = {0.815: (0.7391, 0.9639), 0.8151: (0.7392, 0.9640)}
-    computed = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
-    # Half a unit of the four printed decimals, with a margin for rounding errors.
-    tolerance = 0.5001e-4
-    differences = np.subtract([*printed.values()], [*computed.values()])
-    holds = bool((np.abs(differences) <= tolerance).all())
-    texts = [f"{nu:g}: {nu_max:.5f}, {nu_min:.5f}" for nu, (nu_max, nu_min) in computed.items()]
-    return holds, "; ".join(texts)
-
-
-def printed_damping_ratios(data: Data) -> tuple[bool, str]:
-    """Judge statement P2: the printed damping ratios of three material dampings."""
-    # Damping in N s/m -> printed ratio, and half a unit of its last digit.
-    printed = {3950.0: (0.062, 0.5e-3), 4000.0: (0.0624, 0.5e-4), 40.0: (0.000624, 0.5e-6)}
-    computed = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
-    holds = all(abs(computed[k] - ratio) <= tolerance for k, (ratio, tolerance) in printed.items())
-    return holds, "; ".join(f"{k:g} N s/m: {ratio:.6g}" for k, ratio in computed.items())
-
-
+@_statement(
+    "P4", "conservative: normal mesh for 0.6 <= nu < 0.8 except a small region near 0.66", "Fig. 3"
+)
 def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
     """Judge statement P4: undamped contact is lost below a tuning of 0.8 only near 0.66."""
     undamped = data.damping_names(material=False, backlash=False)[0]
@@ -152,6 +198,21 @@ def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
     return holds, f"below {0.8 - PLOT_RESOLUTION:g}: contact lost at {intervals}"
 
 
+def fraction_text(fraction: float) -> str:
+    """Return a fraction of chaotic motions as "all", "most", "some" or "none".
+
+    Its exact value depends on rounding errors.
+    """
+    if fraction in (0.0, 1.0):
+        return "all" if fraction else "none"
+    return "most" if fraction > 0.5 else "some"
+
+
+@_statement(
+    "P5",
+    "conservative: contact bounces begin at nu = 0.8; above, bounces and inverse mesh, chaotic",
+    "Fig. 3",
+)
 def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
     """Judge statement P5: without damping, motions above a tuning of 0.8 bounce chaotically."""
     curve = data.curve(data.damping_names(material=False, backlash=False)[0], 0.7, 1.12)
@@ -171,16 +232,12 @@ def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
     return bool(holds), f"bounces begin at {first:.4g}; of the tunings from there to 1.12: {text}"
 
 
-def fraction_text(fraction: float) -> str:
-    """Return a fraction of chaotic motions as "all", "most", "some" or "none".
-
-    Its exact value depends on rounding errors.
-    """
-    if fraction in (0.0, 1.0):
-        return "all" if fraction else "none"
-    return "most" if fraction > 0.5 else "some"
-
-
+@_statement(
+    "P6",
+    "k1 > 0: normal mesh on 0.6 ... 0.8, bounces on 0.8 ... 1.12 without inverse mesh, normal "
+    "mesh again above",
+    "Fig. 3",
+)
 def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
     """Judge statement P6: material damping limits contact loss to tunings from 0.8 to 1.12."""
     highest = data.resonance.tuning.values[-1]
@@ -198,6 +255,11 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
     return bool(holds), "contact lost at " + "; ".join(texts)
 
 
+@_statement(
+    "P7",
+    "k1 = 0, k1m > 0 is the only damped variant not in purely normal mesh above 1.12",
+    "Fig. 3",
+)
 def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
     """Judge statement P7: only motions with backlash damping (oil) lose contact above 1.12."""
     # The lower limit exceeds the paper's 1.12 by more than the resolution of its plot.
@@ -212,10 +274,29 @@ def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
     return holds, f"tunings above {lowest:g} with contact lost: {text}"
 
 
+@_statement("P8", "contact ratio 1.1: mesh mostly at C_min; 1.9: mostly at C_max", "Fig. 4")
+def contact_ratios(data: Data) -> tuple[bool, str]:
+    """Judge statement P8: stiffness is mostly low at a small contact ratio, high at a large one."""
+    scene = data.scene("fig4", cases=2)  # the small contact ratio, then the large one
+    low_fractions = scene.fraction_min_stiffness.values  # of time in mesh at C_min, by case
+    high_fractions = (scene.fraction_drive + scene.fraction_coast).values - low_fractions
+    text = "; ".join(
+        f"{title}: {100 * low:.0f} % in mesh at C_min, {100 * high:.0f} % at C_max"
+        for title, low, high in zip(scene.case.values, low_fractions, high_fractions, strict=True)
+    )
+    return bool(low_fractions[0] > 0.5 and high_fractions[1] > 0.5), text
+
+
 #: Tunings of the phase portraits in the paper's Fig. 5.
 _PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
 
 
+@_statement(
+    "P9",
+    "conservative phase planes: all unsteady, bounces at 0.66, 0.80, 0.81, 0.82, inverse mesh "
+    "at 0.81, 0.82 only",
+    "Fig. 5",
+)
 def undamped_phase_planes(data: Data) -> tuple:
     """Judge statement P9: which undamped phase portraits are unsteady or lose drive-side contact.
 
@@ -236,6 +317,9 @@ def undamped_phase_planes(data: Data) -> tuple:
     return holds, "; ".join(texts), _strict_difference({name: (planes, unsteady)})
 
 
+@_statement(
+    "P10", "k1 = 0, k1m > 0: unsteady at 0.60, 0.66, 0.78; every other damped cell steady", "Fig. 5"
+)
 def damped_phase_planes(data: Data) -> tuple:
     """Judge statement P10: which phase portraits with damping are unsteady.
 
@@ -322,33 +406,11 @@ def tunings_text(tunings: Sequence[float]) -> str:
     return ", ".join(f"{tuning:.2f}" for tuning in tunings) or "none"
 
 
-#: Smaller phase shifts, degrees, are within the line width of a printed time history.
-VISIBLE_SHIFT = 1.0
-
-
-def phase_shift(data: Data) -> tuple[bool, str]:
-    """Judge statement P3: the material damping visibly shifts the phase of the motion."""
-    lag = data.phase_lag.lag.isel(harmonic=0)
-    if lag.size < 2 or lag.isnull().any():
-        raise NoData("fewer than two dampings have an orbit of one mesh period")
-    pairs = zip(lag.damping.values, lag.values, strict=True)
-    text = ", ".join(f"k1 = {damping:g} N s/m: {degrees:.3f}" for damping, degrees in pairs)
-    tuning, shift = float(data.phase_lag.shown_tuning), float(lag.max() - lag.min())
-    return shift > VISIBLE_SHIFT, f"lag of the first harmonic at nu = {tuning:g}, degrees: {text}"
-
-
-def contact_ratios(data: Data) -> tuple[bool, str]:
-    """Judge statement P8: stiffness is mostly low at a small contact ratio, high at a large one."""
-    scene = data.scene("fig4", cases=2)  # the small contact ratio, then the large one
-    low_fractions = scene.fraction_min_stiffness.values  # of time in mesh at C_min, by case
-    high_fractions = (scene.fraction_drive + scene.fraction_coast).values - low_fractions
-    text = "; ".join(
-        f"{title}: {100 * low:.0f} % in mesh at C_min, {100 * high:.0f} % at C_max"
-        for title, low, high in zip(scene.case.values, low_fractions, high_fractions, strict=True)
-    )
-    return bool(low_fractions[0] > 0.5 and high_fractions[1] > 0.5), text
-
-
+@_statement(
+    "P11",
+    "nu = 0.815 and 0.8151 give drastically different orbits: small and large bounces",
+    "Fig. 6",
+)
 def two_tunings(data: Data) -> tuple[bool, str]:
     """Judge statement P11: two neighbouring tunings give small and large bounces."""
     scene = data.scene("fig6").sortby("tuning")
@@ -381,6 +443,7 @@ def jump_description(data: Data) -> str:
     return location + f"; between {lower:g} and {upper:g} with: {texts}"
 
 
+@_statement("P12", "time in mesh at C_min at nu = 0.82: t(k1,k1m) > t(k1,0) > t(0,k1m)", "Fig. 7")
 def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
     """Judge statement P12: the order of three dampings by time in mesh at the lower stiffness.
 
@@ -391,6 +454,9 @@ def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
     return bool(both > material > backlash), text
 
 
+@_statement(
+    "P13", "conservative, nu = 0.66, six degrees of freedom: unsteady, contact bounces", "Fig. 8"
+)
 def six_degrees(data: Data) -> tuple:
     """Judge statement P13: undamped motion with six degrees of freedom is unsteady and bounces.
 
@@ -416,3 +482,67 @@ def six_degrees(data: Data) -> tuple:
     # A motion that repeats after several mesh periods is not a single line in a plot.
     strict_difference = f"it repeats after {period} periods" if unsteady and period else ""
     return unsteady and bounces > 0.0 and loss_fraction > 0.5, text, strict_difference
+
+
+HOLDS, DIFFERS, NOT_EVALUATED = "holds", "differs", "not evaluated"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement of the paper, the computed result, and the verdict."""
+
+    id: str
+    statement: str
+    where: str  #: place in the paper
+    computed: str
+    verdict: str
+    figure: str  #: figure of the workflow
+
+
+def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> list[Claim]:
+    """Check the 13 statements P1 to P13 of the paper against the data of a configuration.
+
+    `pair` is the `GearPair`, whose damping is not used; `dampings` maps names to material_damping
+    and backlash_damping (N s/m). The others are datasets: `resonance` has sweeps and `phase_planes`
+    time histories for each damping, `phase_lag` has the lag of displacement behind stiffness,
+    `jump` the tuning at which the motion from rest jumps to another orbit. `scenes` maps names that
+    begin with a figure of the paper, such as "fig4_contact_ratio", to datasets of simulated cases.
+    """
+    resonance = resonance.sortby("tuning")
+    data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
+    return [evaluate_check(check, data) for check in CHECKS]
+
+
+def evaluate_check(check: tuple, data: Data) -> Claim:
+    """Return a statement of the paper with the verdict of its rule.
+
+    `check` is an entry of `CHECKS`: id, statement, place in the paper, figure of the workflow, and
+    rule. The rule is called with `data`. It returns whether the statement holds at the resolution
+    of the plots, the computed result as text, and optionally what a strict criterion gives instead.
+    """
+    identifier, statement, place, figure, rule = check
+    try:
+        holds, computed, *strict_results = rule(data)
+        verdict = HOLDS if holds else DIFFERS
+        if any(strict_results):
+            verdict += f" at plot resolution; strictly {strict_results[0]}"
+    except NoData as reason:
+        verdict, computed = NOT_EVALUATED, str(reason)
+    return Claim(identifier, statement, place, computed, verdict, figure)
+
+
+def rows(claims: Sequence[Claim]) -> Iterator[tuple | list]:
+    """Yield the rows of the table of claims: the names of the columns, then a row per claim."""
+    yield [field.name for field in fields(Claim)]
+    yield from map(astuple, claims)
+
+
+def write_markdown(claims: Sequence[Claim], path: Path) -> None:
+    """Write the claims as a Markdown table, replacing the file in one step."""
+    lines = ["# Statements of the paper against computed data", ""]
+    lines += ["| id | the paper | computed | verdict | figure |", "|---|---|---|---|---|"]
+    for claim in claims:
+        cells = [claim.id, f"{claim.statement} ({claim.where})", claim.computed]
+        lines.append(f"| {' | '.join(cells)} | **{claim.verdict}** | {claim.figure} |")
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
