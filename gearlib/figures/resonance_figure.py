@@ -283,7 +283,6 @@ def _in_micrometres(sweeps: xr.Dataset) -> xr.Dataset:
 
 
 _UNIT_HEIGHT = 2.3  #: inches, of a panel with the height ratio 1
-_EXTREMA = ["displacement_max", "displacement_min"]
 
 
 @style.styled()
@@ -326,7 +325,7 @@ def _draw_extrema(axes, data: xr.Dataset, styles: dict[str, dict]):
     """Draw sweeps up (thin) and down (thick, pale), a curve for each damping power in `styles`."""
     pale = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.3}
     for direction, options in (("down", pale), ("up", {"linewidth": 0.8})):
-        for name in _EXTREMA:
+        for name in EXTREMA:
             sweep = data.sel(direction=direction)
             curve_options = {"colour": "power", "styles": styles} | options
             panels.draw_curves(axes, sweep, "tuning", name, **curve_options)

@@ -365,20 +365,12 @@ def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray
             period = repetition_period(plane)
             if unsteady[i] == (period == 0):
                 continue
-            text = f"changes by {min_period_change(plane):.1g} of its height per orbit"
-            if period:
-                text = f"repeats after {period} periods"
+            text = f"repeats after {period} periods"
+            if not period:
+                change = min(_changes_by_period(plane), default=np.nan)
+                text = f"changes by {change:.1g} of its height per orbit"
             differences.append(f"{name} at {float(plane.tuning):.2f} {text}")
     return ", ".join(differences)
-
-
-def min_period_change(run: xr.Dataset) -> float:
-    """Return the smallest deviation of a motion from its repetition after n mesh periods.
-
-    The deviation for each n is the largest change of displacement, relative to the orbit height. It
-    is small for a motion that still settles, and large for a chaotic motion.
-    """
-    return min(_changes_by_period(run), default=np.nan)
 
 
 def repetition_period(run: xr.Dataset) -> int:
