@@ -24,8 +24,8 @@ from gearlib import GearPair, OneDegreePair, SixDegreePair, simulate, sweep
 from gearlib.engines import orbit
 from gearlib.engines.orbit import Span
 from gearlib.engines.polynomial import bernstein_matrix
+from gearlib.engines.taylor.propagator import run_nonlinear
 from gearlib.engines.taylor.series import ORDER
-from gearlib.engines.taylor.taylor_run import run_nonlinear
 from gearlib.explorer.view import compute_view
 
 REPEATS = repeats(7)

@@ -12,7 +12,7 @@ folder           responsibility
 ``analysis``     periodic orbits, instability tongues, harmonics, attractors, `trust`
 ``studies``      the computations of one figure or table each
 ``uncertainty``  measured sets, fits, tolerances: `read_measured`, `fit`, `scatter`
-``figures``      one file per figure, functions that return a `Figure`
+``figures``      a file per subject, functions that return a `Figure`
 ``explorer``     the page with sliders
 ``cli``          the command ``gearlib``
 ``config``       the typed model of ``config.yaml``
@@ -61,9 +61,8 @@ _MODULES = {
     "runs.sweeping": "sweep",
     "train_files": "read_train write_train",
     "uncertainty.fits": "fit",
-    "uncertainty.indices": "sobol_indices",
     "uncertainty.measured": "read_measured",
-    "uncertainty.scatter": "scatter",
+    "uncertainty.scatter": "scatter sobol_indices",
     "version": "__version__",
 }
 _PUBLIC = {name: module for module, names in _MODULES.items() for name in names.split()}

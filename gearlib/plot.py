@@ -15,20 +15,18 @@ from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.data import motions
 from gearlib.figures import (
     branches_figure,
-    campbell_figure,
+    gear_geometry_figure,
     gearbox_figure,
-    harris_map_figure,
+    motions_figure,
     panels,
-    phase_planes_figure,
     plot_curves,
     resonance_figure,
     style,
-    time_courses_figure,
+    trains_figure,
 )
 from gearlib.figures import schematic as train_schematic
-from gearlib.figures.fit_figure import fit
-from gearlib.figures.order_map_figure import order_map
-from gearlib.figures.orders_figure import orders
+from gearlib.figures.measured_figure import fit
+from gearlib.figures.orders_figure import order_map, orders
 from gearlib.parameters import Speed
 from gearlib.runs.simulation import simulate
 
@@ -130,7 +128,7 @@ def phase_plane(*runs, axes=None, labels=None):
     curves = plot_curves.curves(runs, labels, names, **sources)
     axes = plot_curves.axes_or_new(axes)
     for curve in curves:
-        displacements, velocities = phase_planes_figure.closed_orbit(curve.data)
+        displacements, velocities = motions_figure.closed_orbit(curve.data)
         line = curve.style.line
         if "stable" in curve.data:
             line = "-" if curve.data.stable else style.DASHED
@@ -188,7 +186,7 @@ def time_course(*runs, axes=None, labels=None, variable="displacement"):
             style.draw_markers(axes, events, event_values, "|", curve.style.colour, 7.0, zorder=3)
     # With only one curve, `run` and `periods` are its data.
     if len(curves) == 1 and "contact" in run:
-        time_courses_figure.shade_contact(axes, periods, run.contact.values)
+        motions_figure.shade_contact(axes, periods, run.contact.values)
     axes.set_xlim(min(limits), max(limits))
     axes.set_xlabel(panels.axis_label(run.phase))
     axes.set_ylabel(panels.axis_label(run[variable], width=45))
@@ -274,7 +272,7 @@ def campbell(diagram, *, axes=None, to=None):
     # The argument `to` is the upper limit of the speed axis.
     to = 1.02 * float(diagram.critical_speed.max()) if to is None else to
     max_speed = parameters.check("to", to, Speed)
-    handles = campbell_figure.draw_orders(axes, diagram, max_speed)
+    handles = trains_figure.draw_orders(axes, diagram, max_speed)
     axes.legend(handles=handles, fontsize=6.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return axes
 
@@ -380,8 +378,8 @@ def harris_map(errors, *, axes=None):
     axes = plot_curves.axes_or_new(axes)
     design = float(errors.get("design_torque", math.nan))
     data = errors.transpose("torque", "phase", ...)
-    harris_map_figure.draw_errors(axes, data, data.torque.values, design)
-    axes.set_ylabel(harris_map_figure.ERROR_LABEL)
+    gear_geometry_figure.draw_errors(axes, data, data.torque.values, design)
+    axes.set_ylabel(gear_geometry_figure.ERROR_LABEL)
     axes.set_title("torque of the pinion in N m beside its curve")
     return axes
 

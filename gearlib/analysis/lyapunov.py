@@ -15,14 +15,11 @@ from annotated_types import Ge
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import Stroboscope, distinct_values
-from gearlib.analysis.orbits.followed_parameters import (
-    DimensionlessParameter,
-    parameter_cases,
-)
+from gearlib.analysis.orbits.tracing import DimensionlessParameter, parameter_cases
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result
-from gearlib.engines.growth import propagate_perturbation
+from gearlib.engines.matrices import propagate_perturbation
 from gearlib.integrators import choose_method
 from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.parameters import INTEGER, Count, WholeNumber, checked

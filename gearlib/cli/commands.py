@@ -17,7 +17,7 @@ import gearlib
 from gearlib import checks
 from gearlib.cli import options, output
 from gearlib.cli.gears import DEFAULT_CONFIG, NO_DAMPING, in_rpm, take_gears
-from gearlib.config import measured_description, schema_text, tolerances_section, yaml_keys
+from gearlib.config import measured_description, schema_text, tolerances_section, validation
 from gearlib.config.gear_pair_section import DAMPINGS, GearPairSection
 from gearlib.models import tolerated
 from gearlib.units import WRITTEN_UNITS
@@ -210,7 +210,7 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
     import pandas
 
     from gearlib.data import motions
-    from gearlib.figures import dynamic_factor_figure
+    from gearlib.figures import gear_geometry_figure
     from gearlib.studies.teeth_over_speed import over_speed
 
     curves = over_speed(model, model.speed(np.sort(tunings)), gears.geometry.speed, **settings)
@@ -233,7 +233,7 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
         if known:
             click.echo(f"The motion jumps {' and '.join(known)}.")
     click.echo(click.wrap_text(motions.describe_contact_loss(curves), output.WIDTH))
-    return curves, lambda plot: dynamic_factor_figure.draw(curves).axes[0]
+    return curves, lambda plot: gear_geometry_figure.draw_dynamic_factor(curves).axes[0]
 
 
 @gear_command("run-up", f"start stop {_RUN_UP}", "revolution")
@@ -480,13 +480,15 @@ def gears(format, save, plot, force, **values):
     if section.speed and gears.damping == NO_DAMPING:
         click.echo("There is no duty point without a damping: give --damping-ratio.", err=True)
     if plot:
-        from gearlib.figures import mesh_stiffness_figure
+        from gearlib.figures import gear_geometry_figure
         from gearlib.studies.gear_geometry import mesh_stiffness
 
         # This is a `PublishedPair` without published values.
         pair_dict = section.model_dump() | {"torque": section.driving_torque(), "published": {}}
         curves = mesh_stiffness({"mesh stiffness": pair_dict}, samples=_CURVE_PHASES)
-        output.save_picture(plot, gears.name, lambda _: mesh_stiffness_figure.draw(curves))
+        output.save_picture(
+            plot, gears.name, lambda _: gear_geometry_figure.draw_mesh_stiffness(curves)
+        )
     # The values of this row tell by method whether the motion repeats.
     if any(row.name == "settled" and not all(row.values.values()) for row in rows):
         raise click.ClickException("the motion at the duty point has not settled")
@@ -629,7 +631,7 @@ def workflow(arguments):
             # Unlike Snakemake, this reports a missing file, and the line of an error.
             allowed = "a file; targets stand before this option"
             checks.require(Path(argument).is_file(), "--configfile", argument, allowed)
-            yaml_keys.read(argument)
+            validation.read_yaml(argument)
     _run_snakemake(Path(), arguments)
 
 

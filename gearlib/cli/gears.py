@@ -8,7 +8,7 @@ import click
 from gearlib import config, units
 from gearlib.checks import refusal
 from gearlib.cli import options
-from gearlib.config import gear_names, overlay, yaml_keys
+from gearlib.config import gear_names, overlay, validation
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
 from gearlib.config.targets import NO_TRAIN, NOT_GIVEN, missing_mesh_damping
 from gearlib.config.train_section import PAIR_TRAINS
@@ -155,7 +155,7 @@ def _read(path: Path | None, damping: str | None) -> dict:
         if damping:
             raise click.UsageError("--damping needs a configuration: give --config")
         return {}
-    mapping, repeated = yaml_keys.read(path or DEFAULT_CONFIG)
+    mapping, repeated = validation.read_yaml(path or DEFAULT_CONFIG)
     if repeated:
         raise click.UsageError("\n".join(repeated))
     if unknown := config.unknown_sections(mapping):

@@ -77,21 +77,18 @@ def unused_options(gears: Any) -> str:
 
 def name_of_reducer(config: Any) -> str:
     """Return the name of the reducer of the section `reducer`, every mesh of which is the pair."""
-    return _reducer_name(config, config.reducer.teeth, name_of_pair(config, modified=False))
+    return _reducer_name(config, config.reducer.teeth)
 
 
-def _reducer_name(config: Any, teeth: Sequence[int] | None, pair_name: str) -> str:
+def _reducer_name(config: Any, teeth: Sequence[int] | None) -> str:
     """Return the name of a reducer with these numbers of teeth; None: the paper's numbers."""
     is_paper = not teeth or list(teeth) == type(config.reducer).model_fields["teeth"].default
     name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {'/'.join(map(str, teeth))}"
-    return f"{name}, every mesh: {pair_name}"
+    return f"{name}, every mesh: {name_of_pair(config, modified=False)}"
 
 
-def name_of_train(config: Any, pair_name: str = "") -> str:
-    """Return the name of the gear train of a configuration; the kind "own" is user-defined.
-
-    `pair_name` is the name of its meshes if they are not the gear pair of the configuration.
-    """
+def name_of_train(config: Any) -> str:
+    """Return the name of the gear train of a configuration; the kind "own" is user-defined."""
     kind, section = config.train.kind, getattr(config.train, config.train.kind)
     if kind == "planetary":
         is_default = not section.model_dump()
@@ -102,10 +99,10 @@ def name_of_train(config: Any, pair_name: str = "") -> str:
         return f"planetary set z {teeth}, {_module_and_helix(sun)}"
     if kind == "own":
         return f"own train, {len(section.bodies)} bodies, {len(section.meshes)} meshes"
-    pair_name = pair_name or name_of_pair(config, modified=False)
     if kind == "split_power_reducer":
-        return _reducer_name(config, section.teeth, pair_name)
+        return _reducer_name(config, section.teeth)
     teeth = f" z {'/'.join(map(str, section.teeth))}" if section.teeth else ""
+    pair_name = name_of_pair(config, modified=False)
     return f"{_TRAIN_NAMES[kind]}{teeth}, both meshes: {pair_name}"
 
 

@@ -14,7 +14,7 @@ from gearlib import parameters as p
 from gearlib import units
 from gearlib.checks import refusal, require
 from gearlib.config import types as t
-from gearlib.config import yaml_keys
+from gearlib.config import validation
 from gearlib.config.types import Section, field, list_of, quantity
 from gearlib.config.validation import sentences
 from gearlib.data import measured_names
@@ -271,7 +271,7 @@ def read_sets(paths):
 
 def read(path):
     """Return the `Description` in a YAML file; raise ValueError with all problems in the file."""
-    content, problems = yaml_keys.read(path)
+    content, problems = validation.read_yaml(path)
     if problems:
         raise ValueError("\n".join(problems))
     try:

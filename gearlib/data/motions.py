@@ -57,14 +57,12 @@ def period_spread(run):
     It is relative to the peak-to-peak displacement. `run` is a result of `gearlib.simulate`. With a
     spread below `LINE_WIDTH` all mesh periods coincide in plots.
     """
-    displacements, periods = run.displacement.values, run.phase.values / (2.0 * np.pi)
+    import pandas
+
     # Samples at the same phase of a mesh period form a group.
-    groups = np.unique(np.round(periods % 1.0, 9) % 1.0, return_inverse=True)[1]
-    maxima = np.full(groups.max() + 1, -np.inf)
-    minima = np.full(groups.max() + 1, np.inf)
-    np.maximum.at(maxima, groups, displacements)
-    np.minimum.at(minima, groups, displacements)
-    return float((maxima - minima).max() / np.ptp(displacements))
+    phases = np.round(run.phase.values / (2.0 * np.pi) % 1.0, 9) % 1.0
+    groups = pandas.Series(run.displacement.values).groupby(phases)
+    return float((groups.max() - groups.min()).max() / np.ptp(run.displacement.values))
 
 
 def describe_unsettled(run):

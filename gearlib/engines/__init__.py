@@ -7,15 +7,13 @@ name                responsibility
 ``pair``            one degree of freedom, linear damping: closed forms with and without contact
 ``linear``          many coordinates and meshes: modes of each combination of contacts
 ``taylor``          nonlinear mesh, pairs of teeth: Taylor steps of order 20
-``exponential``     matrix exponentials by their series
+``matrices``        copies, exponentials by their series, growth of a vector under maps
 ``codes``           contact of a mesh, status of a run
 ``summary_columns`` what the summary of a run holds, variable by variable
+``stable_repeats``  proof that a run repeats from some period on
 ``polynomial``      first crossing and largest value of a polynomial, by proof
 ``orbit``           records of an orbit: extrema, contact times, samples, events
-``copies``          copies between arrays
-``growth``          growth of a small perturbation under the maps of a run
-``jit``             decorators that compile kernels
-``cache``           folder of the machine code
+``jit``             decorators that compile kernels, the folder of the machine code
 ==================  ========================================================================
 
 Units: displacement in static deflections, time as mesh phase tau (2 pi per mesh period).
@@ -32,11 +30,10 @@ def warm_up() -> str:
     """
     import numpy as np
 
-    from gearlib.engines.cache import source_hash
+    from gearlib.engines.jit import source_hash
     from gearlib.engines.orbit import EVENT_COLUMNS, SAMPLE_COLUMNS, SUMMARY_COLUMNS, Span
-    from gearlib.engines.pair.many_runs import run_many
     from gearlib.engines.pair.motion import mesh_at_tuning
-    from gearlib.engines.pair.pair_run import run
+    from gearlib.engines.pair.pair_run import run, run_many
 
     # Stiffness levels, their phase lengths, two damping ratios, backlash; see `mesh_at_tuning`.
     pair_parameters = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])

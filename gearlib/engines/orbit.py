@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import DRIVE, NO_CONTACT
-from gearlib.engines.copies import copy, enlarge_table
 from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
+from gearlib.engines.matrices import copy, enlarge_table
 from gearlib.engines.polynomial import polynomial_maximum
 from gearlib.engines.summary_columns import COLUMNS, COUNT, LARGEST, LEAST, SUM
 

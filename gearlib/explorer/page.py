@@ -1,15 +1,234 @@
-"""The page of the explorer in Panel: sliders, figures, a note and a download button."""
+"""The page of the explorer in Panel: sliders of the gears, figures, a note and a download button.
 
+The sliders make the configuration that the button writes.
+"""
+
+import copy
 import io
+import math
 import time
+from typing import NamedTuple
 
 import panel as pn
 import yaml
 from bokeh.events import Tap
 
+from gearlib import config, units
+from gearlib.config.gears_section import Gears
 from gearlib.explorer.figures import Figures, beside
-from gearlib.explorer.sliders import Slider, Sliders
-from gearlib.explorer.view import compute_view
+from gearlib.explorer.view import MAX_SPEED_RATIO, MIN_SPEED_RATIO, compute_view
+from gearlib.models.from_values import model
+from gearlib.models.geometry.gear import SpurGear
+from gearlib.models.geometry.gear_stage import GearStage
+from gearlib.models.pair import GearPair
+from gearlib.parameters import Unit, declared_parameters
+
+#: Smallest number of steps of a slider, and tolerance of a number of steps for rounding errors.
+_MIN_STEPS, _TOLERANCE = 200, 1e-9
+_SYMBOLS = {"um": "µm", "deg": "°"}
+_GREEK = {"kappa": "κ", "epsilon": "ε", "beta": "β"}
+#: Sliders that change the centre distance.
+_GEOMETRY = {f"{gear}_{name}" for gear in ("pinion", "wheel") for name in ("teeth", "shift")}
+_GEOMETRY |= {"module", "helix_angle"}
+
+
+class Slider(NamedTuple):
+    """A slider in its displayed unit; `initial` is the initial value in SI units."""
+
+    label: str
+    initial: float
+    low: float
+    high: float
+    step: float
+    unit: float = 1.0  #: displayed unit in SI
+
+
+def slider(label: str, initial: float, low: float, high: float, unit: float = 1.0) -> Slider:
+    """Return a slider with limits rounded outwards and a step of 1, 2 or 5 times a power of ten.
+
+    The `initial` value, the limits `low` and `high` and the displayed `unit` are in SI.
+    """
+    low, high, shown_initial = low / unit, high / unit, initial / unit
+    max_step = (high - low) / _MIN_STEPS
+    power = 10.0 ** math.floor(math.log10(max_step) + _TOLERANCE)
+    step = power * max(m for m in (1.0, 2.0, 5.0) if m * power <= max_step * (1.0 + _TOLERANCE))
+    low = min(math.floor(low / step + _TOLERANCE) * step, shown_initial)
+    high = max(math.ceil(high / step - _TOLERANCE) * step, shown_initial)
+    low, high, step = (float(f"{value:.12g}") for value in (low, high, step))
+    return Slider(label, initial, low, high, step, unit)
+
+
+def parameter_slider(model: type, name: str, initial: float, low: float, high: float) -> Slider:
+    """Return the slider of a declared parameter of a class; initial value and limits are in SI."""
+    parameter = declared_parameters(model)[name]
+    number, label = parameter.number or Unit("1"), parameter.long_name
+    unit_name = number.example.partition(" ")[2]
+    # Show forces in N rather than kN.
+    unit_name = number.unit if unit_name.startswith("k") else unit_name
+    unit = units.read(f"1 {unit_name}", number.unit) if unit_name else 1.0
+    for letter, greek in _GREEK.items():
+        label = label.replace(letter, greek)
+    if unit_name:
+        label += f", {_SYMBOLS.get(unit_name, unit_name)}"
+    return slider(label, initial, low, high, unit)
+
+
+class Sliders:
+    """The sliders of a configuration with one of its dampings.
+
+    Gears given by geometry have sliders of geometry and speed, others of pair and tuning.
+    `abscissa` is the name of the slider that is the abscissa of the resonance curve.
+    """
+
+    def __init__(self, mapping: dict, damping: str):
+        """Create the sliders of a configuration; `damping` is the name of one of its dampings."""
+        self.mapping, self.damping = mapping, damping
+        settings = config.load(mapping)
+        self.by_geometry = settings.gears is not None
+        if self.by_geometry:
+            pairs_of_teeth = model(settings.gears_model(damping))
+            self.pair, self.stiffness_model = pairs_of_teeth.pair, pairs_of_teeth.stiffness_model
+        else:
+            self.pair = model(settings.pair(damping))
+        # Rounding restores ratios from which the coefficients were computed.
+        ratios = (self.pair.damping_ratio, self.pair.backlash_damping_ratio)
+        self.ratios = [float(f"{ratio:.12g}") for ratio in ratios]
+        make_sliders = self._geometry_sliders if self.by_geometry else self._pair_sliders
+        self.heading, self.sliders = make_sliders(settings)
+        for name, symbol, ratio in zip(
+            ("damping_ratio", "backlash_damping_ratio"), ("β", "β_m"), self.ratios, strict=True
+        ):
+            self.sliders[name] = slider(f"damping ratio {symbol}", ratio, 0.0, max(0.3, 2 * ratio))
+        self.abscissa = "speed" if self.by_geometry else "tuning"
+
+    def _pair_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
+        """Return (heading, name -> slider) of a gear pair: tuning and parameters."""
+        pair, grid, tuning = self.pair, settings.resonance, settings.phase_planes.tunings[0]
+        # Infinite backlash is shown as four static deflections.
+        backlash = pair.backlash if math.isfinite(pair.backlash) else 4.0 * pair.static_deflection
+        heading = f"Gear pair, z {pair.teeth}, load {pair.load:.6g} N"
+        values_and_limits = {
+            "stiffness_ratio": (pair.stiffness_ratio, 0.05, 1.0),
+            "contact_ratio": (pair.contact_ratio, 1.0, 2.0),
+            "backlash": (backlash, 0.0, max(200e-6, 3.0 * backlash)),
+            "load": (pair.load, 0.05 * pair.load, 5.0 * pair.load),
+        }
+        sliders = {"tuning": slider("tuning ν", tuning, grid.start, grid.stop)}
+        for name, value_and_limits in values_and_limits.items():
+            sliders[name] = parameter_slider(GearPair, name, *value_and_limits)
+        return heading, sliders
+
+    def _geometry_sliders(self, settings) -> tuple[str, dict[str, Slider]]:
+        """Return (heading, name -> slider) of gear geometry, and keep the mesh in `self.mesh`."""
+        self.mesh = mesh = settings.gears.mesh()
+        torque, (pinion, wheel) = settings.gears.driving_torque(), (mesh.pinion, mesh.wheel)
+        reliefs = [gear.tip_relief.amount for gear in (pinion, wheel) if gear.tip_relief]
+        heading = (
+            f"Gears, z {pinion.teeth}/{wheel.teeth}, module {1e3 * pinion.module:g} mm, "
+            f"width {1e3 * pinion.width:g} mm, {torque:g} N m; {self.stiffness_model}"
+        )
+        resonance_speed, relief = float(self.pair.speed(1.0)), max(reliefs, default=0.0)
+        speed = settings.gears.speed or float(round(0.9 * resonance_speed))
+        sliders = {
+            f"{gear}_teeth": Slider(f"teeth of the {gear}", z, max(5, z // 2), 2 * z, 1)
+            for gear, z in (("pinion", pinion.teeth), ("wheel", wheel.teeth))
+        }
+        for name in ("module", "width"):
+            size = getattr(pinion, name)
+            sliders[name] = parameter_slider(SpurGear, name, size, 0.5 * size, 2.0 * size)
+        angles = pinion.helix_angle, min(pinion.helix_angle, 0.0), math.radians(35.0)
+        sliders["helix_angle"] = parameter_slider(SpurGear, "helix_angle", *angles)
+        for gear, shift in (("pinion", pinion.shift), ("wheel", wheel.shift)):
+            label = f"profile shift of the {gear}"
+            sliders[f"{gear}_shift"] = slider(label, shift, -1.0, 1.5)
+        label = "largest tip relief, µm" if reliefs else "tip relief of both gears, µm"
+        sliders["tip_relief"] = slider(label, relief, 0.0, max(50e-6, 2.0 * relief), 1e-6)
+        max_backlash = max(400e-6, 3.0 * mesh.backlash)
+        sliders["backlash"] = parameter_slider(
+            GearStage, "backlash", mesh.backlash, 0.0, max_backlash
+        )
+        sliders["torque"] = slider("torque of the pinion, N m", torque, 0.05 * torque, 4.0 * torque)
+        min_speed = min(MIN_SPEED_RATIO * resonance_speed, speed)
+        max_speed = max(MAX_SPEED_RATIO * resonance_speed, speed)
+        sliders["speed"] = slider("speed of the pinion, rpm", speed, min_speed, max_speed)
+        return heading, sliders
+
+    def configuration(self, values: dict[str, float]) -> dict:
+        """Return the configuration changed by the `values` of sliders in SI, by their names.
+
+        Keys of sliders that were not moved stay unchanged. Raise ValueError for impossible gears.
+        """
+        moved = {name for name, s in self.sliders.items() if values[name] != s.initial}
+        changed = copy.deepcopy(self.mapping)
+        if moved - {"tuning", "speed"}:
+            ratios = {name: values[name] for name in ("damping_ratio", "backlash_damping_ratio")}
+            changed["dampings"][self.damping] = ratios
+        if self.by_geometry:
+            # The other sections fit the initial gears only.
+            changed = {"gears": changed["gears"], "dampings": changed["dampings"]}
+            self._apply_to_geometry(changed["gears"], values, moved)
+            settings = config.load(changed)
+            pair = model(settings.pair(self.damping))
+            tuning = float(pair.tuning_at(values["speed"]))
+        else:
+            for name in moved & {"stiffness_ratio", "contact_ratio", "backlash", "load"}:
+                changed["gear_pair"][name] = values[name]
+            tuning = values["tuning"]
+        changed["phase_planes"] = {**changed.get("phase_planes", {}), "tunings": [tuning]}
+        return changed
+
+    def _apply_to_geometry(self, gears: dict, values: dict[str, float], moved: set[str]) -> None:
+        """Write the values of the `moved` sliders into the section `gears` of the configuration.
+
+        Tip diameters change so that the addendum in modules is preserved.
+        """
+        for name in moved & {"module", "width", "helix_angle"}:
+            gears["pinion"][name] = values[name]
+            gears["wheel"].pop(name, None)
+        for gear in ("pinion", "wheel"):
+            section, initial = gears[gear], getattr(self.mesh, gear)
+            for name in ("teeth", "shift"):
+                if f"{gear}_{name}" in moved:
+                    section[name] = values[f"{gear}_{name}"]
+            if "tip_diameter" in section and moved & _GEOMETRY:
+                height = (initial.tip_diameter - initial.reference_diameter) / 2.0
+                addendum = initial.sign * height / initial.module
+                addendum += values[f"{gear}_shift"] - initial.shift
+                module, angle = values["module"], values["helix_angle"]
+                reference_diameter = section["teeth"] * module / math.cos(angle)
+                diameter = reference_diameter + 2.0 * initial.sign * module * addendum
+                section["tip_diameter"] = float(f"{diameter:.12g}")
+            if "module" in moved and section.get("tip_relief"):
+                length = initial.tip_relief.length * values["module"] / initial.module
+                section["tip_relief"] = section["tip_relief"] | {"length": length}
+            if section.get("pitch_errors") and f"{gear}_teeth" in moved:
+                del section["pitch_errors"]
+        if moved & _GEOMETRY:
+            gears.pop("centre_distance", None)
+        if "backlash" in moved:
+            gears["backlash"] = values["backlash"]
+        # If the power is given, another speed would change the torque.
+        if "torque" in moved or ("speed" in moved and "power" in gears):
+            gears.pop("power", None)
+            gears["torque"] = values["torque"]
+        if "speed" in moved:
+            gears["speed"] = values["speed"]
+        if "tip_relief" in moved:
+            self._apply_tip_relief(gears, values["tip_relief"])
+
+    def _apply_tip_relief(self, gears: dict, amount: float) -> None:
+        """Scale the tip reliefs so that the largest becomes `amount`, in m.
+
+        If there are none, both gears get tip relief of the largest possible length.
+        """
+        initial_amount = self.sliders["tip_relief"].initial
+        if not initial_amount:
+            length = float(f"{Gears.model_validate(gears).mesh().longest_relief:.12g}")
+            for gear in ("pinion", "wheel"):
+                gears[gear]["tip_relief"] = {"amount": amount, "length": length}
+        for gear in ("pinion", "wheel") if initial_amount else ():
+            if relief := getattr(self.mesh, gear).tip_relief:
+                gears[gear]["tip_relief"]["amount"] = relief.amount / initial_amount * amount
 
 
 class Page:

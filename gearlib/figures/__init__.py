@@ -1,1 +1,1 @@
-"""Figures: one module each, functions that take computed data and return a `Figure`."""
+"""Figures: a module for each subject, functions that take computed data and return a `Figure`."""

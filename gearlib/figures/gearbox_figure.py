@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from gearlib.figures import campbell_figure, style
+from gearlib.figures import trains_figure, style
 
 _SHAFT_COLOUR = "#D9D9D9"
 #: Most modes of the figure of strain energies.
@@ -74,7 +74,7 @@ def draw_modes(box: xr.Dataset):
     highest = float(box.get("operating_speed", np.nan))
     speeds = box.critical_speed.values
     stop = 1.5 * highest if np.isfinite(highest) else 1.02 * float(speeds.max())
-    handles = campbell_figure.draw_orders(upper, box, stop)
+    handles = trains_figure.draw_orders(upper, box, stop)
     if np.isfinite(highest):
         upper.axvline(highest, color="C3", linewidth=0.8)
         handles.append(style.legend_entry("operating speed", "C3", linewidth=0.8))

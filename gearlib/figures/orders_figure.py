@@ -1,11 +1,11 @@
-"""Order spectra: amplitudes over the orders of a shaft, with labels at tooth-passing harmonics."""
+"""Orders of a shaft: order spectra, order maps, and run-ups above the order map of the slowest."""
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
 from gearlib import checks
-from gearlib.figures import plot_curves, style
+from gearlib.figures import panels, plot_curves, style
 
 #: Smallest amplitude drawn, relative to the largest one.
 _MIN_RELATIVE_AMPLITUDE = 1e-6
@@ -73,3 +73,248 @@ def _label_harmonics(axes, data: xr.Dataset):
             rotation = 90 if len(orders) > 4 else 0
             style.annotate(axes, label, (order, 1.0), (0, 2), rotation=rotation, **options)
     axes.set_xlim(0.0, 1.03 * float(np.max(data.order)))
+
+
+#: Unit of a variable -> (size in SI units, name) of the unit that is the reference of levels in dB.
+REFERENCE_UNITS = {
+    "m": (1e-6, "µm"),
+    "N": (1.0, "N"),
+    "m s-1": (1.0, "m/s"),
+    "m s-2": (1.0, "m/s²"),
+}
+#: Range of the colour scale below the highest level, dB.
+LEVEL_RANGE = 80.0
+MESH_ORDERS = 3
+#: Variable of characteristic frequencies -> its entry in the legend.
+LEGEND = {
+    "mesh_frequency_hertz": "mesh frequency",
+    "hunting_tooth_frequency": "hunting tooth",
+    "assembly_phase_frequency": "assembly phase",
+    "sideband_spacing": "sideband spacing",
+    "shaft_frequency": "shaft",
+    "planet_passing_frequency": "planet passing",
+}
+#: Largest number of circles of a measured map on each mesh order.
+MAX_CIRCLES = 30
+
+
+@style.styled()
+def order_map(
+    found: xr.Dataset,
+    *,
+    figure=None,
+    vertical="order",
+    levels=None,
+    measured=None,
+    frequencies=None,
+):
+    """Draw an order map, with the rising and the falling speed side by side.
+
+    Labelled lines are the mesh orders z, 2z, ... and the subharmonic z/2, dotted lines the
+    sidebands z - 1, z + 1 and so on. The overall level is below. Times left out stay empty.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        Order map returned by `gearlib.order_map`, for a train that of one mesh.
+    figure : matplotlib.figure.Figure, optional
+        Empty figure to draw into; by default a new pyplot figure.
+    vertical : {"order", "frequency"}
+        Quantity of the vertical axis.
+    levels : tuple of float, optional
+        Lowest and highest level, dB; by default the highest level and 80 dB below it.
+    measured : xarray.Dataset, optional
+        Measured order map of the same variable, drawn as dots for the overall level and as circles
+        on the mesh orders, coloured by level, so that they vanish where both maps agree.
+    frequencies : xarray.Dataset, optional
+        Characteristic frequencies, returned by `gearlib.characteristic_frequencies`, of the gear to
+        which the speed refers: lines with an entry in the legend.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Figure with two axes for each direction of the speed: map and overall level.
+
+    Raises
+    ------
+    ValueError
+        If a dataset is not an order map of one mesh, or both have different variables.
+    """
+    checks.one_of("vertical", vertical, ("order", "frequency"))
+    for name, data in {"found": found, "measured": found if measured is None else measured}.items():
+        if getattr(getattr(data, "amplitude", None), "dims", ()) != ("time", "order"):
+            raise ValueError(
+                f"{name} is not allowed: it must be a dataset of gearlib.order_map, one mesh"
+            )
+        for attribute in ("variable", "amplitude"):
+            value, allowed = data.attrs[attribute], found.attrs[attribute]
+            checks.require(value == allowed, f"measured.{attribute}", value, repr(allowed))
+    found, unit = _in_decibels(found, vertical)
+    high = float(found.level.max()) if levels is None else levels[1]
+    low = high - LEVEL_RANGE if levels is None else levels[0]
+    colours = {"cmap": "magma", "vmin": low, "vmax": high}
+    directions = np.unique(found.direction)[::-1]
+    if figure is None:
+        from matplotlib import pyplot
+
+        figure = pyplot.figure(figsize=(2.7 * directions.size + 1.0, 3.8), layout="constrained")
+    options = {"squeeze": False, "sharex": True, "sharey": "row", "height_ratios": (3, 1)}
+    grid = figure.subplots(2, directions.size, **options)
+    for (map_axes, level_axes), direction in zip(grid.T, directions, strict=True):
+        run = _select_direction(found, direction)
+        speed, level = np.broadcast_arrays(run.rpm.values[:, None], run.level.clip(low, high))
+        options = colours | {"shading": "nearest", "rasterized": True}
+        image = map_axes.pcolormesh(speed, run.height, level, **options)
+        _draw_mesh_orders(map_axes, run)
+        if frequencies is not None:
+            _draw_frequencies(map_axes, run, frequencies)
+        map_axes.set_title(f"speed goes {direction}")
+        level_axes.plot(run.rpm, run.overall, color="C0")
+        if measured is not None:
+            rig = _select_direction(_in_decibels(measured, vertical)[0], direction)
+            _draw_circles(map_axes, rig, colours)
+            options = {"zorder": 1, "label": "measured"}
+            style.draw_markers(level_axes, rig.rpm, rig.overall, ".", "#8C8C8C", 2.0, **options)
+        level_axes.set_xlabel("speed (rpm)")
+        # Speeds of five digits do not overlap.
+        level_axes.locator_params(axis="x", nbins=5)
+    grid[0, 0].set_ylabel("order" if vertical == "order" else "frequency (Hz)")
+    grid[1, 0].set_ylabel(f"overall\n({unit})")
+    label = f"{found.attrs['variable'].replace('_', ' ')}, {found.attrs['amplitude']}\n({unit})"
+    figure.colorbar(image, ax=grid[0], label=label)
+    return figure
+
+
+def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
+    """Return (order map without order 0, with levels in dB; the name of their unit).
+
+    The map also gets the direction of the speed in each block of samples, and the height of each
+    level on the `vertical` axis, "order" or "frequency".
+    """
+    data = _with_empty_blocks(data.isel(order=slice(1, None)))
+    unit = data.overall.attrs.get("units", "N")
+    reference, name = REFERENCE_UNITS.get(unit, (1.0, unit))
+    amplitude = data.amplitude**0.5 if data.attrs["amplitude"] == "power" else data.amplitude
+    with np.errstate(divide="ignore"):
+        level = 20.0 * np.log10(amplitude / reference)
+        overall = 20.0 * np.log10(data.overall / reference)
+    rpm = np.abs(data.rpm)
+    falls = np.gradient(rpm.values) < 0.0 if rpm.size > 1 else np.zeros(1, bool)
+    scale = rpm / 60.0 if vertical == "frequency" else xr.ones_like(rpm)
+    levels = {"level": level, "overall": overall, "scale": scale, "height": scale * data.order}
+    direction = "time", np.where(falls, "down", "up")
+    return data.assign(levels | {"direction": direction}), f"dB re 1 {name}"
+
+
+def _with_empty_blocks(data: xr.Dataset) -> xr.Dataset:
+    """Return an order map with NaN in a block next to each side of the times left out."""
+    time, spans = data.time.values, 60.0 / (data.order_resolution * np.abs(data.rpm)).values
+    gaps = np.flatnonzero(np.diff(time) > 0.75 * (spans[1:] + spans[:-1]))
+    if not gaps.size:
+        return data
+    empty = np.concatenate([time[gaps] + spans[gaps], time[gaps + 1] - spans[gaps + 1]])
+    filled = data.reindex(time=np.unique([*time, *empty]))
+    return filled.assign(rpm=("time", np.interp(filled.time, time, data.rpm), data.rpm.attrs))
+
+
+def _select_direction(data: xr.Dataset, direction: str) -> xr.Dataset:
+    """Return the blocks of an order map in which the speed goes "up" or "down", sorted by speed."""
+    return data.isel(time=np.flatnonzero(data.direction == direction)).sortby("rpm")
+
+
+def _draw_circles(axes, measured: xr.Dataset, colours: dict):
+    """Draw circles coloured by level on the mesh orders of a measured order map.
+
+    `colours` has the entries cmap, vmin and vmax, dB.
+    """
+    blocks = measured.isel(time=slice(None, None, -(-measured.sizes["time"] // MAX_CIRCLES) or 1))
+    for order in float(measured.teeth) * np.arange(1, MESH_ORDERS + 1):
+        if np.abs(measured.order - order).min() < 1e-6:
+            track = blocks.sel(order=order, method="nearest")
+            options = colours | {"edgecolors": "white", "linewidth": 0.4, "zorder": 3}
+            level = track.level.clip(colours["vmin"], colours["vmax"])
+            axes.scatter(track.rpm, order * track.scale, 12.0, level, **options)
+
+
+def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
+    """Draw lines at the orders of characteristic frequencies, one style and entry for each kind."""
+    names = [name for name in frequencies.data_vars if frequencies[name].attrs.get("units") == "Hz"]
+    for i, name in enumerate(name for name in names if name in LEGEND):
+        hertz = np.unique(np.round(frequencies[name].values, 9))
+        orders = hertz[np.isfinite(hertz) & (hertz > 0.0)] * 60.0 / float(frequencies.speed)
+        label = LEGEND[name]
+        for order in orders[orders <= float(run.order[-1])]:
+            heights = order * run.scale
+            axes.plot(run.rpm, heights, lw=0.5, ls="--", color=f"C{i}", label=label)
+            label = None
+    handles, labels = axes.get_legend_handles_labels()
+    shown = {text: x for text, x in zip(labels, handles, strict=True) if text in LEGEND.values()}
+    if shown:
+        axes.legend(shown.values(), shown, fontsize=5, loc="upper left")
+
+
+def _draw_mesh_orders(axes, data: xr.Dataset):
+    """Draw labelled lines for mesh orders and subharmonic, and dotted lines for sidebands."""
+    # Over the frequency, lines bend where the direction changes.
+    bend = int(np.abs(data.rpm).argmin("time"))
+    teeth, ends = float(data.teeth), data.isel(time=sorted({0, bend, data.sizes["time"] - 1}))
+    orders = {"z/2": 0.5 * teeth, "z": teeth}
+    orders |= {f"{k}z": k * teeth for k in range(2, MESH_ORDERS + 1)}
+    options = {"color": "white", "alpha": 0.6}
+    for name, order in orders.items():
+        if order <= data.order[-1]:
+            axes.plot(ends.rpm, order * ends.scale, lw=0.5, label=name, **options)
+            point = ends.rpm[-1], order * ends.scale[-1]
+            style.annotate(axes, name, point, (2, 0), "left baseline")
+        for offset in (-1.0, 1.0) if name != "z/2" else ():
+            if order + offset <= data.order[-1]:
+                label, heights = f"{name} {offset:+.0f}", (order + offset) * ends.scale
+                axes.plot(ends.rpm, heights, lw=0.4, ls=":", label=label, **options)
+
+
+_HEIGHT, _MAP_HEIGHT = 3.4, 4.0
+_EXTREMA = ("displacement_max", "displacement_min")
+_SWEEP_LINE = {"color": "#BBBBBB", "linewidth": 2.5, "zorder": 1}
+_FOLD_LINE = {"line": style.DASHED, "linewidth": 0.6}
+#: Code of folds in the variable `label` of branches.
+_FOLD_CODE = 1
+
+
+@style.styled()
+def draw_run_ups(run_ups: xr.Dataset, *, resonance=None, branches=None):
+    """Return a figure of the displacement extrema of run-ups, above an order map of the slowest.
+
+    `run_ups` is a result of `gearlib.studies.run_ups.run_ups_at_several_rates`. The sweeps up and
+    down of `resonance` are drawn behind them, and the folds of `branches` are marked.
+    """
+    figure = style.page_figure(_HEIGHT + _MAP_HEIGHT)
+    above, below = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])
+    axes = above.subplots()
+    for name in _EXTREMA:
+        curve_options = {"colour": "revolutions", "line": "direction"}
+        handles = panels.draw_curves(axes, run_ups, "tuning", name, **curve_options)
+    if resonance is not None:
+        _draw_sweeps(axes, resonance.sortby("tuning"), str(run_ups.damping.values))
+        colour, width = _SWEEP_LINE["color"], _SWEEP_LINE["linewidth"]
+        handles.append(style.legend_entry("sweeps", colour, linewidth=width))
+    if branches is not None:
+        for tuning in np.unique(branches.tuning.values[branches.label.values == _FOLD_CODE]):
+            axes.axvline(tuning, color="black", linestyle=_FOLD_LINE["line"], linewidth=0.6)
+        handles.append(style.legend_entry("fold", **_FOLD_LINE))
+    axes.set_xlim(run_ups.tuning.min(), run_ups.tuning.max())
+    axes.set_ylabel("largest and smallest displacement\n(static deflections)")
+    axes.legend(handles=handles, ncols=2)
+    # Gathered data may have lost these attributes.
+    attributes = {"variable": "dynamic_force", "amplitude": "rms"} | run_ups.attrs
+    order_map(run_ups.rename(block="time").assign_attrs(attributes), figure=below)
+    return figure
+
+
+def _draw_sweeps(axes, resonance: xr.Dataset, damping: str):
+    """Draw the sweeps up and down of a damping, if there are any."""
+    if damping in resonance.damping.values:
+        sweeps = resonance.sel(damping=damping)
+        sweeps = sweeps.sel(direction=[d for d in ("up", "down") if d in sweeps.direction])
+        for name in _EXTREMA:
+            options = {"line": "direction", "linestyle": "-"} | _SWEEP_LINE
+            panels.draw_curves(axes, sweeps, "tuning", name, **options)

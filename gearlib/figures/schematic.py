@@ -171,10 +171,10 @@ def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
 
 
 @style.styled()
-def draw_beside(axes: Axes, train, run=None, colours=None) -> Axes:
+def draw_beside(axes: Axes, train, run=None) -> Axes:
     """Draw a `GearTrain` beside axes that fill a figure; return these axes.
 
-    The contacts are those at the start of `run`, if given; `colours` maps mesh names to colours.
+    The contacts are those at the start of `run`, if given.
     """
     grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _RELATIVE_WIDTH, _RELATIVE_WIDTH))
     axes.set_subplotspec(grid[0])
@@ -183,7 +183,7 @@ def draw_beside(axes: Axes, train, run=None, colours=None) -> Axes:
     layout = train.layout()
     phase, contact = phase_and_contact(layout, None if run is None or int(run.status) else run)
     title = "meshes of the train" if contact is None else "meshes at the first instant shown"
-    draw(axes.figure.add_subplot(grid[1]), layout, colours, phase, contact, title=[title])
+    draw(axes.figure.add_subplot(grid[1]), layout, None, phase, contact, title=[title])
     return axes
 
 

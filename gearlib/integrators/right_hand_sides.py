@@ -19,9 +19,12 @@ from typing import Any
 import numpy as np
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.linear.run_storage import allocate_run_storage
 from gearlib.engines.linear.train_run import set_initial_contacts
-from gearlib.engines.linear.train_system import fill_system_matrix, set_harmonics
+from gearlib.engines.linear.train_system import (
+    allocate_run_storage,
+    fill_system_matrix,
+    set_harmonics,
+)
 from gearlib.engines.pair.motion import contact_between
 from gearlib.integrators.steps import equation_of_motion
 from gearlib.integrators.steps.equation_of_motion import SAME_PHASE_TOLERANCE

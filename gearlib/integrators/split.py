@@ -18,13 +18,7 @@ from gearlib.integrators.right_hand_sides import (
     OneDegree,
     PiecewiseLinear,
 )
-from gearlib.integrators.run import (
-    MESH_PERIOD,
-    Run,
-    code_of_stall,
-    next_contact_code,
-    within_range,
-)
+from gearlib.integrators.run import MESH_PERIOD, Run, code_of_stall, next_contact_code, within_range
 
 
 class FlankCrossing(NamedTuple):

@@ -31,18 +31,16 @@ def pair_acceleration(pair: Any, driven_mass: float, base_radius: float) -> np.n
     return np.array([force / pair.load])
 
 
-def train_accelerations(
-    train: Any, driver: str | None = None, mass: np.ndarray | None = None
-) -> np.ndarray:
+def train_accelerations(train: Any, driver: str | None = None) -> np.ndarray:
     """Return the accelerations that a run-up adds to the n coordinates of a `GearTrain`, (n,).
 
     They are dimensionless, per unit of d2tau/dtheta2, the second derivative of the mesh phase tau
     by the dimensionless time theta. `driver` names the body that accelerates the train, by default
-    the body with the largest input power; `mass` is the mass matrix in kg, shape (n, n), by default
-    that of the train. Raises ValueError if the driver cannot accelerate all bodies.
+    the body with the largest input power. Raises ValueError if the driver cannot accelerate all
+    bodies.
     """
     names, structure, free = list(train.by_name), train.structure, train.free_motions
-    mass = structure.mass if mass is None else mass
+    mass = structure.mass
     if driver is not None:
         checks.one_of("driver", driver, names)
     rigid_motion, speeds = _rigid_motion(train, names)

@@ -407,9 +407,9 @@ class Model:
 
 def single_mesh_propagator(model: Model, tuning: float, **options: Any) -> Any:
     """Return the integrator in closed forms for a piecewise-linear mesh."""
-    from gearlib.engines.linear.single_mesh import Propagator
+    from gearlib.engines.linear.propagator import SingleMeshPropagator
 
-    return Propagator(model, tuning, **options)
+    return SingleMeshPropagator(model, tuning, **options)
 
 
 def taylor_propagator(model: Model, tuning: float, **options: Any) -> Any:

@@ -18,14 +18,7 @@ from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.model import Model, single_mesh_propagator, taylor_propagator
 from gearlib.models.pair_parameters import MAX_MAGNITUDE, PairParameters, check_scales
-from gearlib.parameters import (
-    ContactRatio,
-    NonNegative,
-    StiffnessRatio,
-    Unit,
-    checked,
-    declared,
-)
+from gearlib.parameters import ContactRatio, NonNegative, StiffnessRatio, Unit, checked, declared
 
 #: Smallest stiffness ratio of the scalar closed forms. They are written about the equilibrium of
 #: each segment; for a smaller ratio that of the softer segment lies so far away that they lose

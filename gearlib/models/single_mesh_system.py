@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import COAST, DRIVE
-from gearlib.engines.exponential import MAX_NORM, exponential
 from gearlib.engines.linear.train_system import TrainSystem, fill_system_matrix
+from gearlib.engines.matrices import MAX_NORM, exponential
 
 
 class Flank(NamedTuple):

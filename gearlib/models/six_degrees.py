@@ -113,10 +113,7 @@ class SixDegreePair(WithPair):
     ] = (0.0, 0.0, 0.0, 0.0)
     eccentricities: Annotated[
         tuple[RunOut, ...], Values(2), described("Run-out of the pitch circles", "e3, e2")
-    ] = (
-        0.0,
-        0.0,
-    )
+    ] = (0.0, 0.0)
     run_out_phase: Annotated[Angle, described("Relative phase of the run-outs", "Delta")] = 0.0
     teeth: Annotated[
         tuple[Annotated[int, Ge(1), INTEGER], ...] | None,

@@ -16,15 +16,7 @@ from gearlib.engines.linear import speed_courses
 from gearlib.engines.summary_columns import COLUMNS
 from gearlib.models import acceleration as inertia
 from gearlib.models.model import is_model
-from gearlib.parameters import (
-    Count,
-    Limits,
-    NonNegative,
-    Positive,
-    Values,
-    WholeNumber,
-    checked,
-)
+from gearlib.parameters import Count, Limits, NonNegative, Positive, Values, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, check_memory, tuning_at_speed
 

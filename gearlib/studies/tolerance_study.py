@@ -10,8 +10,8 @@ from gearlib.data.variables import QUANTITIES
 from gearlib.models.geometry import from_values as geometry
 from gearlib.models.pair import GearPair
 from gearlib.uncertainty.designs import StageDesign
-from gearlib.uncertainty.indices import sobol_indices
 from gearlib.uncertainty.scatter import shard as scatter_shard
+from gearlib.uncertainty.scatter import sobol_indices
 
 #: Endings of the variables with the moments of a quantity, and the percentiles of the table.
 _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)

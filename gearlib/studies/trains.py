@@ -37,11 +37,6 @@ def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
     return split_power_reducer(pair, **arguments | changes)
 
 
-def pin_errors_of_first_branch(settings: dict) -> list[tuple[float, float]]:
-    """Return the radial and tangential pin errors (m) of all branches: only the first has one."""
-    return [tuple(settings["pin_error"])] + [(0.0, 0.0)] * (BRANCHES - 1)
-
-
 def reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
     """Return force and contact of all meshes of the reducer over tuning, without and with errors.
 
@@ -54,7 +49,8 @@ def reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Data
     tunings = np.asarray(tunings, float)
     backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
     equal_branches = reducer_train(pair, settings)
-    pin_errors = pin_errors_of_first_branch(settings)
+    # Radial and tangential pin errors (m): only the first branch has one.
+    pin_errors = [tuple(settings["pin_error"])] + [(0.0, 0.0)] * (BRANCHES - 1)
     trains = {
         "alike": equal_branches,
         "pin_error": reducer_train(pair, settings, pin_errors=pin_errors),

@@ -68,12 +68,11 @@ class Tolerances:
 _Correlation = Annotated[float, Gt(-1), Lt(1), Unit("1")]
 
 
-def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) -> Tolerances:
+def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Tolerances:
     """Return the joint distribution of parameters from their tolerances, or raise ValueError.
 
     `allowed_parameters` maps names of parameters to their declarations or None; `value_of` returns
-    the nominal value for a name, or None. Error messages call a parameter ``keys[name]``, or
-    ``tolerances.<name>``.
+    the nominal value for a name, or None. Error messages call a parameter ``tolerances.<name>``.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         allowed = f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
@@ -82,7 +81,7 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None, keys=None) 
     for name, tolerance in tolerances.items():
         if name != CORRELATIONS:
             checks.one_of("tolerances", name, tuple(allowed_parameters))
-            key = (keys or {}).get(name, f"tolerances.{name}")
+            key = f"tolerances.{name}"
             if hasattr(tolerance, "items") and "distribution" in tolerance:
                 marginal = _named_distribution(key, tolerance)
             else:

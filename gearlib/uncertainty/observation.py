@@ -18,7 +18,7 @@ from gearlib.engines import orbit as orbit_columns
 from gearlib.engines.summary_columns import COLUMNS
 from gearlib.runs.simulation import run
 from gearlib.runs.sweeping import sweep
-from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
+from gearlib.uncertainty.designs import RESONANCE_NAMES
 
 #: Residual of a measured jump or onset that the model does not have.
 MISSING_SPEED_RESIDUAL = 100.0

@@ -16,7 +16,7 @@ from gearlib.parameters import NonNegative, Positive
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty import observation
 from gearlib.uncertainty.course_observations import time_history_observations
-from gearlib.uncertainty.design_quantities import RESONANCE_NAMES
+from gearlib.uncertainty.designs import RESONANCE_NAMES
 from gearlib.uncertainty.observation import Channel, Curve, MeasuredSpeed, Observation, Prediction
 
 #: Standard deviation of a measured speed whose noise is not known, relative to the speed.

@@ -16,7 +16,7 @@ from selenium.webdriver.common.keys import Keys
 
 import gearlib
 from gearlib import cli, config, geometry
-from gearlib.explorer import page, sliders
+from gearlib.explorer import page
 from gearlib.explorer.figures import derived_quantities
 from gearlib.explorer.view import SAMPLES, SHOWN_PERIODS, compute_view
 from gearlib.models.from_values import model
@@ -44,7 +44,7 @@ RELIEVED = config.overlay(GEOMETRY, {"gears": {"pinion": {"tip_relief": RELIEF}}
 
 def moved(settings, damping, **values):
     """Return the configuration that sliders make of another, some of them at values in SI units."""
-    gears = sliders.Sliders(settings, damping)
+    gears = page.Sliders(settings, damping)
     initial = {name: slider.initial for name, slider in gears.sliders.items()}
     assert values.keys() <= initial.keys()
     return gears.configuration(initial | values)
@@ -57,7 +57,7 @@ def pair_of(settings, damping):
 
 @pytest.mark.parametrize(("settings", "damping"), [(CONFIG, "k1"), (RELIEVED, "d")])
 def test_the_initial_value_of_each_slider_is_within_its_limits(settings, damping):
-    for name, slider in sliders.Sliders(settings, damping).sliders.items():
+    for name, slider in page.Sliders(settings, damping).sliders.items():
         initial = slider.initial / slider.unit
         assert slider.low <= initial <= slider.high - slider.step, name
 
@@ -178,7 +178,7 @@ def test_sliders_of_gear_geometry_have_the_damping_ratio_of_pairs_of_teeth():
     damping = {"material_damping": 500.0, "backlash_damping": 3.0}
     settings = GEOMETRY | {"dampings": {"d": damping}}
     pairs_of_teeth = model(config.load(settings).gears_model("d"))
-    shown = sliders.Sliders(settings, "d")
+    shown = page.Sliders(settings, "d")
     assert shown.sliders["damping_ratio"].initial == pytest.approx(
         pairs_of_teeth.damping_ratio, rel=1e-11
     )
@@ -299,7 +299,7 @@ def test_the_page_in_a_browser_computes_a_moved_slider_fits_the_window_and_saves
     # The figures have a canvas or more each, each slider of GEOMETRY has a handle.
     wait_for(lambda: len(texts(browser, "canvas")) >= 6)
     handles = wait_for(lambda: everywhere(browser, ".noUi-handle"))
-    names = list(sliders.Sliders(GEOMETRY, "d").sliders)
+    names = list(page.Sliders(GEOMETRY, "d").sliders)
     assert len(handles) == len(names) == 13
     handles[names.index("module")].send_keys(Keys.PAGE_UP * 2)
     second = wait_for(lambda: _note(browser, first))

@@ -20,7 +20,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 import gearlib
 import gearlib.geometry
 import gearlib.plot
-from gearlib.studies.claims.statements import CHECKS
+from gearlib.studies.claims import CHECKS
 from tests.browser.chromium import browser, errors
 
 assert browser  # a fixture

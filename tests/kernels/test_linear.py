@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from gearlib.engines.codes import BOTH, COAST, DRIVE, NO_CONTACT
 from gearlib.engines.linear import distances, modal_arcs, sparse_series, train_system
 from gearlib.engines.linear.modal_frame import add_modes
-from gearlib.engines.linear.run_storage import allocate_run_storage, run_constants
+from gearlib.engines.linear.train_system import allocate_run_storage, run_constants
 from tests.properties.known_models import CHAIN, SETTLING
 
 #: The hash of a combination overflows, which numpy reports where kernels are not compiled.

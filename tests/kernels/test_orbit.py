@@ -7,8 +7,8 @@ import pytest
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.growth import propagate_perturbation
 from gearlib.engines.linear.periods import EVENT_COLUMNS, EVENT_MESH, sort_last_event
+from gearlib.engines.matrices import propagate_perturbation
 from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
 
 

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.pair import contact_table, events, maps, motion, sampling, settling
-from gearlib.engines.pair.elementary import cos_sin, decay
+from gearlib.engines.pair.motion import cos_sin, decay
 
 TUNING = 0.8
 #: Under-damped, critical (frequency 1 / 0.8, rate the same) and over-damped.

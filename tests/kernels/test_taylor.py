@@ -9,7 +9,7 @@ from numpy.polynomial import Polynomial
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 from gearlib.engines.polynomial import WORK_ROWS, bernstein_matrix
-from gearlib.engines.taylor import perturbations, series, taylor_run, teeth
+from gearlib.engines.taylor import perturbations, propagator, series, teeth
 from gearlib.engines.taylor.series import DISPLACEMENT, MESH_FORCE, ORDER, VELOCITY
 from tests.properties.known_models import KNOWN
 
@@ -94,7 +94,7 @@ def test_a_crossing_is_a_fraction_of_the_step(direction):
     terms = np.zeros((series.ROWS, ORDER + 1))
     terms[0, :3] = 0.5, direction * 0.3, -direction * 0.5  # the line is reached again at 0.6
     crossings = [
-        taylor_run.first_crossing(terms, 0, 0.5, direction, h, *tables) for h in (0.8, 0.5)
+        propagator.first_crossing(terms, 0, 0.5, direction, h, *tables) for h in (0.8, 0.5)
     ]
     assert crossings == pytest.approx([0.75, 2.0])
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gearlib import GearPair, continue_orbit, locus, periodic_orbit, simulate, switch_branch
-from gearlib.analysis.orbits.followed_parameters import value_of, with_parameter
 from gearlib.analysis.orbits.shooting import NoOrbit
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING
+from gearlib.analysis.orbits.tracing import value_of, with_parameter
 from gearlib.analysis.tongues import meissner
 from tests.paper import PAPER
 

@@ -6,7 +6,7 @@ import mpmath
 import pytest
 
 from gearlib import GearPair, OneDegreePair
-from gearlib.studies.trials import high_precision
+from gearlib.studies.trials import references
 from tests.independent.systems import describe, move
 from tests.references import propagate_pair
 
@@ -32,7 +32,7 @@ def digits_of(value):
 )
 def test_linear_runs_in_many_digits_are_those_of_closed_forms(changes, tuning, state):
     pair = GearPair.from_ratios(**(RATIOS | changes))
-    end, phases, contacts = high_precision.run(pair, tuning, periods=6, digits=50, state=state)
+    end, phases, contacts = references.precise_run(pair, tuning, periods=6, digits=50, state=state)
     (x, v), *events = propagate_pair(pair, tuning, periods=6, state=state)
     assert [*map(tuple, contacts.tolist())] == [event[1:3] for event in events]
     assert max(abs(digits_of(a) - b) for a, b in zip(end, (x, v), strict=True)) < DIGITS
@@ -59,7 +59,7 @@ def test_runs_with_cubic_damping_are_those_of_the_independent_program():
         # `move` integrates the equations with the code of `tests.independent`.
         tuning, periods, state = 0.75, 2, (0.0, -1.0)
         expected = move(describe(model), tuning, periods, state, context=mpmath.mp)
-        end, _, contacts = high_precision.run(model, tuning, periods, digits=36, state=state)
+        end, _, contacts = references.precise_run(model, tuning, periods, digits=36, state=state)
         events = [[event.before, event.after] for event in expected.events]
         assert contacts.tolist() == events and events
         pairs = zip(end, expected.mesh_state(), strict=True)

@@ -8,8 +8,8 @@ import gearlib
 from gearlib.analysis.orbits import special_points as special
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.data.motions import FRACTION_TOLERANCE
-from gearlib.uncertainty.design_quantities import ABSENT, FOUND, LOST, QUANTITIES, DesignQuantities
-from gearlib.uncertainty.indices import sobol_indices
+from gearlib.uncertainty.designs import ABSENT, FOUND, LOST, QUANTITIES, DesignQuantities
+from gearlib.uncertainty.scatter import sobol_indices
 from tests.paper import PAPER
 from tests.properties.known_models import gears
 

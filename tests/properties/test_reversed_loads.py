@@ -14,7 +14,7 @@ from gearlib import plot
 from gearlib.analysis.duty_point import duty_point
 from gearlib.analysis.orbits.jumps import main_resonance
 from gearlib.data.motions import largest_force
-from gearlib.uncertainty.design_quantities import DesignQuantities
+from gearlib.uncertainty.designs import DesignQuantities
 from tests.paper import PAPER
 from tests.properties.known_models import CHAIN, gears
 

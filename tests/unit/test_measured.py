@@ -347,7 +347,7 @@ def test_scores_that_need_no_calibration_do_not_change_with_gain_and_offset(curv
     assert calibrated[sensor]["computed"] < 1e-12 and sensor not in free
     assert calibrated[sensor]["calibration"] == "sensor"
     # The figure draws the scaled set in open markers, fitted to the model: at the same points.
-    figure = resonance_figure.draw(resonance, measured=[plain, scaled], forces=True)
+    figure = resonance_figure.draw_resonance(resonance, measured=[plain, scaled], forces=True)
     lines = [line for axes in figure.axes for line in axes.lines]
     points = [line for line in lines if line.get_marker() in "^v" and line.get_markersize() == 3.0]
     assert len(points) == 4 and points[2].get_markerfacecolor() == "none"

@@ -10,14 +10,10 @@ from matplotlib.patches import Circle
 
 import gearlib
 from gearlib import colours, plot, run_up, simulate
-from gearlib.figures import (
-    jump_figure,
-    nonlinear_damping_figure,
-    phase_planes_figure,
-    resonance_figure,
-    schematic,
-    style,
-)
+from gearlib.figures import schematic, style
+from gearlib.figures.branches_figure import draw_jump
+from gearlib.figures.motions_figure import draw_phase_planes
+from gearlib.figures.resonance_figure import draw_nonlinear_damping, draw_resonance
 from tests.golden import data as golden
 from tests.paper import PAPER
 from tests.trains import random_trains
@@ -76,20 +72,26 @@ NO_RESULTS = [
 ]
 #: Figures of which no limit may be lost.
 ODD = {
-    "no backlash": (resonance_figure, CURVES.assign(backlash_ratio=0.0)),
-    "no coast-side flank": (resonance_figure, CURVES.assign(backlash_ratio=math.inf)),
-    "planes of one flank": (phase_planes_figure, PLANES.assign(backlash_ratio=math.inf)),
-    "a plane without a result": (phase_planes_figure, NO_PLANE),
-    "no result at a tuning": (resonance_figure, SHORT),
-    "one tuning": (resonance_figure, CURVES.isel(tuning=[4])),
-    "no jump": (jump_figure, NO_JUMPS),
-    "no results": (nonlinear_damping_figure, NO_RESULTS),
+    "no backlash": (draw_resonance, CURVES.assign(backlash_ratio=0.0)),
+    "no coast-side flank": (
+        draw_resonance,
+        CURVES.assign(backlash_ratio=math.inf),
+    ),
+    "planes of one flank": (
+        draw_phase_planes,
+        PLANES.assign(backlash_ratio=math.inf),
+    ),
+    "a plane without a result": (draw_phase_planes, NO_PLANE),
+    "no result at a tuning": (draw_resonance, SHORT),
+    "one tuning": (draw_resonance, CURVES.isel(tuning=[4])),
+    "no jump": (draw_jump, NO_JUMPS),
+    "no results": (draw_nonlinear_damping, NO_RESULTS),
 }
 
 
-@pytest.mark.parametrize(("figure", "data"), ODD.values(), ids=ODD)
-def test_limits_are_numbers(figure, data):
-    for axes in figure.draw(data).axes:
+@pytest.mark.parametrize(("draw", "data"), ODD.values(), ids=ODD)
+def test_limits_are_numbers(draw, data):
+    for axes in draw(data).axes:
         assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
 
 
@@ -97,7 +99,7 @@ def test_rows_of_phase_planes_say_their_tuning_as_given_and_the_speed_that_was_a
     tunings = [0.332, 0.334, 0.735, float(PAPER.tuning_at(3600.0))]
     planes = PLANES.isel(tuning=[0] * 4).assign_coords(tuning=tunings)
     planes["speed"] = "tuning", PAPER.speed(np.array(tunings))
-    rows = phase_planes_figure.draw(planes).axes[:: planes.damping.size]
+    rows = draw_phase_planes(planes).axes[:: planes.damping.size]
     labels = [axes.get_ylabel().split("\n")[:2] for axes in rows]
     assert [label[0][-5:] for label in labels[:3]] == ["0.332", "0.334", "0.735"]
     assert labels[3][1] == "(3600 rpm)"
@@ -121,10 +123,10 @@ def test_same_data_same_bytes(tmp_path):
     # tests/robustness compares those of png and pdf.
     paths = [tmp_path / f"{name}.svg" for name in "ab"]
     for path in paths:
-        style.save(phase_planes_figure.draw(PLANES), path)
+        style.save(draw_phase_planes(PLANES), path)
     assert paths[0].read_bytes() == paths[1].read_bytes()
     with pytest.raises(ValueError, match="must end in"):
-        style.save(phase_planes_figure.draw(PLANES), tmp_path / "figure.tiff")
+        style.save(draw_phase_planes(PLANES), tmp_path / "figure.tiff")
 
 
 TRAINS = {

@@ -11,7 +11,7 @@ import pytest
 
 import gearlib
 from gearlib import progress
-from gearlib.engines.linear import modal_arcs, run_storage
+from gearlib.engines.linear import modal_arcs, train_system
 from tests.paper import PAPER
 
 PAIR = PAPER.replace(material_damping=4e3)
@@ -93,7 +93,7 @@ def test_a_train_with_more_contacts_than_modes_runs_on_whatever_ran_before(monke
     pair = PAPER.replace(material_damping=0.0)
     reducer = gearlib.split_power_reducer(pair, branches=2, structural_damping=0.0)
     by_modes = gearlib.simulate(reducer, 0.9, periods=12).final_state
-    for module in (modal_arcs, run_storage):
+    for module in (modal_arcs, train_system):
         monkeypatch.setattr(module, "MAX_COMBINATIONS", 8)
 
     def final_state(periods_before=0):

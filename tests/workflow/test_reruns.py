@@ -163,7 +163,7 @@ def test_each_project_has_a_folder(project, tmp_path):
 
 
 def test_a_failed_job_shows_where_the_library_beside_the_snakefile_failed(project):
-    module = project / "gearlib/studies/claims/scene_claims.py"
+    module = project / "gearlib/studies/claims.py"
     with module.open("a") as source:
         source.write("\nraise RuntimeError(f'claims are broken in {__file__}')\n")
     output = project.snakemake("-j2", "results/claims.csv", succeed=False)

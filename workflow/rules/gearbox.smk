@@ -141,11 +141,11 @@ use rule _draw as draw_gearbox_run_up with:
     input:
         found="results/gearbox/run_up_{number}.nc",
         frequencies="results/gearbox/box_{number}.nc",
-        sources=sources_of("draw", "figures.order_map_figure"),
+        sources=sources_of("draw", "figures.orders_figure"),
     output:
         figure_files("gearbox/run_up_{number}", "Order map of a run-up", GEARBOX, "gearbox_run_up"),
     params:
-        draw="order_map_figure.order_map",
+        draw="orders_figure.order_map",
         gears=BOX and BOX["file"],
 
 

@@ -49,11 +49,11 @@ use rule _draw as draw_mesh_stiffness with:
         job="draw_mesh_stiffness",
     input:
         stiffness="results/mesh_stiffness.nc",
-        sources=sources_of("draw", "figures.mesh_stiffness_figure"),
+        sources=sources_of("draw", "figures.gear_geometry_figure"),
     output:
         figure_files("mesh_stiffness", "Mesh stiffness by every method", GEOMETRY),
     params:
-        draw="mesh_stiffness_figure.draw",
+        draw="gear_geometry_figure.draw_mesh_stiffness",
         gears=names_of_stages("mesh_stiffness"),
 
 
@@ -75,11 +75,11 @@ use rule _draw as draw_harris_map with:
         job="draw_harris_map",
     input:
         data="results/harris_map.nc",
-        sources=sources_of("draw", "figures.harris_map_figure"),
+        sources=sources_of("draw", "figures.gear_geometry_figure"),
     output:
         figure_files("harris_map", "Tip relief: Harris maps", GEOMETRY),
     params:
-        draw="harris_map_figure.draw",
+        draw="gear_geometry_figure.draw_harris_maps",
         gears=names_of_stages("harris_map", teeth=True),
 
 
@@ -102,9 +102,9 @@ use rule _draw as draw_dynamic_factor with:
         job="draw_dynamic_factor",
     input:
         curves="results/dynamic_factor.nc",
-        sources=sources_of("draw", "figures.dynamic_factor_figure"),
+        sources=sources_of("draw", "figures.gear_geometry_figure"),
     output:
         figure_files("dynamic_factor", "Dynamic factor and transmission error over speed", GEOMETRY),
     params:
-        draw="dynamic_factor_figure.draw",
+        draw="gear_geometry_figure.draw_dynamic_factor",
         gears=names_of_stages("dynamic_factor", teeth=True),

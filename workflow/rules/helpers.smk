@@ -14,7 +14,7 @@ from pathlib import Path
 from snakemake.logging import logger
 from gearlib import config as configuration
 from gearlib import integrators, processor, tunings
-from gearlib.config import gear_names, measured_description, targets, yaml_keys
+from gearlib.config import gear_names, measured_description, targets, validation
 from gearlib.config.gears_section import stage_sections, takes_configured_gears
 from gearlib.config.tolerances_section import known_parameters
 from gearlib.models.geometry.iso import METHOD_NAMES
@@ -79,7 +79,7 @@ def checked_configuration(changes):
     """
     base = Path("config.yaml") if Path("config.yaml").exists() else ROOT / "config.yaml"
     try:
-        contents = [yaml_keys.read(path) for path in (base, *workflow.overwrite_configfiles)]
+        contents = [validation.read_yaml(path) for path in (base, *workflow.overwrite_configfiles)]
         raise_errors([message for _, repeated in contents for message in repeated])
         checked = configuration.load(configuration.overlay_gears(contents[0][0], changes))
         raise_errors([*checked.target_errors(), *checked.train_damping_errors()])

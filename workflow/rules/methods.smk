@@ -60,11 +60,11 @@ use rule _draw as draw_stability_chart with:
     input:
         teeth=TEETH_SWEEPS,
         chart="results/stability_chart.nc",
-        sources=sources_of("draw", "figures.stability_figure"),
+        sources=sources_of("draw", "figures.methods_figure"),
     output:
         figure_files("stability_chart", "Numerical stability of fixed steps", METHODS),
     params:
-        draw="stability_figure.draw",
+        draw="methods_figure.draw_stability",
 
 
 # All methods on difficult problems, except for those whose packages are not installed.
@@ -113,11 +113,11 @@ use rule _draw as draw_failures with:
         job="draw_failures",
     input:
         matrix="results/failures.nc",
-        sources=sources_of("draw", "figures.failures_figure"),
+        sources=sources_of("draw", "figures.methods_figure"),
     output:
         figure_files("failures", "Failures: difficult problems against methods", METHODS),
     params:
-        draw="failures_figure.draw",
+        draw="methods_figure.draw_failures",
         gears="paper's pair and others, in problems of its own",
         absent=not_installed(trial["method"] for trial in TRIALS.values()),
 
@@ -205,11 +205,11 @@ use rule _draw as draw_work_precision with:
     input:
         errors=rules.work_precision_table.input.errors,
         times=rules.work_precision_table.input.times,
-        sources=sources_of("draw", "figures.work_precision_figure"),
+        sources=sources_of("draw", "figures.methods_figure"),
     output:
         figure_files("work_precision_evaluations", "Work and precision: evaluations", METHODS),
         figure_files("work_precision_measures", "Work and precision: events, multipliers", METHODS),
         figure_files("work_precision_time", "Work and precision: wall time", METHODS),
     params:
-        draw="work_precision_figure.draw",
+        draw="methods_figure.draw_work_precision",
         absent=not_installed(config["work_precision"]["methods"]),

@@ -29,11 +29,11 @@ use rule _draw as draw_run_ups with:
         branches=if_wanted(
             "branches", f"results/branches/{config['run_ups']['damping']}.nc", pairs_only=True
         ),
-        sources=sources_of("draw", "figures.run_ups_figure"),
+        sources=sources_of("draw", "figures.orders_figure"),
     output:
         figure_files("run_ups", "Beside Fig. 3: run-ups, and their orders", EXPLANATIONS),
     params:
-        draw="run_ups_figure.draw",
+        draw="orders_figure.draw_run_ups",
         gears=GEARS,
 
 
@@ -62,11 +62,11 @@ use rule _draw as draw_jump with:
     input:
         teeth=TEETH_SWEEPS,
         jumps="results/jump.nc",
-        sources=sources_of("draw", "figures.jump_figure"),
+        sources=sources_of("draw", "figures.branches_figure"),
     output:
         figure_files("fig6_jump", "Beside Fig. 6: what moves the jump from rest", EXPLANATIONS),
     params:
-        draw="jump_figure.draw",
+        draw="branches_figure.draw_jump",
         settings=pick(config["jump"], "marked"),
 
 
@@ -136,7 +136,7 @@ use rule _draw as draw_branches with:
             "branches", "Beside Fig. 3: folds and grazings, and what moves them", EXPLANATIONS
         ),
     params:
-        draw="branches_figure.draw",
+        draw="branches_figure.draw_branches",
 
 
 # Proofs of orbits, as a file that an independent program can check, and as a table.
@@ -215,11 +215,11 @@ use rule _draw as draw_nonlinear_damping with:
     input:
         teeth=TEETH_SWEEPS,
         studies=PLACES_AND_POWERS,
-        sources=sources_of("draw", "figures.nonlinear_damping_figure"),
+        sources=sources_of("draw", "figures.resonance_figure"),
     output:
         figure_files("nonlinear_damping", "Nonlinear damping of equal work", EXPLANATIONS),
     params:
-        draw="nonlinear_damping_figure.draw",
+        draw="resonance_figure.draw_nonlinear_damping",
 
 
 # Comparison of the models for each scene.
@@ -264,11 +264,11 @@ use rule _draw as draw_models with:
     input:
         teeth=TEETH_SWEEPS,
         comparisons=expand(rules.compare_models.output, scene=CONFIG.scenes),
-        sources=sources_of("draw", "figures.models_figure"),
+        sources=sources_of("draw", "figures.motions_figure"),
     output:
         figure_files("models", "Models: what larger ones would change", EXPLANATIONS),
     params:
-        draw="models_figure.draw",
+        draw="motions_figure.draw_models",
         settings={"scenes": list(CONFIG.scenes)},
 
 

@@ -88,7 +88,7 @@ use rule _draw as draw_resonance with:
     output:
         figure_files("fig3_resonance", "Fig. 3: resonance characteristics, all dampings", PAPER),
     params:
-        draw="resonance_figure.draw",
+        draw="resonance_figure.draw_resonance",
         gears=GEARS,
         # The paper's figure shows no forces.
         settings=COLOURS | ({} if IS_PAPER else {"forces": True}),
@@ -135,11 +135,11 @@ use rule _draw as draw_phase_planes with:
         job="draw_phase_planes",
     input:
         phase_planes="results/phase_planes.nc",
-        sources=sources_of("draw", "figures.phase_planes_figure"),
+        sources=sources_of("draw", "figures.motions_figure"),
     output:
         figure_files("fig5_phase_planes", "Fig. 5: phase planes, all dampings", PAPER),
     params:
-        draw="phase_planes_figure.draw",
+        draw="motions_figure.draw_phase_planes",
         gears=gear_names.name_with_stiffness(CONFIG, teeth=True, pitch_errors=True),
         settings=COLOURS,
 
@@ -169,11 +169,11 @@ use rule _draw as draw_scene with:
         job="draw_scene/{scene}",
     input:
         scene="results/scenes/{scene}.nc",
-        sources=sources_of("draw", "figures.time_courses_figure"),
+        sources=sources_of("draw", "figures.motions_figure"),
     output:
         figure_files("{scene}", label_of_scene, PAPER, caption="scene"),
     params:
-        draw="time_courses_figure.draw",
+        draw="motions_figure.draw_scene",
         settings=lambda wildcards: pick(
             config["scenes"][wildcards.scene], "courses", "periods_shown"
         ),

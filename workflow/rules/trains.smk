@@ -124,9 +124,9 @@ use rule _draw as draw_campbell with:
         job="draw_campbell",
     input:
         diagram="results/campbell.nc",
-        sources=sources_of("draw", "figures.campbell_figure"),
+        sources=sources_of("draw", "figures.trains_figure"),
     output:
         figure_files("campbell", "Campbell diagram", EXPLANATIONS),
     params:
-        draw="campbell_figure.draw",
+        draw="trains_figure.draw_campbell",
         gears=TRAIN if HAS_OWN_TRAIN else REDUCER,

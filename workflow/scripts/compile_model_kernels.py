@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gearlib.engines.cache import source_hash
+from gearlib.engines.jit import source_hash
 from gearlib.engines.orbit import Span
 from gearlib.models.one_degree_pair import OneDegreePair
 from gearlib.models.pair import GearPair

@@ -8,10 +8,7 @@ from annotated_types import Ge, Lt
 
 from gearlib import checks
 from gearlib.analysis.global_dynamics.stroboscope import check_one_mesh, distinct_values
-from gearlib.analysis.orbits.followed_parameters import (
-    DimensionlessParameter,
-    parameter_cases,
-)
+from gearlib.analysis.orbits.tracing import DimensionlessParameter, parameter_cases
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result

@@ -224,14 +224,12 @@ def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
     return run.displacement.values, run.velocity.values, run.event_phase.values, codes
 
 
-def hill_multipliers(
-    equation: MeshEquation, coefficients: np.ndarray, harmonics: int = _MAX_PERTURBATION_HARMONICS
-) -> np.ndarray:
+def hill_multipliers(equation: MeshEquation, coefficients: np.ndarray) -> np.ndarray:
     """Return the two Floquet multipliers of a motion by Hill's method, largest magnitude first.
 
-    `coefficients` are the harmonics of the motion; `harmonics` limits those of its perturbations.
+    `coefficients` are the harmonics of the motion.
     """
-    highest = min(equation.harmonics, harmonics)
+    highest = min(equation.harmonics, _MAX_PERTURBATION_HARMONICS)
     k = np.arange(-highest, highest + 1)
     # Matrices that multiply the harmonics -K ... K of a function by those of a, h and b.
     functions = equation.variational_coefficients(coefficients)

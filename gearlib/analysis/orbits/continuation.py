@@ -14,20 +14,12 @@ import xarray as xr
 from annotated_types import Ge
 
 from gearlib import checks
-from gearlib.analysis.orbits import followed_parameters, tracing
 from gearlib.analysis.orbits import special_points as special
+from gearlib.analysis.orbits import tracing
 from gearlib.analysis.orbits.shooting import NoOrbit, Shooting, as_orbit, check_orbit, is_stable
 from gearlib.analysis.orbits.special_points import BranchPoint, branch_dataset, branch_point
 from gearlib.data.status import flags_of
-from gearlib.parameters import (
-    INTEGER,
-    Count,
-    Finite,
-    Limits,
-    Positive,
-    WholeNumber,
-    checked,
-)
+from gearlib.parameters import INTEGER, Count, Finite, Limits, Positive, WholeNumber, checked
 from gearlib.progress import Limit
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
 
@@ -111,10 +103,8 @@ def continue_orbit(
     line. The other test functions are in `gearlib.analysis.orbits.special_points`.
     """
     check_orbit(orbit)
-    name = followed_parameters.check_parameter(orbit.model, parameter)
-    start, to = followed_parameters.start_and_goal(
-        orbit.model, orbit.tuning, name, to, "that of the orbit"
-    )
+    name = tracing.check_parameter(orbit.model, parameter)
+    start, to = tracing.start_and_goal(orbit.model, orbit.tuning, name, to, "that of the orbit")
     interval = _checked_limits(limits, start, to)
     scale, limit = abs(to - start), Limit(max_seconds)
     problem = Shooting(orbit.model, orbit.tuning, orbit.period, (name,), (scale,), max_events)
@@ -293,7 +283,7 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
             f"point = {point!r} is not allowed: it must be labelled {allowed}, it is "
             f"{special.LABELS[int(branch.label[point])]}"
         )
-    name = followed_parameters.check_parameter(model, branch.attrs["parameter"])
+    name = tracing.check_parameter(model, branch.attrs["parameter"])
     state = branch["state"].values[point]
     allowed = f"the model of the branch, whose states have {state.size} components"
     checks.require(model.size == state.size, "model", type(model).__name__, allowed)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from gearlib import checks
-from gearlib.analysis.orbits import followed_parameters, tracing
+from gearlib.analysis.orbits import tracing
 from gearlib.analysis.orbits.continuation import MaxPoints, point_of_dataset
 from gearlib.analysis.orbits.shooting import Evaluation, NoOrbit, Shooting
 from gearlib.analysis.orbits.special_points import DOUBLING, FOLD, GRAZING, LABELS, branch_dataset
@@ -164,11 +164,11 @@ def locus(
     special_point = point_of_dataset(model, branch, point, max_events, labels)
     branch_problem, label = special_point.solution.problem, int(branch.label[point])
     tuning, period = branch_problem.tuning, branch_problem.period
-    names = branch.attrs["parameter"], followed_parameters.check_parameter(model, parameter)
+    names = branch.attrs["parameter"], tracing.check_parameter(model, parameter)
     checks.require(
         names[0] != names[1], "parameter", parameter, "another parameter than that of the branch"
     )
-    start, to = followed_parameters.start_and_goal(model, tuning, parameter, to, "that of the pair")
+    start, to = tracing.start_and_goal(model, tuning, parameter, to, "that of the pair")
     units = branch_problem.units[-1], abs(to - start)
     problem = _SpecialPointProblem(model, tuning, period, names, units, max_events)
     problem.label, limit = label, Limit(max_seconds)

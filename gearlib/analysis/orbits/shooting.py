@@ -21,8 +21,7 @@ from annotated_types import Ge, Le
 from scipy.linalg import block_diag
 
 from gearlib import checks
-from gearlib.analysis.orbits.followed_parameters import with_parameter
-from gearlib.analysis.orbits.tracing import ContinuationFailed, difference_quotient
+from gearlib.analysis.orbits.tracing import ContinuationFailed, difference_quotient, with_parameter
 from gearlib.data import status
 from gearlib.data.motions import float_array
 from gearlib.data.result import result

@@ -26,9 +26,8 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import brentq
 
-from gearlib.analysis.orbits.followed_parameters import continuation_parameters
 from gearlib.analysis.orbits.shooting import Evaluation, Shooting, codes_without_events
-from gearlib.analysis.orbits.tracing import correct, tangent
+from gearlib.analysis.orbits.tracing import continuation_parameters, correct, tangent
 from gearlib.data.result import result
 from gearlib.engines import orbit as columns
 

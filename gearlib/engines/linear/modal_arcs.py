@@ -71,8 +71,8 @@ class Modes(NamedTuple):
     segment_factors: np.ndarray  #: factors of the modes over a segment, shape (s, n)
 
 
-def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS, max_bytes=MAX_TABLE_BYTES):
-    """Return empty `Modes` for n state components and m meshes, with at most `max_bytes`.
+def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS):
+    """Return empty `Modes` for n state components and m meshes, of at most MAX_TABLE_BYTES.
 
     The state may have `combinations` combinations of contacts and stiffness levels; `length_count`
     is the number of different lengths of segments.
@@ -82,7 +82,7 @@ def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS, max_bytes=
     degree = HIGH_DEGREE if n >= _HIGH_DEGREE_COMPONENTS else LOW_DEGREE
     # Both transformations, the slow matrix, then curves and amplitude factors of two lines a mesh.
     numbers_per_combination = 2 * n * padded + n * n + 2 * m * n * (degree + 2)
-    rows = max(max_bytes // (8 * numbers_per_combination), 2)
+    rows = max(MAX_TABLE_BYTES // (8 * numbers_per_combination), 2)
     cost = mode_cost_in_steps(n)
     most = _MAX_COMBINATIONS_BESIDE_SERIES if cost else MAX_COMBINATIONS
     rows = int(min(rows, most, max(combinations, _MIN_ROWS)))

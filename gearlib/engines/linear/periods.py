@@ -17,13 +17,6 @@ from gearlib.engines.linear.modal_arcs import (
     find_segment_factors,
     find_slot,
 )
-from gearlib.engines.linear.run_storage import (
-    EVENT_ROWS,
-    FIRST_EVENT_ROW,
-    PERIOD_EVENTS,
-    SAMPLES_TAKEN,
-    SEGMENT,
-)
 from gearlib.engines.linear.sampling import sample_motion
 from gearlib.engines.linear.sparse_series import (
     SERIES,
@@ -32,7 +25,14 @@ from gearlib.engines.linear.sparse_series import (
     fill_taylor_series,
     sum_series,
 )
-from gearlib.engines.linear.train_system import dot
+from gearlib.engines.linear.train_system import (
+    EVENT_ROWS,
+    FIRST_EVENT_ROW,
+    PERIOD_EVENTS,
+    SAMPLES_TAKEN,
+    SEGMENT,
+    dot,
+)
 
 #: Largest time between simultaneous crossings, as a fraction of a piece. The bound is needed near
 #: grazing, where the rounding of an instant has no bound.

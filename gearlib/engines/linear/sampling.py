@@ -4,7 +4,6 @@ import math
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.copies import copy
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 from gearlib.engines.linear.distances import (
     distance_amplitude,
@@ -13,8 +12,9 @@ from gearlib.engines.linear.distances import (
     restrict_to_start,
 )
 from gearlib.engines.linear.modal_arcs import advance_modes_in_time, apply_stored_matrix
-from gearlib.engines.linear.run_storage import SAMPLES_TAKEN
 from gearlib.engines.linear.sparse_series import SERIES, sum_series
+from gearlib.engines.linear.train_system import SAMPLES_TAKEN
+from gearlib.engines.matrices import copy
 from gearlib.engines.polynomial import bernstein_maximum
 
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from gearlib.engines import exponential
+from gearlib.engines import matrices
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 
 #: Row of a combination that has no modes and is advanced by the series.
@@ -122,7 +122,7 @@ def fill_taylor_series(system, constants, effects, z, terms):
     `constants` (`RunConstants`) list the non-zeros of A.
     """
     degree, n = terms.shape[0] - 1, constants.nonzero_counts.shape[0]
-    time_unit = _MAX_UNIT_NORM / exponential.MAX_NORM * system.max_step
+    time_unit = _MAX_UNIT_NORM / matrices.MAX_NORM * system.max_step
     largest, last_term = 0.0, 0.0
     for r in range(n):
         terms[0, r] = z[r]

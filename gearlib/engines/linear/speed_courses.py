@@ -17,7 +17,7 @@ import numpy as np
 
 from gearlib.engines import orbit
 from gearlib.engines.codes import OK
-from gearlib.engines.linear import propagator, single_mesh
+from gearlib.engines.linear import propagator
 from gearlib.engines.linear.periods import EVENT_COLUMNS, EVENT_MESH
 from gearlib.engines.linear.sparse_series import nonzero_fields
 from gearlib.engines.linear.train_system import TrainSystem
@@ -390,7 +390,7 @@ class _CourseTrain(_CourseRunMixin, propagator.Propagator):
     """A gear train along a speed and load course."""
 
 
-class CourseMesh(_CourseRunMixin, single_mesh.Propagator):
+class CourseMesh(_CourseRunMixin, propagator.SingleMeshPropagator):
     """A model with one mesh along a speed and load course."""
 
     def initial_state(self, state):

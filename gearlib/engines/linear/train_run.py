@@ -8,14 +8,12 @@ from gearlib.engines import orbit
 from gearlib.engines.codes import COAST, DRIVE, JAMMED, NO_CONTACT, OK, OVERFLOW, UNRESOLVED
 from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_without_refcounts
 from gearlib.engines.linear.periods import SEGMENTS_MISSING, run_period
-from gearlib.engines.linear.run_storage import (
+from gearlib.engines.linear.train_system import (
     EVENT_ROWS,
     FIRST_EVENT_ROW,
     KNOWN_PERIODS,
     PERIOD,
     SEGMENT,
-)
-from gearlib.engines.linear.train_system import (
     ZERO_TOLERANCE,
     dot,
     fill_system_matrix,

@@ -19,8 +19,7 @@ A level is a row of numbers, so that kernels select it by an index.
 import math
 
 from gearlib.engines.jit import inlined_kernel, kernel
-from gearlib.engines.pair.elementary import cos_sin, decay
-from gearlib.engines.pair.motion import UNDERDAMPED, propagators
+from gearlib.engines.pair.motion import UNDERDAMPED, cos_sin, decay, propagators
 
 #: Number of entries per time 1 / W.
 ENTRIES_PER_RADIAN = 12

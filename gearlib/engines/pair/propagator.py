@@ -3,7 +3,7 @@
 import numpy as np
 
 from gearlib.engines.orbit import Record
-from gearlib.engines.pair import many_runs, pair_run
+from gearlib.engines.pair import pair_run
 from gearlib.engines.pair.maps import fill_period_maps
 from gearlib.engines.pair.motion import mesh_at_tuning
 from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
@@ -61,7 +61,7 @@ class Propagator(Base):
         """
         if not isinstance(order, np.ndarray):
             return super().sweep(tunings, order, state, warm_start, span, rows)
-        many_runs.run_many(self.ratios, tunings, order, np.array(state), warm_start, span, *rows)
+        pair_run.run_many(self.ratios, tunings, order, np.array(state), warm_start, span, *rows)
 
     def fill_maps(self, z, periods, max_events, maps, first_period):
         """Fill `maps`, shape (periods, 2, 2), with the Jacobian matrices of mesh periods.
@@ -79,9 +79,9 @@ class Propagator(Base):
         """
         states = np.ascontiguousarray(states)
         ends, statuses = np.empty(states.shape), np.empty(len(states), np.int64)
-        many_runs.run_many_states(self.mesh, states, periods, max_events, ends, statuses)
+        pair_run.run_many_states(self.mesh, states, periods, max_events, ends, statuses)
         return ends, statuses
 
     def sections(self, *arguments):
         """Fill a table with states at one phase of every period; see `Base.sections`."""
-        many_runs.fill_sections(self.mesh, *arguments)
+        pair_run.fill_sections(self.mesh, *arguments)

@@ -1,12 +1,323 @@
-"""Taylor steps that end at events, for one degree of freedom with nonlinear forces."""
+"""Taylor steps that end at events, for one degree of freedom with nonlinear forces.
+
+A step ends at the end of a segment of c(tau), at the first crossing of a flank line and, if the
+damping has a quadratic part, at a change of sign of x'. Crossings are roots of the polynomial of
+the step, so that a bounce inside a step is found (`polynomial.first_downward_crossing`).
+"""
+
+import math
 
 import numpy as np
 
-from gearlib.engines.orbit import Record, Span
-from gearlib.engines.polynomial import bernstein_matrix
+from gearlib.engines import orbit
+from gearlib.engines.codes import COAST, DRIVE, EVENT_LIMIT, NO_CONTACT, OK, OVERFLOW, UNRESOLVED
+from gearlib.engines.jit import inlined_kernel, kernel
+from gearlib.engines.orbit import Record, Span, is_within_range
+from gearlib.engines.pair.motion import contact_between
+from gearlib.engines.polynomial import (
+    WORK_ROWS,
+    bernstein_matrix,
+    first_downward_crossing,
+    horner,
+    parabola_minimum,
+)
 from gearlib.engines.protocol import Base
-from gearlib.engines.taylor.series import ORDER
-from gearlib.engines.taylor.taylor_run import run_nonlinear
+from gearlib.engines.taylor.perturbations import (
+    map_crossing,
+    map_step,
+    max_perturbation_step,
+    set_identity,
+    stiffness_bound,
+)
+from gearlib.engines.taylor.series import (
+    COAST_LINE,
+    D2,
+    DISPLACEMENT,
+    DRIVE_LINE,
+    INVERSE_INTEGERS,
+    MESH_FORCE,
+    ORDER,
+    ROWS,
+    SCALED,
+    STIFFNESS,
+    VELOCITY,
+    expand_motion,
+    state_at,
+    step_length,
+    tabulate_mesh,
+)
+
+#: Reasons for the end of a step.
+_NO_EVENT, _DRIVE_FLANK, _COAST_FLANK, _TURNING_POINT = range(4)
+
+
+@inlined_kernel
+def _fill_scaled_polynomial(series, quantity, reference, factor, step):
+    """Fill the row SCALED of `series` with factor (a - reference) as a polynomial of t / step.
+
+    The row `quantity` holds the series a of t. Returns the sum of magnitudes beyond the square
+    term.
+    """
+    power, tail = factor, 0.0
+    for k in range(1, ORDER + 1):
+        power *= step
+        series[SCALED, k] = series[quantity, k] * power
+        if k > 2:
+            tail += abs(series[SCALED, k])
+    series[SCALED, 0] = factor * (series[quantity, 0] - reference)
+    return tail
+
+
+@kernel
+def first_crossing(series, quantity, line, direction, step, to_bernstein, work):
+    """Return where direction (a - line) first falls through zero, as a fraction of the step.
+
+    The row `quantity` of `series` holds the series a; the direction is 1 or -1. The fraction is 2
+    if there is no crossing and -1 if the search fails. `to_bernstein` is the matrix from power to
+    Bernstein coefficients, `work` storage, shape (WORK_ROWS, ORDER + 2).
+    """
+    tail = _fill_scaled_polynomial(series, quantity, line, direction, step)
+    polynomial = series[SCALED]
+    # In most steps the first three terms prove that the curve does not reach the line.
+    if parabola_minimum(polynomial[0], polynomial[1], polynomial[2]) > tail:
+        return 2.0
+    return first_downward_crossing(polynomial, to_bernstein, work)
+
+
+@inlined_kernel
+def take_step(
+    constants,
+    harmonics,
+    to_bernstein,
+    segment,
+    phase,
+    remaining,
+    contact_code,
+    velocity_sign,
+    x,
+    v,
+    series,
+    work,
+):
+    """Take one Taylor step from (x, v) at a phase, at most `remaining` long; fill its `series`.
+
+    Returns (length of the step, contact code during the step, contact code, velocity sign, x and v
+    at its end). The length is negative if rounding hides whether the step ends at a flank line. The
+    end is exact on a flank line and at a turning point. Tables come from `tabulate_mesh`.
+    """
+    drive_line, coast_line = constants[0, 0, DRIVE_LINE], constants[0, 0, COAST_LINE]
+    if v == 0.0:
+        # The acceleration decides the direction of a motion at rest, also on a flank line.
+        expand_motion(constants, harmonics, segment, phase, contact_code, 0.0, x, v, series, 1)
+        velocity_sign = math.copysign(1.0, series[VELOCITY, 1])
+        contact_code = contact_between(drive_line, coast_line, x, velocity_sign)
+    step_code = contact_code
+    expand_motion(
+        constants, harmonics, segment, phase, contact_code, velocity_sign, x, v, series, ORDER
+    )
+    h = step_length(constants, series, remaining)
+    # A remaining phase below rounding is added to the step.
+    if remaining - h < 1e-13:
+        h = remaining
+    event_fraction, end_reason = 2.0, _NO_EVENT
+    if contact_code != COAST:
+        direction = 1.0 if contact_code == DRIVE else -1.0
+        event_fraction = first_crossing(
+            series, DISPLACEMENT, drive_line, direction, h, to_bernstein, work
+        )
+        end_reason = _DRIVE_FLANK
+    if contact_code != DRIVE and coast_line > -math.inf:
+        direction = 1.0 if contact_code == NO_CONTACT else -1.0
+        coast_fraction = first_crossing(
+            series, DISPLACEMENT, coast_line, direction, h, to_bernstein, work
+        )
+        if coast_fraction < event_fraction:
+            event_fraction, end_reason = coast_fraction, _COAST_FLANK
+    if constants[contact_code + 1, segment, D2] != 0.0:
+        turning_fraction = first_crossing(
+            series, VELOCITY, 0.0, velocity_sign, h, to_bernstein, work
+        )
+        if turning_fraction < event_fraction:
+            event_fraction, end_reason = turning_fraction, _TURNING_POINT
+    t = h if event_fraction > 1.0 else event_fraction * h
+    x, v = state_at(series, t)
+    if event_fraction > 1.0:
+        return t, step_code, contact_code, velocity_sign, x, v
+    if event_fraction < 0.0:
+        return -1.0, step_code, contact_code, velocity_sign, x, v
+    if end_reason == _TURNING_POINT:
+        return t, step_code, contact_code, -velocity_sign, x, 0.0
+    x = drive_line if end_reason == _DRIVE_FLANK else coast_line
+    if contact_code == NO_CONTACT:
+        contact_code = DRIVE if end_reason == _DRIVE_FLANK else COAST
+        v = max(v, 0.0) if end_reason == _DRIVE_FLANK else min(v, 0.0)
+    else:
+        v = min(v, 0.0) if contact_code == DRIVE else max(v, 0.0)
+        leaves_flank = v < 0.0 if contact_code == DRIVE else v > 0.0
+        if leaves_flank:
+            contact_code = NO_CONTACT if drive_line > coast_line else -contact_code
+    return t, step_code, contact_code, math.copysign(1.0, v), x, v
+
+
+@kernel
+def add_step_to_summary(
+    tuning, below_mean, to_bernstein, step, contact_code, series, work, summary
+):
+    """Add the extrema and contact times of a Taylor step to the summary of a motion.
+
+    `step` is the length of the step, `below_mean` tells whether the stiffness is below its mean.
+    `series` has the Taylor series of displacement and mesh force in its rows. `to_bernstein` is the
+    matrix from power to Bernstein coefficients, `work` is storage.
+    """
+    polynomial = series[SCALED]
+    _fill_scaled_polynomial(series, DISPLACEMENT, 0.0, 1.0, step)
+    orbit.add_polynomial_extrema(polynomial, to_bernstein, work, summary, orbit.X_MAX, orbit.X_MIN)
+    orbit.add_contact_time(contact_code, step, below_mean, summary)
+    if contact_code != NO_CONTACT:
+        _fill_scaled_polynomial(series, MESH_FORCE, 0.0, tuning * tuning, step)
+        integral = 0.0
+        for k in range(ORDER + 1):
+            integral += polynomial[k] * INVERSE_INTEGERS[k]
+        summary[orbit.FORCE_SUM] += step * integral
+        orbit.add_polynomial_extrema(
+            polynomial, to_bernstein, work, summary, orbit.FORCE_MAX, orbit.FORCE_MIN
+        )
+
+
+@kernel
+def add_samples(tuning, phase, step, contact_code, series, samples, sample):
+    """Fill the samples of a mesh period that lie in a Taylor step; return the next sample's index.
+
+    The step starts at a phase of the period, has the length `step` and the Taylor series `series`;
+    `sample` is the index of the first sample that is not filled yet.
+    """
+    force_scale = tuning * tuning
+    while sample < samples.shape[0]:
+        t = samples[sample, orbit.SAMPLE_PHASE] - phase
+        if t >= step:
+            break
+        samples[sample, orbit.SAMPLE_X], _ = horner(series[DISPLACEMENT], t)
+        samples[sample, orbit.SAMPLE_V], samples[sample, orbit.SAMPLE_A] = horner(
+            series[VELOCITY], t
+        )
+        samples[sample, orbit.SAMPLE_CONTACT] = contact_code
+        stiffness, _ = horner(series[STIFFNESS], t)
+        samples[sample, orbit.SAMPLE_STIFFNESS] = force_scale * stiffness
+        force = 0.0
+        if contact_code != NO_CONTACT:
+            force, _ = horner(series[MESH_FORCE], t)
+        samples[sample, orbit.SAMPLE_FORCE] = force_scale * force
+        sample += 1
+    return sample
+
+
+@inlined_kernel
+def samples_of_period(samples, recorded_period, record_periods, duration):
+    """Return the samples of one recorded mesh period, with their phases filled in.
+
+    `samples` has equally many samples for each recorded period; the period is given by its number
+    and its duration.
+    """
+    count = samples.shape[0] // max(record_periods, 1)
+    period_samples = samples[max(recorded_period, 0) * count : (recorded_period + 1) * count]
+    orbit.fill_sample_phases(period_samples, orbit.SAMPLE_PHASE, duration)
+    return period_samples
+
+
+@kernel
+def run_nonlinear(
+    mesh, to_bernstein, x, v, periods, recorded, samples, events, max_steps, summary, period_maps
+):
+    """Run the nonlinear mesh; arguments and first returns are those of `pair.pair_run.run`.
+
+    The period maps, shape (periods, 2, 2) or (0, 2, 2), get the derivatives of the state after each
+    period by the state before. Returns also the number of Taylor steps, a measure of cost.
+    """
+    orbit.clear_summary(summary)
+    constants, harmonics = tabulate_mesh(mesh)
+    series, work = np.zeros((ROWS, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
+    perturbation, max_stiffness = np.zeros((6, ORDER + 1)), stiffness_bound(mesh)
+    # Each access to a named tuple counts references, so the loop uses local names.
+    segment_bounds, below_mean, tuning = mesh.segment_bounds, mesh.below_mean, mesh.tuning
+    has_maps = period_maps.shape[0] > 0
+    strobe_count = min(periods, orbit.STROBE_PERIODS) if recorded else 0
+    strobes = np.empty((strobe_count + 1, 2))
+    rows, steps = 0, 0
+    contact_code = contact_between(mesh.drive_line, mesh.coast_line, x, v)
+    velocity_sign = math.copysign(1.0, v)
+    if not is_within_range(x, v):
+        return x, v, 0, events, 0, OVERFLOW, steps
+    for period in range(periods):
+        strobe = period - (periods - strobe_count)
+        if strobe >= 0:
+            strobes[strobe, 0], strobes[strobe, 1] = x, v
+        if has_maps:
+            set_identity(period_maps[period])
+        recorded_period = period - (periods - recorded)
+        sample_count, steps_before = 0, steps
+        period_samples = samples_of_period(samples, recorded_period, recorded, 2.0 * math.pi)
+        for segment in range(below_mean.shape[0]):
+            phase, end = segment_bounds[segment], segment_bounds[segment + 1]
+            while phase < end:
+                if steps - steps_before >= max_steps:
+                    return x, v, 0, events, 0, EVENT_LIMIT, steps
+                code_before, step_sign = contact_code, velocity_sign
+                starts_at_rest, remaining = v == 0.0, end - phase
+                if has_maps:
+                    row = constants[contact_code + 1, segment]
+                    max_step = max_perturbation_step(row, max_stiffness, contact_code, x, v)
+                    remaining = min(remaining, max_step)
+                h, step_code, contact_code, velocity_sign, x, v = take_step(
+                    constants,
+                    harmonics,
+                    to_bernstein,
+                    segment,
+                    phase,
+                    remaining,
+                    contact_code,
+                    velocity_sign,
+                    x,
+                    v,
+                    series,
+                    work,
+                )
+                steps += 1
+                if h < 0.0:
+                    return x, v, 0, events, 0, UNRESOLVED, steps
+                if has_maps:
+                    row, period_map = constants[step_code + 1, segment], period_maps[period]
+                    if starts_at_rest:
+                        step_sign = math.copysign(1.0, series[VELOCITY, 1])
+                    map_crossing(constants, segment, code_before, step_code, 0.0, period_map)
+                    map_step(row, step_code, step_sign, h, series, perturbation, period_map)
+                    map_crossing(constants, segment, step_code, contact_code, v, period_map)
+                if not is_within_range(x, v):
+                    return x, v, 0, events, 0, OVERFLOW, steps
+                if recorded_period >= 0:
+                    is_low = below_mean[segment]
+                    add_step_to_summary(
+                        tuning, is_low, to_bernstein, h, step_code, series, work, summary
+                    )
+                    if orbit.has_unresolved_extremum(summary):
+                        return x, v, 0, events, 0, UNRESOLVED, steps
+                    sample_count = add_samples(
+                        tuning, phase, h, step_code, series, period_samples, sample_count
+                    )
+                    if step_code != code_before:
+                        # The motion leaves a flank line from rest at the start of the step.
+                        events, rows = orbit.record_event(
+                            events, rows, period, phase, code_before, step_code, 0.0, summary
+                        )
+                    if contact_code != step_code:
+                        events, rows = orbit.record_event(
+                            events, rows, period, phase + h, step_code, contact_code, v, summary
+                        )
+                phase += h
+    strobes[strobe_count, 0], strobes[strobe_count, 1] = x, v
+    displacement_range = summary[orbit.X_MAX] - summary[orbit.X_MIN]
+    period = orbit.orbit_period(strobes, tuning, displacement_range)
+    return x, v, period, events, rows, OK, steps
+
 
 #: Truncation error of a step, in static deflections. It is as large as rounding.
 TOLERANCE = 1e-16

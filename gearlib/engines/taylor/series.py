@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
-from gearlib.engines.copies import copy
 from gearlib.engines.jit import inlined_kernel, kernel
-from gearlib.engines.pair.elementary import cos_sin
+from gearlib.engines.matrices import copy
+from gearlib.engines.pair.motion import cos_sin
 
 #: Degree of the series. The cost of a step grows with its square, the length of a step at most with
 #: its logarithm; between 16 and 24 the cost per phase hardly changes.

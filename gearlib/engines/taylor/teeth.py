@@ -37,6 +37,12 @@ from gearlib.engines.polynomial import WORK_ROWS, parabola_minimum
 from gearlib.engines.protocol import Base
 from gearlib.engines.taylor import propagator
 from gearlib.engines.taylor.perturbations import set_identity
+from gearlib.engines.taylor.propagator import (
+    add_samples,
+    add_step_to_summary,
+    first_crossing,
+    samples_of_period,
+)
 from gearlib.engines.taylor.series import (
     DISPLACEMENT,
     INVERSE_INTEGERS,
@@ -46,12 +52,6 @@ from gearlib.engines.taylor.series import (
     STIFFNESS,
     VELOCITY,
     state_at,
-)
-from gearlib.engines.taylor.taylor_run import (
-    add_samples,
-    add_step_to_summary,
-    first_crossing,
-    samples_of_period,
 )
 
 #: Columns of tables of laws factor x - offset: coefficients of the factor (a, p) by powers of the

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gearlib.engines.exponential import MAX_NORM
 from gearlib.engines.linear.train_system import TrainSystem
+from gearlib.engines.matrices import MAX_NORM
 from gearlib.models import single_mesh_system
 from gearlib.models.trains.waves import Segments
 

@@ -1,0 +1,81 @@
+"""Small matrices in kernels: copies of rows, exponentials, growth of a vector under maps.
+
+numba compiles ``target[:] = source`` with error messages that cost five seconds in every process
+that compiles anything, so that arrays are copied entry by entry. Exponentials by their power series
+are faster than those of a library.
+"""
+
+import math
+
+import numpy as np
+
+from gearlib.engines.jit import kernel, kernel_without_refcounts
+
+
+@kernel_without_refcounts
+def copy(source: np.ndarray, target: np.ndarray) -> None:
+    """Fill the array `target`, shape (n,), with the first n entries of the array `source`."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@kernel
+def enlarge_table(table: np.ndarray, row_count: int) -> np.ndarray:
+    """Return a table with more rows, `row_count`, that begins with all rows of `table`."""
+    larger_table = np.empty((row_count, table.shape[1]))
+    for i in range(table.shape[0]):
+        copy(table[i], larger_table[i])
+    return larger_table
+
+
+#: Degree of the series.
+_ORDER = 20
+#: Largest norm of the matrix times the time, for a remainder below 1.3^21 / 21! e^1.3 = 2e-17.
+MAX_NORM = 1.3
+
+
+@kernel
+def exponential(matrix: np.ndarray, time: float) -> np.ndarray:
+    """Return exp(matrix time) of a matrix, shape (n, n), whose norm times time is below MAX_NORM.
+
+    The power series is summed up to the degree _ORDER, where its terms are below rounding.
+    """
+    n = matrix.shape[0]
+    total, term = np.eye(n), np.eye(n)
+    for k in range(1, _ORDER + 1):
+        next_term = np.zeros((n, n))
+        for i in range(n):
+            for m in range(n):
+                if matrix[i, m] != 0.0:
+                    factor = matrix[i, m] * time / k
+                    for j in range(n):
+                        next_term[i, j] += factor * term[m, j]
+        term = next_term
+        total += term
+    return total
+
+
+@kernel
+def propagate_perturbation(maps, weights, perturbation, log_growths):
+    """Multiply a perturbation, (n,), in place by k period maps, (k, n, n), normalising after each.
+
+    The norm is the Euclidean norm of weights * perturbation, both of shape (n,). Fills
+    `log_growths`, shape (k,), with its logarithm after each map. Returns False if the perturbation
+    vanishes.
+    """
+    n = perturbation.shape[0]
+    image = np.empty(n)
+    for k in range(maps.shape[0]):
+        squared_norm = 0.0
+        for i in range(n):
+            image[i] = 0.0
+            for j in range(n):
+                image[i] += maps[k, i, j] * perturbation[j]
+            squared_norm += (weights[i] * image[i]) ** 2
+        norm = math.sqrt(squared_norm)
+        if not norm > 0.0:
+            return False
+        for i in range(n):
+            perturbation[i] = image[i] / norm
+        log_growths[k] = math.log(norm)
+    return True

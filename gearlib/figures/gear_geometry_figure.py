@@ -1,0 +1,183 @@
+"""Gears given by geometry: mesh stiffness, Harris maps, dynamic factor over the speed."""
+
+import math
+
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps
+
+from gearlib.figures import panels, style
+from gearlib.figures.plot_curves import WARM_STARTED_STYLES
+
+#: Methods that are drawn with their uncertainty; the others differ as much as the energy method.
+_METHODS_WITH_UNCERTAINTY = ("iso", "energy")
+#: Markers of the means by the four methods; room for the names of published values beside them.
+_MEAN_MARKERS, _TEXT_ROOM = "so^D", 3.6
+
+
+@style.styled()
+def draw_mesh_stiffness(stiffness: xr.Dataset):
+    """Return a figure of mesh stiffness over the mesh period, and of its mean, for each gear pair.
+
+    `stiffness` is a result of `gearlib.studies.gear_geometry.mesh_stiffness`. Bands are the stated
+    uncertainty, crosses published means.
+    """
+    data = stiffness.copy()
+    for name in ("mesh_stiffness", "mean_mesh_stiffness", "published_stiffness"):
+        data[name] = panels.in_unit(stiffness[name], 1e8, "$10^8$ N/m")
+    styles = panels.plot_options(data.stiffness_method)
+    count = data.sizes["pair"]
+    rows = -(-count // 2)
+    figure = style.page_figure(2.6 * rows + 0.5)
+    grid = figure.add_gridspec(rows, min(count, 2))
+    for i, name in enumerate(data.pair.values):
+        cell = grid[i // 2, i % 2].subgridspec(1, 2, width_ratios=(3.0, 1.0), wspace=0.0)
+        left, right = cell.subplots(sharey=True)
+        pair = data.sel(pair=name)
+        handles = _draw_stiffness(left, pair, styles)
+        _draw_means(right, pair, styles)
+        left.set_title(name, loc="left")
+        # The upper limit leaves room for markers and error bars.
+        low, high = left.get_ylim()
+        left.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
+    style.legend(figure, handles, columns=4, fontsize=6.5)
+    return figure
+
+
+def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
+    """Draw stiffness over the mesh period, a curve per method in `styles`; return handles."""
+    for method in _METHODS_WITH_UNCERTAINTY:
+        curve = pair.sel(stiffness_method=method)
+        low = curve.mesh_stiffness * (1 - curve.method_uncertainty)
+        high = curve.mesh_stiffness * (1 + curve.method_uncertainty)
+        options = {"color": styles[method]["color"], "alpha": 0.12, "linewidth": 0}
+        axes.fill_between(curve.stiffness_phase, low, high, **options)
+    curve_options = {"colour": "stiffness_method", "styles": styles}
+    handles = panels.draw_curves(axes, pair, "stiffness_phase", "mesh_stiffness", **curve_options)
+    axes.set_xlim(-math.pi, math.pi)
+    axes.set_xticks([-math.pi, 0.0, math.pi], ["$-\\pi$", "0", "$\\pi$"])
+    return handles
+
+
+def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
+    """Draw the mean stiffness of a pair by the four methods in `styles`, and published means."""
+    methods = zip(styles.items(), _MEAN_MARKERS, strict=True)
+    for x, ((method, options), marker) in enumerate(methods):
+        of_method = pair.sel(stiffness_method=method)
+        mean, error = float(of_method.mean_mesh_stiffness), 0.0
+        if method in _METHODS_WITH_UNCERTAINTY:
+            error = mean * float(of_method.method_uncertainty)
+        bar_options = {"color": options["color"], "markersize": 4, "capsize": 2, "lw": 0.8}
+        axes.errorbar(x, mean, error, marker=marker, **bar_options)
+    published = pair.isel(published=pair.published_pair.values == pair.pair.item())
+    x = len(styles)
+    for source in published.published.values:
+        value = float(published.published_stiffness.sel(published=source))
+        axes.plot(x, value, "x", color="black", markersize=4)
+        style.annotate(axes, source, (x, value), (4, 0), fontsize=5.5)
+    axes.set(xlim=(-0.8, x + (_TEXT_ROOM if published.published.size else 0.0)), xlabel="means")
+    axes.set_xticks([])
+    axes.tick_params(labelleft=False)
+
+
+ERROR_LABEL = "static transmission error (µm)"
+
+
+@style.styled()
+def draw_harris_maps(data: xr.Dataset):
+    """Return a figure of the transmission error at all loads for each tip relief.
+
+    Below are its peak-to-peak value and the contact ratio. `data` is a result of
+    `gearlib.studies.gear_geometry.harris_map`; the line of the design load is thick.
+    """
+    figure = style.page_figure(height=5.2)
+    above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
+    maps = above.subplots(1, data.sizes["relief"], sharey=True, squeeze=False)[0]
+    load = (data.torque / data.design_torque).drop_attrs()
+    load.attrs["long_name"] = "torque over design torque"
+    for axes, name in zip(maps, data.relief.values, strict=True):
+        relief = data.sel(relief=name)
+        draw_errors(axes, relief, load.values)
+        amounts = " and ".join(f"{1e6 * amount:.3g}" for amount in relief.relief_amount.values)
+        title = panels.value_label(relief.relief)
+        axes.set_title(f"{title}\n{amounts} µm" if relief.relief_amount.any() else title)
+    maps[0].set_ylabel(ERROR_LABEL)
+    peak_to_peak = panels.in_unit(data.peak_to_peak_error, 1e-6, "µm")
+    ranges = data.assign(peak_to_peak_error=peak_to_peak).assign_coords(torque=load)
+    # No teeth are in contact without a load.
+    ranges["effective_contact_ratio"] = ranges.effective_contact_ratio.where(ranges.torque > 0.0)
+    names = "peak_to_peak_error", "effective_contact_ratio"
+    for axes, name in zip(below.subplots(1, 2), names, strict=True):
+        options = {"colour": "relief", "marker": "o", "markersize": 3.0}
+        entries = panels.draw_curves(axes, ranges, "torque", name, **options)
+        axes.axvline(1.0, color="black", linewidth=0.5, linestyle=(0, (1, 2)))
+    style.legend(figure, entries, columns=3)
+    return figure
+
+
+def draw_errors(axes, data: xr.Dataset, loads: np.ndarray, design_load=1.0):
+    """Draw the transmission error of a dataset over two mesh periods, a line for each of its loads.
+
+    `loads` label the lines; that of `design_load` is thick.
+    """
+    periods = data.phase.values / (2.0 * math.pi)
+    # The lightest colours are hard to see on white. The lower bound avoids a division by zero.
+    colours = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))
+    lines = zip(
+        loads, style.number_texts(loads), colours, data.transmission_error.values, strict=True
+    )
+    for load, text, colour, error in lines:
+        width = 2.0 if math.isclose(load, design_load) else 0.9
+        # The period begins within double contact, which only two periods show as a whole.
+        x = np.concatenate([periods, periods + periods[-1] + periods[1]])
+        axes.plot(x, 1e6 * np.tile(error, 2), color=colour, linewidth=width)
+        options = {"coords": ("axes fraction", "data"), "fontsize": 5.5}
+        style.annotate(axes, text, (1.0, 1e6 * error[0]), (2, 0), **options)
+    axes.set(xlabel="mesh periods", xlim=(0.0, 2.0))
+
+
+_LABELS = {"up": "running up", "down": "running down"}
+_ISO_COLOUR, _OPERATING_COLOUR = "#8C8C8C", "#D55E00"
+
+
+@style.styled()
+def draw_dynamic_factor(curves: xr.Dataset):
+    """Return a figure of dynamic factor and transmission error over the speed of the pinion.
+
+    `curves` is a result of `gearlib.studies.teeth_over_speed.over_speed`. Jumps are dotted lines
+    with an arrow; the operating speed is a broken line.
+    """
+    figure = style.page_figure(height=4.6)
+    above, below = figure.subplots(2, 1, sharex=True)
+    speed = curves.speed.values
+    curve_styles = style.curve_styles([str(name) for name in curves.direction.values])
+    error = panels.in_unit(curves.error_peak_to_peak, 1e-6, "µm")
+    handles = []
+    for name, curve_style in curve_styles.items():
+        line, _ = WARM_STARTED_STYLES[name]
+        options = {"color": curve_style.colour, "linestyle": line}
+        (handle,) = above.plot(
+            speed, curves.dynamic_factor.sel(direction=name), label=_LABELS[name], **options
+        )
+        handles.append(handle)
+        below.plot(speed, error.sel(direction=name), **options)
+    if "iso_dynamic_factor" in curves:
+        options = {"color": _ISO_COLOUR, "linestyle": ":", "label": "ISO 6336-1, method B"}
+        handles += above.plot(speed, curves.iso_dynamic_factor, **options)
+    if curves.operating_speed.notnull():
+        options = {"color": _OPERATING_COLOUR, "linestyle": "--", "linewidth": 0.8}
+        for axes in (above, below):
+            line = axes.axvline(float(curves.operating_speed), label="operating speed", **options)
+        handles.append(line)
+    for name, curve_style in curve_styles.items():
+        for jump in curves[f"jump_{name}_speed"].dropna("hysteresis").values:
+            above.axvline(jump, color=curve_style.colour, linestyle=":", linewidth=0.8)
+            text = f"{'↑' if name == 'up' else '↓'} {jump:.0f}"
+            style.annotate(above, text, (jump, 0.93), (2, 0), coords=("data", "axes fraction"))
+    above.set_ylim(bottom=0.0)
+    below.set_ylim(bottom=0.0)
+    above.set_xlim(style.limits(speed, margin=0.0))
+    above.set_ylabel("dynamic factor $K_v$")
+    below.set(xlabel=panels.axis_label(curves.speed), ylabel=panels.axis_label(error, width=30))
+    style.legend(figure, handles, columns=4)
+    return figure

@@ -1,0 +1,278 @@
+"""Methods compared: work and precision, verdicts on difficult problems, numerical stability.
+
+In figures of work and precision, a panel per problem, colour and line style show the family of a
+method, the marker the method itself. Grey areas are out of reach: errors below the rounding error
+of the reference (for a multiplier, divided by the width of its finite differences), and times below
+that of one evaluation of the solution within contact.
+"""
+
+import re
+from itertools import cycle
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from gearlib.figures import panels, style
+
+_PANEL_HEIGHT, _LEGEND_HEIGHT = 2.15, 1.25
+_GREY_AREA = {"color": style.AREA_COLOURS["no contact"], "linewidth": 0, "zorder": 0}
+
+#: Problem -> title of its panel.
+PROBLEMS = {
+    "smooth": "damped, $\\nu_s$ = 0.7",
+    "bouncing": "damped, $\\nu_s$ = 0.9",
+    "near_fold": "damped in contact, $\\nu_s$ = 0.815",
+    "conservative": "conservative, $\\nu_s$ = 0.9",
+    "six_degrees": "six degrees of freedom, $\\nu_s$ = 0.82",
+    "cubic": "cubic damping, $\\nu_s$ = 0.9",
+    "reducer": "gear train of six meshes, $\\nu_s$ = 0.9",
+}
+#: Family of methods -> (label, colour, dashes).
+_FAMILIES = {
+    "located": ("events located", "#0072B2", "-"),
+    "controlled": ("step control only", "#D55E00", (0, (5, 1.5))),
+    "fixed": ("fixed steps", "#E69F00", (0, (1.5, 1.2))),
+    "smoothed": ("smoothed contact", "#CC79A7", (0, (6, 1.5, 1.5, 1.5))),
+    "other": ("other packages", "#4D4D4D", (0, (3, 1))),
+}
+_MARKERS = "osD^vPX<>hp"
+#: Positions of zeros on logarithmic axes, relative to the lower limit.
+_ZERO_COST_POSITION, _ZERO_ERROR_POSITION = 1.4, 1.5
+_LINE_OPTIONS = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5}
+_LINE_OPTIONS["markeredgecolor"] = "white"
+
+
+@style.styled()
+def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> dict[str, Figure]:
+    """Return figures of errors over evaluations of the right-hand side and over wall time.
+
+    `errors` and `times` are results of the functions of `gearlib.studies.trials.work_precision` of
+    the same name, one for each method. The figures "work_precision_evaluations" and "_time" have
+    errors of the final state, "_measures" those of event phases and Floquet multipliers. Methods
+    without evaluations are at the left edge; times below that of one evaluation of the solution in
+    closed form, which holds during contact, are grey.
+    """
+    data = _concatenate(errors).assign(period_time=_concatenate(times).period_time)
+    states = _panels_with_errors(data, "state")
+    measures = _panels_with_errors(data, "event") + _panels_with_errors(data, "multiplier")
+    evaluations = "period_evaluations"
+    figures = {
+        "evaluations": _draw_panels(data, evaluations, states, "rounding of the state"),
+        "measures": _draw_panels(data, evaluations, measures, "rounding"),
+        "time": _draw_panels(data, "period_time", states, "rounding; less than one closed form"),
+    }
+    # The shortest of the measured times is the least disturbed one.
+    closed_form_time = min(float(method.closed_form_time) for method in times)
+    for axes in figures["time"].axes:
+        axes.set_xlim(left=0.3 * closed_form_time)
+        axes.axvspan(0.3 * closed_form_time, closed_form_time, **_GREY_AREA)
+    return {f"work_precision_{name}": figure for name, figure in figures.items()}
+
+
+def _concatenate(datasets: list[xr.Dataset]) -> xr.Dataset:
+    """Return one dataset of all methods, concatenated along the dimension of accuracy levels."""
+    return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
+
+
+def _panels_with_errors(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
+    """Return (problem, kind) for each problem with errors of a kind: state, event, multiplier."""
+    has_errors = data[f"{kind}_error"].notnull().any("rung")
+    return [(problem, kind) for problem in data.problem.values[has_errors.values]]
+
+
+def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_label: str):
+    """Return a figure of errors over the variable `cost`, a panel for each of `panel_errors`.
+
+    These are (problem, kind of error); `grey_label` is the legend label of the grey areas.
+    """
+    rows = -(-len(panel_errors) // 2)
+    figure = style.page_figure(_LEGEND_HEIGHT + _PANEL_HEIGHT * rows)
+    styles = _line_styles(data)
+    edge = "\n(left edge: none)" if cost == "period_evaluations" else ""
+    for i, (problem, kind) in enumerate(panel_errors):
+        axes = figure.add_subplot(rows, 2, i + 1)
+        error, rounding_error = data[f"{kind}_error"], data[f"{kind}_floor"]
+        axes.set(xscale="log", yscale="log", title=PROBLEMS.get(problem, problem))
+        axes.set_xlim(*_log_limits(data[cost].sel(problem=problem), factor=0.25))
+        axes.set_ylim(*_log_limits(error, rounding_error, factor=0.1))
+        if i % 2 == 0 or panel_errors[i - 1][1] != kind:
+            axes.set_ylabel(panels.axis_label(error, width=30))
+        if i >= len(panel_errors) - 2:
+            axes.set_xlabel(panels.axis_label(data[cost]) + edge)
+        _draw_errors(axes, data.sel(problem=problem), cost, kind, styles)
+    families = [_FAMILIES[name] for name in _FAMILIES if name in data.family]
+    handles = panels.legend_entries(styles) + [style.legend_entry(*family) for family in families]
+    style.legend(figure, [*handles, Patch(label=grey_label, **_GREY_AREA)], columns=4, fontsize=6.5)
+    return figure
+
+
+def _line_styles(data: xr.Dataset) -> dict[str, dict]:
+    """Return the options of `Axes.plot` for each method, in a dict sorted by family of methods.
+
+    The variable `line` of `data` has the label of the method at each level of accuracy.
+    """
+    families = dict(zip(data.line.values, data.family.values, strict=True))
+    methods = sorted(families, key=lambda method: list(_FAMILIES).index(families[method]))
+    styles = {}
+    for method, marker in zip(methods, cycle(_MARKERS), strict=False):
+        _, colour, dashes = _FAMILIES[families[method]]
+        styles[method] = {"color": colour, "linestyle": dashes, "marker": marker, "label": method}
+    return {method: options | _LINE_OPTIONS for method, options in styles.items()}
+
+
+def _log_limits(*arrays: xr.DataArray, factor: float) -> tuple[float, float]:
+    """Return log-axis limits: `factor` times the smallest positive value, 2.5 times the largest."""
+    values = np.concatenate([array.values.ravel() for array in arrays])
+    positive = values[values > 0.0]
+    return (factor * positive.min(), 2.5 * positive.max()) if positive.size else (0.1, 10.0)
+
+
+def _draw_errors(axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str, dict]):
+    """Draw errors of all methods over the variable `cost`; zeros lie near the edges of the panel.
+
+    `kind` is that of the error: state, event or multiplier; errors below the rounding error of the
+    reference (the suffix "_floor") are grey. `styles` has plot options by method, and the variable
+    `line` of `data` the label of the method of each entry.
+    """
+    left, bottom = axes.get_xlim()[0], axes.get_ylim()[0]
+    costs, errors = data[cost], data[f"{kind}_error"]
+    x = costs.where(costs != 0.0, _ZERO_COST_POSITION * left)
+    y = errors.where(errors != 0.0, _ZERO_ERROR_POSITION * bottom)
+    for method, options in styles.items():
+        mask = data.line.values == method
+        axes.plot(x[mask], y[mask], clip_on=False, **options)
+    axes.axhspan(bottom, np.nan_to_num(data[f"{kind}_floor"], nan=bottom), **_GREY_AREA)
+
+
+_ROW_HEIGHT, _MARGINS = 0.29, 1.6
+#: Verdict -> (letter, colour, label). The colours are light enough for black letters.
+_VERDICT_STYLES = {
+    "right": ("r", "#E6F2EC", "right"),
+    "inaccurate": ("i", "#F6DF9E", "inaccurate"),
+    "missed_event": ("m", "#F0A860", "missed event"),
+    "wrong_attractor": ("w", "#8CC3E8", "wrong attractor"),
+    "invented_motion": ("n", "#D9A3C6", "invented motion"),
+    "diverged": ("d", "#E07B5A", "diverged"),
+    "stalled": ("s", "#A9A9A9", "stalled"),
+    "refused": ("–", "#FFFFFF", "does not take the model"),
+}
+
+
+@style.styled()
+def draw_failures(matrix: xr.Dataset):
+    """Return a figure of verdicts, a row for each problem and a column for each method.
+
+    `matrix` is a result of `gearlib.data.gathering.gather_failures`: its dimension "trial" is over
+    methods, its variable `words` has the descriptions of the problems, and `error` the measured
+    errors. A star marks a run over fewer mesh periods than the others of its row.
+    """
+    verdicts = [_VERDICT_STYLES[name] for name in matrix.verdict.attrs["flag_meanings"].split()]
+    periods = matrix.periods.values
+    shortened = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
+    rows, columns = matrix.verdict.shape
+    figure = style.page_figure(_MARGINS + _ROW_HEIGHT * rows)
+    axes = figure.subplots()
+    codes, colours = matrix.verdict.values, [colour for _, colour, _ in verdicts]
+    style.draw_code_map(axes, range(columns), range(rows), codes, colours)
+    for i, j in np.ndindex(rows, columns):
+        letter = verdicts[codes[i, j]][0] + "*" * int(shortened[i, j])
+        options = {"anchor": "center center", "fontsize": 6}
+        style.annotate(axes, letter, (j, i + 0.22), weight="bold", **options)
+        style.annotate(axes, _error_text(float(matrix.error[i, j])), (j, i - 0.22), **options)
+    axes.set_xticks(range(columns), matrix.trial.values, rotation=60, ha="left", fontsize=7)
+    axes.xaxis.tick_top()
+    axes.set_yticks(range(rows), matrix.words.values, fontsize=7)
+    axes.set_xticks(np.arange(columns + 1) - 0.5, minor=True)
+    axes.set_yticks(np.arange(rows + 1) - 0.5, minor=True)
+    axes.grid(which="minor", color="white", linewidth=0.8)
+    axes.tick_params(which="both", length=0)
+    axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
+    edge = {"edgecolor": "#4D4D4D", "linewidth": 0.4}
+    patches = [
+        Patch(facecolor=colour, label=f"{letter}: {label}", **edge)
+        for letter, colour, label in verdicts
+    ]
+    if shortened.any():
+        patches.append(Patch(alpha=0.0, label="*: fewer periods"))
+    style.legend(figure, patches, columns=5)
+    return figure
+
+
+def _error_text(error: float) -> str:
+    """Return an error as text such as "3e-5", one digit and a short exponent; "" if not finite."""
+    if not np.isfinite(error):
+        return ""
+    if error < 10.0 and error == round(error):
+        return f"{error:.0f}"
+    return re.sub(r"e\+?(-?)0*(\d)", r"e\1\2", f"{error:.0e}")
+
+
+#: Heights of a map, of the panel below the maps, and of this panel with the legend, inches.
+_MAP_HEIGHT, _RADIUS_HEIGHT, _LOWER_HEIGHT = 2.3, 1.4, 2.2
+#: A spectral radius counts as right if it differs from the exact one by at most this.
+RADIUS_TOLERANCE = 0.01
+#: Limit of explicit Runge-Kutta steps on the imaginary axis.
+_RK4_LIMIT = 2.0 * np.sqrt(2.0)
+
+#: Text and colour of each verdict, in the order of the codes below.
+VERDICTS = (
+    ("invents motion", "#D55E00"),
+    ("grows too fast", "#E69F00"),
+    ("right within 1 % per period", "#FFFFFF"),
+    ("damps falsely", "#56B4E9"),
+    ("hides the instability", "#0072B2"),
+)
+#: Codes of the verdicts; unstable motion of a stable system is spurious.
+_SPURIOUS_INSTABILITY, _EXCESS_GROWTH, _RIGHT, _EXCESS_DAMPING, _MISSED_INSTABILITY = range(5)
+
+
+def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
+    """Return the code of a verdict, an index in `VERDICTS`, for each spectral radius of a method.
+
+    The spectral `radius` over a mesh period has the shape (steps, tunings), the exact one,
+    `true_radius`, the shape (tunings,). Above 1 the motion is unstable.
+    """
+    is_stable = true_radius <= 1.0 + 1e-9
+    is_too_large = radius > true_radius + RADIUS_TOLERANCE
+    conditions = {
+        _MISSED_INSTABILITY: (radius <= 1.0) & (true_radius > 1.0 + RADIUS_TOLERANCE),
+        _EXCESS_DAMPING: radius < true_radius - RADIUS_TOLERANCE,
+        _SPURIOUS_INSTABILITY: is_too_large & is_stable & (radius > 1.0 + RADIUS_TOLERANCE),
+        _EXCESS_GROWTH: is_too_large,
+    }
+    # The first true condition counts.
+    return np.select([*conditions.values()], [*conditions], default=_RIGHT)
+
+
+@style.styled()
+def draw_stability(chart: xr.Dataset):
+    """Return a figure of a map of verdicts for each method, and the true spectral radius below.
+
+    `chart` is a result of `gearlib.studies.trials.stability_of_methods.compute`. The dashed line is
+    the stability limit of explicit Runge-Kutta steps at the maximum stiffness.
+    """
+    rows = -(-chart.sizes["method"] // 2)
+    figure = style.page_figure(_MAP_HEIGHT * rows + _LOWER_HEIGHT)
+    grid = figure.add_gridspec(rows + 1, 2, height_ratios=[_MAP_HEIGHT] * rows + [_RADIUS_HEIGHT])
+    tuning, steps = chart.tuning.values, chart.steps.values
+    true_radius = np.interp(tuning, chart.fine_tuning, chart.true_radius)
+    for i, name in enumerate(chart.method.values):
+        axes = figure.add_subplot(grid[i // 2, i % 2])
+        codes = verdicts(chart.radius.values[i], true_radius)
+        style.draw_code_map(axes, tuning, steps, codes, [colour for _, colour in VERDICTS])
+        axes.set(yscale="log", title=name)
+        axes.set_ylabel(panels.axis_label(chart.steps) if i % 2 == 0 else "")
+        # Only the classical Runge-Kutta method, with or without additions, has this limit.
+        if name.startswith("rk4"):
+            limit = 2.0 * np.pi * np.sqrt(float(chart.stiffness_max)) / tuning / _RK4_LIMIT
+            limit[(limit < steps[0]) | (limit > steps[-1])] = np.nan
+            axes.plot(tuning, limit, color="black", linestyle="--", linewidth=0.8)
+    below = figure.add_subplot(grid[rows, :])
+    panels.draw_curves(below, chart, "fine_tuning", "true_radius", color="black", linewidth=0.8)
+    below.set(xlabel=panels.axis_label(chart.tuning), ylabel="true radius")
+    below.set_xlim(tuning[0], tuning[-1])
+    handles = [Patch(facecolor=colour, edgecolor="grey", label=name) for name, colour in VERDICTS]
+    style.legend(figure, handles, columns=3)
+    return figure

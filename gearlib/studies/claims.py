@@ -1,0 +1,540 @@
+"""The paper's statements, checked against computed data.
+
+Every verdict follows from numbers by a stated rule, with the accuracy of the paper's plots. If a
+strict criterion gives another answer, the verdict names both. A statement without data in the
+configuration is "not evaluated". Statements P1 ... P13 are those of Hortel & Skuderova (2007).
+
+A rule gets the `Data` of a configuration and returns whether its statement holds, and a description
+of the computed numbers. If the strict criterion gives another answer, that an orbit must repeat
+after whole mesh periods to within 1e-6 of its height, a rule returns a third item that describes
+it.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from gearlib.data.files import replacing
+from gearlib.data.motions import LINE_WIDTH, describe_settling, period_spread, true_intervals
+from gearlib.studies.certificates import FIG6_TUNINGS
+
+#: Displacements down to this much below zero count as contact. It is far above rounding errors,
+#: 1e-14, and far below the width of a plotted line: undamped motions touch y = 0 in every period.
+CONTACT_TOLERANCE = 1e-6
+#: Resolution in tuning of the plot from which the paper reads nu = 0.8 and 1.12.
+PLOT_RESOLUTION = 0.01
+
+
+class NoData(Exception):
+    """The configuration has no data for a statement; the message says which are missing."""
+
+
+class Data:
+    """The computed data of one configuration; methods select those that a statement needs."""
+
+    def __init__(self, pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> None:
+        """Take a `GearPair`, dampings by name, and datasets; `evaluate` has details.
+
+        `jump` has the jump of the motion from rest, `scenes` maps names to sets of simulated cases.
+        """
+        self.phase_lag, self.jump, self.scenes = phase_lag, jump, scenes
+        self.pair, self.resonance, self.phase_planes = pair, resonance, phase_planes
+        #: Name of a damping -> whether it has material damping, and backlash damping.
+        self.dampings = {
+            name: (values["material_damping"] > 0.0, values["backlash_damping"] > 0.0)
+            for name, values in dampings.items()
+        }
+
+    def damping_names(self, material=None, backlash=None) -> list[str]:
+        """Return the names of dampings with or without (None: either) both kinds of damping."""
+        damping_names = [
+            name
+            for name, (has_material, has_backlash) in self.dampings.items()
+            if material in (None, has_material) and backlash in (None, has_backlash)
+        ]
+        if not damping_names:
+            raise NoData("no such damping combination is configured")
+        return damping_names
+
+    def curve(self, damping: str, lowest: float, highest: float) -> xr.Dataset:
+        """Return the response curve from zero initial states, from tuning `lowest` to `highest`."""
+        if "cold" not in self.resonance.direction.values:
+            raise NoData("no cold resonance characteristic is configured")
+        tuning = self.resonance.tuning.values
+        # Tunings are decimals and may differ from the limits by rounding errors.
+        tolerance = 1e-9
+        selected = (tuning >= lowest - tolerance) & (tuning <= highest + tolerance)
+        starts_late = tuning[0] > lowest + PLOT_RESOLUTION
+        ends_early = tuning[-1] < highest - PLOT_RESOLUTION
+        if not selected.any() or starts_late or ends_early:
+            raise NoData(f"the configured tunings do not cover {lowest:g} ... {highest:g}")
+        curve = self.resonance.sel(damping=damping, direction="cold").isel(tuning=selected)
+        if (curve.status != 0).any():
+            raise NoData(f"some runs of {damping} stopped early")
+        return curve
+
+    def scene(self, figure: str, cases: int | None = None) -> xr.Dataset:
+        """Return the simulated cases that reproduce a figure of the paper, such as "fig4".
+
+        A scene is a dataset of time histories and summaries along the dimension "case"; the first
+        one whose name begins with `figure` is used. Raise NoData if there is none, or if its number
+        of cases is not `cases` (None: any number).
+        """
+        scenes = [scene for name, scene in sorted(self.scenes.items()) if name.startswith(figure)]
+        if not scenes or cases not in (None, scenes[0].sizes["case"]):
+            raise NoData(f"no scene {figure}{f' of {cases} cases' if cases else ''} is configured")
+        if (scenes[0].status != 0).any():
+            raise NoData("some of the runs stopped early")
+        return scenes[0]
+
+    def planes(self, damping: str, tunings: Sequence[float]) -> xr.Dataset:
+        """Return the phase portraits of one damping at some tunings."""
+        configured = self.phase_planes.tuning.values
+        for tuning in tunings:
+            if not np.isclose(configured, tuning, rtol=0.0, atol=1e-9).any():
+                raise NoData(f"no phase plane at nu = {tuning:g} is configured")
+        planes = self.phase_planes.sel(damping=damping)
+        planes = planes.sel(tuning=list(tunings), method="nearest")
+        if (planes.status != 0).any():
+            raise NoData("some of the runs stopped early")
+        return planes
+
+
+#: The statements in order: id, text, place in the paper, figure of the workflow, and the rule.
+CHECKS: list[tuple] = []
+
+
+def _statement(identifier: str, text: str, place: str, figure: str = "") -> Callable:
+    """Return a decorator that adds a rule to `CHECKS`; by default the figure is the place."""
+
+    def add(rule: Callable) -> Callable:
+        CHECKS.append((identifier, text, place, figure or place, rule))
+        return rule
+
+    return add
+
+
+@_statement(
+    "P1",
+    "nu = 0.815: nu_max 0.7391, nu_min 0.9639; nu = 0.8151: 0.7392, 0.9640",
+    "text to Fig. 6",
+    figure="Fig. 3",
+)
+def printed_tunings(data: Data) -> tuple[bool, str]:
+    """Judge statement P1: the printed tunings referred to the largest and smallest stiffness."""
+    # Tuning nu -> nu_max, nu_min: the natural frequency is that at the extreme stiffness.
+    printed = {0.815: (0.7391, 0.9639), 0.8151: (0.7392, 0.9640)}
+    computed = {nu: (data.pair.tuning_max(nu), data.pair.tuning_min(nu)) for nu in printed}
+    # Half a unit of the four printed decimals, with a margin for rounding errors.
+    tolerance = 0.5001e-4
+    differences = np.subtract([*printed.values()], [*computed.values()])
+    holds = bool((np.abs(differences) <= tolerance).all())
+    texts = [f"{nu:g}: {nu_max:.5f}, {nu_min:.5f}" for nu, (nu_max, nu_min) in computed.items()]
+    return holds, "; ".join(texts)
+
+
+@_statement(
+    "P2", "k1 = 3.95, 4, 0.04 N s/mm: beta 0.062, 0.0624, 0.000624", "text, Fig. 2", figure="Fig. 3"
+)
+def printed_damping_ratios(data: Data) -> tuple[bool, str]:
+    """Judge statement P2: the printed damping ratios of three material dampings."""
+    # Damping in N s/m -> printed ratio, and half a unit of its last digit.
+    printed = {3950.0: (0.062, 0.5e-3), 4000.0: (0.0624, 0.5e-4), 40.0: (0.000624, 0.5e-6)}
+    computed = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
+    holds = all(abs(computed[k] - ratio) <= tolerance for k, (ratio, tolerance) in printed.items())
+    return holds, "; ".join(f"{k:g} N s/m: {ratio:.6g}" for k, ratio in computed.items())
+
+
+#: Smaller phase shifts, degrees, are within the line width of a printed time history.
+VISIBLE_SHIFT = 1.0
+
+
+@_statement("P3", "the size of k1 shifts the phase of y(t) against C(t)", "Fig. 2")
+def phase_shift(data: Data) -> tuple[bool, str]:
+    """Judge statement P3: the material damping visibly shifts the phase of the motion."""
+    lag = data.phase_lag.lag.isel(harmonic=0)
+    if lag.size < 2 or lag.isnull().any():
+        raise NoData("fewer than two dampings have an orbit of one mesh period")
+    pairs = zip(lag.damping.values, lag.values, strict=True)
+    text = ", ".join(f"k1 = {damping:g} N s/m: {degrees:.3f}" for damping, degrees in pairs)
+    tuning, shift = float(data.phase_lag.shown_tuning), float(lag.max() - lag.min())
+    return shift > VISIBLE_SHIFT, f"lag of the first harmonic at nu = {tuning:g}, degrees: {text}"
+
+
+#: Centre and half width of the paper's "small region" of tunings; it states only "near 0.66".
+_SMALL_REGION_CENTRE, _SMALL_REGION_HALF_WIDTH = 0.66, 0.02
+
+
+def interval_text(tuning: np.ndarray, condition: np.ndarray) -> str:
+    """Return the intervals of tuning in which a condition holds, as text."""
+    texts = []
+    for first, last in true_intervals(condition):
+        lower, upper = tuning[first], tuning[last]
+        texts.append(f"{lower:.4g}" if lower == upper else f"{lower:.4g} ... {upper:.4g}")
+    return ", ".join(texts) or "none"
+
+
+def loses_contact(curve: xr.Dataset) -> np.ndarray:
+    """Return whether contact is lost at each tuning of a sweep or of phase portraits."""
+    return curve.displacement_min.values < -CONTACT_TOLERANCE
+
+
+@_statement(
+    "P4", "conservative: normal mesh for 0.6 <= nu < 0.8 except a small region near 0.66", "Fig. 3"
+)
+def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
+    """Judge statement P4: undamped contact is lost below a tuning of 0.8 only near 0.66."""
+    undamped = data.damping_names(material=False, backlash=False)[0]
+    curve = data.curve(undamped, lowest=0.6, highest=0.8 - PLOT_RESOLUTION)
+    is_lost = loses_contact(curve)
+    tuning = curve.tuning.values
+    in_region = abs(tuning - _SMALL_REGION_CENTRE) <= _SMALL_REGION_HALF_WIDTH
+    holds = bool(is_lost[in_region].any() and not is_lost[~in_region].any())
+    # The range ends before 0.8, because the next statement judges where bounces begin.
+    intervals = interval_text(tuning, is_lost)
+    return holds, f"below {0.8 - PLOT_RESOLUTION:g}: contact lost at {intervals}"
+
+
+def fraction_text(fraction: float) -> str:
+    """Return a fraction of chaotic motions as "all", "most", "some" or "none".
+
+    Its exact value depends on rounding errors.
+    """
+    if fraction in (0.0, 1.0):
+        return "all" if fraction else "none"
+    return "most" if fraction > 0.5 else "some"
+
+
+@_statement(
+    "P5",
+    "conservative: contact bounces begin at nu = 0.8; above, bounces and inverse mesh, chaotic",
+    "Fig. 3",
+)
+def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
+    """Judge statement P5: without damping, motions above a tuning of 0.8 bounce chaotically."""
+    curve = data.curve(data.damping_names(material=False, backlash=False)[0], 0.7, 1.12)
+    tuning = curve.tuning.values
+    is_lost = loses_contact(curve)
+    first = tuning[is_lost][0] if is_lost.any() else np.nan
+    above = tuning >= first
+    fractions = {
+        "contact lost": is_lost[above].mean(),
+        "inverse mesh": (curve.fraction_coast.values[above] > 0).mean(),
+        "unsteady": (curve.period.values[above] == 0).mean(),
+    }
+    # Every tuning must have bounces, most of them coast-side contact and chaotic motion.
+    holds = abs(first - 0.8) <= PLOT_RESOLUTION and fractions["contact lost"] == 1.0
+    holds &= fractions["inverse mesh"] > 0.5 and fractions["unsteady"] > 0.5
+    text = ", ".join(f"{name}: {fraction_text(value)}" for name, value in fractions.items())
+    return bool(holds), f"bounces begin at {first:.4g}; of the tunings from there to 1.12: {text}"
+
+
+@_statement(
+    "P6",
+    "k1 > 0: normal mesh on 0.6 ... 0.8, bounces on 0.8 ... 1.12 without inverse mesh, normal "
+    "mesh again above",
+    "Fig. 3",
+)
+def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
+    """Judge statement P6: material damping limits contact loss to tunings from 0.8 to 1.12."""
+    highest = data.resonance.tuning.values[-1]
+    holds, texts = True, []
+    for name in data.damping_names(material=True):
+        curve = data.curve(name, 0.6, max(highest, 1.12 + 2 * PLOT_RESOLUTION))
+        tuning = curve.tuning.values
+        is_lost = loses_contact(curve)
+        inverse = bool((curve.fraction_coast.values > 0).any())
+        limits = tuning[is_lost][[0, -1]] if is_lost.any() else np.full(2, np.nan)
+        holds &= (np.abs(limits - (0.8, 1.12)) <= 2 * PLOT_RESOLUTION).all()
+        holds &= not inverse
+        text = f"{name}: {interval_text(tuning, is_lost)}, inverse mesh "
+        texts.append(text + ("yes" if inverse else "no"))
+    return bool(holds), "contact lost at " + "; ".join(texts)
+
+
+@_statement(
+    "P7",
+    "k1 = 0, k1m > 0 is the only damped variant not in purely normal mesh above 1.12",
+    "Fig. 3",
+)
+def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
+    """Judge statement P7: only motions with backlash damping (oil) lose contact above 1.12."""
+    # The lower limit exceeds the paper's 1.12 by more than the resolution of its plot.
+    lowest = 1.12 + 2 * PLOT_RESOLUTION
+    highest = data.resonance.tuning.values[-1]
+    damped = [name for name, flags in data.dampings.items() if any(flags)]
+    with_oil = data.damping_names(material=False, backlash=True)
+    curves = {name: data.curve(name, lowest, highest) for name in damped}
+    lost_fractions = {name: float(loses_contact(curves[name]).mean()) for name in damped}
+    holds = all((fraction > 0) == (name in with_oil) for name, fraction in lost_fractions.items())
+    text = ", ".join(f"{name} {100 * value:.0f} %" for name, value in lost_fractions.items())
+    return holds, f"tunings above {lowest:g} with contact lost: {text}"
+
+
+@_statement("P8", "contact ratio 1.1: mesh mostly at C_min; 1.9: mostly at C_max", "Fig. 4")
+def contact_ratios(data: Data) -> tuple[bool, str]:
+    """Judge statement P8: stiffness is mostly low at a small contact ratio, high at a large one."""
+    scene = data.scene("fig4", cases=2)  # the small contact ratio, then the large one
+    low_fractions = scene.fraction_min_stiffness.values  # of time in mesh at C_min, by case
+    high_fractions = (scene.fraction_drive + scene.fraction_coast).values - low_fractions
+    text = "; ".join(
+        f"{title}: {100 * low:.0f} % in mesh at C_min, {100 * high:.0f} % at C_max"
+        for title, low, high in zip(scene.case.values, low_fractions, high_fractions, strict=True)
+    )
+    return bool(low_fractions[0] > 0.5 and high_fractions[1] > 0.5), text
+
+
+#: Tunings of the phase portraits in the paper's Fig. 5.
+_PLANE_TUNINGS = (0.60, 0.66, 0.78, 0.80, 0.81, 0.82)
+
+
+@_statement(
+    "P9",
+    "conservative phase planes: all unsteady, bounces at 0.66, 0.80, 0.81, 0.82, inverse mesh "
+    "at 0.81, 0.82 only",
+    "Fig. 5",
+)
+def undamped_phase_planes(data: Data) -> tuple:
+    """Judge statement P9: which undamped phase portraits are unsteady or lose drive-side contact.
+
+    Return whether it holds, the result as text, and the text of `_strict_difference`, which names
+    orbits whose repetition to 1e-6 of their height contradicts the look of the plot.
+    """
+    name = data.damping_names(material=False, backlash=False)[0]
+    planes = data.planes(name, _PLANE_TUNINGS)
+    unsteady = _spreads(planes) > LINE_WIDTH
+    is_lost = loses_contact(planes)
+    inverse = planes.fraction_coast.values > 0
+    tunings = np.array(_PLANE_TUNINGS)
+    holds = bool(unsteady.all())
+    holds &= tunings[is_lost].tolist() == [0.66, 0.80, 0.81, 0.82]
+    holds &= tunings[inverse].tolist() == [0.81, 0.82]
+    conditions = {"unsteady": unsteady, "bounces": is_lost, "inverse mesh": inverse}
+    texts = [f"{motion} at {tunings_text(tunings[mask])}" for motion, mask in conditions.items()]
+    return holds, "; ".join(texts), _strict_difference({name: (planes, unsteady)})
+
+
+@_statement(
+    "P10", "k1 = 0, k1m > 0: unsteady at 0.60, 0.66, 0.78; every other damped cell steady", "Fig. 5"
+)
+def damped_phase_planes(data: Data) -> tuple:
+    """Judge statement P10: which phase portraits with damping are unsteady.
+
+    According to the paper, only those with backlash damping alone are unsteady, at three tunings.
+    Return whether it holds, the result as text, and the text of `_strict_difference`, which names
+    orbits whose repetition to 1e-6 of their height contradicts the look of the plot.
+    """
+    expected = {name: [] for name, flags in data.dampings.items() if any(flags)}
+    for name in data.damping_names(material=False, backlash=True):
+        expected[name] = [0.60, 0.66, 0.78]
+    tunings = np.array(_PLANE_TUNINGS)
+    holds, texts, planes_by_damping = True, [], {}
+    for name in expected:
+        planes = data.planes(name, _PLANE_TUNINGS)
+        spreads = _spreads(planes)
+        unsteady = spreads > LINE_WIDTH
+        planes_by_damping[name] = planes, unsteady
+        holds &= tunings[unsteady].tolist() == expected[name]
+        cases = ", ".join(
+            f"{tunings[i]:.2f} ({spreads[i]:.1g}, {describe_settling(planes.isel(tuning=i))})"
+            for i in np.flatnonzero(unsteady)
+        )
+        texts.append(f"{name} unsteady at {cases or 'none'}")
+    text = "; ".join(texts) + " (in brackets: how far mesh periods lie apart, over the height)"
+    return holds, text, _strict_difference(planes_by_damping)
+
+
+def _spreads(planes: xr.Dataset) -> np.ndarray:
+    """Return the largest distance between mesh periods relative to the orbit height, by tuning."""
+    return np.array([period_spread(planes.isel(tuning=i)) for i in range(planes.sizes["tuning"])])
+
+
+def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray]]) -> str:
+    """Describe orbits that look steady in a plot but do not repeat to 1e-6, or the reverse.
+
+    `planes_by_damping` maps dampings to their phase portraits, and to a mask of those that look
+    unsteady. The text is empty if there are no such orbits.
+    """
+    differences = []
+    for name, (planes, unsteady) in planes_by_damping.items():
+        for i in range(unsteady.size):
+            plane = planes.isel(tuning=i)
+            period = repetition_period(plane)
+            if unsteady[i] == (period == 0):
+                continue
+            text = f"repeats after {period} periods"
+            if not period:
+                change = min(_changes_by_period(plane), default=np.nan)
+                text = f"changes by {change:.1g} of its height per orbit"
+            differences.append(f"{name} at {float(plane.tuning):.2f} {text}")
+    return ", ".join(differences)
+
+
+def repetition_period(run: xr.Dataset) -> int:
+    """Return the mesh periods after which an orbit repeats to 1e-6 of its height, 0 if never."""
+    for period, change in enumerate(_changes_by_period(run), 1):
+        if change <= 1e-6:
+            return period
+    return 0
+
+
+def _changes_by_period(run: xr.Dataset) -> list[float]:
+    """Return the largest relative change of displacement after 1, 2, ... mesh periods.
+
+    Changes are relative to the height of the orbit; the last one is after half of the record.
+    """
+    displacement = run.displacement.values
+    samples_per_period = round(2.0 * np.pi / float(run.phase[1] - run.phase[0]))
+    shifts = range(samples_per_period, displacement.size // 2 + 1, samples_per_period)
+    height = np.ptp(displacement)
+    return [np.abs(displacement[n:] - displacement[:-n]).max() / height for n in shifts]
+
+
+def tunings_text(tunings: Sequence[float]) -> str:
+    """Return tunings as text with two decimals."""
+    return ", ".join(f"{tuning:.2f}" for tuning in tunings) or "none"
+
+
+@_statement(
+    "P11",
+    "nu = 0.815 and 0.8151 give drastically different orbits: small and large bounces",
+    "Fig. 6",
+)
+def two_tunings(data: Data) -> tuple[bool, str]:
+    """Judge statement P11: two neighbouring tunings give small and large bounces."""
+    scene = data.scene("fig6").sortby("tuning")
+    tuning, depth = scene.tuning.values, -scene.displacement_min.values
+    if not all(np.isclose(tuning, nu, rtol=0.0, atol=1e-9).any() for nu in FIG6_TUNINGS):
+        first, second = FIG6_TUNINGS
+        raise NoData(f"no scene fig6 with tunings {first:g} and {second:g} is configured")
+    text = ", ".join(f"{nu:g}: y_min {-d:.4g}" for nu, d in zip(tuning, depth, strict=True))
+    # Large bounces are at least three times as deep as small ones.
+    small, large = sorted(depth[abs(tuning - nu).argmin()] for nu in FIG6_TUNINGS)
+    return bool(small > 0.0 and large > 3.0 * small), text + jump_description(data)
+
+
+def jump_description(data: Data) -> str:
+    """Return at which tuning the motion from rest jumps, and which variations move the jump.
+
+    Only variations are named that move it between the two tunings of the paper's Fig. 6.
+    """
+    jumps = data.jump
+    reference_tuning = float(jumps.jump[0])  # the first entry is the run without variations
+    if not np.isfinite(reference_tuning):
+        return "; no jump from rest in the scan"
+    lower, upper = FIG6_TUNINGS
+    lowest = reference_tuning + jumps.shift_low.values
+    highest = reference_tuning + jumps.shift_high.values
+    between = (lowest >= lower) & (highest <= upper)
+    variations = zip(jumps.kind.values[between], jumps.value.values[between], strict=True)
+    texts = ", ".join(f"{kind} {value:g}" for kind, value in variations) or "no variation"
+    location = f"; from rest the orbit jumps at {reference_tuning:.7f}"
+    return location + f"; between {lower:g} and {upper:g} with: {texts}"
+
+
+@_statement("P12", "time in mesh at C_min at nu = 0.82: t(k1,k1m) > t(k1,0) > t(0,k1m)", "Fig. 7")
+def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
+    """Judge statement P12: the order of three dampings by time in mesh at the lower stiffness.
+
+    The cases of the scene are material damping (k1), backlash damping (k1m), and both.
+    """
+    material, backlash, both = data.scene("fig7", cases=3).fraction_min_stiffness.values
+    text = f"k1,k1m {both:.4f}, k1 {material:.4f}, k1m {backlash:.4f} of the time"
+    return bool(both > material > backlash), text
+
+
+@_statement(
+    "P13", "conservative, nu = 0.66, six degrees of freedom: unsteady, contact bounces", "Fig. 8"
+)
+def six_degrees(data: Data) -> tuple:
+    """Judge statement P13: undamped motion with six degrees of freedom is unsteady and bounces.
+
+    losing_share is the fraction of initial states from which contact is lost: random ones if the
+    run depends on rounding errors (free_of_rounding is 0), else only rest. Return whether the
+    statement holds, the result as text, and a note if the motion repeats to 1e-6 of its height
+    although it looks unsteady in a plot (else "").
+    """
+    run = data.scene("fig8", cases=1).isel(case=0)
+    distance, bounces, period = period_spread(run), float(run.bounces), repetition_period(run)
+    unsteady, loss_fraction = distance > LINE_WIDTH, float(run.losing_share)
+    text = (
+        f"mesh periods {distance:.1g} of the height apart, "
+        f"{bounces:.3g} bounces per mesh period, y_min {float(run.displacement_min):.3g}"
+    )
+    if not run.free_of_rounding:
+        text = (
+            f"from rest {'unsteady' if unsteady else 'steady'}, "
+            f"contact {'lost' if bounces > 0.0 else 'kept'}; "
+            f"lost from {fraction_text(loss_fraction)} of the seeded starts beside; "
+            "how often, rounding decides"
+        )
+    # A motion that repeats after several mesh periods is not a single line in a plot.
+    strict_difference = f"it repeats after {period} periods" if unsteady and period else ""
+    return unsteady and bounces > 0.0 and loss_fraction > 0.5, text, strict_difference
+
+
+HOLDS, DIFFERS, NOT_EVALUATED = "holds", "differs", "not evaluated"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement of the paper, the computed result, and the verdict."""
+
+    id: str
+    statement: str
+    where: str  #: place in the paper
+    computed: str
+    verdict: str
+    figure: str  #: figure of the workflow
+
+
+def evaluate(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes) -> list[Claim]:
+    """Check the 13 statements P1 to P13 of the paper against the data of a configuration.
+
+    `pair` is the `GearPair`, whose damping is not used; `dampings` maps names to material_damping
+    and backlash_damping (N s/m). The others are datasets: `resonance` has sweeps and `phase_planes`
+    time histories for each damping, `phase_lag` has the lag of displacement behind stiffness,
+    `jump` the tuning at which the motion from rest jumps to another orbit. `scenes` maps names that
+    begin with a figure of the paper, such as "fig4_contact_ratio", to datasets of simulated cases.
+    """
+    resonance = resonance.sortby("tuning")
+    data = Data(pair, dampings, resonance, phase_planes, phase_lag, jump, scenes)
+    return [evaluate_check(check, data) for check in CHECKS]
+
+
+def evaluate_check(check: tuple, data: Data) -> Claim:
+    """Return a statement of the paper with the verdict of its rule.
+
+    `check` is an entry of `CHECKS`: id, statement, place in the paper, figure of the workflow, and
+    rule. The rule is called with `data`. It returns whether the statement holds at the resolution
+    of the plots, the computed result as text, and optionally what a strict criterion gives instead.
+    """
+    identifier, statement, place, figure, rule = check
+    try:
+        holds, computed, *strict_results = rule(data)
+        verdict = HOLDS if holds else DIFFERS
+        if any(strict_results):
+            verdict += f" at plot resolution; strictly {strict_results[0]}"
+    except NoData as reason:
+        verdict, computed = NOT_EVALUATED, str(reason)
+    return Claim(identifier, statement, place, computed, verdict, figure)
+
+
+def rows(claims: Sequence[Claim]) -> Iterator[tuple | list]:
+    """Yield the rows of the table of claims: the names of the columns, then a row per claim."""
+    yield [field.name for field in fields(Claim)]
+    yield from map(astuple, claims)
+
+
+def write_markdown(claims: Sequence[Claim], path: Path) -> None:
+    """Write the claims as a Markdown table, replacing the file in one step."""
+    lines = ["# Statements of the paper against computed data", ""]
+    lines += ["| id | the paper | computed | verdict | figure |", "|---|---|---|---|---|"]
+    for claim in claims:
+        cells = [claim.id, f"{claim.statement} ({claim.where})", claim.computed]
+        lines.append(f"| {' | '.join(cells)} | **{claim.verdict}** | {claim.figure} |")
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
