@@ -100,9 +100,9 @@ def _descent_root(level, u, v, line, earliest, latest):
 def next_impact(drag, load, backlash_ratio, x, v):
     """Return (duration, flank code) of a free flight up to its next impact.
 
-    The flight x'' + 2 drag x' = load starts with displacement -backlash_ratio <= x <= 0 and velocity
-    v; the ratio > 0 may be infinite. The code is 1 for the drive-side flank (x = 0) and -1 for the
-    coast-side flank (x = -backlash_ratio).
+    The flight x'' + 2 drag x' = load starts with displacement -backlash_ratio <= x <= 0 and
+    velocity v; the ratio > 0 may be infinite. The code is 1 for the drive-side flank (x = 0) and -1
+    for the coast-side flank (x = -backlash_ratio).
     """
     if v >= 0.0:
         return climb_time(drag, load, -x, v), 1
