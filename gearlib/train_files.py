@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from gearlib import checks
-from gearlib.config import ConfigError, validation, yaml_keys
+from gearlib.config import ConfigError, validation
 
 _SUFFIXES = (".yaml", ".yml", ".nc")
 
@@ -99,7 +99,7 @@ def read_train(path: Any) -> Any:
             raise ValueError(f"{path} has no gear train: it must be written by gearlib.write_train")
         return train
     Path(path).stat()  # FileNotFoundError rather than an error about YAML
-    content, repeated = yaml_keys.read(path)
+    content, repeated = validation.read_yaml(path)
     if repeated:
         raise ConfigError("\n".join(repeated))
     content = {name: section for name, section in content.items() if name == "train"}

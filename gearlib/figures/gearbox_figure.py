@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from gearlib.figures import trains_figure, style
+from gearlib.figures import style, trains_figure
 
 _SHAFT_COLOUR = "#D9D9D9"
 #: Most modes of the figure of strain energies.
