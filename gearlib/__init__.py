@@ -44,7 +44,7 @@ _MODULES = {
     "analysis.sensitivities": "sensitivities",
     "analysis.tongues.search": "tongues",
     "analysis.trust": "trust",
-    "gearboxes.gearbox": "read_gearbox",
+    "gearboxes.gearbox": "Gearbox read_gearbox",
     "integrators": "methods",
     "models.harmonics": "Harmonics",
     "models.load_sharing_pair": "LoadSharingPair",

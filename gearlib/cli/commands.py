@@ -315,6 +315,29 @@ def campbell(gears, train, count):
     return diagram, lambda plot: plot.campbell(diagram)
 
 
+@main.command(params=[*options.MODEL, *options.command_options("frequencies", "speed")])
+def frequencies(speed, **values):
+    """Mesh, shaft, hunting tooth and planet frequencies at a speed of the pinion.
+
+    The gears are those of the section `gears`, or with --model train those of the train.
+    """
+    import pandas
+
+    from gearlib.analysis.characteristic_frequencies import frequency_rows
+
+    gears = take_gears(values, moves=False)
+    speed = in_rpm("speed", speed) or (gears.geometry and gears.geometry.speed)
+    if speed is None:
+        raise click.UsageError("--speed is missing: it must be given, as in --speed 1500rpm")
+    if gears.kind != "train" and gears.geometry is None:
+        raise click.UsageError("gears is missing: give their geometry, or --model train")
+    found = gearlib.characteristic_frequencies(
+        gears.model() if gears.kind == "train" else gears.geometry.mesh(), float(speed)
+    )
+    header, *rows = frequency_rows(found)
+    output.frame(pandas.DataFrame(rows, columns=header).set_index("of"))
+
+
 def _tolerance(text):
     """Return the `ToleratedParameter` section for the value of an option, such as "load std=5%"."""
     name, *assignments = text.split() or [""]

@@ -286,7 +286,7 @@ class _Assembly:
                     inertia=node.inertia,
                     mass=node.mass,
                     base_radius=radius,
-                    torque=0.0 if node.torsional_stiffness else node.torque,
+                    torque=node.torque,
                     support_stiffness=(support, support),
                     support_damping=(proportional_damping(support, structural_damping),) * 2,
                     torsional_stiffness=node.torsional_stiffness,
