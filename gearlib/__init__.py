@@ -52,7 +52,7 @@ _MODULES = {
     "models.pair": "GearPair",
     "models.profiles": "Fourier Rectangular Series Steps Tabulated",
     "models.six_degrees": "SixDegreePair",
-    "models.trains.elements": "Body Mesh Shaft",
+    "models.trains.elements": "Body HarmonicForce Mesh Shaft",
     "models.trains.planetary": "planetary",
     "models.trains.ready_made": "idler split_power_reducer two_stage",
     "models.trains.train": "GearTrain",

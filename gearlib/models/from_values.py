@@ -19,7 +19,7 @@ from gearlib.models.pair import GearPair
 from gearlib.models.profiles import profile_of
 from gearlib.models.six_degrees import SixDegreePair
 from gearlib.models.trains import planetary, ready_made
-from gearlib.models.trains.elements import Body, Mesh, Shaft
+from gearlib.models.trains.elements import Body, HarmonicForce, Mesh, Shaft
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import declared_parameters
 
@@ -60,7 +60,8 @@ def _model_with(values: dict[str, Any]) -> Model | None:
     The names of the fields determine the class. The dict `values` is changed.
     """
     if "bodies" in values:
-        for name, element in {"bodies": Body, "meshes": Mesh, "shafts": Shaft}.items():
+        elements = {"bodies": Body, "meshes": Mesh, "shafts": Shaft, "forces": HarmonicForce}
+        for name, element in elements.items():
             values[name] = tuple(element(**entry) for entry in values[name])
         return GearTrain(**values)
     if "base_radii" in values:

@@ -203,6 +203,11 @@ def _check_model(model):
             f"gyroscopic = True is not allowed in a run-up of {model.title_noun}, where its forces "
             "would change with the speed: it must be False"
         )
+    if getattr(model, "forces", ()):
+        raise ValueError(
+            f"forces is not allowed in a run-up of {model.title_noun}: harmonic forces act at "
+            "constant speeds, in gearlib.simulate and gearlib.sweep"
+        )
 
 
 @checked

@@ -21,7 +21,7 @@ from gearlib.analysis.proofs.certificate_files import ProofFailed
 from gearlib.models.six_degrees import BEARINGS, TwoGears
 from gearlib.models.trains.structure import Arithmetic, coast_lines
 from gearlib.models.trains.turning import thickness_difference
-from gearlib.models.trains.waves import excitation_harmonics
+from gearlib.models.trains.waves import excitation_harmonics, force_harmonics
 
 #: Indices of the two sides of a tooth, as in tables of the models.
 COAST_SIDE, DRIVE_SIDE = 0, 1
@@ -284,6 +284,7 @@ def _train_in_balls(train, tuning: float) -> BallModel:
         segments=segments_of([mesh.timing for mesh in meshes], common_period=train.repeats),
         length=arb(train.static_deflection),
         frequency=arb(train.reference_angular_frequency),
+        force_harmonics=force_harmonics(train, structure.motions, arithmetic),
         derived={name: getattr(train, name) for name in _DERIVED_NUMBERS},
     )
 

@@ -8,12 +8,14 @@ the mass inertia / base_radius^2. `gearlib.models.trains.structure` assembles th
 import math
 from typing import Annotated, Any, Literal
 
-from annotated_types import Ge, Gt, Lt
+from annotated_types import Ge, Gt, Le, Lt
 
 from gearlib import checks, parameters
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.harmonics import Harmonics
 from gearlib.parameters import (
+    CHOICE,
+    INTEGER,
     Angle,
     Backlash,
     BacklashDamping,
@@ -370,6 +372,27 @@ class Mesh:
         return self.two_levels and 1.0 < self.contact_ratio < 2.0
 
 
+@declared()
+class HarmonicForce:
+    """A harmonic force or torque on a body of a train; immutable.
+
+    It is amplitude cos(order theta + phase) with the phase theta of a mesh, or the angle of a body.
+    """
+
+    body: Annotated[Text, described("Name of the body on which it acts")]
+    amplitude: Annotated[Finite, described("Amplitude, N, or N m of a torque")]
+    order: Annotated[
+        int, Ge(1), Le(1000), INTEGER, described("Waves in a mesh period or revolution")
+    ]
+    of: Annotated[Text, described("Name of the mesh or of the body to which the order refers")]
+    axis: Annotated[
+        Literal["rotation", "x", "y"],
+        CHOICE,
+        described("Along x or y, or as a torque that turns the body counterclockwise"),
+    ] = "rotation"
+    phase: Annotated[Angle, described("Phase at the start")] = 0.0
+
+
 def lies_in_housing(mesh: Mesh, bodies: dict) -> bool:
     """Return whether the axes of a mesh stand still beside carriers that turn."""
     is_carried = bodies[mesh.pinion].carrier or bodies[mesh.wheel].carrier
@@ -396,6 +419,9 @@ def check_names(train: Any) -> None:
     for shaft in train.shafts:
         for name in shaft.bodies:
             checks.one_of("bodies of a shaft", name, train.body_names)
+    for force in train.forces:
+        checks.one_of("body of a force", force.body, train.body_names)
+        checks.one_of("of of a force", force.of, (*train.mesh_names, *train.body_names))
     for mesh in train.meshes:
         for side in ("pinion", "wheel"):
             name = getattr(mesh, side)

@@ -105,6 +105,7 @@ def train_system(train: "GearTrain", tuning: float, segments: Segments) -> Train
     free[n : 2 * n, :n] = -inverse_mass @ matrices.stiffness
     free[n : 2 * n, n : 2 * n] = -inverse_mass @ matrices.damping
     free[n : 2 * n, 2 * n] = inverse_mass @ matrices.load
+    free[n : 2 * n, 2 * n + 1 :] = inverse_mass @ (train.harmonic_forces / train.load)
     damping_scale = train.reference_angular_frequency / train.stiffness_scale
     # The rates of distances do not contain accelerations.
     drive_rates, coast_rates = drive @ free, coast @ free

@@ -22,6 +22,7 @@ from gearlib.models.trains import layout, natural_modes, statics, train_values, 
 from gearlib.models.trains.elastic import LinearModes, free_motions_and_modes
 from gearlib.models.trains.elements import (
     Body,
+    HarmonicForce,
     Mesh,
     Shaft,
     check_gears,
@@ -109,6 +110,10 @@ class GearTrain(Model):
             "move; bodies without a carrier then lie on its axis"
         ),
     ] = False
+
+    forces: Annotated[
+        tuple[HarmonicForce, ...], Values(), described("Harmonic forces and torques on bodies")
+    ] = ()
 
     propagators = {"exact": _matrix_propagator}
     title_noun = "a gear train"
@@ -219,6 +224,19 @@ class GearTrain(Model):
     def excitation(self):
         """Frequencies and amplitudes of errors, deviations and run-out, see `waves.excitation`."""
         return waves.excitation(self)
+
+    @cached_property
+    def harmonic_forces(self) -> np.ndarray:
+        """Amplitudes of harmonic forces on n coordinates, N; cosines and sines, shape (n, 2 h).
+
+        The h frequencies are those of `excitation`.
+        """
+        frequencies = self.excitation[0]
+        amplitudes = np.zeros((self.size // 2, 2 * frequencies.size))
+        for frequency, forces in waves.force_harmonics(self, self.structure.motions).items():
+            i = 2 * int(np.flatnonzero(frequencies == float(frequency))[0])
+            amplitudes[:, i : i + 2] = forces.T
+        return amplitudes
 
     @cached_property
     def segments(self):

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gearlib.models.trains import turning
-from gearlib.models.trains.elements import Mesh
-from gearlib.models.trains.structure import FLOAT_ARITHMETIC
+from gearlib.models.trains.elements import HarmonicForce, Mesh
+from gearlib.models.trains.structure import AXES, FLOAT_ARITHMETIC
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -139,10 +139,38 @@ def excitation(train: "GearTrain") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     axis is coast and drive side.
     """
     harmonics, constants = excitation_harmonics(train, train.structure.line_vectors)
-    frequencies, m = sorted(harmonics), len(train.meshes)
+    m = len(train.meshes)
+    for force in train.forces:
+        harmonics.setdefault(force_frequency(train, force), np.zeros((2, m, 2)))
+    frequencies = sorted(harmonics)
     amplitudes = np.array([harmonics[frequency] for frequency in frequencies])
     amplitudes = amplitudes.reshape(-1, 2, m, 2).transpose(1, 2, 0, 3).reshape(2, m, -1)
     return np.array([float(frequency) for frequency in frequencies]), amplitudes, constants
+
+
+def force_frequency(train: "GearTrain", force: HarmonicForce) -> Fraction:
+    """Return the frequency of a harmonic force per radian of reference mesh phase."""
+    if force.of in train.mesh_names:
+        return force.order * train.frequency_ratios[train.mesh_names.index(force.of)]
+    return force.order * abs(train.speeds.in_housing[force.of])
+
+
+def force_harmonics(train, motions, arithmetic=FLOAT_ARITHMETIC) -> dict:
+    """Return the harmonic forces on n coordinates, frequency -> cosines and sines in N, (2, n).
+
+    `motions` are those of the structure, in floats or balls.
+    """
+    harmonics: dict = {}
+    for force in train.forces:
+        row = motions[train.body_names.index(force.body), AXES.index(force.axis)]
+        radius = train.by_name[force.body].base_radius if force.axis == "rotation" else 1.0
+        cosine, sine = arithmetic.cos_sin(force.phase)
+        amplitude = arithmetic.convert(force.amplitude) / arithmetic.convert(radius)
+        entry = harmonics.setdefault(
+            force_frequency(train, force), arithmetic.zeros(2, motions.shape[2])
+        )
+        entry += np.stack([amplitude * cosine * row, -amplitude * sine * row])
+    return harmonics
 
 
 def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
@@ -211,4 +239,5 @@ def common_period(train: "GearTrain") -> int:
         for name in (mesh.pinion, mesh.wheel):
             if train.by_name[name].eccentricity:
                 frequencies.append(train.speeds_at(mesh)[name])
+    frequencies += [force_frequency(train, force) for force in train.forces]
     return math.lcm(*(Fraction(frequency).denominator for frequency in frequencies))
