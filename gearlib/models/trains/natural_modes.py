@@ -42,8 +42,10 @@ def modes(train: "GearTrain") -> xr.Dataset:
         of_shafts.reshape(len(train.shafts), 3, squares.size).sum(axis=1).T
     )
     kinds = ["rigid"] * free.shape[1] + _mode_kinds(train, motions[free.shape[1] :])
+    damped = _damped_modes(train, frequency, shapes)
     dataset = xr.Dataset(
         {
+            **damped,
             "natural_frequency": ("mode", frequency),
             "mode_kind": ("mode", kinds),
             "mode_shape": (
@@ -63,9 +65,59 @@ def modes(train: "GearTrain") -> xr.Dataset:
     return describe(dataset)
 
 
+def total_damping(train: "GearTrain") -> np.ndarray | None:
+    """Return the damping matrix with all flanks in contact, N s/m; None if a mesh has none."""
+    damping = train.structure.damping.copy()
+    for line, mesh in zip(train.structure.lines, train.meshes, strict=True):
+        if mesh.material_damping is None:
+            return None
+        damping += mesh.material_damping * np.outer(line, line)
+    return damping
+
+
+def mean_stiffness_matrix(train: "GearTrain") -> np.ndarray:
+    """Return the stiffness matrix in mean stiffness with all flanks in contact, N/m."""
+    means, lines = [mesh.mean_stiffness for mesh in train.meshes], train.structure.lines
+    return train.structure.stiffness + (lines.T * means) @ lines
+
+
+def _damped_modes(train: "GearTrain", frequency: np.ndarray, shapes: np.ndarray) -> dict:
+    """Return the variables of modes with damping, of a train with natural modes in Hz."""
+    damping = total_damping(train)
+    if damping is None or not damping.any():
+        return {}
+    omega = math.tau * frequency
+    diagonal = np.einsum("np,nk,kp->p", shapes, damping, shapes)
+    ratios = np.divide(diagonal, 2.0 * omega, out=np.full(omega.size, np.nan), where=omega > 0.0)
+    inverse, n = np.linalg.inv(train.structure.mass), len(damping)
+    matrix = np.zeros((2 * n, 2 * n))
+    matrix[:n, n:] = np.eye(n)
+    matrix[n:] = np.hstack([-inverse @ mean_stiffness_matrix(train), -inverse @ damping])
+    values, vectors = np.linalg.eig(matrix)
+    # One of each pair of complex conjugates, in the order of the frequencies.
+    order = [i for i in np.argsort(np.abs(values)) if values[i].imag > 1e-9 * abs(values[i])]
+    motions = np.einsum("bkn,np->pbk", train.structure.motions, vectors[:n, order])
+    # The largest motion of each mode is 1 and real.
+    flat = motions.reshape(len(order), -1)
+    largest = flat[np.arange(len(order)), np.abs(flat).argmax(axis=1)] if order else flat
+    motions = motions / np.where(largest == 0.0, 1.0, largest).reshape(-1, 1, 1)
+    dims = "complex_mode", "body", "axis"
+    return {
+        "modal_damping_ratio": ("mode", ratios),
+        "decay_rate": ("complex_mode", -values[order].real),
+        "damped_frequency": ("complex_mode", values[order].imag / math.tau),
+        "mode_shape_real": (dims, motions.real),
+        "mode_shape_imag": (dims, motions.imag),
+    }
+
+
 def _largest_motions(motions: np.ndarray) -> np.ndarray:
-    """Return the largest of the motions of bodies, (p, bodies, 3), in each of p modes, (p,)."""
-    return np.abs(motions).max(axis=(1, 2), initial=0.0)
+    """Return the largest of the motions of bodies, (p, bodies, 3), in each of p modes, (p,).
+
+    It is 1 in modes that do not move a body, as given matrices have them.
+    """
+    largest = np.abs(motions).max(axis=(1, 2), initial=0.0)
+    return np.where(largest > 0.0, largest, 1.0)
 
 
 def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:

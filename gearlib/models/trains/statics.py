@@ -61,6 +61,13 @@ def check_balance(train: "GearTrain") -> None:
     for motion in train.free_motions.T:
         power = motion * load
         if abs(power.sum()) > 1e-9 * abs(power).sum():
+            if train.matrices is not None:
+                names = [name for name, _ in train.structure.coordinates]
+                moving = [x for x, y in zip(names, motion, strict=True) if abs(y) > 1e-6 * max(abs(motion))]
+                raise ValueError(
+                    f"forces are not allowed: no spring resists a motion of {', '.join(moving[:8])}"
+                    ", on which they must do no work"
+                )
             moving_bodies = [
                 body.name
                 for body, rows in zip(train.bodies, train.structure.motions, strict=True)
@@ -95,6 +102,10 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
     `load_ratio` is a factor on all torques. Raises ValueError if the load opens a mesh with
     infinite backlash permanently.
     """
+    if train.matrices is not None and not train.matrices.is_symmetric:
+        raise ValueError(
+            "the static equilibrium is not defined here: stiffness and damping must be symmetric"
+        )
     frequencies, amplitudes, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
     # Distances of (coast, drive) flanks without motion.

@@ -60,6 +60,8 @@ FLOAT_ARITHMETIC = Arithmetic(
     math.pi,
 )
 
+#: Smaller eigenvalues of a stiffness matrix, over the largest, are those of free motions.
+RELATIVE_ZERO = 1e-13
 #: How a body moves: its axis along x and y, its rotation as arc length on the base circle.
 AXES = ("x", "y", "rotation")
 
@@ -140,6 +142,52 @@ def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Stru
         centrifugal_load=centrifugal_load,
         springs=_as_arrays(stiffnesses, n),
         masses=_as_arrays(masses, n),
+    )
+
+
+def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
+    """Return the structure of `Matrices` with n coordinates, which replaces bodies and shafts.
+
+    Springs are the eigenvectors of the symmetric part of the stiffness, masses the rows of the
+    triangular factor of the mass.
+    """
+    n = len(matrices.coordinates)
+    convert = np.vectorize(arithmetic.convert, otypes=[arithmetic.dtype])
+    motions, axial = {}, np.zeros((len(meshes), n))
+    gears = {gear.name: gear for gear in matrices.gears}
+    for name in bodies:
+        gear = gears[name]
+        rotation = matrices.motion(gear.rotation) * gear.base_radius
+        motions[name] = convert([matrices.motion(gear.x), matrices.motion(gear.y), rotation])
+    for j, mesh in enumerate(meshes):
+        pinion, wheel = gears[mesh.pinion], gears[mesh.wheel]
+        slope = np.tan(pinion.base_helix_angle) * mesh.direction
+        axial[j] = slope * (matrices.motion(pinion.axial) - matrices.motion(wheel.axial))
+    lines, sliding, line_vectors = _lines(meshes, motions, n, arithmetic)
+    lines = lines + convert(axial)
+    for j, mesh in enumerate(meshes):
+        if mesh.name in matrices.rows:
+            lines[j] = convert(matrices.rows[mesh.name])
+    symmetric = (matrices.stiffness + matrices.stiffness.T) / 2.0
+    values, vectors = np.linalg.eigh(symmetric)
+    stiff = values > RELATIVE_ZERO * np.abs(values).max(initial=0.0)
+    zeros = arithmetic.zeros(3, n, n)
+    return Structure(
+        coordinates=tuple((name, "") for name in matrices.coordinates),
+        motions=np.array(list(motions.values())),
+        mass=convert(matrices.mass),
+        stiffness=convert(matrices.stiffness),
+        damping=convert(matrices.damping),
+        lines=lines,
+        sliding=sliding,
+        line_vectors=line_vectors,
+        load=convert(matrices.load),
+        coriolis=zeros[0],
+        centrifugal=zeros[1],
+        circulatory=zeros[2],
+        centrifugal_load=arithmetic.zeros(n),
+        springs=(vectors.T[stiff], values[stiff]),
+        masses=(np.linalg.cholesky(matrices.mass).T, np.ones(n)),
     )
 
 

@@ -1,5 +1,6 @@
 """Gear trains of bodies, shafts and meshes as one piecewise-linear model."""
 
+import dataclasses
 import math
 from fractions import Fraction
 from functools import cached_property
@@ -46,6 +47,7 @@ from gearlib.parameters import (
     INTEGER,
     Allowed,
     Angle,
+    BelowCritical,
     Boolean,
     Finite,
     Unit,
@@ -115,6 +117,20 @@ class GearTrain(Model):
         tuple[HarmonicForce, ...], Values(), described("Harmonic forces and torques on bodies")
     ] = ()
 
+    modal_damping: Annotated[
+        tuple[Annotated[BelowCritical, Le(0.999)], ...] | None,
+        Values(),
+        described(
+            "Damping ratios of the elastic modes in mean stiffness, one for each or one for all, "
+            "beside the other dampings"
+        ),
+    ] = None
+    matrices: Annotated[
+        Any,
+        Allowed("left out; see `GearTrain.from_matrices`"),
+        described("Matrices of the structure in place of those of bodies and shafts"),
+    ] = None
+
     propagators = {"exact": _matrix_propagator}
     title_noun = "a gear train"
     references = (
@@ -171,7 +187,26 @@ class GearTrain(Model):
 
     def assemble(self, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
         """Return the matrices of the train in SI units, in floats or balls."""
-        return structure(self.by_name, self.meshes, self.shafts, arithmetic)
+        if self.matrices is not None:
+            assembled = self.matrices.structure(self, arithmetic)
+        else:
+            assembled = structure(self.by_name, self.meshes, self.shafts, arithmetic)
+        if self.modal_damping is None:
+            return assembled
+        damping = np.vectorize(arithmetic.convert, otypes=[arithmetic.dtype])
+        return assembled._replace(damping=assembled.damping + damping(self._modal_damping_matrix))
+
+    @cached_property
+    def _modal_damping_matrix(self) -> np.ndarray:
+        """Damping matrix with the given damping ratios of the elastic modes, N s/m."""
+        base = self.replace(modal_damping=None)
+        squares, shapes = base.linear_modes
+        ratios, count = np.array(self.modal_damping), squares.size
+        if ratios.size not in (1, count):
+            allowed = f"a damping ratio for all modes, or {count}, one for each elastic mode"
+            raise checks.refusal("modal_damping", self.modal_damping, allowed)
+        weighted = base.structure.mass @ shapes
+        return weighted * (2.0 * ratios * np.sqrt(squares)) @ weighted.T
 
     @cached_property
     def coast_lines(self):
@@ -258,7 +293,13 @@ class GearTrain(Model):
         (rows, stiffness), lines = self.structure.springs, self.structure.lines
         mean_stiffness = [mesh.mean_stiffness for mesh in self.meshes]
         springs = np.concatenate([rows, lines]), np.concatenate([stiffness, mean_stiffness])
-        return free_motions_and_modes(springs, self.structure.masses)
+        modes = free_motions_and_modes(springs, self.structure.masses)
+        if self.matrices is None:
+            return modes
+        # The springs are eigenvectors; smaller entries of a motion are their rounding errors.
+        free = modes.free_motions
+        small = np.abs(free) < 1e-12 * np.abs(free).max(axis=0, initial=0.0)
+        return modes._replace(free_motions=np.where(small, 0.0, free))
 
     @property
     def free_motions(self):
@@ -381,6 +422,18 @@ class GearTrain(Model):
         """Return the dimensionless matrices without the meshes at a tuning."""
         return dimensionless_matrices(self, tuning)
 
+    def as_dict(self) -> dict:
+        """Return the parameters as plain values; given matrices are named by their hash."""
+        if self.matrices is None:
+            return super().as_dict()
+        fields = {x.name: getattr(self, x.name) for x in dataclasses.fields(self)}
+        fields["matrices"] = self.matrices.digest()
+        as_dicts = {"bodies", "meshes", "shafts", "forces"}
+        return {
+            name: tuple(map(dataclasses.asdict, value)) if name in as_dicts else value
+            for name, value in fields.items()
+        }
+
     def system(self, tuning: float, first: int = 0, count: int | None = None) -> TrainSystem:
         """Return the state-space matrices at a tuning, over all segments of constant stiffness.
 
@@ -434,9 +487,40 @@ class GearTrain(Model):
         xarray.Dataset
             Over `mode`: natural_frequency (Hz), mode_kind (rigid, rotational, translational,
             satellite, other), mode_shape over body and axis, strain_energy over mesh, shaft_energy
-            over shaft.
+            over shaft. With damping also modal_damping_ratio, of each mode by itself, and over
+            `complex_mode`, the eigenvalues of the damped train: decay_rate (1/s),
+            damped_frequency (Hz), mode_shape_real and mode_shape_imag over body and axis.
         """
         return natural_modes.modes(self)
+
+    @classmethod
+    def from_matrices(cls, mass, damping, stiffness, meshes, gears, **options: Any) -> "GearTrain":
+        """Return a train of given matrices; see `gearlib.models.trains.matrices.from_matrices`."""
+        from gearlib.models.trains.matrices import from_matrices
+
+        return from_matrices(mass, damping, stiffness, meshes, gears, **options)
+
+    def reduce(self, frequency: float) -> "GearTrain":
+        """Return a train of few coordinates with the same dynamics below half a frequency in Hz.
+
+        It keeps the coordinates on which meshes, loads and harmonic forces act, and the modes of
+        the rest below that frequency (Craig and Bampton, AIAA J. 6 (1968) 1313-1319). The attribute
+        ``matrices.left_out`` says what is left out.
+
+        Raises
+        ------
+        ValueError
+            If the train was not made by `from_matrices`, or the frequency is wrong.
+        """
+        from gearlib.models.trains.matrices import reduced
+
+        return reduced(self, frequency)
+
+    def state_space(self, inputs=None, outputs=None) -> Any:
+        """Return the linear state space in mean stiffness; see `gearlib.state_space`."""
+        from gearlib.models.trains.linear_systems import state_space
+
+        return state_space(self, inputs, outputs)
 
     @checked
     def phasing(self, count: Orders = 12) -> xr.Dataset:
@@ -517,7 +601,7 @@ class GearTrain(Model):
     @property
     def components(self) -> tuple[str, ...]:
         """Names of the components of the state: coordinates, then their rates by phase."""
-        names = [f"{body} {axis}" for body, axis in self.structure.coordinates]
+        names = [f"{body} {axis}".strip() for body, axis in self.structure.coordinates]
         return (*names, *(f"{name}'" for name in names))
 
     @property

@@ -92,8 +92,9 @@ def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain
 
 def _elements(train: "GearTrain") -> dict[tuple, Any]:
     """Return the elements of a train, (kind, name) -> `Body`, `Shaft` or `Mesh`."""
+    bodies = () if train.matrices is not None else train.bodies
     return (
-        {("body", body.name): body for body in train.bodies}
+        {("body", body.name): body for body in bodies}
         | {("shaft", "-".join(shaft.bodies)): shaft for shaft in train.shafts}
         | {("mesh", mesh.name): mesh for mesh in train.meshes}
     )
@@ -165,6 +166,11 @@ def with_values(train: "GearTrain", new_values: dict[str, float]) -> "GearTrain"
     locations, elements = _shared_locations(train) | _locations(train), _elements(train)
     fields: dict = {element_key: {} for element_key in elements}
     for name, new_value in new_values.items():
+        if name == "load" and train.matrices is not None:
+            return with_values(
+                train.replace(matrices=train.matrices.with_load(new_value / train.load)),
+                {x: y for x, y in new_values.items() if x != "load"},
+            )
         if name == "load":
             for body in train.bodies:
                 fields["body", body.name]["torque"] = body.torque * (new_value / train.load)
@@ -180,4 +186,5 @@ def with_values(train: "GearTrain", new_values: dict[str, float]) -> "GearTrain"
         changes = fields[element_key]
         copy = dataclasses.replace(element, **changes) if changes else element
         changed[element_key[0]] += (copy,)
-    return train.replace(bodies=changed["body"], shafts=changed["shaft"], meshes=changed["mesh"])
+    bodies = changed["body"] or train.bodies
+    return train.replace(bodies=bodies, shafts=changed["shaft"], meshes=changed["mesh"])

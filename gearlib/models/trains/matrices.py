@@ -1,0 +1,279 @@
+"""`GearTrain.from_matrices`: the structure of another tool, joined by meshes, and its reduction.
+
+Coordinates are displacements in m and rotations in rad. A gear is a node with up to six of them: the
+mesh force acts along the line of action, and with the base radius about the axis.
+"""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import scipy.io
+import scipy.linalg
+import scipy.sparse
+import xarray as xr
+
+from gearlib import checks
+from gearlib.models.trains.elements import Body, Mesh
+from gearlib.models.trains.structure import (
+    FLOAT_ARITHMETIC,
+    Arithmetic,
+    Structure,
+    structure_of_matrices,
+)
+from gearlib.models.trains.train import GearTrain
+from gearlib.parameters import Angle, Finite, Length, Positive, Teeth, Text, checked, declared, described
+
+#: Largest asymmetry of a symmetric matrix over its largest entry.
+_SYMMETRY = 1e-9
+#: Modes are kept up to this multiple of the frequency of a reduction.
+_MARGIN = 2.0
+
+
+@declared()
+class GearNode:
+    """A gear of a structure that is given by its matrices; immutable.
+
+    Each coordinate is the name of one of the structure, None if the gear does not move so.
+    """
+
+    name: Annotated[Text, described("Name of the gear")]
+    teeth: Annotated[Teeth, described("Number of teeth")]
+    base_radius: Annotated[Length, described("Base radius")]
+    rotation: Annotated[Text | None, described("Rotation about its axis, rad")] = None
+    x: Annotated[Text | None, described("Displacement along x")] = None
+    y: Annotated[Text | None, described("Displacement along y")] = None
+    axial: Annotated[Text | None, described("Displacement along its axis")] = None
+    base_helix_angle: Annotated[
+        Angle, described("Base helix angle, > 0 for a right-hand helix; it makes an axial force")
+    ] = 0.0
+
+
+class Matrices:
+    """The matrices of a structure with n coordinates in SI units.
+
+    Attributes
+    ----------
+    coordinates : tuple of str
+        Their names.
+    mass, damping, stiffness : numpy.ndarray, shape (n, n)
+        The damping includes gyroscopic forces at the constant speed.
+    load : numpy.ndarray, shape (n,)
+        Constant forces and torques.
+    gears : tuple of GearNode
+        Gears on the structure.
+    rows : dict of str to numpy.ndarray
+        Rows of meshes that are given, by the name of the mesh.
+    left_out : str
+        What a reduction has left out, "" of a whole structure.
+    """
+
+    def __init__(self, coordinates, mass, damping, stiffness, load, gears, rows, left_out=""):
+        self.coordinates, self.gears, self.rows = tuple(coordinates), tuple(gears), dict(rows)
+        self.mass, self.damping, self.stiffness, self.load = mass, damping, stiffness, load
+        self.left_out = left_out
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Matrices) and self.digest() == other.digest()
+
+    def __hash__(self) -> int:
+        return hash(self.digest())
+
+    def digest(self) -> str:
+        """Return a hash of all values, which results name in place of the matrices."""
+        import hashlib
+
+        arrays = self.mass, self.damping, self.stiffness, self.load, *self.rows.values()
+        content = hashlib.sha256(repr((self.coordinates, self.gears, list(self.rows))).encode())
+        for array in arrays:
+            content.update(np.ascontiguousarray(array).tobytes())
+        return content.hexdigest()
+
+    def with_load(self, factor: float) -> "Matrices":
+        """Return a copy in which the load is multiplied by a factor."""
+        arrays = self.mass, self.damping, self.stiffness, self.load * factor
+        return Matrices(self.coordinates, *arrays, self.gears, self.rows, self.left_out)
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether stiffness and damping are symmetric."""
+        return all(_asymmetry(x) <= _SYMMETRY for x in (self.stiffness, self.damping))
+
+    def motion(self, coordinate: str | None) -> np.ndarray:
+        """Return the row of the motion of a coordinate, 0 for None."""
+        return np.array([float(name == coordinate) for name in self.coordinates])
+
+    def structure(self, train: GearTrain, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
+        """Return the `Structure` of a train with these matrices."""
+        return structure_of_matrices(self, train.by_name, train.meshes, arithmetic)
+
+
+def _asymmetry(matrix: np.ndarray) -> float:
+    return float(np.abs(matrix - matrix.T).max() / (np.abs(matrix).max() or 1.0))
+
+
+def from_matrices(
+    mass: Any,
+    damping: Any,
+    stiffness: Any,
+    meshes: Any,
+    gears: Any,
+    *,
+    gyroscopic: Any = None,
+    speed: float | None = None,
+    coordinates: Any = None,
+    forces: dict[str, float] | None = None,
+    rows: dict[str, Any] | None = None,
+    **options: Any,
+) -> GearTrain:
+    """Return a gear train whose structure is given by matrices in SI units.
+
+    Parameters
+    ----------
+    mass, damping, stiffness : array-like, sparse array or path
+        Square matrices without the meshes, or files: .mtx (Matrix Market) or netCDF with one
+        variable. The mass must be symmetric and positive definite; stiffness and damping may be
+        unsymmetric, as those of journal bearings.
+    meshes : sequence of Mesh
+        Meshes of the gears, by their names: positions, pressure angle, stiffness levels, backlash,
+        damping and deviations.
+    gears : sequence of GearNode
+        Gears: teeth, base radius, and which coordinates are their motions.
+    gyroscopic : array-like, optional
+        Matrix that, times the speed, is added to the damping; skew-symmetric, as G of ROSS.
+    speed : float, optional
+        Constant speed in rad/s of the gyroscopic forces.
+    coordinates : sequence of str, optional
+        Names of the coordinates; "0", "1", ... by default.
+    forces : dict of str to float, optional
+        Constant forces (N) and torques (N m) by the name of a coordinate.
+    rows : dict of str to array-like, optional
+        Row vectors of meshes by name, which map coordinates to the approach along the line of
+        action in m, in place of those of the gears.
+    **options
+        Other parameters of `GearTrain`, such as reference, forces on bodies as `HarmonicForce`.
+
+    Returns
+    -------
+    GearTrain
+        A train whose bodies are the gears.
+
+    Raises
+    ------
+    ValueError
+        If shapes differ, the mass is not symmetric and positive definite, a name is unknown, or the
+        load is one that the structure cannot carry.
+    """
+    arrays = {
+        name: _dense(name, value)
+        for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness))
+    }
+    n = len(arrays["mass"])
+    if gyroscopic is not None:
+        arrays["gyroscopic"] = _dense("gyroscopic", gyroscopic)
+    for name, array in arrays.items():
+        allowed = f"finite numbers in {n} rows and {n} columns, as many as in mass"
+        valid = array.shape == (n, n) and np.isfinite(array).all()
+        checks.require(valid, name, f"an array of shape {array.shape}", allowed)
+    allowed, eigenvalue = "symmetric and positive definite", np.linalg.eigvalsh(arrays["mass"])[0]
+    valid = _asymmetry(arrays["mass"]) <= _SYMMETRY and eigenvalue > 0.0
+    checks.require(valid, "mass", f"a matrix with the eigenvalue {eigenvalue:.6g}", allowed)
+    if gyroscopic is not None:
+        checks.require(speed is not None, "speed", None, "a speed in rad/s beside gyroscopic")
+        skew = arrays["gyroscopic"]
+        allowed = "skew-symmetric, with the opposite sign across the diagonal"
+        valid = np.abs(skew + skew.T).max() <= _SYMMETRY * np.abs(skew).max(initial=1e-300)
+        checks.require(valid, "gyroscopic", "a matrix that is not", allowed)
+        arrays["damping"] = arrays["damping"] + float(speed) * skew
+    names = [str(i) for i in range(n)] if coordinates is None else list(map(str, coordinates))
+    checks.require(len({*names}) == n == len(names), "coordinates", names, f"{n} different names")
+    load = np.zeros(n)
+    for name, force in (forces or {}).items():
+        checks.one_of("forces", name, names)
+        load[names.index(name)] = force
+    gears = tuple(gears)
+    for gear in gears:
+        for axis in ("rotation", "x", "y", "axial"):
+            if getattr(gear, axis) is not None:
+                checks.one_of(f"{axis} of gear {gear.name}", getattr(gear, axis), names)
+    given = {}
+    for name, row in (rows or {}).items():
+        checks.one_of("rows", name, [mesh.name for mesh in meshes])
+        given[name] = np.array(row, float)
+        allowed = f"{n} finite numbers, one for each coordinate"
+        valid = given[name].shape == (n,) and np.isfinite(given[name]).all()
+        checks.require(valid, f"rows[{name!r}]", row, allowed)
+    matrices = Matrices(
+        names, arrays["mass"], arrays["damping"], arrays["stiffness"], load, gears, given
+    )
+    return _train(matrices, meshes, options)
+
+
+def _train(matrices: Matrices, meshes: Any, options: dict) -> GearTrain:
+    """Return the train of matrices; bodies have the teeth and radii of the gears."""
+    bodies = [
+        Body(name=gear.name, inertia=1.0, base_radius=gear.base_radius, teeth=gear.teeth)
+        for gear in matrices.gears
+    ]
+    return GearTrain(bodies=bodies, meshes=tuple(meshes), matrices=matrices, **options)
+
+
+def _dense(name: str, value: Any) -> np.ndarray:
+    """Return a matrix, a sparse array or the matrix in a file as an array."""
+    if isinstance(value, str | Path):
+        path = Path(value)
+        suffix = checks.one_of(f"suffix of {name}", path.suffix, (".mtx", ".nc"))
+        if suffix == ".nc":
+            with xr.open_dataset(path) as dataset:
+                count = f"{len(dataset.data_vars)} variables"
+                allowed = "a netCDF file with one variable"
+                checks.require(len(dataset.data_vars) == 1, f"{name} in {path}", count, allowed)
+                value = next(iter(dataset.data_vars.values())).values
+        else:
+            value = scipy.io.mmread(path)
+    if scipy.sparse.issparse(value):
+        value = value.toarray()
+    try:
+        return np.array(value, float)
+    except (TypeError, ValueError):
+        raise checks.refusal(name, value, "a square matrix of numbers") from None
+
+
+@checked
+def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
+    """Return the reduced train of `GearTrain.reduce`, with a frequency in Hz."""
+    matrices = train.matrices
+    allowed = "a train made by GearTrain.from_matrices"
+    checks.require(matrices is not None, "train", type(train).__name__, allowed)
+    structure, n = train.structure, len(matrices.coordinates)
+    acting = np.concatenate([structure.lines, structure.motions.reshape(-1, n), matrices.load[None]])
+    boundary = np.flatnonzero(np.abs(acting).max(axis=0) > 0.0)
+    interior = np.setdiff1d(np.arange(n), boundary)
+    stiffness = (matrices.stiffness + matrices.stiffness.T) / 2.0
+    mass = matrices.mass
+    inner = np.ix_(interior, interior)
+    limit = (math.tau * frequency * _MARGIN) ** 2
+    squares, shapes = scipy.linalg.eigh(stiffness[inner], mass[inner])
+    kept = shapes[:, squares < limit]
+    # A shift keeps the constraint modes of structures that are free inside.
+    shift = (math.tau * frequency / 100.0) ** 2 if squares.size and squares[0] < 1e-6 * limit else 0.0
+    coupled = np.ix_(interior, boundary)
+    constraint = -np.linalg.solve(
+        stiffness[inner] + shift * mass[inner], stiffness[coupled] + shift * mass[coupled]
+    )
+    basis = np.zeros((n, boundary.size + kept.shape[1]))
+    basis[boundary, : boundary.size] = np.eye(boundary.size)
+    basis[interior, : boundary.size] = constraint
+    basis[interior, boundary.size :] = kept
+    names = [matrices.coordinates[i] for i in boundary]
+    names += [f"mode {i + 1} of the inside" for i in range(kept.shape[1])]
+    projected = [basis.T @ x @ basis for x in (mass, matrices.damping, matrices.stiffness)]
+    text = (
+        f"{n - basis.shape[1]} of {n} coordinates: {shapes.shape[1] - kept.shape[1]} modes of the "
+        f"inside above {frequency * _MARGIN:.6g} Hz"
+    )
+    rows = {mesh.name: line @ basis for mesh, line in zip(train.meshes, structure.lines, strict=True)}
+    smaller = Matrices(names, *projected, matrices.load @ basis, matrices.gears, rows, text)
+    smaller.mass = (smaller.mass + smaller.mass.T) / 2.0
+    return train.replace(matrices=smaller)
