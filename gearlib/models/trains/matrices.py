@@ -28,7 +28,7 @@ from gearlib.parameters import Angle, Finite, Length, Positive, Teeth, Text, che
 #: Largest asymmetry of a symmetric matrix over its largest entry.
 _SYMMETRY = 1e-9
 #: Modes are kept up to this multiple of the frequency of a reduction.
-_MARGIN = 2.0
+_MARGIN = 1.5
 
 
 @declared()
@@ -97,8 +97,8 @@ class Matrices:
 
     @property
     def is_symmetric(self) -> bool:
-        """Whether stiffness and damping are symmetric."""
-        return all(_asymmetry(x) <= _SYMMETRY for x in (self.stiffness, self.damping))
+        """Whether the stiffness is symmetric, so that the structure has an energy."""
+        return _asymmetry(self.stiffness) <= _SYMMETRY
 
     def motion(self, coordinate: str | None) -> np.ndarray:
         """Return the row of the motion of a coordinate, 0 for None."""
@@ -259,19 +259,28 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     # A shift keeps the constraint modes of structures that are free inside.
     shift = (math.tau * frequency / 100.0) ** 2 if squares.size and squares[0] < 1e-6 * limit else 0.0
     coupled = np.ix_(interior, boundary)
-    constraint = -np.linalg.solve(
-        stiffness[inner] + shift * mass[inner], stiffness[coupled] + shift * mass[coupled]
-    )
+    factor = scipy.linalg.cho_factor(stiffness[inner] + shift * mass[inner])
+    constraint = -scipy.linalg.cho_solve(factor, stiffness[coupled] + shift * mass[coupled])
+    # What the modes left out follow of the inertia forces of constraint modes, without the kept.
+    inertia = mass[inner] @ constraint + mass[coupled]
+    followed = scipy.linalg.cho_solve(factor, inertia)
+    followed = followed - kept @ (kept.T @ (mass[inner] @ followed))
+    norms = np.sqrt(np.einsum("ij,ik,kj->j", followed, mass[inner], followed))
+    followed = followed[:, norms > 0.0] / norms[norms > 0.0]
+    values, vectors = np.linalg.eigh(followed.T @ mass[inner] @ followed)
+    independent = values > 1e-8
+    followed = followed @ vectors[:, independent] / np.sqrt(values[independent])
+    kept = np.hstack([kept, followed])
     basis = np.zeros((n, boundary.size + kept.shape[1]))
     basis[boundary, : boundary.size] = np.eye(boundary.size)
     basis[interior, : boundary.size] = constraint
     basis[interior, boundary.size :] = kept
     names = [matrices.coordinates[i] for i in boundary]
-    names += [f"mode {i + 1} of the inside" for i in range(kept.shape[1])]
+    names += [f"inside {i + 1}" for i in range(kept.shape[1])]
     projected = [basis.T @ x @ basis for x in (mass, matrices.damping, matrices.stiffness)]
     text = (
-        f"{n - basis.shape[1]} of {n} coordinates: {shapes.shape[1] - kept.shape[1]} modes of the "
-        f"inside above {frequency * _MARGIN:.6g} Hz"
+        f"{n - basis.shape[1]} of {n} coordinates: modes of the inside above "
+        f"{frequency * _MARGIN:.6g} Hz, but for what follows the boundary"
     )
     rows = {mesh.name: line @ basis for mesh, line in zip(train.meshes, structure.lines, strict=True)}
     smaller = Matrices(names, *projected, matrices.load @ basis, matrices.gears, rows, text)

@@ -104,7 +104,7 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
     """
     if train.matrices is not None and not train.matrices.is_symmetric:
         raise ValueError(
-            "the static equilibrium is not defined here: stiffness and damping must be symmetric"
+            "stiffness is not allowed for a static equilibrium: it must be symmetric"
         )
     frequencies, amplitudes, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)

@@ -60,8 +60,8 @@ FLOAT_ARITHMETIC = Arithmetic(
     math.pi,
 )
 
-#: Smaller eigenvalues of a stiffness matrix, over the largest, are those of free motions.
-RELATIVE_ZERO = 1e-13
+#: Smaller pivots of a stiffness matrix with unit diagonal are rounding errors of free motions.
+RELATIVE_ZERO = 1e-11
 #: How a body moves: its axis along x and y, its rotation as arc length on the base circle.
 AXES = ("x", "y", "rotation")
 
@@ -148,8 +148,8 @@ def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Stru
 def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
     """Return the structure of `Matrices` with n coordinates, which replaces bodies and shafts.
 
-    Springs are the eigenvectors of the symmetric part of the stiffness, masses the rows of the
-    triangular factor of the mass.
+    Springs are the rows of a triangular factor of the symmetric part of the stiffness, masses
+    those of the mass.
     """
     n = len(matrices.coordinates)
     convert = np.vectorize(arithmetic.convert, otypes=[arithmetic.dtype])
@@ -168,9 +168,6 @@ def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
     for j, mesh in enumerate(meshes):
         if mesh.name in matrices.rows:
             lines[j] = convert(matrices.rows[mesh.name])
-    symmetric = (matrices.stiffness + matrices.stiffness.T) / 2.0
-    values, vectors = np.linalg.eigh(symmetric)
-    stiff = values > RELATIVE_ZERO * np.abs(values).max(initial=0.0)
     zeros = arithmetic.zeros(3, n, n)
     return Structure(
         coordinates=tuple((name, "") for name in matrices.coordinates),
@@ -186,9 +183,24 @@ def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
         centrifugal=zeros[1],
         circulatory=zeros[2],
         centrifugal_load=arithmetic.zeros(n),
-        springs=(vectors.T[stiff], values[stiff]),
+        springs=_springs_of((matrices.stiffness + matrices.stiffness.T) / 2.0),
         masses=(np.linalg.cholesky(matrices.mass).T, np.ones(n)),
     )
+
+
+def _springs_of(stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and values of springs with a symmetric stiffness matrix of shape (n, n).
+
+    Elimination with diagonal pivots keeps motions that no spring resists to rounding.
+    """
+    from scipy.linalg.lapack import dpstrf
+
+    n, diagonal = len(stiffness), np.abs(stiffness.diagonal())
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    factor, order, rank, _ = dpstrf(stiffness / np.outer(scale, scale), lower=1, tol=RELATIVE_ZERO)
+    rows = np.zeros((rank, n))
+    rows[:, order - 1] = np.tril(factor)[:, :rank].T
+    return rows * scale, np.ones(rank)
 
 
 def _coordinates(bodies: dict, rotations_first: bool) -> list:
