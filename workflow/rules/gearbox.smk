@@ -3,6 +3,7 @@
 # (Stage, load case) of each stage, load cases of the whole box, and reasons why others are missing.
 BOX = config["gearbox"] if "gearbox" in WANTED else None
 STAGES, BOXES = jobs_of_gearbox()
+NAME_OF_BOX = "{file}, damping ratio {damping_ratio:g}".format(**BOX) if BOX else "gearbox"
 
 
 use rule _compute as compute_gearbox_stage with:
@@ -34,7 +35,7 @@ use rule _table as gearbox_table with:
     params:
         function="gearlib.studies.gearboxes:stage_rows",
         settings={"file": BOX and BOX["file"]},
-        gears=BOX and BOX["file"],
+        gears=NAME_OF_BOX,
 
 
 use rule _draw as draw_gearbox_stages with:
@@ -47,7 +48,7 @@ use rule _draw as draw_gearbox_stages with:
         figure_files("gearbox_stages", "Stages of the gearbox over the speed", GEARBOX),
     params:
         draw="gearbox_figure.draw_stages",
-        gears=BOX and BOX["file"],
+        gears=NAME_OF_BOX,
 
 
 use rule _compute as compute_gearbox_outline with:
@@ -73,7 +74,7 @@ use rule _draw as draw_gearbox with:
         figure_files("gearbox", "The gearbox from the side", GEARBOX),
     params:
         draw="gearbox_figure.draw_view",
-        gears=BOX and BOX["file"],
+        gears=NAME_OF_BOX,
 
 
 use rule _compute as compute_gearbox with:
@@ -101,7 +102,7 @@ use rule _table as gearbox_modes_table with:
         **table_files("gearbox_modes", "Modes, load shares and frequencies, table", GEARBOX),
     params:
         function="gearlib.studies.gearboxes:box_rows",
-        gears=BOX and BOX["file"],
+        gears=NAME_OF_BOX,
 
 
 use rule _draw as draw_gearbox_modes with:
@@ -116,7 +117,7 @@ use rule _draw as draw_gearbox_modes with:
         ),
     params:
         draw="gearbox_figure.draw_modes",
-        gears=BOX and BOX["file"],
+        gears=NAME_OF_BOX,
 
 
 use rule _compute as compute_gearbox_run_up with:
@@ -146,7 +147,7 @@ use rule _draw as draw_gearbox_run_up with:
         figure_files("gearbox/run_up_{number}", "Order map of a run-up", GEARBOX, "gearbox_run_up"),
     params:
         draw="orders_figure.order_map",
-        gears=BOX and BOX["file"],
+        gears=NAME_OF_BOX,
 
 
 GEARBOX_FILES = [rules.gearbox_table.output.csv, rules.draw_gearbox.output] if BOX else []

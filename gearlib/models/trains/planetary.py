@@ -9,6 +9,7 @@ from annotated_types import Ge, Le
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.from_values import equal_positions, planetary_meshes
+from gearlib.models.geometry.gear_stage import GearStage
 from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.ready_made import (
     STRUCTURAL_DAMPING,
@@ -20,7 +21,6 @@ from gearlib.models.trains.ready_made import (
 from gearlib.parameters import (
     CHOICE,
     INTEGER,
-    Allowed,
     Angle,
     Backlash,
     BacklashDamping,
@@ -269,7 +269,7 @@ class ParallelStage:
     The torque of the body on the other end of this shaft moves to the other gear.
     """
 
-    stage: Annotated[Any, Allowed("a gearlib.geometry.GearStage"), described("The two gears")]
+    stage: Annotated[GearStage, described("The two gears")]
     on: Annotated[
         Text, described("Body at the other end of the shaft: sun, carrier, or as wheel 1")
     ]
