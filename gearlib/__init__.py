@@ -44,6 +44,7 @@ _MODULES = {
     "analysis.sensitivities": "sensitivities",
     "analysis.tongues.search": "tongues",
     "analysis.trust": "trust",
+    "fmu": "write_fmu",
     "gearboxes.gearbox": "Gearbox read_gearbox",
     "integrators": "methods",
     "models.harmonics": "Harmonics",
