@@ -89,7 +89,7 @@ def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, An
         "START_Q": start * train.static_deflection,
         "START_TORQUE": np.array([body.torque for body in train.bodies]),
         "START_BACKLASH": np.where(has_coast, backlashes, 0.0),
-        **_rotation(train, rotations, names),
+        **_rotation(train, rotations, prescribed_speed),
         **_levels(train),
     }
 
@@ -115,14 +115,15 @@ def _norms(train: Any) -> np.ndarray:
     return np.array([at_rest * omega, growth, centrifugal / frequency])
 
 
-def _rotation(train: Any, rotations: np.ndarray, names: list[str]) -> dict[str, Any]:
+def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict[str, Any]:
     """Return the constants of the rigid rotation; `rotations` are rows of body angles, (b, n)."""
+    names = train.names["body"]
     motion, speeds = acceleration.rigid_motion(train, names)
-    mass, is_free = train.structure.mass, train.free_motions.size > 0
+    mass, has_driver = train.structure.mass, prescribed_speed and train.free_motions.size > 0
     rates = rotations @ motion
     driver, shares = -1, np.zeros(len(names))
     number = names.index(acceleration.default_driver(train, speeds))
-    if is_free and abs(rates[number]) > _ROUNDING * np.abs(rates).max():
+    if has_driver and abs(rates[number]) > _ROUNDING * np.abs(rates).max():
         driver, shares = number, -rates / rates[number]
     body_rates = rates if train.free_motions.shape[1] == 1 else np.array(speeds)
     return {

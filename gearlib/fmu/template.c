@@ -10,6 +10,8 @@
    and the state. Its power series, cut below rounding, makes distances of flanks polynomials, whose
    first fall through zero is isolated in Bernstein form: no contact event is missed. */
 
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* the interface has more than is needed */
+
 #include <math.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -34,7 +36,8 @@
 #define MAX_ORDER 10       /* derivatives that decide the contact of a start on a flank line */
 #define MAX_STALLED 10000  /* largest number of events at one instant */
 
-enum { COAST_SIDE, DRIVE_SIDE };         /* index of a side; contact codes: 1 drive, -1 coast, 0 */
+enum { COAST_SIDE, DRIVE_SIDE }; /* contact codes are 1, drive side, 0, and -1, coast side */
+#define SIDE(code) ((code) == 1 ? DRIVE_SIDE : COAST_SIDE)
 enum { JAMMED = 1, UNRESOLVED, STALLED, OVERFLOWED }; /* failures of a run */
 
 /* Everything that changes: it is copied, set and serialised as a whole. */
@@ -44,17 +47,15 @@ typedef struct {
     double q[N], v[N];      /* coordinates, m, and their rates, m/s */
     double torque[B], backlash[M], speed;   /* inputs: N m, m, rad/s */
     int64_t cell[M][2];     /* number of the interval of constant stiffness, by side */
-    int64_t events;         /* number of contact events so far */
     int32_t contact[M], line[M], order[M];  /* code; line of the mesh, and zeros of its distance */
     int32_t next_contact[M], pending[M];    /* changes of contact that Event Mode applies */
-    int32_t stale;          /* whether contacts have to be found anew, because a state was set */
-    int32_t phase_is_set;   /* whether the intervals of the stiffness have to be, too */
+    int32_t events;         /* number of contact events so far */
+    int32_t stale, phase_is_set; /* whether contacts, and cells, have to be found anew */
 } State;
 
 /* An instance: its state, what the importer asked for, and storage of a piece. */
 typedef struct {
     State s;
-    char *name;
     void *environment;
     void (*log)(void *, int, const char *, const char *);
     bool logging, event_mode, early_return;
@@ -135,24 +136,21 @@ static double next_switch(const State *s, int *mesh, int *side, int *step) {
 
 /* Return the torque on a body: an input, or what the driver needs to hold the speed. */
 static double torque_on(const State *s, int body) {
-    double sum = 0.0;
-    if (body != DRIVER) return s->torque[body];
-    for (int b = 0; b < B; b++)
+    double sum = body == DRIVER ? 0.0 : s->torque[body];
+    for (int b = 0; b < B && body == DRIVER; b++)
         if (b != DRIVER) sum += DRIVER_SHARE[b] * s->torque[b];
     return sum;
 }
 
 /* Let the parabola of the phase begin anew if its inputs have changed. */
 static void set_rotation(State *s) {
-    double acceleration = 0.0, rate = rate_at(s, s->t);
+    double acceleration = 0.0, size = 0.0, rate = rate_at(s, s->t);
     if (PRESCRIBED) rate = s->speed / PINION_RATE;
-    else
-        for (int b = 0; b < B; b++) acceleration += TORQUE_RATE[b] * s->torque[b];
-    if (!PRESCRIBED) {
-        double size = 0.0; /* A balance of torques is exact up to rounding. */
-        for (int b = 0; b < B; b++) size += fabs(TORQUE_RATE[b] * s->torque[b]);
-        if (fabs(acceleration) <= ZERO_SUM * size) acceleration = 0.0;
+    for (int b = 0; b < B && !PRESCRIBED; b++) {
+        acceleration += TORQUE_RATE[b] * s->torque[b];
+        size += fabs(TORQUE_RATE[b] * s->torque[b]);
     }
+    if (fabs(acceleration) <= ZERO_SUM * size) acceleration = 0.0; /* balance, up to rounding */
     if (acceleration == s->acceleration && (!PRESCRIBED || rate == s->rate0)) return;
     s->phase0 = phase_at(s, s->t);
     s->t0 = s->t, s->rate0 = rate, s->acceleration = acceleration;
@@ -172,7 +170,7 @@ static double fastest_rate(const State *s, double time) {
 static void fill_series(Instance *x, double h) {
     const State *s = &x->s;
     int n = x->degree;
-    double phase = phase_at(s, s->t), rate = rate_at(s, s->t), load[N];
+    double phase = phase_at(s, s->t), rate = rate_at(s, s->t), load[N], level[M];
     double frame = FRAME_RATE * rate;
     for (int i = 0; i < H; i++) {
         double first = HARMONIC[i] * rate * h, second = HARMONIC[i] * s->acceleration * h * h;
@@ -180,8 +178,9 @@ static void fill_series(Instance *x, double h) {
         x->wave[0][2 * i + 1] = sin(HARMONIC[i] * phase);
         for (int k = 0; k <= n; k++) {
             double *a = x->wave[k], *next = x->wave[k + 1], *before = k ? x->wave[k - 1] : NULL;
-            next[2 * i] = -(first * a[2 * i + 1] + (k ? second * before[2 * i + 1] : 0.0)) / (k + 1);
-            next[2 * i + 1] = (first * a[2 * i] + (k ? second * before[2 * i] : 0.0)) / (k + 1);
+            double c = first * a[2 * i], b = first * a[2 * i + 1];
+            if (k) c += second * before[2 * i], b += second * before[2 * i + 1];
+            next[2 * i] = -b / (k + 1), next[2 * i + 1] = c / (k + 1);
         }
     }
     for (int side = 0; side < 2; side++)
@@ -205,6 +204,7 @@ static void fill_series(Instance *x, double h) {
         load[i] = -RIGID[i] * s->acceleration + frame * frame * FRAME_LOAD[i];
         for (int b = 0; b < B; b++) load[i] += TORQUE[b][i] * torque_on(s, b);
     }
+    for (int j = 0; j < M; j++) level[j] = stiffness_of(s, j, SIDE(s->contact[j]));
     for (int k = 0; k <= n; k++) {
         const double *q = x->q[k], *v = x->v[k];
         double sum[N];
@@ -213,8 +213,8 @@ static void fill_series(Instance *x, double h) {
             for (int l = 0; l < N; l++) total -= STIFFNESS[i][l] * q[l] + DAMPING[i][l] * v[l];
 #if GYROSCOPIC
             for (int l = 0; l < N; l++)
-                total -= frame * (FRAME_STIFFNESS[0][i][l] + frame * FRAME_STIFFNESS[1][i][l]) * q[l]
-                    + frame * FRAME_DAMPING[i][l] * v[l];
+                total -= frame * (FRAME_DAMPING[i][l] * v[l] + FRAME_STIFFNESS[0][i][l] * q[l]
+                                  + frame * FRAME_STIFFNESS[1][i][l] * q[l]);
 #endif
             sum[i] = total;
         }
@@ -230,9 +230,9 @@ static void fill_series(Instance *x, double h) {
                 x->d[side][j][k] = d, x->size[side][j][k] += size;
             }
             double oil = OIL_DAMPING[j] * rates[DRIVE_SIDE], force = 0.0;
-            int side = s->contact[j] == 1 ? DRIVE_SIDE : COAST_SIDE;
+            int side = SIDE(s->contact[j]);
             if (s->contact[j])
-                force = stiffness_of(s, j, side) * x->d[side][j][k] + ADDED_DAMPING[j] * rates[side];
+                force = level[j] * x->d[side][j][k] + ADDED_DAMPING[j] * rates[side];
             for (int i = 0; i < N; i++)
                 sum[i] -= LINE_INPUT[DRIVE_SIDE][j][i] * oil + LINE_INPUT[side][j][i] * force;
             if (k == 0) x->force[j] = oil + force;
@@ -361,7 +361,7 @@ static double find_events(Instance *x, double end) {
     for (int j = 0; j < M; j++) {
         x->instant[j] = 2.0;
         for (int line = 1; line >= -1; line -= 2) {
-            int side = line == 1 ? DRIVE_SIDE : COAST_SIDE, code = s->contact[j];
+            int side = SIDE(line), code = s->contact[j];
             if (line == -1 && !HAS_COAST[j]) continue;
             if (code == -line && CONSTANT_GAP[j]) continue; /* both flanks never touch at once */
             double sign = (line == 1) == (code == line) ? 1.0 : -1.0, error = 0.0, others = 0.0;
@@ -407,10 +407,7 @@ static int find_contacts(Instance *x) {
     set_rotation(s);
     if (s->phase_is_set) find_cells(s);
     s->phase_is_set = s->stale = 0;
-    memset(s->pending, 0, sizeof s->pending);
-    memset(s->contact, 0, sizeof s->contact);
-    memset(s->line, 0, sizeof s->line);
-    memset(s->order, 0, sizeof s->order);
+    for (int j = 0; j < M; j++) s->pending[j] = s->contact[j] = s->order[j] = 0;
     x->degree = MAX_ORDER;
     double h = 1.0 / fastest_rate(s, 0.0);
     fill_series(x, h);
@@ -422,15 +419,14 @@ static int find_contacts(Instance *x) {
             && HAS_COAST[j] && !CONSTANT_GAP[j]) return JAMMED;
         s->line[j] = drive == 0 ? 1 : drive < 0 && coast == 0 ? -1 : 0;
         s->contact[j] = drive > 0 ? 1 : drive < 0 && coast < 0 ? -1 : 0;
-        undecided[j] = s->line[j] != 0;
-        any |= undecided[j];
+        any |= undecided[j] = s->line[j] != 0;
     }
     /* On a flank line the first derivative that is not zero decides. */
     for (int order = 1; any && order < MAX_ORDER; order++) {
         any = false;
         fill_series(x, h);
         for (int j = 0; j < M; j++) {
-            int side = s->line[j] == 1 ? DRIVE_SIDE : COAST_SIDE;
+            int side = SIDE(s->line[j]);
             int sign = sign_of(x->d[side][j][order], x->size[side][j][order]);
             if (undecided[j] && sign) {
                 undecided[j] = false, s->order[j] = order;
@@ -450,10 +446,8 @@ static int change_contacts(State *s) {
         if (!s->pending[j]) continue;
         if (s->next_contact[j] == 2) return JAMMED;
         s->line[j] = s->contact[j] ? s->contact[j] : s->next_contact[j];
-        s->order[j] = 1;
         s->contact[j] = s->next_contact[j];
-        s->pending[j] = 0;
-        s->events++;
+        s->order[j] = 1, s->pending[j] = 0, s->events++;
     }
     return 0;
 }
@@ -470,10 +464,12 @@ static int run(Instance *x, double end, bool *stop) {
         h = fmin(h, MAX_RATE_TIME / fastest_rate(s, 0.0));
         h = fmin(h, MAX_RATE_TIME / fastest_rate(s, h));
         double t = h == end - s->t ? end : s->t + h;
-        if (t == s->t && h == to_switch) { /* the switch is here, or closer than rounding */
+        bool switches = h == to_switch;
+        if (t == s->t && switches) { /* the switch is here, or closer than rounding */
             s->cell[mesh][side] += step;
             continue;
         }
+        h = t - s->t;
         rate = fastest_rate(s, h) * h, x->degree = 0;
         do power *= rate / ++x->degree;
         while (x->degree < DEGREE && (power > SERIES_END || x->degree < 4));
@@ -485,8 +481,8 @@ static int run(Instance *x, double end, bool *stop) {
         memset(s->order, 0, sizeof s->order);
         if (instant > 1.0) {
             advance(x, 1.0, t);
+            if (switches) s->cell[mesh][side] += step;
             stalled = 0;
-            if (h == to_switch) s->cell[mesh][side] += step;
             continue;
         }
         double before = s->t;
@@ -499,10 +495,7 @@ static int run(Instance *x, double end, bool *stop) {
             s->pending[j] = x->instant[j] <= 1.0 && x->instant[j] - instant <= tolerance;
             s->next_contact[j] = x->after[j];
         }
-        if (stop) { /* Event Mode applies the changes */
-            *stop = true;
-            return 0;
-        }
+        if (stop) return *stop = true, 0; /* Event Mode applies the changes */
         failure = stalled > MAX_STALLED ? STALLED : change_contacts(s);
     }
     for (int i = 0; i < N; i++)
@@ -534,31 +527,28 @@ static void evaluate(Instance *x) {
 
 static bool get_value(Instance *x, uint32_t vr, double *value) {
     State *s = &x->s;
-    int i = (int)vr;
-    if (vr == 0) *value = s->t;
-    else if (vr == VR_PHASE) *value = phase_at(s, s->t);
-    else if (vr == VR_RATE) *value = rate_at(s, s->t);
-    else if (vr == VR_SPEED_INPUT) *value = s->speed;
-    else if (vr >= VR_Q && vr < VR_V) *value = s->q[i - VR_Q];
-    else if (vr >= VR_V && vr < VR_TORQUE) *value = s->v[i - VR_V];
-    else if (vr >= VR_TORQUE && vr < VR_BACKLASH) *value = torque_on(s, i - VR_TORQUE);
-    else if (vr >= VR_BACKLASH && vr < VR_ANGLE) *value = s->backlash[i - VR_BACKLASH];
-    else if (vr >= VR_ANGLE && vr < VR_SPEED) {
-        int b = i - VR_ANGLE;
-        *value = BODY_RATE[b] * phase_at(s, s->t) + product(ROTATION[b], s->q);
-    } else if (vr >= VR_SPEED && vr < VR_DISPLACEMENT) {
-        int b = i - VR_SPEED;
-        *value = BODY_RATE[b] * rate_at(s, s->t) + product(ROTATION[b], s->v);
-    } else if (vr >= VR_DISPLACEMENT && vr < VR_FORCE) *value = x->d[DRIVE_SIDE][i - VR_DISPLACEMENT][0];
-    else if (vr >= VR_FORCE && vr < VR_CONTACT) {
-        int j = i - VR_FORCE, side = s->contact[j] == 1 ? DRIVE_SIDE : COAST_SIDE;
+    int i = (int)vr, b = i - VR_ANGLE, j = i - VR_FORCE;
+    double phase = phase_at(s, s->t), rate = rate_at(s, s->t);
+    if (vr >= VR_END || vr == VR_EVENTS || (vr >= VR_CONTACT && vr < VR_BEARING)) return false;
+    double first[] = {s->t, phase, rate, s->speed};
+    if (vr < VR_EVENTS) *value = first[vr];
+    else if (vr < VR_V) *value = s->q[i - VR_Q];
+    else if (vr < VR_TORQUE) *value = s->v[i - VR_V];
+    else if (vr < VR_BACKLASH) *value = torque_on(s, i - VR_TORQUE);
+    else if (vr < VR_ANGLE) *value = s->backlash[i - VR_BACKLASH];
+    else if (vr < VR_SPEED) *value = BODY_RATE[b] * phase + product(ROTATION[b], s->q);
+    else if (vr < VR_DISPLACEMENT)
+        *value = BODY_RATE[b - B] * rate + product(ROTATION[b - B], s->v);
+    else if (vr < VR_FORCE) *value = x->d[DRIVE_SIDE][i - VR_DISPLACEMENT][0];
+    else if (vr < VR_CONTACT) {
+        int side = SIDE(s->contact[j]);
         *value = s->contact[j] ? stiffness_of(s, j, side) * x->d[side][j][0] : 0.0;
-    } else if (vr >= VR_BEARING && vr < VR_END) {
+    } else {
         const double *row = BEARING[i - VR_BEARING];
         *value = product(row, s->q) + product(row + N, s->v) + product(row + 2 * N, x->v[1]);
-        for (int j = 0; j < M; j++) *value += row[3 * N + j] * x->force[j];
+        for (j = 0; j < M; j++) *value += row[3 * N + j] * x->force[j];
         *value += row[3 * N + M] * s->acceleration;
-    } else return false;
+    }
     return true;
 }
 
@@ -599,13 +589,15 @@ static void start(State *s) {
 #else
 #define EXPORT __attribute__((visibility("default")))
 #endif
-#ifdef FMI3_FUNCTION_PREFIX /* where several FMUs are linked into one program */
+#ifndef FMI3_FUNCTION_PREFIX /* given where several FMUs are linked into one program */
+#define FMI3_FUNCTION_PREFIX
+#endif
 #define JOIN(a, b) a##b
 #define PREFIXED(prefix, name) JOIN(prefix, name)
 #define FMI(name) PREFIXED(FMI3_FUNCTION_PREFIX, name)
-#else
-#define FMI(name) name
-#endif
+
+#define FUNCTION(name) EXPORT Status FMI(fmi3##name)
+#define REFS const Reference r[], size_t n /* value references */
 
 typedef enum { OK, WARNING, DISCARD, ERROR, FATAL } Status;
 typedef uint32_t Reference;
@@ -617,7 +609,8 @@ static Status say(Instance *x, Status status, const char *format, ...) {
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    if (x && x->log && (x->logging || status >= ERROR)) x->log(x->environment, status, "logStatus", text);
+    if (x->log && (x->logging || status >= ERROR))
+        x->log(x->environment, status, "logStatus", text);
     return status;
 }
 
@@ -632,249 +625,176 @@ static Status failed(Instance *x, int failure) {
 
 EXPORT const char *FMI(fmi3GetVersion)(void) { return "3.0"; }
 
-EXPORT Status FMI(fmi3SetDebugLogging)(void *x, bool on, size_t n, const char *const categories[]) {
-    for (size_t i = 0; i < n; i++)
-        if (strcmp(categories[i], "logStatus"))
-            return say(x, ERROR, "category %s is not allowed: it must be logStatus", categories[i]);
-    ((Instance *)x)->logging = on;
-    return OK;
+FUNCTION(SetDebugLogging)(void *x, bool on, size_t n, const char *const categories[]) {
+    return ((Instance *)x)->logging = on, OK;
 }
 
 EXPORT void *FMI(fmi3InstantiateCoSimulation)(
     const char *name, const char *token, const char *resources, bool visible, bool logging,
     bool event_mode, bool early_return, const Reference required[], size_t n, void *environment,
     Logger log, void (*update)(void)) {
-    (void)resources, (void)visible, (void)required, (void)n, (void)update;
     if (!token || strcmp(token, TOKEN)) {
-        if (log) log(environment, ERROR, "logStatus", "The instantiation token is that of another FMU.");
+        if (log) log(environment, ERROR, "logStatus", "The token is that of another FMU.");
         return NULL;
     }
     Instance *x = calloc(1, sizeof *x);
     if (!x) return NULL;
     x->environment = environment, x->log = log, x->logging = logging;
     x->event_mode = event_mode, x->early_return = early_return;
-    (void)name;
     fill_binomials();
     start(&x->s);
     return x;
 }
 
-EXPORT void *FMI(fmi3InstantiateModelExchange)(
-    const char *name, const char *token, const char *resources, bool visible, bool logging,
-    void *environment, Logger log) {
-    (void)name, (void)token, (void)resources, (void)visible, (void)logging;
-    if (log) log(environment, ERROR, "logStatus", "This FMU is for Co-Simulation only.");
-    return NULL;
-}
-
-EXPORT void *FMI(fmi3InstantiateScheduledExecution)(
-    const char *name, const char *token, const char *resources, bool visible, bool logging,
-    void *environment, Logger log, void (*update)(void), void (*lock)(void), void (*unlock)(void)) {
-    (void)update, (void)lock, (void)unlock;
-    return FMI(fmi3InstantiateModelExchange)(name, token, resources, visible, logging, environment, log);
-}
+#define OTHER_KIND(name, ...)                                                                 \
+    EXPORT void *FMI(name)(const char *a, const char *b, const char *c, bool d, bool e,       \
+                           __VA_ARGS__) {                                                     \
+        if (log) log(environment, ERROR, "logStatus", "This FMU is for Co-Simulation only."); \
+        return NULL;                                                                          \
+    }
+OTHER_KIND(fmi3InstantiateModelExchange, void *environment, Logger log)
+OTHER_KIND(fmi3InstantiateScheduledExecution, void *environment, Logger log, void (*update)(void),
+           void (*lock)(void), void (*unlock)(void))
 
 EXPORT void FMI(fmi3FreeInstance)(void *x) { free(x); }
+FUNCTION(Reset)(void *x) { return start(&((Instance *)x)->s), OK; }
 
-EXPORT Status FMI(fmi3EnterInitializationMode)(void *instance, bool with_tolerance, double tolerance,
-                                               double start_time, bool with_stop, double stop_time) {
+FUNCTION(EnterInitializationMode)(void *instance, bool with_tolerance, double tolerance, double t,
+                                  bool with_stop, double stop) {
     State *s = &((Instance *)instance)->s;
-    (void)with_tolerance, (void)tolerance, (void)with_stop, (void)stop_time;
-    s->t = s->t0 = start_time;
-    return OK;
+    return s->t = s->t0 = t, OK;
 }
 
-EXPORT Status FMI(fmi3ExitInitializationMode)(void *instance) {
-    Instance *x = instance;
-    return failed(x, x->s.stale ? find_contacts(x) : 0);
-}
+/* Return whether there are contacts for a state that was set. */
+static Status settle(Instance *x) { return failed(x, x->s.stale ? find_contacts(x) : 0); }
 
-EXPORT Status FMI(fmi3EnterEventMode)(void *x) { return (void)x, OK; }
+FUNCTION(ExitInitializationMode)(void *x) { return settle(x); }
 
-EXPORT Status FMI(fmi3EnterStepMode)(void *x) { return (void)x, OK; }
-
-EXPORT Status FMI(fmi3Terminate)(void *x) { return (void)x, OK; }
-
-EXPORT Status FMI(fmi3Reset)(void *x) { return start(&((Instance *)x)->s), OK; }
-
-EXPORT Status FMI(fmi3UpdateDiscreteStates)(void *x, bool *again, bool *terminate, bool *nominals,
-                                            bool *values, bool *has_next_event, double *next_event) {
-    *again = *terminate = *nominals = *values = *has_next_event = false;
-    *next_event = 0.0;
+FUNCTION(UpdateDiscreteStates)(void *x, bool *again, bool *terminate, bool *nominals, bool *values,
+                               bool *has_next_event, double *next_event) {
+    *again = *terminate = *nominals = *values = *has_next_event = false, *next_event = 0.0;
     return failed(x, change_contacts(&((Instance *)x)->s));
 }
 
-EXPORT Status FMI(fmi3DoStep)(void *instance, double t, double step, bool no_return, bool *event,
-                              bool *terminate, bool *early, double *last_time) {
+FUNCTION(DoStep)(void *instance, double t, double step, bool no_set, bool *event, bool *terminate,
+                 bool *early, double *last_time) {
     Instance *x = instance;
-    double end = t + step;
     bool stop = false;
-    (void)no_return;
-    *event = *terminate = *early = false;
-    *last_time = x->s.t;
+    *event = *terminate = *early = false, *last_time = x->s.t;
     if (!(step > 0.0) || fabs(t - x->s.t) > 1e-9 * (fabs(t) + step))
         return say(x, ERROR, "A step of %.9g s from t = %.9g s is not allowed: it must be > 0, "
                    "from t = %.9g s.", step, t, x->s.t);
-    Status status = failed(x, run(x, end, x->event_mode && x->early_return ? &stop : NULL));
-    *event = stop, *early = stop && x->s.t < end;
+    Status status = failed(x, run(x, t + step, x->event_mode && x->early_return ? &stop : NULL));
+    *event = stop, *early = stop && x->s.t < t + step;
     *last_time = x->s.t;
     return status;
 }
 
-EXPORT Status FMI(fmi3GetFloat64)(void *instance, const Reference vr[], size_t n, double values[],
-                                  size_t count) {
+FUNCTION(GetFloat64)(void *instance, REFS, double values[], size_t count) {
     Instance *x = instance;
-    int failure = x->s.stale ? find_contacts(x) : 0;
-    if (failure) return failed(x, failure);
-    if (n != count) return say(x, ERROR, "There must be as many values as value references.");
+    Status status = settle(x);
     evaluate(x);
-    for (size_t i = 0; i < n; i++)
-        if (!get_value(x, vr[i], &values[i]))
-            return say(x, ERROR, "Value reference %u is not that of a Float64.", (unsigned)vr[i]);
-    return OK;
+    for (size_t i = 0; i < n && i < count && !status; i++)
+        if (!get_value(x, r[i], &values[i]))
+            status = say(x, ERROR, "Value reference %u is not that of a Float64.", (unsigned)r[i]);
+    return status;
 }
 
-EXPORT Status FMI(fmi3SetFloat64)(void *instance, const Reference vr[], size_t n,
-                                  const double values[], size_t count) {
+FUNCTION(SetFloat64)(void *instance, REFS, const double values[], size_t count) {
     Instance *x = instance;
-    if (n != count) return say(x, ERROR, "There must be as many values as value references.");
-    for (size_t i = 0; i < n; i++)
-        if (!set_value(x, vr[i], values[i]))
+    for (size_t i = 0; i < n && i < count; i++)
+        if (!set_value(x, r[i], values[i]))
             return say(x, ERROR, "%.9g is not allowed for value reference %u: it must be finite, a "
-                       "backlash >= 0, of a variable that can be set.", values[i], (unsigned)vr[i]);
+                       "backlash >= 0, of a variable that can be set.", values[i], (unsigned)r[i]);
     return OK;
 }
 
-EXPORT Status FMI(fmi3GetInt32)(void *instance, const Reference vr[], size_t n, int32_t values[],
-                                size_t count) {
+FUNCTION(GetInt32)(void *instance, REFS, int32_t values[], size_t count) {
     Instance *x = instance;
-    int failure = x->s.stale ? find_contacts(x) : 0;
-    if (failure) return failed(x, failure);
-    for (size_t i = 0; i < n && i < count; i++)
-        if (vr[i] >= VR_CONTACT && vr[i] < VR_BEARING) values[i] = x->s.contact[vr[i] - VR_CONTACT];
-        else return say(x, ERROR, "Value reference %u is not that of an Int32.", (unsigned)vr[i]);
-    return OK;
-}
-
-EXPORT Status FMI(fmi3GetInt64)(void *instance, const Reference vr[], size_t n, int64_t values[],
-                                size_t count) {
-    for (size_t i = 0; i < n && i < count; i++)
-        if (vr[i] == VR_EVENTS) values[i] = ((Instance *)instance)->s.events;
-        else return say(instance, ERROR, "Value reference %u is not that of an Int64.", (unsigned)vr[i]);
-    return OK;
+    Status status = settle(x);
+    for (size_t i = 0; i < n && i < count && !status; i++)
+        if (r[i] == VR_EVENTS) values[i] = x->s.events;
+        else if (r[i] >= VR_CONTACT && r[i] < VR_BEARING)
+            values[i] = x->s.contact[r[i] - VR_CONTACT];
+        else status = say(x, ERROR, "Value reference %u is not that of an Int32.", (unsigned)r[i]);
+    return status;
 }
 
 /* States: copied, freed, and as bytes behind the token of the FMU. */
 
-EXPORT Status FMI(fmi3GetFMUState)(void *x, void **copy) {
+static Status copy_state(void *x, void **copy, const void *state) {
     if (!*copy) *copy = malloc(sizeof(State));
     if (!*copy) return say(x, ERROR, "There is no memory for a state.");
-    memcpy(*copy, &((Instance *)x)->s, sizeof(State));
-    return OK;
+    return memcpy(*copy, state, sizeof(State)), OK;
 }
 
-EXPORT Status FMI(fmi3SetFMUState)(void *x, void *copy) {
-    memcpy(&((Instance *)x)->s, copy, sizeof(State));
-    return OK;
+FUNCTION(GetFMUState)(void *x, void **copy) { return copy_state(x, copy, &((Instance *)x)->s); }
+FUNCTION(SetFMUState)(void *x, void *copy) { return ((Instance *)x)->s = *(State *)copy, OK; }
+FUNCTION(FreeFMUState)(void *x, void **copy) { return free(*copy), *copy = NULL, OK; }
+
+FUNCTION(SerializedFMUStateSize)(void *x, void *copy, size_t *size) {
+    return *size = sizeof TOKEN + sizeof(State), OK;
 }
 
-EXPORT Status FMI(fmi3FreeFMUState)(void *x, void **copy) {
-    (void)x;
-    if (copy) free(*copy), *copy = NULL;
-    return OK;
-}
-
-EXPORT Status FMI(fmi3SerializedFMUStateSize)(void *x, void *copy, size_t *size) {
-    (void)x, (void)copy;
-    *size = sizeof TOKEN + sizeof(State);
-    return OK;
-}
-
-EXPORT Status FMI(fmi3SerializeFMUState)(void *x, void *copy, uint8_t bytes[], size_t size) {
+FUNCTION(SerializeFMUState)(void *x, void *copy, uint8_t bytes[], size_t size) {
     if (size < sizeof TOKEN + sizeof(State)) return say(x, ERROR, "The state needs more bytes.");
     memcpy(bytes, TOKEN, sizeof TOKEN);
     memcpy(bytes + sizeof TOKEN, copy, sizeof(State));
     return OK;
 }
 
-EXPORT Status FMI(fmi3DeserializeFMUState)(void *x, const uint8_t bytes[], size_t size, void **copy) {
+FUNCTION(DeserializeFMUState)(void *x, const uint8_t bytes[], size_t size, void **copy) {
     if (size != sizeof TOKEN + sizeof(State) || memcmp(bytes, TOKEN, sizeof TOKEN))
         return say(x, ERROR, "The bytes are not those of a state of this FMU.");
-    if (!*copy) *copy = malloc(sizeof(State));
-    if (!*copy) return say(x, ERROR, "There is no memory for a state.");
-    memcpy(*copy, bytes + sizeof TOKEN, sizeof(State));
-    return OK;
+    return copy_state(x, copy, bytes + sizeof TOKEN);
 }
+
+/* Changes of mode without an effect. */
+#define MODE(name) FUNCTION(name)(void *x) { return OK; }
+MODE(EnterEventMode) MODE(EnterStepMode)
+MODE(EnterConfigurationMode) MODE(ExitConfigurationMode)
+MODE(EvaluateDiscreteStates) MODE(Terminate)
 
 /* Functions of which this FMU has no variables, or that belong to other kinds of FMUs. */
 #define ABSENT(name, ...)                                          \
-    EXPORT Status FMI(name)(void *x, __VA_ARGS__) {                \
+    FUNCTION(name)(void *x, __VA_ARGS__) {                \
         return say(x, ERROR, #name " is not allowed in this FMU"); \
     }
-#define ABSENT_GET(type, c)                                                                     \
-    EXPORT Status FMI(fmi3Get##type)(void *x, const Reference vr[], size_t n, c v[], size_t m) { \
-        return (void)vr, (void)v, (void)m,                                                      \
-               n ? say(x, ERROR, "This FMU has no such variable of type " #type ".") : OK;      \
+#define VALUES(name, c)                                                   \
+    FUNCTION(name)(void *x, REFS, c v[], size_t m) {             \
+        return n ? say(x, ERROR, #name ": there is no such variable") : OK; \
     }
-#define ABSENT_SET(type, c)                                                                \
-    EXPORT Status FMI(fmi3Set##type)(void *x, const Reference vr[], size_t n, const c v[], \
-                                     size_t m) {                                           \
-        return (void)vr, (void)v, (void)m,                                                 \
-               n ? say(x, ERROR, "No variable of type " #type " can be set.") : OK;        \
-    }
-#define ABSENT_TYPE(type, c) ABSENT_GET(type, c) ABSENT_SET(type, c)
-typedef const char *String;
-ABSENT_TYPE(Float32, float)
-ABSENT_TYPE(Int8, int8_t)
-ABSENT_TYPE(UInt8, uint8_t)
-ABSENT_TYPE(Int16, int16_t)
-ABSENT_TYPE(UInt16, uint16_t)
-ABSENT_SET(Int32, int32_t)
-ABSENT_TYPE(UInt32, uint32_t)
-ABSENT_SET(Int64, int64_t)
-ABSENT_TYPE(UInt64, uint64_t)
-ABSENT_TYPE(Boolean, bool)
-ABSENT_TYPE(String, String)
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-ABSENT(fmi3GetBinary, const Reference r[], size_t n, size_t sizes[], const uint8_t *v[], size_t m)
-ABSENT(fmi3SetBinary, const Reference r[], size_t n, const size_t sizes[], const uint8_t *const v[],
-       size_t m)
-ABSENT(fmi3GetClock, const Reference r[], size_t n, bool v[])
-ABSENT(fmi3SetClock, const Reference r[], size_t n, const bool v[])
-ABSENT(fmi3GetNumberOfVariableDependencies, Reference r, size_t *n)
-ABSENT(fmi3GetVariableDependencies, Reference r, size_t a[], Reference b[], size_t c[], int kinds[],
+#define NO_VARIABLES(type, c) VALUES(Get##type, c) VALUES(Set##type, const c)
+typedef const char *Text;
+NO_VARIABLES(Float32, float) NO_VARIABLES(Int8, int8_t)
+NO_VARIABLES(UInt8, uint8_t) NO_VARIABLES(Int16, int16_t)
+NO_VARIABLES(UInt16, uint16_t) VALUES(SetInt32, const int32_t) NO_VARIABLES(UInt32, uint32_t)
+NO_VARIABLES(Int64, int64_t) NO_VARIABLES(UInt64, uint64_t)
+NO_VARIABLES(Boolean, bool) NO_VARIABLES(String, Text)
+ABSENT(GetBinary, REFS, size_t sizes[], const uint8_t *v[], size_t m)
+ABSENT(SetBinary, REFS, const size_t sizes[], const uint8_t *const v[], size_t m)
+ABSENT(GetClock, REFS, bool v[]) ABSENT(SetClock, REFS, const bool v[])
+ABSENT(GetNumberOfVariableDependencies, Reference r, size_t *n)
+ABSENT(GetVariableDependencies, Reference r, size_t a[], Reference b[], size_t c[], int d[],
        size_t n)
-ABSENT(fmi3GetDirectionalDerivative, const Reference a[], size_t n, const Reference b[], size_t m,
-       const double seed[], size_t k, double v[], size_t l)
-ABSENT(fmi3GetAdjointDerivative, const Reference a[], size_t n, const Reference b[], size_t m,
-       const double seed[], size_t k, double v[], size_t l)
-ABSENT(fmi3GetOutputDerivatives, const Reference r[], size_t n, const int32_t orders[], double v[],
-       size_t m)
-ABSENT(fmi3GetIntervalDecimal, const Reference r[], size_t n, double v[], int q[])
-ABSENT(fmi3GetIntervalFraction, const Reference r[], size_t n, uint64_t c[], uint64_t f[], int q[])
-ABSENT(fmi3GetShiftDecimal, const Reference r[], size_t n, double v[])
-ABSENT(fmi3GetShiftFraction, const Reference r[], size_t n, uint64_t c[], uint64_t f[])
-ABSENT(fmi3SetIntervalDecimal, const Reference r[], size_t n, const double v[])
-ABSENT(fmi3SetIntervalFraction, const Reference r[], size_t n, const uint64_t c[], const uint64_t f[])
-ABSENT(fmi3SetShiftDecimal, const Reference r[], size_t n, const double v[])
-ABSENT(fmi3SetShiftFraction, const Reference r[], size_t n, const uint64_t c[], const uint64_t f[])
-ABSENT(fmi3CompletedIntegratorStep, bool no_return, bool *event, bool *terminate)
-ABSENT(fmi3SetTime, double t)
-ABSENT(fmi3SetContinuousStates, const double v[], size_t n)
-ABSENT(fmi3GetContinuousStateDerivatives, double v[], size_t n)
-ABSENT(fmi3GetEventIndicators, double v[], size_t n)
-ABSENT(fmi3GetContinuousStates, double v[], size_t n)
-ABSENT(fmi3GetNominalsOfContinuousStates, double v[], size_t n)
-ABSENT(fmi3GetNumberOfEventIndicators, size_t *n)
-ABSENT(fmi3GetNumberOfContinuousStates, size_t *n)
-ABSENT(fmi3ActivateModelPartition, Reference clock, double t)
-
-EXPORT Status FMI(fmi3EvaluateDiscreteStates)(void *x) { return (void)x, OK; }
-
-EXPORT Status FMI(fmi3EnterContinuousTimeMode)(void *x) {
-    return say(x, ERROR, "fmi3EnterContinuousTimeMode is not allowed in this FMU");
-}
-
-EXPORT Status FMI(fmi3EnterConfigurationMode)(void *x) { return (void)x, OK; }
-
-EXPORT Status FMI(fmi3ExitConfigurationMode)(void *x) { return (void)x, OK; }
+#define SEEDED REFS, const Reference q[], size_t m, const double s[], size_t k, double v[], size_t l
+ABSENT(GetDirectionalDerivative, SEEDED) ABSENT(GetAdjointDerivative, SEEDED)
+ABSENT(GetOutputDerivatives, REFS, const int32_t orders[], double v[], size_t m)
+ABSENT(GetIntervalDecimal, REFS, double v[], int q[])
+ABSENT(GetIntervalFraction, REFS, uint64_t c[], uint64_t f[], int q[])
+ABSENT(GetShiftDecimal, REFS, double v[])
+ABSENT(GetShiftFraction, REFS, uint64_t c[], uint64_t f[])
+ABSENT(SetIntervalDecimal, REFS, const double v[])
+ABSENT(SetIntervalFraction, REFS, const uint64_t c[], const uint64_t f[])
+ABSENT(SetShiftDecimal, REFS, const double v[])
+ABSENT(SetShiftFraction, REFS, const uint64_t c[], const uint64_t f[])
+ABSENT(CompletedIntegratorStep, bool no_return, bool *event, bool *terminate)
+ABSENT(SetTime, double t)
+FUNCTION(EnterContinuousTimeMode)(void *x) { return say(x, ERROR, "not allowed"); }
+ABSENT(SetContinuousStates, const double v[], size_t n)
+ABSENT(GetContinuousStateDerivatives, double v[], size_t n)
+ABSENT(GetEventIndicators, double v[], size_t n)
+ABSENT(GetContinuousStates, double v[], size_t n)
+ABSENT(GetNominalsOfContinuousStates, double v[], size_t n)
+ABSENT(GetNumberOfEventIndicators, size_t *n) ABSENT(GetNumberOfContinuousStates, size_t *n)
+ABSENT(ActivateModelPartition, Reference clock, double t)

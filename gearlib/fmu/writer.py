@@ -162,7 +162,6 @@ def _tag(tag: str, content: str = "", /, **attributes: Any) -> str:
 
 def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tuple[dict, str]]:
     """Return (attributes, type) of all variables in the order of the value references in C."""
-    driver = data["DRIVER"] if data["PRESCRIBED"] else -1
     q = [f"{body}.{axis}" for body, axis in train.structure.coordinates]
     reference, local, output = 0, {"causality": "local"}, {"causality": "output"}
     given: list[tuple[dict, str]] = []
@@ -188,14 +187,14 @@ def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tu
     text = f"Speed of {train.reference_pinion.name}, positive counterclockwise"
     start = rate * data["PINION_RATE"]
     add("speed", "rad/s", text, shown=prescribed, start=start, causality="input")
-    add("events", "", "Number of contact events", "Int64", variability="discrete", **local)
+    add("events", "", "Number of contact events", "Int32", variability="discrete", **local)
     for name, start in zip(q, data["START_Q"], strict=True):
         add(f"q.{name}", "m", "Coordinate relative to the rigid rotation", start=start, **local)
     for name in q:
         add(f"v.{name}", "m/s", "Rate of the coordinate", start=0.0, **local)
     for b, body in enumerate(train.bodies):
         name, shown = f"torque.{body.name}", bool(data["ROTATION"][b].any())
-        if b == driver:
+        if b == data["DRIVER"]:
             add(name, "N m", "Torque that holds the speed", shown=shown, **output)
         else:
             add(name, "N m", "Torque", shown=shown, start=body.torque, causality="input")
