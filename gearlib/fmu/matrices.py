@@ -193,6 +193,8 @@ def bearings(train: Any) -> tuple[list[tuple[str, str]], np.ndarray]:
                 row = np.zeros(row.size)
                 row[:n], row[n : 2 * n] = stiffness * deflections[axis], damping * deflections[axis]
             if row.any():
-                names.append((body.name, ("radial", "tangential")[axis] if body.carrier else "xy"[axis]))
+                names.append(
+                    (body.name, ("radial", "tangential")[axis] if body.carrier else "xy"[axis])
+                )
                 rows.append(row)
     return names, np.array(rows).reshape(len(rows), 3 * n + m + 1)

@@ -35,7 +35,11 @@ _UNITS = {
     "N m": {"kg": 1, "m": 2, "s": -2},
 }
 #: System and ending of a shared library by the name of the operating system in Python.
-_SYSTEMS = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib"), "Windows": ("windows", ".dll")}
+_SYSTEMS = {
+    "Linux": ("linux", ".so"),
+    "Darwin": ("darwin", ".dylib"),
+    "Windows": ("windows", ".dll"),
+}
 _FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
 #: Entries of the archive get this time, so that bytes repeat.
 _NO_TIME = (1980, 1, 1, 0, 0, 0)
@@ -86,7 +90,9 @@ def write_fmu(
     if train is None:
         name = type(model).__name__
         allowed = "a GearTrain, because an FMU has bodies with torques and angles"
-        raise checks.InputError("model", problem=f"of type {name} is not allowed: it must be {allowed}")
+        raise checks.InputError(
+            "model", problem=f"of type {name} is not allowed: it must be {allowed}"
+        )
     matrices.check_train(train, prescribed_speed)
     bearing_names, bearing_rows = matrices.bearings(train)
     data = matrices.model_data(train, prescribed_speed, speed)
