@@ -69,8 +69,8 @@ def write_fmu(
 
     Parameters
     ----------
-    model : GearTrain
-        The train; meshes with friction are refused.
+    model : GearTrain or SixDegreePair
+        The gears; friction is refused, and so are models without bodies such as a GearPair.
     path : str or path-like
         The file, which ends with .fmu. An existing file is replaced.
     prescribed_speed : bool, default False

@@ -11,10 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 import gearlib
 from gearlib import Body, Harmonics, Mesh
+from gearlib.cli.commands import main
 from gearlib.models import acceleration
 from tests.fmu.importer import Instance
 from tests.trains import random_trains
@@ -411,3 +413,52 @@ def test_fmpy_compiles_the_sources(tmp_path):
     shutil.rmtree(tmp_path / "train/binaries")
     build_platform_binary(tmp_path / "train")
     assert list((tmp_path / "train").glob("binaries/*/*.so"))
+
+
+@needs_compiler
+def test_six_degrees_are_two_gears_with_a_moving_backlash(tmp_path):
+    pair = gearlib.GearPair(
+        max_stiffness=4e8,
+        stiffness_ratio=0.7,
+        contact_ratio=1.6,
+        reduced_mass=2.0,
+        load=2000.0,
+        backlash=30e-6,
+        material_damping=1000.0,
+        backlash_damping=100.0,
+    )
+    gears = gearlib.SixDegreePair(
+        pair=pair,
+        base_radii=(0.034, 0.05),
+        inertias=(0.004, 0.01),
+        masses=(3.0, 5.0),
+        bearing_stiffness=(5e8, 5e8, 6e8, 6e8),
+        bearing_damping=(800.0,) * 4,
+        teeth=(24, 31),
+        eccentricities=(1e-6, 2e-6),
+    )
+    train, tuning = gears.train, 0.8
+    expected = gearlib.simulate(gears, tuning, periods=31, samples_per_period=1)
+    start = gears.full_state(train.system(tuning), (0.0, 0.0))[: train.size]
+    fmu = fmu_of(tmp_path, gears, prescribed_speed=True, speed=gears.speed(tuning))
+    fmu.start_at(train, *si_state(train, tuning, tuple(start)))
+    fmu.run(30.0 * math.tau / gears.mesh_frequency(tuning), 1e-3)
+    assert fmu.integer("events") > 50
+    found = fmu.get("displacement.mesh")[0] / gears.static_deflection
+    assert found == pytest.approx(float(expected.displacement[0]), abs=1e-10)
+
+
+@needs_compiler
+def test_command(tmp_path):
+    gearlib.write_train(two_gears(), tmp_path / "train.yaml")
+    arguments = ["fmu", str(tmp_path / "train.yaml"), "--speed", "1500rpm"]
+    first = CliRunner().invoke(main, arguments)
+    assert first.exit_code == 0 and "written to" in first.output
+    rate = Instance(tmp_path / "train.fmu").start().get("phase_rate")[0]
+    assert rate == pytest.approx(24.0 * 50.0 * math.pi, rel=1e-12)
+    again = CliRunner().invoke(main, arguments)
+    assert again.exit_code == 2 and "--force" in again.output
+    output = str(tmp_path / "held.fmu")
+    held = CliRunner().invoke(main, [*arguments, "--prescribed-speed", "-o", output])
+    assert held.exit_code == 0
+    assert "speed" in Instance(tmp_path / "held.fmu").references
