@@ -59,13 +59,15 @@ def write_fmu(
 
     Inputs are the torques on the bodies in N m, positive counterclockwise. A torque that is not in
     balance accelerates the rotation of the whole train, whose angle the phases of the meshes
-    follow. With `prescribed_speed` the speed of the reference pinion is an input and held instead,
-    and the body with the largest input power gets the torque that holds it; a new speed acts at
-    once, without the inertia forces of its change. Tunable parameters are the backlashes. Outputs
-    are angle and speed of every body, displacement, elastic force and contact (1 drive side, 0
-    none, -1 coast side) of every mesh, and the forces on bearings; those of pins are along and
-    across their radius. The coordinates and their rates are local variables that can be set. At the
-    start, they are in static equilibrium with the mesh phase 0.
+    follow; dampers act on the deviations from it. With `prescribed_speed` the speed of the
+    reference pinion is an input and held instead, and the body with the largest input power gets
+    the torque that holds it; a new speed acts at once, without the inertia forces of its change.
+
+    Backlashes are tunable parameters. Outputs are angle and speed of every body, displacement,
+    elastic force and contact (1 drive side, 0 none, -1 coast side) of every mesh, and the forces on
+    bearings; those of pins are along and across their radius. The coordinates and their rates are
+    local variables that can be set. At the start they are in static equilibrium with the mesh phase
+    0.
 
     Parameters
     ----------
