@@ -15,6 +15,7 @@ folder           responsibility
 ``figures``      a file per subject, functions that return a `Figure`
 ``explorer``     the page with sliders
 ``cli``          the command ``gearlib``
+``fmu``          gear trains as FMUs, which run without Python: `write_fmu`
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================
 
@@ -44,6 +45,7 @@ _MODULES = {
     "analysis.sensitivities": "sensitivities",
     "analysis.tongues.search": "tongues",
     "analysis.trust": "trust",
+    "fmu": "write_fmu",
     "gearboxes.gearbox": "Gearbox read_gearbox",
     "integrators": "methods",
     "models.harmonics": "Harmonics",

@@ -338,6 +338,24 @@ def frequencies(speed, **values):
     output.frame(pandas.DataFrame(rows, columns=header).set_index("of"))
 
 
+@main.command(
+    params=[
+        click.Argument(["path"], metavar="FILE", type=options.FILE),
+        *options.command_options("fmu", "output prescribed_speed speed force"),
+    ]
+)
+def fmu(path, prescribed_speed, speed, force, **values):
+    """Write the gear train of FILE, .yaml or .nc, as an FMU that needs no Python.
+
+    It is for Co-Simulation with FMI 3.0, and contains C sources and a binary for this machine.
+    """
+    written = values["output"] or path.with_suffix(".fmu")
+    output.check("--output", written, force, (".fmu",))
+    settings = {"prescribed_speed": prescribed_speed, "speed": in_rpm("speed", speed) or 0.0}
+    gearlib.write_fmu(gearlib.read_train(path), written, **settings)
+    click.echo(f"written to {written}")
+
+
 def _tolerance(text):
     """Return the `ToleratedParameter` section for the value of an option, such as "load std=5%"."""
     name, *assignments = text.split() or [""]

@@ -227,6 +227,13 @@ _TABLE = {
     "format": ("Format of the table.", "text", {"type": click.Choice(["text", "json", "csv"])}),
     "save": ("Configuration to write, .yaml.", FILE),
     "port": ("Port on this machine. Default: any free one.", click.IntRange(0, 65535)),
+    "fmu output": (
+        "FMU to write, .fmu. Default: FILE with this ending.",
+        FILE,
+        {"flags": ["-o"]},
+    ),
+    "prescribed_speed": ("Make the speed an input, which is held.", False),
+    "fmu speed": ("Speed of the reference pinion at the start, rpm.", number_or_text),
     "output": ("File to write: .nc (netCDF) or .csv (table).", FILE, {"flags": ["-o"]}),
     "plot": (f"Picture to draw: {', '.join(PICTURES)}.", FILE),
     "force": ("Replace existing files.", False),

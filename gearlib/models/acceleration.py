@@ -43,27 +43,31 @@ def train_accelerations(train: Any, driver: str | None = None) -> np.ndarray:
     mass = structure.mass
     if driver is not None:
         checks.one_of("driver", driver, names)
-    rigid_motion, speeds = _rigid_motion(train, names)
-    force = -mass @ rigid_motion
+    motion, speeds = rigid_motion(train, names)
+    force = -mass @ motion
     if free.size:
-        powers = [body.torque * speed for body, speed in zip(train.bodies, speeds, strict=True)]
-        strongest = names[int(np.argmax(powers))]
-        default_driver = strongest if max(powers) > 0.0 else train.reference_pinion.name
         # The row vector (n,) of the rotation, the third motion of a body after x and y.
-        rotation = structure.motions[names.index(driver or default_driver), 2]
-        driver_motion = rotation @ rigid_motion
-        rotates = abs(driver_motion) > _ROUNDING * np.abs(rigid_motion).max()
+        rotation = structure.motions[names.index(driver or default_driver(train, speeds)), 2]
+        driver_motion = rotation @ motion
+        rotates = abs(driver_motion) > _ROUNDING * np.abs(motion).max()
         checks.require(rotates, "driver", driver, "a body that turns")
         # The driver's force makes the power of all forces on the rigid motion zero.
-        force = force - rotation * (rigid_motion @ force / driver_motion)
+        force = force - rotation * (motion @ force / driver_motion)
         unbalanced_forces = np.abs(free.T @ force)
-        force_scale = (np.abs(free.T) @ np.abs(mass @ rigid_motion)).max()
+        force_scale = (np.abs(free.T) @ np.abs(mass @ motion)).max()
         if (unbalanced_forces > _ROUNDING * force_scale).any():
             raise ValueError("bodies is not allowed: in a run-up one driver must turn all of them")
     return np.linalg.solve(mass, force) / train.static_deflection
 
 
-def _rigid_motion(train: Any, names: list[str]) -> tuple[np.ndarray, list[float]]:
+def default_driver(train: Any, speeds: list[float]) -> str:
+    """Return the body with the largest input power; `speeds` are those of the bodies."""
+    powers = [body.torque * speed for body, speed in zip(train.bodies, speeds, strict=True)]
+    strongest = train.bodies[int(np.argmax(powers))].name
+    return strongest if max(powers) > 0.0 else train.reference_pinion.name
+
+
+def rigid_motion(train: Any, names: list[str]) -> tuple[np.ndarray, list[float]]:
     """Return the rigid rotation of a `GearTrain`, n coordinates in m, and the speeds of its bodies.
 
     Both are per radian of reference mesh phase. `names` are those of all b bodies in order.

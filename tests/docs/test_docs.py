@@ -123,9 +123,9 @@ def test_commands_in_the_pages_succeed_and_print_at_most_eighty_columns(tmp_path
     commands += [(tmp_path, orbit), *((tmp_path, ["gearlib", x, "-h"]) for x in main.commands)]
     for folder, (_, name, *options) in commands:
         monkeypatch.chdir(folder)
-        # The explorer would serve its page until stopped, trust takes seconds, fit and compare need
-        # data: only the options are compared with the help.
-        help_only = name in ("explore", "trust", "fit", "compare")
+        # The explorer would serve its page until stopped, trust takes seconds, fit, compare and fmu
+        # need data: only the options are compared with the help.
+        help_only = name in ("explore", "trust", "fit", "compare", "fmu")
         if name == "workflow" and options != ["-h"]:
             # A dry run; tests/wheel runs a workflow and its report.
             options = [option for option in options if "report" not in option] + ["-n"]

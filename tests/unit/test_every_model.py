@@ -141,7 +141,7 @@ REFUSED = [
 GEAR_WORDS = re.compile("mesh|static deflection|flank|dtau")
 #: Functions without a model as first argument alone: other tests call them.
 OTHERS = {"switch_branch", "locus", "fit", "methods", "read_measured", "read_gearbox"}
-OTHERS |= {"read_train", "write_train", "characteristic_frequencies"}
+OTHERS |= {"read_train", "write_train", "characteristic_frequencies", "write_fmu"}
 
 
 def test_no_public_call_is_left_out():

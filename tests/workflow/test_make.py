@@ -23,6 +23,7 @@ TOOLS = {
     "all": ["snakemake"],
     "lint": CHECKS,
     "test": [*CHECKS, "python", "python"],
+    "couple-test": ["python", "python"],
     "report": ["snakemake", "snakemake"],
     "docs": ["mkdocs"],
     "speed-and-accuracy": ["snakemake", "python"],

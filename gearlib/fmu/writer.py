@@ -1,0 +1,271 @@
+"""`write_fmu`: the FMU of a gear train, with its sources and a binary for this machine."""
+
+import hashlib
+import os
+import platform
+import re
+import shutil
+import subprocess
+import tempfile
+import warnings
+import zipfile
+from pathlib import Path
+from typing import Annotated, Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from annotated_types import Ge
+
+from gearlib import checks
+from gearlib.data import files
+from gearlib.fmu import matrices
+from gearlib.parameters import Boolean, Unit, checked
+from gearlib.units import cf_units
+from gearlib.version import __version__
+
+_TEMPLATE = Path(__file__).with_name("template.c")
+#: Units of the variables: metre, kilogram, second, radian powers.
+_UNITS = {
+    "s": {"s": 1},
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "rad": {"rad": 1},
+    "rad/s": {"rad": 1, "s": -1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N m": {"kg": 1, "m": 2, "s": -2},
+}
+#: System and ending of a shared library by the name of the operating system in Python.
+_SYSTEMS = {
+    "Linux": ("linux", ".so"),
+    "Darwin": ("darwin", ".dylib"),
+    "Windows": ("windows", ".dll"),
+}
+_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
+#: Entries of the archive get this time, so that bytes repeat.
+_NO_TIME = (1980, 1, 1, 0, 0, 0)
+_StartSpeed = Annotated[float, Ge(0), Unit("rpm", "2000 rpm")]
+
+
+@checked
+def write_fmu(
+    model: Any, path: Any, *, prescribed_speed: Boolean = False, speed: _StartSpeed = 0.0
+) -> None:
+    """Write a gear train as an FMU: FMI 3.0, Co-Simulation, no Python at run time.
+
+    The FMU contains C99 sources with the matrices of the train and, if there is a C compiler, a
+    binary for this machine; without one a warning says so. Its motion is that of `simulate` and
+    `run_up`: in closed form from event to event, at any communication step. It returns early at
+    contact events where the importer uses Event Mode.
+
+    Inputs are the torques on the bodies in N m, positive counterclockwise. A torque that is not in
+    balance accelerates the rotation of the whole train, whose angle the phases of the meshes
+    follow; dampers act on the deviations from it. With `prescribed_speed` the speed of the
+    reference pinion is an input and held instead, and the body with the largest input power gets
+    the torque that holds it; a new speed acts at once, without the inertia forces of its change.
+
+    Backlashes are tunable parameters. Outputs are angle and speed of every body, displacement,
+    elastic force and contact (1 drive side, 0 none, -1 coast side) of every mesh, and the forces on
+    bearings; those of pins are along and across their radius. The coordinates and their rates are
+    local variables that can be set. At the start they are in static equilibrium with the mesh phase
+    0.
+
+    Parameters
+    ----------
+    model : GearTrain or SixDegreePair
+        The gears; friction is refused, and so are models without bodies such as a GearPair.
+    path : str or path-like
+        The file, which ends with .fmu. An existing file is replaced.
+    prescribed_speed : bool, default False
+        Whether the speed is an input. Trains with forces of a turning frame (`gyroscopic`), and
+        those without a single free rotation, require it.
+    speed : float, default 0
+        Speed of the reference pinion at the start in rpm, finite, >= 0, in its sense of rotation.
+
+    Raises
+    ------
+    ValueError
+        If the model has no such FMU, or the ending is wrong; the message names key and value.
+    """
+    path = Path(path)
+    checks.require(path.suffix == ".fmu", "path", str(path), "a name that ends with .fmu")
+    train = getattr(model, "train", None)
+    if train is None:
+        name = type(model).__name__
+        allowed = "a GearTrain, because an FMU has bodies with torques and angles"
+        raise checks.InputError(
+            "model", problem=f"of type {name} is not allowed: it must be {allowed}"
+        )
+    matrices.check_train(train, prescribed_speed)
+    bearing_names, bearing_rows = matrices.bearings(train)
+    data = matrices.model_data(train, prescribed_speed, speed)
+    padding = np.zeros((0 if bearing_names else 1, bearing_rows.shape[1]))  # C has no empty arrays
+    data |= {"R": len(bearing_rows), "BEARING": np.concatenate([bearing_rows, padding])}
+    identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    identifier = identifier if identifier[:1].isalpha() else f"train_{identifier}"
+    token = hashlib.sha256(repr([__version__, identifier, _header(data)]).encode()).hexdigest()[:32]
+    sources = {
+        "model_data.h": f'{_header(data)}#define TOKEN "{{{token}}}"\n',
+        "gear_train.c": _TEMPLATE.read_text(encoding="utf-8"),
+    }
+    entries: dict[str, str | bytes] = {
+        "modelDescription.xml": _description(train, data, bearing_names, identifier, token),
+        "sources/buildDescription.xml": _build_description(identifier),
+    }
+    entries |= {f"sources/{name}": text for name, text in sources.items()}
+    entries |= _binary(sources, identifier)
+    with files.replacing(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, content in entries.items():
+            info = zipfile.ZipInfo(name, _NO_TIME)
+            info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            archive.writestr(info, content)
+
+
+def _literal(value: Any) -> str:
+    """Return a number or an array as text in C; floats are hexadecimal, so that no bit is lost."""
+    if isinstance(value, np.ndarray):
+        return f"{{{', '.join(map(_literal, value))}}}"
+    return float(value).hex() if isinstance(value, float) else str(int(value))
+
+
+def _header(data: dict[str, Any]) -> str:
+    """Return the header in C with the constants of a train."""
+    lines = ["/* Matrices of a gear train in SI units, written by gearlib. */\n"]
+    for name, value in data.items():
+        if isinstance(value, np.ndarray):
+            kind = "double" if value.dtype.kind == "f" else "int"
+            shape = "".join(f"[{size}]" for size in value.shape)
+            lines.append(f"static const {kind} {name}{shape} = {_literal(value)};\n")
+        else:
+            lines.append(f"#define {name} ({_literal(value)})\n")
+    return "".join(lines)
+
+
+def _binary(sources: dict[str, str], identifier: str) -> dict[str, bytes]:
+    """Return {name in the FMU: bytes} of the shared library; without a compiler warn, return {}."""
+    machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
+    system, ending = _SYSTEMS.get(platform.system(), ("linux", ".so"))
+    names = [os.environ.get("CC", ""), "cc", "gcc", "clang"]
+    compiler = next(filter(None, map(shutil.which, filter(None, names))), None)
+    reason = "there is no C compiler (CC, cc, gcc or clang)"
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in sources.items():
+            Path(folder, name).write_text(text, encoding="utf-8")
+        if compiler:
+            library = Path(folder, f"{identifier}{ending}")
+            command = [compiler, *_FLAGS, "-o", library.name, "gear_train.c", "-lm"]
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+            if done.returncode == 0:
+                return {f"binaries/{machine}-{system}/{library.name}": library.read_bytes()}
+            reason = f"{compiler} failed: {done.stderr.strip()[:500]}"
+    warnings.warn(f"the FMU has sources but no binary, because {reason}", stacklevel=4)
+    return {}
+
+
+def _tag(tag: str, content: str = "", /, **attributes: Any) -> str:
+    """Return an element of XML; attributes that are None are left out."""
+    given = {key: value for key, value in attributes.items() if value is not None}
+    text = "".join(f" {key}={quoteattr(str(value))}" for key, value in given.items())
+    return f"<{tag}{text}>{content}</{tag}>\n" if content else f"<{tag}{text}/>\n"
+
+
+def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tuple[dict, str]]:
+    """Return (attributes, type) of all variables in the order of the value references in C."""
+    q = [f"{body}.{axis}" for body, axis in train.structure.coordinates]
+    reference, local, output = 0, {"causality": "local"}, {"causality": "output"}
+    given: list[tuple[dict, str]] = []
+
+    def add(name, unit, description, kind="Float64", shown=True, start=None, **attributes):
+        nonlocal reference
+        if start is not None:
+            attributes["start"] = repr(float(start))
+            if attributes["causality"] != "input":
+                attributes["initial"] = "exact"
+        if unit:
+            attributes["unit"] = cf_units(unit)
+        values = {"name": name, "valueReference": reference, "description": description}
+        if shown:
+            given.append((values | attributes, kind))
+        reference += 1
+
+    add("time", "s", "Time", causality="independent")
+    add("phase", "rad", f"Phase of mesh {train.reference}", start=0.0, **local)
+    rate, prescribed = data["START_RATE"], bool(data["PRESCRIBED"])
+    text = "Rate of the phase"
+    add("phase_rate", "rad/s", text, start=None if prescribed else rate, **local)
+    text = f"Speed of {train.reference_pinion.name}, positive counterclockwise"
+    start = rate * data["PINION_RATE"]
+    add("speed", "rad/s", text, shown=prescribed, start=start, causality="input")
+    add("events", "", "Number of contact events", "Int32", variability="discrete", **local)
+    for name, start in zip(q, data["START_Q"], strict=True):
+        add(f"q.{name}", "m", "Coordinate relative to the rigid rotation", start=start, **local)
+    for name in q:
+        add(f"v.{name}", "m/s", "Rate of the coordinate", start=0.0, **local)
+    for b, body in enumerate(train.bodies):
+        name, shown = f"torque.{body.name}", bool(data["ROTATION"][b].any())
+        if b == data["DRIVER"]:
+            add(name, "N m", "Torque that holds the speed", shown=shown, **output)
+        else:
+            add(name, "N m", "Torque", shown=shown, start=body.torque, causality="input")
+    tunable = {"causality": "parameter", "variability": "tunable"}
+    for j, mesh in enumerate(train.meshes):
+        shown, start = bool(data["HAS_COAST"][j]), data["START_BACKLASH"][j]
+        add(f"backlash.{mesh.name}", "m", "Backlash", shown=shown, start=start, min="0", **tunable)
+    for body in train.bodies:
+        add(f"angle.{body.name}", "rad", "Angle of rotation", **output)
+    for body in train.bodies:
+        add(f"speed.{body.name}", "rad/s", "Speed of rotation", **output)
+    for mesh in train.meshes:
+        add(f"displacement.{mesh.name}", "m", "Relative displacement of the flanks", **output)
+    for mesh in train.meshes:
+        add(f"mesh_force.{mesh.name}", "N", "Elastic force, negative on the coast side", **output)
+    for mesh in train.meshes:
+        text = "1 drive-side contact, 0 contact loss, -1 coast-side contact"
+        add(f"contact.{mesh.name}", "", text, "Int32", variability="discrete", **output)
+    for body_name, axis in bearing_names:
+        text = "Force of the body on its bearing"
+        add(f"bearing_force.{body_name}.{axis}", "N", text, **output)
+    return given
+
+
+def _description(train, data, bearing_names, identifier: str, token: str) -> str:
+    """Return modelDescription.xml."""
+    variables = _variables(train, data, bearing_names)
+    units = "".join(
+        _tag("Unit", _tag("BaseUnit", **powers), name=cf_units(unit))
+        for unit, powers in _UNITS.items()
+    )
+    outputs, unknowns = "", ""
+    for attributes, _kind in variables:
+        reference = attributes["valueReference"]
+        if attributes["causality"] == "output":
+            outputs += _tag("Output", valueReference=reference)
+            unknowns += _tag("InitialUnknown", valueReference=reference)
+    can = ("HandleVariableCommunicationStepSize", "GetAndSetFMUState", "SerializeFMUState")
+    abilities = {f"can{name}": "true" for name in can}
+    abilities |= {"hasEventMode": "true", "mightReturnEarlyFromDoStep": "true"}
+    content = (
+        _tag("CoSimulation", modelIdentifier=identifier, **abilities)
+        + _tag("UnitDefinitions", units)
+        + _tag("LogCategories", _tag("Category", name="logStatus"))
+        + _tag("ModelVariables", "".join(_tag(kind, **x) for x, kind in variables))
+        + _tag("ModelStructure", outputs + unknowns)
+    )
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + _tag(
+        "fmiModelDescription",
+        content,
+        fmiVersion="3.0",
+        modelName=identifier,
+        instantiationToken=f"{{{token}}}",
+        description="A gear train: contact events in closed form",
+        generationTool=f"gearlib {__version__}",
+        variableNamingConvention="flat",
+    )
+
+
+def _build_description(identifier: str) -> str:
+    """Return buildDescription.xml."""
+    source = _tag("SourceFileSet", _tag("SourceFile", name="gear_train.c"), language="C99")
+    configuration = _tag("BuildConfiguration", source, modelIdentifier=identifier)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + _tag(
+        "fmiBuildDescription", configuration, fmiVersion="3.0"
+    )
