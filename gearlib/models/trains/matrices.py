@@ -1,7 +1,7 @@
 """`GearTrain.from_matrices`: the structure of another tool, joined by meshes, and its reduction.
 
-Coordinates are displacements in m and rotations in rad. A gear is a node with up to six of them: the
-mesh force acts along the line of action, and with the base radius about the axis.
+Coordinates are displacements in m and rotations in rad. A gear is a node with up to six of them:
+the mesh force acts along the line of action, and with the base radius about the axis.
 """
 
 import math
@@ -15,7 +15,7 @@ import scipy.sparse
 import xarray as xr
 
 from gearlib import checks
-from gearlib.models.trains.elements import Body, Mesh
+from gearlib.models.trains.elements import Body
 from gearlib.models.trains.structure import (
     FLOAT_ARITHMETIC,
     Arithmetic,
@@ -23,7 +23,16 @@ from gearlib.models.trains.structure import (
     structure_of_matrices,
 )
 from gearlib.models.trains.train import GearTrain
-from gearlib.parameters import Angle, Finite, Length, Positive, Teeth, Text, checked, declared, described
+from gearlib.parameters import (
+    Angle,
+    Length,
+    Positive,
+    Teeth,
+    Text,
+    checked,
+    declared,
+    described,
+)
 
 #: Largest asymmetry of a symmetric matrix over its largest entry.
 _SYMMETRY = 1e-9
@@ -247,7 +256,8 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     allowed = "a train made by GearTrain.from_matrices"
     checks.require(matrices is not None, "train", type(train).__name__, allowed)
     structure, n = train.structure, len(matrices.coordinates)
-    acting = np.concatenate([structure.lines, structure.motions.reshape(-1, n), matrices.load[None]])
+    motions = structure.motions.reshape(-1, n)
+    acting = np.concatenate([structure.lines, motions, matrices.load[None]])
     boundary = np.flatnonzero(np.abs(acting).max(axis=0) > 0.0)
     interior = np.setdiff1d(np.arange(n), boundary)
     stiffness = (matrices.stiffness + matrices.stiffness.T) / 2.0
@@ -257,7 +267,8 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     squares, shapes = scipy.linalg.eigh(stiffness[inner], mass[inner])
     kept = shapes[:, squares < limit]
     # A shift keeps the constraint modes of structures that are free inside.
-    shift = (math.tau * frequency / 100.0) ** 2 if squares.size and squares[0] < 1e-6 * limit else 0.0
+    is_free = squares.size > 0 and squares[0] < 1e-6 * limit
+    shift = (math.tau * frequency / 100.0) ** 2 if is_free else 0.0
     coupled = np.ix_(interior, boundary)
     factor = scipy.linalg.cho_factor(stiffness[inner] + shift * mass[inner])
     constraint = -scipy.linalg.cho_solve(factor, stiffness[coupled] + shift * mass[coupled])
@@ -277,12 +288,16 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     basis[interior, boundary.size :] = kept
     names = [matrices.coordinates[i] for i in boundary]
     names += [f"inside {i + 1}" for i in range(kept.shape[1])]
-    projected = [basis.T @ x @ basis for x in (mass, matrices.damping, matrices.stiffness)]
+    small_mass, damping, stiffness = (
+        basis.T @ x @ basis for x in (mass, matrices.damping, matrices.stiffness)
+    )
+    small_mass = (small_mass + small_mass.T) / 2.0
     text = (
         f"{n - basis.shape[1]} of {n} coordinates: modes of the inside above "
         f"{frequency * _MARGIN:.6g} Hz, but for what follows the boundary"
     )
-    rows = {mesh.name: line @ basis for mesh, line in zip(train.meshes, structure.lines, strict=True)}
-    smaller = Matrices(names, *projected, matrices.load @ basis, matrices.gears, rows, text)
-    smaller.mass = (smaller.mass + smaller.mass.T) / 2.0
+    lines = structure.lines @ basis
+    rows = {mesh.name: line for mesh, line in zip(train.meshes, lines, strict=True)}
+    load, gears = matrices.load @ basis, matrices.gears
+    smaller = Matrices(names, small_mass, damping, stiffness, load, gears, rows, text)
     return train.replace(matrices=smaller)

@@ -63,7 +63,9 @@ def check_balance(train: "GearTrain") -> None:
         if abs(power.sum()) > 1e-9 * abs(power).sum():
             if train.matrices is not None:
                 names = [name for name, _ in train.structure.coordinates]
-                moving = [x for x, y in zip(names, motion, strict=True) if abs(y) > 1e-6 * max(abs(motion))]
+                largest = max(abs(motion))
+                pairs = zip(names, motion, strict=True)
+                moving = [name for name, x in pairs if abs(x) > 1e-6 * largest]
                 raise ValueError(
                     f"forces are not allowed: no spring resists a motion of {', '.join(moving[:8])}"
                     ", on which they must do no work"
@@ -103,9 +105,7 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
     infinite backlash permanently.
     """
     if train.matrices is not None and not train.matrices.is_symmetric:
-        raise ValueError(
-            "stiffness is not allowed for a static equilibrium: it must be symmetric"
-        )
+        raise ValueError("stiffness is not allowed for a static equilibrium: it must be symmetric")
     frequencies, amplitudes, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
     # Distances of (coast, drive) flanks without motion.
