@@ -1,0 +1,51 @@
+"""Two rotors of ROSS 2.3.0 with a gear each, whose matrices are stored here."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from gearlib import GearNode, GearTrain, Mesh
+
+_NAMES = ("mass", "stiffness", "gyroscopic")
+_FILES = {name: Path(__file__).with_name(f"ross_{name}.nc") for name in _NAMES}
+#: Name -> matrix of both rotors, SI units.
+ROSS = {name: xr.load_dataset(path)[name].values for name, path in _FILES.items()}
+_MOTIONS = ("x", "y", "axial", "tilt x", "tilt y", "turn")
+
+
+def two_rotors(**changes):
+    """Return both rotors with a pair of gears between node 3 of a and node 2 of b."""
+    gears = [
+        GearNode(
+            name="pinion", teeth=27, base_radius=0.04, rotation="a 3 turn", x="a 3 x", y="a 3 y"
+        ),
+        GearNode(
+            name="wheel", teeth=54, base_radius=0.08, rotation="b 2 turn", x="b 2 x", y="b 2 y"
+        ),
+    ]
+    mesh = Mesh(
+        pinion="pinion",
+        wheel="wheel",
+        max_stiffness=2e8,
+        stiffness_ratio=1.0,
+        contact_ratio=1.5,
+        backlash=1e-4,
+        material_damping=2000.0,
+        backlash_damping=0.0,
+        pressure_angle=math.radians(20.0),
+        position=-math.pi / 2.0,
+    )
+    values = {
+        "mass": ROSS["mass"],
+        "damping": np.zeros((84, 84)),
+        "stiffness": ROSS["stiffness"],
+        "meshes": [mesh],
+        "gears": gears,
+        "coordinates": [f"{rotor} {i} {x}" for rotor in "ab" for i in range(7) for x in _MOTIONS],
+        "forces": {"a 3 turn": 100.0, "b 2 turn": 200.0},
+    }
+    if "speed" in changes and "gyroscopic" not in changes:
+        changes |= {"gyroscopic": ROSS["gyroscopic"]}
+    return GearTrain.from_matrices(**values | changes)

@@ -1,0 +1,163 @@
+"""Structures of other tools as matrices, their reduction, forces on bodies, state space."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.signal
+
+import gearlib
+from gearlib import Body, GearNode, GearTrain, HarmonicForce, Mesh
+from tests.couple import ROSS, two_rotors
+
+#: Natural frequencies in Hz that `MultiRotor` of ROSS 2.3.0 finds, above three free motions.
+OF_ROSS = [156.7745, 186.9425, 206.6929, 232.6162, 680.7055, 691.4427, 1017.895, 1017.895]
+OF_ROSS += [1166.492, 1171.928, 1541.775]
+
+
+def pair(**options):
+    """Return two gears on fixed axes, with damping."""
+    bodies = [
+        Body(name="a", inertia=0.01, base_radius=0.1, teeth=20, torque=100.0),
+        Body(name="b", inertia=0.04, base_radius=0.2, teeth=40, torque=200.0),
+    ]
+    mesh = Mesh(
+        pinion="a", wheel="b", max_stiffness=3e8, stiffness_ratio=1.0, contact_ratio=1.5,
+        backlash=1e-3, material_damping=3000.0, backlash_damping=0.0, name="m",
+    )  # fmt: skip
+    return GearTrain(bodies=bodies, meshes=[mesh], **options)
+
+
+def as_matrices(train):
+    """Return a train again, given by the matrices of its own structure."""
+    structure = train.structure
+    n = len(structure.mass)
+    names = [f"{name} {i}" for i, (name, _) in enumerate(structure.coordinates)]
+    gears = [
+        GearNode(name=body.name, teeth=body.teeth or 20, base_radius=body.base_radius)
+        for body in train.bodies
+    ]
+    rows = {mesh.name: line for mesh, line in zip(train.meshes, structure.lines, strict=True)}
+    forces = {names[i]: float(structure.load[i]) for i in range(n)}
+    arrays = structure.mass, structure.damping, structure.stiffness
+    options = {"coordinates": names, "forces": forces, "rows": rows, "reference": train.reference}
+    return GearTrain.from_matrices(*arrays, train.meshes, gears, **options)
+
+
+def test_natural_frequencies_are_those_of_ross():
+    modes = two_rotors().modes()
+    found = np.sort(modes.natural_frequency.values)
+    assert found[:3] == pytest.approx(0.0, abs=1e-3)
+    assert found[3:14] == pytest.approx(OF_ROSS, rel=1e-6)
+
+
+def test_a_reduction_keeps_frequencies_damping_and_response():
+    whole = two_rotors(speed=300.0, damping=2e-6 * ROSS["stiffness"])
+    small = whole.reduce(2500.0)
+    assert len(small.matrices.mass) < len(whole.matrices.mass) == 84
+    assert f"of {84} coordinates" in small.matrices.left_out
+    values = []
+    for train in (whole, small):
+        found = np.linalg.eigvals(train.state_space().A)
+        kept = (found.imag > math.tau * 50.0) & (abs(found) < math.tau * 1250.0)
+        values.append(np.sort_complex(1j * found[kept]))
+    assert values[1] == pytest.approx(values[0], rel=1e-3)
+    frequencies = np.linspace(50.0, 1250.0, 101)
+    responses = [
+        gearlib.frequency_response(
+            train.state_space(inputs=["rotation of pinion"]), frequencies
+        ).response_amplitude.values
+        for train in (whole, small)
+    ]
+    assert responses[1] == pytest.approx(responses[0], rel=1e-3)
+
+
+def test_a_reduced_rotor_moves_as_the_whole():
+    whole = two_rotors()
+    results = [
+        gearlib.sweep(train, [0.02, 0.05], periods=200, record_periods=2).dynamic_force_max.values
+        for train in (whole, whole.reduce(8000.0))
+    ]
+    assert results[1] == pytest.approx(results[0], rel=2e-3)
+
+
+def test_a_planetary_train_as_its_own_matrices_moves_the_same():
+    train = gearlib.planetary(stiffness_ratio=(0.7, 0.7))
+    again = as_matrices(train)
+    options = {"periods": 20, "record_periods": 2, "samples_per_period": 16}
+    runs = [gearlib.simulate(x, 0.9, **options).displacement.values for x in (train, again)]
+    assert runs[1] == pytest.approx(runs[0], abs=1e-11)
+
+
+def test_a_harmonic_torque_moves_a_linear_pair_as_the_closed_form():
+    force = HarmonicForce(body="a", amplitude=20.0, order=2, of="m", phase=0.4)
+    train = pair(forces=[force])
+    result = gearlib.simulate(train, 0.6, periods=400, record_periods=1, samples_per_period=64)
+    omega = 2.0 * float(result.mesh_frequency)
+    # One coordinate along the line of action: acceleration of a free pinion under the torque.
+    mass = 1.0 / (0.1**2 / 0.01 + 0.2**2 / 0.04)
+    drive = 20.0 * 0.1 / 0.01 * mass
+    static = 100.0 / 0.1 / 3e8
+    response = drive / (3e8 - mass * omega**2 + 3000.0j * omega)
+    phase = 2.0 * result.phase.values + 0.4
+    expected = 1.0 + (response * np.exp(1j * phase)).real / static
+    assert result.displacement.values.ravel() == pytest.approx(expected, rel=1e-9)
+
+
+def test_modes_have_the_damping_of_the_complex_eigenvalues():
+    modes = pair().modes()
+    mass, stiffness, damping = 1.0 / (0.1**2 / 0.01 + 0.2**2 / 0.04), 3e8, 3000.0
+    ratio = damping / 2.0 / math.sqrt(stiffness * mass)
+    assert modes.modal_damping_ratio.values[-1] == pytest.approx(ratio, rel=1e-9)
+
+
+def test_a_ratio_for_each_mode_adds_to_the_dampings_of_meshes():
+    ratios = [
+        train.modes().modal_damping_ratio.values[-1]
+        for train in (pair(), pair(modal_damping=[0.07]))
+    ]
+    assert ratios[1] - ratios[0] == pytest.approx(0.07, rel=1e-9)
+
+
+def test_state_space_steps_to_the_static_state():
+    system = pair().state_space(
+        inputs=["rotation of a", "rotation of b"],
+        outputs=["mesh force of m", "acceleration rotation of a"],
+    )
+    assert isinstance(system, scipy.signal.StateSpace)
+    assert system.input_names == ("rotation of a", "rotation of b")
+    # Torques that balance leave no free acceleration: the mesh carries 100 N m / 0.1 m.
+    time = np.linspace(0.0, 0.5, 20001)
+    torques = np.tile([100.0, 200.0], (time.size, 1))
+    _, found, _ = scipy.signal.lsim(system, torques, time)
+    assert found[-1] == pytest.approx([1000.0, 0.0], rel=1e-6, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"stiffness": np.eye(3)}, r"stiffness .*rows and 84 columns"),
+        ({"mass": -np.eye(84)}, "mass .*positive definite"),
+        ({"gyroscopic": np.eye(84), "speed": 1.0}, "gyroscopic .*skew-symmetric"),
+        ({"gyroscopic": np.zeros((84, 84))}, "speed .*rad/s"),
+        ({"coordinates": ["x"] * 84}, "coordinates .*84 different names"),
+        ({"forces": {"a 3 trun": 100.0}}, "forces .*a 3 trun"),
+        ({"rows": {"pinion-wheel": [1.0]}}, "rows.*84 finite numbers"),
+        ({"mass": "mass.txt"}, r"\.mtx"),
+        ({"forces": {"a 3 turn": 100.0}}, "no spring resists"),
+    ],
+)
+def test_wrong_matrices_are_refused_in_one_sentence(changes, message):
+    with pytest.raises(ValueError, match=message) as error:
+        _ = two_rotors(**changes).static_deflection
+    assert "\n" not in str(error.value)
+
+
+def test_matrices_are_read_from_files_and_sparse_arrays(tmp_path):
+    from scipy import io, sparse
+
+    arrays = {name: ROSS[name] for name in ("mass", "stiffness")}
+    io.mmwrite(tmp_path / "mass.mtx", sparse.coo_array(arrays["mass"]))
+    read = two_rotors(mass=tmp_path / "mass.mtx", stiffness=sparse.csr_array(arrays["stiffness"]))
+    assert read == two_rotors()
