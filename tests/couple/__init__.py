@@ -17,6 +17,11 @@ _MOTIONS = ("x", "y", "axial", "tilt x", "tilt y", "turn")
 
 def two_rotors(**changes):
     """Return both rotors with a pair of gears between node 3 of a and node 2 of b."""
+
+    def gear(name, teeth, radius, node):
+        coordinates = {"rotation": f"{node} turn", "x": f"{node} x", "y": f"{node} y"}
+        return GearNode(name=name, teeth=teeth, base_radius=radius, **coordinates)
+
     gears = [
         GearNode(
             name="pinion", teeth=27, base_radius=0.04, rotation="a 3 turn", x="a 3 x", y="a 3 y"
