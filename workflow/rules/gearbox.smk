@@ -145,7 +145,7 @@ use rule _draw as draw_gearbox_run_up with:
     input:
         found="results/gearbox/run_up_{number}.nc",
         frequencies="results/gearbox/box_{number}.nc",
-        sources=sources_of("draw", "figures.orders_figure"),
+        sources=sources_of("draw", "figures.gearbox_figure"),
     output:
         figure_files(
             "gearbox/run_up_{number}",
@@ -154,7 +154,7 @@ use rule _draw as draw_gearbox_run_up with:
             "gearbox_run_up",
         ),
     params:
-        draw="orders_figure.order_map",
+        draw="gearbox_figure.draw_run_up",
         gears=NAME_OF_BOX,
 
 
