@@ -7,6 +7,7 @@
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make random-trains  500 random gear trains against scipy, event by event: ten minutes
 # make random-certificates  10,000 random orbits: what is proven of them, wrong candidates: minutes
+# make real-gearboxes  read the REXS files in the folder REXS, which are not part of the project
 # make slurm-test  the workflow on a real Slurm of one node; installs Debian's packages for root
 # make bench   speed of the library on this machine
 # make report  results/report.html, all figures, tables and claims on one page
@@ -31,7 +32,7 @@ SCHEMA := build/config.schema.json
 COMMA := ,
 
 .PHONY: all lint golden references test torture peers random-trains \
-    random-certificates slurm-test bench report docs speed-and-accuracy wheel clean distclean
+    random-certificates real-gearboxes slurm-test bench report docs speed-and-accuracy wheel clean distclean
 
 all: $(INSTALLED) $(SCHEMA)
 	$(BIN)/snakemake -j$(JOBS)
@@ -67,6 +68,11 @@ random-certificates: $(TESTING)
 peers: $(INSTALLED)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
 	    --editable '.[peers]'
+
+REXS ?= ../shared/rexs
+
+real-gearboxes: $(TESTING)
+	REXS='$(REXS)' $(BIN)/python -m tests.gearboxes
 
 # The test itself, part of `make test` too, installs nothing, and says why where it cannot run.
 slurm-test: $(TESTING)

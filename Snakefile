@@ -27,6 +27,7 @@ include: "workflow/rules/methods.smk"
 include: "workflow/rules/trains.smk"
 include: "workflow/rules/geometry.smk"
 include: "workflow/rules/uncertainty.smk"
+include: "workflow/rules/gearbox.smk"
 include: "workflow/rules/targets.smk"
 
 
@@ -34,7 +35,7 @@ rule all:
     default_target: True
     input:
         [getattr(rules, target).input for target in WANTED],
-        [] if IS_PAPER else rules.gears_table.output,
+        [] if IS_PAPER or WANTED == ["gearbox"] else rules.gears_table.output,
 
 
 rule paper:

@@ -3,6 +3,7 @@
 ===============  ================================================================================
 folder           responsibility
 ===============  ================================================================================
+``gearboxes``    gearboxes from REXS files: `read_gearbox`
 ``models``       models that can be simulated: parameters, mesh stiffness, equations of motion
 ``engines``      exact runs from event to event; compiled, one folder for each kind of system
 ``data``         named datasets and files: names and units, netCDF, CSV
@@ -17,17 +18,18 @@ folder           responsibility
 ``config``       the typed model of ``config.yaml``
 ===============  ================================================================================
 
-Beside them lie ``geometry``, the public names of gears by geometry, ``plot``, pictures of any
-dataset, ``checks`` of single values, ``colours`` of categories, ``progress`` of long calls and
-limits of their time, ``processor``, the instruction set of jobs, ``tunings`` and their names,
-``version``. The names below are loaded on first use, so that reading a configuration does not pay
-for the numerical stack.
+Beside them lie ``geometry``, the public names of gears by geometry, ``train_files``, ``plot``,
+pictures of any dataset, ``checks`` of single values, ``colours`` of categories, ``progress`` of
+long calls and limits of their time, ``processor``, the instruction set of jobs, ``tunings`` and
+their names, ``version``. The names below are loaded on first use, so that reading a configuration
+does not pay for the numerical stack.
 """
 
 from importlib import import_module
 
 #: Module -> its public names.
 _MODULES = {
+    "analysis.characteristic_frequencies": "characteristic_frequencies",
     "analysis.duty_point": "duty_point",
     "analysis.global_dynamics.basins": "basin_stability basins",
     "analysis.global_dynamics.poincare": "bifurcation_diagram poincare_section",
@@ -42,6 +44,7 @@ _MODULES = {
     "analysis.sensitivities": "sensitivities",
     "analysis.tongues.search": "tongues",
     "analysis.trust": "trust",
+    "gearboxes.gearbox": "Gearbox read_gearbox",
     "integrators": "methods",
     "models.harmonics": "Harmonics",
     "models.load_sharing_pair": "LoadSharingPair",
@@ -56,6 +59,7 @@ _MODULES = {
     "runs.run_up": "run_up",
     "runs.simulation": "simulate",
     "runs.sweeping": "sweep",
+    "train_files": "read_train write_train",
     "uncertainty.fits": "fit",
     "uncertainty.measured": "read_measured",
     "uncertainty.scatter": "scatter sobol_indices",

@@ -12,7 +12,7 @@ from gearlib.models.geometry.mesh_stiffness import MeshStiffness, mesh_stiffness
 from gearlib.models.geometry.transmission_error import optimum_relief
 
 if TYPE_CHECKING:
-    from gearlib.models.trains.planetary import planetary_set
+    from gearlib.models.trains.planetary import ParallelStage, planetary_set
 
 __all__ = [
     "RACKS",
@@ -29,6 +29,7 @@ __all__ = [
     "dynamic_factor",
     "iso_stiffness",
     "mesh_stiffness",
+    "ParallelStage",
     "optimum_relief",
     "planetary_set",
 ]
@@ -36,11 +37,11 @@ __all__ = [
 
 def __getattr__(name):
     # The compiled code of trains loads slowly, and gears given by geometry do not need it.
-    if name != "planetary_set":
+    if name not in ("ParallelStage", "planetary_set"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gearlib.models.trains.planetary import planetary_set
+    from gearlib.models.trains import planetary
 
-    return planetary_set
+    return getattr(planetary, name)
 
 
 def __dir__():

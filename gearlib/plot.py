@@ -10,12 +10,13 @@ import math
 import numpy as np
 import xarray as xr
 
-from gearlib import parameters
+from gearlib import checks, parameters
 from gearlib.analysis.orbits.shooting import Orbit
 from gearlib.data import motions
 from gearlib.figures import (
     branches_figure,
     gear_geometry_figure,
+    gearbox_figure,
     motions_figure,
     panels,
     plot_curves,
@@ -32,6 +33,7 @@ from gearlib.runs.simulation import simulate
 __all__ = [
     "campbell",
     "fit",
+    "gearbox",
     "harris_map",
     "orbit",
     "order_map",
@@ -272,6 +274,35 @@ def campbell(diagram, *, axes=None, to=None):
     max_speed = parameters.check("to", to, Speed)
     handles = trains_figure.draw_orders(axes, diagram, max_speed)
     axes.legend(handles=handles, fontsize=6.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return axes
+
+
+@style.styled()
+def gearbox(box, *, axes=None):
+    """Draw a gearbox from the side: shafts with sections, and gears coloured by stage, to scale.
+
+    Parameters
+    ----------
+    box : gearlib.gearboxes.gearbox.Gearbox
+        Gearbox returned by `gearlib.read_gearbox`.
+    axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        If `box` is not a gearbox, or its file has no positions.
+    """
+    checks.require(hasattr(box, "outline"), "box", box, "a result of gearlib.read_gearbox")
+    outline = box.outline()
+    if not outline.sizes["part"]:
+        raise ValueError("the gearbox cannot be drawn: its shafts must have a support_vector")
+    axes = plot_curves.axes_or_new(axes)
+    gearbox_figure.draw_outline(axes, outline)
     return axes
 
 

@@ -13,6 +13,7 @@ from gearlib import parameters as p
 from gearlib.config import validation
 from gearlib.config.configuration import Config
 from gearlib.config.gear_pair_section import Damping
+from gearlib.config.train_section import GearboxSection
 from tests.geometry.stages import fzg_c
 from tests.paper import CONFIG, PAPER
 
@@ -25,6 +26,7 @@ MESH = gearlib.Mesh(
 #: Class -> a value of it, where more is required than the declarations say.
 EXAMPLES = {type(x): x for x in (BODY, MESH, PAPER, fzg_c(), fzg_c().pinion, gearlib.Harmonics())}
 EXAMPLES[Damping] = CONFIG["dampings"][NAME]
+EXAMPLES[GearboxSection] = {"file": "box.rexs"}
 EXAMPLES[Config] = {key: CONFIG[key] for key in ("gear_pair", "dampings")}
 PUBLIC = {name: getattr(module, name) for module in (gearlib, geometry) for name in module.__all__}
 #: Public classes and functions, and methods with declared parameters; not the results of functions.

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -314,6 +315,29 @@ def campbell(gears, train, count):
     return diagram, lambda plot: plot.campbell(diagram)
 
 
+@main.command(params=[*options.MODEL, *options.command_options("frequencies", "speed")])
+def frequencies(speed, **values):
+    """Mesh, shaft, hunting tooth and planet frequencies at a speed of the pinion.
+
+    The gears are those of the section `gears`, or with --model train those of the train.
+    """
+    import pandas
+
+    from gearlib.analysis.characteristic_frequencies import frequency_rows
+
+    gears = take_gears(values, moves=False)
+    speed = in_rpm("speed", speed) or (gears.geometry and gears.geometry.speed)
+    if speed is None:
+        raise click.UsageError("--speed is missing: it must be given, as in --speed 1500rpm")
+    if gears.kind != "train" and gears.geometry is None:
+        raise click.UsageError("gears is missing: give their geometry, or --model train")
+    found = gearlib.characteristic_frequencies(
+        gears.model() if gears.kind == "train" else gears.geometry.mesh(), float(speed)
+    )
+    header, *rows = frequency_rows(found)
+    output.frame(pandas.DataFrame(rows, columns=header).set_index("of"))
+
+
 def _tolerance(text):
     """Return the `ToleratedParameter` section for the value of an option, such as "load std=5%"."""
     name, *assignments = text.split() or [""]
@@ -514,17 +538,44 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
 
 @main.command()
 @click.argument("folder", type=_FOLDER)
-def init(folder):
+@click.option("--gearbox", type=options.FILE, help="REXS file of a gearbox, copied into FOLDER.")
+def init(folder, gearbox):
     """Begin a project: write a configuration to start from into FOLDER/config.yaml.
 
-    `gearlib workflow -j2`, called in FOLDER, computes its targets into FOLDER/results.
+    `gearlib workflow -j2`, called in FOLDER, computes its targets into FOLDER/results. With
+    --gearbox these are all stages and load cases of the gearbox, and the whole box.
     """
     from gearlib.config import new_project
 
     path = folder / DEFAULT_CONFIG
     if path.exists():
         raise click.UsageError(f"{path} exists: choose another folder")
-    output.write_text(path, new_project.TEXT)
+    text = new_project.TEXT
+    if gearbox:
+        gearlib.read_gearbox(gearbox)  # Raises the error of a file that cannot be read.
+        if (folder / gearbox.name).exists():
+            raise click.UsageError(f"{folder / gearbox.name} exists: choose another folder")
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(gearbox, folder / gearbox.name)
+        text = new_project.GEARBOX_TEXT.format(file=json.dumps(gearbox.name, ensure_ascii=False))
+    output.write_text(path, text)
+
+
+@main.command(params=[click.Argument(["path"], metavar="FILE", type=options.FILE)])
+@click.option("--report", type=options.FILE, help="HTML page of tables and pictures to write.")
+@click.option("--force", is_flag=True, help="Replace an existing page.")
+def gearbox(path, report, force):
+    """Print the stages and loads of a gearbox in a REXS FILE: .rexs, .rexsj, .rexsz, .rexs.zip.
+
+    The page of --report has pictures, each stage over the speed, and the modes of the whole box.
+    """
+    output.check("--report", report, force, (".html",))
+    box = gearlib.read_gearbox(path)
+    click.echo(box)
+    if report:
+        from gearlib.cli import gearbox_report
+
+        output.write_text(report, gearbox_report.page(path, str(box)))
 
 
 @main.command()

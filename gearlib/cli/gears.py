@@ -10,7 +10,7 @@ from gearlib.checks import refusal
 from gearlib.cli import options
 from gearlib.config import gear_names, overlay, validation
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
-from gearlib.config.targets import NO_TRAIN, missing_mesh_damping
+from gearlib.config.targets import NO_TRAIN, NOT_GIVEN, missing_mesh_damping
 from gearlib.config.train_section import PAIR_TRAINS
 from gearlib.models.geometry.iso import METHOD_NAMES
 from gearlib.models.pair_parameters import PAPER
@@ -22,7 +22,7 @@ _NEEDED_SECTIONS = (
     *("gears", "gear_pair", "profile", "dampings", "six_degrees", "train", "tolerances"),
 )
 #: Damping of gears that do not move, and gear pair beside a train that does not use it.
-NO_DAMPING = "not-given"
+NO_DAMPING = NOT_GIVEN
 _UNDAMPED = {"dampings": {NO_DAMPING: {"material_damping": 0.0, "backlash_damping": 0.0}}}
 _UNUSED_PAIR = {"gear_pair": PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1}}
 

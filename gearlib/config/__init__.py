@@ -34,6 +34,8 @@ def load(mapping: dict) -> Any:
     from gearlib.config import defaults
     from gearlib.config.configuration import Config
 
+    if isinstance(mapping, dict) and "gearbox" in mapping:
+        mapping = _with_unused_pair(mapping)
     if isinstance(mapping, dict) and {"gears", "gear_pair"} <= mapping.keys():
         raise ConfigError(
             "gears and gear_pair are not allowed together: it must be either the geometry of the "
@@ -45,6 +47,18 @@ def load(mapping: dict) -> Any:
     except ValidationError as error:
         messages = validation.sentences(error, Config, mapping)
         raise ConfigError("\n".join(messages)) from None
+
+
+def _with_unused_pair(mapping: dict) -> dict:
+    """Return a configuration with a gearbox; a pair of no use is added if it has no gears."""
+    from gearlib.config.targets import NOT_GIVEN
+    from gearlib.models.pair_parameters import PAPER
+
+    if {"gears", "gear_pair"} & mapping.keys():
+        return mapping
+    pair = PAPER | {"load": 1.0, "backlash": 1.0, "teeth": 1}
+    dampings = {NOT_GIVEN: {"material_damping": 0.0, "backlash_damping": 0.0}}
+    return {"gear_pair": pair, "dampings": dampings, "targets": ["gearbox"]} | mapping
 
 
 def unknown_sections(mapping: dict) -> list[str]:
@@ -81,7 +95,7 @@ def overlay_gears(base: dict, changes: dict) -> dict:
     from gearlib.config import gear_names
     from gearlib.config.targets import TRAIN_TARGETS
 
-    if "gears" in changes and "gear_pair" in base and "gear_pair" not in changes:
+    if {"gears", "gearbox"} & changes.keys() and "gear_pair" in base and "gear_pair" not in changes:
         return changes
     if "train" in changes and not {"gears", "gear_pair", "targets"} & changes.keys():
         changes = {"targets": list(TRAIN_TARGETS), **changes}

@@ -18,7 +18,14 @@ from gearlib.config.gear_pair_section import (
 )
 from gearlib.config.gears_section import DynamicFactor, Gears, HarrisMap, MeshStiffness
 from gearlib.config.tolerances_section import Tolerances
-from gearlib.config.train_section import PAIR_TRAINS, Campbell, Reducer, Train, TrainSweep
+from gearlib.config.train_section import (
+    PAIR_TRAINS,
+    Campbell,
+    GearboxSection,
+    Reducer,
+    Train,
+    TrainSweep,
+)
 from gearlib.config.types import MAX_JOBS, SECTION, Distinct, Name, Section, field
 from gearlib.models.pair_parameters import RATIOS, PairParameters
 
@@ -28,7 +35,7 @@ Target = Literal[
     *("basins", "bifurcation", "poincare", "analytic_method", "stability_chart", "failures"),
     *("work_precision", "reducer", "campbell", "train_sweep", "mesh_stiffness", "harris_map"),
     "dynamic_factor",
-    *("measured", "tolerances"),
+    *("measured", "tolerances", "gearbox"),
 ]
 TARGETS = get_args(Target)
 #: Largest numbers of samples of all phase planes and of runs of all resonance sweeps.
@@ -86,6 +93,7 @@ class Config(Section):
     harris_map: HarrisMap = SECTION
     dynamic_factor: DynamicFactor = SECTION
     tolerances: Tolerances = SECTION
+    gearbox: GearboxSection = field("A gearbox in a REXS file, the target of this name.", None)
 
     @model_validator(mode="after")
     def _check(self) -> "Config":

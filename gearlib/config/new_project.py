@@ -1,4 +1,4 @@
-"""A configuration to start from: an example of gear geometry with comments on each key."""
+"""Configurations to start from, with comments on each key: gears by geometry, a gearbox."""
 
 #: Content of a new config.yaml.
 TEXT = """\
@@ -37,4 +37,16 @@ resonance:                  # largest and smallest displacement over the tuning
 
 phase_planes:               # velocity over displacement at single tunings
   tunings: [0.6, 0.8, 1.0]  # mesh frequency over eigenfrequency, or speeds as 1500 rpm
+"""
+#: Content of the config.yaml of a gearbox, with the name of its file in place of {{file}}.
+GEARBOX_TEXT = """\
+# A gearbox. In this folder, `gearlib workflow -j2` computes all its stages and load cases, and the
+# whole box, into results/; `gearlib gearbox {file}` shows what the file says and leaves open.
+
+gearbox:
+  file: {file}
+  damping_ratio: 0.05       # of each mesh
+  points: 101               # speeds of the curve of a stage
+  orders: 3                 # highest multiple of a mesh frequency in the Campbell diagram
+  revolutions: 60           # of the run-up
 """

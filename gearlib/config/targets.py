@@ -17,7 +17,9 @@ from gearlib.models.pair_parameters import PAPER
 #: Targets for any gear train of the section `train`.
 TRAIN_TARGETS = ("train_sweep", "campbell")
 #: Targets that are computed only if the configuration names them.
-ONLY_IF_NAMED = ("train_sweep", "measured")
+ONLY_IF_NAMED = ("train_sweep", "measured", "gearbox")
+#: Name of the damping of a configuration with a gearbox alone.
+NOT_GIVEN = "not-given"
 #: Figs. 2 to 8 and the table of statements.
 PAPER_TARGETS = ("phase_lag", "resonance", "phase_planes", "scenes", "jump", "claims")
 #: Error message where the configuration has no train.
@@ -35,6 +37,8 @@ WITH_PROFILE = ("resonance", "phase_planes", "run_ups", "labels", "measured")
 
 def refusal(target: str, config: Any) -> str:
     """Return why a target cannot be computed for the gears of a configuration, else ""."""
+    if NOT_GIVEN in config.dampings and target != "gearbox":
+        return "gears or gear_pair is missing: it must be given beside gearbox"
     if config.profile and target not in WITH_PROFILE:
         return (
             f"profile = {config.profile.kind!r} is not allowed: it must be left out, or the target "
@@ -176,6 +180,7 @@ _REFUSALS = {
     "mesh_stiffness": partial(_missing_gears, "mesh_stiffness"),
     "harris_map": partial(_missing_gears, "harris_map"),
     "dynamic_factor": partial(_missing_gears, "dynamic_factor"),
+    "gearbox": lambda x: "" if x.gearbox else "gearbox is missing: it must have the key file",
     "measured": lambda x: "" if x.measured else NO_MEASURED_SETS,
     "tolerances": _tolerances_error,
 }

@@ -14,6 +14,7 @@ from gearlib.config.gears_section import (
     GearSection,
     MethodSection,
     PinionSection,
+    WheelSection,
     spur_gear,
 )
 from gearlib.config.types import Section, create_section, field, grid_base, list_of
@@ -22,7 +23,7 @@ from gearlib.models.geometry.gear import SpurGear
 from gearlib.models.geometry.gear_stage import GearStage, torque_of
 from gearlib.models.trains import elements, planetary, ready_made
 from gearlib.models.trains.planetary import planetary_set
-from gearlib.parameters import Diameter, Module, Torque
+from gearlib.parameters import Diameter, Module, RunOut, Torque
 
 _RING_KEYS = ("outer_diameter",)
 _DAMPINGS = ("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio")
@@ -33,7 +34,10 @@ RingSection = create_section(
 _MESH_KEYS = ("model", *_DAMPINGS)
 _DOC = "Stiffness and damping of meshes of gears given by geometry."
 GeometryMesh = create_section("GeometryMesh", _DOC, planetary_set, *_MESH_KEYS, base=MethodSection)
-_Set = create_section("_Set", "", planetary_set, base=GeometryMesh, exclude=("torque", *_MESH_KEYS))
+_Set = create_section(
+    "_Set", "", planetary_set, base=GeometryMesh, exclude=("torque", "stages", *_MESH_KEYS)
+)
+_Stage = create_section("_Stage", "", planetary.ParallelStage, exclude=("stage",))
 #: Keys of a mesh that are for gears given by geometry only, and the coefficient in place of ratios.
 GEOMETRY_KEYS = {*GeometryMesh.model_fields, "torque", "centre_distance"}
 
@@ -49,6 +53,15 @@ def _rectangle(arguments: dict) -> dict:
     return method | arguments | {"model": "rectangle"}
 
 
+class ParallelStage(_Stage):
+    """Two gears on fixed axes, one on a shaft of the set; see `gearlib.geometry.ParallelStage`."""
+
+    pinion: PinionSection
+    wheel: WheelSection
+    centre_distance: Diameter = field("Centre distance, m. Default: without backlash.", None)
+    backlash: RunOut = field("Normal backlash, m. Default: what the gears leave.", None)
+
+
 class PlanetarySet(_Set):
     """Sun, planets and ring by geometry. Arguments of `gearlib.geometry.planetary_set`."""
 
@@ -58,6 +71,7 @@ class PlanetarySet(_Set):
     torque: p.DrivingTorque = field("Torque of the sun, N m; or power and speed.", None)
     power: p.Power = field("Power of the sun, W.", None)
     speed: p.Speed = field("Speed of the sun, rpm.", None)
+    stages: list[ParallelStage] = field("Parallel stages on shafts of sun or carrier.", [])
 
     @model_validator(mode="after")
     def _check(self):
@@ -137,12 +151,13 @@ MeshPart = create_section(
     "Two gears in mesh, see `gearlib.Mesh`; two bodies with `gear` give stiffness, ratios, phases.",
     elements.Mesh,
     base=GeometryMesh,
-    exclude=("material_damping", "transmission_error"),
+    exclude=("material_damping",),
     optional=("max_stiffness", "stiffness_ratio", "contact_ratio"),
     centre_distance=(Diameter, field(_DOC, None)),
     torque=(Torque, field(_TORQUE_DOC, None)),
     deviation=(Deviation, field("Deviation of the drive-side flanks.", None)),
     coast_deviation=(Deviation, field("Deviation of the coast-side flanks.", None)),
+    transmission_error=(Deviation, field("Error of the teeth under load, without its mean.", None)),
 )
 
 
@@ -233,6 +248,24 @@ class Train(Section):
         # The name of the mesh that sets the scales, and the frequency, Hz, of the tuning 1.
         arguments |= self.model_dump(include={"reference", "reference_frequency"})
         return {"kind": self.kind, "arguments": arguments}
+
+
+class GearboxSection(Section):
+    """A gearbox in a REXS file, see `gearlib.read_gearbox`: its stages and the whole box."""
+
+    file: t.text(
+        "a path of a REXS file", pattern=r"(?i)\.(rexs|rexsj|rexsz|rexs\.zip|xml|json)$"
+    ) = field("Path of the file: .rexs, .rexsj, .rexsz or .rexs.zip.")
+    damping_ratio: t.number(gt=0, lt=1) = field("Damping ratio of each mesh.", 0.05)
+    points: t.integer(2, 10_000) = field("Number of speeds of the curve of a stage.", 101)
+    orders: t.integer(1, 20) = field("Highest order of each mesh frequency.", 3)
+    revolutions: t.integer(1, 100_000) = field("Revolutions of the run-up.", 60)
+
+
+class TrainFile(Section):
+    """A file with a train alone, see `gearlib.read_train`."""
+
+    train: Train
 
 
 class TrainSweep(t.IncreasingStarts, grid_base(0.5, 1.4, 0.01, t.NumericGrid), t.RecordedPeriods):

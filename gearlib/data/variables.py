@@ -53,6 +53,7 @@ DESCRIPTIONS = {
     "mode_kind": ("1", "kind of the natural mode"),
     "mode_shape": ("1", "motion of the body in the natural mode, the largest of all 1"),
     "strain_energy": ("1", "share of the mesh in the strain energy of the natural mode"),
+    "shaft_energy": ("1", "share of the shaft in the strain energy of the natural mode"),
     "stiffness_order": ("1", "frequency of the stiffness over the reference mesh frequency"),
     "modal_force": ("N", "amplitude of stiffness times static deflection on the shape of the mode"),
     "phase_sum": ("1", "modal force over that of meshes all in phase"),
@@ -127,6 +128,19 @@ DESCRIPTIONS = {
     "error_amplitude_error": ("m", "estimated error of the amplitude of the transmission error"),
     "mean_square_force": ("N2", "mean square of the mesh force, by samples"),
     "mean_square_error": ("m2", "mean square of the transmission error, by samples"),
+    # gearboxes
+    "corner_position": ("m", "corner of a section or gear"),
+    "part_stage": ("1", "stage of the gear, empty for shafts"),
+    "natural_mode": ("1", "number of the natural mode of the box"),
+    "mode_frequency": ("Hz", "natural frequency of the box"),
+    "mode_strain_energy": ("1", "share of the mesh in the strain energy of the natural mode"),
+    "mode_shaft_energy": ("1", "share of the shaft in the strain energy of the natural mode"),
+    # characteristic frequencies
+    "hunting_tooth_frequency": ("Hz", "hunting tooth frequency, at which the same teeth meet"),
+    "assembly_phase_frequency": ("Hz", "assembly phase frequency"),
+    "sideband_spacing": ("Hz", "rate at which the gear turns past the line of centres"),
+    "shaft_frequency": ("Hz", "frequency of rotation in the housing"),
+    "planet_passing_frequency": ("Hz", "rate at which planets pass a tooth of the central gear"),
     # duty point
     "mesh_frequency_hertz": ("Hz", "mesh frequency"),
     "resonance_speed": ("min-1", "speed at tuning 1"),

@@ -85,12 +85,29 @@ REFERENCE_UNITS = {
 #: Range of the colour scale below the highest level, dB.
 LEVEL_RANGE = 80.0
 MESH_ORDERS = 3
+#: Variable of characteristic frequencies -> its entry in the legend.
+LEGEND = {
+    "mesh_frequency_hertz": "mesh frequency",
+    "hunting_tooth_frequency": "hunting tooth",
+    "assembly_phase_frequency": "assembly phase",
+    "sideband_spacing": "sideband spacing",
+    "shaft_frequency": "shaft",
+    "planet_passing_frequency": "planet passing",
+}
 #: Largest number of circles of a measured map on each mesh order.
 MAX_CIRCLES = 30
 
 
 @style.styled()
-def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, measured=None):
+def order_map(
+    found: xr.Dataset,
+    *,
+    figure=None,
+    vertical="order",
+    levels=None,
+    measured=None,
+    frequencies=None,
+):
     """Draw an order map, with the rising and the falling speed side by side.
 
     Labelled lines are the mesh orders z, 2z, ... and the subharmonic z/2, dotted lines the
@@ -109,6 +126,9 @@ def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, 
     measured : xarray.Dataset, optional
         Measured order map of the same variable, drawn as dots for the overall level and as circles
         on the mesh orders, coloured by level, so that they vanish where both maps agree.
+    frequencies : xarray.Dataset, optional
+        Characteristic frequencies, returned by `gearlib.characteristic_frequencies`, of the gear to
+        which the speed refers: lines with an entry in the legend.
 
     Returns
     -------
@@ -146,6 +166,8 @@ def order_map(found: xr.Dataset, *, figure=None, vertical="order", levels=None, 
         options = colours | {"shading": "nearest", "rasterized": True}
         image = map_axes.pcolormesh(speed, run.height, level, **options)
         _draw_mesh_orders(map_axes, run)
+        if frequencies is not None:
+            _draw_frequencies(map_axes, run, frequencies)
         map_axes.set_title(f"speed goes {direction}")
         level_axes.plot(run.rpm, run.overall, color="C0")
         if measured is not None:
@@ -212,6 +234,23 @@ def _draw_circles(axes, measured: xr.Dataset, colours: dict):
             options = colours | {"edgecolors": "white", "linewidth": 0.4, "zorder": 3}
             level = track.level.clip(colours["vmin"], colours["vmax"])
             axes.scatter(track.rpm, order * track.scale, 12.0, level, **options)
+
+
+def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
+    """Draw lines at the orders of characteristic frequencies, one style and entry for each kind."""
+    names = [name for name in frequencies.data_vars if frequencies[name].attrs.get("units") == "Hz"]
+    for i, name in enumerate(name for name in names if name in LEGEND):
+        hertz = np.unique(np.round(frequencies[name].values, 9))
+        orders = hertz[np.isfinite(hertz) & (hertz > 0.0)] * 60.0 / float(frequencies.speed)
+        label = LEGEND[name]
+        for order in orders[orders <= float(run.order[-1])]:
+            heights = order * run.scale
+            axes.plot(run.rpm, heights, lw=0.5, ls="--", color=f"C{i}", label=label)
+            label = None
+    handles, labels = axes.get_legend_handles_labels()
+    shown = {text: x for text, x in zip(labels, handles, strict=True) if text in LEGEND.values()}
+    if shown:
+        axes.legend(shown.values(), shown, fontsize=5, loc="upper left")
 
 
 def _draw_mesh_orders(axes, data: xr.Dataset):

@@ -71,8 +71,7 @@ def _rigid_motion(train: Any, names: list[str]) -> tuple[np.ndarray, list[float]
     # Row vectors of x, y and rotation of each body, (b, 3, n), and k free motions, (n, k).
     motions, free = train.structure.motions, train.free_motions
     pinion = train.reference_pinion.name
-    frame_speed = train.carrier_ratio * train.speeds[pinion]
-    speeds = [float(train.speeds[name] + frame_speed) for name in names]
+    speeds = [float(train.speeds.in_housing[name]) for name in names]
     body_motions = np.zeros((len(names), 3))  # x, y and arc length on the base circle
     for body_motion, speed, body in zip(body_motions, speeds, train.bodies, strict=True):
         body_motion[2] = speed * body.base_radius

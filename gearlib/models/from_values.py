@@ -132,7 +132,8 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
         sun, planet, ring = (arguments[name] for name in ("sun", "planet", "ring"))
         gears = {"sun": gear(sun), "planet": gear(planet, sun)}
         gears["ring"] = gear(ring, sun, internal=True)
-        return planetary.planetary_set(**(arguments | gears))
+        stages = [_parallel_stage(values) for values in arguments.get("stages", ())]
+        return planetary.planetary_set(**(arguments | gears | {"stages": stages}))
     gears = {body["name"]: gear(body["gear"]) for body in arguments["bodies"] if "gear" in body}
     elements: dict[str, list] = {
         "bodies": [_body(gears, **body) for body in arguments["bodies"]],
@@ -156,6 +157,16 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
             torque = float(forces[i]) * draft.by_name[mesh.pinion].base_radius
             elements["meshes"][i] = _mesh(gears, on_shafts, **description, torque=torque)
     return GearTrain(**(arguments | elements))
+
+
+def _parallel_stage(values: dict) -> planetary.ParallelStage:
+    """Return a parallel stage of a planetary set with its gears as dicts."""
+    fields = {
+        name: values[name]
+        for name in ("on", "gear", "shaft_stiffness", "position")
+        if name in values
+    }
+    return planetary.ParallelStage(stage=geometry_from_dict(values), **fields)
 
 
 def _body(gears: dict, *, name: str, gear: dict | None = None, **fields: Any) -> Body:
@@ -187,7 +198,7 @@ def _mesh(
     without a torque gets the rectangle as a draft.
     """
     values = {"material_damping": None} | values  # None: the damping is unknown.
-    for name in {"deviation", "coast_deviation"} & values.keys():
+    for name in {"deviation", "coast_deviation", "transmission_error"} & values.keys():
         values[name] = Harmonics(**values[name])
     pinion, wheel = (gears.get(values[name]) for name in ("pinion", "wheel"))
     if pinion is None or wheel is None or "max_stiffness" in values:

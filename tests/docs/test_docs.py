@@ -62,6 +62,7 @@ def test_python_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch
     plt.switch_backend("Agg")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_bytes((ROOT / "config.yaml").read_bytes())
+    (tmp_path / "gallery").symlink_to(ROOT / "gallery")
     text = page.read_text(encoding="utf-8")
     names = {}
     pattern = r"^```python\n(.*?)^```(?:\n\n```text\n(.*?)^```)?"

@@ -18,6 +18,8 @@ FOLDER = Path(__file__).with_name("data")
 
 #: Samples of a time history that are stored at most, evenly spread.
 MAX_SAMPLES = 64
+#: Attributes of datasets that figures show.
+SHOWN = {"variable", "amplitude", "stage", "load_case"}
 
 #: How much a fraction of time may differ for a motion that does not settle.
 UNSETTLED_FRACTION = 0.5
@@ -91,9 +93,9 @@ def compared_part(path):
         dataset = file.load()
     times = [name for name, variable in dataset.items() if variable.attrs.get("units") == "s"]
     dataset = dataset.drop_vars([*times, "message"], errors="ignore")
-    steps = {name: -(-size // MAX_SAMPLES) for name, size in dataset.sizes.items()}
+    steps = {name: -(-size // MAX_SAMPLES) or 1 for name, size in dataset.sizes.items()}
     dataset = dataset.isel({name: slice(None, None, step) for name, step in steps.items()})
-    dataset.attrs = {}
+    dataset.attrs = {name: text for name, text in dataset.attrs.items() if name in SHOWN}
     for name, variable in dataset.variables.items():
         meanings = variable.attrs.get("flag_meanings") if name == "verdict" else None
         variable.attrs = {"flag_meanings": meanings} if meanings else {}

@@ -135,6 +135,7 @@ def exchanged(train):
     changes = {"meshes": [exchange_pinion_and_wheel(mesh) for mesh in train.meshes]}
     if train.carrier_ratio and not first.internal:
         # The ratio is counted in the speed of the reference pinion, which is another gear now.
-        ratio = train.carrier_ratio * train.speeds[first.pinion] / train.speeds[first.wheel]
+        speeds = train.speeds.in_frame
+        ratio = train.carrier_ratio * speeds[first.pinion] / speeds[first.wheel]
         changes["carrier_ratio"] = float(ratio)
     return train.replace(**changes), lambda key: (key, 1.0)

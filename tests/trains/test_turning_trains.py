@@ -32,7 +32,7 @@ def whirl(outer, inner, speed):
     shaft = Shaft(bodies=("sun", "plate"), stiffness=1.0, **bending)
     train = train.replace(bodies=bodies, shafts=[shaft])
     frequency = train.reference_angular_frequency
-    frame_speed_at_tuning_1 = float(train.speeds["sun"]) * train.carrier_ratio * frequency
+    frame_speed_at_tuning_1 = float(train.speeds.frame) * frequency
     sun = [train.structure.coordinates.index(("sun", axis)) for axis in "xy"]
     sun += [train.size // 2 + i for i in sun]
     system = train.system(speed / frame_speed_at_tuning_1)

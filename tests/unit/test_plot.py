@@ -159,7 +159,7 @@ def test_pitch_circles_touch_at_the_pitch_points(name, phase):
     hubs = [patch for patch in axes.patches if patch.get_fill()]
     circles = [patch for patch in axes.patches if isinstance(patch, Circle) and patch not in hubs]
     # Carriers turn the meshes, seen from the housing, by this angle.
-    angle = train.carrier_ratio * float(train.speeds[train.reference_mesh.pinion]) * phase
+    angle = float(train.speeds.frame) * phase
     rotation = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     # The marks of meshes are lines of one point.
     dots = [line for line in axes.lines if len(line.get_xdata()) == 1]

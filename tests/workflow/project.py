@@ -95,6 +95,7 @@ def small_project(folder):
     # Targets that are not computed by default are included.
     small["targets"] = [name for name in TARGETS if name != "measured"]
     project.configure(lambda settings: _merge(settings, small))
+    shutil.copy2(ROOT / "gallery" / small["gearbox"]["file"], folder)
     return project
 
 

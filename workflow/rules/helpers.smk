@@ -26,7 +26,7 @@ ROOT = Path(workflow.basedir)
 #: Parts of the report; numbered because its menu is in alphabetical order.
 CLAIMS, EXPLANATIONS, METHODS = "2 The paper's statements", "3 Explanations", "4 Methods"
 TRAINS, GEOMETRY = "5 Gear trains", "6 From the geometry"
-MEASURED, TOLERANCES = "7 Measured", "8 Tolerances"
+MEASURED, TOLERANCES, GEARBOX = "7 Measured", "8 Tolerances", "9 Gearbox"
 
 #: Keys of sections that describe a grid of tunings, and seeded initial states.
 GRID = ["start", "stop", "step"]
@@ -276,6 +276,24 @@ def files_of_set(wildcards):
 
 
 # Methods, gears, designs.
+
+
+def jobs_of_gearbox():
+    """Return (stage, load case) of the jobs of a gearbox, and load cases of the whole box."""
+    if "gearbox" not in WANTED:
+        return [], []
+    from gearlib.studies.gearboxes import jobs
+
+    try:
+        stages, boxes, _ = jobs(CONFIG.gearbox.file)
+    except (OSError, ValueError) as error:
+        refuse(f"The configuration is refused.\ngearbox.file: {error}")
+    return stages, boxes
+
+
+def label_of_box(title):
+    """Return the function of wildcards that returns the labels of a figure of the whole box."""
+    return lambda wildcards: {"figure": f"{title}, load case {BOXES[int(wildcards.number)]}"}
 
 
 def not_installed(methods):

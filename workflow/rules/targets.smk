@@ -45,6 +45,7 @@ TARGET_FILES = {
         rules.draw_measured_courses.output if MEASURED_COURSES else [],
         rules.draw_measured_orders.output if MEASURED_RUN_UPS else [],
     ],
+    "gearbox": GEARBOX_FILES,
     "tolerances": [rules.draw_tolerances.output, rules.tolerance_table.output.csv],
 }
 

@@ -14,6 +14,7 @@ wildcard_constraints:
     power="linear|quadratic|cubic",
     trial=r"[A-Za-z0-9+_-]+",
     measured=r"[A-Za-z0-9+_-]+",
+    number=r"\d+",
 
 
 # Calls `function` with the other params and the input datasets, and stores the returned dataset.

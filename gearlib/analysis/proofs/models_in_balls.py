@@ -245,13 +245,14 @@ def _train_in_balls(train, tuning: float) -> BallModel:
         upper, (coast, drive) = arb(mesh.max_stiffness), constants[:, j]
         # The phase of the pitch point in mesh periods is rounded once, and exact thereafter.
         pitch_phase = Fraction(train.pitch_phases[mesh.name] / math.tau)
+        thickness = thickness_difference(mesh, train.speeds_at(mesh))
         timing = MeshTiming(
             overlap=Fraction(mesh.contact_ratio) - 1,
             has_switches=mesh.stiffness_ratio != 1.0,
             has_friction=any(mesh.friction),
             rate=train.frequency_ratios[j],
             phases=(Fraction(train.coast_phases[mesh.name]), Fraction(train.phases[mesh.name])),
-            pitch_phases=(pitch_phase + thickness_difference(mesh, train.speeds) / 2, pitch_phase),
+            pitch_phases=(pitch_phase + thickness / 2, pitch_phase),
         )
         drive_friction, coast_friction = map(arb, mesh.friction)  # the order in the train
         meshes.append(

@@ -370,6 +370,12 @@ class Mesh:
         return self.two_levels and 1.0 < self.contact_ratio < 2.0
 
 
+def lies_in_housing(mesh: Mesh, bodies: dict) -> bool:
+    """Return whether the axes of a mesh stand still beside carriers that turn."""
+    is_carried = bodies[mesh.pinion].carrier or bodies[mesh.wheel].carrier
+    return not is_carried and any(body.carrier for body in bodies.values())
+
+
 def check_names(train: Any) -> None:
     """Raise ValueError for repeated or unknown names in a `GearTrain`, or too many meshes.
 
@@ -429,4 +435,10 @@ def check_gears(train: Any) -> None:
         valid = not mesh.internal or wheel.teeth > pinion.teeth
         allowed = f"more than the {pinion.teeth} of {pinion.name}, which meshes inside it"
         checks.require(valid, f"teeth of body {wheel.name}", wheel.teeth, allowed)
+        moves = any(math.isfinite(k) for x in (pinion, wheel) for k in x.support_stiffness)
+        if train.carrier_ratio and moves and lies_in_housing(mesh, train.by_name):
+            body = next(x for x in (pinion, wheel) if any(map(math.isfinite, x.support_stiffness)))
+            allowed = f"infinite, because carriers turn beside the axes of mesh {mesh.name}"
+            name = f"support_stiffness of body {body.name}"
+            raise checks.refusal(name, body.support_stiffness, allowed)
     train.phases  # noqa: B018 (raises ValueError if gears are locked or cannot be assembled)

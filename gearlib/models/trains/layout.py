@@ -44,8 +44,8 @@ def layout(train: "GearTrain") -> xr.Dataset:
     sizes = list(body_radii.values())
     # Speeds are per radian of reference mesh phase. The frame of the positions, that of the first
     # carrier, rotates in the housing, and all bodies with it.
-    frame_speed = train.carrier_ratio * float(train.speeds[train.reference_mesh.pinion])
-    speeds = [frame_speed + float(train.speeds[name]) for name in train.body_names]
+    frame_speed = float(train.speeds.frame)
+    speeds = [float(train.speeds.in_housing[name]) for name in train.body_names]
     x, y = _round_to_zero([axes[name] for name in train.body_names], sizes).T
     mesh_x, mesh_y = _round_to_zero(pitch_points, sizes).T
     data = {

@@ -34,6 +34,13 @@ def modes(train: "GearTrain") -> xr.Dataset:
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     energy = np.zeros((frequency.size, len(train.meshes)))
     energy[free.shape[1] :] = train.strains[-len(train.meshes) :].T ** 2
+    # Before the meshes come the springs of shafts: in torsion, and in bending along x and y.
+    springs = train.strains[: -len(train.meshes)]
+    of_shafts = springs[len(springs) - 3 * len(train.shafts) :] ** 2
+    shaft_energy = np.zeros((frequency.size, len(train.shafts)))
+    shaft_energy[free.shape[1] :] = (
+        of_shafts.reshape(len(train.shafts), 3, squares.size).sum(axis=1).T
+    )
     kinds = ["rigid"] * free.shape[1] + _mode_kinds(train, motions[free.shape[1] :])
     dataset = xr.Dataset(
         {
@@ -44,8 +51,13 @@ def modes(train: "GearTrain") -> xr.Dataset:
                 motions / _largest_motions(motions)[:, None, None],
             ),
             "strain_energy": (("mode", "mesh"), energy),
+            "shaft_energy": (("mode", "shaft"), shaft_energy),
         },
-        coords={"mode": np.arange(frequency.size)} | train.names,
+        coords={
+            "mode": np.arange(frequency.size),
+            "shaft": np.array(["-".join(shaft.bodies) for shaft in train.shafts], str),
+            **train.names,
+        },
         attrs={"title": "Natural modes of a gear train"},
     )
     return describe(dataset)

@@ -9,7 +9,8 @@ from annotated_types import Ge, Le
 from gearlib import checks
 from gearlib.engines.pair.stiffness import mean_over_max
 from gearlib.models.geometry.from_values import equal_positions, planetary_meshes
-from gearlib.models.trains.elements import Body, Mesh
+from gearlib.models.geometry.gear_stage import GearStage
+from gearlib.models.trains.elements import Body, Mesh, Shaft
 from gearlib.models.trains.ready_made import (
     STRUCTURAL_DAMPING,
     PinErrors,
@@ -37,14 +38,17 @@ from gearlib.parameters import (
     Mass,
     MaterialDamping,
     RunOut,
+    ShaftStiffness,
     Stiffness,
     StiffnessRatio,
     Support,
     Teeth,
+    Text,
     Torque,
     Values,
     WorkingAngle,
     checked,
+    declared,
     described,
 )
 
@@ -258,6 +262,70 @@ def _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle):
     return pin_radius, (pressure_angle, pressure_angle if equal_angles else math.acos(cosine))
 
 
+@declared()
+class ParallelStage:
+    """A pair of gears on fixed axes, one of which is on a shaft of a planetary set; immutable.
+
+    The torque of the body on the other end of this shaft moves to the other gear.
+    """
+
+    stage: Annotated[GearStage, described("The two gears")]
+    on: Annotated[
+        Text, described("Body at the other end of the shaft: sun, carrier, or as wheel 1")
+    ]
+    shaft_stiffness: Annotated[ShaftStiffness, described("Torsional stiffness of the shaft")]
+    gear: Annotated[
+        Literal["pinion", "wheel"], CHOICE, described("Gear of the stage that is on the shaft")
+    ] = "pinion"
+    position: Annotated[
+        Angle, described("Angle of the line from the axis of the pinion to that of the wheel")
+    ] = 0.0
+
+    def elements(
+        self, number: int, bodies: dict[str, Body], structural_damping: float, options: dict
+    ) -> tuple[dict[str, Body], Mesh, Shaft]:
+        """Return the changed bodies by name, the mesh and the shaft of the stage with a number.
+
+        `bodies` are those of the train so far, and `options` those of `Mesh.from_geometry`.
+        """
+        owner = f"stages[{number - 1}]"
+        checks.one_of(f"{owner}.on", self.on, list(bodies))
+        torque = bodies[self.on].torque
+        allowed = "a body with a torque, which the stage takes over"
+        checks.require(torque != 0.0, f"{owner}.on", self.on, allowed)
+        pinion, wheel = self.stage.pinion, self.stage.wheel
+        names = {"pinion": f"pinion {number}", "wheel": f"wheel {number}"}
+        sign = 1 if wheel.internal else -1
+        ratio = sign * pinion.teeth / wheel.teeth  # speed of the wheel over that of the pinion
+        other = "wheel" if self.gear == "pinion" else "pinion"
+        # The power is the same; the shaft acts on its gear against the torque of the body.
+        torques = {
+            self.gear: -torque,
+            other: torque / (ratio if self.gear == "pinion" else 1 / ratio),
+        }
+        loading = torques["wheel"] if wheel.internal else torques["pinion"]
+        changed = {
+            self.on: dataclasses.replace(bodies[self.on], torque=0.0),
+            names["pinion"]: Body.from_gear(pinion, names["pinion"]),
+            names["wheel"]: Body.from_gear(wheel, names["wheel"]),
+        }
+        free = names[other]
+        changed[free] = dataclasses.replace(changed[free], torque=torques[other])
+        mesh = Mesh.from_geometry(
+            self.stage,
+            names["pinion"],
+            names["wheel"],
+            name=f"stage {number}",
+            torque=torques["pinion"],
+            position=self.position,
+            direction=1 if loading > 0.0 else -1,
+            **options,
+        )
+        ends = self.on, names[self.gear]
+        damping = proportional_damping(self.shaft_stiffness, structural_damping)
+        return changed, mesh, Shaft(bodies=ends, stiffness=self.shaft_stiffness, damping=damping)
+
+
 @checked
 def planetary_set(
     sun,
@@ -312,14 +380,20 @@ def planetary_set(
     turning: Turning = True,
     driving: Driving = "sun",
     gyroscopic: Gyroscopic = False,
+    stages: Annotated[
+        tuple[ParallelStage, ...],
+        Values(),
+        described("Parallel stages on shafts of the sun, the carrier or earlier stages"),
+    ] = (),
     **train_options,
 ):
     """Return the planetary train of the geometries of a sun, planet and ring.
 
     Each gear is a `gearlib.geometry.SpurGear`; the ring needs its `outer_diameter`. Stiffness,
     contact ratios, backlash, inertias, pressure angles and phases follow from the geometry. Bodies
-    and meshes have the same names as in `gearlib.planetary`. `model`, `stiffness`, `options` and
-    the damping are those of `gearlib.Mesh.from_geometry`, other options those of `GearTrain`.
+    and meshes have the same names as in `gearlib.planetary`; those of the parallel stages are
+    ``pinion 1``, ``wheel 1`` and ``stage 1``, .... `model`, `stiffness`, `options` and the damping
+    are those of `gearlib.Mesh.from_geometry`, other options those of `GearTrain`.
 
     Raises
     ------
@@ -383,4 +457,13 @@ def planetary_set(
         dataclasses.replace(mesh, **(ring_mesh_fields if mesh.internal else sun_mesh_fields))
         for mesh in train.meshes
     ]
-    return dataclasses.replace(train, meshes=tuple(meshes))
+    bodies, shafts = {body.name: body for body in train.bodies}, []
+    del mesh_options["load_argument"]
+    for number, stage in enumerate(stages, 1):
+        added = stage.elements(number, bodies, structural_damping, mesh_options)
+        bodies |= added[0]
+        meshes.append(added[1])
+        shafts.append(added[2])
+    return dataclasses.replace(
+        train, bodies=tuple(bodies.values()), meshes=tuple(meshes), shafts=(*train.shafts, *shafts)
+    )

@@ -53,8 +53,7 @@ def dimensionless_matrices(train: "GearTrain", tuning: float) -> DimensionlessMa
     """
     structure, stiffness_scale = train.structure, train.stiffness_scale
     omega = train.reference_angular_frequency
-    pinion_speed = float(train.speeds[train.reference_pinion.name])
-    frame_speed = train.carrier_ratio * tuning * pinion_speed if train.gyroscopic else 0.0
+    frame_speed = tuning * float(train.speeds.frame) if train.gyroscopic else 0.0
     coriolis = structure.coriolis * (omega**2 / stiffness_scale * frame_speed)
     centrifugal = structure.centrifugal * (omega**2 / stiffness_scale * frame_speed**2)
     circulatory = structure.circulatory * (omega / stiffness_scale * frame_speed)

@@ -175,14 +175,20 @@ class GearTrain(Model):
 
     @cached_property
     def speeds(self):
-        """Signed speeds of the bodies per radian of reference mesh phase, name -> Fraction."""
-        return turning.speeds(self.by_name, self.meshes, self.shafts, self.reference)
+        """`turning.Speeds` of the bodies per radian of reference mesh phase."""
+        args = self.by_name, self.meshes, self.shafts, self.reference, self.carrier_ratio
+        return turning.speeds(*args)
+
+    def speeds_at(self, mesh: Mesh) -> dict[str, Fraction]:
+        """Return the signed speeds of the bodies relative to the line of centres of a mesh."""
+        return self.speeds.at(mesh, self.by_name)
 
     @cached_property
     def frequency_ratios(self) -> tuple[Fraction, ...]:
         """Mesh frequencies over that of the reference mesh."""
         return tuple(
-            abs(self.speeds[mesh.pinion]) * self.by_name[mesh.pinion].teeth for mesh in self.meshes
+            abs(self.speeds_at(mesh)[mesh.pinion]) * self.by_name[mesh.pinion].teeth
+            for mesh in self.meshes
         )
 
     @cached_property
@@ -195,14 +201,14 @@ class GearTrain(Model):
         """Stiffness phases of the coast sides (coast-side contact), mesh name -> its mesh
         periods."""
         return {
-            mesh.name: turning.coast_side_phase(mesh, self.speeds, self.phases[mesh.name])
+            mesh.name: turning.coast_side_phase(mesh, self.speeds_at(mesh), self.phases[mesh.name])
             for mesh in self.meshes
         }
 
     @cached_property
     def pitch_phases(self):
         """Phases at which drive sides touch at the pitch point, mesh name -> rad."""
-        return {mesh.name: turning.pitch_phase(mesh, self.speeds) for mesh in self.meshes}
+        return {x.name: turning.pitch_phase(x, self.speeds_at(x)) for x in self.meshes}
 
     @cached_property
     def repeats(self):
@@ -336,8 +342,8 @@ class GearTrain(Model):
 
     def speed(self, tuning: Any) -> Any:
         """Return the speed of the reference pinion in rpm at a tuning (float or array)."""
-        frequency = self.mesh_frequency(tuning) / (2.0 * math.pi) / self.reference_pinion.teeth
-        return 60.0 * frequency * abs(1.0 + self.carrier_ratio)
+        turns = abs(float(self.speeds.in_housing[self.reference_pinion.name]))
+        return 60.0 / (2.0 * math.pi) * self.mesh_frequency(tuning) * turns
 
     def scales(self) -> dict:
         """Return the dataset variables that depend on the train alone, name -> value."""
@@ -409,7 +415,8 @@ class GearTrain(Model):
         -------
         xarray.Dataset
             Over `mode`: natural_frequency (Hz), mode_kind (rigid, rotational, translational,
-            satellite, other), mode_shape over body and axis, strain_energy over mesh.
+            satellite, other), mode_shape over body and axis, strain_energy over mesh, shaft_energy
+            over shaft.
         """
         return natural_modes.modes(self)
 
@@ -600,7 +607,7 @@ class GearTrain(Model):
         forces = [structure.damping]
         if self.gyroscopic:
             # Speed of the frame by mesh phase, as the rates of a state.
-            turns = float(self.carrier_ratio * self.speeds[self.reference_pinion.name])
+            turns = float(self.speeds.frame)
             forces += [structure.centrifugal, structure.circulatory, free.T @ structure.coriolis]
             forces += [structure.sliding] * any(max(mesh.friction) for mesh in self.meshes)
         for matrix in forces:

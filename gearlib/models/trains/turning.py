@@ -22,62 +22,92 @@ of the gear that drives on the drive side; Guo & Parker, Mech. Mach. Theory 78 (
 """
 
 import math
-from collections.abc import Sequence
 from fractions import Fraction
+from typing import NamedTuple
 
 from gearlib import checks
-from gearlib.models.trains.elements import Mesh
+from gearlib.models.trains.elements import Mesh, lies_in_housing
 
 #: Largest misfit of teeth in pitches: positions are angles, often rounded to few digits.
 _POSITION_TOLERANCE = 1e-6
+#: Largest denominator of the speed of a frame, whose ratio of speeds is a float.
+MAX_DENOMINATOR = 10_000_000
 
 
-def speeds(bodies, meshes, shafts, reference) -> dict[str, Fraction]:
-    """Return the signed speeds of the bodies per radian of reference mesh phase, name -> Fraction.
+class Speeds(NamedTuple):
+    """Signed speeds of the bodies of a train per radian of reference mesh phase."""
 
-    `bodies` maps names to `Body`, and `reference` is the name of the reference mesh. Bodies without
-    a mesh or shaft have speed 0. Raises ValueError for a locked train or a mesh without connection
-    to the reference mesh.
+    in_frame: dict  #: body -> speed relative to the frame of the positions, a Fraction
+    frame: Fraction  #: speed of this frame in the housing
+
+    @property
+    def in_housing(self) -> dict[str, Fraction]:
+        """Speeds of the bodies relative to the housing."""
+        return {name: speed + self.frame for name, speed in self.in_frame.items()}
+
+    def at(self, mesh: Mesh, bodies: dict) -> dict[str, Fraction]:
+        """Return the speeds of the bodies relative to the line of centres of a mesh."""
+        return self.in_housing if lies_in_housing(mesh, bodies) else self.in_frame
+
+
+def speeds(bodies, meshes, shafts, reference, carrier_ratio) -> Speeds:
+    """Return the `Speeds` of the bodies of a train.
+
+    `bodies` maps names to `Body`, and `reference` is the name of the reference mesh.
+    `carrier_ratio` is the speed of the frame over that of the reference pinion in it. Bodies
+    without a mesh or shaft have speed 0 in the frame. Raises ValueError for a locked train or a
+    mesh without connection to the reference mesh.
     """
-    ratios = []  # (first body, second body, ratio of their speeds, description)
+    reference_mesh = next(mesh for mesh in meshes if mesh.name == reference)
+    frame_ratio = Fraction(carrier_ratio).limit_denominator(MAX_DENOMINATOR)
+    reference_speed = Fraction(1, bodies[reference_mesh.pinion].teeth)
+    if lies_in_housing(reference_mesh, bodies):
+        reference_speed /= 1 + frame_ratio
+    frame_speed = reference_speed * frame_ratio
+    # (first body, second body, ratio of their speeds, speed of the axes, description)
+    ratios = []
     for mesh in meshes:
         ratio = Fraction(bodies[mesh.pinion].teeth, bodies[mesh.wheel].teeth)
         ratio *= 1 if mesh.internal else -1
-        ratios.append((mesh.pinion, mesh.wheel, ratio, f"mesh {mesh.name}"))
-    ratios += [(*shaft.bodies, Fraction(1), f"shaft {'-'.join(shaft.bodies)}") for shaft in shafts]
-    reference_mesh = next(mesh for mesh in meshes if mesh.name == reference)
-    speed_of = {reference_mesh.pinion: Fraction(1, bodies[reference_mesh.pinion].teeth)}
+        axes_speed = -frame_speed if lies_in_housing(mesh, bodies) else Fraction(0)
+        ratios.append((mesh.pinion, mesh.wheel, ratio, axes_speed, f"mesh {mesh.name}"))
+    for shaft in shafts:
+        ratios.append((*shaft.bodies, Fraction(1), Fraction(0), f"shaft {'-'.join(shaft.bodies)}"))
+    # Carriers stand still in the frame of the positions.
+    speed_of = dict.fromkeys([x.carrier for x in bodies.values() if x.carrier], Fraction(0))
+    speed_of[reference_mesh.pinion] = reference_speed
     count = 0
     while len(speed_of) > count:
         count = len(speed_of)
-        for body, other, ratio, connection in ratios:
+        for body, other, ratio, axes_speed, connection in ratios:
             if body in speed_of:
-                speed = speed_of[body] * ratio
+                speed = (speed_of[body] - axes_speed) * ratio + axes_speed
                 if speed_of.setdefault(other, speed) != speed:
                     raise ValueError(
                         f"teeth of body {other} = {bodies[other].teeth!r} is not allowed: by "
                         f"{connection} the train is locked; speeds must agree around every loop"
                     )
             elif other in speed_of:
-                speed_of[body] = speed_of[other] / ratio
+                speed_of[body] = (speed_of[other] - axes_speed) / ratio + axes_speed
     for mesh in meshes:
         if mesh.pinion not in speed_of:
             raise ValueError(
                 f"mesh {mesh.name} is not allowed: it must be connected with the reference mesh "
                 f"{reference} by meshes and shafts"
             )
-    sign = _rotation_sign(meshes, reference_mesh, speed_of)
-    return {name: sign * speed_of.get(name, Fraction(0)) for name in bodies}
+    in_frame = {name: speed_of.get(name, Fraction(0)) for name in bodies}
+    sign = _rotation_sign(meshes, reference_mesh, Speeds(in_frame, frame_speed), bodies)
+    return Speeds({name: sign * speed for name, speed in in_frame.items()}, sign * frame_speed)
 
 
-def _rotation_sign(meshes: Sequence[Mesh], reference_mesh: Mesh, speed: dict[str, Fraction]) -> int:
+def _rotation_sign(meshes, reference_mesh: Mesh, speeds: Speeds, bodies: dict) -> int:
     """Return the factor, 1 or -1, of the speeds for which the given driving gears drive.
 
-    `speed` maps a body to its speed up to this factor. If no mesh has a given driving gear, the
-    pinion drives in the reference mesh.
+    If no mesh has a given driving gear, the pinion drives in the reference mesh.
     """
     meshes = [mesh for mesh in meshes if mesh.driving]
-    signs = [1 if driving_gear(mesh, speed) == mesh.driving else -1 for mesh in meshes]
+    drivers = [driving_gear(mesh, speeds.at(mesh, bodies)) for mesh in meshes]
+    signs = [1 if name == mesh.driving else -1 for name, mesh in zip(drivers, meshes, strict=True)]
     for sign, mesh in zip(signs, meshes, strict=True):
         allowed = mesh.wheel if mesh.driving == mesh.pinion else mesh.pinion
         checks.require(
@@ -89,7 +119,8 @@ def _rotation_sign(meshes: Sequence[Mesh], reference_mesh: Mesh, speed: dict[str
         )
     if signs:
         return signs[0]
-    return 1 if driving_gear(reference_mesh, speed) == reference_mesh.pinion else -1
+    driver = driving_gear(reference_mesh, speeds.at(reference_mesh, bodies))
+    return 1 if driver == reference_mesh.pinion else -1
 
 
 def driving_gear(mesh: Mesh, speed: dict[str, Fraction]) -> str:
@@ -137,17 +168,17 @@ def coast_side_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> fl
     return _rounded_phase(phase + (coast + drive) + 0.5)
 
 
-def phases(bodies, meshes, shafts, reference, speed) -> dict:
+def phases(bodies, meshes, shafts, reference, speeds) -> dict:
     """Return the phase of each mesh in mesh periods, in [0, 1), by the name of the mesh.
 
-    `bodies` maps names to `Body`, `reference` is the name of the reference mesh, and `speed` maps a
-    body to its signed speed. Raises ValueError if the teeth do not fit together, so that the train
-    cannot be assembled.
+    `bodies` maps names to `Body`, `reference` is the name of the reference mesh, and `speeds` are
+    the `Speeds` of the bodies. Raises ValueError if the teeth do not fit together, so that the
+    train cannot be assembled.
     """
     meshes_by_teeth = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
     # Given keyings come before those that follow from the loops of meshes.
     shafts = sorted(shafts, key=lambda shaft: shaft.keying is None)
-    teeth = _ToothPositions(bodies, shafts, speed)
+    teeth = _ToothPositions(bodies, shafts, speeds)
     teeth.place_pinion(next(mesh for mesh in meshes if mesh.name == reference))
     while len(teeth.phases) < len(meshes_by_teeth):
         while any([teeth.place_by_mesh(mesh) for mesh in meshes_by_teeth]):
@@ -181,23 +212,24 @@ def phases(bodies, meshes, shafts, reference, speed) -> dict:
 class _ToothPositions:
     """Angular positions of the gears of a train at mesh phase 0, computed gear by gear."""
 
-    def __init__(self, bodies: dict, shafts: list, speed: dict):
-        self.bodies, self.shafts, self.speed = bodies, shafts, speed
+    def __init__(self, bodies: dict, shafts: list, speeds: Speeds):
+        self.bodies, self.shafts, self.speeds = bodies, shafts, speeds
         self.positions: dict = {}  #: gear -> tooth pitches from angle 0 to the middle of a tooth
         self.phases: dict = {}  #: name of a mesh -> its phase in mesh periods
 
     def place_pinion(self, mesh: Mesh) -> None:
         """Place the pinion of a mesh so that the mesh has its given phase, by default 0."""
-        self._place(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_phases(mesh, self.speed)[1])
+        sliding_phase = sliding_phases(mesh, self.speeds.at(mesh, self.bodies))[1]
+        self._place(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_phase)
 
     def place_by_mesh(self, mesh: Mesh) -> bool:
         """Place a gear by the gear that it meshes with; return True if the mesh gets its phase."""
         placed_gears = [name for name in (mesh.pinion, mesh.wheel) if name in self.positions]
         if not placed_gears or mesh.name in self.phases:
             return False
-        gear = placed_gears[0]
+        gear, speed = placed_gears[0], self.speeds.at(mesh, self.bodies)
         pitches = _contact_position(mesh, gear, self.bodies) - self.positions[gear]
-        periods = math.copysign(1.0, self.speed[gear]) * pitches
+        periods = math.copysign(1.0, speed[gear]) * pitches
         for name in (mesh.pinion, mesh.wheel):
             if self._place(mesh, name, periods) > _POSITION_TOLERANCE:
                 raise ValueError(
@@ -206,7 +238,7 @@ class _ToothPositions:
                     "around every loop the positions must be whole tooth pitches apart, for equal "
                     "satellites (z_s + z_r) / N an integer"
                 )
-        self.phases[mesh.name] = periods - sliding_phases(mesh, self.speed)[1]
+        self.phases[mesh.name] = periods - sliding_phases(mesh, speed)[1]
         return True
 
     def place_by_shaft(self) -> bool:
@@ -227,7 +259,8 @@ class _ToothPositions:
         else 0.
         """
         contact, side = _contact_position(mesh, name, self.bodies), _drive_side_sign(mesh, name)
-        position = contact - math.copysign(1.0, self.speed[name]) * periods
+        speed = self.speeds.at(mesh, self.bodies)[name]
+        position = contact - math.copysign(1.0, speed) * periods
         if name in self.positions:
             misfit = self.positions[name] - position
             return abs(misfit - round(misfit))

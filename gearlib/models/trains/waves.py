@@ -102,7 +102,7 @@ def _phases_of_changes(train: "GearTrain", mesh: Mesh) -> tuple[tuple, tuple]:
     They are the middle of the upper stiffness level and the change to positive sliding.
     """
     coast, drive = train.coast_phases[mesh.name], train.phases[mesh.name]
-    sliding_phases = turning.sliding_phases(mesh, train.speeds)
+    sliding_phases = turning.sliding_phases(mesh, train.speeds_at(mesh))
     return (coast, drive), tuple(drive + phase for phase in sliding_phases)
 
 
@@ -177,7 +177,7 @@ def excitation_harmonics(train, line_vectors, arithmetic=FLOAT_ARITHMETIC):
                 phase = convert(body.eccentricity_phase) - angle
                 phase += body.angle if body.carrier else 0.0
                 c, s = arithmetic.cos_sin(phase)
-                add_harmonic(train.speeds[name], j, sides, run_out * c, -run_out * s)
+                add_harmonic(train.speeds_at(mesh)[name], j, sides, run_out * c, -run_out * s)
         ratio, mesh_phase = train.frequency_ratios[j], train.phases[mesh.name]
         for side, deviation in enumerate((mesh.coast_deviation, mesh.deviation)):
             tooth_phase, tooth_deviation = deviation_of_teeth(train, mesh, side)
@@ -195,7 +195,7 @@ def deviation_of_teeth(train: "GearTrain", mesh: Mesh, side: int) -> tuple[float
     The phase is in mesh periods, and the rows of the deviation are (order, cosine, sine) in m. The
     mesh force is constant while the gears follow the transmission error.
     """
-    pinion_drives = turning.driving_gear(mesh, train.speeds) == mesh.pinion
+    pinion_drives = turning.driving_gear(mesh, train.speeds_at(mesh)) == mesh.pinion
     # Where the wheel drives, the pairs of teeth move the other way along the path of contact. On
     # the coast side the other gear drives.
     direction = 1.0 if pinion_drives == bool(side) else -1.0
@@ -210,5 +210,5 @@ def common_period(train: "GearTrain") -> int:
     for mesh in train.meshes:
         for name in (mesh.pinion, mesh.wheel):
             if train.by_name[name].eccentricity:
-                frequencies.append(train.speeds[name])
+                frequencies.append(train.speeds_at(mesh)[name])
     return math.lcm(*(Fraction(frequency).denominator for frequency in frequencies))

@@ -1,0 +1,209 @@
+"""Planetary sets with parallel stages, characteristic frequencies, trains in files, commands."""
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+import gearlib
+from gearlib import config
+from gearlib.cli import main
+from gearlib.geometry import GearStage, ParallelStage, SpurGear, planetary_set
+from gearlib.models.from_values import model
+
+from .rexs_files import planetary, two_stages
+
+SUN, PLANET = (SpurGear(teeth=z, module=0.004, width=0.05) for z in (17, 22))
+RING = SpurGear(teeth=61, module=0.004, width=0.05, internal=True, outer_diameter=0.28)
+FIRST, SECOND = (
+    GearStage(*(SpurGear(teeth=z, module=m, width=0.03) for z in teeth))
+    for m, teeth in ((0.003, (23, 67)), (0.006, (20, 41)))
+)
+
+
+def mixed(**options):
+    """Return a set whose sun is driven by a stage and whose carrier drives another."""
+    stages = [
+        ParallelStage(stage=FIRST, on="sun", gear="wheel", shaft_stiffness=1e5, position=1.0),
+        ParallelStage(stage=SECOND, on="carrier", shaft_stiffness=1e6, position=2.0),
+    ]
+    options = {"damping_ratio": 0.05, "model": "rectangle", "stages": stages} | options
+    return planetary_set(SUN, PLANET, RING, torque=300.0, **options)
+
+
+def test_speeds_and_mesh_frequencies_are_those_of_willis():
+    train = mixed()
+    in_housing = {name: float(speed) for name, speed in train.speeds.in_housing.items()}
+    sun = in_housing["sun"]
+    assert in_housing["carrier"] / sun == pytest.approx(17 / 78, rel=1e-12)
+    assert in_housing["ring"] == 0.0
+    assert in_housing["pinion 1"] / sun == pytest.approx(-67 / 23, rel=1e-12)
+    assert in_housing["wheel 2"] / sun == pytest.approx(-17 / 78 * 20 / 41, rel=1e-12)
+    found = gearlib.characteristic_frequencies(train, 1200.0)
+    frequencies = dict(zip(found.mesh.values, found.mesh_frequency_hertz.values, strict=True))
+    assert frequencies["sun 1"] == pytest.approx(20.0 * 17 * (1 - 17 / 78))
+    assert frequencies["stage 1"] == pytest.approx(20.0 * 67)
+    assert frequencies["stage 2"] == pytest.approx(20.0 * 17 / 78 * 20)
+    assert float(train.layout().misfit) < 1e-12
+
+
+def test_the_reference_mesh_may_be_one_in_the_housing():
+    train = mixed()
+    speeds = train.speeds.in_housing
+    ratio = speeds["carrier"] / (speeds["pinion 1"] - speeds["carrier"])
+    other = train.replace(reference="stage 1", carrier_ratio=float(ratio))
+    before, after = (np.array(x.frequency_ratios, float) for x in (train, other))
+    np.testing.assert_allclose(after, before / before[-2], rtol=1e-12)
+    scale = other.speeds.in_housing["sun"] / speeds["sun"]
+    for name, speed in speeds.items():
+        assert float(other.speeds.in_housing[name]) == pytest.approx(float(scale * speed))
+    # One mesh period of the reference mesh passes a tooth of its pinion.
+    assert abs(other.speeds.in_housing["pinion 1"]) == pytest.approx(1 / 23)
+
+
+def test_torques_balance_and_load_the_drive_sides():
+    train = mixed()
+    forces = train.static().mesh_force.values
+    assert forces.min() > 0.0
+    assert forces[:3] == pytest.approx(forces[3:6])
+    torque = forces[-2] * FIRST.pinion.base_diameter / 2.0
+    assert torque == pytest.approx(300.0 * 23 / 67)
+    assert forces[-1] * SECOND.pinion.base_diameter / 2.0 == pytest.approx(300.0 * 78 / 17)
+
+
+def test_a_moving_axis_in_the_housing_beside_a_turning_carrier_is_refused():
+    train = mixed()
+    bodies = [
+        body
+        if body.name != "wheel 2"
+        else gearlib.Body(**{**vars(body), "support_stiffness": (1e9, 1e9)})
+        for body in train.bodies
+    ]
+    with pytest.raises(ValueError, match="support_stiffness of body wheel 2"):
+        train.replace(bodies=bodies)
+
+
+def test_the_configuration_makes_the_same_train():
+    gear = {"module": 0.004, "width": 0.05}
+    section = {
+        "kind": "planetary_set",
+        "planetary_set": {
+            "sun": gear | {"teeth": 17},
+            "planet": gear | {"teeth": 22},
+            "ring": gear | {"teeth": 61, "outer_diameter": 0.28},
+            "torque": 300.0,
+            "damping_ratio": 0.05,
+            "model": "rectangle",
+            "stages": [
+                {
+                    "on": "sun",
+                    "gear": "wheel",
+                    "shaft_stiffness": 1e5,
+                    "position": 1.0,
+                    "pinion": {"teeth": 23, "module": 0.003, "width": 0.03},
+                    "wheel": {"teeth": 67},
+                },
+                {
+                    "on": "carrier",
+                    "shaft_stiffness": "1e6 N m/rad",
+                    "position": 2.0,
+                    "pinion": {"teeth": 20, "module": 0.006, "width": 0.03},
+                    "wheel": {"teeth": 41},
+                },
+            ],
+        },
+    }
+    with open("config.yaml", encoding="utf-8") as file:
+        settings = config.load(config.overlay(yaml.safe_load(file), {"train": section}))
+    train = model(settings.gears_model(next(iter(settings.dampings)), "train"))
+    expected = mixed()
+    assert train.mesh_names == expected.mesh_names
+    np.testing.assert_allclose(
+        train.modes().natural_frequency.values[1:],
+        expected.modes().natural_frequency.values[1:],
+        rtol=1e-12,
+    )
+
+
+def test_characteristic_frequencies_of_a_stage():
+    stage = GearStage(*(SpurGear(teeth=z, module=0.003, width=0.03) for z in (24, 36)))
+    found = gearlib.characteristic_frequencies(stage, 600.0)
+    assert float(found.mesh_frequency_hertz[0]) == pytest.approx(240.0)
+    assert float(found.hunting_tooth_frequency[0]) == pytest.approx(240.0 / 72)
+    assert float(found.assembly_phase_frequency[0]) == pytest.approx(20.0)
+    np.testing.assert_allclose(found.sideband_spacing.values, [[10.0, 20.0 / 3.0]])
+    assert np.isnan(found.planet_passing_frequency).all()
+
+
+def test_planets_pass_central_gears():
+    found = gearlib.characteristic_frequencies(mixed(stages=()), 780.0)
+    passing = dict(zip(found.body.values, found.planet_passing_frequency.values, strict=True))
+    carrier = 13.0 * 17 / 78
+    assert passing["ring"] == pytest.approx(3 * carrier)
+    assert passing["sun"] == pytest.approx(3 * (13.0 - carrier))
+    assert math.isnan(passing["carrier"])
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".nc"])
+def test_trains_come_back_from_files(suffix, tmp_path):
+    train = mixed(model="teeth")
+    gearlib.write_train(train, tmp_path / f"train{suffix}")
+    assert gearlib.read_train(tmp_path / f"train{suffix}") == train
+
+
+def test_a_wrong_value_in_a_train_file_is_named(tmp_path):
+    path = tmp_path / "train.yaml"
+    gearlib.write_train(mixed(), path)
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    content["train"]["own"]["bodies"][0]["inertia"] = -1.0
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"train.own.bodies\[0\].inertia = -1.0 is not allowed"):
+        gearlib.read_train(path)
+    path.write_text("gears: {}\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="train is missing"):
+        gearlib.read_train(path)
+
+
+def test_command_prints_and_begins_a_project(tmp_path):
+    path = two_stages().write(tmp_path / "box.rexs")
+    printed = CliRunner().invoke(main, ["gearbox", str(path)])
+    assert printed.exit_code == 0 and "Stufe 2  19/39" in printed.output
+    begun = CliRunner().invoke(main, ["init", str(tmp_path / "new"), "--gearbox", str(path)])
+    assert begun.exit_code == 0
+    settings = config.load(yaml.safe_load((tmp_path / "new/config.yaml").read_text("utf-8")))
+    assert settings.gearbox.file == "box.rexs" and settings.computed_targets() == ["gearbox"]
+    again = CliRunner().invoke(main, ["init", str(tmp_path / "new"), "--gearbox", str(path)])
+    assert again.exit_code == 2 and "exists" in again.output
+    (tmp_path / "none.rexs").write_text("<model/>")
+    wrong = CliRunner().invoke(main, ["gearbox", str(tmp_path / "none.rexs")])
+    assert wrong.exit_code == 2 and "version" in wrong.output
+
+
+def test_studies_of_a_box_with_two_load_cases(tmp_path):
+    from gearlib.studies import gearboxes
+
+    path = str(two_stages().write(tmp_path / "box.rexs"))
+    stages, boxes, reasons = gearboxes.jobs(path)
+    assert len(stages) == 4 and boxes == ["1", "2"] and not reasons
+    curves = [gearboxes.stage_over_speed(path, *job, 0.05, 5) for job in stages]
+    assert float(curves[0].operating_speed) in curves[0].speed.values
+    header, *rows = gearboxes.stage_rows(curves, path)
+    assert [row[1] for row in rows] == ["1", "1", "2", "2", "all", "all"]
+    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+    factors = list(map(float, columns["dynamic_factor"]))
+    assert factors[4] == max(factors[0], factors[2]) and factors[5] == max(factors[1], factors[3])
+    box = gearboxes.whole_box(path, "1", 0.05, 2)
+    energies = box.mode_strain_energy.sum("mesh") + box.mode_shaft_energy.sum("shaft")
+    np.testing.assert_allclose(energies.values[1:], 1.0, rtol=1e-9)
+    rows = list(gearboxes.box_rows([box]))
+    assert ["1", "Stufe 1", "mesh frequency, order 21", "525", "Hz"] in rows
+
+
+def test_equal_meshes_of_planets_are_computed_once(tmp_path):
+    from gearlib.studies import gearboxes
+
+    path = str(planetary().write(tmp_path / "box.rexsj"))
+    names = [name for name, _ in gearboxes.jobs(path)[0]]
+    assert names == ["Sonne-Planet 0", "Planet-Hohlrad 0", "Stirnradstufe"]

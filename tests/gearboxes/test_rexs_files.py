@@ -1,0 +1,223 @@
+"""Files of every version and form, load cases, flanks, and files with holes and slips."""
+
+import math
+
+import numpy as np
+import pytest
+
+import gearlib
+from gearlib.geometry import TipRelief
+
+from .rexs_files import add_gear, add_stage, planetary, two_stages
+
+
+def read(file, tmp_path, name="box.rexs"):
+    """Return the gearbox of a `File`."""
+    return gearlib.read_gearbox(file.write(tmp_path / name))
+
+
+@pytest.mark.parametrize("version", [f"1.{i}" for i in range(8)])
+def test_every_version(version, tmp_path):
+    box = read(two_stages(version), tmp_path)
+    assert box.load_cases == {"1": 0.75, "2": 0.25}
+    assert box.load("Stufe 2") == pytest.approx(
+        {"torque": 40.0 * 48 / 21, "speed": 1500.0 * 21 / 48}
+    )
+
+
+@pytest.mark.parametrize("suffix", [".rexsj", ".rexsz", ".rexs.zip"])
+def test_every_form_gives_the_same_box(suffix, tmp_path):
+    boxes = [read(planetary(), tmp_path, f"box{x}") for x in (".rexs", suffix)]
+    assert str(boxes[0]) == str(boxes[1])
+
+
+def test_the_table_has_what_the_owner_knows(tmp_path):
+    box = read(two_stages(), tmp_path)
+    header, first, second = box.rows()
+    row = dict(zip(header, second, strict=True))
+    assert row["teeth"] == "19/39"
+    ratio = 48 / 21
+    expected = {"m_n (mm)": 4.0, "a (mm)": 120.0, "b (mm)": 38.0, "ratio": 39 / 19}
+    expected |= {"n_1 (rpm)": 1500.0 / ratio, "T_2 (N m)": 40.0 * ratio * 39 / 19}
+    expected |= {"f_mesh (Hz)": 1500.0 / ratio * 19 / 60}
+    assert {name: row[name] for name in expected} == pytest.approx(expected)
+    assert "load case 2, 25 % of the duration" in str(box)
+
+
+def test_a_planetary_set_turns_by_willis(tmp_path):
+    loads = read(planetary(), tmp_path).loads()
+    ids = {part.name: key for key, part in read(planetary(), tmp_path).model.components.items()}
+    speed = 1200.0 / (1.0 + 60 / 18)
+    assert loads.speeds[ids["Steg"]] == pytest.approx(speed)
+    assert loads.speeds[ids["Abtrieb"]] == pytest.approx(-speed * 24 / 30)
+    assert loads.speeds[ids["Hohlradwelle"]] == 0.0
+    assert loads.torques[str(ids["Last"])] == pytest.approx(60.0 * (1.0 + 60 / 18) * 30 / 24)
+    # Three planets share the torque of the sun.
+    assert loads.pinion_torques["Sonne-Planet 1"] == pytest.approx(20.0)
+
+
+def test_the_train_of_a_planetary_set_has_the_frequencies_of_its_loads(tmp_path):
+    box = read(planetary(), tmp_path)
+    train = box.train(model="rectangle", stiffness="iso")
+    found = gearlib.characteristic_frequencies(train, 1200.0)
+    for stage, frequency in zip(box.stages, found.mesh_frequency_hertz.values, strict=True):
+        teeth = box.stage(stage).pinion.teeth
+        assert frequency == pytest.approx(box.load(stage)["speed"] / 60.0 * teeth, rel=1e-12)
+    force = box.stage("Stirnradstufe").load(box.load("Stirnradstufe")["torque"])
+    assert train.static().mesh_force.sel(mesh="Stirnradstufe") == pytest.approx(force, rel=1e-9)
+    assert float(train.layout().misfit) < 1e-9
+
+
+def test_a_reversed_torque_takes_the_other_flank_and_its_relief(tmp_path):
+    file = two_stages()
+    for side, depth in (("left", 0.02), ("right", 0.03)):
+        file.add(
+            "tip_relief",
+            f"{side} relief",
+            tip_relief_depth=(depth, "mm"),
+            tip_relief_datum_length=(2.0, "mm"),
+            shape_of_relief="parabolic",
+        )
+        file.relate("reference", origin=f"z1 {side}", referenced=f"{side} relief")
+    box = read(file, tmp_path)
+    reliefs = [box.stage("Stufe 1", case).pinion.tip_relief for case in box.load_cases]
+    # A positive torque presses counterclockwise: right, seen on the datum face along the axis.
+    expected = [TipRelief(amount=x, length=0.002, shape="parabolic") for x in (3e-5, 2e-5)]
+    assert reliefs == expected
+    assert box.stage("Stufe 1").wheel.tip_relief is None
+
+
+def test_relief_from_its_start_diameter(tmp_path):
+    file = two_stages()
+    gear = read(file, tmp_path).stage("Stufe 1").pinion
+    start = gear.tip_diameter - 0.002
+    file.add(
+        "tip_relief",
+        "relief",
+        tip_relief_depth=(20.0, "mum"),
+        tip_relief_datum_diameter=(1e3 * start, "mm"),
+    )
+    file.relate("reference", origin="z1 right", referenced="relief")
+    relief = read(file, tmp_path).stage("Stufe 1").pinion.tip_relief
+    length = (math.sqrt(gear.tip_diameter**2 - gear.base_diameter**2)) / 2.0
+    length -= math.sqrt(start**2 - gear.base_diameter**2) / 2.0
+    assert relief.length == pytest.approx(length, rel=1e-9)
+    assert relief.amount == pytest.approx(2e-5)
+
+
+def test_the_coordinate_of_a_gear_is_its_begin_in_version_1_0_and_its_middle_later(tmp_path):
+    faces = []
+    for version, coordinate in (("1.0", 67.0), ("1.1", 80.0)):
+        file = two_stages(version)
+        file.change("z1", support_vector=None, u_coordinate_on_shaft=(coordinate, "mm"))
+        box = read(file, tmp_path)
+        faces.append(box.face(box.stages["Stufe 1"].pinion))
+    np.testing.assert_allclose(faces, [(0.067, 0.093)] * 2, rtol=1e-12)
+
+
+def test_contradictory_positions_are_noted(tmp_path):
+    file = two_stages()
+    file.change(
+        "Stufe 1", rotating_angle_around_neg_u_axis=(30.0, "deg"), center_distance=(90.1, "mm")
+    )
+    box = read(file, tmp_path)
+    box.train(model="rectangle", stiffness="iso")
+    notes = "\n".join(box.notes)
+    assert "center_distance of cylindrical_stage Stufe 1 is 90.1 mm" in notes
+    assert "rotating_angle_around_neg_u_axis of cylindrical_stage Stufe 1 puts the wheel" in notes
+
+
+REFUSED_STAGES = [
+    ("z1", {"face_width": None}, "face_width of cylindrical_gear z1 is missing"),
+    ("z1", {"normal_module": None}, "normal_module of cylindrical_gear z1 is missing"),
+    ("z1", {"tip_diameter": (1.0, "mm")}, "tip_diameter of cylindrical_gear z1 = 0.001"),
+    ("z1", {"face_width": (24.0, "Ellen")}, "face_width of cylindrical_gear z1 = '24.0 Ellen'"),
+    ("z1", {"normal_module": (2.5, "kg")}, "normal_module of cylindrical_gear z1 = '2.5 kg'"),
+    (
+        "z1 right",
+        {"addendum_modification_coefficient": None},
+        "addendum_modification_coefficient of cylindrical_gear z1 is missing",
+    ),
+    ("Stufe 1", {"center_distance": (80.0, "mm")}, "80.0"),
+]
+
+
+@pytest.mark.parametrize("name, changes, sentence", REFUSED_STAGES, ids=lambda x: str(x)[:40])
+def test_a_stage_that_cannot_be_computed_does_not_hide_the_other(name, changes, sentence, tmp_path):
+    file = two_stages()
+    file.change(name, **changes)
+    box = read(file, tmp_path)
+    assert sentence.partition("80.0")[0] in box.refused["Stufe 1"]
+    assert box.stage("Stufe 2").pinion.teeth == 19
+    assert box.refused["Stufe 1"] in " ".join(str(box).split())
+    with pytest.raises(ValueError, match="stage Stufe 1 is refused"):
+        box.train()
+
+
+@pytest.mark.parametrize("kind", ["worm", "bevel"])
+def test_other_kinds_of_stages_are_refused_by_name(kind, tmp_path):
+    file = two_stages()
+    file.add(f"{kind}_stage", "Schneckenstufe")
+    reason = read(file, tmp_path).refused["Schneckenstufe"]
+    assert reason.startswith(f"{kind}_stage Schneckenstufe is not allowed")
+    stages = [x for x in file.components if x["type"] == "cylindrical_stage"]
+    for stage in stages:
+        stage["type"] = f"{kind}_stage"
+    with pytest.raises(ValueError, match=f"stages are missing.*{kind}_stage Stufe 1"):
+        read(file, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "content", [b"PK\x03\x04 broken", b"<model", b"{", b"", b"<other/>", b"[1]"]
+)
+def test_damaged_files_are_refused(content, tmp_path):
+    path = tmp_path / "box.rexs"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match="damaged or no REXS file"):
+        gearlib.read_gearbox(path)
+
+
+@pytest.mark.parametrize("version", ["2.0.0", "0.9", "", "new"])
+def test_other_versions_are_refused_by_their_number(version, tmp_path):
+    with pytest.raises(ValueError, match="version"):
+        read(two_stages(version), tmp_path)
+
+
+def test_missing_torques_are_asked_for_by_name(tmp_path):
+    file = two_stages()
+    file.cases = []
+    box = read(file, tmp_path)
+    with pytest.raises(ValueError, match="torque_around_u_axis of external_load Motor is missing"):
+        box.load("Stufe 1")
+    assert "torque_around_u_axis of external_load Motor is missing" in str(box)
+    with pytest.raises(ValueError, match="torque_around_u_axis"):
+        box.train()
+
+
+def test_without_a_speed_there_are_torques(tmp_path):
+    file = two_stages()
+    file.cases = []
+    file.change("Motor", torque_around_u_axis=(40.0, "N m"))
+    box = read(file, tmp_path)
+    assert box.load("Stufe 2") == {"torque": pytest.approx(40.0 * 48 / 21)}
+    train = box.train(model="rectangle", stiffness="iso")
+    assert [mesh.driving for mesh in train.meshes] == ["z1", "z3"]
+
+
+def test_stated_torques_are_balanced(tmp_path):
+    file = two_stages()
+    file.cases = []
+    file.change("Motor", torque_around_u_axis=(40.0, "N m"), defines_torque=True)
+    file.change("Last", torque_around_u_axis=(-150.0, "N m"))
+    box = read(file, tmp_path)
+    box.train(model="rectangle", stiffness="iso")
+    assert "torque of external_load Last is -150 N m, but by balance -187.669 N m" in box.notes
+
+
+def test_an_idler_shaft_without_a_load_turns_along(tmp_path):
+    file = two_stages()
+    add_gear(file, "z5", "Antrieb", (95.0, 0.0, 0.0), 20, 2.5, 0.0, 8.0, 0.0)
+    add_gear(file, "z6", "Zwischenwelle", (95.0, 0.0, 90.0), 52, 2.5, 0.0, 8.0, 0.0)
+    add_stage(file, "loop", "z5", "z6", 90.0)
+    with pytest.raises(ValueError, match="locked"):
+        read(file, tmp_path)
