@@ -412,7 +412,6 @@ class Gearbox:
             direction in which the axes lie furthest apart): corner_position in m; over ``part``:
             part_stage, the stage of a gear, "" for shafts. Parts without positions are left out.
         """
-
         from gearlib.data.result import result_of_many
 
         placed = {key: x for key, x in self.shafts.items() if x.start is not None}
