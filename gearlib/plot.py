@@ -355,8 +355,9 @@ def harris_map(errors, *, axes=None):
     ----------
     errors : xarray.Dataset
         Dataset returned by `gearlib.geometry.GearStage.transmission_error`, over torque and phase;
-        each curve is labelled by its torque in N m. axes : matplotlib.axes.Axes, optional Axes to
-        draw into; by default those of a new figure.
+        each curve is labelled by its torque in N m.
+    axes : matplotlib.axes.Axes, optional
+        Axes to draw into; by default those of a new figure.
 
     Returns
     -------

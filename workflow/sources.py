@@ -87,8 +87,9 @@ def _file_of(module):
     """Return the path of a module of a package."""
     package, *parts = module.split(".")
     path = os.path.join(os.path.dirname(find_spec(package).origin), *parts)
-    path = os.path.join(path, "__init__.py") if os.path.isdir(path) else f"{path}.py"
-    return os.path.relpath(path)
+    # A former package leaves a folder of compiled files beside the module that replaces it.
+    in_package = os.path.join(path, "__init__.py")
+    return os.path.relpath(in_package if os.path.isfile(in_package) else f"{path}.py")
 
 
 @cache

@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from html import escape
 from pathlib import Path
 
-from gearlib.figures import gearbox_figure, orders_figure
+from gearlib.figures import gearbox_figure
 from gearlib.studies import gearboxes
 
 _PAGE = """<!doctype html>
@@ -48,7 +48,7 @@ def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolut
         run = gearboxes.run_up(file, case, damping_ratio, revolutions)
         body += [f"<h2>The whole box, load case {escape(case)}</h2>"]
         body += [_image(gearbox_figure.draw_modes(box))]
-        body += [_image(orders_figure.order_map(run, frequencies=box))]
+        body += [_image(gearbox_figure.draw_run_up(run, box))]
         body += [_table(gearboxes.box_rows([box]))]
     return _PAGE.format(title=escape(Path(file).name), body="\n".join(body))
 

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from gearlib.figures import style, trains_figure
+from gearlib.figures import orders_figure, style, trains_figure
 
 _SHAFT_COLOUR = "#D9D9D9"
 #: Most modes of the figure of strain energies.
@@ -95,3 +95,8 @@ def draw_modes(box: xr.Dataset):
     lower.set(xlabel="natural frequency (Hz)", ylabel="share of strain energy")
     lower.legend(fontsize=5.5, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
+
+
+def draw_run_up(found: xr.Dataset, frequencies: xr.Dataset):
+    """Return the order map of a result of `gearlib.studies.gearboxes.run_up`."""
+    return orders_figure.order_map(found.rename(block="time"), frequencies=frequencies)

@@ -412,9 +412,7 @@ class Gearbox:
             direction in which the axes lie furthest apart): corner_position in m; over ``part``:
             part_stage, the stage of a gear, "" for shafts. Parts without positions are left out.
         """
-        import xarray as xr
-
-        from gearlib.data.variables import describe
+        from gearlib.data.result import result_of_many
 
         placed = {key: x for key, x in self.shafts.items() if x.start is not None}
         axes = np.array([shaft.start[1:] for shaft in placed.values()]).reshape(-1, 2)
@@ -448,7 +446,7 @@ class Gearbox:
             "part_stage": ("part", np.array(stages, object)),
         }
         coords = {"coordinate": ["along", "across"]}
-        return describe(xr.Dataset(data, coords, {"title": "Outline of a gearbox"}))
+        return result_of_many("Outline of a gearbox", data, coords)
 
     def rows(self, load_case: str | None = None) -> Iterator[list]:
         """Yield the names of the columns, then the values of each stage in a load case.

@@ -131,7 +131,9 @@ def run_up(file: str, load_case: str, damping_ratio: float, revolutions: int) ->
     seconds = 60.0 * revolutions / (0.5 * (start + top))
     run = run_up_of(train, start, top, duration=seconds, samples_per_period=_SAMPLES)
     found = order_map(run, variable="dynamic_force", highest=3.0 * train.reference_pinion.teeth)
-    return found.isel(mesh=0).drop_vars("mesh").assign_attrs(load_case=load_case)
+    # CF has rules for coordinates called time, which seconds since the start do not keep.
+    found = found.isel(mesh=0).drop_vars("mesh").rename(time="block")
+    return found.assign_attrs(load_case=load_case)
 
 
 def outline(file: str) -> xr.Dataset:
@@ -152,23 +154,24 @@ def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
         *("peak_to_peak_error_um", "resonance_speed_rpm", "contact_loss_fraction", "jumps_rpm"),
         "note",
     ]
-    cells: dict[str, list] = {}  # stage -> (duration, operating point, curves) of its load cases
+    cells: dict[str, list] = {}  # stage -> (duration, values, jumps) of its load cases
     for data in stages:
         case, name = data.attrs["load_case"], data.attrs["stage"]
         fraction, speed = box.load_cases[case], float(data.operating_speed)
         point = data.sel(tuning=_nearest(data, speed)) if np.isfinite(speed) else None
-        cells.setdefault(name, []).append((fraction, point, data))
-        yield [name, case, _text(fraction), _text(data.torque), *_stage_cells(point, data), ""]
+        values, jumps = _stage_values(point, data)
+        texts = *map(_text, (fraction, data.torque, *values)), _jumps_text(jumps)
+        cells.setdefault(name, []).append((fraction, values, jumps))
+        yield [name, case, *texts, ""]
     for name, found in cells.items():
         if len(found) > 1:
-            fractions = np.array([x for x, *_ in found])
-            losses = [
-                0.0 if x is None else float(x.contact_loss_fraction.max()) for _, x, _ in found
-            ]
-            columns = [_stage_cells(point, data) for _, point, data in found]
-            largest = [_largest(cell) for cell in zip(*columns, strict=True)]
-            largest[7] = _text(float(fractions @ losses / fractions.sum()))
-            yield [name, "all", _text(fractions.sum()), "", "", *largest[1:], ""]
+            fractions, rows, all_jumps = zip(*found, strict=True)
+            largest = np.fmax.reduce(np.array(rows))
+            largest[4] = max(x[3:5] for x in rows)[1]  # the speed of the largest factor
+            losses = np.nan_to_num([x[-1] for x in rows])
+            largest[-1] = np.dot(fractions, losses) / np.sum(fractions)
+            texts = *map(_text, largest[1:]), _jumps_text(np.concatenate(all_jumps))
+            yield [name, "all", _text(np.sum(fractions)), "", "", *texts, ""]
     for name, reason in jobs(file)[2].items():
         is_case = name in box.load_cases
         yield ["" if is_case else name, name if is_case else "", *[""] * 11, reason]
@@ -178,36 +181,28 @@ def _nearest(data: xr.Dataset, speed: float) -> float:
     return float(data.tuning[int(np.abs(data.speed.values - speed).argmin())])
 
 
-def _stage_cells(point: xr.Dataset | None, data: xr.Dataset) -> list[str]:
-    """Return the cells of a stage from its operating point and its curves over the speed."""
+def _stage_values(point: xr.Dataset | None, data: xr.Dataset) -> tuple[list[float], np.ndarray]:
+    """Return the numbers of a row from operating point and curves, NaN where unknown, and jumps."""
     factors = data.dynamic_factor.max("direction")
     at = int(factors.fillna(-np.inf).argmax("tuning"))
-    iso = (
-        point["iso_dynamic_factor"] if point is not None and "iso_dynamic_factor" in point else None
-    )
-    jumps = np.concatenate([data.jump_up_speed.values, data.jump_down_speed.values])
-    return [
-        _text(None if point is None else point.speed),
-        _text(None if point is None else point.dynamic_factor.max()),
-        _text(iso),
-        _text(factors[at]),
-        _text(data.speed[at]),
-        _text(None if point is None else 1e6 * point.error_peak_to_peak.max()),
-        _text(data.resonance_speed),
-        _text(None if point is None else point.contact_loss_fraction.max()),
-        " ".join(_text(x) for x in np.sort(jumps[np.isfinite(jumps)])),
+    known = xr.Dataset() if point is None else point
+    values = [
+        *(known.get("speed"), known.get("dynamic_factor"), known.get("iso_dynamic_factor")),
+        *(factors[at], data.speed[at]),
+        None if point is None else 1e6 * point.error_peak_to_peak,
+        *(data.resonance_speed, known.get("contact_loss_fraction")),
     ]
+    jumps = np.concatenate([data.jump_up_speed.values, data.jump_down_speed.values])
+    return [math.nan if x is None else float(x.max()) for x in values], jumps
 
 
-def _largest(cells: Sequence[str]) -> str:
-    numbers = [float(cell) for cell in cells if cell and " " not in cell]
-    return _text(max(numbers)) if numbers else " ".join(filter(None, cells))
+def _jumps_text(jumps: np.ndarray) -> str:
+    return " ".join(map(_text, np.sort(jumps[np.isfinite(jumps)])))
 
 
 def _text(value: Any) -> str:
     """Return a number with six digits, "" for one that is not known."""
-    number = math.nan if value is None else float(value)
-    return f"{number:.6g}" if math.isfinite(number) else ""
+    return f"{float(value):.6g}" if np.isfinite(value) else ""
 
 
 def box_rows(boxes: Sequence[xr.Dataset]) -> Iterator[list]:

@@ -9,9 +9,10 @@ from click.testing import CliRunner
 
 import gearlib
 from gearlib import config
-from gearlib.cli import main
+from gearlib.cli import gearbox_report, main
 from gearlib.geometry import GearStage, ParallelStage, SpurGear, planetary_set
 from gearlib.models.from_values import model
+from gearlib.studies import gearboxes
 
 from .rexs_files import planetary, two_stages
 
@@ -182,8 +183,6 @@ def test_command_prints_and_begins_a_project(tmp_path):
 
 
 def test_studies_of_a_box_with_two_load_cases(tmp_path):
-    from gearlib.studies import gearboxes
-
     path = str(two_stages().write(tmp_path / "box.rexs"))
     stages, boxes, reasons = gearboxes.jobs(path)
     assert len(stages) == 4 and boxes == ["1", "2"] and not reasons
@@ -202,8 +201,28 @@ def test_studies_of_a_box_with_two_load_cases(tmp_path):
 
 
 def test_equal_meshes_of_planets_are_computed_once(tmp_path):
-    from gearlib.studies import gearboxes
-
     path = str(planetary().write(tmp_path / "box.rexsj"))
     names = [name for name, _ in gearboxes.jobs(path)[0]]
     assert names == ["Sonne-Planet 0", "Planet-Hohlrad 0", "Stirnradstufe"]
+
+
+def test_the_page_of_a_gearbox_has_its_pictures_and_tables():
+    page = gearbox_report.page("gallery/two_stage.rexs", "", points=3, orders=1, revolutions=3)
+    # The view, the stages, and modes and order map of the box in each of two load cases.
+    assert page.count("<img ") == 6 and page.count("<table") == 3
+
+
+def test_the_row_of_all_load_cases_has_all_jumps_and_the_speed_of_the_largest_factor():
+    path, stages = "gallery/two_stage.rexs", []
+    for case, factor, jumps in (("1", 2.0, [900.0, 1100.0]), ("2", 3.0, [1000.0])):
+        data = gearboxes.stage_over_speed(path, "Stufe 1", case, 0.05, 3)
+        found = {"dynamic_factor": data.dynamic_factor * 0.0 + 1.0}
+        found["dynamic_factor"][dict(tuning=0 if case == "2" else -1)] = factor
+        found["jump_up_speed"] = "jump", jumps
+        data = data.drop_vars(["jump_up_speed", "jump_down_speed"])
+        found["jump_down_speed"] = "jump", [math.nan] * len(jumps)
+        stages.append(data.assign(found))
+    header, *rows = gearboxes.stage_rows(stages, path)
+    row = dict(zip(header, next(row for row in rows if row[1] == "all"), strict=True))
+    assert row["jumps_rpm"] == "900 1000 1100"
+    assert row["at_speed_rpm"] == f"{float(stages[1].speed[0]):.6g}"

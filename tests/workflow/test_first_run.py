@@ -103,9 +103,9 @@ def report(first_run, tmp_path_factory):
 def test_the_report_holds_every_figure_and_table(first_run, report):
     project, (_, entries) = first_run[0], report
     results = project / "results"
-    pictures = {path.stem for path in (results / "figures").iterdir()}
+    pictures = {str(path.relative_to(results)) for path in results.rglob("figures/**/*.png")}
     tables = {path.stem for path in results.glob("*.csv")}
-    expected = {f"results/figures/{name}.png" for name in pictures}
+    expected = {f"results/{name}" for name in pictures}
     expected |= {f"results/tables/{name}.html" for name in tables}
     assert set(entries) == expected
     for path, entry in entries.items():

@@ -18,7 +18,7 @@ use rule _compute as compute_gearbox_stage with:
     params:
         **pick(BOX or {}, "damping_ratio", "points"),
         function="gearlib.studies.gearboxes:stage_over_speed",
-        file=BOX and BOX["file"],
+        file=lambda w, input: input.file,
         stage=lambda w: STAGES[int(w.number)][0],
         load_case=lambda w: STAGES[int(w.number)][1],
 
@@ -61,7 +61,7 @@ use rule _compute as compute_gearbox_outline with:
         "results/gearbox/outline.nc",
     params:
         function="gearlib.studies.gearboxes:outline",
-        file=BOX and BOX["file"],
+        file=lambda w, input: input.file,
 
 
 use rule _draw as draw_gearbox with:
@@ -88,7 +88,7 @@ use rule _compute as compute_gearbox with:
     params:
         **pick(BOX or {}, "damping_ratio", "orders"),
         function="gearlib.studies.gearboxes:whole_box",
-        file=BOX and BOX["file"],
+        file=lambda w, input: input.file,
         load_case=lambda w: BOXES[int(w.number)],
 
 
@@ -113,7 +113,10 @@ use rule _draw as draw_gearbox_modes with:
         sources=sources_of("draw", "figures.gearbox_figure"),
     output:
         figure_files(
-            "gearbox/modes_{number}", "Campbell diagram and modes", GEARBOX, "gearbox_modes"
+            "gearbox/modes_{number}",
+            label_of_box("Campbell diagram and modes"),
+            GEARBOX,
+            "gearbox_modes",
         ),
     params:
         draw="gearbox_figure.draw_modes",
@@ -122,7 +125,7 @@ use rule _draw as draw_gearbox_modes with:
 
 use rule _compute as compute_gearbox_run_up with:
     pathvars:
-        job="gearbox_run_up_{number}",
+        job="gearbox/run_up_{number}",
     input:
         matrix_kernels=MATRIX_KERNELS,
         file=BOX["file"] if BOX else [],
@@ -132,7 +135,7 @@ use rule _compute as compute_gearbox_run_up with:
     params:
         **pick(BOX or {}, "damping_ratio", "revolutions"),
         function="gearlib.studies.gearboxes:run_up",
-        file=BOX and BOX["file"],
+        file=lambda w, input: input.file,
         load_case=lambda w: BOXES[int(w.number)],
 
 
@@ -142,11 +145,16 @@ use rule _draw as draw_gearbox_run_up with:
     input:
         found="results/gearbox/run_up_{number}.nc",
         frequencies="results/gearbox/box_{number}.nc",
-        sources=sources_of("draw", "figures.orders_figure"),
+        sources=sources_of("draw", "figures.gearbox_figure"),
     output:
-        figure_files("gearbox/run_up_{number}", "Order map of a run-up", GEARBOX, "gearbox_run_up"),
+        figure_files(
+            "gearbox/run_up_{number}",
+            label_of_box("Order map of a run-up"),
+            GEARBOX,
+            "gearbox_run_up",
+        ),
     params:
-        draw="orders_figure.order_map",
+        draw="gearbox_figure.draw_run_up",
         gears=NAME_OF_BOX,
 
 

@@ -291,6 +291,11 @@ def jobs_of_gearbox():
     return stages, boxes
 
 
+def label_of_box(title):
+    """Return the function of wildcards that returns the labels of a figure of the whole box."""
+    return lambda wildcards: {"figure": f"{title}, load case {BOXES[int(wildcards.number)]}"}
+
+
 def not_installed(methods):
     """Return the methods whose packages are not installed."""
     return [name for name in dict.fromkeys(methods) if not targets.installed(name)]
