@@ -26,19 +26,23 @@ def write_train(train: Any, path: Any) -> None:
     Raises
     ------
     ValueError
-        If the suffix is not .yaml, .yml or .nc.
+        If the suffix is not .yaml, .yml or .nc, or the train is one of given matrices.
     """
     from gearlib.data import files, result, storage
 
     suffix = checks.one_of("suffix", Path(path).suffix, _SUFFIXES)
+    if train.matrices is not None:
+        problem = "of given matrices cannot be written: only trains of bodies can"
+        raise checks.InputError("train", problem=problem)
     if suffix == ".nc":
         storage.write(result.result("A gear train", train, train.layout(), method="none"), path)
         return
     own: dict = {
         name: [_given(element) for element in getattr(train, name)]
-        for name in ("bodies", "shafts", "meshes")
+        for name in ("bodies", "shafts", "meshes", "forces")
     }
     own |= {name: getattr(train, name) for name in ("carrier_ratio", "gyroscopic")}
+    own |= {"modal_damping": list(train.modal_damping)} if train.modal_damping else {}
     section = {"kind": "own", "reference": train.reference, "own": own}
     if train.reference_frequency is not None:
         section["reference_frequency"] = train.reference_frequency

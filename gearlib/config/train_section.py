@@ -118,6 +118,8 @@ SplitPowerReducer = create_section(
 )
 _DOC = "An elastic shaft between two bodies, see `gearlib.Shaft`."
 ShaftPart = create_section("ShaftPart", _DOC, elements.Shaft)
+_DOC = "A harmonic force or torque on a body, see `gearlib.HarmonicForce`."
+ForcePart = create_section("ForcePart", _DOC, elements.HarmonicForce)
 _Body = create_section("_Body", "", elements.Body, optional=("inertia", "base_radius"))
 
 
@@ -167,6 +169,10 @@ class Own(Section):
     bodies: list[BodyPart] = field("The bodies.", [])
     shafts: list[ShaftPart] = field("The shafts.", [])
     meshes: list[MeshPart] = field("The meshes.", [])
+    forces: list[ForcePart] = field("Harmonic forces and torques on bodies.", [])
+    modal_damping: list[p.BelowCritical] = field(
+        "Damping ratios of the elastic modes, one for each or one for all.", None
+    )
     carrier_ratio: p.Finite = field("Speed of the frame over that of the first pinion in it.", None)
     gyroscopic: p.Boolean = field("Whether the forces of the turning frame are felt.", None)
 

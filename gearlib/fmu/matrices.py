@@ -23,13 +23,26 @@ def check_train(train: Any, prescribed_speed: bool) -> None:
     allowed = "False in an FMU whose speed is not prescribed, because its forces change with it"
     checks.require(prescribed_speed or not turns, "gyroscopic", True, allowed)
     if not prescribed_speed:
-        free, names = train.free_motions, train.names["body"]
-        allowed = "True, because the train has no single free rotation that torques could turn"
-        checks.require(free.shape[1] == 1, "prescribed_speed", False, allowed)
-        motion = acceleration.rigid_motion(train, names)[0]
-        remainder = motion - free @ (free.T @ (train.structure.mass @ motion))
-        turns = np.abs(remainder).max() <= _ROUNDING * np.abs(motion).max() > 0.0
-        checks.require(turns, "prescribed_speed", False, allowed)
+        allowed = "True, because the train has no free rotation that torques could turn"
+        checks.require(_rotates_freely(train), "prescribed_speed", False, allowed)
+
+
+def _rotates_freely(train: Any) -> bool:
+    """Return whether no spring resists the rigid rotation of a train.
+
+    A single free motion is the rotation, even if bodies on torsional supports stand still in it.
+    """
+    free, names = train.free_motions, train.names["body"]
+    if free.shape[1] == 0:
+        return False
+    motion, speeds = acceleration.rigid_motion(train, names)
+    remainder = motion - free @ (free.T @ (train.structure.mass @ motion))
+    turns = np.abs(remainder).max() <= _ROUNDING * np.abs(motion).max() > 0.0
+    if free.shape[1] == 1:
+        return turns
+    radii = np.array([body.base_radius for body in train.bodies])
+    rates = train.structure.motions[:, 2] @ motion / radii
+    return turns and np.abs(rates - speeds).max() <= _ROUNDING * np.abs(speeds).max()
 
 
 def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, Any]:
@@ -46,6 +59,8 @@ def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, An
     frequencies, amplitudes, constants = train.excitation
     padded = np.zeros((2, len(train.meshes), 2 * max(frequencies.size, 1)))
     padded[..., : 2 * frequencies.size] = amplitudes
+    forces = np.zeros((len(inverse_mass), padded.shape[2]))
+    forces[:, : 2 * frequencies.size] = inverse_mass @ train.harmonic_forces
     gap_varies = (lines[0] != lines[1]).any(axis=1) | (padded[0] != padded[1]).any(axis=1)
     backlashes = np.array([mesh.backlash for mesh in train.meshes])
     oil_damping = np.array([mesh.backlash_damping for mesh in train.meshes])
@@ -73,6 +88,7 @@ def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, An
         "DAMPING": inverse_mass @ structure.damping,
         "FRAME_STIFFNESS": inverse_mass @ frame,
         "FRAME_DAMPING": inverse_mass @ structure.coriolis,
+        "LOAD": inverse_mass @ (np.zeros(n) if train.matrices is None else train.matrices.load),
         "FRAME_LOAD": inverse_mass @ structure.centrifugal_load,
         "LINE": lines,
         "LINE_INPUT": lines @ inverse_mass,
@@ -80,6 +96,7 @@ def model_data(train: Any, prescribed_speed: bool, speed: float) -> dict[str, An
         "ADDED_DAMPING": damping - oil_damping,
         "HARMONIC": np.append(frequencies, [] if frequencies.size else [0.0]),
         "AMPLITUDE": padded,
+        "FORCE": forces,
         "CONSTANT": constants,
         "HAS_COAST": has_coast.astype(int),
         "CONSTANT_GAP": (~gap_varies).astype(int),
@@ -106,7 +123,9 @@ def _norms(train: Any) -> np.ndarray:
     stiffness = structure.stiffness.copy()
     for mesh, line in zip(train.meshes, structure.lines, strict=True):
         stiffness += mesh.max_stiffness * np.outer(line, line)
-    frequency = math.sqrt(np.linalg.norm(root @ stiffness @ root.T, 2))
+    skew = root @ (stiffness - stiffness.T) @ root.T / 2.0
+    size = np.linalg.norm(root @ stiffness @ root.T, 2) + np.linalg.norm(skew, 2)
+    frequency = math.sqrt(size)
     coriolis, circulatory, centrifugal = (
         float(np.linalg.norm(root @ matrix @ root.T, 2))
         for matrix in (structure.coriolis, structure.circulatory, structure.centrifugal)
@@ -125,7 +144,7 @@ def _rotation(train: Any, rotations: np.ndarray, prescribed_speed: bool) -> dict
     number = names.index(acceleration.default_driver(train, speeds))
     if has_driver and abs(rates[number]) > _ROUNDING * np.abs(rates).max():
         driver, shares = number, -rates / rates[number]
-    body_rates = rates if train.free_motions.shape[1] == 1 else np.array(speeds)
+    body_rates = rates if _rotates_freely(train) else np.array(speeds)
     return {
         "RIGID": motion,
         "TORQUE_RATE": rates / (motion @ mass @ motion),
@@ -160,6 +179,8 @@ def bearings(train: Any) -> tuple[list[tuple[str, str]], np.ndarray]:
     and the acceleration of the phase. The force in a rigid bearing balances the others.
     """
     structure, (m, n) = train.structure, train.structure.lines.shape
+    if train.matrices is not None:  # Their bearings are parts of the matrices.
+        return [], np.zeros((0, 3 * n + m + 1))
     motions = dict(zip(train.names["body"], structure.motions, strict=True))
     rigid = acceleration.rigid_motion(train, train.names["body"])[0]
     names, rows = [], []

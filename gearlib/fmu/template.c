@@ -3,9 +3,9 @@
    With the rigid rotation s phi(t) of the train (phi is the phase of the reference mesh) the
    coordinates q are deviations from it, in SI units:
 
-       M q'' + D q' + K q = B T - M s phi'' - sum_j b_j F_j,   phi'' = s.B T / s.M s,
+       M q'' + D q' + K q = B T + f(phi) - M s phi'' - sum_j b_j F_j,   phi'' = s.B T / s.M s,
 
-   where the mesh forces F_j are those of gearlib.models.trains.system. While inputs, contacts and
+   with harmonic forces f and the mesh forces F_j of gearlib.models.trains.system. While inputs, contacts and
    stiffness levels stay, phi is a parabola of the time, and q the product of a matrix exponential
    and the state. Its power series, cut below rounding, makes distances of flanks polynomials, whose
    first fall through zero is isolated in Bernstein form: no contact event is missed. */
@@ -201,7 +201,7 @@ static void fill_series(Instance *x, double h) {
             }
     for (int i = 0; i < N; i++) {
         x->q[0][i] = s->q[i], x->v[0][i] = s->v[i];
-        load[i] = -RIGID[i] * s->acceleration + frame * frame * FRAME_LOAD[i];
+        load[i] = LOAD[i] - RIGID[i] * s->acceleration + frame * frame * FRAME_LOAD[i];
         for (int b = 0; b < B; b++) load[i] += TORQUE[b][i] * torque_on(s, b);
     }
     for (int j = 0; j < M; j++) level[j] = stiffness_of(s, j, SIDE(s->contact[j]));
@@ -210,6 +210,7 @@ static void fill_series(Instance *x, double h) {
         double sum[N];
         for (int i = 0; i < N; i++) {
             double total = k == 0 ? load[i] : 0.0;
+            for (int l = 0; l < 2 * H; l++) total += FORCE[i][l] * x->wave[k][l];
             for (int l = 0; l < N; l++) total -= STIFFNESS[i][l] * q[l] + DAMPING[i][l] * v[l];
 #if GYROSCOPIC
             for (int l = 0; l < N; l++)
@@ -751,9 +752,8 @@ FUNCTION(DeserializeFMUState)(void *x, const uint8_t bytes[], size_t size, void 
 
 /* Changes of mode without an effect. */
 #define MODE(name) FUNCTION(name)(void *x) { return OK; }
-MODE(EnterEventMode) MODE(EnterStepMode)
+MODE(EnterEventMode) MODE(EnterStepMode) MODE(EvaluateDiscreteStates) MODE(Terminate)
 MODE(EnterConfigurationMode) MODE(ExitConfigurationMode)
-MODE(EvaluateDiscreteStates) MODE(Terminate)
 
 /* Functions of which this FMU has no variables, or that belong to other kinds of FMUs. */
 #define ABSENT(name, ...)                                          \

@@ -139,6 +139,7 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
     elements: dict[str, list] = {
         "bodies": [_body(gears, **body) for body in arguments["bodies"]],
         "shafts": [Shaft(**shaft) for shaft in arguments["shafts"]],
+        "forces": [HarmonicForce(**force) for force in arguments.get("forces", ())],
     }
     on_shafts = {name for shaft in elements["shafts"] for name in shaft.bodies}
     descriptions = arguments["meshes"]

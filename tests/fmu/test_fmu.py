@@ -15,9 +15,10 @@ from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 import gearlib
-from gearlib import Body, Harmonics, Mesh
+from gearlib import Body, HarmonicForce, Harmonics, Mesh
 from gearlib.cli.commands import main
 from gearlib.models import acceleration
+from tests.couple import ROSS, two_rotors
 from tests.fmu.importer import Instance
 from tests.trains import random_trains
 
@@ -41,6 +42,11 @@ def two_gears(stiffness_ratio=0.7, rigid=False, **fields):
         pinion="pinion", wheel="wheel", max_stiffness=4e8, contact_ratio=1.6, **(values | fields)
     )
     return gearlib.GearTrain(bodies=bodies, meshes=[mesh])
+
+
+#: A ripple of the torque at twice the mesh frequency, and a force that turns with the pinion.
+RIPPLE = HarmonicForce(body="wheel", amplitude=15.0, order=2, of="pinion-wheel", phase=0.3)
+UNBALANCE = HarmonicForce(body="pinion", amplitude=60.0, order=1, of="pinion", axis="y")
 
 
 def settled(train, tuning, periods=3000):
@@ -71,7 +77,10 @@ def distances(train, state):
 
 @needs_compiler
 @pytest.mark.parametrize("step", STEPS)
-@pytest.mark.parametrize(("train", "tuning"), [(two_gears(), 0.95), (two_gears(), 1.3)])
+@pytest.mark.parametrize(
+    ("train", "tuning"),
+    [(two_gears(), 0.95), (two_gears(), 1.3), (two_gears().replace(forces=[RIPPLE, UNBALANCE]), 1.3)],
+)
 def test_settled_motion_is_that_of_simulate(tmp_path, train, tuning, step):
     # 200 mesh periods with hundreds of contact events; 1e-9 is asked for, rounding is 1e-12.
     state = settled(train, tuning)
@@ -446,6 +455,30 @@ def test_six_degrees_are_two_gears_with_a_moving_backlash(tmp_path):
     assert fmu.integer("events") > 50
     found = fmu.get("displacement.mesh")[0] / gears.static_deflection
     assert found == pytest.approx(float(expected.displacement[0]), abs=1e-10)
+
+
+@needs_compiler
+def test_fmu_of_given_matrices_with_gyroscopic_forces(tmp_path):
+    train = two_rotors(speed=300.0, damping=1e-5 * ROSS["stiffness"]).reduce(1000.0)
+    mesh = replace(train.meshes[0], stiffness_ratio=0.8, deviation=Harmonics((2e-6,)))
+    train, tuning = train.replace(meshes=[mesh]), 1.1
+    state = settled(train, tuning)
+    expected = gearlib.simulate(train, tuning, initial_state=state, periods=20)
+    fmu = fmu_of(tmp_path, train, prescribed_speed=True, speed=train.speed(tuning))
+    fmu.start_at(train, *si_state(train, tuning, state))
+    fmu.run(20.0 * math.tau / train.mesh_frequency(tuning), 1e-3)
+    final = si_state(train, tuning, tuple(expected.final_state.values))
+    final = distances(train, np.concatenate(final))
+    assert distances(train, fmu.state(train)) == pytest.approx(final, rel=1e-8, abs=1e-13)
+    # Both shafts also move freely along their axes; a torque turns them beside the given ones.
+    free = fmu_of(tmp_path, train, speed=300.0).start(**{"torque.pinion": 10.0})
+    rates = [free.run(end, 1e-3).get("speed.pinion", "speed.wheel") for end in (0.1, 0.2)]
+    inertia = train.structure.mass
+    motion, _ = acceleration.rigid_motion(train, ["pinion", "wheel"])
+    turn = train.structure.motions[0, 2] @ motion / 0.04
+    expected = 10.0 * turn**2 / (motion @ inertia @ motion) * 0.1
+    assert rates[1][0] - rates[0][0] == pytest.approx(expected, rel=1e-2)
+    assert rates[1][1] == pytest.approx(-rates[1][0] / 2.0, rel=1e-2)
 
 
 @needs_compiler

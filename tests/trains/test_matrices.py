@@ -1,6 +1,7 @@
 """Structures of other tools as matrices, their reduction, forces on bodies, state space."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,17 +17,31 @@ OF_ROSS = [156.7745, 186.9425, 206.6929, 232.6162, 680.7055, 691.4427, 1017.895,
 OF_ROSS += [1166.492, 1171.928, 1541.775]
 
 
-def pair(**options):
+def pair(stiffness_ratio=1.0, **options):
     """Return two gears on fixed axes, with damping."""
     bodies = [
         Body(name="a", inertia=0.01, base_radius=0.1, teeth=20, torque=100.0),
         Body(name="b", inertia=0.04, base_radius=0.2, teeth=40, torque=200.0),
     ]
     mesh = Mesh(
-        pinion="a", wheel="b", max_stiffness=3e8, stiffness_ratio=1.0, contact_ratio=1.5,
+        pinion="a", wheel="b", max_stiffness=3e8, stiffness_ratio=stiffness_ratio, contact_ratio=1.5,
         backlash=1e-3, material_damping=3000.0, backlash_damping=0.0, name="m",
     )  # fmt: skip
     return GearTrain(bodies=bodies, meshes=[mesh], **options)
+
+
+def pair_of_matrices(**options):
+    """Return the gears of `pair`, given by matrices of their angles in rad."""
+    gears = [
+        GearNode(name="a", teeth=20, base_radius=0.1, rotation="angle a"),
+        GearNode(name="b", teeth=40, base_radius=0.2, rotation="angle b"),
+    ]
+    arrays = np.diag([0.01, 0.04]), np.zeros((2, 2)), np.zeros((2, 2))
+    forces = {"angle a": 100.0, "angle b": 200.0}
+    names = ["angle a", "angle b"]
+    return GearTrain.from_matrices(
+        *arrays, pair(stiffness_ratio=0.7).meshes, gears, coordinates=names, forces=forces, **options
+    )
 
 
 def as_matrices(train):
@@ -88,6 +103,44 @@ def test_a_planetary_train_as_its_own_matrices_moves_the_same():
     options = {"periods": 20, "record_periods": 2, "samples_per_period": 16}
     runs = [gearlib.simulate(x, 0.9, **options).displacement.values for x in (train, again)]
     assert runs[1] == pytest.approx(runs[0], abs=1e-11)
+
+
+def test_studies_of_matrices_find_what_they_find_for_bodies():
+    trains = pair(stiffness_ratio=0.7), pair_of_matrices()
+    orbits = [gearlib.periodic_orbit(train, 0.7) for train in trains]
+    assert np.abs(orbits[1].multipliers) == pytest.approx(np.abs(orbits[0].multipliers), rel=1e-9)
+    assert "Proven" in str(gearlib.certify(orbits[1]))
+    branches = [gearlib.continue_orbit(orbit, to=0.72) for orbit in orbits]
+    assert branches[1].tuning[-1] == pytest.approx(float(branches[0].tuning[-1]), rel=1e-9)
+    arguments = {"parameters": ["max_stiffness", "load"], "tuning": 0.7, "periods": 5}
+    rates = [gearlib.sensitivities(gearlib.simulate, train, **arguments) for train in trains]
+    for name in rates[0].data_vars:
+        if "mesh" in rates[0][name].dims and rates[0][name].dtype.kind == "f":
+            np.testing.assert_allclose(rates[1][name], rates[0][name], rtol=1e-6, atol=1e-9)
+    runs = [gearlib.run_up(train, 5e3, 2e4, duration=0.01) for train in trains]
+    np.testing.assert_allclose(runs[1].mean_force, runs[0].mean_force, rtol=1e-8)
+    weak = {"material_damping": 300.0, "stiffness_ratio": 0.5}
+    trains = [train.replace(meshes=[replace(train.meshes[0], **weak)]) for train in trains]
+    zones = [gearlib.tongues(train, start=1.5, stop=2.5, step=0.01) for train in trains]
+    for name in ("tuning_from", "tuning_to", "growth"):
+        assert zones[1][name].values == pytest.approx(zones[0][name].values, abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["exact", "scipy"])
+def test_an_unsymmetric_structure_rests_in_its_static_state(method):
+    stiffness = ROSS["stiffness"].copy()
+    stiffness[0, 1] += 3e7
+    stiffness[1, 0] -= 3e7
+    train = two_rotors(stiffness=stiffness, damping=2e-4 * ROSS["stiffness"]).reduce(1000.0)
+    options = {"periods": 2, "record_periods": 2, "samples_per_period": 16}
+    run = gearlib.simulate(train, 0.05, initial_state="static", method=method, **options)
+    assert run.displacement.values == pytest.approx(1.0, abs=1e-7)
+
+
+def test_a_harmonic_force_needs_a_motion():
+    force = HarmonicForce(body="a", amplitude=20.0, order=1, of="a", axis="x")
+    with pytest.raises(ValueError, match="axis of a force on body a = 'x' is not allowed"):
+        _ = pair(forces=[force])
 
 
 def test_a_harmonic_torque_moves_a_linear_pair_as_the_closed_form():
@@ -152,6 +205,11 @@ def test_wrong_matrices_are_refused_in_one_sentence(changes, message):
     with pytest.raises(ValueError, match=message) as error:
         _ = two_rotors(**changes).static_deflection
     assert "\n" not in str(error.value)
+
+
+def test_a_train_of_matrices_is_not_written_without_them(tmp_path):
+    with pytest.raises(ValueError, match="train of given matrices cannot be written"):
+        gearlib.write_train(pair_of_matrices(), tmp_path / "train.yaml")
 
 
 def test_matrices_are_read_from_files_and_sparse_arrays(tmp_path):

@@ -159,9 +159,9 @@ class ModalFrame:
         velocities = [*range(r, elastic_size), *range(elastic_size + rigid_count, 2 * n)]
         displacements = [*range(r), *range(elastic_size, elastic_size + rigid_count)]
         scales = np.concatenate([1.0 / frequencies, np.ones(rigid_count)])
-        # Centrifugal and circulatory terms of a rotating frame of reference.
-        rotation_stiffness = (motions.T @ matrices.frame_stiffness @ motions) * scales
-        frame.base_matrix[np.ix_(velocities, displacements)] -= rotation_stiffness
+        # Terms of a rotating frame of reference, and a skew-symmetric part of the stiffness.
+        nonmodal_stiffness = (motions.T @ matrices.nonmodal_stiffness @ motions) * scales
+        frame.base_matrix[np.ix_(velocities, displacements)] -= nonmodal_stiffness
         velocity_matrix = matrices.mass @ system.base_matrix[n : 2 * n, n : 2 * n]
         frame.base_matrix[np.ix_(velocities, velocities)] += motions.T @ velocity_matrix @ motions
         return frame
@@ -344,14 +344,24 @@ def _slow_coordinates(rows, block, constant_row, distance_scale):
     """
     length = np.linalg.norm(constant_row)
     complement = scipy.linalg.null_space(constant_row[None])
-    observations = [rows @ complement]
-    for _ in range(len(block) - 2):
-        observations.append(observations[-1] @ (complement.T @ block @ complement))
-    _, singular_values, right_vectors = np.linalg.svd(np.vstack(observations))
-    observed_count = int((singular_values > _MAX_UNOBSERVED * distance_scale).sum())
-    unobserved_count = complement.shape[1] - observed_count
-    basis = np.hstack([complement @ right_vectors.T, constant_row[:, None] / length**2])
-    return basis, unobserved_count
+    inner_block = complement.T @ block @ complement
+    unobserved, observations = np.eye(len(inner_block)), rows @ complement
+    largest = _MAX_UNOBSERVED * distance_scale
+    # Motions leave that act on a distance, then those that act on a motion which has left. Powers
+    # of the block would not do: those of a slow harmonic vanish.
+    while unobserved.shape[1]:
+        _, singular_values, right_vectors = np.linalg.svd(observations)
+        observed_count = int((singular_values > largest).sum())
+        if observed_count == 0:
+            break
+        unobserved = unobserved @ right_vectors[observed_count:].T
+        image = inner_block @ unobserved
+        observations = image - unobserved @ (unobserved.T @ image)
+        largest = _MAX_UNOBSERVED * np.linalg.norm(inner_block, 2)
+    observed = scipy.linalg.null_space(unobserved.T) if unobserved.size else np.eye(len(inner_block))
+    basis = np.hstack([complement @ observed, complement @ unobserved])
+    basis = np.hstack([basis, constant_row[:, None] / length**2])
+    return basis, unobserved.shape[1]
 
 
 def add_modes(tables: Modes, system: TrainSystem, frame: ModalFrame, effects: np.ndarray) -> int:

@@ -36,6 +36,8 @@ from gearlib.parameters import (
 
 #: Largest asymmetry of a symmetric matrix over its largest entry.
 _SYMMETRY = 1e-9
+#: Smaller entries of a basis and of reduced matrices, over their terms, are rounding errors.
+_ROUNDING = 1e-12
 #: Modes are kept up to this multiple of the frequency of a reduction.
 _MARGIN = 1.5
 
@@ -249,6 +251,12 @@ def _dense(name: str, value: Any) -> np.ndarray:
         raise checks.refusal(name, value, "a square matrix of numbers") from None
 
 
+def _projected(matrix: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Return basis.T @ matrix @ basis; entries that are zero but for rounding are set to zero."""
+    projected, size = basis.T @ matrix @ basis, np.abs(basis)
+    return np.where(np.abs(projected) > _ROUNDING * (size.T @ np.abs(matrix) @ size), projected, 0.0)
+
+
 @checked
 def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     """Return the reduced train of `GearTrain.reduce`, with a frequency in Hz."""
@@ -266,12 +274,11 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     limit = (math.tau * frequency * _MARGIN) ** 2
     squares, shapes = scipy.linalg.eigh(stiffness[inner], mass[inner])
     kept = shapes[:, squares < limit]
-    # A shift keeps the constraint modes of structures that are free inside.
-    is_free = squares.size > 0 and squares[0] < 1e-6 * limit
-    shift = (math.tau * frequency / 100.0) ** 2 if is_free else 0.0
+    # A spring that resists only the free motions of the inside leaves the others as they are.
+    momentum = mass[inner] @ shapes[:, squares < 1e-6 * limit]
     coupled = np.ix_(interior, boundary)
-    factor = scipy.linalg.cho_factor(stiffness[inner] + shift * mass[inner])
-    constraint = -scipy.linalg.cho_solve(factor, stiffness[coupled] + shift * mass[coupled])
+    factor = scipy.linalg.cho_factor(stiffness[inner] + limit * (momentum @ momentum.T))
+    constraint = -scipy.linalg.cho_solve(factor, stiffness[coupled])
     # What the modes left out follow of the inertia forces of constraint modes, without the kept.
     inertia = mass[inner] @ constraint + mass[coupled]
     followed = scipy.linalg.cho_solve(factor, inertia)
@@ -286,10 +293,12 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     basis[boundary, : boundary.size] = np.eye(boundary.size)
     basis[interior, : boundary.size] = constraint
     basis[interior, boundary.size :] = kept
+    sizes = np.sqrt(mass.diagonal())[:, None] * np.abs(basis)
+    basis[sizes < _ROUNDING * np.linalg.norm(sizes, axis=0)] = 0.0
     names = [matrices.coordinates[i] for i in boundary]
     names += [f"inside {i + 1}" for i in range(kept.shape[1])]
     small_mass, damping, stiffness = (
-        basis.T @ x @ basis for x in (mass, matrices.damping, matrices.stiffness)
+        _projected(x, basis) for x in (mass, matrices.damping, matrices.stiffness)
     )
     small_mass = (small_mass + small_mass.T) / 2.0
     text = (

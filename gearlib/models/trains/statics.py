@@ -18,6 +18,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import status
 from gearlib.data.variables import describe
+from gearlib.models.trains.structure import AXES
 from gearlib.models.trains.waves import SAME_PHASE_TOLERANCE, at_lower_level
 
 if TYPE_CHECKING:
@@ -51,12 +52,18 @@ def _balancing_torques(train: "GearTrain") -> str:
 def check_balance(train: "GearTrain") -> None:
     """Raise ValueError for a `GearTrain` without coordinates, masses or balanced torques.
 
+    Harmonic forces must act along a direction in which their body can move.
+
     A moving backlash is not possible where the axis of a gear moves freely.
     """
     if not train.structure.coordinates:
         raise ValueError("bodies is not allowed: at least one of them must be able to move")
     if train.structure.mass.diagonal().min() <= 0.0:
         raise ValueError("bodies is not allowed: every motion must have a mass")
+    for force in train.forces:
+        moves = train.structure.motions[train.body_names.index(force.body), AXES.index(force.axis)]
+        owner, allowed = f"a force on body {force.body}", "a direction in which this body can move"
+        checks.require(moves.any(), "axis", force.axis, allowed, owner)
     load = train.structure.load
     for motion in train.free_motions.T:
         power = motion * load
@@ -104,8 +111,6 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
     `load_ratio` is a factor on all torques. Raises ValueError if the load opens a mesh with
     infinite backlash permanently.
     """
-    if train.matrices is not None and not train.matrices.is_symmetric:
-        raise ValueError("stiffness is not allowed for a static equilibrium: it must be symmetric")
     frequencies, amplitudes, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
     # Distances of (coast, drive) flanks without motion.
@@ -122,10 +127,19 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
     strains = train.strains[: -len(train.meshes)]
     load = load_ratio * (basis.T @ train.structure.load)
     energy = _Energy(strains.T @ strains, lines, stiffness, gaps, load)
+    skew = (train.structure.stiffness - train.structure.stiffness.T) / 2.0
+    is_symmetric = train.matrices is None or train.matrices.is_symmetric
+    if not is_symmetric:
+        allowed = "without forces that free motions feel or cause"
+        free_forces = np.abs(skew @ train.free_motions).max(initial=0.0)
+        valid = free_forces <= _RESIDUAL_TOLERANCE * np.abs(skew).max()
+        checks.require(valid, "stiffness", "an unsymmetric matrix", allowed)
+        energy = energy._replace(elastic=energy.elastic + basis.T @ skew @ basis)
     # Rounding errors of the gaps cause forces of this size, even without a load.
     gap_sizes = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
     force_scale = (np.abs(drive_lines.T) @ (stiffness * gap_sizes).max(axis=0)).max(initial=0.0)
-    modal_amplitudes = _minimize(energy, force_scale)
+    solve = _minimize if is_symmetric else _balance
+    modal_amplitudes = solve(energy, force_scale)
     if modal_amplitudes is None:
         raise ValueError(
             "the train has no static equilibrium: its torques or errors open a mesh with infinite "
@@ -276,6 +290,29 @@ def _minimize(energy: _Energy, force_scale: float) -> np.ndarray | None:
         if np.abs(gradient).max(initial=0.0) <= 1e-14 * amplitudes.size * scale:
             break
     return amplitudes
+
+
+def _balance(energy: _Energy, force_scale: float) -> np.ndarray | None:
+    """Return the modal amplitudes at which forces of an unsymmetric stiffness balance.
+
+    Newton's method shortens its steps until the remaining forces decrease; None if they do not.
+    `force_scale` is the size of additional forces whose rounding errors are tolerated.
+    """
+    amplitudes = energy.load.copy()
+    for _ in range(_MAX_NEWTON_STEPS):
+        forces, sizes = energy.gradient(amplitudes)
+        scale = force_scale + np.abs(energy.load).max(initial=0.0) + sizes.max(initial=0.0)
+        if np.abs(forces).max(initial=0.0) <= 1e-14 * amplitudes.size * scale:
+            return amplitudes
+        hessian = energy.hessian(energy.lines @ amplitudes + energy.gaps)
+        step = -np.linalg.lstsq(hessian, forces)[0]
+        length, norm = 1.0, np.linalg.norm(forces)
+        while np.linalg.norm(energy.gradient(amplitudes + length * step)[0]) >= norm:
+            length /= 2.0
+            if length < 1e-12:  # Only rounding errors are left, which the caller judges.
+                return amplitudes
+        amplitudes = amplitudes + length * step
+    return None
 
 
 def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> float | None:
