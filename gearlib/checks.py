@@ -132,6 +132,16 @@ def gear_stage(value, name="stage", alternative=""):
     return value
 
 
+def train_of(model):
+    """Return the `GearTrain` of a train or of a pair in six degrees, else raise ValueError."""
+    train = getattr(model, "train", None)
+    if train is None:
+        allowed = "a GearTrain, because it needs bodies with torques and angles"
+        problem = f"of type {type(model).__name__} is not allowed: it must be {allowed}"
+        raise InputError("model", problem=problem)
+    return train
+
+
 def check_known_parameters(owner, names, known_names):
     """Raise ValueError unless all `names` are among the `known_names` of parameters of `owner`."""
     for name in names:

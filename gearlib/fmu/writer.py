@@ -88,13 +88,7 @@ def write_fmu(
     """
     path = Path(path)
     checks.require(path.suffix == ".fmu", "path", str(path), "a name that ends with .fmu")
-    train = getattr(model, "train", None)
-    if train is None:
-        name = type(model).__name__
-        allowed = "a GearTrain, because an FMU has bodies with torques and angles"
-        raise checks.InputError(
-            "model", problem=f"of type {name} is not allowed: it must be {allowed}"
-        )
+    train = checks.train_of(model)
     matrices.check_train(train, prescribed_speed)
     bearing_names, bearing_rows = matrices.bearings(train)
     data = matrices.model_data(train, prescribed_speed, speed)

@@ -79,7 +79,11 @@ def distances(train, state):
 @pytest.mark.parametrize("step", STEPS)
 @pytest.mark.parametrize(
     ("train", "tuning"),
-    [(two_gears(), 0.95), (two_gears(), 1.3), (two_gears().replace(forces=[RIPPLE, UNBALANCE]), 1.3)],
+    [
+        (two_gears(), 0.95),
+        (two_gears(), 1.3),
+        (two_gears().replace(forces=[RIPPLE, UNBALANCE]), 1.3),
+    ],
 )
 def test_settled_motion_is_that_of_simulate(tmp_path, train, tuning, step):
     # 200 mesh periods with hundreds of contact events; 1e-9 is asked for, rounding is 1e-12.
@@ -360,7 +364,7 @@ def pair():
 @pytest.mark.parametrize(
     ("model", "options", "message"),
     [
-        (pair(), {}, "model of type GearPair is not allowed: it must be a GearTrain, because an"),
+        (pair(), {}, "model of type GearPair is not allowed: it must be a GearTrain, because it"),
         (
             two_gears(friction=(0.1, 0.0)),
             {},

@@ -24,8 +24,8 @@ def pair(stiffness_ratio=1.0, **options):
         Body(name="b", inertia=0.04, base_radius=0.2, teeth=40, torque=200.0),
     ]
     mesh = Mesh(
-        pinion="a", wheel="b", max_stiffness=3e8, stiffness_ratio=stiffness_ratio, contact_ratio=1.5,
-        backlash=1e-3, material_damping=3000.0, backlash_damping=0.0, name="m",
+        pinion="a", wheel="b", max_stiffness=3e8, stiffness_ratio=stiffness_ratio, name="m",
+        contact_ratio=1.5, backlash=1e-3, material_damping=3000.0, backlash_damping=0.0,
     )  # fmt: skip
     return GearTrain(bodies=bodies, meshes=[mesh], **options)
 
@@ -40,7 +40,12 @@ def pair_of_matrices(**options):
     forces = {"angle a": 100.0, "angle b": 200.0}
     names = ["angle a", "angle b"]
     return GearTrain.from_matrices(
-        *arrays, pair(stiffness_ratio=0.7).meshes, gears, coordinates=names, forces=forces, **options
+        *arrays,
+        pair(stiffness_ratio=0.7).meshes,
+        gears,
+        coordinates=names,
+        forces=forces,
+        **options,
     )
 
 
@@ -185,6 +190,17 @@ def test_state_space_steps_to_the_static_state():
     torques = np.tile([100.0, 200.0], (time.size, 1))
     _, found, _ = scipy.signal.lsim(system, torques, time)
     assert found[-1] == pytest.approx([1000.0, 0.0], rel=1e-6, abs=1e-3)
+
+
+def test_a_state_space_needs_bodies_and_knows_its_names():
+    with pytest.raises(ValueError, match="model of type GearPair is not allowed"):
+        gearlib.state_space(gearlib.GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.7))
+    with pytest.raises(ValueError, match="inputs = 'torque' is not allowed"):
+        gearlib.state_space(pair(), inputs=["torque"])
+    with pytest.raises(ValueError, match="outputs = 'force' is not allowed"):
+        gearlib.state_space(pair(), outputs=["force"])
+    with pytest.raises(ValueError, match="system = 1 is not allowed"):
+        gearlib.frequency_response(1, [1.0])
 
 
 @pytest.mark.parametrize(

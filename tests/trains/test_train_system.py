@@ -9,6 +9,7 @@ import pytest
 from gearlib import Harmonics, OneDegreePair, simulate, two_stage
 from tests.paper import PAPER
 from tests.properties.known_models import pairs_as_train
+from tests.trains import random_trains
 
 
 @pytest.mark.parametrize(
@@ -24,6 +25,17 @@ def test_the_excitation_repeats_after_the_least_common_period(eccentric, repeats
     )
     assert train.repeats == repeats
     assert train.system(1.0).starts[-1] == pytest.approx(math.tau * repeats, rel=1e-15)
+
+
+def test_slow_harmonics_stay_beside_free_motions():
+    # Three gears with run-out turn in 18 to 32 mesh periods, the first of them free of its mesh.
+    train, tuning, _ = random_trains.jamming_problem(np.random.default_rng(107))
+    train = train.replace(meshes=[replace(mesh, friction=(0.0, 0.0)) for mesh in train.meshes])
+    propagator = train.propagator(tuning)
+    basis = propagator.frame.basis_of(propagator.system, np.array([0, 1, 1, 1, 1]))
+    eigenvalues = np.concatenate([basis.rates, np.linalg.eigvals(basis.block)])
+    for frequency in tuning * train.excitation[0]:
+        assert np.abs(eigenvalues - 1j * frequency).min() < 1e-9
 
 
 @pytest.mark.parametrize("detuning", [0.0, 1e-10, 1e-4])

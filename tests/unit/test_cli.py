@@ -106,7 +106,7 @@ def test_files_hold_what_the_library_computes_in_the_format_of_their_suffix(run,
         if variable.dims == (dimension,) and "units" in variable.attrs:
             unit = WRITTEN_UNITS.get(variable.units, variable.units)
             column = columns[f"{variable.name} [{unit}]" if unit else variable.name]
-            assert [*map(float, column)] == variable.values.tolist()
+            np.testing.assert_array_equal([*map(float, column)], variable.values)
     # A variable with further dimensions has a column for each of their entries.
     assert "modes" not in command or "mode_shape input rotation" in heads
     assert Path("picture.png").read_bytes().startswith(b"\x89PNG")

@@ -142,6 +142,7 @@ GEAR_WORDS = re.compile("mesh|static deflection|flank|dtau")
 #: Functions without a model as first argument alone: other tests call them.
 OTHERS = {"switch_branch", "locus", "fit", "methods", "read_measured", "read_gearbox"}
 OTHERS |= {"read_train", "write_train", "characteristic_frequencies", "write_fmu"}
+OTHERS |= {"state_space", "frequency_response"}
 
 
 def test_no_public_call_is_left_out():

@@ -358,7 +358,9 @@ def _slow_coordinates(rows, block, constant_row, distance_scale):
         image = inner_block @ unobserved
         observations = image - unobserved @ (unobserved.T @ image)
         largest = _MAX_UNOBSERVED * np.linalg.norm(inner_block, 2)
-    observed = scipy.linalg.null_space(unobserved.T) if unobserved.size else np.eye(len(inner_block))
+    observed = (
+        scipy.linalg.null_space(unobserved.T) if unobserved.size else np.eye(len(inner_block))
+    )
     basis = np.hstack([complement @ observed, complement @ unobserved])
     basis = np.hstack([basis, constant_row[:, None] / length**2])
     return basis, unobserved.shape[1]

@@ -14,15 +14,15 @@ from gearlib.models.trains.natural_modes import mean_stiffness_matrix, total_dam
 _AXES = ("x", "y", "rotation")
 
 
-def state_space(train: Any, inputs: Any = None, outputs: Any = None) -> StateSpace:
+def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpace:
     """Return the linear state space of a train about its loaded state, in SI units.
 
     All flanks touch with their mean stiffness; states are the coordinates and their rates.
 
     Parameters
     ----------
-    train : GearTrain
-        The train; every mesh must have a damping.
+    model : GearTrain or SixDegreePair
+        The gears; every mesh must have a damping.
     inputs : sequence of str, optional
         Forces, "x of sun", "y of sun" (N), or torques, "rotation of sun" (N m); by default the
         torques on all bodies. Of given matrices also the name of a coordinate.
@@ -39,8 +39,9 @@ def state_space(train: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
     Raises
     ------
     ValueError
-        If a name is unknown, or a mesh has no damping.
+        If a name is unknown, a mesh has no damping, or the model has no bodies.
     """
+    train = checks.train_of(model)
     structure = train.structure
     damping = total_damping(train)
     checks.require(damping is not None, "material_damping", None, "given for every mesh")
@@ -125,7 +126,14 @@ def frequency_response(system: StateSpace, frequencies: Any) -> xr.Dataset:
     -------
     xarray.Dataset
         Over ``frequency``, ``output`` and ``input``: response_amplitude and response_phase (rad).
+
+    Raises
+    ------
+    ValueError
+        If `system` is no state space.
     """
+    valid, allowed = isinstance(system, StateSpace), "a scipy.signal.StateSpace"
+    checks.require(valid, "system", system, allowed)
     frequencies = np.atleast_1d(np.asarray(frequencies, float))
     identity = np.eye(len(system.A))
     values = np.array(

@@ -254,7 +254,9 @@ def _dense(name: str, value: Any) -> np.ndarray:
 def _projected(matrix: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """Return basis.T @ matrix @ basis; entries that are zero but for rounding are set to zero."""
     projected, size = basis.T @ matrix @ basis, np.abs(basis)
-    return np.where(np.abs(projected) > _ROUNDING * (size.T @ np.abs(matrix) @ size), projected, 0.0)
+    return np.where(
+        np.abs(projected) > _ROUNDING * (size.T @ np.abs(matrix) @ size), projected, 0.0
+    )
 
 
 @checked

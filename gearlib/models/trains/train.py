@@ -158,6 +158,9 @@ class GearTrain(Model):
 
     def __post_init__(self) -> None:
         """Check the elements, names, gears and torques of the train."""
+        valid = self.matrices is None or hasattr(self.matrices, "coordinates")
+        allowed = "left out; see `GearTrain.from_matrices`"
+        checks.require(valid, "matrices", self.matrices, allowed)
         if self.reference is None:
             object.__setattr__(self, "reference", self.meshes[0].name)
         checks.one_of("reference", self.reference, self.mesh_names)
