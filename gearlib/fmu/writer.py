@@ -164,7 +164,7 @@ def _tag(tag: str, content: str = "", /, **attributes: Any) -> str:
 
 def _variables(train: Any, data: dict[str, Any], bearing_names: list) -> list[tuple[dict, str]]:
     """Return (attributes, type) of all variables in the order of the value references in C."""
-    q = [f"{body}.{axis}" for body, axis in train.structure.coordinates]
+    q = [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
     reference, local, output = 0, {"causality": "local"}, {"causality": "output"}
     given: list[tuple[dict, str]] = []
 

@@ -148,6 +148,16 @@ def test_a_harmonic_force_needs_a_motion():
         _ = pair(forces=[force])
 
 
+def test_a_harmonic_force_acts_on_a_coordinate_of_matrices():
+    ripple = {"amplitude": 20.0, "order": 2, "of": "m", "phase": 0.4}
+    trains = [
+        pair_of_matrices(harmonic_forces=[HarmonicForce(body=name, **ripple)])
+        for name in ("a", "angle a")
+    ]
+    runs = [gearlib.simulate(train, 0.6, periods=20).displacement.values for train in trains]
+    assert np.array_equal(*runs)
+
+
 def test_a_harmonic_torque_moves_a_linear_pair_as_the_closed_form():
     force = HarmonicForce(body="a", amplitude=20.0, order=2, of="m", phase=0.4)
     train = pair(forces=[force])
@@ -206,14 +216,19 @@ def test_a_state_space_needs_bodies_and_knows_its_names():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"stiffness": np.eye(3)}, r"stiffness .*rows and 84 columns"),
+        ({"stiffness": np.eye(3)}, r"stiffness .*finite numbers with 84 rows"),
         ({"mass": -np.eye(84)}, "mass .*positive definite"),
         ({"gyroscopic": np.eye(84), "speed": 1.0}, "gyroscopic .*skew-symmetric"),
-        ({"gyroscopic": np.zeros((84, 84))}, "speed .*rad/s"),
+        ({"gyroscopic": np.zeros((84, 84))}, "speed .*given if gyroscopic is"),
         ({"coordinates": ["x"] * 84}, "coordinates .*84 different names"),
         ({"forces": {"a 3 trun": 100.0}}, "forces .*a 3 trun"),
         ({"rows": {"pinion-wheel": [1.0]}}, "rows.*84 finite numbers"),
         ({"mass": "mass.txt"}, r"\.mtx"),
+        ({"gears": ["pinion"]}, r"gears\[0\] = 'pinion' .*must be a GearNode"),
+        ({"forces": [100.0, 200.0]}, "forces .*must be a dict"),
+        ({"forces": {"a 3 turn": math.nan}}, "forces.*must be a finite number"),
+        ({"stiffness": -ROSS["stiffness"]}, "stiffness .*no negative eigenvalue"),
+        ({"reference": "gear"}, "reference = 'gear' is not allowed"),
         ({"forces": {"a 3 turn": 100.0}}, "no spring resists"),
     ],
 )

@@ -379,7 +379,9 @@ class HarmonicForce:
     It is amplitude cos(order theta + phase) with the phase theta of a mesh, or the angle of a body.
     """
 
-    body: Annotated[Text, described("Name of the body on which it acts")]
+    body: Annotated[
+        Text, described("Name of the body on which it acts, or of a coordinate of given matrices")
+    ]
     amplitude: Annotated[Finite, described("Amplitude, N, or N m of a torque")]
     order: Annotated[
         int, Ge(1), Le(1000), INTEGER, described("Waves in a mesh period or revolution")
@@ -420,7 +422,8 @@ def check_names(train: Any) -> None:
         for name in shaft.bodies:
             checks.one_of("bodies of a shaft", name, train.body_names)
     for force in train.forces:
-        checks.one_of("body of a force", force.body, train.body_names)
+        coordinates = () if train.matrices is None else train.matrices.coordinates
+        checks.one_of("body of a force", force.body, (*train.body_names, *coordinates))
         checks.one_of("of of a force", force.of, (*train.mesh_names, *train.body_names))
     for mesh in train.meshes:
         for side in ("pinion", "wheel"):

@@ -13,9 +13,12 @@ import scipy.io
 import scipy.linalg
 import scipy.sparse
 import xarray as xr
+from annotated_types import MinLen
+from pydantic import AllowInfNan
 
-from gearlib import checks
-from gearlib.models.trains.elements import Body
+from gearlib import checks, parameters
+from gearlib.models.trains import waves
+from gearlib.models.trains.elements import Body, Mesh
 from gearlib.models.trains.structure import (
     FLOAT_ARITHMETIC,
     Arithmetic,
@@ -25,10 +28,13 @@ from gearlib.models.trains.structure import (
 from gearlib.models.trains.train import GearTrain
 from gearlib.parameters import (
     Angle,
+    Finite,
     Length,
     Positive,
     Teeth,
     Text,
+    Unit,
+    Values,
     checked,
     declared,
     described,
@@ -124,19 +130,23 @@ def _asymmetry(matrix: np.ndarray) -> float:
     return float(np.abs(matrix - matrix.T).max() / (np.abs(matrix).max() or 1.0))
 
 
+@checked
 def from_matrices(
     mass: Any,
     damping: Any,
     stiffness: Any,
-    meshes: Any,
-    gears: Any,
+    meshes: Annotated[tuple[Mesh, ...], Values(), MinLen(1)],
+    gears: Annotated[tuple[GearNode, ...], Values(), MinLen(2)],
     *,
     gyroscopic: Any = None,
-    speed: float | None = None,
-    coordinates: Any = None,
-    forces: dict[str, float] | None = None,
-    rows: dict[str, Any] | None = None,
-    **options: Any,
+    speed: Annotated[float | None, AllowInfNan(False), Unit("rad/s")] = None,
+    coordinates: Annotated[tuple[Text, ...] | None, Values()] = None,
+    forces: Any = None,
+    rows: Any = None,
+    harmonic_forces: Any = (),
+    reference: Any = None,
+    reference_frequency: Any = None,
+    modal_damping: Any = None,
 ) -> GearTrain:
     """Return a gear train whose structure is given by matrices in SI units.
 
@@ -144,8 +154,9 @@ def from_matrices(
     ----------
     mass, damping, stiffness : array-like, sparse array or path
         Square matrices without the meshes, or files: .mtx (Matrix Market) or netCDF with one
-        variable. The mass must be symmetric and positive definite; stiffness and damping may be
-        unsymmetric, as those of journal bearings.
+        variable. The mass must be symmetric and positive definite. Stiffness and damping may be
+        unsymmetric, as those of journal bearings; the symmetric part of the stiffness must have no
+        negative eigenvalue.
     meshes : sequence of Mesh
         Meshes of the gears, by their names: positions, pressure angle, stiffness levels, backlash,
         damping and deviations.
@@ -154,7 +165,7 @@ def from_matrices(
     gyroscopic : array-like, optional
         Matrix that, times the speed, is added to the damping; skew-symmetric, as G of ROSS.
     speed : float, optional
-        Constant speed in rad/s of the gyroscopic forces.
+        Constant speed in rad/s of the gyroscopic forces; needed beside them.
     coordinates : sequence of str, optional
         Names of the coordinates; "0", "1", ... by default.
     forces : dict of str to float, optional
@@ -162,8 +173,10 @@ def from_matrices(
     rows : dict of str to array-like, optional
         Row vectors of meshes by name, which map coordinates to the approach along the line of
         action in m, in place of those of the gears.
-    **options
-        Other parameters of `GearTrain`, such as reference, forces on bodies as `HarmonicForce`.
+    harmonic_forces : sequence of HarmonicForce, optional
+        Harmonic forces and torques on gears or coordinates.
+    reference, reference_frequency, modal_damping : optional
+        As in `GearTrain`.
 
     Returns
     -------
@@ -176,58 +189,84 @@ def from_matrices(
         If shapes differ, the mass is not symmetric and positive definite, a name is unknown, or the
         load is one that the structure cannot carry.
     """
-    arrays = {
-        name: _dense(name, value)
-        for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness))
-    }
-    n = len(arrays["mass"])
-    if gyroscopic is not None:
-        arrays["gyroscopic"] = _dense("gyroscopic", gyroscopic)
-    for name, array in arrays.items():
-        allowed = f"finite numbers in {n} rows and {n} columns, as many as in mass"
-        valid = array.shape == (n, n) and np.isfinite(array).all()
-        checks.require(valid, name, f"an array of shape {array.shape}", allowed)
-    allowed, eigenvalue = "symmetric and positive definite", np.linalg.eigvalsh(arrays["mass"])[0]
-    valid = _asymmetry(arrays["mass"]) <= _SYMMETRY and eigenvalue > 0.0
+    mass_matrix = _matrix("mass", mass)
+    n = len(mass_matrix)
+    stiffness_matrix = _matrix("stiffness", stiffness, n)
+    damping_matrix = _matrix("damping", damping, n)
+    allowed, eigenvalue = "symmetric and positive definite", np.linalg.eigvalsh(mass_matrix)[0]
+    valid = _asymmetry(mass_matrix) <= _SYMMETRY and eigenvalue > 0.0
     checks.require(valid, "mass", f"a matrix with the eigenvalue {eigenvalue:.6g}", allowed)
+    _check_no_negative_stiffness(stiffness_matrix)
+    valid, allowed = (gyroscopic is None) == (speed is None), "given if gyroscopic is, else not"
+    checks.require(valid, "speed", speed, allowed)
     if gyroscopic is not None:
-        checks.require(speed is not None, "speed", None, "a speed in rad/s beside gyroscopic")
-        skew = arrays["gyroscopic"]
+        skew = _matrix("gyroscopic", gyroscopic, n)
         allowed = "skew-symmetric, with the opposite sign across the diagonal"
         valid = np.abs(skew + skew.T).max() <= _SYMMETRY * np.abs(skew).max(initial=1e-300)
         checks.require(valid, "gyroscopic", "a matrix that is not", allowed)
-        arrays["damping"] = arrays["damping"] + float(speed) * skew
-    names = [str(i) for i in range(n)] if coordinates is None else list(map(str, coordinates))
+        damping_matrix = damping_matrix + speed * skew
+    names = tuple(map(str, range(n))) if coordinates is None else coordinates
     checks.require(len({*names}) == n == len(names), "coordinates", names, f"{n} different names")
     load = np.zeros(n)
-    for name, force in (forces or {}).items():
+    for name, force in _entries("forces", forces).items():
         checks.one_of("forces", name, names)
-        load[names.index(name)] = force
-    gears = tuple(gears)
+        load[names.index(name)] = parameters.check(f"forces[{name!r}]", force, Finite)
     for gear in gears:
         for axis in ("rotation", "x", "y", "axial"):
             if getattr(gear, axis) is not None:
                 checks.one_of(f"{axis} of gear {gear.name}", getattr(gear, axis), names)
-    given = {}
-    for name, row in (rows or {}).items():
+    mesh_rows = {}
+    for name, row in _entries("rows", rows).items():
         checks.one_of("rows", name, [mesh.name for mesh in meshes])
-        given[name] = np.array(row, float)
         allowed = f"{n} finite numbers, one for each coordinate"
-        valid = given[name].shape == (n,) and np.isfinite(given[name]).all()
+        valid = np.shape(row) == (n,) and np.isfinite(np.asarray(row, float)).all()
         checks.require(valid, f"rows[{name!r}]", row, allowed)
-    matrices = Matrices(
-        names, arrays["mass"], arrays["damping"], arrays["stiffness"], load, gears, given
-    )
-    return _train(matrices, meshes, options)
-
-
-def _train(matrices: Matrices, meshes: Any, options: dict) -> GearTrain:
-    """Return the train of matrices; bodies have the teeth and radii of the gears."""
+        mesh_rows[name] = np.array(row, float)
     bodies = [
         Body(name=gear.name, inertia=1.0, base_radius=gear.base_radius, teeth=gear.teeth)
-        for gear in matrices.gears
+        for gear in gears
     ]
-    return GearTrain(bodies=bodies, meshes=tuple(meshes), matrices=matrices, **options)
+    matrices = Matrices(
+        names, mass_matrix, damping_matrix, stiffness_matrix, load, gears, mesh_rows
+    )
+    return GearTrain(
+        bodies=bodies,
+        meshes=meshes,
+        matrices=matrices,
+        reference=reference,
+        reference_frequency=reference_frequency,
+        forces=harmonic_forces,
+        modal_damping=modal_damping,
+    )
+
+
+def _entries(name: str, entries: Any) -> dict:
+    """Return the entries of a dict; None has none, other values are refused."""
+    checks.require(isinstance(entries, dict | None), name, entries, "a dict")
+    return entries or {}
+
+
+def _check_no_negative_stiffness(stiffness: np.ndarray) -> None:
+    """Raise ValueError if the symmetric part of a stiffness has a negative eigenvalue."""
+    diagonal = np.abs(stiffness.diagonal())
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = (stiffness + stiffness.T) / 2.0 / np.outer(scale, scale)
+    lowest = np.linalg.eigvalsh(scaled)[0]
+    allowed = "one whose symmetric part has no negative eigenvalue"
+    value = f"a matrix with the eigenvalue {lowest:.6g} at unit diagonal"
+    checks.require(lowest >= -_SYMMETRY, "stiffness", value, allowed)
+
+
+def _matrix(name: str, value: Any, n: int | None = None) -> np.ndarray:
+    """Return a matrix as an array and check its shape; `n` is the number of its rows if known."""
+    array = _dense(name, value)
+    rows = n if array.ndim != 2 or n is not None else len(array)
+    allowed = "a square matrix of finite numbers"
+    if n is not None:
+        allowed = f"{allowed} with {n} rows, as many as in mass"
+    valid = array.shape == (rows, rows) and array.size > 0 and np.isfinite(array).all()
+    checks.require(valid, name, f"an array of shape {array.shape}", allowed)
+    return array
 
 
 def _dense(name: str, value: Any) -> np.ndarray:
@@ -242,6 +281,7 @@ def _dense(name: str, value: Any) -> np.ndarray:
                 checks.require(len(dataset.data_vars) == 1, f"{name} in {path}", count, allowed)
                 value = next(iter(dataset.data_vars.values())).values
         else:
+            path.stat()  # FileNotFoundError with the name of the file
             value = scipy.io.mmread(path)
     if scipy.sparse.issparse(value):
         value = value.toarray()
@@ -267,7 +307,9 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     checks.require(matrices is not None, "train", type(train).__name__, allowed)
     structure, n = train.structure, len(matrices.coordinates)
     motions = structure.motions.reshape(-1, n)
-    acting = np.concatenate([structure.lines, motions, matrices.load[None]])
+    rows = [structure.lines, motions, matrices.load[None]]
+    rows += [waves.force_row(train, force, structure.motions)[None] for force in train.forces]
+    acting = np.concatenate(rows)
     boundary = np.flatnonzero(np.abs(acting).max(axis=0) > 0.0)
     interior = np.setdiff1d(np.arange(n), boundary)
     stiffness = (matrices.stiffness + matrices.stiffness.T) / 2.0

@@ -18,8 +18,7 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import status
 from gearlib.data.variables import describe
-from gearlib.models.trains.structure import AXES
-from gearlib.models.trains.waves import SAME_PHASE_TOLERANCE, at_lower_level
+from gearlib.models.trains.waves import SAME_PHASE_TOLERANCE, at_lower_level, force_row
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -61,9 +60,9 @@ def check_balance(train: "GearTrain") -> None:
     if train.structure.mass.diagonal().min() <= 0.0:
         raise ValueError("bodies is not allowed: every motion must have a mass")
     for force in train.forces:
-        moves = train.structure.motions[train.body_names.index(force.body), AXES.index(force.axis)]
+        moves = force_row(train, force, train.structure.motions).any()
         owner, allowed = f"a force on body {force.body}", "a direction in which this body can move"
-        checks.require(moves.any(), "axis", force.axis, allowed, owner)
+        checks.require(moves, "axis", force.axis, allowed, owner)
     load = train.structure.load
     for motion in train.free_motions.T:
         power = motion * load

@@ -155,6 +155,17 @@ def force_frequency(train: "GearTrain", force: HarmonicForce) -> Fraction:
     return force.order * abs(train.speeds.in_housing[force.of])
 
 
+def force_row(train: "GearTrain", force: HarmonicForce, motions: np.ndarray) -> np.ndarray:
+    """Return the row of the motion on which a harmonic force does work, shape (n,).
+
+    `motions` are those of the structure, in floats or balls.
+    """
+    if train.matrices is not None and force.body in train.matrices.coordinates:
+        return train.matrices.motion(force.body)
+    row = motions[train.body_names.index(force.body), AXES.index(force.axis)]
+    return row / train.by_name[force.body].base_radius if force.axis == "rotation" else row
+
+
 def force_harmonics(train, motions, arithmetic=FLOAT_ARITHMETIC) -> dict:
     """Return the harmonic forces on n coordinates, frequency -> cosines and sines in N, (2, n).
 
@@ -162,10 +173,9 @@ def force_harmonics(train, motions, arithmetic=FLOAT_ARITHMETIC) -> dict:
     """
     harmonics: dict = {}
     for force in train.forces:
-        row = motions[train.body_names.index(force.body), AXES.index(force.axis)]
-        radius = train.by_name[force.body].base_radius if force.axis == "rotation" else 1.0
+        row = force_row(train, force, motions)
         cosine, sine = arithmetic.cos_sin(force.phase)
-        amplitude = arithmetic.convert(force.amplitude) / arithmetic.convert(radius)
+        amplitude = arithmetic.convert(force.amplitude)
         entry = harmonics.setdefault(
             force_frequency(train, force), arithmetic.zeros(2, motions.shape[2])
         )
