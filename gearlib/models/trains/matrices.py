@@ -4,7 +4,9 @@ Coordinates are displacements in m and rotations in rad. A gear is a node with u
 the mesh force acts along the line of action, and with the base radius about the axis.
 """
 
+import hashlib
 import math
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -67,29 +69,18 @@ class GearNode:
     ] = 0.0
 
 
+@dataclass(frozen=True, eq=False)
 class Matrices:
-    """The matrices of a structure with n coordinates in SI units.
+    """The matrices of a structure with n coordinates in SI units."""
 
-    Attributes
-    ----------
-    coordinates : tuple of str
-        Their names.
-    mass, damping, stiffness : numpy.ndarray, shape (n, n)
-        The damping includes gyroscopic forces at the constant speed.
-    load : numpy.ndarray, shape (n,)
-        Constant forces and torques.
-    gears : tuple of GearNode
-        Gears on the structure.
-    rows : dict of str to numpy.ndarray
-        Rows of meshes that are given, by the name of the mesh.
-    left_out : str
-        What a reduction has left out, "" of a whole structure.
-    """
-
-    def __init__(self, coordinates, mass, damping, stiffness, load, gears, rows, left_out=""):
-        self.coordinates, self.gears, self.rows = tuple(coordinates), tuple(gears), dict(rows)
-        self.mass, self.damping, self.stiffness, self.load = mass, damping, stiffness, load
-        self.left_out = left_out
+    coordinates: tuple[str, ...]  #: names
+    mass: np.ndarray  #: shape (n, n)
+    damping: np.ndarray  #: with gyroscopic forces at the constant speed, shape (n, n)
+    stiffness: np.ndarray  #: shape (n, n)
+    load: np.ndarray  #: constant forces and torques, shape (n,)
+    gears: tuple[GearNode, ...]
+    rows: dict[str, np.ndarray]  #: given row vectors by the name of the mesh, shape (n,)
+    left_out: str = ""  #: what a reduction has left out
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Matrices) and self.digest() == other.digest()
@@ -99,18 +90,11 @@ class Matrices:
 
     def digest(self) -> str:
         """Return a hash of all values, which results name in place of the matrices."""
-        import hashlib
-
         arrays = self.mass, self.damping, self.stiffness, self.load, *self.rows.values()
         content = hashlib.sha256(repr((self.coordinates, self.gears, list(self.rows))).encode())
         for array in arrays:
             content.update(np.ascontiguousarray(array).tobytes())
         return content.hexdigest()
-
-    def with_load(self, factor: float) -> "Matrices":
-        """Return a copy in which the load is multiplied by a factor."""
-        arrays = self.mass, self.damping, self.stiffness, self.load * factor
-        return Matrices(self.coordinates, *arrays, self.gears, self.rows, self.left_out)
 
     @property
     def is_symmetric(self) -> bool:
@@ -312,27 +296,29 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     acting = np.concatenate(rows)
     boundary = np.flatnonzero(np.abs(acting).max(axis=0) > 0.0)
     interior = np.setdiff1d(np.arange(n), boundary)
+    if interior.size == 0:
+        return train
     stiffness = (matrices.stiffness + matrices.stiffness.T) / 2.0
     mass = matrices.mass
     inner = np.ix_(interior, interior)
     limit = (math.tau * frequency * _MARGIN) ** 2
     squares, shapes = scipy.linalg.eigh(stiffness[inner], mass[inner])
     kept = shapes[:, squares < limit]
-    # A spring that resists only the free motions of the inside leaves the others as they are.
+    # This spring acts on the free interior motions only, so that the stiffness can be factorised.
     momentum = mass[inner] @ shapes[:, squares < 1e-6 * limit]
     coupled = np.ix_(interior, boundary)
     factor = scipy.linalg.cho_factor(stiffness[inner] + limit * (momentum @ momentum.T))
     constraint = -scipy.linalg.cho_solve(factor, stiffness[coupled])
-    # What the modes left out follow of the inertia forces of constraint modes, without the kept.
+    # Quasi-static response of the neglected modes to the inertia forces of the constraint modes.
     inertia = mass[inner] @ constraint + mass[coupled]
-    followed = scipy.linalg.cho_solve(factor, inertia)
-    followed = followed - kept @ (kept.T @ (mass[inner] @ followed))
-    norms = np.sqrt(np.einsum("ij,ik,kj->j", followed, mass[inner], followed))
-    followed = followed[:, norms > 0.0] / norms[norms > 0.0]
-    values, vectors = np.linalg.eigh(followed.T @ mass[inner] @ followed)
+    correction = scipy.linalg.cho_solve(factor, inertia)
+    correction = correction - kept @ (kept.T @ (mass[inner] @ correction))
+    norms = np.sqrt(np.einsum("ij,ik,kj->j", correction, mass[inner], correction))
+    correction = correction[:, norms > 0.0] / norms[norms > 0.0]
+    values, vectors = np.linalg.eigh(correction.T @ mass[inner] @ correction)
     independent = values > 1e-8
-    followed = followed @ vectors[:, independent] / np.sqrt(values[independent])
-    kept = np.hstack([kept, followed])
+    correction = correction @ vectors[:, independent] / np.sqrt(values[independent])
+    kept = np.hstack([kept, correction])
     basis = np.zeros((n, boundary.size + kept.shape[1]))
     basis[boundary, : boundary.size] = np.eye(boundary.size)
     basis[interior, : boundary.size] = constraint
@@ -340,17 +326,21 @@ def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
     sizes = np.sqrt(mass.diagonal())[:, None] * np.abs(basis)
     basis[sizes < _ROUNDING * np.linalg.norm(sizes, axis=0)] = 0.0
     names = [matrices.coordinates[i] for i in boundary]
-    names += [f"inside {i + 1}" for i in range(kept.shape[1])]
-    small_mass, damping, stiffness = (
-        _projected(x, basis) for x in (mass, matrices.damping, matrices.stiffness)
-    )
-    small_mass = (small_mass + small_mass.T) / 2.0
+    names += [f"interior mode {i + 1}" for i in range(kept.shape[1])]
+    small_mass = _projected(mass, basis)
     text = (
-        f"{n - basis.shape[1]} of {n} coordinates: modes of the inside above "
-        f"{frequency * _MARGIN:.6g} Hz, but for what follows the boundary"
+        f"{n - basis.shape[1]} of {n} coordinates: interior modes above "
+        f"{frequency * _MARGIN:.6g} Hz, except their share in the inertia of the boundary"
     )
     lines = structure.lines @ basis
-    rows = {mesh.name: line for mesh, line in zip(train.meshes, lines, strict=True)}
-    load, gears = matrices.load @ basis, matrices.gears
-    smaller = Matrices(names, small_mass, damping, stiffness, load, gears, rows, text)
+    smaller = replace(
+        matrices,
+        coordinates=tuple(names),
+        mass=(small_mass + small_mass.T) / 2.0,
+        damping=_projected(matrices.damping, basis),
+        stiffness=_projected(matrices.stiffness, basis),
+        load=matrices.load @ basis,
+        rows={mesh.name: line for mesh, line in zip(train.meshes, lines, strict=True)},
+        left_out=text,
+    )
     return train.replace(matrices=smaller)

@@ -167,10 +167,9 @@ def with_values(train: "GearTrain", new_values: dict[str, float]) -> "GearTrain"
     fields: dict = {element_key: {} for element_key in elements}
     for name, new_value in new_values.items():
         if name == "load" and train.matrices is not None:
-            return with_values(
-                train.replace(matrices=train.matrices.with_load(new_value / train.load)),
-                {x: y for x, y in new_values.items() if x != "load"},
-            )
+            load = train.matrices.load * (new_value / train.load)
+            train = train.replace(matrices=dataclasses.replace(train.matrices, load=load))
+            continue
         if name == "load":
             for body in train.bodies:
                 fields["body", body.name]["torque"] = body.torque * (new_value / train.load)
