@@ -4,7 +4,7 @@
 # make golden  renew the golden numbers of tests/golden, and the pictures of the figures
 # make references  renew the references in 50 digits that tests take from tests/references
 # make peers   add heyoka to .venv, a solver that method= can call, where it installs
-# make couple-test  the tests of FMUs with FMPy, which it installs into .venv
+# make couple-test  tests with FMPy, ROSS and OpenTorsion, which it installs into .venv
 # make torture  50 times kill -9, full and read-only disks, damaged files: minutes
 # make random-trains  500 random gear trains against scipy, event by event: ten minutes
 # make random-certificates  10,000 random orbits: what is proven of them, wrong candidates: minutes
@@ -59,7 +59,7 @@ test: lint
 couple-test: $(TESTING)
 	$(BIN)/python -m pip install --quiet --constraint requirements/constraints.txt \
 	    --editable '.[couple]'
-	$(BIN)/python -m pytest tests/fmu -rs $(ARGS)
+	$(BIN)/python -m pytest tests/fmu tests/couple -rs $(ARGS)
 
 torture: $(TESTING)
 	GEARLIB_KILLS=50 $(BIN)/python -m pytest tests/robustness -rs $(ARGS)
