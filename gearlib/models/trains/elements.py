@@ -1,4 +1,4 @@
-"""Bodies, shafts and meshes of gear trains in SI units, and the checks of whole trains.
+"""Bodies, shafts, meshes and harmonic forces of gear trains in SI units, and checks of a train.
 
 A body rotates about its axis; if its support is elastic, it also moves along x and y. Angles and
 torques are positive counterclockwise. The rotation is the arc length u = base_radius theta, with
@@ -50,9 +50,9 @@ _STIFFNESS_AND_DAMPING = (
     *("torque", "damping_ratio", "logarithmic_decrement", "material_damping"),
     *("backlash_damping_ratio", "model", "stiffness", "options"),
 )
-#: Largest relative difference of base pitches, from rounded base radii.
+#: Largest relative difference of base pitches, which allows for rounded base radii.
 _PITCH_TOLERANCE = 1e-4
-#: Largest number of meshes: those of the largest planetary train.
+#: Largest number of meshes, as in a planetary train of 100 planets.
 _MAX_MESHES = 200
 _Thickness = Annotated[float, Gt(0), Lt(1), Unit("1")]
 
@@ -61,7 +61,7 @@ _Thickness = Annotated[float, Gt(0), Lt(1), Unit("1")]
 class Body:
     """A gear or a carrier of a `GearTrain`; immutable.
 
-    The support of its axis acts along x and y, for a body on a carrier radially and tangentially.
+    Its support acts along x and y, or radially and tangentially if a carrier carries the body.
     """
 
     name: Annotated[Text, described("Name of the body")]
@@ -105,14 +105,13 @@ class Body:
     angle: Annotated[Angle, described("Angle of its pin on the carrier")] = 0.0
 
     def __post_init__(self) -> None:
-        """Check the mass of a body on an elastic support, and the run-out."""
-        owner, rigid = f"body {self.name}", all(map(math.isinf, self.support_stiffness))
+        """Raise ValueError if an elastic support lacks a mass, or a run-out lacks teeth."""
+        owner = f"body {self.name}"
+        is_rigid = all(math.isinf(stiffness) for stiffness in self.support_stiffness)
         allowed = "a finite number > 0 where the support is elastic"
-        checks.require(self.mass is not None or rigid, "mass", None, allowed, owner)
-        valid, allowed = (
-            self.teeth is not None or not self.eccentricity,
-            "0 for a body without teeth",
-        )
+        checks.require(self.mass is not None or is_rigid, "mass", None, allowed, owner)
+        valid = self.teeth is not None or not self.eccentricity
+        allowed = "0 for a body without teeth"
         checks.require(valid, "eccentricity", self.eccentricity, allowed, owner)
 
     @classmethod
@@ -126,12 +125,13 @@ class Body:
         name : str
             Name of the body.
         **fields
-            Other parameters of the class; they replace those of the geometry.
+            Other fields of `Body`; they override the values from the geometry.
         """
         checks.require(hasattr(gear, "base_diameter"), "gear", gear, "a gearlib.geometry.SpurGear")
         gear_fields = {"teeth": gear.teeth, "base_radius": gear.base_diameter / 2.0}
         for field in ("mass", "inertia"):
-            # A ring gear without an outer diameter has no mass and inertia; they must be given.
+            # Reading the mass or inertia of a ring gear without an outer diameter raises an error,
+            # so that they are read only if they are not given.
             if field not in fields:
                 gear_fields[field] = getattr(gear, field)
         return cls(name=name, **(gear_fields | fields))
@@ -164,9 +164,9 @@ class Shaft:
     ] = None
 
     def __post_init__(self) -> None:
-        """Check that the shaft joins two bodies."""
-        first, second = self.bodies
-        checks.require(first != second, "bodies", self.bodies, "the names of two bodies", "a shaft")
+        """Raise ValueError if the shaft would join a body to itself."""
+        valid, allowed = self.bodies[0] != self.bodies[1], "the names of two different bodies"
+        checks.require(valid, "bodies", self.bodies, allowed, "a shaft")
 
 
 @declared()
@@ -277,21 +277,28 @@ class Mesh:
     ] = None
 
     def __post_init__(self) -> None:
-        """Set the default name and deviation, and check which gear drives and its position."""
+        """Set the default name and coast-side deviation, and check `driving` and `line_of_action`.
+
+        Raises ValueError if neither gear of the mesh is `driving`, or if both `line_of_action` and
+        `position` are given.
+        """
         if self.name is None:
             object.__setattr__(self, "name", f"{self.pinion}-{self.wheel}")
-        owner, gears = f"mesh {self.name}", (self.pinion, self.wheel)
-        allowed = f"one of {self.pinion!r}, {self.wheel!r}"
-        checks.require(self.driving in (None, *gears), "driving", self.driving, allowed, owner)
         if self.coast_deviation is None:
             object.__setattr__(self, "coast_deviation", self.deviation)
-        unique = self.line_of_action is None or self.position is None
+        owner = f"mesh {self.name}"
+        valid = self.driving in (None, self.pinion, self.wheel)
+        allowed = f"one of {self.pinion!r}, {self.wheel!r}"
+        checks.require(valid, "driving", self.driving, allowed, owner)
+        valid = self.line_of_action is None or self.position is None
         allowed = "left out where position is given"
-        checks.require(unique, "line_of_action", self.line_of_action, allowed, owner)
+        checks.require(valid, "line_of_action", self.line_of_action, allowed, owner)
 
     @classmethod
     def from_geometry(cls, stage: Any, pinion: str, wheel: str, **fields: Any) -> "Mesh":
-        """Return a mesh with stiffness, contact ratio, backlash, angle and phases of a geometry.
+        """Return a mesh whose stiffness, backlash and phases follow from a gear geometry.
+
+        The contact ratio and the working pressure angle follow from it as well.
 
         Parameters
         ----------
@@ -300,13 +307,13 @@ class Mesh:
         pinion, wheel : str
             Names of the bodies.
         torque : float, optional
-            Torque on the pinion in N m, not 0; its sign does not matter. "teeth" needs it. Of
-            "rectangle" the stiffness "iso" needs it at low load, and so does the logarithmic
-            contact.
+            Torque on the pinion in N m, not 0; its sign does not matter. The model "teeth" needs
+            it. The model "rectangle" needs it for the stiffness "iso" at low load, and for the
+            logarithmic contact.
         damping_ratio, logarithmic_decrement, material_damping : float, optional
-            Damping in contact, given by at most one of them; ratio and decrement are those of the
-            two gears without the rest of the train. Without any, the damping is unknown, and only
-            modes and statics can be computed.
+            Damping in contact, given by at most one of them; ratio and decrement refer to the two
+            gears alone, without the train around them. Without any, the damping is unknown, and
+            only modes and statics can be computed.
         backlash_damping_ratio : float, default 0
             Damping ratio in free flight.
         model : {"teeth", "rectangle"}, default "teeth"
@@ -316,25 +323,26 @@ class Mesh:
         stiffness, options
             Method of the mesh stiffness and its options, see `GearPair.from_geometry`. By default
             "iso" for "rectangle", and for "teeth" the energy method, or "iso" if a bore is too
-            large for it. Where a gear sits on an elastic `Shaft` that counts the twist of its
-            body, the option twist of the energy method is False for it, as in {"twist": (False,
-            True)}.
+            large for it. If an elastic `Shaft` already includes the twist of the body of a gear,
+            set the option twist of the energy method to False for this gear, as in
+            {"twist": (False, True)}.
         **fields
-            Other parameters of the class; they replace those of the geometry.
+            Other fields of `Mesh`; they override the values from the geometry.
         """
         options = {name: fields.pop(name) for name in _STIFFNESS_AND_DAMPING if name in fields}
-        fields = checks.gear_stage(stage).train_parameters(**options) | fields
-        return cls(pinion=pinion, wheel=wheel, **fields)
+        geometry_fields = checks.gear_stage(stage).train_parameters(**options)
+        return cls(pinion=pinion, wheel=wheel, **(geometry_fields | fields))
 
     @property
     def line(self) -> float:
-        """Angle of the line of action, rad."""
+        """Angle of the line of action, rad, counterclockwise from the x axis."""
         return self.line_angle(math.pi)
 
     def line_angle(self, pi: Any) -> Any:
-        """Return the angle of the line of action in rad.
+        """Return the angle of the line of action in rad, counterclockwise from the x axis.
 
-        `pi` is the number pi, a float or, for an angle with an error bound, an enclosing interval.
+        `pi` is the number pi as a float, or as an interval that encloses it if the angle shall
+        have an error bound.
         """
         if self.line_of_action is not None:
             return self.line_of_action
@@ -342,13 +350,14 @@ class Mesh:
 
     @property
     def centre_line_angle(self) -> float:
-        """Angle of the line of centres, rad, in the direction of `position`."""
+        """Angle of the line of centres, rad, counterclockwise from the x axis like `position`."""
         if self.line_of_action is None:
             return self.position or 0.0
         return self.line_of_action - self.direction * (math.pi / 2.0 + self._signed_pressure_angle)
 
     @property
     def _signed_pressure_angle(self):
+        """Pressure angle, rad, positive in an internal and negative in an external mesh."""
         return self.pressure_angle if self.internal else -self.pressure_angle
 
     @property
@@ -358,12 +367,12 @@ class Mesh:
 
     @property
     def known_damping(self):
-        """The damping in contact, N s/m; raises ValueError if it is unknown."""
+        """Damping in contact, N s/m; raises ValueError if it is unknown."""
         return checks.require_damping(self.material_damping, f" of mesh {self.name}")
 
     @property
     def two_levels(self):
-        """Whether the lower level of the stiffness counts as different from the upper level."""
+        """Whether the lower stiffness level differs from the upper one."""
         return self.stiffness_ratio < 1.0
 
     @property
@@ -376,7 +385,8 @@ class Mesh:
 class HarmonicForce:
     """A harmonic force or torque on a body of a train; immutable.
 
-    It is amplitude cos(order theta + phase) with the phase theta of a mesh, or the angle of a body.
+    It is amplitude cos(order theta + phase), where theta is the phase of a mesh or the angle of a
+    body.
     """
 
     body: Annotated[
@@ -396,7 +406,10 @@ class HarmonicForce:
 
 
 def lies_in_housing(mesh: Mesh, bodies: dict) -> bool:
-    """Return whether the axes of a mesh stand still beside carriers that turn."""
+    """Return whether a mesh has axes fixed in the housing, in a train that also has carriers.
+
+    `bodies` maps the name of every body of the train to its `Body`.
+    """
     is_carried = bodies[mesh.pinion].carrier or bodies[mesh.wheel].carrier
     return not is_carried and any(body.carrier for body in bodies.values())
 
@@ -404,15 +417,15 @@ def lies_in_housing(mesh: Mesh, bodies: dict) -> bool:
 def check_names(train: Any) -> None:
     """Raise ValueError for repeated or unknown names in a `GearTrain`, or too many meshes.
 
-    A rotating frame also requires supports with equal stiffness along x and y.
+    With gyroscopic forces, also raise it for supports that differ along x and y.
     """
-    for kind in ("bodies", "meshes"):
-        names = [element.name for element in getattr(train, kind)]
-        repeated = next((name for name in names if names.count(name) > 1), None)
-        if repeated is not None:
-            raise ValueError(
-                f"{kind} = {names!r} is not allowed: the name {repeated!r} must occur once"
-            )
+    for field in ("bodies", "meshes"):
+        names = [element.name for element in getattr(train, field)]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(
+                    f"{field} = {names!r} is not allowed: the name {name!r} occurs more than once"
+                )
     if len(train.meshes) > _MAX_MESHES:
         raise ValueError(
             f"meshes = {len(train.meshes)} meshes is not allowed: there must be at most "
@@ -426,20 +439,21 @@ def check_names(train: Any) -> None:
         checks.one_of("body of a force", force.body, (*train.body_names, *coordinates))
         checks.one_of("of of a force", force.of, (*train.mesh_names, *train.body_names))
     for mesh in train.meshes:
-        for side in ("pinion", "wheel"):
-            name = getattr(mesh, side)
-            checks.one_of(f"{side} of mesh {mesh.name}", name, train.body_names)
-        name, allowed = f"wheel of mesh {mesh.name}", "another body than the pinion"
-        checks.require(mesh.pinion != mesh.wheel, name, mesh.wheel, allowed)
+        wheel_key = f"wheel of mesh {mesh.name}"
+        checks.one_of(f"pinion of mesh {mesh.name}", mesh.pinion, train.body_names)
+        checks.one_of(wheel_key, mesh.wheel, train.body_names)
+        allowed = "another body than the pinion"
+        checks.require(mesh.pinion != mesh.wheel, wheel_key, mesh.wheel, allowed)
     for body in train.bodies:
         if body.carrier is not None:
-            checks.one_of(f"carrier of body {body.name}", body.carrier, train.body_names)
+            carrier_key = f"carrier of body {body.name}"
+            checks.one_of(carrier_key, body.carrier, train.body_names)
             valid = body.carrier != body.name and train.by_name[body.carrier].carrier is None
-            name, allowed = f"carrier of body {body.name}", "another body, which no carrier carries"
-            checks.require(valid, name, body.carrier, allowed)
+            allowed = "another body, which no carrier carries"
+            checks.require(valid, carrier_key, body.carrier, allowed)
         elif train.gyroscopic:
-            isotropic = len(set(body.support_stiffness)) == len(set(body.support_damping)) == 1
-            if not isotropic:
+            is_isotropic = len(set(body.support_stiffness)) == len(set(body.support_damping)) == 1
+            if not is_isotropic:
                 raise ValueError(
                     f"support_stiffness of body {body.name} = {body.support_stiffness!r} is not "
                     "allowed: it must be, as its damping, the same along x and y in a turning frame"
@@ -464,10 +478,10 @@ def check_gears(train: Any) -> None:
         valid = not mesh.internal or wheel.teeth > pinion.teeth
         allowed = f"more than the {pinion.teeth} of {pinion.name}, which meshes inside it"
         checks.require(valid, f"teeth of body {wheel.name}", wheel.teeth, allowed)
-        moves = any(math.isfinite(k) for x in (pinion, wheel) for k in x.support_stiffness)
-        if train.carrier_ratio and moves and lies_in_housing(mesh, train.by_name):
-            body = next(x for x in (pinion, wheel) if any(map(math.isfinite, x.support_stiffness)))
+        if train.carrier_ratio and lies_in_housing(mesh, train.by_name):
             allowed = f"infinite, because carriers turn beside the axes of mesh {mesh.name}"
-            name = f"support_stiffness of body {body.name}"
-            raise checks.refusal(name, body.support_stiffness, allowed)
+            for body in (pinion, wheel):
+                is_rigid = all(math.isinf(stiffness) for stiffness in body.support_stiffness)
+                key = f"support_stiffness of body {body.name}"
+                checks.require(is_rigid, key, body.support_stiffness, allowed)
     train.phases  # noqa: B018 (raises ValueError if gears are locked or cannot be assembled)
