@@ -66,7 +66,7 @@ def speed_and_accuracy(results):
         f"{record['machine']['processor']}, one of {record['machine']['cores']} cores, one "
         f"thread, the shortest of up to {settings.repeats} runs.\n"
     )
-    (SPEED / "machine.md").write_text(text, encoding="utf-8")
+    (SPEED / "machine.txt").write_text(text, encoding="utf-8")
 
 
 def _points(folder, method):

@@ -9,7 +9,7 @@ import scipy.linalg
 
 from gearlib.models.trains.statics import equilibrium
 
-PAGE = Path(__file__).resolve().parents[2] / "docs/how_to/structures.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs/how_to/coupling.md"
 
 #: Natural frequencies in Hz of both rotors joined by ROSS 2.3.0, above three free motions.
 OF_ROSS = [156.7745, 186.9425, 206.6929, 232.6162, 680.7055, 691.4427, 1017.895, 1017.895]

@@ -315,3 +315,25 @@ def test_names_in_the_glossary_are_those_of_the_code():
     # `direction="up"` is the argument `direction`; a second value of it stands in quotes alone.
     names = {name.split("=")[0] for name in quoted if not name.startswith('"')}
     assert names <= known
+
+
+def test_the_glossary_has_at_most_60_terms():
+    text = (DOCS / "glossary.md").read_text(encoding="utf-8").split("\n## Words that")[0]
+    rows = re.findall(r"^\|(?!-|term)", text, re.M)
+    assert len(rows) <= 60
+
+
+def test_words_that_the_glossary_avoids_stand_in_no_public_text():
+    """The paper's own words may stand on the pages about the paper."""
+    glossary = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    avoided = re.findall(r'"([^"]+)"', glossary.split("\n## Words that gearlib avoids")[1])
+    assert len(avoided) > 10
+    pages = [*DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb"), *(ROOT / "workflow").rglob("*.rst")]
+    pages += [ROOT / "README.md", ROOT / "config.yaml", *ROOT.glob("gallery/*/config.yaml")]
+    texts = {path.name: path.read_text(encoding="utf-8") for path in pages}
+    del texts["glossary.md"]
+    texts |= {name: inspect.getdoc(getattr(gearlib, name)) or "" for name in gearlib.__all__}
+    pattern = re.compile("|".join(map(re.escape, avoided)), re.IGNORECASE)
+    used = {name: pattern.findall(text) for name, text in texts.items() if pattern.search(text)}
+    assert not used
+
