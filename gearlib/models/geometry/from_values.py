@@ -1,17 +1,18 @@
-"""Geometry of gears, meshes and planetary sets from plain values."""
+"""Gears, gear stages and planetary sets built from plain values."""
 
 import dataclasses
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 from gearlib import checks
 from gearlib.models.geometry.gear import RACKS, Material, SpurGear, TipRelief, Web
 from gearlib.models.geometry.gear_stage import GearStage
 
-#: Fields that the second gear of a mesh takes from the first by default.
+#: Fields that the second gear of a stage takes from the first by default.
 _COMMON_FIELDS = ("module", "width", "pressure_angle", "helix_angle", "material")
-#: Key of a gear -> field of its `Rack` that it replaces.
+#: Key in the dict of a gear -> field of its `Rack`.
 RACK_FIELDS = {"addendum": "addendum", "dedendum": "dedendum", "fillet_radius": "tip_radius"}
 
 
@@ -19,20 +20,25 @@ def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -
     """Build and return a `SpurGear` from a dict of its fields in SI units.
 
     Material, web and tip relief are dicts of their fields; `rack` is a letter of ISO 53, and the
-    keys addendum, dedendum and fillet_radius change this rack. A missing module, width, angle, rack
-    or material is taken from `mate_values`, the dict of the mating gear, and any other missing
-    field from `default_fields`.
+    keys addendum, dedendum and fillet_radius change fields of this rack. A missing module, width,
+    pressure or helix angle, rack or material is taken from `mate_values`, the dict of the mating
+    gear. `default_fields` are the values of other missing fields.
     """
     fields = dict(values)
     if mate_values is not None:
-        names = list(_COMMON_FIELDS)
+        common_fields = list(_COMMON_FIELDS)
         if not fields.keys() & {"rack", *RACK_FIELDS}:
-            names += ["rack", *RACK_FIELDS]
-        fields = {name: mate_values[name] for name in names if name in mate_values} | fields
-    rack = {field: fields.pop(name) for name, field in RACK_FIELDS.items() if name in fields}
-    if rack:
-        with checks.below("", **{field: name for name, field in RACK_FIELDS.items()}):
-            fields["rack"] = dataclasses.replace(RACKS[fields.get("rack", "A")], **rack)
+            common_fields += ["rack", *RACK_FIELDS]
+        mate_fields = {name: mate_values[name] for name in common_fields if name in mate_values}
+        fields = mate_fields | fields
+    rack_changes = {}
+    for key, rack_field in RACK_FIELDS.items():
+        if key in fields:
+            rack_changes[rack_field] = fields.pop(key)
+    if rack_changes:
+        # Errors name the keys of the gear in place of the fields of its rack.
+        with checks.below("", **{rack_field: key for key, rack_field in RACK_FIELDS.items()}):
+            fields["rack"] = dataclasses.replace(RACKS[fields.get("rack", "A")], **rack_changes)
     for name, field_class in (("material", Material), ("web", Web), ("tip_relief", TipRelief)):
         if name in fields:
             with checks.below(name):
@@ -44,8 +50,9 @@ def gear(values: dict, mate_values: dict | None = None, **default_fields: Any) -
 def stage(values: dict) -> GearStage:
     """Build and return a `GearStage` from a dict with pinion, wheel, centre_distance and backlash.
 
-    Pinion and wheel are dicts of gears; the wheel takes missing values from the pinion. Lengths are
-    in m, and other keys are ignored.
+    `pinion` and `wheel` are dicts as in `gear`; the wheel takes missing common values from the
+    pinion. The lengths `centre_distance` and `backlash`, in m, are optional. Other keys are
+    ignored.
     """
     with checks.below("pinion"):
         pinion = gear(values["pinion"])
@@ -54,42 +61,44 @@ def stage(values: dict) -> GearStage:
     return GearStage(pinion, wheel, values.get("centre_distance"), values.get("backlash"))
 
 
-#: Largest position error of a planet in tooth pitches, since angles are often rounded.
+#: Largest position error of a planet in tooth pitches; it allows for rounded angles.
 _POSITION_TOLERANCE = 1e-6
-#: Largest difference of the teeth of the ring from z_s + 2 z_p that profile shifts allow.
+#: Largest difference between the ring teeth and z_s + 2 z_p that profile shifts allow.
 _MAX_SHIFTED_TEETH = 2
 
 
 class PlanetaryMeshes(NamedTuple):
-    """Meshes of the planets with sun and ring of a planetary set, and angles of the planets."""
+    """The two meshes of each planet in a planetary set, and the angles of the planets."""
 
     sun_mesh: GearStage
     ring_mesh: GearStage
-    positions: tuple  #: angles, rad
+    positions: tuple  #: angles of the planets, rad
 
 
 def planetary_meshes(
     sun, planet, ring, *, planets=3, positions=None, centre_distance=None, backlashes=None
 ) -> PlanetaryMeshes:
-    """Check a planetary set of three `SpurGear`, and return its meshes and angles of planets.
+    """Return the sun mesh, the ring mesh and the planet angles of a checked planetary set.
 
-    `planets` is the number of planets, `positions` their angles in rad, by default equally spaced.
-    `centre_distance` of sun and planet is in m; `backlashes` are the normal backlashes of the sun
-    mesh and the ring mesh in m. By default both follow from the geometry of the gears.
+    `sun`, `planet` and `ring` are `SpurGear`; `planets` is the number of planets, and `positions`
+    are their angles in rad, by default equally spaced. `centre_distance` of sun and planet and the
+    normal `backlashes` of (sun mesh, ring mesh) are in m; by default they follow from the gears.
+    Raises ValueError if the gears do not fit together or the planets cannot be assembled.
     """
-    backlash = backlashes or (None, None)
+    sun_backlash, ring_backlash = backlashes or (None, None)
     internal = getattr(ring, "internal", False)
     checks.require(internal, "ring.internal", False, "True, of a ring gear")
     try:
         with checks.below("", owner="the sun mesh", pinion="sun", wheel="planet"):
-            sun_mesh = GearStage(sun, planet, centre_distance, backlash[0])
+            sun_mesh = GearStage(sun, planet, centre_distance, sun_backlash)
         with checks.below("", owner="the ring mesh", pinion="planet", wheel="ring"):
-            ring_mesh = GearStage(planet, ring, sun_mesh.centre_distance, backlash[1])
+            ring_mesh = GearStage(planet, ring, sun_mesh.centre_distance, ring_backlash)
     except ValueError:
         _check_ring_teeth(sun, planet, ring, centre_distance)
         raise
     tooth_sum = sun.teeth + ring.teeth
-    positions = equal_positions(sun.teeth, ring.teeth, planets) if positions is None else positions
+    if positions is None:
+        positions = equal_positions(sun.teeth, ring.teeth, planets)
     angles = tuple(checks.sequence("positions", positions, planets))
     for i, angle in enumerate(angles):
         pitches = tooth_sum * (angle - angles[0]) / math.tau
@@ -104,7 +113,11 @@ def planetary_meshes(
 
 
 def equal_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
-    """Return the angles in rad of `count` equally spaced planets; ValueError if they do not fit."""
+    """Return the angles in rad of `count` equally spaced planets, the first of which is 0.
+
+    Raises ValueError unless `count` divides the sum of the tooth numbers of sun and ring, because
+    otherwise equally spaced planets cannot be assembled.
+    """
     allowed = (
         f"such that (z_s + z_r) / N = ({sun_teeth} + {ring_teeth}) / {count} is an integer, "
         "for equal spacing"
@@ -114,29 +127,36 @@ def equal_positions(sun_teeth: int, ring_teeth: int, count: int) -> list[float]:
 
 
 def _check_ring_teeth(sun, planet, ring, centre_distance) -> None:
-    """Raise ValueError if the number of teeth of the ring differs too much from z_s + 2 z_p."""
+    """Raise ValueError if the number of ring teeth differs too much from z_s + 2 z_p.
+
+    z_s and z_p are the tooth numbers of sun and planet. A small difference is allowed if a gear has
+    a profile shift or the `centre_distance` in m is not None. Nothing is checked unless the
+    arguments are three `SpurGear` with the same module, pressure angle and helix angle.
+    """
     gears = (sun, planet, ring)
     if not all(isinstance(gear, SpurGear) for gear in gears):
         return
     tooth_sizes = {(gear.module, gear.pressure_angle, abs(gear.helix_angle)) for gear in gears}
-    ring_teeth = sun.teeth + 2 * planet.teeth
+    ideal_ring_teeth = sun.teeth + 2 * planet.teeth
     shifted = centre_distance is not None or any(gear.shift for gear in gears)
     tolerance = _MAX_SHIFTED_TEETH if shifted else 0
-    if len(tooth_sizes) == 1 and abs(ring.teeth - ring_teeth) > tolerance:
+    if len(tooth_sizes) == 1 and abs(ring.teeth - ideal_ring_teeth) > tolerance:
         allowed = (
-            f"z_s + 2 z_p = {sun.teeth} + 2 * {planet.teeth} = {ring_teeth}, or so near that "
+            f"z_s + 2 z_p = {sun.teeth} + 2 * {planet.teeth} = {ideal_ring_teeth}, or so near that "
             "profile shifts make up for the difference"
         )
         raise checks.refusal("ring.teeth", ring.teeth, allowed) from None
 
 
 def _check_planet_spacing(sun_mesh: GearStage, count: int, angles: Sequence[float]) -> None:
-    """Raise ValueError if the tip circles of `count` planets at angles in rad overlap."""
+    """Raise ValueError if the tip circles of neighbouring planets overlap.
+
+    `count` is the number of planets, and `angles`, in rad, are their positions around the sun.
+    """
     sorted_angles = sorted(angle % math.tau for angle in angles)
-    next_angles = [*sorted_angles[1:], sorted_angles[0] + math.tau]
-    spacings = [
-        following - angle for angle, following in zip(sorted_angles, next_angles, strict=True)
-    ]
+    spacings = []
+    for angle, next_angle in pairwise([*sorted_angles, sorted_angles[0] + math.tau]):
+        spacings.append(next_angle - angle)
     distance = 2.0 * sun_mesh.centre_distance * math.sin(min(*spacings, math.pi) / 2.0)
     tip_diameter = sun_mesh.wheel.tip_diameter
     allowed = (

@@ -2,8 +2,9 @@
 
 The formulas are those of ISO 21771, which gives a ring gear a negative number of teeth; here it has
 ``sign = -1``, and all diameters are positive. A positive profile shift moves the teeth towards
-their tips, those of a ring gear towards its axis. A gap is a distance of flanks along the line of
-action, in m. Positions on the path of contact are those of `gearlib.models.geometry.gear_stage`.
+their tips, and the teeth of a ring gear towards its axis. A gap is the distance between two flanks
+along the line of action, in m. `gearlib.models.geometry.gear_stage` defines positions on the path
+of contact.
 """
 
 import math
@@ -37,8 +38,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike
 
-#: Largest difference of the profile shift below the limit of undercut. The textbook limit of 17
-#: teeth without shift lies 0.006 below, and removes less than a thousandth of a module.
+#: How far the profile shift may lie below the undercut limit. For 17 teeth without profile shift,
+#: the textbook limit, it lies 0.006 below, and the rack removes less than a thousandth of a module.
 _UNDERCUT_TOLERANCE = 0.02
 
 
@@ -48,7 +49,10 @@ def inv(angle: float) -> float:
 
 
 def inverse_involute(involute: float) -> float:
-    """Return the angle in [0, pi / 2) at which tan(angle) - angle equals `involute` >= 0."""
+    """Return the angle in [0, pi / 2) whose involute function is `involute`, a number >= 0.
+
+    The involute function is inv(angle) = tan(angle) - angle.
+    """
     # Newton's method converges from above, because the involute function is convex.
     tangent = involute + math.pi / 2.0
     for _ in range(100):
@@ -88,7 +92,7 @@ class Rack:
     ] = 0.38
 
     def __post_init__(self) -> None:
-        """Raise ValueError if a dimension is impossible or the tip radius exceeds the dedendum."""
+        """Raise ValueError unless the tip radius is smaller than the dedendum."""
         allowed = f">= 0 and below the dedendum, {self.dedendum}"
         valid = self.tip_radius < self.dedendum
         checks.require(valid, "tip_radius", self.tip_radius, allowed)
@@ -112,7 +116,7 @@ class Web:
     hub_diameter: Annotated[Diameter, described("Outside of the hub, smaller than that of the rim")]
 
     def __post_init__(self) -> None:
-        """Raise ValueError if a dimension of the web is impossible or its rim is inside its hub."""
+        """Raise ValueError unless the rim has a larger diameter than the hub."""
         valid = self.rim_diameter > self.hub_diameter
         allowed = f"above hub_diameter, {self.hub_diameter!r}"
         checks.require(valid, "rim_diameter", self.rim_diameter, allowed)
@@ -124,7 +128,12 @@ Shape = Annotated[Literal["linear", "parabolic"], CHOICE]
 
 
 def gap_of_relief(tip_distance, amount, length, shape: str) -> "np.ndarray":
-    """Return the gap in m at distances from the tip in m, for amounts and lengths in m."""
+    """Return the gap between the flanks that a tip relief leaves, in m.
+
+    `tip_distance` is the distance from the end of contact at the tip along the path of contact,
+    `amount` the gap at the tip and `length` the length of the relief, all in m and of shapes that
+    numpy can broadcast. `shape` is "linear" or "parabolic".
+    """
     import numpy as np  # Imported here, because the checks of the geometry need no numpy.
 
     fraction = np.maximum(1.0 - np.asarray(tip_distance) / length, 0.0)
@@ -145,7 +154,10 @@ class TipRelief:
     shape: Annotated[Shape, described("Over that length")] = "linear"
 
     def gap(self, tip_distance: "ArrayLike") -> "np.ndarray":
-        """Return the gap in m at distances from the tip in m, measured along the contact path."""
+        """Return the gap between the flanks in m at distances from the tip in m.
+
+        Distances are measured along the path of contact, from its end at the tip of this gear.
+        """
         return gap_of_relief(tip_distance, self.amount, self.length, self.shape)
 
 
@@ -167,7 +179,7 @@ class PathTable:
     ]
 
     def __post_init__(self) -> None:
-        """Raise ValueError unless positions increase strictly and each of them has a value."""
+        """Raise ValueError unless positions increase strictly and each position has a value."""
         if len(self.position) != len(self.value) or not self.position:
             table = f"a table of {len(self.position)} positions and {len(self.value)} values"
             raise ValueError(f"{table} is not allowed: it must have equally many, at least 1")
@@ -260,28 +272,34 @@ class SpurGear:
         self._check_blank()
 
     def _set_tip_and_check_teeth(self) -> None:
-        """Set the default tip diameter; raise ValueError if the teeth are impossible."""
-        rack, root, base = self.rack, self.root_diameter, self.base_diameter
+        """Set the default tip diameter, and raise ValueError if the teeth are impossible."""
+        rack, root_diameter, base_diameter = self.rack, self.root_diameter, self.base_diameter
         max_dedendum = math.pi / 4.0 / math.tan(self.pressure_angle)
         allowed = f"<= {max_dedendum:.4g} at this pressure angle, where its own tips are pointed"
         checks.require(rack.dedendum <= max_dedendum, "rack.dedendum", rack.dedendum, allowed)
         if not self.internal:
-            radius = self.teeth / (2.0 * math.cos(self.helix_angle))  # in modules
-            height = self.rack_form_height / self.module
-            min_shift = height - radius * math.sin(self.transverse_pressure_angle) ** 2
+            # The lowest straight point of the rack must not cut below the start of the involute.
+            reference_radius = self.teeth / (2.0 * math.cos(self.helix_angle))  # in modules
+            form_height = self.rack_form_height / self.module
+            depth = reference_radius * math.sin(self.transverse_pressure_angle) ** 2
+            min_shift = form_height - depth
             allowed = f">= {min_shift:.4f} for {self.teeth} teeth, or the rack undercuts them"
             valid = self.shift >= min_shift - _UNDERCUT_TOLERANCE
             checks.require(valid, "shift", self.shift, allowed)
         if self.tip_diameter is None:
             addenda = 2.0 * self.module * (self.shift + rack.addendum)
             object.__setattr__(self, "tip_diameter", self.reference_diameter + self.sign * addenda)
-            valid = not self.internal or self.tip_diameter > base
+            valid = not self.internal or self.tip_diameter > base_diameter
             allowed = "larger, or a tip_diameter be given outside of its base circle"
             checks.require(valid, "teeth", self.teeth, allowed)
-        lower, upper = (base, root) if self.internal else (max(root, base), math.inf)
-        allowed = f"from {lower:.6g} to {upper:.6g} m" if self.internal else f"above {lower:.6g} m"
+        if self.internal:
+            min_diameter, max_diameter = base_diameter, root_diameter
+            allowed = f"from {min_diameter:.6g} to {max_diameter:.6g} m"
+        else:
+            min_diameter, max_diameter = max(root_diameter, base_diameter), math.inf
+            allowed = f"above {min_diameter:.6g} m"
         allowed += ", by its base and root circles"
-        valid = lower < self.tip_diameter < upper
+        valid = min_diameter < self.tip_diameter < max_diameter
         checks.require(valid, "tip_diameter", self.tip_diameter, allowed)
         thickness = self.thickness_at(self.tip_diameter)
         allowed = f"such that the tooth is not pointed (its tip would be {thickness:.3g} m thick;"
@@ -296,26 +314,33 @@ class SpurGear:
             checks.require(amount < thickness / 2.0, "tip_relief.amount", amount, allowed)
 
     def _check_blank(self) -> None:
-        """Raise ValueError if the bore, the rim of a ring gear or the web do not fit the root."""
-        root, internal, web = self.root_diameter, self.internal, self.web
-        allowed = "0 for a ring gear" if internal else f">= 0 and < {root:.6g} m"
-        valid = self.bore == 0.0 if internal else self.bore < root
-        checks.require(valid, "bore", self.bore, allowed)
+        """Raise ValueError if bore, outer diameter or web do not fit the root circle of the gear.
+
+        A ring gear has no bore and no web, and only a ring gear has an outer diameter.
+        """
+        root_diameter, internal, web = self.root_diameter, self.internal, self.web
+        if internal:
+            checks.require(self.bore == 0.0, "bore", self.bore, "0 for a ring gear")
+        else:
+            allowed = f">= 0 and < {root_diameter:.6g} m"
+            checks.require(self.bore < root_diameter, "bore", self.bore, allowed)
         if self.outer_diameter is not None:
-            allowed = f"above the root circle of a ring gear, {root:.6g} m"
-            allowed = allowed if internal else "left out: only a ring gear has one"
-            valid = internal and self.outer_diameter > root
+            allowed = "left out: only a ring gear has one"
+            if internal:
+                allowed = f"above the root circle of a ring gear, {root_diameter:.6g} m"
+            valid = internal and self.outer_diameter > root_diameter
             checks.require(valid, "outer_diameter", self.outer_diameter, allowed)
         if web is None:
             return
         checks.require(not internal, "web", web, "left out of a ring gear")
-        thickness, rim, hub = web.thickness, web.rim_diameter, web.hub_diameter
         allowed = f"at most the face width, {self.width!r} m"
-        checks.require(thickness <= self.width, "web.thickness", thickness, allowed)
-        allowed = f"below the root circle, {root:.6g} m"
-        checks.require(rim < root, "web.rim_diameter", rim, allowed)
+        checks.require(web.thickness <= self.width, "web.thickness", web.thickness, allowed)
+        allowed = f"below the root circle, {root_diameter:.6g} m"
+        valid = web.rim_diameter < root_diameter
+        checks.require(valid, "web.rim_diameter", web.rim_diameter, allowed)
         allowed = f"at least the bore, {self.bore!r} m"
-        checks.require(hub >= self.bore, "web.hub_diameter", hub, allowed)
+        valid = web.hub_diameter >= self.bore
+        checks.require(valid, "web.hub_diameter", web.hub_diameter, allowed)
 
     @property
     def sign(self) -> int:
@@ -362,7 +387,7 @@ class SpurGear:
     def fillet_radius(self) -> float:
         """Tip radius rho_fP of the basic rack in the normal section, at most a full round, m."""
         angle = self.pressure_angle
-        # The round must fit between both flanks of the rack at its tip line.
+        # The tip radius must fit between both flanks of the rack at its tip line.
         half_width = (math.pi / 4.0 - self.rack.dedendum * math.tan(angle)) * self.module
         full_round = max(half_width, 0.0) * math.cos(angle) / (1.0 - math.sin(angle))
         return min(self.rack.tip_radius * self.module, full_round)
@@ -375,7 +400,7 @@ class SpurGear:
 
     @property
     def form_roll_length(self) -> float:
-        """Radius of curvature >= 0 of the involute where it begins above the fillet, m.
+        """Radius of curvature of the involute where it begins above the fillet, m; >= 0.
 
         For external gears it is r_b tan(alpha_t) - (h_FfP - x m_n) / sin(alpha_t), ISO 21771. The
         involute of a ring gear is assumed to reach its root circle.
@@ -416,9 +441,9 @@ class SpurGear:
         return self._tolerance(5.5e-4 * self.module + 5e-6)
 
     def _tolerance(self, class_5_tolerance: float) -> float:
-        """Return a tolerance of ISO 1328-1 at the `quality` of the gear from its value in class 5.
+        """Return the tolerance in m for the `quality` of the gear, given the tolerance in class 5.
 
-        Each class is coarser than the one before by a factor of sqrt(2).
+        In ISO 1328-1 each tolerance class is coarser than the class before by a factor of sqrt(2).
         """
         allowed = "an integer from 1 to 11, or the deviations must be given"
         checks.require(self.quality is not None, "quality", None, allowed)
@@ -440,11 +465,11 @@ class SpurGear:
         return self._mass_or_inertia(power=4, factor=math.pi / 32.0)
 
     def _mass_or_inertia(self, power: int, factor: float) -> float:
-        """Return factor * density * width * (outer^power - inner^power) from two diameters in m.
+        """Return factor * density * width * (outer^power - inner^power) of the gear as a ring.
 
         Power 2 with factor pi / 4 gives the mass in kg, power 4 with pi / 32 the moment of inertia
-        in kg m^2. The diameter on the side of the teeth is the mean diameter of ISO 6336-1, as if
-        they were a full ring. The recess beside the web, if there is one, is subtracted.
+        in kg m^2. `outer` and `inner` are diameters in m. The toothed side has the mean diameter of
+        ISO 6336-1, which replaces the teeth by a full ring. The recess beside a web is subtracted.
         """
         outer, inner = self.mean_diameter, self.bore
         if self.internal:
