@@ -424,7 +424,7 @@ def check_names(train: Any) -> None:
     for force in train.forces:
         coordinates = () if train.matrices is None else train.matrices.coordinates
         checks.one_of("body of a force", force.body, (*train.body_names, *coordinates))
-        checks.one_of("of of a force", force.of, (*train.mesh_names, *train.body_names))
+        checks.one_of("reference of a force", force.of, (*train.mesh_names, *train.body_names))
     for mesh in train.meshes:
         for side in ("pinion", "wheel"):
             name = getattr(mesh, side)
