@@ -50,7 +50,7 @@ class Instance:
 
     def start_at(self, train, q, v, **values: float) -> "Instance":
         """Initialise with coordinates in m and their rates in m/s."""
-        names = [f"{body}.{axis}" for body, axis in train.structure.coordinates]
+        names = [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
         state = {f"q.{name}": x for name, x in zip(names, q, strict=True)}
         state |= {f"v.{name}": x for name, x in zip(names, v, strict=True)}
         return self.start(**(state | values))
@@ -76,7 +76,7 @@ class Instance:
 
     def state(self, train) -> np.ndarray:
         """Return the coordinates in m, then their rates in m/s."""
-        names = [f"{body}.{axis}" for body, axis in train.structure.coordinates]
+        names = [f"{body}.{axis}".rstrip(".") for body, axis in train.structure.coordinates]
         return self.get(*(f"{kind}.{name}" for kind in "qv" for name in names))
 
     def step(self, end: float) -> tuple[bool, bool]:

@@ -229,7 +229,15 @@ def test_a_state_space_needs_bodies_and_knows_its_names():
         ({"forces": {"a 3 turn": math.nan}}, "forces.*must be a finite number"),
         ({"stiffness": -ROSS["stiffness"]}, "stiffness .*no negative eigenvalue"),
         ({"reference": "gear"}, "reference = 'gear' is not allowed"),
-        ({"forces": {"a 3 turn": 100.0}}, "no spring resists"),
+        ({"forces": {"a 3 turn": 100.0}}, "no spring resists .*as with 0 on a 3 turn"),
+        (
+            {"forces": {"a 3 turn": 100.0, "b 2 turn": 150.0}},
+            "no spring resists .*as with 200 on b 2 turn",
+        ),
+        (
+            {"harmonic_forces": [HarmonicForce(body="a 0 x", amplitude=1.0, order=1, of="disk")]},
+            "reference of a force = 'disk' is not allowed: it must be one of",
+        ),
     ],
 )
 def test_wrong_matrices_are_refused_in_one_sentence(changes, message):

@@ -437,7 +437,7 @@ def check_names(train: Any) -> None:
     for force in train.forces:
         coordinates = () if train.matrices is None else train.matrices.coordinates
         checks.one_of("body of a force", force.body, (*train.body_names, *coordinates))
-        checks.one_of("of of a force", force.of, (*train.mesh_names, *train.body_names))
+        checks.one_of("reference of a force", force.of, (*train.mesh_names, *train.body_names))
     for mesh in train.meshes:
         wheel_key = f"wheel of mesh {mesh.name}"
         checks.one_of(f"pinion of mesh {mesh.name}", mesh.pinion, train.body_names)

@@ -18,7 +18,12 @@ import xarray as xr
 from gearlib import checks
 from gearlib.data import status
 from gearlib.data.variables import describe
-from gearlib.models.trains.waves import SAME_PHASE_TOLERANCE, at_lower_level, force_row
+from gearlib.models.trains.waves import (
+    SAME_PHASE_TOLERANCE,
+    at_lower_level,
+    force_frequency,
+    force_row,
+)
 
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
@@ -63,6 +68,8 @@ def check_balance(train: "GearTrain") -> None:
         moves = force_row(train, force, train.structure.motions).any()
         owner, allowed = f"a force on body {force.body}", "a direction in which this body can move"
         checks.require(moves, "axis", force.axis, allowed, owner)
+        turns, allowed = force_frequency(train, force) != 0, "a mesh, or a body that turns"
+        checks.require(turns, "reference", force.of, allowed, owner)
     load = train.structure.load
     for motion in train.free_motions.T:
         power = motion * load
@@ -72,9 +79,11 @@ def check_balance(train: "GearTrain") -> None:
                 largest = max(abs(motion))
                 pairs = zip(names, motion, strict=True)
                 moving = [name for name, x in pairs if abs(x) > 1e-6 * largest]
+                changed = np.flatnonzero(load * motion)[-1]
+                balancing = load[changed] - (load @ motion) / motion[changed]
                 raise ValueError(
                     f"forces are not allowed: no spring resists a motion of {', '.join(moving[:8])}"
-                    ", on which they must do no work"
+                    f", on which they must do no work, as with {balancing:.12g} on {names[changed]}"
                 )
             moving_bodies = [
                 body.name
