@@ -1,9 +1,9 @@
 """`continue_orbit`: continuation of periodic orbits; `switch_branch` at period doublings.
 
-Pseudo-arclength continuation (`gearlib.analysis.orbits.tracing`) of the exact shooting equation. If
+The exact shooting equation is continued by pseudo-arclength (`gearlib.analysis.orbits.tracing`). If
 the sequence of contact states changes within a step, the grazing is located and added to the
-branch. The continuation restarts just past it with a short step, because the multipliers change
-there with the square root of the distance.
+branch. The continuation restarts just past the grazing with a short step, because the multipliers
+change with the square root of the distance from it.
 """
 
 from dataclasses import replace
@@ -23,15 +23,15 @@ from gearlib.parameters import INTEGER, Count, Finite, Limits, Positive, WholeNu
 from gearlib.progress import Limit
 from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds
 
-#: First step, smallest step and step just past a grazing, relative to the largest step.
+#: First step, smallest step and first step past a grazing, relative to the largest step.
 _FIRST_STEP, _MIN_STEP, _STEP_PAST_GRAZING = 0.1, 1e-4, 1e-3
 #: The step length increases after at most this number of Newton corrections.
 _MAX_EASY_CORRECTIONS = 3
 #: Displacement range, in static deflections, above which the largest step is proportional to it.
 _LARGE_RANGE = 4.0
-#: A branch is normal to the parameter axis if the component of its tangent is below this.
+#: A branch is normal to the parameter axis if that component of its unit tangent is below this.
 _NORMAL_TOLERANCE = 1e-9
-#: Scaled distance from its first point at which such a branch is probed on both sides.
+#: Scaled distance from the first point at which such a branch is probed on both sides.
 _PROBE_DISTANCE = 1e-3
 #: Smallest number of points of a closed branch.
 _MIN_CLOSED_POINTS = 10
@@ -53,7 +53,7 @@ def continue_orbit(
     max_events: Count = MAX_EVENTS,
     max_seconds: MaxSeconds = None,
 ):
-    """Continue a periodic orbit in a parameter, around folds and through changes of contact.
+    """Continue a periodic orbit in a parameter, around folds and past grazings.
 
     Parameters
     ----------
@@ -63,25 +63,26 @@ def continue_orbit(
         tuning, damping, backlash_damping, backlash, contact_ratio or stiffness_ratio, which are
         dimensionless; for a `OneDegreePair` also its quadratic_damping and similar parameters, for
         a `SixDegreePair` run_out_phase and pitch_phase, in the units of the model. All other
-        parameters are constant.
+        parameters keep their values.
     to : float
         Value of the parameter at which the branch ends exactly.
     limits : tuple of float, optional
-        The branch also ends where it leaves this interval. By default it is the interval between
-        the orbit's value and `to`.
+        Interval of the parameter (lowest, highest), at whose ends the branch also ends. By default
+        the interval between the orbit's value and `to`.
     max_height : float
-        Largest displacement range in static deflections, at which the branch ends: without damping
-        a resonance has no peak.
+        Displacement range in static deflections above which the branch ends; without damping a
+        resonance has no peak.
     step : float
-        Largest step length. The unit is one static deflection, or the distance from the orbit's
-        value to `to`. Above a displacement range of 4 static deflections the largest step is
-        proportional to it.
+        Largest arc length of a step. Displacements are measured in static deflections, the
+        parameter in units of the distance from the orbit's value to `to`. Above a displacement
+        range of 4 static deflections the largest step is proportional to this range.
     max_points : int
-        Largest number of points.
+        Largest number of points of the branch.
     max_events : int
         Largest number of contact events in one mesh period.
     max_seconds : float, optional
-        Seconds after which the call returns what is done, see `gearlib.progress`.
+        Time limit in seconds, after which the points computed so far are returned, see
+        `gearlib.progress`.
 
     Returns
     -------
@@ -95,32 +96,37 @@ def continue_orbit(
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is invalid; the message states its value and what is allowed.
 
     Notes
     -----
-    At a grazing the sequence of contact states changes: the orbit has a turning point on a flank
-    line. The other test functions are in `gearlib.analysis.orbits.special_points`.
+    At a grazing the orbit has a turning point on a flank line, and the sequence of contact states
+    changes. Other special points are zeros of the test functions in
+    `gearlib.analysis.orbits.special_points`.
     """
     check_orbit(orbit)
     name = tracing.check_parameter(orbit.model, parameter)
-    start, to = tracing.start_and_goal(orbit.model, orbit.tuning, name, to, "that of the orbit")
+    start, to = tracing.start_and_goal(orbit.model, orbit.tuning, name, to, "the orbit")
     interval = _checked_limits(limits, start, to)
-    scale, limit = abs(to - start), Limit(max_seconds)
+    scale = abs(to - start)
+    time_limit = Limit(max_seconds)
     problem = Shooting(orbit.model, orbit.tuning, orbit.period, (name,), (scale,), max_events)
     try:
         first = _first_point(problem, problem.unknowns(orbit.state, [start]), np.sign(to - start))
-        points = _follow_branch(problem, first, to, interval, max_height, step, max_points, limit)
+        end_criteria = to, interval, max_height, step, max_points, time_limit
+        points = _follow_branch(problem, first, *end_criteria)
     except tracing.ContinuationFailed as error:
         raise NoOrbit(f"no branch was found at the orbit: {error}") from None
-    dataset = _dataset(problem, points, name, to)
-    return limit.mark(dataset, [] if limit.complete else [[points[-1].value, to]])
+    dataset = _branch_dataset(problem, points, name, to)
+    missing = [] if time_limit.complete else [[points[-1].value, to]]
+    return time_limit.mark(dataset, missing)
 
 
 def _checked_limits(limits: Any, start: float, to: float) -> tuple:
-    """Return the argument `limits` as (lowest, highest) value of the parameter.
+    """Check the argument `limits` of `continue_orbit`, and return (lowest, highest) value.
 
-    By default they are its values `start` at the first orbit and `to` at the end of the branch.
+    The interval must contain the values `start` of the parameter at the first orbit and `to` at the
+    end of the branch. If `limits` is None, it is the interval between these two.
     """
     if limits is None:
         return min(start, to), max(start, to)
@@ -131,10 +137,11 @@ def _checked_limits(limits: Any, start: float, to: float) -> tuple:
 
 
 def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> BranchPoint:
-    """Return the first point of a branch, at scaled unknowns of the shooting equation.
+    """Return the first point of a branch at a solution of the shooting equation, with its tangent.
 
-    Its tangent points to larger values of the parameter for the sign 1, to smaller ones for -1, or
-    to larger orbits if the branch is normal to the parameter axis.
+    `unknowns` are scaled, with the parameter last. The tangent points to larger values of the
+    parameter if `sign` is 1, to smaller ones if it is -1. If the branch is normal to the parameter
+    axis, the tangent points to orbits with a larger displacement range.
     """
     solution = problem.evaluate(unknowns)
     direction = tracing.tangent(solution.jacobian, sign * np.eye(unknowns.size)[-1])
@@ -150,61 +157,70 @@ def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> Branch
     return first
 
 
-def _follow_branch(problem, first, goal, limits, max_range, max_step, max_points, limit) -> list:
-    """Return the `BranchPoint`s of a branch from its first point to the parameter value `goal`.
+def _follow_branch(
+    problem, first, goal, interval, max_range, max_step, max_points, time_limit
+) -> list:
+    """Return the `BranchPoint`s of a branch from the point `first` to the parameter value `goal`.
 
-    It ends earlier if it leaves the `limits` (lowest, highest) of the parameter or the displacement
-    range exceeds `max_range`; the last point then has the label "end". Up to a displacement range
-    of _LARGE_RANGE, a step has at most the arc length `max_step` in scaled unknowns.
+    The branch ends earlier if the parameter leaves the interval (lowest, highest), the displacement
+    range exceeds `max_range`, there are `max_points` points or the `Limit` `time_limit` is over;
+    the last point then has the label "end". A step has at most the arc length `max_step` in scaled
+    unknowns, longer in proportion for displacement ranges above _LARGE_RANGE.
     """
-    points, scaled_goal = [first], goal / problem.units[-1]
+    points = [first]
+    scaled_goal = goal / problem.units[-1]
 
     def step(length: float) -> tuple[float, str]:
-        """Take a step and add its points; return (next length, reason for the end or "")."""
+        """Continue the branch by a step of an arc length and append its end and special points.
+
+        Return (arc length of the next step, reason why the branch ends here or "").
+        """
         last = points[-1]
         solution, tangent, corrections = tracing.take_step(
             problem, last.unknowns, last.tangent, length, scaled_goal
         )
         new = branch_point(solution, tangent)
-        end_value = _end_value(last.value, new.value, first.value, goal, limits)
+        end_value = _end_value(last.value, new.value, first.value, goal, interval)
         if end_value is not None:
             scaled_end = end_value / problem.units[-1]
             solution = tracing.solve_at_value(problem, last.unknowns, new.unknowns, scaled_end)
             tangent = tracing.tangent(solution.jacobian, last.tangent)
-            # Scaling may change the last digit of the value.
+            # The scaling of the unknowns may have changed the last digit of the value.
             new = replace(branch_point(solution, tangent), value=end_value)
         new_points, ends_at_grazing = _points_of_step(problem, last, new)
         points.extend(new_points)
         if ends_at_grazing:
-            end_value = None  # The shortened step does not reach it.
+            end_value = None  # The step is cut off at the grazing, before this value.
         if end_value == goal or _is_closed(points, length):
             return length, "complete"
-        if end_value is not None or points[-1].displacement_range > max_range:
+        has_left_interval = end_value is not None
+        if has_left_interval or points[-1].displacement_range > max_range:
             return length, "a limit is exceeded"
         if ends_at_grazing:
             return _STEP_PAST_GRAZING * max_step, ""
         max_length = max_step * max(1.0, new.displacement_range / _LARGE_RANGE)
         return tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, max_length), ""
 
+    first_length, min_length = _FIRST_STEP * max_step, _MIN_STEP * max_step
     end_reason = tracing.follow_curve(
-        step, points, _FIRST_STEP * max_step, _MIN_STEP * max_step, max_points, limit
+        step, points, first_length, min_length, max_points, time_limit
     )
     if end_reason != "complete":
         points[-1] = replace(points[-1], label=points[-1].label or special.END)
     return points
 
 
-def _end_value(last: float, new: float, first: float, goal: float, limits: tuple) -> float | None:
-    """Return the parameter value at which the branch ends within a step, or None.
+def _end_value(last: float, new: float, first: float, goal: float, interval: tuple) -> float | None:
+    """Return the parameter value at which a branch ends within a step, None if it goes on.
 
-    The step changes the parameter from `last` to `new`; the branch started at `first` and ends at
-    `goal` or at a limit (lowest, highest).
+    The step changes the parameter from `last` to `new`; its value is `first` at the start of the
+    branch. The branch ends at `goal` or at an end of the interval (lowest, highest).
     """
     if (last - goal) * (new - goal) <= 0.0 and last != goal:
         return goal
-    # A rounding error must not end the branch at the limit where it started.
+    # A branch that starts at an end of the interval must not end there due to a rounding error.
     tolerance = 1e-9 * abs(goal - first)
-    low, high = limits
+    low, high = interval
     if new < low - tolerance and low != goal:
         return low
     if new > high + tolerance and high != goal:
@@ -213,9 +229,10 @@ def _end_value(last: float, new: float, first: float, goal: float, limits: tuple
 
 
 def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> tuple[list, bool]:
-    """Return (new points of a step from `last` to `new`, whether it ends at a grazing).
+    """Return (points added by a step from the point `last` to `new`, whether it meets a grazing).
 
-    They are special points, then `new`, or just past a grazing the point at which the step ends.
+    The points are the special points within the step and its end, `new`. If the contact states
+    change within the step, it ends just past the grazing instead.
     """
     if new.contacts == last.contacts:
         return [*special.special_points(problem, last, new), new], False
@@ -224,9 +241,10 @@ def _points_of_step(problem: Shooting, last: BranchPoint, new: BranchPoint) -> t
 
 
 def _is_closed(points: list, step_length: float) -> bool:
-    """Return whether the first point of a branch lies within a step ahead of its last one.
+    """Return whether a branch has returned to its first point, so that it is a closed curve.
 
-    `points` are its `BranchPoint`s; the tangents of both must point to the same side.
+    `points` are its `BranchPoint`s. The first one must lie ahead of the last one, nearer than the
+    length of a step, and their tangents must point to the same side.
     """
     if len(points) < _MIN_CLOSED_POINTS:
         return False
@@ -237,10 +255,10 @@ def _is_closed(points: list, step_length: float) -> bool:
     return bool(is_near and is_ahead and first.tangent @ last.tangent > 0.0)
 
 
-def _dataset(problem: Shooting, points: list, name: str, goal: float) -> xr.Dataset:
-    """Return the `BranchPoint`s of a branch as a dataset over ``point``.
+def _branch_dataset(problem: Shooting, points: list, name: str, goal: float) -> xr.Dataset:
+    """Return the `BranchPoint`s of a branch as a dataset with the dimension ``point``.
 
-    `name` is the name of the parameter, `goal` its requested last value.
+    `name` is the name of the continued parameter, `goal` its requested last value.
     """
     maxima = np.array([point.displacement_max for point in points])
     minima = np.array([point.displacement_min for point in points])
@@ -266,10 +284,11 @@ def _dataset(problem: Shooting, points: list, name: str, goal: float) -> xr.Data
 
 
 def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> BranchPoint:
-    """Return the point with index `point` in a dataset of `continue_orbit` as a `BranchPoint`.
+    """Compute the `BranchPoint` of the point number `point` in a dataset of `continue_orbit`.
 
-    Raise ValueError if it does not exist, or if its label is not among `labels` (indices in
-    `special_points.LABELS`; empty: any).
+    `branch` is the dataset, `model` the model whose orbit was continued. Raise ValueError if the
+    point does not exist, or if its label is not among `labels`, which are indices in
+    `special_points.LABELS`; an empty tuple allows any label. The tangent is zero.
     """
     is_branch = "parameter" in getattr(branch, "attrs", ()) and {"state", "label"} <= {*branch}
     if not is_branch:
@@ -290,7 +309,7 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
     value = float(branch[name][point])
     tuning = value if name == "tuning" else float(branch.tuning)
     scale = float(np.ptp(branch[name].values)) or 1.0
-    # In a dataset of several branches each point has a period.
+    # A dataset of several branches has a period for each point.
     period = int(branch.period[point] if branch.period.ndim else branch.period)
     problem = Shooting(model, tuning, period, (name,), (scale,), max_events)
     unknowns = problem.unknowns(state, [value])
@@ -303,7 +322,7 @@ def point_of_dataset(model: Any, branch, point, max_events: int, labels=()) -> B
 
 @checked
 def switch_branch(model, branch, point: WholeNumber, *, max_events: Count = MAX_EVENTS):
-    """Return the first orbit of the branch of twice the period from a period doubling.
+    """Switch at a period doubling to the branch of orbits with twice the period.
 
     Parameters
     ----------
@@ -319,19 +338,20 @@ def switch_branch(model, branch, point: WholeNumber, *, max_events: Count = MAX_
     Returns
     -------
     Orbit
-        Orbit near the period doubling, with its model and tuning, for `continue_orbit`.
+        Orbit of twice the period near the period doubling, for `continue_orbit`.
 
     Raises
     ------
     ValueError
         If the point does not exist or is not a period doubling.
     NoOrbit
-        If the doubled orbit was not found.
+        If no orbit of twice the period was found.
     """
     doubling = point_of_dataset(model, branch, point, max_events, (special.DOUBLING,))
     problem = doubling.solution.problem
     eigenvalues, eigenvectors = np.linalg.eig(doubling.solution.monodromy)
     n = len(eigenvalues)
+    # The branch of twice the period starts along the eigenvector of the multiplier -1.
     eigenvector = eigenvectors[:, np.argmin(abs(eigenvalues + 1.0))].real / problem.units[:n]
     direction = np.append(eigenvector, 0.0)
     direction /= np.linalg.norm(direction)

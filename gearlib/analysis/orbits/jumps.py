@@ -1,9 +1,10 @@
 """`main_resonance`: the tunings at which a mesh loses contact, jumps and vibrates most.
 
-Near its main resonance a gear mesh loses contact, and its motion jumps. Orbits near the static
-equilibrium show in which range of tunings contact is lost. The branch is continued into this range
-from both ends by pseudo-arclength; the motion jumps where the branch turns at a fold, which is
-computed to rounding error.
+Near its main resonance a gear mesh loses contact, and its motion jumps. In a run-up the tuning
+increases slowly, in a run-down it decreases. Orbits near the static equilibrium show in which range
+of tunings contact is lost. The branch is continued into this range from both ends by
+pseudo-arclength; the motion jumps where the branch turns at a fold, which is computed to rounding
+error.
 """
 
 import functools
@@ -28,32 +29,35 @@ _EXTREMUM_COLUMNS = {"peak": columns.X_MAX, "resonance_force_ratio": columns.FOR
 #: Exceptions that mean that a quantity could not be computed.
 _FAILURES = (ContinuationFailed, NoOrbit, np.linalg.LinAlgError)
 
-#: Tunings of the scanned orbits, and bounds of the main resonance.
+#: Tunings of the scanned orbits, and interval of the tuning that contains the main resonance.
 _SCAN_TUNINGS = np.geomspace(0.5, 1.8, 23)
 _RESONANCE_BOUNDS = (0.65, 1.5)
-#: Scanned orbits on either side of the largest one that are the branch if contact is never lost.
+#: Number of scanned orbits on either side of the largest one that form the branch if contact is
+#: never lost.
 _NEIGHBOURS = 3
-#: Limit of the depth of contact loss in static deflections; larger depths are reduced to it.
+#: Limit to which the depth of contact loss is cut off, in static deflections.
 _MAX_LOSS_DEPTH = 0.1
 #: First, largest and smallest step along a branch, and the longest step in which it may turn.
 _FIRST_STEP, _MAX_STEP, _MIN_STEP, _MAX_TURNING_STEP = 0.1, 0.4, 1e-5, 1e-3
-#: The largest step is proportional to the state above this, in static deflections.
+#: Largest displacement or velocity, in static deflections, above which the largest step is
+#: proportional to it.
 _LARGE_STATE = 2.0
 _MAX_EASY_CORRECTIONS, _MAX_POINTS = 3, 4000
 #: Change of the tuning that corresponds to one static deflection in the scaled unknowns.
 _TUNING_SCALE = 0.5
 #: A branch towards lower tunings ends at this fraction of its first tuning.
 _MIN_TUNING_RATIO = 0.25
-#: Reasons for the end of a branch.
+#: Reasons why a branch ends: at a fold, or beyond the resonance.
 _FOLD_REACHED, _RESONANCE_PASSED = "fold", "passed"
-#: Relative step of the tuning beyond a fold, where the motion has jumped, and periods of the
-#: excitation until it has settled.
+#: Relative step of the tuning past a fold, and number of periods of the excitation in which the
+#: motion settles after its jump there.
 _STEP_PAST_FOLD, _SETTLING_REPEATS = 0.002, 160
 #: Largest number of jumps to higher branches before the motion jumps down.
 _MAX_JUMPS_TO_HIGHER_BRANCHES = 4
-#: Perturbations grow if the modulus of a multiplier exceeds this.
+#: Perturbations grow if the modulus of a Floquet multiplier exceeds this.
 _MAX_STABLE_MODULUS = 1.0 + 1e-6
-#: Fraction of a step before a fold at which an extremum is compared with that at the fold.
+#: Distance before a fold, relative to a step, at which an extremum is compared with its value at
+#: the fold.
 _FRACTION_BEFORE_FOLD = 1e-3
 #: Tolerance of the position of a peak, relative to a step.
 _PEAK_TOLERANCE = 1e-6
@@ -61,13 +65,13 @@ _PEAK_TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class MainResonance:
-    """Tunings of the special points of a main resonance; NaN if there are none."""
+    """Tunings of the special points of a main resonance; NaN for a point that does not exist."""
 
     onset: float = math.nan  #: first loss of contact in a run-up
     jump_up: float = math.nan  #: first fold in a run-up, where the motion jumps up
     jump_down: float = math.nan  #: fold in a run-down where the motion jumps down
-    peak: float = math.nan  #: largest displacement of the stable branch in a run-down
-    resonance_force_ratio: float = math.nan  #: largest force of the same branch
+    peak: float = math.nan  #: largest displacement on the stable branch in a run-down
+    resonance_force_ratio: float = math.nan  #: largest mesh force on the same branch
     #: Name of a special point -> its state at the start of a mesh period, shape (n,).
     states: dict = field(default_factory=dict)
     #: Names of the quantities that could not be computed.
@@ -79,23 +83,26 @@ class MainResonance:
 
 
 def main_resonance(model, quantities=QUANTITIES):
-    """Find the tunings of contact loss, jumps and largest motions near the main resonance.
+    """Find the tunings of contact loss, jumps and largest vibration near the main resonance.
 
     Parameters
     ----------
     model : Model
-        With several degrees of freedom `quantities` must not contain peaks.
+        With several degrees of freedom `quantities` must not contain "peak" and
+        "resonance_force_ratio".
     quantities : sequence of str
-        Names from `QUANTITIES`; all others are NaN.
+        Names from `QUANTITIES` to compute; all others are NaN.
 
     Returns
     -------
     MainResonance
         In a run-down the motion may jump to higher branches, with coast-side contact, before it
         jumps down at the fold ``jump_down``. The branch may have a period doubling before this
-        fold. The peaks are those of the branch before its first fold.
+        fold. Peaks are searched for on the branch before its first fold only.
     """
-    points, values, failed = {}, {}, set()
+    points: dict = {}  # name of a quantity -> scaled unknowns of its orbit
+    extrema: dict = {}  # name of a peak -> its value
+    failed = set()
     try:
         search = _ResonanceSearch(model)
     except _FAILURES:
@@ -103,7 +110,7 @@ def main_resonance(model, quantities=QUANTITIES):
     for name in quantities:
         try:
             if name in _EXTREMUM_COLUMNS:
-                point, values[name] = search.peak(_EXTREMUM_COLUMNS[name])
+                point, extrema[name] = search.peak(_EXTREMUM_COLUMNS[name])
             else:
                 point = getattr(search, name)()
         except _FAILURES:
@@ -114,17 +121,20 @@ def main_resonance(model, quantities=QUANTITIES):
     return MainResonance(
         **{name: search.tuning(unknowns) for name, unknowns in points.items()},
         states={name: search.state(unknowns) for name, unknowns in points.items()},
-        peak_displacement=values.get("peak", math.nan),
-        peak_force=values.get("resonance_force_ratio", math.nan),
+        peak_displacement=extrema.get("peak", math.nan),
+        peak_force=extrema.get("resonance_force_ratio", math.nan),
         failed=frozenset(failed),
     )
 
 
 class _ResonanceSearch:
-    """Search for the special points of a model; each is an array of scaled unknowns, or None."""
+    """Search for the special points near the main resonance of a model.
+
+    An orbit is given by the scaled unknowns of the shooting equation: its state, then its tuning.
+    """
 
     def __init__(self, model: Any):
-        """Compute orbits near the static equilibrium and search for contact loss between them."""
+        """Compute orbits near the static equilibrium at tunings in which contact may be lost."""
         self.model = model
         self.problem = Shooting(model, 1.0, model.repeats, ("tuning",), (_TUNING_SCALE,))
         #: Unit vector of the tuning in the scaled unknowns.
@@ -161,10 +171,12 @@ class _ResonanceSearch:
         return segment_states[0]
 
     def _orbit_near_equilibrium(self, tuning: float) -> tuple:
-        """Return (scaled unknowns, displacement range, clearance) of the orbit near equilibrium.
+        """Find the orbit near the static equilibrium at a tuning.
 
-        The clearance is the smallest distance of a loaded flank from losing contact, negative with
-        contact loss, but at least -_MAX_LOSS_DEPTH, which is also its value if no orbit was found.
+        Return (scaled unknowns, displacement range, clearance). The clearance is the smallest
+        distance of a loaded flank from losing contact, negative if contact is lost, and at least
+        -_MAX_LOSS_DEPTH. If no orbit is found, return the unknowns of the static state, 0 and
+        -_MAX_LOSS_DEPTH.
         """
         model = self.model
         start = model.propagator(tuning).initial_state(model.static_state(tuning))
@@ -179,29 +191,33 @@ class _ResonanceSearch:
         return unknowns, (highest - lowest).max(), clearance
 
     def _clearance(self, tuning: float) -> float:
-        """Return the clearance of `_orbit_near_equilibrium` at a tuning."""
+        """Return the distance of the flanks from contact loss, see `_orbit_near_equilibrium`."""
         return self._orbit_near_equilibrium(tuning)[2]
 
     def onset(self) -> np.ndarray | None:
-        """Return the scaled unknowns of the orbit at the first loss of contact in a run-up.
+        """Return the scaled unknowns of the orbit at which contact is first lost in a run-up.
 
-        Return None if contact is lost at all lower tunings.
+        Return None if contact is never lost, or at all lower tunings.
         """
         if self.orbit_below_loss is None:
             return None
-        low, precision = self.tuning(self.orbit_below_loss), np.finfo(float).eps
+        low = self.tuning(self.orbit_below_loss)
+        precision = np.finfo(float).eps
         tuning = brentq(
             self._clearance, low, self.tuning_with_loss, xtol=precision, rtol=4.0 * precision
         )
         return self._orbit_near_equilibrium(tuning)[0]
 
     def _extremum(self, unknowns: np.ndarray, column: int) -> float:
-        """Return the maximum over all meshes of a column in the summary of an orbit."""
+        """Return the largest value, over all meshes, of a column in the summary of an orbit.
+
+        `unknowns` are its scaled unknowns, `column` is X_MAX or FORCE_MAX of `engines.orbit`.
+        """
         _, record = self.problem.record(unknowns, self.model.repeats)
         return float(record.summary[..., column].max())
 
     def jump_up(self) -> np.ndarray | None:
-        """Return the scaled unknowns of the first fold in a run-up, or None."""
+        """Return the scaled unknowns of the first fold in a run-up, None if there is no fold."""
         if self.orbit_below_loss is None:
             return None
         fold, _ = self._follow_branch(self.orbit_below_loss, increasing=True)
@@ -209,18 +225,25 @@ class _ResonanceSearch:
 
     @functools.cached_property
     def _run_down_branch(self) -> tuple:
-        """The first fold in a run-down, or None, and the points of the branch before it."""
+        """(First fold in a run-down or None, `BranchPoint`s of the branch before it).
+
+        If contact is never lost, the points are the scanned orbits around the largest one.
+        """
         if self.orbit_above_loss is not None:
             return self._follow_branch(self.orbit_above_loss, increasing=False)
-        first = max(self.largest_index - _NEIGHBOURS, 0)
-        orbits = self.scanned_orbits[first : self.largest_index + _NEIGHBOURS + 1]
+        start = max(self.largest_index - _NEIGHBOURS, 0)
+        orbits = self.scanned_orbits[start : self.largest_index + _NEIGHBOURS + 1]
         # A plane normal to the tuning axis fixes the tuning of the corrected orbit.
         axis = self.tuning_axis
-        solutions = [tracing.correct(self.problem, start, axis)[0] for start in orbits]
+        solutions = [tracing.correct(self.problem, unknowns, axis)[0] for unknowns in orbits]
         return None, [branch_point(solution, axis) for solution in solutions]
 
     def jump_down(self) -> np.ndarray | None:
-        """Return the unknowns of the fold where the motion jumps down in a run-down, or None."""
+        """Return the scaled unknowns of the fold where the motion jumps down in a run-down.
+
+        At an earlier fold the motion may jump to a higher branch, which is then followed to its own
+        fold. Return None if the motion passes the resonance without a jump down.
+        """
         fold, _ = self._run_down_branch
         for _ in range(_MAX_JUMPS_TO_HIGHER_BRANCHES):
             if fold is None:
@@ -234,29 +257,31 @@ class _ResonanceSearch:
             steady_state = self.problem.unknowns(ends[0], [tuning])
             _, record = self.problem.record(steady_state, self.model.repeats)
             lowest, highest = record.summary[..., columns.X_MIN], record.summary[..., columns.X_MAX]
-            # On a higher branch the displacement range exceeds that at the fold.
+            # On a higher branch the displacement range is larger than at the fold.
             if not highest.max() - lowest.min() > fold.displacement_range:
                 return self._stable_fold(fold)
             fold, _ = self._follow_branch(steady_state, increasing=False)
         return None
 
     def _follow_branch(self, start: np.ndarray, increasing: bool) -> tuple:
-        """Return (first fold after an orbit or None, points of the branch before it).
+        """Follow a branch from an orbit to its first fold or beyond the resonance.
 
-        The orbit has the scaled unknowns `start`; the tuning increases or decreases. The branch
-        ends beyond the scanned orbit on the other side of the contact loss, if there is one.
+        The orbit has the scaled unknowns `start`, and the tuning increases or decreases from it.
+        Return (fold or None, list of the `BranchPoint`s before it). Without a fold the branch ends
+        past the scanned orbit without contact loss on the other side of the resonance, or where
+        the tuning leaves the scanned range. Raise ContinuationFailed if neither is reached.
         """
         problem = self.problem
         sign = 1.0 if increasing else -1.0
         end = self.orbit_above_loss if increasing else self.orbit_below_loss
-        low, high = _MIN_TUNING_RATIO * self.tuning(start), _SCAN_TUNINGS[-1]
+        lowest_tuning, highest_tuning = _MIN_TUNING_RATIO * self.tuning(start), _SCAN_TUNINGS[-1]
         solution, _ = tracing.correct(problem, start, self.tuning_axis)
         tangent = tracing.tangent(solution.jacobian, sign * self.tuning_axis)
         points = [branch_point(solution, tangent)]
 
         def has_passed(point: BranchPoint) -> bool:
-            """Return whether a point lies beyond the resonance or outside the tuning limits."""
-            if not low < point.value < high:
+            """Return whether a point lies beyond the resonance or outside the range of tunings."""
+            if not lowest_tuning < point.value < highest_tuning:
                 return True
             is_beyond = end is not None and sign * (point.unknowns[-1] - end[-1]) > 0.0
             # In a run-down contact loss may last to lower tunings than its onset in a run-up.
@@ -264,7 +289,10 @@ class _ResonanceSearch:
             return is_beyond and (increasing or has_contact)
 
         def step(length: float) -> tuple[float, str]:
-            """Take a step and add its point; return (next length, reason for the end or "")."""
+            """Continue the branch by a step of an arc length; append its end or the fold within it.
+
+            Return (arc length of the next step, reason why the branch ends here or "").
+            """
             last = points[-1]
             # A fold just past a grazing is so sharp that the branch may turn in a short step.
             allow_corner = length < _MAX_TURNING_STEP
@@ -279,7 +307,8 @@ class _ResonanceSearch:
                 _, fold = located
                 points.append(fold)
                 return length, _FOLD_REACHED
-            # The slope of the interpolating cubic in the middle indicates two folds within a step.
+            # Two folds lie within the step if the tuning on the cubic that interpolates both points
+            # and tangents runs backwards in the middle.
             difference = new.unknowns - last.unknowns
             middle_slope = 6.0 * difference[-1] / length - (last.tangent + tangent)[-1]
             if sign * middle_slope < 0.0:
@@ -298,9 +327,11 @@ class _ResonanceSearch:
         return fold, points
 
     def _stable_fold(self, fold: BranchPoint | None) -> np.ndarray | None:
-        """Return the scaled unknowns of a fold, if any; raise an error if the motion is unstable.
+        """Return the scaled unknowns of a fold, or None for None.
 
-        With one degree of freedom and damping the second multiplier is always below 1.
+        Raise ContinuationFailed if the motion has become unstable before the fold: then a Floquet
+        multiplier other than the one at 1 lies outside the unit circle. With one degree of freedom
+        and damping the other multiplier is always below 1.
         """
         if fold is None:
             return None
@@ -311,32 +342,35 @@ class _ResonanceSearch:
         return fold.unknowns
 
     def peak(self, column: int) -> tuple:
-        """Return (scaled unknowns, value) of the orbit with the largest extremum in a run-down.
+        """Return (scaled unknowns, extremum) of the orbit with the largest extremum in a run-down.
 
-        The extremum is the `column` X_MAX or FORCE_MAX in the summary of an orbit. Orbits beyond
-        the first fold are not considered.
+        The extremum is the largest displacement or mesh force of an orbit, the `column` X_MAX or
+        FORCE_MAX of its summary. The branch is searched up to its first fold.
         """
         fold, branch = self._run_down_branch
-        points = [point.unknowns for point in (branch if fold is None else [*branch, fold])]
-        values = [self._extremum(unknowns, column) for unknowns in points]
-        i, last = int(np.argmax(values)), len(points) - 1
+        if fold is not None:
+            branch = [*branch, fold]
+        points = [point.unknowns for point in branch]
+        extrema = [self._extremum(unknowns, column) for unknowns in points]
+        i, last = int(np.argmax(extrema)), len(points) - 1
 
         def point_at(position: float) -> Any:
-            """Return the unknowns of the branch at a fractional index in its points."""
-            first = min(int(position), last - 1)
-            chord = points[first + 1] - points[first]
-            start = points[first] + (position - first) * chord
+            """Return the scaled unknowns on the branch at a fractional index in its points."""
+            k = min(int(position), last - 1)
+            chord = points[k + 1] - points[k]
+            start = points[k] + (position - k) * chord
             normal = chord / np.linalg.norm(chord)
             return tracing.correct(self.problem, start, normal)[0].unknowns
 
         def negative_extremum(position: float) -> float:
-            """Return minus the extremum at a fractional index in the points."""
+            """Return minus the extremum of the orbit at a fractional index in the points."""
             return -self._extremum(point_at(position), column)
 
         # The extremum may be largest at the end of the branch, the fold itself.
         before_fold = last - _FRACTION_BEFORE_FOLD
-        if fold is not None and i == last and -negative_extremum(before_fold) <= values[i]:
-            return points[i], values[i]
-        bounds, options = (max(i - 1, 0), min(i + 1, last)), {"xatol": _PEAK_TOLERANCE}
+        if fold is not None and i == last and -negative_extremum(before_fold) <= extrema[i]:
+            return points[i], extrema[i]
+        bounds = max(i - 1, 0), min(i + 1, last)
+        options = {"xatol": _PEAK_TOLERANCE}
         peak = minimize_scalar(negative_extremum, bounds=bounds, method="bounded", options=options)
         return point_at(peak.x), -float(peak.fun)

@@ -1,18 +1,18 @@
-"""Periodic orbits by shooting on the map of n mesh periods, with their Floquet multipliers.
+"""Periodic orbits and their Floquet multipliers by shooting over n mesh periods.
 
-An orbit of period n is a fixed point of the map of the state over n mesh periods. The Jacobian
-matrix of this map for Newton's method, the monodromy matrix, is exact: variational equations with
-saltation matrices at flank crossings. Therefore stable and unstable orbits are accurate to rounding
+An orbit of period n is a fixed point of the map of the state over n mesh periods. Newton's method
+uses the exact Jacobian matrix of this map, the monodromy matrix, from variational equations with
+saltation matrices at flank crossings. Stable and unstable orbits are therefore accurate to rounding
 error. Derivatives with respect to a parameter are central differences, which only affect the rate
 of convergence.
 
 At a grazing the one-sided derivatives differ: an orbit that touches a flank line is marked as
-grazing, and its multipliers belong to one of the sides.
+grazing, and its multipliers are valid on one side of the grazing only.
 """
 
-import functools
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
@@ -31,9 +31,9 @@ from gearlib.integrators import choose_method
 from gearlib.parameters import INTEGER, Count, checked
 from gearlib.runs.run_arguments import MAX_EVENTS, Tuning
 
-#: Largest residual of an orbit, in static deflections, or relative to a hundredth of its size.
+#: Largest residual of an orbit, as returned by `residual_size`.
 MAX_RESIDUAL = 1e-12
-#: Mesh periods of the motion from rest whose final state is the default guess.
+#: Mesh periods after which the state of the motion from rest is the default guess.
 _TRANSIENT_PERIODS = 400
 _MAX_NEWTON_STEPS, _MAX_HALVINGS = 60, 12
 #: Largest number of mesh periods of an orbit, which limits memory, and of a shooting segment.
@@ -41,15 +41,15 @@ MAX_PERIODS, _MAX_SEGMENT_PERIODS = 100_000, 32
 #: Distance of a multiplier from the unit circle due to rounding errors: double multipliers have an
 #: error of the square root of the machine precision.
 _CIRCLE_TOLERANCE = 1e-7
-#: Largest residual for which a shorter period is tried, and largest distance between equal orbits,
-#: in static deflections.
+#: Largest distance between the states one shorter period apart at which that period is tried, and
+#: largest distance between equal orbits, in static deflections.
 _SHORTER_PERIOD_TOLERANCE, _SAME_ORBIT_TOLERANCE = 1e-6, 1e-9
 #: Distance from a flank line at which an orbit touches it, relative to the displacement range.
 _TOUCH_TOLERANCE = 1e-9
 
 
 class NoOrbit(RuntimeError):
-    """Newton's method has not found an orbit; the message says what to try."""
+    """Newton's method did not find an orbit; the message says what to try."""
 
 
 @dataclass(frozen=True)
@@ -60,14 +60,14 @@ class Orbit:
     tuning: float
     period: int  #: smallest number of mesh periods after which it repeats
     state: np.ndarray  #: full state at tau = 0, shape (n,)
-    residual: float  #: largest difference between initial and final state
+    residual: float  #: largest difference between initial and final state, see `residual_size`
     multipliers: np.ndarray  #: Floquet multipliers over the period, complex, largest first
     pattern: tuple  #: sequence of contact codes from tau = 0
     grazing: bool  #: whether it touches a flank line, where its multipliers are one-sided
 
     @property
     def stable(self) -> bool:
-        """Whether no multiplier lies outside the unit circle."""
+        """Whether no Floquet multiplier lies outside the unit circle."""
         return is_stable(self.multipliers)
 
     def dataset(self) -> xr.Dataset:
@@ -76,7 +76,7 @@ class Orbit:
             "state": ("coordinate", self.state),
             "multiplier_real": ("multiplier", self.multipliers.real),
             "multiplier_imaginary": ("multiplier", self.multipliers.imag),
-            # One contact state for each interval between events; the dimension counts them.
+            # Each interval between two contact events has one contact state.
             "pattern": ("contact_phase", np.array(self.pattern, np.int8)),
             "stable": np.int8(self.stable),
             "grazing": np.int8(self.grazing),
@@ -104,7 +104,7 @@ def periodic_orbit(
     period: Annotated[int, Ge(1), Le(MAX_PERIODS), INTEGER] = 1,
     max_events: Count = MAX_EVENTS,
 ):
-    """Find a periodic orbit near a guess.
+    """Find a periodic orbit near an initial guess by shooting.
 
     Parameters
     ----------
@@ -113,11 +113,11 @@ def periodic_orbit(
     tuning : float
         Mesh frequency over mean eigenfrequency.
     guess : array_like of float, shape (2,) or (n,), optional
-        Displacement and dx/dtau at tau = 0, or a full state. By default the state of the motion
-        from rest after 400 mesh periods.
+        Displacement and dx/dtau at tau = 0, or a full state. By default the state that the motion
+        from rest reaches after 400 mesh periods.
     period : int, default 1
-        Multiple of the period of the orbit in mesh periods, with run-out also a multiple of the
-        period of the run-out. The result has its smallest period.
+        Number of mesh periods after which the orbit repeats; with run-out it must be a multiple of
+        the run-out period. The result has the smallest period of the orbit, which may be shorter.
     max_events : int
         Largest number of contact events in one mesh period.
 
@@ -128,7 +128,7 @@ def periodic_orbit(
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is invalid; the message states its value and what is allowed.
     NoOrbit
         If there is no orbit near the guess; the message says what to try.
     """
@@ -150,10 +150,11 @@ def periodic_orbit(
 
 
 def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
-    """Return the same orbit with its smallest period if that is shorter, else None."""
+    """Return the orbit of a solution with its smallest period if that is shorter, else None."""
     problem, state = solution.problem, solution.state
     model, tuning, max_events = problem.model, problem.tuning, problem.max_events
-    propagator, period = problem.propagator(model, tuning), problem.period
+    propagator = problem.propagator(model, tuning)
+    period = problem.period
     for divisor in range(model.repeats, period, model.repeats):
         if period % divisor:
             continue
@@ -175,45 +176,52 @@ def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
 class Shooting:
     """Shooting equation for periodic orbits; the unknowns are states and parameters of a model.
 
-    Unknowns are scaled by their `units`. Multiple shooting divides a long period into segments with
-    an initial state each, which limits the growth of errors along an unstable orbit; with unknown
-    parameters there is one segment. The rotation of a train that no force opposes, its free
-    rotation, is not an unknown.
+    Unknowns are divided by their `units`. Multiple shooting divides a long period into segments,
+    each with its own initial state, which limits the growth of errors along an unstable orbit; with
+    unknown parameters there is one segment. The rigid-body rotation of a train, which no force
+    opposes, is not an unknown: without it a full state becomes a reduced state.
     """
 
     def __init__(
         self, model: Any, tuning, period, names=(), parameter_units=(), max_events=MAX_EVENTS
     ):
-        """Set up the equation for a period in mesh periods.
+        """Set up the equation for orbits that repeat after `period` mesh periods.
 
-        `names` are those of the unknown parameters, `parameter_units` changes of them that
-        correspond to one static deflection.
+        `names` are the names of the unknown parameters; `parameter_units` are the changes of these
+        parameters that correspond to one static deflection. A mesh period may have at most
+        `max_events` contact events.
         """
         self.model, self.tuning, self.period = model, tuning, period
         self.names, self.max_events = names, max_events
         self._propagator: Any = None
-        #: Matrices that remove the free rotation from full states, and back.
+        #: Matrices from full to reduced states, shape (n, full size), and back.
         self.reduction, self.lift = model.reduction()
-        n, segments = len(self.reduction), 1 if names else -(-period // _MAX_SEGMENT_PERIODS)
+        n = len(self.reduction)
+        segments = 1 if names else -(-period // _MAX_SEGMENT_PERIODS)
         #: Mesh periods at which the segments start, and at which the last one ends.
-        self.starts = [period * i // segments for i in range(segments + 1)]
-        #: Free rotations of the initial states, shape (segments, full size), or 0 if all are zero.
+        self.segment_bounds = [period * i // segments for i in range(segments + 1)]
+        #: Rigid-body rotations of the segments' initial states, shape (segments, full size), or 0.
         self.rotations: Any = 0.0
-        #: Index of the next segment, and permutation matrix from all states to the next ones.
+        #: Index of the segment that follows each segment, the first one after the last, and the
+        #: permutation matrix from the initial states of all segments to those of the next ones.
         self.next_segments = np.arange(1, segments + 1) % segments
         self.permutation = np.eye(segments * n)[(np.arange(segments * n) + n) % (segments * n)]
         state_units = ([1.0] * (n // 2) + [1.0 / tuning] * (n // 2)) * segments
         #: Value of one scaled unit of each unknown.
         self.units = np.array([*state_units, *parameter_units])
 
-    def unknowns(self, state: np.ndarray, values: Any) -> np.ndarray:
+    def unknowns(self, state: np.ndarray, parameter_values: Any) -> np.ndarray:
         """Return the scaled unknowns for a full state and values of the unknown parameters."""
-        return np.append(self.reduction @ state, values) / self.units
+        return np.append(self.reduction @ state, parameter_values) / self.units
 
     def initial_unknowns(self, state: np.ndarray) -> np.ndarray:
-        """Return the scaled unknowns of the motion from a full state; store `self.rotations`."""
-        states, propagator = [state], self.propagator(self.model, self.tuning)
-        for start, stop in zip(self.starts[:-2], self.starts[1:-1], strict=True):
+        """Return the scaled unknowns of the motion from a full state at tau = 0.
+
+        The rigid-body rotations of the initial states of all segments are kept in `self.rotations`.
+        """
+        propagator = self.propagator(self.model, self.tuning)
+        states = [state]
+        for start, stop in pairwise(self.segment_bounds[:-1]):
             end, _ = self._propagate(propagator, states[-1], start, stop)
             states.append(end)
         full_states = np.array(states)
@@ -222,9 +230,10 @@ class Shooting:
         return reduced_states.ravel() / self.units
 
     def unpack(self, unknowns: np.ndarray) -> tuple:
-        """Return (model, tuning, full initial states of the segments) at scaled unknowns.
+        """Return (model, tuning, full initial states of the segments) for scaled unknowns.
 
-        Raise ValueError if the model does not allow the values of the parameters.
+        The model and the tuning have the values of the unknown parameters; raise ValueError if the
+        model does not allow them.
         """
         values = unknowns * self.units
         model, tuning = self.model, self.tuning
@@ -235,18 +244,22 @@ class Shooting:
         return model, tuning, states + self.rotations
 
     def propagator(self, model: Any, tuning: float) -> Any:
-        """Return the propagator of a model at a tuning, which reuses tables of the previous."""
-        last = self._propagator
-        if last is None or last.model is not model:
+        """Return the propagator of a model at a tuning.
+
+        It reuses tables of the propagator of the previous call if the model is the same.
+        """
+        previous = self._propagator
+        if previous is None or previous.model is not model:
             self._propagator = model.propagator(tuning)
-        elif last.tuning != tuning:
-            self._propagator = last.at(tuning)
+        elif previous.tuning != tuning:
+            self._propagator = previous.at(tuning)
         return self._propagator
 
     def _propagate(self, propagator: Any, state: np.ndarray, start: int, stop: int) -> tuple:
         """Return (final state, linearised map of each mesh period) of the motion from a full state.
 
-        It lasts from the start of mesh period `start` to the start of mesh period `stop`.
+        The motion lasts from mesh period number `start` until just before number `stop`. Raise
+        ContinuationFailed if the run fails.
         """
         first_period = start % self.model.repeats
         end, maps, code = propagator.maps(state, stop - start, self.max_events, first_period)
@@ -255,23 +268,24 @@ class Shooting:
         return end, maps
 
     def run(self, unknowns: np.ndarray) -> tuple:
-        """Return (tuning, initial states, final states, lists of linearised maps) of all segments.
+        """Run all segments; return (tuning, initial states, final states, linearised maps).
 
-        States have shape (segments, n); a segment has a map for each of its mesh periods.
+        The states are full states, shape (segments, n); the maps are a list for each segment, with
+        one matrix for each of its mesh periods.
         """
         model, tuning, states = self.unpack(unknowns)
         propagator = self.propagator(model, tuning)
         maps, ends = [], np.empty_like(states)
         for i, state in enumerate(states):
-            start, stop = self.starts[i], self.starts[i + 1]
+            start, stop = self.segment_bounds[i], self.segment_bounds[i + 1]
             ends[i], segment_maps = self._propagate(propagator, state, start, stop)
             maps.append(segment_maps)
         return tuning, states, ends, maps
 
     def record(self, unknowns: np.ndarray, periods: int, samples: int = 0) -> tuple:
-        """Return (model, `Record` of its motion) at scaled unknowns.
+        """Return (model, `Record` of its motion over a number of mesh periods) at scaled unknowns.
 
-        The record has a number of mesh `periods`, with a number of `samples` in each.
+        `samples` is the number of recorded samples in each mesh period.
         """
         model, tuning, states = self.unpack(unknowns)
         propagator = self.propagator(model, tuning)
@@ -280,12 +294,15 @@ class Shooting:
     def evaluate(self, unknowns: np.ndarray) -> "Evaluation":
         """Return the `Evaluation` of the shooting equation at scaled unknowns.
 
-        Raise ValueError for an invalid parameter value, ContinuationFailed if the run fails.
+        Raise ValueError if a parameter value is invalid, ContinuationFailed if the run fails.
         """
         return Evaluation(self, unknowns)
 
     def distance(self, first: np.ndarray, second: np.ndarray) -> float:
-        """Return the distance of two full states without the free rotation, see `residual_size`."""
+        """Return the distance between two full states apart from a rigid-body rotation.
+
+        It is in static deflections, see `residual_size`.
+        """
         return residual_size(self.reduction @ (first - second), second, self.tuning)
 
 
@@ -293,13 +310,13 @@ class Evaluation:
     """Shooting equation evaluated at scaled unknowns: residuals and their derivatives."""
 
     def __init__(self, problem: Shooting, unknowns: np.ndarray):
-        """Propagate all segments and compute the differences of their ends and the next starts."""
+        """Run all segments and compute the differences between their ends and the next starts."""
         self.problem, self.unknowns = problem, unknowns
         tuning, states, ends, maps = problem.run(unknowns)
         next_states = states if len(states) == 1 else states[problem.next_segments]
         differences = (ends - next_states) @ problem.reduction.T
         self.state = states[0]  #: full state at tau = 0
-        #: Linearised maps of the segments without the free rotation.
+        #: Linearised maps of the segments for reduced states.
         self.maps = [
             problem.reduction @ compose(segment_maps) @ problem.lift for segment_maps in maps
         ]
@@ -309,24 +326,24 @@ class Evaluation:
 
     @cached_property
     def monodromy(self) -> np.ndarray:
-        """Monodromy matrix: the linearised map of the whole period, without the free rotation."""
+        """Monodromy matrix: the linearised map of reduced states over the whole period."""
         return compose(self.maps)
 
     @cached_property
     def multipliers(self) -> np.ndarray:
-        """Floquet multipliers, complex, largest first."""
+        """Floquet multipliers, complex, largest modulus first."""
         return floquet_multipliers(self.monodromy)
 
     @cached_property
     def jacobian(self) -> np.ndarray:
-        """Jacobian matrix of the residuals by the scaled unknowns, shape (n, n + parameters)."""
+        """Derivatives of the residuals by the scaled unknowns, shape (n, n + parameters)."""
         problem, n = self.problem, self.residuals.size
         units = problem.units[:n]
         segment_maps = block_diag(*self.maps) if len(self.maps) > 1 else self.maps[0]
         state_columns = (segment_maps - problem.permutation) * units / units[:, None]
 
         def final_states(unknowns: np.ndarray) -> np.ndarray:
-            """Return the final states of the segments."""
+            """Return the final full states of all segments at scaled unknowns."""
             return problem.run(unknowns)[2]
 
         columns = [state_columns]
@@ -337,19 +354,20 @@ class Evaluation:
 
 
 def as_orbit(solution: Evaluation) -> Orbit:
-    """Return the `Orbit` of a solution of the shooting equation."""
+    """Return a solution of the shooting equation as an `Orbit`, with its contact pattern."""
     problem, period = solution.problem, solution.problem.period
     model, tuning, states = problem.unpack(solution.unknowns)
     record = problem.propagator(model, tuning).record(states[0], period, problem.max_events)
-    pattern, grazing = _contacts(record, model.flank_lines, tuning)
+    pattern, grazing = _contact_pattern(record, model.flank_lines, tuning)
     residual, multipliers = solution.residual_norm, solution.multipliers
     return Orbit(model, tuning, period, states[0], residual, multipliers, pattern, grazing)
 
 
 def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
-    """Solve the shooting equation by Newton's method with step halving, from scaled unknowns.
+    """Solve the shooting equation by damped Newton iteration from scaled initial unknowns.
 
-    Return the last iterate, which may not have converged.
+    A step is halved until the residual decreases. Return the last iterate, which need not have
+    converged. Raise NoOrbit if the Jacobian matrix is singular.
     """
     solution = problem.evaluate(unknowns)
     for _ in range(_MAX_NEWTON_STEPS):
@@ -368,17 +386,20 @@ def _newton(problem: Shooting, unknowns: np.ndarray) -> Evaluation:
                 break
             step *= 0.5
         else:
+            # Not even the shortest step decreases the residual.
             break
         solution = candidate
     return solution
 
 
 def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
-    """Return the full state of a guess: displacement and velocity, or a full state.
+    """Return the full state, shape (n,), that corresponds to the argument `guess`.
 
-    If it is None, return the state after at least _TRANSIENT_PERIODS mesh periods from rest.
+    A guess is a displacement and velocity, or a full state, or None for the state that the motion
+    from rest reaches after at least _TRANSIENT_PERIODS mesh periods.
     """
-    model, n = problem.model, problem.model.size
+    model = problem.model
+    n = model.size
     propagator = problem.propagator(model, problem.tuning)
     if guess is None:
         periods = -(-_TRANSIENT_PERIODS // problem.period) * problem.period
@@ -397,7 +418,7 @@ def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
 
 
 def floquet_multipliers(monodromy: np.ndarray) -> np.ndarray:
-    """Return the eigenvalues of a monodromy matrix, complex, largest first."""
+    """Return the complex eigenvalues of a monodromy matrix, largest modulus first."""
     multipliers = np.linalg.eigvals(monodromy).astype(complex)
     return multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
 
@@ -411,25 +432,30 @@ def is_stable(multipliers: np.ndarray) -> bool:
 
 
 def compose(maps: Any) -> np.ndarray:
-    """Return the matrix product M_k ... M_2 M_1 of linear maps [M_1, ..., M_k]."""
-    return functools.reduce(lambda matrix, next_map: next_map @ matrix, maps)
+    """Return the matrix product M_k ... M_2 M_1 of successive linear maps [M_1, ..., M_k]."""
+    product = maps[0]
+    for matrix in maps[1:]:
+        product = matrix @ product
+    return product
 
 
 def residual_size(difference: np.ndarray, state: np.ndarray, tuning: float) -> float:
-    """Return the largest component of a difference of states, in static deflections.
+    """Return the largest absolute component of a difference of states, in static deflections.
 
-    Velocities are multiplied by the tuning. If the state exceeds 100 static deflections, the
-    difference is relative to a hundredth of it.
+    The difference has displacements, then velocities, on its last axis. Velocities dx/dtau are
+    multiplied by the tuning, so that they are comparable with displacements. If the largest
+    component of `state` exceeds 100 static deflections, the difference is divided by its hundredth.
     """
     weights = np.repeat([1.0, tuning], difference.shape[-1] // 2)
     return float(np.abs(weights * difference).max() / max(1.0, np.abs(state).max() * 1e-2))
 
 
-def _contacts(record: Any, flank_lines: tuple, tuning: float) -> tuple:
+def _contact_pattern(record: Any, flank_lines: tuple, tuning: float) -> tuple:
     """Return (sequence of contact codes of an orbit, whether it grazes a flank line).
 
-    `record` is its `Record`; `flank_lines` are the displacements at which drive-side and coast-side
-    contact start.
+    `record` is the `Record` of the orbit over its period. `flank_lines` are the displacements at
+    which drive-side and coast-side contact start. A contact code is 1 for drive-side contact, 0 for
+    no contact, -1 for coast-side contact.
     """
     events, summary = record.events, record.summary
     lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
@@ -443,7 +469,8 @@ def _contacts(record: Any, flank_lines: tuple, tuning: float) -> tuple:
         return tuple(codes_without_events(lowest, highest, *flank_lines)), touches_line
     codes = events[:, columns.EVENT_TO].astype(int).tolist()
     pattern = (int(events[0, columns.EVENT_FROM]), *codes)
-    # An orbit that crosses a line by the depth d has a speed of about the square root of d there.
+    # An orbit whose extremum lies a distance d beyond a flank line crosses the line with a speed of
+    # about the square root of d.
     speeds = np.abs(events[:, columns.EVENT_VELOCITY]) * tuning
     return pattern, bool(touches_line or speeds.min() < np.sqrt(tolerance.min()))
 
@@ -451,10 +478,11 @@ def _contacts(record: Any, flank_lines: tuple, tuning: float) -> tuple:
 def codes_without_events(lowest, highest, drive_line: Any, coast_line: Any) -> list:
     """Return the contact code of each mesh of an orbit without contact events.
 
-    `lowest` and `highest` are the extreme displacements of the meshes, shape (m,), the lines are
-    the displacements at which drive-side and coast-side contact start. A contact code is 1 for
-    drive-side contact, 0 for no contact, -1 for coast-side contact.
+    `lowest` and `highest` are the smallest and largest displacements of the meshes, shape (m,) or
+    (). `drive_line` and `coast_line` are the displacements at which drive-side and coast-side
+    contact start. A contact code is 1 for drive-side contact, 0 for no contact, -1 for coast-side
+    contact.
     """
-    # An orbit may touch a line at an extremum, so the other extremum decides on the contact.
+    # One extremum may lie on a flank line, so each comparison uses the other one.
     codes = np.where(highest > drive_line, 1, np.where(lowest > coast_line, 0, -1))
     return np.atleast_1d(codes).tolist()

@@ -1,6 +1,6 @@
 """Points of a branch: fold, period doubling, Neimark-Sacker, grazing, branch point, regular points.
 
-There is a special point between two neighbouring points of a branch if this quantity changes:
+A special point lies between two neighbouring points of a branch if this quantity changes:
 
 ================  ====================================================================
 fold              sign of det(M - I), and the parameter changes its direction
@@ -11,12 +11,12 @@ grazing           sequence of contact states
 ================  ====================================================================
 
 M is the monodromy matrix (Kuznetsov, Elements of Applied Bifurcation Theory, ch. 10). The point is
-located by Brent's method on the chord between both points, a grazing by bisection. Every step has a
-Newton correction to the branch, so that the located point is an orbit to rounding error.
+located by Brent's method on the chord between both points, a grazing by bisection. Every iterate is
+corrected to the branch by Newton's method, so that the located point is an orbit to rounding error.
 
-The mesh force is zero on a flank line. M is therefore continuous at a grazing, but past it
-changes with the square root of the distance: the branch has no corner there, but its curvature
-jumps, and folds and doublings are often just past a grazing, never exactly at it.
+The mesh force is zero on a flank line. M is therefore continuous at a grazing, but past it changes
+with the square root of the distance: the branch has no corner there, but its curvature jumps. Folds
+and doublings often lie just past a grazing, never exactly at it.
 """
 
 from dataclasses import dataclass, replace
@@ -37,8 +37,8 @@ REGULAR, FOLD, DOUBLING, NEIMARK_SACKER, GRAZING, BRANCH_POINT, END = range(len(
 
 #: Tolerance of the position of a special point, relative to the chord.
 _CHORD_TOLERANCE = 1e-14
-#: Distance from a grazing, relative to the chord, at which the continuation restarts, where contact
-#: states do not depend on rounding errors.
+#: Distance past a grazing, relative to the chord, at which the continuation restarts: there the
+#: contact states do not depend on rounding errors.
 _DISTANCE_PAST_GRAZING = 1e-7
 #: Largest difference of the squared modulus from 1 for a complex pair on the unit circle.
 _CIRCLE_TOLERANCE = 1e-6
@@ -56,24 +56,27 @@ class BranchPoint:
     solution: Evaluation
     tangent: np.ndarray  #: unit tangent of the branch
     value: float  #: value of the parameter
-    contacts: str  #: cyclic sequence of contact states, as letters
+    contacts: str  #: cyclic sequence of contact states: D drive side, F free flight, C coast side
     displacement_max: float
     displacement_min: float
-    label: int = REGULAR
+    label: int = REGULAR  #: index in `LABELS`
 
     @property
     def unknowns(self) -> np.ndarray:
-        """Scaled unknowns of the shooting equation."""
+        """Scaled unknowns of the shooting equation: the state, then the parameter."""
         return self.solution.unknowns
 
     @property
     def displacement_range(self) -> float:
-        """Difference of the largest and the smallest displacement."""
+        """Largest minus smallest displacement, static deflections."""
         return self.displacement_max - self.displacement_min
 
 
 def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
-    """Return the `BranchPoint` of a solution of the shooting equation with one parameter."""
+    """Return a solution of the shooting equation with one parameter as a `BranchPoint`.
+
+    `tangent` is the unit tangent of the branch there. The label is REGULAR.
+    """
     problem = solution.problem
     model, record = problem.record(solution.unknowns, problem.period)
     summary = record.summary
@@ -84,9 +87,12 @@ def branch_point(solution: Evaluation, tangent: np.ndarray) -> BranchPoint:
 
 
 def branch_dataset(title: str, solutions: list, variables: dict, **attributes: Any) -> xr.Dataset:
-    """Return a dataset of shooting solutions (`Evaluation`s) and their parameters over ``point``.
+    """Return solutions of the shooting equation as a dataset with the dimension ``point``.
 
-    `variables` are added to it; those with the name of a parameter replace its values.
+    `solutions` are `Evaluation`s, whose states, multipliers and parameters become variables.
+    `variables`, {name: (dims, values) or values}, are added; a variable with the name of a
+    parameter has its exact values, without the scaling of the unknowns. `attributes` are added to
+    those of the dataset.
     """
     problem = solutions[0].problem
     multipliers = np.array([solution.multipliers for solution in solutions])
@@ -109,15 +115,16 @@ def branch_dataset(title: str, solutions: list, variables: dict, **attributes: A
 
 
 def _contact_sequence(events: np.ndarray, summary: np.ndarray, flank_lines: tuple) -> str:
-    """Return the cyclic sequence of contact states of an orbit as letters.
+    """Return the cyclic sequence of contact states of an orbit as a string.
 
-    `events` and `summary` are tables of a `Record`, `flank_lines` the displacements at which drive-
-    and coast-side contact start. Among the cyclic shifts, which only differ in the initial phase,
-    it is the alphabetically last one. With several meshes each letter has the index of its mesh as
-    a prefix, and simultaneous events are sorted by mesh.
+    The letters are D for drive-side contact, F for free flight, C for coast-side contact. `events`
+    and `summary` are tables of a `Record`, `flank_lines` are the displacements at which drive- and
+    coast-side contact start. The sequence is shifted cyclically to the alphabetically last one,
+    so that it does not depend on the initial phase. With several meshes each letter has the index
+    of its mesh as a prefix, and simultaneous events are sorted by mesh.
     """
     if not len(events):
-        # The contact state of the mean displacement is that of the whole motion.
+        # The whole motion has the contact state of its mean displacement.
         middle = 0.5 * (summary[..., columns.X_MAX] + summary[..., columns.X_MIN])
         codes = codes_without_events(middle, middle, *flank_lines)
         return "".join(_CONTACT_LETTERS[code] for code in codes)
@@ -136,14 +143,17 @@ def _contact_sequence(events: np.ndarray, summary: np.ndarray, flank_lines: tupl
 
 
 def _neimark_sacker_test(multipliers: np.ndarray) -> float:
-    """Return |mu|^2 - 1 of the largest complex Floquet multiplier mu, -1 if all are real."""
+    """Return |mu|^2 - 1 for the complex Floquet multiplier mu of largest modulus.
+
+    It changes its sign at a Neimark-Sacker point. Return -1 if all multipliers are real.
+    """
     complex_multipliers = multipliers[multipliers.imag > 1e-9]
     if not complex_multipliers.size:
         return -1.0
     return np.abs(complex_multipliers).max() ** 2 - 1.0
 
 
-#: Label -> function of the multipliers that changes its sign at such a special point.
+#: Label -> test function of the Floquet multipliers, which changes its sign at the special point.
 _TEST_FUNCTIONS = {
     FOLD: lambda multipliers: np.prod(multipliers - 1.0).real,
     DOUBLING: lambda multipliers: np.prod(multipliers + 1.0).real,
@@ -152,9 +162,10 @@ _TEST_FUNCTIONS = {
 
 
 def point_on_chord(problem: Shooting, first, last, position: float) -> BranchPoint:
-    """Return the point of the branch at a position, 0 to 1, on the chord between two points.
+    """Return the point of a branch next to a position on the chord of two `BranchPoint`s.
 
-    Its tangent is approximated by the chord, because the tangent of the branch may not exist.
+    The position is 0 at `first` and 1 at `last`; the point lies in the plane normal to the chord.
+    Its tangent is the direction of the chord, because the tangent of the branch may not exist.
     """
     chord = last.unknowns - first.unknowns
     direction = chord / np.linalg.norm(chord)
@@ -163,21 +174,23 @@ def point_on_chord(problem: Shooting, first, last, position: float) -> BranchPoi
 
 
 def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int) -> tuple | None:
-    """Return (position on the chord, special point) between two points of a branch, or None.
+    """Locate the special point with a label between the points `first` and `last` of a branch.
 
-    `label` is FOLD, DOUBLING or NEIMARK_SACKER. The result is None if the test function of the
-    label does not change its sign between the points.
+    The label is FOLD, DOUBLING or NEIMARK_SACKER. Return (position on the chord from 0 to 1,
+    special point), or None if the test function does not change its sign between the points. If
+    the parameter keeps its direction at a fold, the point is labelled BRANCH_POINT instead.
     """
     test = _TEST_FUNCTIONS[label]
     end_values = {0.0: test(first.solution.multipliers), 1.0: test(last.solution.multipliers)}
     if not end_values[0.0] * end_values[1.0] < 0.0:
         return None
-    if label == NEIMARK_SACKER and min(map(abs, end_values.values())) < _MIN_TEST_VALUE:
+    smallest_value = min(abs(value) for value in end_values.values())
+    if label == NEIMARK_SACKER and smallest_value < _MIN_TEST_VALUE:
         # The multipliers stay on the unit circle, as without damping.
         return None
 
     def test_value(position: float) -> float:
-        """Return the test function at a position on the chord."""
+        """Return the value of the test function at a position on the chord, 0 to 1."""
         if position in end_values:
             return end_values[position]
         return test(point_on_chord(problem, first, last, position).solution.multipliers)
@@ -186,7 +199,7 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
     position = brentq(test_value, 0.0, 1.0, xtol=_CHORD_TOLERANCE, rtol=precision)
     point = point_on_chord(problem, first, last, position)
     if label == NEIMARK_SACKER and abs(test(point.solution.multipliers)) > _CIRCLE_TOLERANCE:
-        # The complex pair of multipliers becomes real between the points.
+        # The sign changes because the complex pair of multipliers becomes real.
         return None
     if label == FOLD and first.tangent[-1] * last.tangent[-1] > 0.0:
         # A multiplier crosses 1, but the parameter keeps its direction.
@@ -195,19 +208,25 @@ def locate(problem: Shooting, first: BranchPoint, last: BranchPoint, label: int)
 
 
 def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> list:
-    """Return the special points between two points with the same contact states, in branch order.
+    """Return the special points between two points of a branch with the same contact states.
 
-    Raise ContinuationFailed if Newton's method does not converge on the chord.
+    The points are `BranchPoint`s, sorted from `first` to `last`. Raise ContinuationFailed if
+    Newton's method does not converge on the chord.
     """
-    located = [locate(problem, first, last, label) for label in _TEST_FUNCTIONS]
-    positions_and_points = sorted(filter(None, located), key=lambda pair: pair[0])
+    positions_and_points = []
+    for label in _TEST_FUNCTIONS:
+        located = locate(problem, first, last, label)
+        if located is not None:
+            positions_and_points.append(located)
+    positions_and_points.sort(key=lambda pair: pair[0])
     return [point for _, point in positions_and_points]
 
 
 def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> tuple:
-    """Return the points just before and just past the grazing between two points of a branch.
+    """Locate the grazing between two points of a branch with different contact states by bisection.
 
-    The contact states change between them; the point before has the label GRAZING.
+    Return (`BranchPoint` just before the grazing with the label GRAZING, `BranchPoint` just past
+    it). If the contact states change more than once, it is one of these changes.
     """
     low, high, before = 0.0, 1.0, first
     while high - low > _CHORD_TOLERANCE:
@@ -220,7 +239,7 @@ def locate_grazing(problem: Shooting, first: BranchPoint, last: BranchPoint) -> 
         else:
             high = middle
     if before is first:
-        # The first point itself touches the flank line and is added again with the label.
+        # The first point itself touches the flank line; it is added again with the label.
         before = point_on_chord(problem, first, last, low)
     past = last
     if high + _DISTANCE_PAST_GRAZING < 1.0:

@@ -1,8 +1,9 @@
-"""Pseudo-arclength continuation: steps along a curve of solutions of n equations; its parameters.
+"""Pseudo-arclength continuation of curves of solutions; parameters in which orbits are continued.
 
-There are n + 1 unknowns. The predictor is a step along the tangent of the curve; the corrector is
-Newton's method in the plane normal to the tangent, so that folds are no obstacle (Keller 1977;
-Allgower and Georg, Numerical Continuation Methods, 1990). Unknowns are scaled to comparable units.
+A curve is defined by n equations for n + 1 unknowns. The predictor is a step along the tangent of
+the curve; the corrector is Newton's method in the plane normal to the tangent, so that folds are no
+obstacle (Keller 1977; Allgower and Georg, Numerical Continuation Methods, 1990). Unknowns are
+scaled to comparable units.
 
 A *problem* has a method ``evaluate(unknowns)``, which returns a solution with
 
@@ -11,9 +12,9 @@ A *problem* has a method ``evaluate(unknowns)``, which returns a solution with
 ``jacobian``   derivatives of the residuals, shape (n, n + 1)
 ``converged``  whether the residuals are negligible
 
-Of the parameters of an orbit one changes and all others are constant. The tuning and the ratios of
-the pair are dimensionless. All other ratios are constant, too: another contact ratio changes
-neither the mean stiffness nor the damping ratios.
+A continuation changes one parameter of the model, or the tuning, and keeps the others constant. The
+parameters of a `GearPair` are dimensionless: a change of the contact ratio leaves the mean
+stiffness and the damping ratios unchanged.
 """
 
 import dataclasses
@@ -32,11 +33,11 @@ from gearlib.runs.run_arguments import check_tuning
 
 #: Largest number of Newton corrections in a step.
 _MAX_CORRECTIONS = 15
-#: Longest correction: with a longer one Newton's method may converge to another curve.
+#: Longest allowed correction: after a longer one Newton's method may converge to another curve.
 _MAX_CORRECTION_LENGTH = 1.0
 #: Smallest cosine of the angle between the tangents at both ends of a step.
 _MIN_TANGENT_COSINE = 0.95
-#: Smallest relative singular value of the Jacobian matrix of a unique curve.
+#: Smallest singular value of the Jacobian matrix, relative to the largest, with a unique tangent.
 _SINGULAR_TOLERANCE = 1e-8
 #: Step of finite differences, in scaled units.
 _DIFFERENCE_STEP = 1e-5
@@ -47,9 +48,10 @@ class ContinuationFailed(RuntimeError):
 
 
 def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
-    """Return (solution, number of Newton corrections) at the intersection of a curve and a plane.
+    """Find the intersection of a curve and a plane by Newton's method, from a point of the plane.
 
-    The plane contains the unknowns `start` and has the vector `normal`. Raise ContinuationFailed if
+    The plane contains the unknowns `start`, shape (n + 1,), and is normal to the vector `normal` of
+    the same shape. Return (solution, number of Newton corrections). Raise ContinuationFailed if
     Newton's method does not converge.
     """
     unknowns = start
@@ -70,27 +72,31 @@ def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
 
 
 def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Return the unit tangent of a curve, shape (n + 1,), on the side of a direction.
+    """Return the unit tangent of a curve, shape (n + 1,), oriented like a vector `direction`.
 
-    `jacobian` is the derivative of the residuals, shape (n, n + 1).
+    `jacobian` holds the derivatives of the residuals, shape (n, n + 1), at a point of the curve.
+    Raise ContinuationFailed if its null space has more than one dimension.
     """
     _, singular_values, right_vectors = np.linalg.svd(jacobian)
     if singular_values[-1] < _SINGULAR_TOLERANCE * singular_values[0]:
         raise ContinuationFailed("the curve has no unique tangent here")
     null_vector = right_vectors[-1]
-    return null_vector if null_vector @ direction >= 0.0 else -null_vector
+    if null_vector @ direction >= 0.0:
+        return null_vector
+    return -null_vector
 
 
 def take_step(problem, unknowns, direction, length, goal=None, allow_corner=False) -> tuple:
-    """Take a step along the curve and return (solution, tangent, number of corrections).
+    """Take a step along a curve; return (solution, unit tangent there, number of corrections).
 
-    The step starts at `unknowns` in the direction of the unit tangent `direction`. It ends early if
-    the last unknown reaches the value `goal`. Raise ContinuationFailed if the direction of the
-    curve changes too much, unless a corner is allowed.
+    The step starts at the point `unknowns` of the curve and has the given length along the unit
+    tangent `direction`. It ends early if the last unknown reaches the value `goal`. Raise
+    ContinuationFailed if the curve turns by more than a small angle, unless `allow_corner` is set.
     """
     predicted = unknowns + length * direction
     if goal is not None and (unknowns[-1] - goal) * (predicted[-1] - goal) < 0.0:
-        solution, corrections = solve_at_value(problem, unknowns, predicted, goal), 0
+        corrections = 0
+        solution = solve_at_value(problem, unknowns, predicted, goal)
         if not np.linalg.norm(solution.unknowns - unknowns) < 2.0 * length:
             raise ContinuationFailed("the step is too long")
     else:
@@ -102,21 +108,28 @@ def take_step(problem, unknowns, direction, length, goal=None, allow_corner=Fals
 
 
 def next_step_length(length, corrections, max_easy_corrections, max_length) -> float:
-    """Return the length of the next step: 1.5 times as long if few corrections were needed."""
-    return min(1.5 * length, max_length) if corrections <= max_easy_corrections else length
+    """Return the length of the next step along a curve, at most `max_length` if it is increased.
+
+    It is 1.5 times the last `length` if at most `max_easy_corrections` corrections were needed.
+    """
+    if corrections <= max_easy_corrections:
+        return min(1.5 * length, max_length)
+    return length
 
 
 def follow_curve(
-    step: Callable, points: list, length, min_length, max_points: int, limit: Limit | None = None
+    step: Callable, points: list, length, min_length, max_points: int, time_limit=None
 ) -> str:
     """Take steps along a curve until it ends, and return the reason for its end.
 
     `step(length)` appends to `points` and returns (length of the next step, reason for the end of
-    the curve or ""). After a ContinuationFailed it is repeated with half the length, if that is at
-    least `min_length`. `max_points` limits the number of points, `limit` the time.
+    the curve or ""). If it raises ContinuationFailed, it is repeated with half the length, as long
+    as that is at least `min_length`. `length` is the length of the first step. The curve also ends
+    with `max_points` points, or when the time of the `Limit` `time_limit` is over.
     """
-    limit = limit or Limit(None)
-    for _ in limit.each(with_bar("steps", iter(lambda: len(points) < max_points, False))):
+    time_limit = time_limit or Limit(None)
+    steps = iter(lambda: len(points) < max_points, False)  # endless until there are max_points
+    for _ in time_limit.each(with_bar("steps", steps)):
         try:
             length, end_reason = step(length)
         except ContinuationFailed as error:
@@ -124,24 +137,28 @@ def follow_curve(
             end_reason = str(error) if length < min_length else ""
         if end_reason:
             return end_reason
-    return "after max_points" if limit.complete else "after max_seconds"
+    return "after max_points" if time_limit.complete else "after max_seconds"
 
 
 def solve_at_value(problem: Any, first: np.ndarray, second: np.ndarray, value: float) -> Any:
-    """Return the solution at which the last unknown has a value.
+    """Return the solution on a curve at which the last unknown is equal to `value`.
 
-    `first` and `second` are unknowns on the curve on either side of it.
+    `first` and `second` are the unknowns, shape (n + 1,), at two points on or near the curve with a
+    smaller and a larger last unknown, in either order.
     """
     fraction = (value - first[-1]) / (second[-1] - first[-1])
     start = first + fraction * (second - first)
     start[-1] = value
-    return correct(problem, start, np.eye(first.size)[-1])[0]
+    # In a plane normal to the axis of the last unknown, corrections do not change it.
+    last_axis = np.eye(first.size)[-1]
+    return correct(problem, start, last_axis)[0]
 
 
 def difference_quotient(function: Callable, unknowns, index, step=_DIFFERENCE_STEP) -> Any:
-    """Return the derivative of a function of the unknowns with respect to one of them, by `index`.
+    """Return the finite difference quotient of `function(unknowns)` by the unknown number `index`.
 
-    It is a central difference, or one-sided if the function raises ValueError on one side.
+    It is a central difference with the given step, or one-sided if the function raises ValueError
+    on one side. The result has the shape of the function value.
     """
     positions, values = [], []
     for signed_step in (-step, step):
@@ -149,6 +166,7 @@ def difference_quotient(function: Callable, unknowns, index, step=_DIFFERENCE_ST
         try:
             values.append(function(shifted))
         except ValueError:
+            # The parameter is outside its range on this side.
             shifted = unknowns
             values.append(function(shifted))
         positions.append(shifted[index])
@@ -175,14 +193,15 @@ DimensionlessParameter = Annotated[
     ],
     CHOICE,
 ]
-#: Parameter -> attribute of models with its value, if the names differ.
+#: Parameter name -> name of the attribute of models that holds its value, if the names differ.
 _ATTRIBUTE_NAMES = {"damping": "damping_ratio", "backlash_damping": "backlash_damping_ratio"}
 
 
 def continuation_parameters(model: Any) -> dict:
-    """Return {name: CF attributes units and long_name} of the parameters for a continuation.
+    """Return the parameters in which orbits of a model can be continued, with CF attributes.
 
-    A model with one pair of gears, the `GearPair` `model.pair`, has all dimensionless ones.
+    The result is {name: {"units": ..., "long_name": ...}}. A model with a single pair of gears, the
+    `GearPair` in `model.pair`, has all `DIMENSIONLESS_PARAMETERS` besides its own.
     """
     parameters = (DIMENSIONLESS_PARAMETERS if model.pair else {}) | model.parameters
     return {
@@ -192,28 +211,32 @@ def continuation_parameters(model: Any) -> dict:
 
 
 def check_parameter(model: Any, name: str) -> str:
-    """Return a parameter name; raise ValueError if orbits cannot be continued in it."""
-    # A model with gears has a `GearPair`, `mesh`, or the names of the meshes of a train.
+    """Check that orbits of a model can be continued in the parameter `name`, and return the name.
+
+    Raise ValueError otherwise.
+    """
+    # A model with gears has a `GearPair` in `pair`, or is a train with the names of its meshes.
     allowed = "a GearPair, a OneDegreePair, a SixDegreePair or a GearTrain"
     has_gears = is_model(model) and (model.pair or model.mesh_names)
     checks.require(has_gears, "model", type(model).__name__, allowed)
     return checks.one_of("parameter", name, continuation_parameters(model))
 
 
-def start_and_goal(model: Any, tuning, name: str, goal, start_description) -> tuple:
-    """Return (value of a parameter, its checked value `goal` at the end of a continuation).
+def start_and_goal(model: Any, tuning, name: str, goal, owner: str) -> tuple:
+    """Return the values of the parameter `name` at both ends of a continuation, (start, goal).
 
-    Raise ValueError if they are equal or the model does not allow the goal; `start_description` is
-    the text for the first value in the message, such as "that of the orbit".
+    The continuation starts at the present value of a model or at its `tuning`. Raise ValueError if
+    the goal is equal to this value or is invalid for the model; the message refers to the present
+    value as that of `owner`, such as "the orbit".
     """
     start = value_of(model, tuning, name)
-    checks.require(goal != start, "to", goal, f"another {name} than {start_description}")
-    with_parameter(model, tuning, name, goal)  # raises the ValueError of the model
+    checks.require(goal != start, "to", goal, f"different from the {name} of {owner}")
+    with_parameter(model, tuning, name, goal)  # raises ValueError if the goal is invalid
     return start, goal
 
 
 def value_of(model: Any, tuning: float, name: str) -> float:
-    """Return the value of a parameter of a model, or its tuning for the name "tuning"."""
+    """Return the value of the parameter `name` of a model, or `tuning` for the name "tuning"."""
     if name == "tuning":
         return float(tuning)
     if name in model.parameters:
@@ -222,9 +245,9 @@ def value_of(model: Any, tuning: float, name: str) -> float:
 
 
 def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
-    """Return (model, tuning) with another value of the parameter `name`.
+    """Return copies (model, tuning) in which the parameter `name` has another value.
 
-    Raise ValueError if the value is invalid. All other dimensionless parameters are constant.
+    All other dimensionless parameters keep their values. Raise ValueError if the value is invalid.
     """
     if name == "tuning":
         return model, parameters.check(name, value, Positive)
@@ -242,7 +265,7 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
     if attribute in RATIOS:
         return model.replace(**ratio_fields(model, attribute, value)), tuning
     changed = model.replace(**{name: value})
-    # The largest stiffness changes, so that the mean stiffness is constant.
+    # The largest stiffness is adapted, so that the mean stiffness does not change.
     mean_ratio = mean_over_max(changed.contact_ratio, changed.stiffness_ratio)
     return changed.replace(max_stiffness=model.mean_stiffness / mean_ratio), tuning
 
@@ -250,14 +273,15 @@ def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
 def parameter_cases(model: Any, tuning: float | None, parameter: str, values: np.ndarray) -> list:
     """Return a list of (model, tuning), one for each value of a dimensionless parameter.
 
-    `tuning` must be None if it is the parameter; other parameters require a `GearPair`.
+    `values` has shape (k,). `tuning` must be None if the parameter is "tuning"; other parameters
+    require a `GearPair` and a tuning. Raise ValueError otherwise, or if a value is invalid.
     """
     if parameter == "tuning":
         checks.require(tuning is None, "tuning", tuning, "omitted if the tuning is varied")
         return [(model, check_tuning(f"values[{i}]", nu)) for i, nu in enumerate(values.tolist())]
     if tuning is None:
-        raise ValueError(f"tuning = None is not allowed: {parameter} is varied at one tuning")
-    if model.pair is not model:  # Only a `GearPair` is its own mesh.
+        raise ValueError(f"tuning = None is not allowed: it must be given if {parameter} is varied")
+    if model.pair is not model:  # Only a `GearPair` is its own `pair`.
         raise ValueError(
             f"parameter = {parameter!r} is not allowed for this {type(model).__name__}: it must be "
             "'tuning' unless the model is a GearPair"
