@@ -1,4 +1,5 @@
-"""Mesh of two gears: working angle, path of contact, contact ratio, backlash, interference.
+"""Two gears in mesh: working pressure angle, path of contact, contact ratio, backlash and
+interference.
 
 A position on the path of contact is the radius of curvature of the flank of the pinion in m; it is
 0 where the line of action touches the base circle of the pinion. The pinion drives. Contact begins
@@ -83,64 +84,91 @@ class GearStage:
     ] = None
 
     def __post_init__(self) -> None:
-        """Check that both gears fit together, and set default distance and backlash."""
+        """Check that both gears fit together, and set default centre distance and backlash."""
         self._check_gears()
-        lower = abs(self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)) / 2.0
+        base_diameter_sum = self._signed_sum(self.pinion.base_diameter, self.wheel.base_diameter)
+        min_distance = abs(base_diameter_sum) / 2.0
         if self.centre_distance is None:
-            object.__setattr__(self, "centre_distance", lower / math.cos(self._nominal_angle()))
-        allowed = f"finite and > {lower:.6g} m, where the base circles would have no line of action"
+            distance = min_distance / math.cos(self._nominal_angle())
+            object.__setattr__(self, "centre_distance", distance)
+        allowed = f"finite and > {min_distance:.6g} m, where the base circles would have no line of"
+        allowed += " action"
         distance = self.centre_distance
-        checks.require(lower < distance < math.inf, "centre_distance", distance, allowed)
+        checks.require(min_distance < distance < math.inf, "centre_distance", distance, allowed)
         self._check_interference()
         self._check_contact_ratio()
-        longest, is_long = self.longest_relief, self.contact_ratio >= 1.0
-        reason = "(eps_alpha - 1) p_bt, or single contact has no involute"
-        allowed = f"<= {longest:.6g} m, {reason if is_long else 'half of the path of contact'}"
-        for name in ("pinion", "wheel"):
-            relief = getattr(self, name).tip_relief
-            # The tolerance allows for the rounding error of a length that equals the longest.
-            valid = relief is None or relief.length <= longest * (1.0 + 1e-9)
-            field = f"{name}.tip_relief.length"
-            checks.require(valid, field, relief and relief.length, allowed)
+        self._check_relief_lengths()
         self._set_backlash()
 
+    def _check_relief_lengths(self) -> None:
+        """Raise ValueError if a tip relief is longer than `longest_relief`."""
+        reason = "half of the path of contact"
+        if self.contact_ratio >= 1.0:
+            reason = "(eps_alpha - 1) p_bt, or single contact has no involute"
+        allowed = f"<= {self.longest_relief:.6g} m, {reason}"
+        # The tolerance allows for the rounding error of a length that equals the longest.
+        max_length = self.longest_relief * (1.0 + 1e-9)
+        for name, gear in (("pinion", self.pinion), ("wheel", self.wheel)):
+            if gear.tip_relief is not None:
+                length = gear.tip_relief.length
+                checks.require(length <= max_length, f"{name}.tip_relief.length", length, allowed)
+
     def _signed_sum(self, pinion_value: float, wheel_value: float) -> float:
+        """Return the sum of the values of both gears, or their difference if one is internal."""
         return pinion_value + self.wheel.sign * wheel_value
 
     def _check_gears(self) -> None:
-        """Raise ValueError unless module and angles agree and only the larger gear is internal."""
+        """Raise ValueError unless the gears agree in module and angles and can form a stage.
+
+        Helix angles of an external mesh may also have opposite signs. The pinion must be external,
+        and an internal wheel must have more teeth than the pinion.
+        """
         pinion, wheel = self.pinion, self.wheel
         allowed = "False; the ring gear is the wheel"
         checks.require(not pinion.internal, "pinion.internal", True, allowed)
         for name in ("module", "pressure_angle", "helix_angle"):
-            value, wheel_value = getattr(pinion, name), getattr(wheel, name)
-            values, allowed = {value}, f"that of the pinion, {value!r}"
-            if name == "helix_angle" and value and not wheel.internal:
-                values, allowed = {value, -value}, f"{allowed}, or {-value!r}, of the opposite hand"
-            equal = any(math.isclose(wheel_value, v, rel_tol=1e-9, abs_tol=1e-12) for v in values)
-            checks.require(equal, f"wheel.{name}", wheel_value, allowed)
+            pinion_value, wheel_value = getattr(pinion, name), getattr(wheel, name)
+            allowed_values = [pinion_value]
+            allowed = f"that of the pinion, {pinion_value!r}"
+            if name == "helix_angle" and pinion_value and not wheel.internal:
+                allowed_values.append(-pinion_value)
+                allowed += f", or {-pinion_value!r}, of the opposite hand"
+            is_equal = any(
+                math.isclose(wheel_value, allowed_value, rel_tol=1e-9, abs_tol=1e-12)
+                for allowed_value in allowed_values
+            )
+            checks.require(is_equal, f"wheel.{name}", wheel_value, allowed)
         if wheel.internal:
             allowed = f"an integer >= {pinion.teeth + 1}"
             checks.require(wheel.teeth > pinion.teeth, "wheel.teeth", wheel.teeth, allowed)
 
     def _check_contact_ratio(self) -> None:
-        """Raise ValueError unless a pair of teeth is always in contact somewhere on the face."""
+        """Raise ValueError unless a pair of teeth is always in contact somewhere on the face.
+
+        Spur gears need a transverse contact ratio of at least 1; helical gears need only a total
+        contact ratio above 1, because the slices of their faces mesh one after another.
+        """
+        if self.contact_ratio >= 1.0:
+            return
         advice = "larger tip diameters or a smaller centre distance raise it"
-        name, ratio, allowed = "contact_ratio", self.contact_ratio, ">= 1"
-        valid = ratio >= 1.0
-        if self.overlap_ratio and not valid:
-            valid, allowed = ratio > 0.0, "> 0"
-            if valid:
-                name, ratio, allowed = "total_contact_ratio", self.total_contact_ratio, "> 1"
-                valid, advice = ratio > 1.0, f"{advice}, as does a larger width or helix angle"
-        checks.require(valid, name, float(f"{ratio:.4f}"), f"{allowed}; {advice}")
+        if self.overlap_ratio and self.contact_ratio > 0.0:
+            ratio = self.total_contact_ratio
+            allowed = f"> 1; {advice}, as does a larger width or helix angle"
+            checks.require(ratio > 1.0, "total_contact_ratio", float(f"{ratio:.4f}"), allowed)
+        else:
+            minimum = "> 0" if self.overlap_ratio else ">= 1"
+            ratio = float(f"{self.contact_ratio:.4f}")
+            raise checks.refusal("contact_ratio", ratio, f"{minimum}; {advice}")
 
     def _nominal_angle(self) -> float:
-        """Return the working pressure angle without backlash, rad; ISO 21771."""
-        teeth = self._signed_sum(self.pinion.teeth, self.wheel.teeth)
-        shifts = self.pinion.shift + self.wheel.shift
+        """Return the working pressure angle alpha_wt at which there is no backlash, rad.
+
+        inv(alpha_wt) = inv(alpha_t) + 2 tan(alpha_n) (x_1 + x_2) / (z_1 + z_2), ISO 21771.
+        """
+        tooth_sum = self._signed_sum(self.pinion.teeth, self.wheel.teeth)
+        shift_sum = self.pinion.shift + self.wheel.shift
         involute = inv(self.pinion.transverse_pressure_angle)
-        involute += 2.0 * math.tan(self.pinion.pressure_angle) * shifts / teeth
+        involute += 2.0 * math.tan(self.pinion.pressure_angle) * shift_sum / tooth_sum
         allowed = "such that the gears find a centre distance without backlash"
         checks.require(involute > 0.0, "wheel.shift", self.wheel.shift, allowed)
         return inverse_involute(involute)
@@ -148,7 +176,8 @@ class GearStage:
     def _check_interference(self) -> None:
         """Raise ValueError if a tip would touch the fillet, the root or a tip of the other gear."""
         pinion, wheel, (start, end) = self.pinion, self.wheel, self.path
-        # The tip of each gear ends the contact at a radius of curvature of the flank of its mate.
+        # Contact starts or ends at the tip of a gear. There the flank of its mate has the radius of
+        # curvature in the last column.
         end_contacts = (
             (wheel, "wheel", pinion, start),
             (pinion, "pinion", wheel, self.wheel_roll_length(end)),
@@ -156,6 +185,7 @@ class GearStage:
         for gear, name, mate, roll_length in end_contacts:
             base_radius, form_roll_length = mate.base_diameter / 2.0, mate.form_roll_length
             form_radius = math.hypot(form_roll_length, base_radius)
+            # The depth of contact below the circle where the involute of the mate begins.
             depth = mate.sign * (form_radius - math.hypot(roll_length, base_radius))
             checks.require(
                 roll_length >= 0.0 and depth <= _MAX_FILLET_CONTACT * mate.module,
@@ -184,10 +214,11 @@ class GearStage:
         """Return the bottom clearance between the tip of a gear and the root of its mate, m."""
         if not self.wheel.internal:
             return self.centre_distance - (gear.tip_diameter + mate.root_diameter) / 2.0
-        inner, outer = gear.tip_diameter, mate.root_diameter
         if gear.internal:
-            inner, outer = outer, inner
-        return (outer - inner) / 2.0 - self.centre_distance
+            ring_diameter, pinion_diameter = gear.tip_diameter, mate.root_diameter
+        else:
+            ring_diameter, pinion_diameter = mate.root_diameter, gear.tip_diameter
+        return (ring_diameter - pinion_diameter) / 2.0 - self.centre_distance
 
     @property
     def clearances(self) -> tuple[float, float]:
@@ -196,10 +227,16 @@ class GearStage:
         return self._clearance(pinion, wheel), self._clearance(wheel, pinion)
 
     def _tips_clear_each_other(self) -> bool:
-        """Return whether the tips of an internal mesh pass each other where their circles cross."""
+        """Return whether the tips of a pinion and its ring gear clear each other.
+
+        They could strike each other (tip interference) where their tip circles cross. The angles
+        are measured from the line of centres, around the axis of each gear.
+        """
         a, angle = self.centre_distance, self.working_pressure_angle
-        pinion_tip, ring_tip = self.pinion.tip_diameter / 2.0, self.wheel.tip_diameter / 2.0
-        # The angles from the line of centres to the crossing of both tip circles.
+        pinion_tip, ring_tip = (
+            self.pinion.tip_diameter / 2.0,
+            self.wheel.tip_diameter / 2.0,
+        )  # radii
         cosine = (ring_tip**2 - pinion_tip**2 - a**2) / (2.0 * a * pinion_tip)
         if abs(cosine) >= 1.0:
             return True  # The tip circles do not cross.
@@ -211,24 +248,31 @@ class GearStage:
         return ring_rotation + inv(angle) - inv(tip_angles[1]) >= ring_crossing
 
     def _set_backlash(self) -> None:
-        """Check the backlash, or set it to the value that the geometry of the gears leaves."""
+        """Check a given backlash, or set the backlash that the geometry of the gears leaves.
+
+        A backlash of 0 up to rounding becomes the recommended one, unless a tooth thickness
+        allowance is given.
+        """
         if self.backlash is not None:
             allowed = f"at most the base pitch, {self.base_pitch:.4g} m"
-            # If the value were right in um (values >= 1) or mm, the message suggests this unit.
+            # If the value would be valid in um (values >= 1) or mm, the message suggests this unit.
             example = "80 um" if self.backlash >= 1.0 else "0.08 mm"
-            in_geometry = Annotated[float, Le(self.base_pitch), Unit("m", example)]
-            allowed += parameters.unit_hint(self.backlash, in_geometry)
+            backlash_type = Annotated[float, Le(self.base_pitch), Unit("m", example)]
+            allowed += parameters.unit_hint(self.backlash, backlash_type)
             checks.require(self.backlash <= self.base_pitch, "backlash", self.backlash, allowed)
             return
-        # Pitch minus tooth thicknesses on the working circles, along the normal.
+        # The backlash is the pitch minus both tooth thicknesses on the working circles, along the
+        # normal.
         cosine, module = math.cos(self.working_pressure_angle), self.pinion.module
         gears = (self.pinion, self.wheel)
         thicknesses = sum(gear.thickness_at(gear.base_diameter / cosine) for gear in gears)
         backlash = math.pi * self.pinion.base_diameter / cosine / self.pinion.teeth - thicknesses
         backlash = backlash * cosine * math.cos(self.pinion.base_helix_angle)
         if abs(backlash) <= _MAX_ROUNDED_BACKLASH * module:
-            is_given = any(gear.thickness_allowance for gear in gears)
-            backlash = max(backlash, 0.0) if is_given else self.recommended_backlash
+            if any(gear.thickness_allowance for gear in gears):
+                backlash = max(backlash, 0.0)
+            else:
+                backlash = self.recommended_backlash
         allowed = ">= 0; shifts, allowances of the tooth thickness and centre_distance leave"
         allowed += " too little room"
         checks.require(backlash >= 0.0, "backlash", backlash, allowed)
@@ -236,7 +280,7 @@ class GearStage:
 
     @property
     def width(self) -> float:
-        """Common face width, m: the smaller of both."""
+        """Common face width, the smaller of both widths, m."""
         return min(self.pinion.width, self.wheel.width)
 
     @property
@@ -278,7 +322,10 @@ class GearStage:
 
     @property
     def longest_relief(self) -> float:
-        """Longest possible tip relief, (eps_alpha - 1) p_bt; half of the path below 1, m."""
+        """Length of the longest possible tip relief, m.
+
+        It is (eps_alpha - 1) p_bt, or half of the path of contact if eps_alpha is below 1.
+        """
         ratio = self.contact_ratio
         return (ratio - 1.0 if ratio >= 1.0 else ratio / 2.0) * self.base_pitch
 
@@ -296,7 +343,8 @@ class GearStage:
     def phase_of(self, position: float) -> float:
         """Return the mesh phase in [0, 2 pi) at which a pair of teeth touches at a position.
 
-        The position is on the path of contact, in m; for helical gears in the middle of the face.
+        `position` is a point of the path of contact, in m, in the middle of the face of helical
+        gears.
         """
         fraction = self.contact_ratio - math.floor(self.contact_ratio)
         pitches = (position - self.path[0]) / self.base_pitch
@@ -309,17 +357,25 @@ class GearStage:
 
     @property
     def pitch_errors(self) -> tuple[float, ...]:
-        """Pitch errors of successive pairs of teeth until the same teeth meet again, m."""
-        pinion, wheel = self.pinion.pitch_errors or (0.0,), self.wheel.pitch_errors or (0.0,)
-        count = math.lcm(len(pinion), len(wheel))
-        return tuple(pinion[i % len(pinion)] + wheel[i % len(wheel)] for i in range(count))
+        """Pitch errors of successive pairs of teeth until the same teeth meet again, m.
+
+        The pitch error of a pair is the sum of the errors of its two teeth.
+        """
+        pinion_errors = self.pinion.pitch_errors or (0.0,)
+        wheel_errors = self.wheel.pitch_errors or (0.0,)
+        pair_errors = []
+        for i in range(math.lcm(len(pinion_errors), len(wheel_errors))):
+            pinion_error = pinion_errors[i % len(pinion_errors)]
+            pair_errors.append(pinion_error + wheel_errors[i % len(wheel_errors)])
+        return tuple(pair_errors)
 
     @property
     def tooth_stiffness(self) -> str:
-        """Default stiffness of pairs of teeth: "energy", or "iso" where a bore is too large."""
-        gears = self.pinion, self.wheel
-        is_valid = all(gear.bore <= gear.root_diameter / MIN_ROOT_RATIO for gear in gears)
-        return "energy" if is_valid else "iso"
+        """Default method of the tooth stiffness: "energy", or "iso" if a bore is too large."""
+        for gear in (self.pinion, self.wheel):
+            if gear.bore > gear.root_diameter / MIN_ROOT_RATIO:
+                return "iso"
+        return "energy"
 
     @property
     def line_backlash(self) -> float:
@@ -336,7 +392,7 @@ class GearStage:
 
     @property
     def has_recommended_backlash(self) -> bool:
-        """Whether the backlash is the recommended one."""
+        """Whether the backlash equals `recommended_backlash`."""
         return self.backlash == self.recommended_backlash
 
     @property
@@ -346,7 +402,7 @@ class GearStage:
         return 1.0 / sum((gear.base_diameter / 2.0) ** 2 / gear.inertia for gear in gears)
 
     def load(self, torque: float) -> float:
-        """Return the force in N along the transverse line of action at a pinion torque in N m."""
+        """Return the force along the transverse line of action in N at a pinion torque in N m."""
         return torque / (self.pinion.base_diameter / 2.0)
 
     def tangential_force(self, torque: float) -> float:
@@ -360,7 +416,7 @@ class GearStage:
     def stiffness(self, method: Any = "iso", **options: Any) -> "MeshStiffness":
         """Return the mesh stiffness by a method: "iso", "energy" or a `Tabulated`.
 
-        Options are those of `gearlib.geometry.mesh_stiffness`, such as the torque in N m.
+        `options` are passed to `gearlib.geometry.mesh_stiffness`, such as the torque in N m.
         """
         # Imported here, because the checks of the geometry need no numpy.
         from gearlib.models.geometry.mesh_stiffness import mesh_stiffness
@@ -368,7 +424,7 @@ class GearStage:
         return mesh_stiffness(self, method, **options)
 
     def with_reliefs(self, pinion: TipRelief | None, wheel: TipRelief | None) -> "GearStage":
-        """Return a copy of the mesh with new tip reliefs of pinion and wheel; None removes one."""
+        """Return a copy of the stage with new tip reliefs of both gears; None: no tip relief."""
         return replace(
             self,
             pinion=replace(self.pinion, tip_relief=pinion),
@@ -381,8 +437,8 @@ class GearStage:
     ) -> Any:
         """Return the static transmission error and the load sharing of the gears under load.
 
-        The model is that of the module ``load_sharing`` in `gearlib.models.geometry`, with the tip
-        reliefs of the gears. Helical faces are divided into slices.
+        The module ``load_sharing`` in `gearlib.models.geometry` describes the model, which includes
+        the tip reliefs of the gears. Helical faces are divided into slices.
 
         Parameters
         ----------
@@ -395,14 +451,14 @@ class GearStage:
             6336-1, which is constant along the path; or a table in N/m.
         coupling : float, optional
             Fraction of the compliance of the gear bodies that all pairs have in common, from 0 to
-            1; by default what finite elements give. It has no effect if the stiffness is a table.
+            1; by default a fit to finite elements. It has no effect if the stiffness is a table.
         twist : bool, default True
             Whether the bodies of gears with bores twist about them; only for "energy".
         deviation : PathTable, optional
             Additional gap over the path of contact, m.
         pitch_errors : sequence of float, optional
-            Gaps of successive pairs of teeth, m, repeated periodically. By default those of the
-            gears.
+            Gaps of successive pairs of teeth, m, repeated periodically. By default the
+            `pitch_errors` of the stage.
 
         Returns
         -------
@@ -433,10 +489,12 @@ class GearStage:
     ) -> dict[str, float | None]:
         """Return the parameters of a `GearPair` with these gears as a dict, in SI units.
 
-        The load is the torque of the pinion in N m, or the power in W at the speed in rpm. Options
-        are the dampings and the stiffness of `GearPair.from_geometry`.
+        The load is the torque of the pinion in N m, or the power in W at the speed in rpm.
+        `options` are the arguments of `GearPair.from_geometry` for damping and stiffness.
         """
-        load_argument = ("torque", torque, "N m") if power is None else ("power", power, "W")
+        load_argument = ("power", power, "W")
+        if power is None:
+            load_argument = ("torque", torque, "N m")
         torque = torque_of(torque, power, speed)
         parameters = {
             **self._mesh_parameters(torque=torque, **options),
@@ -460,11 +518,11 @@ class GearStage:
         options: dict | None = None,
         **dampings: Any,
     ) -> dict[str, Any]:
-        """Return the parameters of a mesh of a train as a dict, in SI units.
+        """Return the parameters of a mesh in a gear train as a dict, in SI units.
 
-        Arguments are those of `gearlib.Mesh.from_geometry`; `torque` is that of the pinion in N m.
-        If the user gave another argument in place of the torque, `load_argument` is (its name, its
-        value, its physical unit), for error messages.
+        `gearlib.Mesh.from_geometry` describes the arguments; `torque` is the pinion torque in N m.
+        If the user gave another argument in place of the torque, `load_argument` is its (name,
+        value, physical unit), for error messages.
         """
         with_teeth = checks.one_of("model", model, TRAIN_MODELS) == "teeth"
         if torque is not None:
@@ -483,7 +541,7 @@ class GearStage:
 
             method = self.tooth_stiffness if stiffness is None else stiffness
             stiffness = checks.one_of("stiffness", method, ("energy", "iso"))
-        # Both flanks have the same stiffness.
+        # Drive-side and coast-side flanks have the same stiffness, so the sign does not matter.
         magnitude = None if torque is None else abs(torque)
         parameters = self._mesh_parameters(
             torque=magnitude,
@@ -495,7 +553,8 @@ class GearStage:
             load_argument = load_argument or ("torque", torque, "N m")
             mean_stiffness = self._checked_mean_stiffness(torque, parameters, *load_argument)
         if with_teeth:
-            pair_options = {k: v for k, v in (options or {}).items() if k in PAIR_OPTIONS}
+            options = options or {}
+            pair_options = {name: options[name] for name in PAIR_OPTIONS if name in options}
             load = self.load(magnitude)
             parameters |= {
                 "max_stiffness": mean_stiffness,
@@ -503,7 +562,7 @@ class GearStage:
                 "transmission_error": loaded_error(self, load, stiffness=stiffness, **pair_options),
             }
         angle = self.working_pressure_angle
-        thicknesses = []  # in pitches on the working circles
+        thicknesses = []  # tooth thicknesses over the pitch, on the working circles
         for gear in (self.pinion, self.wheel):
             diameter = gear.base_diameter / math.cos(angle)
             pitch = math.pi * diameter / gear.teeth
@@ -528,9 +587,11 @@ class GearStage:
     ) -> dict[str, float | None]:
         """Return the stiffness, backlash and damping of the mesh as a dict, in SI units.
 
-        `torque` is that of the pinion in N m. At most one of `damping_ratio`,
-        `logarithmic_decrement` and `material_damping`, in N s/m, sets the damping in contact.
-        `stiffness` is "iso", "energy" or a `Tabulated`, and `options` are those of this method.
+        `torque` is the pinion torque in N m. At most one of `damping_ratio`,
+        `logarithmic_decrement` and `material_damping`, in N s/m, sets the damping in contact;
+        without any, the material damping is None. `backlash_damping_ratio` is the damping ratio in
+        free flight. `stiffness` is "iso", "energy" or a `Tabulated`, and `options` is a dict of
+        options of this method, or None.
         """
         options = checks.options(options)
         # The stiffness of ISO 6336 needs no numpy, which `self.stiffness` loads.
@@ -547,9 +608,9 @@ class GearStage:
         }
         dampings = {name: value for name, value in dampings.items() if value is not None}
         if len(dampings) > 1:
-            first, *others = dampings
-            problem = f"and {' and '.join(others)} are not allowed together: it must be one of them"
-            raise checks.InputError(first, problem=problem)
+            name, *other_names = dampings
+            problem = f"and {' and '.join(other_names)} are not allowed together"
+            raise checks.InputError(name, problem=f"{problem}: it must be one of them")
         mass, damping = self.reduced_mass, None
         for name, value in dampings.items():
             damping = checked_damping(name, value, mean_stiffness, mass)
@@ -565,13 +626,15 @@ class GearStage:
         }
 
     def _checked_mean_stiffness(self, torque, parameters, name, value, unit) -> float:
-        """Return the mean stiffness, N/m, or raise ValueError if the load deflects teeth too far.
+        """Return the mean stiffness in N/m, or raise ValueError if the load deflects teeth too far.
 
-        `parameters` hold the rectangular stiffness of the mesh, and `torque`, in N m, is that of
-        the pinion. The message has the name, value and unit of the argument that sets the load.
+        `torque` is the pinion torque in N m, and `parameters` is a dict with the max_stiffness,
+        stiffness_ratio and contact_ratio of the mesh. `name`, `value` and `unit` describe the
+        argument that sets the load, for the error message.
         """
-        ratios = parameters["contact_ratio"], parameters["stiffness_ratio"]
-        mean_stiffness = parameters["max_stiffness"] * mean_over_max(*ratios)
+        contact_ratio, stiffness_ratio = parameters["contact_ratio"], parameters["stiffness_ratio"]
+        mean_stiffness = parameters["max_stiffness"]
+        mean_stiffness = mean_stiffness * mean_over_max(contact_ratio, stiffness_ratio)
         deflection = abs(self.load(torque)) / mean_stiffness
         deflection_ratio = deflection / (MAX_DEFLECTION * self.pinion.module)
         allowed = f"at most {abs(value) / (deflection_ratio or 1.0):.4g} {unit}"
@@ -580,27 +643,29 @@ class GearStage:
         return mean_stiffness
 
 
-def six_degree_parameters(mesh: GearStage) -> dict[str, Any]:
-    """Return base radii, inertias, masses, teeth and pitch phase of a mesh, in SI units.
+def six_degree_parameters(stage: GearStage) -> dict[str, Any]:
+    """Return the parameters of a `SixDegreePair` that follow from a gear stage, in SI units.
 
-    The keys are the names of parameters of a `SixDegreePair`; lists are of (pinion, wheel).
+    They are base radii, moments of inertia, masses, teeth and the pitch phase in rad; each list has
+    a value for (pinion, wheel).
     """
-    gears = mesh.pinion, mesh.wheel
+    gears = stage.pinion, stage.wheel
     return {
         "base_radii": [gear.base_diameter / 2.0 for gear in gears],
         "inertias": [gear.inertia for gear in gears],
         "masses": [gear.mass for gear in gears],
         "teeth": [gear.teeth for gear in gears],
-        "pitch_phase": mesh.pitch_phase,
+        "pitch_phase": stage.pitch_phase,
     }
 
 
 def checked_damping(name: str, value: float, stiffness: float, mass: float) -> float:
-    """Return the damping coefficient in N s/m of an oscillator for a damping parameter.
+    """Return the damping coefficient in N s/m that a damping parameter gives an oscillator.
 
-    `name` is "material_damping" or "backlash_damping", in N s/m, "logarithmic_decrement", or the
-    name of a damping ratio; `stiffness` is in N/m and `mass` in kg. Raises ValueError if the value
-    does not correspond to a damping ratio from 0 to below 1.
+    `name` says what `value` is: "material_damping" and "backlash_damping" are coefficients in
+    N s/m, "logarithmic_decrement" is a logarithmic decrement, and any other name means a damping
+    ratio. The oscillator has a `stiffness` in N/m and a `mass` in kg. Raises ValueError unless the
+    damping ratio is >= 0 and below 1.
     """
     critical_damping = damping_coefficient(1.0, stiffness, mass)
     if name in ("material_damping", "backlash_damping"):
@@ -631,4 +696,6 @@ def torque_of(torque: DrivingTorque | None, power: Power | None, speed: Speed | 
     if power is not None and speed is None:
         problem = "is missing: it must be given in rpm, where power is given"
         raise checks.InputError("speed", problem=problem)
-    return float(torque) if power is None else power / (math.tau / 60.0 * speed)
+    if power is None:
+        return float(torque)
+    return power / (math.tau / 60.0 * speed)

@@ -33,7 +33,7 @@ _MAIN_RANGE_END, _UPPER_RANGE_START = 1.15, 1.5  # limits of N
 _FIRST_QUALITY_WITHOUT_RELIEF = 6  # tip relief has no effect from this quality on
 #: Short names of the methods of the mesh stiffness.
 METHOD_NAMES = {"iso": "ISO 6336-1", "energy": "energy method", "table": "table"}
-#: Least ratio of root and bore for which the energy method has the compliance of the body.
+#: Smallest ratio of root and bore diameter for which the energy method knows the body compliance.
 MIN_ROOT_RATIO = 1.4
 
 
@@ -91,13 +91,19 @@ def iso_stiffness(
 def _iso_stiffness(
     stage: "GearStage", torque: float | None = None, application_factor: float = 1.0
 ) -> IsoStiffness:
-    """Return what `iso_stiffness` returns; only its mean needs a contact ratio of at least 1."""
+    """Return the mesh stiffness after ISO 6336-1 without checking the contact ratio.
+
+    `torque` is the pinion torque in N m or None, and `application_factor` is K_A. For a contact
+    ratio below 1 the `mean` of the result makes no sense, but its other fields hold.
+    """
     gears = (stage.pinion, stage.wheel)
     if not stage.wheel.internal:
         gears = sorted(gears, key=lambda gear: (gear.teeth, -gear.shift))
-    teeth = tuple(math.inf if gear.internal else gear.virtual_teeth for gear in gears)
-    (z1, z2), (x1, x2) = teeth, (gear.shift for gear in gears)
+    virtual_teeth = tuple(math.inf if gear.internal else gear.virtual_teeth for gear in gears)
+    z1, z2 = virtual_teeth
+    x1, x2 = (gear.shift for gear in gears)
     terms = (1.0, 1.0 / z1, 1.0 / z2, x1, x1 / z1, x2, x2 / z2, x1**2, x2**2)
+    # The flexibility q' is a polynomial in 1 / z_n and x of both gears.
     flexibility = sum(factor * term for factor, term in zip(_FLEXIBILITY, terms, strict=True))
     theoretical = 1.0 / flexibility
     angle_factor = 1.0 - 0.02 * (20.0 - math.degrees(stage.pinion.pressure_angle))
@@ -113,13 +119,13 @@ def _iso_stiffness(
         force = stage.tangential_force(torque) * application_factor / (stage.width * 1e3)  # N/mm
         single *= min(force / _FULL_STIFFNESS_FORCE, 1.0) ** 0.25
     mean = single * (0.75 * stage.contact_ratio + 0.25)
-    return IsoStiffness(teeth, theoretical, rack_factor, blank_factor, single, mean)
+    return IsoStiffness(virtual_teeth, theoretical, rack_factor, blank_factor, single, mean)
 
 
 def pair_stiffness(stage: "GearStage", **options: float | None) -> float:
     """Return the stiffness of one pair of teeth over the face width after ISO 6336-1, N/m.
 
-    Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
+    `options` are the `torque` in N m and the `application_factor`, see `iso_stiffness`.
     """
     # N/(mm um) is 1e9 N/m per m of face width.
     return _iso_stiffness(stage, **options).single * 1e9 * stage.width
@@ -128,16 +134,17 @@ def pair_stiffness(stage: "GearStage", **options: float | None) -> float:
 def iso_rectangle(stage: "GearStage", **options: float | None) -> tuple[float, float, float]:
     """Return the rectangular mesh stiffness after ISO 6336-1 as (C_max, kappa, epsilon).
 
-    C_max is the larger stiffness in N/m, kappa the smaller over the larger one, and epsilon - 1 the
-    fraction of the mesh period at C_max. The first pair of teeth has the stiffness c', each further
-    pair 0.75 c'. Helical gears have the extrema and the mean of the average over the face.
-    Options are `torque` in N m and `application_factor`, see `iso_stiffness`.
+    C_max is the larger stiffness in N/m, kappa the ratio of the smaller to the larger stiffness,
+    and epsilon - 1 the fraction of the mesh period with the stiffness C_max. The first pair of
+    teeth has the stiffness c', each further pair 0.75 c'. For helical gears the stiffness is
+    averaged over the face, and the rectangle has the extrema and the mean of this average.
+    `options` are the `torque` in N m and the `application_factor`, see `iso_stiffness`.
     """
     checks.check_known_parameters("stiffness 'iso'", options, ("torque", "application_factor"))
     single = iso_stiffness(stage, **options).single * 1e9 * stage.width
     fewer_pairs = math.floor(stage.contact_ratio)
     segment = stage.contact_ratio - fewer_pairs  # fraction of the period with one more pair
-    low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75
+    low, step = single * (0.25 + 0.75 * fewer_pairs), single * 0.75  # stiffnesses, N/m
     if not stage.overlap_ratio:
         return low + step, low / (low + step), 1.0 + segment
     # A face spans whole mesh periods and a remainder. The stiffness is largest when as much of the
@@ -157,13 +164,16 @@ def iso_rectangle(stage: "GearStage", **options: float | None) -> tuple[float, f
 def _blank_factor(gear: "SpurGear") -> float:
     """Return the gear blank factor C_R of ISO 6336-1 for a gear with a web, 1 for a solid disc.
 
-    C_R = 1 + ln(b_s / b) / (5 exp(s_R / (5 m_n))), with b_s / b >= 0.2 and s_R >= m_n.
+    C_R = 1 + ln(b_s / b) / (5 exp(s_R / (5 m_n))) with the thicknesses b_s of the web and s_R of
+    the rim, the face width b and the normal module m_n. Smaller ratios than b_s / b = 0.2 and
+    s_R / m_n = 1 count as these.
     """
     if gear.web is None:
         return 1.0
     width_ratio = max(gear.web.thickness / gear.width, 0.2)
-    rim = max((gear.root_diameter - gear.web.rim_diameter) / 2.0 / gear.module, 1.0)
-    return 1.0 + math.log(width_ratio) / (5.0 * math.exp(rim / 5.0))
+    rim_thickness = (gear.root_diameter - gear.web.rim_diameter) / 2.0
+    rim_ratio = max(rim_thickness / gear.module, 1.0)
+    return 1.0 + math.log(width_ratio) / (5.0 * math.exp(rim_ratio / 5.0))
 
 
 @dataclass(frozen=True)
@@ -267,7 +277,10 @@ def dynamic_factor(
 
 
 def _coefficients(contact_ratio: float) -> tuple[float, ...]:
-    """Return C_v1 ... C_v7 of ISO 6336-1, method B, for a total contact ratio."""
+    """Return the coefficients C_v1 ... C_v7 of the dynamic factor for a total contact ratio.
+
+    They weight the effects of pitch, profile form and tip relief in ISO 6336-1, method B.
+    """
     c_v7 = 1.0
     if contact_ratio <= 2.5:
         c_v7 = 0.125 * math.sin(math.pi * (max(contact_ratio, 1.5) - 2.0)) + 0.875
