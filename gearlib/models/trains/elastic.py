@@ -5,10 +5,10 @@ K would lose a mesh of 1 N/m beside a shaft of 1e17 N/m, so K and M are never fo
 
 * Free motions, F v = 0, follow from the directions of the springs alone, which are scaled by powers
   of 2 and eliminated. This does not round ratios of radii.
-* Natural frequencies are singular values of k^(1/2) F R^-1 with M = R^T R. Elimination with the
-  largest pivots and Jacobi's rotations from one side find the small ones to as many digits as the
-  large ones. Demmel, Gu, Eisenstat, Slapnicar, Veselic, Drmac: LinearModes Algebra Appl. 299 (1999)
-  21-80; Drmac, Veselic: SIAM J. Matrix Anal. Appl. 29 (2008) 1322-1342.
+* Natural frequencies are singular values of k^(1/2) F R^-1 with M = R^T R. Elimination with
+  complete pivoting and one-sided Jacobi rotations find small ones to as many digits as large ones.
+  Demmel, Gu, Eisenstat, Slapnicar, Veselic, Drmac: Linear Algebra Appl. 299 (1999) 21-80; Drmac,
+  Veselic: SIAM J. Matrix Anal. Appl. 29 (2008) 1322-1342.
 """
 
 from typing import NamedTuple
@@ -17,17 +17,16 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.linalg.lapack import dgejsv
 
-#: Smaller pivots of directions of size 1 are rounding errors of rounded angles and radii.
+#: Smaller pivots, relative to directions of size 1, come from rounded angles and radii.
 _MIN_PIVOT = 1e-6
-#: Smaller entries, over the largest of a direction, are a sine or cosine that should be 0.
+#: Entries below this fraction of the largest entry of a row are a sine or cosine that should be 0.
 _ROUNDED_ENTRY = 1e-13
-#: Softer springs, over the stiffest, carry less than the rounding error of the torques.
+#: Springs below this fraction of the stiffest carry less than the rounding error of the torques.
 _MIN_RELATIVE_STIFFNESS = 1e-18
-#: Passes that scale rows and columns; each halves the decades between their sizes.
+#: Number of passes that scale rows and columns; each halves the decades between their sizes.
 _SCALING_PASSES = 12
 
-
-#: Pair (row vectors of n coordinates, shape (s, n), stiffness or mass >= 0, shape (s,)).
+#: Springs or masses: (row vectors of n coordinates, (s, n), stiffnesses or masses >= 0, (s,)).
 Elements = tuple[np.ndarray, np.ndarray]
 
 
@@ -45,38 +44,43 @@ class LinearModes(NamedTuple):
 def free_motions_and_modes(springs: Elements, masses: Elements) -> LinearModes:
     """Return the free motions and natural modes of a system of springs and masses.
 
-    Springs and masses are each a pair: row vectors of the n coordinates, (s, n), and stiffnesses in
-    N/m or masses in kg, (s,).
+    Both arguments are pairs (rows, values): the elongation of spring i, or the velocity of mass i,
+    is rows[i] times the n coordinates or their rates, rows of shape (s, n), and values[i] is its
+    stiffness in N/m or its mass in kg.
     """
-    rows, stiffness, significant = _without_negligible(springs, _MIN_RELATIVE_STIFFNESS)
-    free = _null_space(rows)
+    spring_rows, stiffness, is_significant = _without_negligible(springs, _MIN_RELATIVE_STIFFNESS)
+    free_motions = _null_space(spring_rows)
+    coordinate_count, free_count = free_motions.shape
+    rank = coordinate_count - free_count
     mass_rows, mass_values, _ = _without_negligible(masses, 0.0)
-    weighted = np.sqrt(mass_values)[:, None] * mass_rows
-    root = np.empty((free.shape[0], free.shape[0]))
-    triangle, order = qr(weighted, mode="r", pivoting=True)
+    weighted_rows = np.sqrt(mass_values)[:, None] * mass_rows
     # The coordinates z with q = root z have unit mass.
-    root[order] = solve_triangular(triangle[: len(root)], np.eye(len(root)))
-    rank = rows.shape[1] - free.shape[1]
-    frequencies, left, right = _singular_values(np.sqrt(stiffness)[:, None] * (rows @ root), rank)
+    root = np.empty((coordinate_count, coordinate_count))
+    triangle, order = qr(weighted_rows, mode="r", pivoting=True)
+    root[order] = solve_triangular(triangle[:coordinate_count], np.eye(coordinate_count))
+    weighted_springs = np.sqrt(stiffness)[:, None] * (spring_rows @ root)
+    frequencies, left, right = _singular_values(weighted_springs, rank)
     # This triangular factor makes the free motions orthonormal with respect to the mass.
-    (factor,) = qr(weighted @ free, mode="r")
-    factor = factor[: free.shape[1]] * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None]
-    free = solve_triangular(factor, free.T, trans="T").T
+    (factor,) = qr(weighted_rows @ free_motions, mode="r")
+    factor = factor[:free_count] * np.where(np.diagonal(factor) < 0.0, -1.0, 1.0)[:, None]
+    free_motions = solve_triangular(factor, free_motions.T, trans="T").T
     shapes = root @ right
-    # The first large entry of each shape is positive. If several components are largest, rounding
-    # errors would choose among them.
+    # The first entry of at least half the largest size is positive. The sign of the largest entry
+    # would depend on rounding errors where several entries are equally large.
     sizes = np.abs(shapes)
-    first = np.argmax(sizes >= 0.5 * sizes.max(axis=0, initial=0.0), axis=0)
-    signs = np.where(shapes[first, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
-    strains = np.zeros((significant.size, rank))
-    strains[significant] = left * signs
-    return LinearModes(free, frequencies**2, shapes * signs, strains)
+    sign_rows = np.argmax(sizes >= 0.5 * sizes.max(axis=0, initial=0.0), axis=0)
+    signs = np.where(shapes[sign_rows, np.arange(shapes.shape[1])] < 0.0, -1.0, 1.0)
+    strains = np.zeros((is_significant.size, rank))
+    strains[is_significant] = left * signs
+    return LinearModes(free_motions, frequencies**2, shapes * signs, strains)
 
 
 def _without_negligible(elements, min_fraction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (rows, values, mask) of the springs or masses that are not negligible.
+    """Return the springs or masses that are not negligible as (rows, values, mask).
 
-    An element is negligible if it is smaller than a fraction of the largest one.
+    `elements` is a pair (rows, values) as in `free_motions_and_modes`. An element is negligible if
+    it is at most `min_fraction` times the largest one; `mask`, shape (s,), is True for the others.
+    Entries of a row that should be 0 are set to 0.
     """
     rows, values = elements
     sizes = np.abs(rows)
@@ -90,9 +94,9 @@ def _without_negligible(elements, min_fraction) -> tuple[np.ndarray, np.ndarray,
 def _complete_pivoting(matrix, max_pivots, min_pivot=0.0):
     """Factor a matrix by elimination with complete pivoting.
 
-    It ends after `max_pivots` pivots or when they are not larger than `min_pivot`. Returns (left,
-    pivots, right, columns of the pivots) with matrix = left diag(pivots) right up to the remainder.
-    The entries of left and right are at most 1.
+    The elimination stops after `max_pivots` pivots, or when no larger pivot than `min_pivot` is
+    left. Returns (left, pivots, right, columns) with matrix = left diag(pivots) right up to the
+    remainder; `columns` lists the column of each pivot. No entry of left and right exceeds 1.
     """
     remaining = matrix.copy()
     left, pivots, right, columns = [], [], [], []
@@ -113,7 +117,7 @@ def _complete_pivoting(matrix, max_pivots, min_pivot=0.0):
 
 
 def _null_space(rows: np.ndarray) -> np.ndarray:
-    """Return a basis, shape (n, k), of the vectors that all row vectors, (s, n), map to 0."""
+    """Return a basis of the null space of `rows`, (s, n), as the columns of an (n, k) array."""
     n = rows.shape[1]
     scaled, weights = rows.copy(), np.ones(n)
     for _ in range(_SCALING_PASSES):
@@ -127,31 +131,33 @@ def _null_space(rows: np.ndarray) -> np.ndarray:
     _, _, right, pivot_columns = _complete_pivoting(scaled, n, _MIN_PIVOT)
     free_columns = [j for j in range(n) if j not in pivot_columns]
     basis = np.eye(n)[:, free_columns]
-    # Back substitution: the row of a pivot column is 0 until its step.
-    for row, j in zip(right[::-1], pivot_columns[::-1], strict=True):
-        basis[j] = -(row @ basis)
+    # In back substitution basis[j] is still 0 when its pivot row is multiplied by the basis.
+    for pivot_row, j in zip(right[::-1], pivot_columns[::-1], strict=True):
+        basis[j] = -(pivot_row @ basis)
     return weights[:, None] * basis
 
 
 def _balancing_powers(sizes: np.ndarray) -> np.ndarray:
-    """Return the powers of 2 nearest to 1 / sqrt(sizes), or 1 where a size is 0."""
+    """Return the power of 2 nearest to 1 / sqrt(size) for each of the sizes, or 1 if it is 0."""
     with np.errstate(divide="ignore"):
         exponent = np.where(sizes > 0.0, np.log2(sizes), 0.0)
     return np.exp2(-np.rint(exponent / 2.0))
 
 
 def _singular_values(matrix: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (ascending singular values, left vectors, right vectors) of a matrix of known rank.
+    """Return the nonzero singular values of a matrix of known rank, and their vectors.
 
-    Jacobi rotations find small singular values as exactly as large ones, because the columns after
-    complete pivoting are far from parallel.
+    The result is (values, left vectors, right vectors) with ascending values and one vector per
+    column. Jacobi rotations find small singular values to as many digits as large ones, because
+    complete pivoting leaves columns that are far from parallel.
     """
     left, pivots, right, _ = _complete_pivoting(matrix, rank)
     orthogonal, triangle, order = qr(left * pivots, mode="economic", pivoting=True)
     factor = (triangle @ right[order]).T
     if not factor.size:
         return np.empty(0), orthogonal @ np.empty((0, 0)), np.empty((len(factor), 0))
-    # Compute both kinds of vectors, without restricted range, transposition or perturbation.
+    # LAPACK computes both kinds of vectors, without restricted range, transposition or
+    # perturbation. The factor is transposed, so that its left vectors are our right ones.
     values, right, left, scale, _, info = dgejsv(
         factor, joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
     )

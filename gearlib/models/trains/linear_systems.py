@@ -17,7 +17,7 @@ _AXES = ("x", "y", "rotation")
 def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpace:
     """Return the linear state space of a train about its loaded state, in SI units.
 
-    All flanks touch with their mean stiffness; states are the coordinates and their rates.
+    All flanks are in contact at mean stiffness; the states are the coordinates and their rates.
 
     Parameters
     ----------
@@ -25,16 +25,17 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
         The gears; every mesh must have a damping.
     inputs : sequence of str, optional
         Forces, "x of sun", "y of sun" (N), or torques, "rotation of sun" (N m); by default the
-        torques on all bodies. Of given matrices also the name of a coordinate.
+        torques on all bodies. A train made by `GearTrain.from_matrices` also takes the names of its
+        coordinates.
     outputs : sequence of str, optional
-        "displacement", "velocity" or "acceleration" followed by one of these, as in "acceleration x
-        of sun" (m or rad, by s and s^2); "mesh force of sun 1" (N); "bearing force x of sun" (N).
-        By default all mesh forces.
+        "displacement", "velocity" or "acceleration" followed by the name of an input, as in
+        "acceleration x of sun" (m or rad, per s or s^2); "mesh force of sun 1" (N); "bearing force
+        x of sun" (N). By default all mesh forces.
 
     Returns
     -------
     scipy.signal.StateSpace
-        A, B, C and D; its attributes ``input_names`` and ``output_names`` are these names.
+        A, B, C and D; its attributes ``input_names`` and ``output_names`` hold the names.
 
     Raises
     ------
@@ -45,39 +46,41 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
     structure = train.structure
     damping = total_damping(train)
     checks.require(damping is not None, "material_damping", None, "given for every mesh")
-    stiffness, inverse = mean_stiffness_matrix(train), np.linalg.inv(structure.mass)
+    stiffness = mean_stiffness_matrix(train)
+    inverse_mass = np.linalg.inv(structure.mass)
     n = len(stiffness)
     a = np.zeros((2 * n, 2 * n))
     a[:n, n:] = np.eye(n)
-    a[n:] = np.hstack([-inverse @ stiffness, -inverse @ damping])
-    rows = _motion_rows(train)
-    torques = [f"rotation of {name}" for name in train.body_names]
-    inputs = torques if inputs is None else list(inputs)
-    forces = [f"mesh force of {name}" for name in train.mesh_names]
-    outputs = forces if outputs is None else list(outputs)
+    a[n:] = np.hstack([-inverse_mass @ stiffness, -inverse_mass @ damping])
+    motion_rows = _motion_rows(train)
+    if inputs is None:
+        inputs = [f"rotation of {name}" for name in train.body_names]
+    mesh_force_names = [f"mesh force of {name}" for name in train.mesh_names]
+    inputs = list(inputs)
+    outputs = mesh_force_names if outputs is None else list(outputs)
     for name in inputs:
-        checks.one_of("inputs", name, list(rows))
-    b = np.vstack([np.zeros((n, len(inputs))), inverse @ np.array([rows[x] for x in inputs]).T])
+        checks.one_of("inputs", name, list(motion_rows))
+    input_rows = np.array([motion_rows[name] for name in inputs])
+    b = np.vstack([np.zeros((n, len(inputs))), inverse_mass @ input_rows.T])
     c, d = np.zeros((len(outputs), 2 * n)), np.zeros((len(outputs), len(inputs)))
     for i, name in enumerate(outputs):
-        kind, _, place = name.partition(" ")
-        if name in forces:
-            j = forces.index(name)
+        quantity, _, motion = name.partition(" ")
+        if name in mesh_force_names:
+            j = mesh_force_names.index(name)
             mesh, line = train.meshes[j], structure.lines[j]
             c[i] = np.concatenate([mesh.mean_stiffness * line, mesh.known_damping * line])
         elif name.startswith("bearing force "):
-            c[i] = _bearing_force(train, name.removeprefix("bearing force "))
-        elif kind in ("displacement", "velocity", "acceleration") and place in rows:
-            row = rows[place]
-            if kind == "acceleration":
-                c[i], d[i] = row @ a[n:], row @ b[n:]
-            else:
-                half = slice(0, n) if kind == "displacement" else slice(n, 2 * n)
-                c[i, half] = row
+            c[i] = _bearing_force_row(train, name.removeprefix("bearing force "))
+        elif quantity == "displacement" and motion in motion_rows:
+            c[i, :n] = motion_rows[motion]
+        elif quantity == "velocity" and motion in motion_rows:
+            c[i, n:] = motion_rows[motion]
+        elif quantity == "acceleration" and motion in motion_rows:
+            c[i], d[i] = motion_rows[motion] @ a[n:], motion_rows[motion] @ b[n:]
         else:
             allowed = (
                 "displacement, velocity or acceleration and a motion, such as rotation of "
-                f"{train.body_names[0]}, or {forces[0]}, or a bearing force"
+                f"{train.body_names[0]}, or {mesh_force_names[0]}, or a bearing force"
             )
             raise checks.refusal("outputs", name, allowed)
     system = StateSpace(a, b, c, d)
@@ -86,7 +89,10 @@ def state_space(model: Any, inputs: Any = None, outputs: Any = None) -> StateSpa
 
 
 def _motion_rows(train: Any) -> dict[str, np.ndarray]:
-    """Return the row vector of each motion by its name; rotations in rad."""
+    """Return the row vectors that map the coordinates to each motion: name -> shape (n,).
+
+    Motions are named as in "x of sun"; displacements are in m, rotations in rad.
+    """
     rows = {}
     for body, motions in zip(train.bodies, train.structure.motions, strict=True):
         for axis, row in zip(_AXES, motions, strict=True):
@@ -98,29 +104,34 @@ def _motion_rows(train: Any) -> dict[str, np.ndarray]:
     return rows
 
 
-def _bearing_force(train: Any, name: str) -> np.ndarray:
-    """Return the row of the force of an elastic support on the states, for "x of sun"."""
-    axis, _, owner = name.partition(" of ")
-    checks.one_of("bearing force of", owner, train.body_names)
-    checks.one_of(f"bearing force of {owner} along", axis, ("x", "y"))
-    body, i = train.by_name[owner], "xy".index(axis)
+def _bearing_force_row(train: Any, motion: str) -> np.ndarray:
+    """Return the row vector that maps the states to the force of a body on its elastic support.
+
+    `motion` names the direction and the body, as in "x of sun". The row has 2 n entries, and the
+    force is in N. Raises ValueError if the body has no such support.
+    """
+    axis, _, body_name = motion.partition(" of ")
+    checks.one_of("bearing force of", body_name, train.body_names)
+    checks.one_of(f"bearing force of {body_name} along", axis, ("x", "y"))
+    body, i = train.by_name[body_name], "xy".index(axis)
     stiffness, damping = body.support_stiffness[i], body.support_damping[i]
     allowed = "a body with an elastic support, which is not on a carrier"
-    valid = math.isfinite(stiffness) and stiffness > 0.0 and body.carrier is None
-    checks.require(valid and train.matrices is None, "bearing force of", owner, allowed)
-    row = train.structure.motions[train.body_names.index(owner), i]
+    is_elastic = math.isfinite(stiffness) and stiffness > 0.0
+    valid = is_elastic and body.carrier is None and train.matrices is None
+    checks.require(valid, "bearing force of", body_name, allowed)
+    row = train.structure.motions[train.body_names.index(body_name), i]
     return np.concatenate([stiffness * row, damping * row])
 
 
 def frequency_response(system: StateSpace, frequencies: Any) -> xr.Dataset:
-    """Return the frequency response of a state space, C (i omega - A)^-1 B + D.
+    """Return the frequency response of a state space, C (i omega I - A)^-1 B + D.
 
     Parameters
     ----------
     system : scipy.signal.StateSpace
-        System, such as that of `GearTrain.state_space`.
+        State space, such as the result of `GearTrain.state_space`.
     frequencies : array-like
-        Frequencies, Hz.
+        Frequencies omega / (2 pi), Hz.
 
     Returns
     -------
@@ -130,26 +141,28 @@ def frequency_response(system: StateSpace, frequencies: Any) -> xr.Dataset:
     Raises
     ------
     ValueError
-        If `system` is no state space.
+        If `system` is not a `scipy.signal.StateSpace`.
     """
-    valid, allowed = isinstance(system, StateSpace), "a scipy.signal.StateSpace"
-    checks.require(valid, "system", system, allowed)
+    allowed = "a scipy.signal.StateSpace"
+    checks.require(isinstance(system, StateSpace), "system", system, allowed)
     frequencies = np.atleast_1d(np.asarray(frequencies, float))
     identity = np.eye(len(system.A))
-    values = np.array(
-        [
-            system.C @ np.linalg.solve(2j * math.pi * f * identity - system.A, system.B) + system.D
-            for f in frequencies
-        ]
-    )
-    outputs, inputs = (
-        list(getattr(system, f"{kind}_names", map(str, range(count))))
-        for kind, count in (("output", len(system.C)), ("input", system.B.shape[1]))
-    )
+    responses = []
+    for frequency in frequencies:
+        state_response = np.linalg.solve(2j * math.pi * frequency * identity - system.A, system.B)
+        responses.append(system.C @ state_response + system.D)
+    response = np.array(responses)
+    # A state space that was not made by `state_space` has no names; numbers replace them.
+    output_numbers = [str(i) for i in range(len(system.C))]
+    input_numbers = [str(i) for i in range(system.B.shape[1])]
     dims = "frequency", "output", "input"
     data = {
-        "response_amplitude": (dims, np.abs(values)),
-        "response_phase": (dims, np.angle(values)),
+        "response_amplitude": (dims, np.abs(response)),
+        "response_phase": (dims, np.angle(response)),
     }
-    coords = {"frequency": frequencies, "output": outputs, "input": inputs}
+    coords = {
+        "frequency": frequencies,
+        "output": list(getattr(system, "output_names", output_numbers)),
+        "input": list(getattr(system, "input_names", input_numbers)),
+    }
     return describe(xr.Dataset(data, coords, {"title": "Frequency response of a gear train"}))
