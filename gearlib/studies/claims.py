@@ -132,7 +132,10 @@ def printed_tunings(data: Data) -> tuple[bool, str]:
     tolerance = 0.5001e-4
     differences = np.subtract([*printed.values()], [*computed.values()])
     holds = bool((np.abs(differences) <= tolerance).all())
-    texts = [f"{nu:g}: {nu_max:.5f}, {nu_min:.5f}" for nu, (nu_max, nu_min) in computed.items()]
+    texts = [
+        f"nu = {nu:g}: nu_max {nu_max:.5f}, nu_min {nu_min:.5f}"
+        for nu, (nu_max, nu_min) in computed.items()
+    ]
     return holds, "; ".join(texts)
 
 
@@ -145,7 +148,7 @@ def printed_damping_ratios(data: Data) -> tuple[bool, str]:
     printed = {3950.0: (0.062, 0.5e-3), 4000.0: (0.0624, 0.5e-4), 40.0: (0.000624, 0.5e-6)}
     computed = {k: data.pair.replace(material_damping=k).damping_ratio for k in printed}
     holds = all(abs(computed[k] - ratio) <= tolerance for k, (ratio, tolerance) in printed.items())
-    return holds, "; ".join(f"{k:g} N s/m: {ratio:.6g}" for k, ratio in computed.items())
+    return holds, "; ".join(f"k1 = {k:g} N s/m: beta {ratio:.6g}" for k, ratio in computed.items())
 
 
 #: Smaller phase shifts, degrees, are within the line width of a printed time history.
@@ -159,9 +162,11 @@ def phase_shift(data: Data) -> tuple[bool, str]:
     if lag.size < 2 or lag.isnull().any():
         raise NoData("fewer than two dampings have an orbit of one mesh period")
     pairs = zip(lag.damping.values, lag.values, strict=True)
-    text = ", ".join(f"k1 = {damping:g} N s/m: {degrees:.3f}" for damping, degrees in pairs)
+    text = " and ".join(
+        f"{degrees:.3f} degrees at k1 = {damping:g} N s/m" for damping, degrees in pairs
+    )
     tuning, shift = float(data.phase_lag.shown_tuning), float(lag.max() - lag.min())
-    return shift > VISIBLE_SHIFT, f"lag of the first harmonic at nu = {tuning:g}, degrees: {text}"
+    return shift > VISIBLE_SHIFT, f"at nu = {tuning:g} the first harmonic of y lags C by {text}"
 
 
 #: Centre and half width of the paper's "small region" of tunings; it states only "near 0.66".
@@ -195,7 +200,7 @@ def undamped_contact_below_resonance(data: Data) -> tuple[bool, str]:
     holds = bool(is_lost[in_region].any() and not is_lost[~in_region].any())
     # The range ends before 0.8, because the next statement judges where bounces begin.
     intervals = interval_text(tuning, is_lost)
-    return holds, f"below {0.8 - PLOT_RESOLUTION:g}: contact lost at {intervals}"
+    return holds, f"below nu = {0.8 - PLOT_RESOLUTION:g} contact is lost at {intervals}"
 
 
 def fraction_text(fraction: float) -> str:
@@ -221,15 +226,17 @@ def undamped_chaos_in_resonance(data: Data) -> tuple[bool, str]:
     first = tuning[is_lost][0] if is_lost.any() else np.nan
     above = tuning >= first
     fractions = {
-        "contact lost": is_lost[above].mean(),
-        "inverse mesh": (curve.fraction_coast.values[above] > 0).mean(),
-        "unsteady": (curve.period.values[above] == 0).mean(),
+        "contact is lost": is_lost[above].mean(),
+        "coast-side contact occurs": (curve.fraction_coast.values[above] > 0).mean(),
+        "the motion is unsteady": (curve.period.values[above] == 0).mean(),
     }
     # Every tuning must have bounces, most of them coast-side contact and chaotic motion.
-    holds = abs(first - 0.8) <= PLOT_RESOLUTION and fractions["contact lost"] == 1.0
-    holds &= fractions["inverse mesh"] > 0.5 and fractions["unsteady"] > 0.5
-    text = ", ".join(f"{name}: {fraction_text(value)}" for name, value in fractions.items())
-    return bool(holds), f"bounces begin at {first:.4g}; of the tunings from there to 1.12: {text}"
+    holds = abs(first - 0.8) <= PLOT_RESOLUTION and fractions["contact is lost"] == 1.0
+    holds &= fractions["coast-side contact occurs"] > 0.5
+    holds &= fractions["the motion is unsteady"] > 0.5
+    texts = [f"{event} at {fraction_text(value)}" for event, value in fractions.items()]
+    text = f"contact losses begin at nu = {first:.4g}; of the tunings from there to 1.12, "
+    return bool(holds), text + ", ".join(texts)
 
 
 @_statement(
@@ -250,9 +257,10 @@ def damped_contact_loss_range(data: Data) -> tuple[bool, str]:
         limits = tuning[is_lost][[0, -1]] if is_lost.any() else np.full(2, np.nan)
         holds &= (np.abs(limits - (0.8, 1.12)) <= 2 * PLOT_RESOLUTION).all()
         holds &= not inverse
-        text = f"{name}: {interval_text(tuning, is_lost)}, inverse mesh "
-        texts.append(text + ("yes" if inverse else "no"))
-    return bool(holds), "contact lost at " + "; ".join(texts)
+        side = "with" if inverse else "without"
+        intervals = interval_text(tuning, is_lost)
+        texts.append(f"with {name} at {intervals}, {side} coast-side contact")
+    return bool(holds), "contact is lost " + "; ".join(texts)
 
 
 @_statement(
@@ -270,8 +278,10 @@ def contact_loss_above_resonance(data: Data) -> tuple[bool, str]:
     curves = {name: data.curve(name, lowest, highest) for name in damped}
     lost_fractions = {name: float(loses_contact(curves[name]).mean()) for name in damped}
     holds = all((fraction > 0) == (name in with_oil) for name, fraction in lost_fractions.items())
-    text = ", ".join(f"{name} {100 * value:.0f} %" for name, value in lost_fractions.items())
-    return holds, f"tunings above {lowest:g} with contact lost: {text}"
+    text = ", ".join(
+        f"at {100 * value:.0f} % of them with {name}" for name, value in lost_fractions.items()
+    )
+    return holds, f"of the tunings above {lowest:g}, contact is lost {text}"
 
 
 @_statement("P8", "contact ratio 1.1: mesh mostly at C_min; 1.9: mostly at C_max", "Fig. 4")
@@ -281,7 +291,7 @@ def contact_ratios(data: Data) -> tuple[bool, str]:
     low_fractions = scene.fraction_min_stiffness.values  # of time in mesh at C_min, by case
     high_fractions = (scene.fraction_drive + scene.fraction_coast).values - low_fractions
     text = "; ".join(
-        f"{title}: {100 * low:.0f} % in mesh at C_min, {100 * high:.0f} % at C_max"
+        f"{title}: in contact {100 * low:.0f} % of the time at C_min, {100 * high:.0f} % at C_max"
         for title, low, high in zip(scene.case.values, low_fractions, high_fractions, strict=True)
     )
     return bool(low_fractions[0] > 0.5 and high_fractions[1] > 0.5), text
@@ -312,7 +322,11 @@ def undamped_phase_planes(data: Data) -> tuple:
     holds = bool(unsteady.all())
     holds &= tunings[is_lost].tolist() == [0.66, 0.80, 0.81, 0.82]
     holds &= tunings[inverse].tolist() == [0.81, 0.82]
-    conditions = {"unsteady": unsteady, "bounces": is_lost, "inverse mesh": inverse}
+    conditions = {
+        "unsteady": unsteady,
+        "contact lost": is_lost,
+        "coast-side contact": inverse,
+    }
     texts = [f"{motion} at {tunings_text(tunings[mask])}" for motion, mask in conditions.items()]
     return holds, "; ".join(texts), _strict_difference({name: (planes, unsteady)})
 
@@ -339,12 +353,12 @@ def damped_phase_planes(data: Data) -> tuple:
         planes_by_damping[name] = planes, unsteady
         holds &= tunings[unsteady].tolist() == expected[name]
         cases = ", ".join(
-            f"{tunings[i]:.2f} ({spreads[i]:.1g}, {describe_settling(planes.isel(tuning=i))})"
+            f"{tunings[i]:.2f} (periods differ by {spreads[i]:.1g} of the height, "
+            f"{describe_settling(planes.isel(tuning=i))})"
             for i in np.flatnonzero(unsteady)
         )
-        texts.append(f"{name} unsteady at {cases or 'none'}")
-    text = "; ".join(texts) + " (in brackets: how far mesh periods lie apart, over the height)"
-    return holds, text, _strict_difference(planes_by_damping)
+        texts.append(f"{name}: unsteady at {cases}" if cases else f"{name}: steady at all tunings")
+    return holds, "; ".join(texts), _strict_difference(planes_by_damping)
 
 
 def _spreads(planes: xr.Dataset) -> np.ndarray:
@@ -368,8 +382,8 @@ def _strict_difference(planes_by_damping: dict[str, tuple[xr.Dataset, np.ndarray
             text = f"repeats after {period} periods"
             if not period:
                 change = min(_changes_by_period(plane), default=np.nan)
-                text = f"changes by {change:.1g} of its height per orbit"
-            differences.append(f"{name} at {float(plane.tuning):.2f} {text}")
+                text = f"changes by {change:.1g} of its height from orbit to orbit"
+            differences.append(f"the motion with {name} at nu = {float(plane.tuning):.2f} {text}")
     return ", ".join(differences)
 
 
@@ -410,7 +424,8 @@ def two_tunings(data: Data) -> tuple[bool, str]:
     if not all(np.isclose(tuning, nu, rtol=0.0, atol=1e-9).any() for nu in FIG6_TUNINGS):
         first, second = FIG6_TUNINGS
         raise NoData(f"no scene fig6 with tunings {first:g} and {second:g} is configured")
-    text = ", ".join(f"{nu:g}: y_min {-d:.4g}" for nu, d in zip(tuning, depth, strict=True))
+    depths = ", ".join(f"{-d:.4g} at nu = {nu:g}" for nu, d in zip(tuning, depth, strict=True))
+    text = f"the least displacement is {depths}"
     # Large bounces are at least three times as deep as small ones.
     small, large = sorted(depth[abs(tuning - nu).argmin()] for nu in FIG6_TUNINGS)
     return bool(small > 0.0 and large > 3.0 * small), text + jump_description(data)
@@ -424,15 +439,17 @@ def jump_description(data: Data) -> str:
     jumps = data.jump
     reference_tuning = float(jumps.jump[0])  # the first entry is the run without variations
     if not np.isfinite(reference_tuning):
-        return "; no jump from rest in the scan"
+        return "; the motion from rest does not jump in the scan"
     lower, upper = FIG6_TUNINGS
     lowest = reference_tuning + jumps.shift_low.values
     highest = reference_tuning + jumps.shift_high.values
     between = (lowest >= lower) & (highest <= upper)
     variations = zip(jumps.kind.values[between], jumps.value.values[between], strict=True)
-    texts = ", ".join(f"{kind} {value:g}" for kind, value in variations) or "no variation"
-    location = f"; from rest the orbit jumps at {reference_tuning:.7f}"
-    return location + f"; between {lower:g} and {upper:g} with: {texts}"
+    texts = ", ".join(f"{kind} {value:g}" for kind, value in variations)
+    text = f"; the motion from rest jumps to the larger orbit at nu = {reference_tuning:.7f}; "
+    if not texts:
+        return text + f"no variation tried moves this jump between {lower:g} and {upper:g}"
+    return text + f"these variations move it between {lower:g} and {upper:g}: {texts}"
 
 
 @_statement("P12", "time in mesh at C_min at nu = 0.82: t(k1,k1m) > t(k1,0) > t(0,k1m)", "Fig. 7")
@@ -442,7 +459,7 @@ def time_at_min_stiffness(data: Data) -> tuple[bool, str]:
     The cases of the scene are material damping (k1), backlash damping (k1m), and both.
     """
     material, backlash, both = data.scene("fig7", cases=3).fraction_min_stiffness.values
-    text = f"k1,k1m {both:.4f}, k1 {material:.4f}, k1m {backlash:.4f} of the time"
+    text = f"fractions of time: k1,k1m {both:.4f}, k1 {material:.4f}, k1m {backlash:.4f}"
     return bool(both > material > backlash), text
 
 
@@ -461,15 +478,15 @@ def six_degrees(data: Data) -> tuple:
     distance, bounces, period = period_spread(run), float(run.bounces), repetition_period(run)
     unsteady, loss_fraction = distance > LINE_WIDTH, float(run.losing_share)
     text = (
-        f"mesh periods {distance:.1g} of the height apart, "
-        f"{bounces:.3g} bounces per mesh period, y_min {float(run.displacement_min):.3g}"
+        f"mesh periods differ by {distance:.1g} of the orbit height; "
+        f"{bounces:.3g} bounces per mesh period, least displacement "
+        f"{float(run.displacement_min):.3g}"
     )
     if not run.free_of_rounding:
         text = (
-            f"from rest {'unsteady' if unsteady else 'steady'}, "
-            f"contact {'lost' if bounces > 0.0 else 'kept'}; "
-            f"lost from {fraction_text(loss_fraction)} of the seeded starts beside; "
-            "how often, rounding decides"
+            f"from rest the motion is {'unsteady' if unsteady else 'steady'} and "
+            f"{'loses' if bounces > 0.0 else 'keeps'} contact; {fraction_text(loss_fraction)} of "
+            "the random initial states lose contact; rounding errors decide how often"
         )
     # A motion that repeats after several mesh periods is not a single line in a plot.
     strict_difference = f"it repeats after {period} periods" if unsteady and period else ""
@@ -517,7 +534,7 @@ def evaluate_check(check: tuple, data: Data) -> Claim:
         holds, computed, *strict_results = rule(data)
         verdict = HOLDS if holds else DIFFERS
         if any(strict_results):
-            verdict += f" at plot resolution; strictly {strict_results[0]}"
+            verdict += f" at the resolution of the plots; strictly, {strict_results[0]}"
     except NoData as reason:
         verdict, computed = NOT_EVALUATED, str(reason)
     return Claim(identifier, statement, place, computed, verdict, figure)

@@ -65,16 +65,20 @@ def test_verdicts_on_the_paper(data, tmp_path):
     table = claims.evaluate(PAPER, DAMPINGS, *data)
     # P10: the oil-damped motion (k1m) at a tuning of 0.80 has not settled, but its loops differ by
     # less than the width of a line. P11: the jump is at 0.8157, not between 0.8150 and 0.8151.
-    p10 = "holds at plot resolution; strictly k1m at 0.80 changes by 0.0003 of its height per orbit"
+    p10 = (
+        "holds at the resolution of the plots; strictly, the motion with k1m at nu = 0.80 changes "
+        "by 0.0003 of its height from orbit to orbit"
+    )
     assert verdicts(table) == dict.fromkeys(IDS, "holds") | {"P10": p10, "P11": "differs"}
     computed = {claim.id: claim.computed for claim in table}
-    assert "0.66 (0.7, settles later on 2 mesh periods), 0.78 (0.05, not settled" in computed["P10"]
+    text = "0.66 (periods differ by 0.7 of the height, settles later on 2 mesh periods), 0.78 (per"
+    assert text in computed["P10"]
     # The words of the figure agree with P10.
     plane = data.phase_planes.sel(damping="k1m").sel(tuning=0.66, method="nearest")
     assert describe_steadiness(plane) == "unsteady, settles later on 2 mesh periods"
-    assert "jumps at 0.81569" in computed["P11"] and "with: no variation" in computed["P11"]
+    assert "at nu = 0.81569" in computed["P11"] and "no variation tried" in computed["P11"]
     # The two tunings of config.yaml on either side of the jump.
-    assert "0.8156: y_min -0.148, 0.8157: y_min -1.977; from rest" in computed["P11"]
+    assert "-0.148 at nu = 0.8156, -1.977 at nu = 0.8157; the motion from rest" in computed["P11"]
     assert [row["id"] for row in read_back(claims.rows(table), tmp_path)] == IDS
     claims.write_markdown(table, tmp_path / "claims.md")
     _, _, _, _, *rows = (tmp_path / "claims.md").read_text(encoding="utf-8").splitlines()
@@ -90,7 +94,8 @@ def test_steadiness_is_judged_strictly_and_at_plot_resolution(data):
     drift = np.linspace([1.0], [1.1], 24) * wave
     planes.displacement.loc[{"damping": "k1m", "tuning": 0.8}] = drift.ravel()
     table = verdicts(claims.evaluate(PAPER, DAMPINGS, *data._replace(phase_planes=planes)))
-    assert table["P9"] == "holds at plot resolution; strictly none at 0.60 repeats after 3 periods"
+    verdict = "holds at the resolution of the plots; strictly, the motion with none at nu = 0.60"
+    assert table["P9"] == f"{verdict} repeats after 3 periods"
     # The loops no longer look like a single line: the motion is unsteady by both criteria.
     assert table["P10"] == "differs"
 
