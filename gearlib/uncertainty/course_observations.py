@@ -1,7 +1,7 @@
-"""Time histories as observations: mesh orders at constant speed and in run-ups with their jumps.
+"""Compare measured time histories by their mesh orders, at constant speed and in run-ups.
 
-Regressions take the complex amplitudes of the mesh orders from the samples of each revolution, so
-that offset and eccentricity do not enter.
+A regression over each revolution fits the complex mesh orders together with an offset and the first
+shaft orders, so that the offset of a sensor and the eccentricity of a gear do not enter.
 """
 
 import json
@@ -20,10 +20,10 @@ from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty import observation
 from gearlib.uncertainty.observation import Channel, Curve, Observation, Prediction
 
-#: Measured direction -> direction of the sweep that leads to the measured speed, ratio of its first
-#: speed to the measured speed, number of speeds.
+#: Measured direction (0 from rest, 1 up, -1 down) -> direction of the sweep that ends at the
+#: measured speed, ratio of its first speed to the measured speed, number of speeds.
 _SWEEP_SETTINGS = {0: ("cold", 1.0, 1), 1: ("up", 0.5, 40), -1: ("down", 1.6, 40)}
-#: Number of mesh orders of a time history that are compared.
+#: Number of mesh orders that are compared.
 ORDERS = 4
 _ORDER_NUMBERS = np.arange(1, ORDERS + 1)
 _SHAFT_ORDERS, _MIN_SAMPLES_PER_ORDER = 3, 2.5
@@ -32,14 +32,17 @@ _CURVE_POINTS = 200
 _SAME_PHASE_TOLERANCE = 1e-9
 #: Smallest standard deviation of the speed of a jump, rpm.
 _MIN_SPEED_STD = 1e-9
-#: Numbers of revolutions of a run-up that are not compared: at its start and around each jump.
+#: Numbers of revolutions of a run-up that are not compared, at its start and around each jump.
 _SKIPPED_AT_START, _SKIPPED_BEFORE_JUMP, _SKIPPED_AFTER_JUMP = 6, 4, 24
 #: Arguments of `run_up` that ``known.options`` may have.
 _RUN_UP_OPTIONS = ("load", "driver", "driven_mass", "base_radius", "initial_state")
 
 
 def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observation]:
-    """Return one observation for each condition of a measured data set with time histories."""
+    """Return one observation for each condition of a measured data set with time histories.
+
+    `mesh` is the index of the mesh whose displacement was measured.
+    """
     histories = [data]
     if "condition" in data.coords:
         conditions = data.condition.values
@@ -60,7 +63,10 @@ def time_history_observations(model: Any, data: Any, mesh: int) -> list[Observat
 
 
 def _speed_course(metadata: dict) -> tuple[list, dict]:
-    """Return the speed course of a run-up, rows (s, rpm), and keyword arguments of `run_up`."""
+    """Return the speed course of a run-up, rows (s, rpm), and keyword arguments of `run_up`.
+
+    Both are read from `metadata`, the entries of the attribute "known" of a measured data set.
+    """
     if "course" not in metadata:
         raise ValueError("known.course is missing: a run-up needs its speed course, rows (s, rpm)")
     options = metadata.get("options", {})
@@ -74,10 +80,11 @@ def _speed_course(metadata: dict) -> tuple[list, dict]:
 
 
 def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarray, float]:
-    """Return metadata, displacements, phase factors and mesh periods per revolution of a history.
+    """Check a time history; return metadata, displacements, phase factors and mesh periods.
 
-    The metadata are a JSON object in the attribute "known". Phase factors, (ORDERS,), shift the
-    mesh orders of a model to the mesh phase at the start of the measurement.
+    The metadata are the JSON object in the attribute "known". The displacements, (n,), have the
+    units of the data. The phase factors, complex (ORDERS,), shift the mesh orders of a model to
+    the mesh phase at the start of the measurement. The mesh periods are counted per revolution.
     """
     text = data.attrs.get("known", "{}")
     metadata: Any = None
@@ -87,20 +94,24 @@ def _checked_history(model: Any, data: Any) -> tuple[dict, np.ndarray, np.ndarra
     phase = parameters.check("known.phase", metadata.get("phase", 0.0), Angle)
     displacements = np.asarray(data.displacement.values, float)
     checks.require((np.diff(data.time.values) > 0.0).all(), "time", "unsorted", "increasing")
-    constant = float(displacements[0])
-    checks.require(np.ptp(displacements) > 0.0, "displacement", constant, "a signal that varies")
-    mesh_periods = float(round(model.periods_per_revolution, 9))  # gear ratios have rounding errors
-    name, allowed = (
-        "mesh periods of a revolution",
-        "a whole number, as in a train with a fixed carrier",
-    )
-    checks.require(mesh_periods.is_integer(), name, mesh_periods, allowed)
-    return metadata, displacements, np.exp(1j * phase * _ORDER_NUMBERS), mesh_periods
+    varies = np.ptp(displacements) > 0.0
+    checks.require(varies, "displacement", float(displacements[0]), "a signal that varies")
+    # Gear ratios have rounding errors.
+    mesh_periods = float(round(model.periods_per_revolution, 9))
+    allowed = "a whole number, as in a train with a fixed carrier"
+    is_whole = mesh_periods.is_integer()
+    checks.require(is_whole, "mesh periods of a revolution", mesh_periods, allowed)
+    phase_factors = np.exp(1j * phase * _ORDER_NUMBERS)
+    return metadata, displacements, phase_factors, mesh_periods
 
 
 def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
-    """Return the channel of complex mesh orders, (blocks, ORDERS), of a measured displacement."""
-    noise = float(displacement.attrs.get("noise_std", 0.0))
+    """Return the `Channel` of the mesh orders of a measured displacement, an xarray variable.
+
+    `orders`, complex (blocks, ORDERS), and `variance_ratios`, (blocks,), are results of
+    `regress_mesh_orders` without NaN.
+    """
+    noise = float(displacement.attrs.get("noise_std", 0.0))  # 0: unknown
     # If the noise is unknown, only the relative weights of blocks matter.
     sample_std = noise or float(np.std(displacement.values))
     values = _real_and_imaginary(orders)
@@ -110,18 +121,21 @@ def _order_channel(name, displacement, orders, variance_ratios) -> Channel:
         deviations=np.repeat(sample_std * np.sqrt(0.5 * variance_ratios), 2 * ORDERS),
         noise_known=bool(noise),
         unknown_gain=bool(displacement.attrs.get("unknown_gain", 0)),
-        # A real or imaginary part is a sequence over the blocks.
+        # Each real or imaginary part is a sequence over the blocks.
         sequence_indices=np.arange(values.size).reshape(-1, 2 * ORDERS).T,
     )
 
 
 def _real_and_imaginary(orders: np.ndarray) -> np.ndarray:
-    """Return the real and imaginary parts of complex mesh orders alternating in one flat array."""
+    """Return complex mesh orders as a flat array of alternating real and imaginary parts."""
     return np.ascontiguousarray(orders).view(float).ravel()
 
 
 def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a time history at constant speed: the mesh orders of its orbit."""
+    """Return the observation of a time history at constant speed: the mesh orders of its orbit.
+
+    `data` is a dataset over samples with one speed, `mesh` the index of the measured mesh.
+    """
     _, displacements, phase_factors, mesh_periods = _checked_history(model, data)
     speed = float(data.speed.values[0])
     checks.require(speed > 0.0, "speed", speed, "> 0")
@@ -131,7 +145,7 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
     revolutions = data.time.values * speed / 60.0
     # One block with all samples, including the last one.
     edges = np.array([revolutions[0], np.nextafter(revolutions[-1], np.inf)])
-    # The least number of samples in a mesh period, ten, extends over 0.9 of it.
+    # The minimum of ten samples per mesh period extends over 0.9 mesh periods.
     checks.require(
         np.diff(edges)[0] * mesh_periods > 0.899,
         "time",
@@ -143,41 +157,49 @@ def _steady_observation(model: Any, data: Any, mesh: int) -> Observation:
 
     def predict(model: Any) -> Prediction:
         """Sweep the model to the measured speed and return the mesh orders of its orbit there."""
+        # The tuning is the speed relative to the resonance speed.
         tuning = speed / float(model.speed(1.0))
         # If several motions exist, the direction of the sweep decides which one it reaches.
         tunings = np.sort(np.linspace(first_speed_ratio * tuning, tuning, speed_count))
         curve = sweep(model, tunings, direction=direction, **observation.SETTLING_SWEEP)
-        # States are in the order of increasing tuning, so a sweep down ends at the first one.
+        # States are sorted by increasing tuning, so a sweep down ends at the first state.
         state = curve.final_state.values[0 if direction == "down" else -1]
         quantities = observation.orbit_quantities(model, speed, state, _STEADY_SAMPLES_PER_PERIOD)
-        # Complex Fourier coefficients, (orders, meshes), from the order 0 on.
+        # The Fourier coefficients, complex (orders, meshes), begin with order 0.
         orders = quantities[observation.ORDER_AMPLITUDE][1 : ORDERS + 1, mesh]
         excursion = observation.backlash_excursion(model, quantities)
         return Prediction([_real_and_imaginary(orders * phase_factors)], excursion)
 
     def draw(signals: list) -> list:
-        """Return the curve of the displacement over one mesh period, measured and predicted."""
+        """Return the curve of the displacement over one mesh period, measured and predicted.
+
+        `signals` has one array: the predicted mesh orders, scaled by the gain of the sensor.
+        """
         phase = np.linspace(0.0, 1.0, _CURVE_POINTS)  # in mesh periods
         waves = np.exp(2j * np.pi * np.outer(phase, _ORDER_NUMBERS))
         # The real displacement is twice the real part of the sum over positive orders.
-        orders = channel.values.view(complex), signals[0].view(complex)
-        displacements = tuple(2.0 * (waves @ coefficients).real for coefficients in orders)
-        name, units = f"displacement at {speed:.5g} rpm", data.displacement.attrs.get("units", "m")
+        measured = 2.0 * (waves @ channel.values.view(complex)).real
+        predicted = 2.0 * (waves @ signals[0].view(complex)).real
+        name = f"displacement at {speed:.5g} rpm"
+        units = data.displacement.attrs.get("units", "m")
         speed_falls = np.zeros(phase.size, bool)  # the speed is constant
-        return [Curve(name, units, "phase", phase, displacements, speed_falls)]
+        return [Curve(name, units, "phase", phase, (measured, predicted), speed_falls)]
 
     return Observation("time history", [channel], predict, draw)
 
 
 def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
-    """Return the observation of a run-up: mesh orders of revolutions and speeds of jumps."""
+    """Return the observation of a run-up: the mesh orders of its revolutions, the jump speeds.
+
+    `data` is a dataset over samples with a varying speed, `mesh` the index of the measured mesh.
+    """
     metadata, displacements, phase_factors, mesh_periods = _checked_history(model, data)
     course, options = _speed_course(metadata)
     rotation = ShaftRotation(course)
     orders, variance_ratios, warning = _revolution_orders(
         rotation, course[-1][0], data.time.values, displacements, mesh_periods
     )
-    count = variance_ratios.size
+    count = variance_ratios.size  # number of revolutions
     compared, amplitudes, jumps = _compared_revolutions(orders, variance_ratios)
     checks.require(
         compared.any(),
@@ -199,7 +221,7 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
         channels.append(Channel("jumps", jump_speeds, speed_stds, noise_known, shares_weight=True))
 
     def predict(model: Any) -> Prediction:
-        """Run the model up; return its mesh orders in compared revolutions and speeds of jumps."""
+        """Run the model up; return the mesh orders of compared revolutions and the jump speeds."""
         settings = {"samples_per_period": _RUN_UP_SAMPLES_PER_PERIOD, **options}
         run = run_up(model, speed=course, **settings)
         if int(run.status):
@@ -212,18 +234,23 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
             _, gain = order_channel.signal_and_gain(values[0])
             # A gain of 0, fitted to a motion without mesh orders, leaves the amplitudes unscaled.
             predicted = np.abs(orders[:, 0]) * (gain or 1.0)
-            values.append(np.array([_jump_speed(predicted, i, amplitudes, speeds) for i in jumps]))
-        # A run may end before its last revolution is complete, so it may have fewer extrema.
+            jump_speeds = [_jump_speed(predicted, amplitudes, i, speeds) for i in jumps]
+            values.append(np.array(jump_speeds))
+        # A run may end before its last revolution is complete and then has no extrema for it.
         complete = compared[: run.displacement_min.shape[0]].nonzero()[0]
         extrema = run[["displacement_min", "displacement_max"]].isel(revolution=complete)
         return Prediction(values, observation.backlash_excursion(model, extrema))
 
     def draw(signals: list) -> list:
-        """Return the curves of measured and predicted amplitudes of the mesh orders over speed."""
+        """Return the measured and predicted amplitude of each mesh order as curves over speed.
+
+        `signals` begins with the predicted mesh orders, scaled by the gain of the sensor.
+        """
         fitted = np.full(orders.shape, complex(np.nan))
         fitted[compared] = signals[0].view(complex).reshape(-1, ORDERS)
-        units, speed_falls = data.displacement.attrs.get("units", "m"), np.gradient(speeds) < 0.0
-        # A real oscillation has twice the absolute value of its complex coefficient.
+        units = data.displacement.attrs.get("units", "m")
+        speed_falls = np.gradient(speeds) < 0.0
+        # The amplitude of a real oscillation is twice the modulus of its complex coefficient.
         amplitudes = 2.0 * np.abs([orders.T, fitted.T])
         names = [f"order {k if k > 1 else ''}z" for k in _ORDER_NUMBERS]
         return [
@@ -231,73 +258,89 @@ def _run_up_observation(model: Any, data: Any, mesh: int) -> Observation:
             for name, values in zip(names, amplitudes.swapaxes(0, 1), strict=True)
         ]
 
-    try:  # report a model that cannot be run before the fit starts
+    # A model that cannot be run is reported before the fit starts.
+    try:
         predict(model)
     except NoOrbit:
         raise ValueError(observation.START_ERROR) from None
     return Observation("run-up", channels, predict, draw, warning)
 
 
-def _revolution_orders(rotation, end, times, displacements, mesh_periods):
-    """Return mesh orders and variance ratios of whole revolutions, and a warning about gaps.
+def _revolution_orders(rotation, end_time, times, displacements, mesh_periods):
+    """Return the mesh orders of each whole revolution, their variance ratios, and a warning.
 
-    `rotation` is the `ShaftRotation` of a speed course from 0 to `end`, s; the results are those
-    of `regress_mesh_orders` with one block for each revolution.
+    `rotation` is the `ShaftRotation` of a speed course from 0 to `end_time`, s; `times`, s, and
+    `displacements`, both (n,), are measured; `mesh_periods` is the number per revolution. Mesh
+    orders and variance ratios are results of `regress_mesh_orders` with one block per revolution.
+    The warning tells how many revolutions are left out; it is "" if there are none.
     """
     revolutions = rotation.revolutions(times)
-    count, interval = int(revolutions[-1]), f"{times[0]:.6g} to {times[-1]:.6g} s"
-    course_revolutions = float(rotation.revolutions(np.array([end]))[0])
+    count = int(revolutions[-1])  # number of whole revolutions
+    interval = f"{times[0]:.6g} to {times[-1]:.6g} s"
+    course_revolutions = float(rotation.revolutions(np.array([end_time]))[0])
     is_within = revolutions[0] < 1.0 and count <= course_revolutions + 1e-9
-    allowed = f"within known.course, 0 to {end:.6g} s, from its first revolution on"
+    allowed = f"within known.course, 0 to {end_time:.6g} s, from its first revolution on"
     checks.require(is_within, "time", interval, allowed)
     # More revolutions must be compared than are skipped at the start.
     minimum = 2 * _SKIPPED_AT_START
     allowed = f"of more than {minimum} whole revolutions of known.course, not {count}"
     checks.require(count > minimum, "time", interval, allowed)
-    edges, compared_count = np.arange(count + 1), count - _SKIPPED_AT_START
+    edges = np.arange(count + 1)  # the blocks are revolutions
+    compared_count = count - _SKIPPED_AT_START
     complete = complete_blocks(revolutions, edges, mesh_periods)
     allowed = f"of a revolution without gap after the first {_SKIPPED_AT_START}"
     incomplete = f"of {compared_count} revolutions with gaps"
     checks.require(complete[_SKIPPED_AT_START:].any(), "time", incomplete, allowed)
-    measured_orders = regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complete)
-    missing = int(np.isnan(measured_orders[1][_SKIPPED_AT_START:]).sum())
-    left_out = f"{missing} of {compared_count} revolutions are left out of the run-up"
-    warning = f"{left_out}: they have gaps or too few samples" if missing else ""
-    return *measured_orders, warning
+    orders, variance_ratios = regress_mesh_orders(
+        revolutions, displacements, edges, mesh_periods, complete
+    )
+    missing_count = int(np.isnan(variance_ratios[_SKIPPED_AT_START:]).sum())
+    warning = ""
+    if missing_count:
+        left_out = f"{missing_count} of {compared_count} revolutions are left out of the run-up"
+        warning = f"{left_out}: they have gaps or too few samples"
+    return orders, variance_ratios, warning
 
 
 def _compared_revolutions(orders, variance_ratios):
-    """Return a mask of compared revolutions, amplitudes of the first order, and indices of jumps.
+    """Return a mask of compared revolutions, amplitudes of the first mesh order, and the jumps.
 
-    A jump has the index of the first revolution after it. Motions differ most around a jump, so
-    only its speed is compared. `variance_ratios` are NaN for revolutions without enough samples.
+    `orders`, complex (revolutions, ORDERS), and `variance_ratios`, (revolutions,), are NaN for
+    revolutions without enough samples. A jump is given by the index of the first revolution after
+    it. Motions differ most around a jump, so only the speed of a jump is compared.
     """
-    is_measured, indices = np.isfinite(variance_ratios), np.arange(variance_ratios.size)
+    is_measured = np.isfinite(variance_ratios)
+    indices = np.arange(variance_ratios.size)
     compared = is_measured & (indices >= _SKIPPED_AT_START)
     # A revolution without enough samples has the amplitude of the revolution before it.
     sources = np.maximum.accumulate(np.where(is_measured, indices, is_measured.argmax()))
     amplitudes = np.abs(orders[sources, 0])
-    steps, jumps = np.abs(np.log(amplitudes[1:] / amplitudes[:-1])), []
-    for i in np.argsort(-steps):  # from the largest step to the smallest one
+    steps = np.abs(np.log(amplitudes[1:] / amplitudes[:-1]))
+    jumps: list = []
+    # Of jumps that are close to each other, only the largest one counts.
+    for i in np.argsort(-steps):
         if steps[i] < observation.MIN_RELATIVE_JUMP:
             break
         is_separate = all(abs(i + 1 - jump) > _SKIPPED_AFTER_JUMP for jump in jumps)
         if i >= _SKIPPED_AT_START and is_separate:
             jumps.append(int(i + 1))
-    for i in jumps:
-        compared[max(i - _SKIPPED_BEFORE_JUMP, 0) : i + _SKIPPED_AFTER_JUMP] = False
+    for jump in jumps:
+        compared[max(jump - _SKIPPED_BEFORE_JUMP, 0) : jump + _SKIPPED_AFTER_JUMP] = False
     return compared, amplitudes, sorted(jumps)
 
 
-def _jump_speed(predicted, jump, measured, speeds) -> float:
-    """Return the speed in rpm at which a model jumps next to a measured jump, NaN without jump.
+def _jump_speed(predicted, measured, jump, speeds) -> float:
+    """Return the speed in rpm at which a model jumps closest to a measured jump, NaN if nowhere.
 
-    The model jumps where its amplitude of the first mesh order, `predicted`, crosses the mean of
-    the amplitudes `measured` before and after the revolution with the index `jump`.
+    `predicted` and `measured` are amplitudes of the first mesh order and `speeds` are speeds in
+    rpm, one for each revolution; `jump` is the index of the first revolution after the measured
+    jump. The model jumps where its amplitude crosses the mean of the measured amplitudes before
+    and after the jump.
     """
     before = measured[jump - _SKIPPED_BEFORE_JUMP]
     after = measured[min(jump + _SKIPPED_BEFORE_JUMP, len(measured) - 1)]
-    threshold, increases = 0.5 * (before + after), after > before
+    threshold = 0.5 * (before + after)
+    increases = after > before
     # The speed must change in the same direction as at the measured jump.
     directions = np.sign(np.gradient(speeds))
     has_jumped = (predicted > threshold) == increases
@@ -311,7 +354,11 @@ def _jump_speed(predicted, jump, measured, speeds) -> float:
 
 
 def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarray:
-    """Return the mesh orders, (blocks, ORDERS), of displacements by the trapezoidal rule."""
+    """Return the complex mesh orders of blocks of a computed motion, (blocks, ORDERS).
+
+    They are Fourier integrals by the trapezoidal rule. `phase`, the mesh phase in rad, increasing,
+    and `displacements` have shape (n,); each block has the length `block_length` in rad.
+    """
     edges = block_length * np.arange(block_count + 1)
     # The last sample is repeated at the last edge if the run ends before it.
     phase = np.append(phase, max(phase[-1], edges[-1]))
@@ -323,28 +370,36 @@ def _fourier_orders(phase, displacements, block_count, block_length) -> np.ndarr
 
 
 def complete_blocks(revolutions: np.ndarray, edges: np.ndarray, mesh_periods: float) -> np.ndarray:
-    """Return a mask of the blocks between successive `edges`, in revolutions, without gaps."""
-    # A gap exceeds both a mesh period and three median sampling steps.
-    steps, complete = np.diff(revolutions), np.ones(len(edges) - 1, bool)
+    """Return a mask of the blocks of samples without gaps, (blocks,).
+
+    `revolutions`, increasing, are the shaft angles of the samples in revolutions; a block extends
+    from one of the `edges`, in revolutions, to the next. `mesh_periods` is the number of mesh
+    periods per revolution. A gap exceeds both a mesh period and three median sampling steps.
+    """
+    steps = np.diff(revolutions)
+    complete = np.ones(len(edges) - 1, bool)
     for i in np.flatnonzero(steps > max(1.0 / mesh_periods, 3.0 * np.median(steps))):
-        first, last = np.searchsorted(edges, revolutions[i : i + 2], "right") - 1
-        complete[max(first, 0) : last + 1] = False
+        first_block, last_block = np.searchsorted(edges, revolutions[i : i + 2], "right") - 1
+        complete[max(first_block, 0) : last_block + 1] = False
     return complete
 
 
 def regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complete=True):
-    """Return the complex mesh orders of blocks of samples, (blocks, ORDERS), and variance ratios.
+    """Fit complex mesh orders to blocks of samples, (blocks, ORDERS); return them with variances.
 
-    The samples may lie at any shaft angles `revolutions`; a block extends from one of the `edges`
-    to the next. A variance ratio, (blocks,), is the variance of an order, real plus imaginary part,
-    divided by that of a sample. Results are NaN for blocks with too few samples or not `complete`.
+    The samples may lie at any shaft angles `revolutions`, increasing; a block extends from one of
+    the `edges`, in revolutions, to the next. `mesh_periods` is the number of mesh periods per
+    revolution; `complete` is a mask of the blocks to use, or True for all blocks. The variance
+    ratios, (blocks,), are the variance of an order (the sum over real and imaginary part) divided
+    by the variance of a sample. Results are NaN for blocks with too few samples or not `complete`.
     """
-    block_count, minimum = len(edges) - 1, _MIN_SAMPLES_PER_ORDER * ORDERS
+    block_count = len(edges) - 1
+    min_density = _MIN_SAMPLES_PER_ORDER * ORDERS
     # Mean number of samples in a mesh period of each block.
     density = np.diff(np.searchsorted(revolutions, edges)) / np.diff(edges) / mesh_periods
-    is_dense = complete & (density >= minimum)
+    is_dense = complete & (density >= min_density)
     lowest = f"{density.min():.3g} samples in a mesh period"
-    checks.require(is_dense.any(), "displacement", lowest, f"of {minimum:g} or more")
+    checks.require(is_dense.any(), "displacement", lowest, f"of {min_density:g} or more")
     order_count = min(2 * ORDERS, int(density[is_dense].min() / _MIN_SAMPLES_PER_ORDER))
     # Shaft orders cannot be separated from the offset in less than one revolution.
     shaft_order_count = _SHAFT_ORDERS if edges[1] - edges[0] >= 1.0 else 0
@@ -359,14 +414,15 @@ def regress_mesh_orders(revolutions, displacements, edges, mesh_periods, complet
     sine_columns = cosine_columns + frequencies.size
     for k in np.flatnonzero(is_dense):
         start, end = edges[k : k + 2]
-        first = np.searchsorted(cell_edges, start, "right") - 1
-        last = np.searchsorted(cell_edges, end)
-        weights = np.diff(np.clip(cell_edges[first : last + 1], start, end))[:, None]
-        waves = np.exp(2j * np.pi * np.outer(revolutions[first:last], frequencies))
+        first_sample = np.searchsorted(cell_edges, start, "right") - 1
+        end_sample = np.searchsorted(cell_edges, end)
+        samples = slice(first_sample, end_sample)
+        weights = np.diff(np.clip(cell_edges[first_sample : end_sample + 1], start, end))[:, None]
+        waves = np.exp(2j * np.pi * np.outer(revolutions[samples], frequencies))
         columns = np.hstack([np.ones((len(waves), 1)), waves.real, waves.imag])
         weighted_columns = weights * columns
         inverse = np.linalg.inv(columns.T @ weighted_columns)
-        coefficients = inverse @ (weighted_columns.T @ displacements[first:last])
+        coefficients = inverse @ (weighted_columns.T @ displacements[samples])
         orders[k] = 0.5 * (coefficients[cosine_columns] - 1j * coefficients[sine_columns])
         variances = np.diag(inverse @ (weighted_columns.T @ weighted_columns) @ inverse)
         variance_ratios[k] = 0.5 * variances[[*cosine_columns, *sine_columns]].mean()

@@ -1,6 +1,6 @@
-"""Designs: samples of scattering parameters, models with these parameters, and their quantities.
+"""Sample scattering parameters, build models with them, and compute quantities of these designs.
 
-Quantities are speeds of jumps, the onset of contact loss, peaks, and values of the duty point.
+Quantities are jump speeds, the onset of contact loss, resonance peaks, and values at a duty point.
 """
 
 import dataclasses
@@ -44,7 +44,7 @@ from gearlib.units import cf_units
 #: Bits of the coordinates of Sobol' points; they limit the number of different points.
 _SOBOL_BITS = 30
 MAX_SAMPLES = 2**_SOBOL_BITS
-#: Last coordinates of a point: displacement and velocity of a random initial state.
+#: Number of last coordinates of a Sobol' point: displacement and velocity of an initial state.
 _START_DIMENSIONS = 2
 #: Parameters that set the damping; a pair has exactly one of them.
 _DAMPING_NAMES = {"damping_ratio", "material_damping", "logarithmic_decrement"}
@@ -53,23 +53,29 @@ _NUMBER_PATTERN = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
 
 
 class ModelSource:
-    """Make designs from a model by changing its parameters, names of `Model.settable`."""
+    """Make designs from a model by changing its parameters, the names of `Model.settable`.
+
+    `value` is the method of the model that returns the nominal value of a parameter.
+    """
 
     def __init__(self, model: Any):
         """Collect the parameters of a model that can vary, and their descriptions."""
-        self.model, self.value = model, model.value
+        self.model = model
+        self.value = model.value
         fields = numeric_parameters(PairParameters) if model.pair else {}
         if dataclasses.is_dataclass(model):
             fields = fields | numeric_parameters(type(model))
-        # Fields of trains are not numbers; other models may contain a train.
-        names = [*model.settable, *(() if model.train is model else fields)]
-        #: Name of a parameter -> declaration of its type and range, None if there is none.
+        names = [*model.settable]
+        # The fields of a train are not numbers; other models may contain a train.
+        if model.train is not model:
+            names += fields
+        #: Name of a parameter -> declaration of its type and range, or None.
         self.parameters = {name: fields.get(name) for name in names}
         #: Name of a parameter -> (CF unit, description).
         self.descriptions = parameters.units_and_names(type(model)) | model.settable
 
     def __call__(self, changes: dict) -> Any:
-        """Return the model with changed parameters, a mapping of names to values."""
+        """Return the model with changed parameters; `changes` maps names to values in SI units."""
         return self.model.with_values(changes)
 
 
@@ -83,8 +89,9 @@ class StageDesign:
     def __init__(self, mesh: Any, *, keep_backlash: bool = True, **options: Any):
         """Take a mesh and options of `GearPair.from_geometry`, such as torque and damping_ratio.
 
-        A backlash that does not vary is that of the stage with `keep_backlash`; otherwise it is
-        computed for each sample from profile shifts, centre distance and allowances.
+        If the backlash is not among the varied parameters, it stays that of the stage with
+        `keep_backlash`; otherwise it follows from the profile shifts, centre distance and
+        allowances of each sample.
         """
         self.stage = checks.gear_stage(mesh)
         self.keep_backlash = keep_backlash
@@ -96,41 +103,53 @@ class StageDesign:
         }
 
     def value(self, name: str) -> Any:
-        """Return the nominal value of a parameter, None if there is none."""
+        """Return the nominal value of a parameter such as "load" or "pinion.shift", or None."""
         gear, _, field = name.rpartition(".")
-        if not gear and name in LOAD_PARAMETERS | FLANK_PARAMETERS:
+        if gear:
+            return getattr(getattr(self.stage, gear), field)
+        if name in LOAD_PARAMETERS | FLANK_PARAMETERS:
             return self.options.get(name)
-        return getattr(getattr(self.stage, gear) if gear else self.stage, field)
+        return getattr(self.stage, field)
 
     def __call__(self, changes: dict) -> Any:
-        """Return the `GearPair` of the changed gears; with flank deviations a `OneDegreePair`."""
-        mesh, options, (cosine, sine) = self._changed(changes)
+        """Return the `GearPair` of the changed gears, or a `OneDegreePair` with flank deviations.
+
+        `changes` maps names of parameters to values in SI units.
+        """
+        stage, options, (cosine, sine) = self._changed_stage(changes)
         # The default mesh stiffness is that of ISO 6336-1.
         options["stiffness"] = options.get("stiffness") or "iso"
-        pair = GearPair.from_geometry(mesh, **options)
+        pair = GearPair.from_geometry(stage, **options)
         if not cosine and not sine and not FLANK_PARAMETERS.keys() & changes.keys():
             return pair
         return OneDegreePair(pair=pair, deviation=Harmonics((cosine,), (sine,)))
 
     def duty_model(self, changes: dict) -> Any:
-        """Return the `LoadSharingPair` of the changed gears, the model of their duty point."""
-        mesh, options, (cosine, sine) = self._changed(changes)
+        """Return the `LoadSharingPair` of the changed gears, the model for a duty point.
+
+        `changes` maps names of parameters to values in SI units.
+        """
+        stage, options, (cosine, sine) = self._changed_stage(changes)
         if cosine or sine:
-            start, end = mesh.path  # positions on the path of contact, m
+            start, end = stage.path  # positions on the path of contact, m
             positions = np.linspace(start, end, _DEVIATION_TABLE_POINTS)
-            phases = mesh.phase_of(positions)
-            # The model takes missing material, a gap, as positive; a deviation is an excess.
+            phases = stage.phase_of(positions)
+            # Missing material, a gap, is positive in the model; a deviation is an excess.
             gaps = -(cosine * np.cos(phases) + sine * np.sin(phases))
             options["deviation"] = PathTable(tuple(positions), tuple(gaps))
-        return default_load_sharing_pair(mesh, **options)
+        return default_load_sharing_pair(stage, **options)
 
-    def _changed(self, changes: dict) -> tuple:
-        """Return the changed mesh, options, and cosine and sine coefficient of a deviation, m."""
+    def _changed_stage(self, changes: dict) -> tuple:
+        """Return the changed `GearStage`, the options of its model, and its flank deviation.
+
+        `changes` maps names of parameters to values in SI units. The deviation is a list of the
+        cosine and the sine coefficient of the first mesh harmonic, m.
+        """
         gears: dict = {"pinion": {}, "wheel": {}}
         backlash = self.stage.backlash if self.keep_backlash else None
         fields = {"backlash": backlash, "centre_distance": self.stage.centre_distance}
         options = dict(self.options)
-        # A changed damping replaces that of the options, which may have another name.
+        # A changed damping replaces the damping of the options, which may have another name.
         if _DAMPING_NAMES & changes.keys():
             options = {name: options[name] for name in options if name not in _DAMPING_NAMES}
         for name, value in changes.items():
@@ -141,14 +160,15 @@ class StageDesign:
                 gears[gear][field] = value
             elif name not in FLANK_PARAMETERS:
                 fields[field] = value
-        pinion, wheel = (_changed_gear(getattr(self.stage, name), gears[name]) for name in gears)
+        pinion = _changed_gear(self.stage.pinion, gears["pinion"])
+        wheel = _changed_gear(self.stage.wheel, gears["wheel"])
         deviations = [changes.get(name, 0.0) for name in FLANK_PARAMETERS]
         return GearStage(pinion, wheel, **fields), options, deviations
 
 
 def _changed_gear(gear: Any, changes: dict) -> Any:
-    """Return a gear with changed fields, name -> value."""
-    # A default tip diameter depends on the profile shift and others, so it is computed again.
+    """Return a `SpurGear` with changed fields; `changes` maps names to values in SI units."""
+    # A default tip diameter depends on other fields such as the profile shift, so it is renewed.
     if changes and "tip_diameter" not in changes:
         default = dataclasses.replace(gear, tip_diameter=None).tip_diameter
         if abs(default - gear.tip_diameter) <= 1e-12 * gear.tip_diameter:
@@ -157,7 +177,10 @@ def _changed_gear(gear: Any, changes: dict) -> Any:
 
 
 def _parameter_text(name: str, parameter: Any) -> str:
-    """Return a short text for a parameter, named as "shift" or "pinion.shift"."""
+    """Return a short description of a parameter with a name such as "shift" or "pinion.shift".
+
+    `parameter` is its declaration, whose text may have further clauses.
+    """
     gear, _, field = name.rpartition(".")
     text = parameter.text.split(";")[0].split(",")[0].strip()
     text = text[:1].lower() + text[1:] if text else field.replace("_", " ")
@@ -169,7 +192,9 @@ class FunctionSource:
 
     def __init__(self, function: Callable):
         """Collect the arguments that can be passed by name, and their descriptions."""
-        self.function, arguments = function, []
+        self.function = function
+        arguments: list = []
+        # Some builtin functions have no signature.
         with suppress(TypeError, ValueError):
             arguments = list(inspect.signature(function).parameters.values())
         # Positional-only and variadic arguments cannot be passed by name.
@@ -192,11 +217,12 @@ class FunctionSource:
         """Return None, because a function has no nominal values."""
 
     def __call__(self, arguments: dict) -> Any:
-        """Return the model of the function for `arguments`, a mapping of names to values."""
+        """Call the function with `arguments`, name -> value, and return its model."""
         missing = [name for name in self.required if name not in arguments]
         if missing:
-            message = "is missing: the function has no default value"
-            raise ValueError(f"tolerances.{missing[0]} {message}")
+            raise ValueError(
+                f"tolerances.{missing[0]} is missing: the function has no default value for it"
+            )
         try:
             return self.function(**arguments)
         except ArithmeticError as error:
@@ -204,10 +230,13 @@ class FunctionSource:
 
 
 class Designs:
-    """Random designs by tolerances: points of a scrambled Sobol' sequence and their models."""
+    """Random designs within tolerances: points of a scrambled Sobol' sequence and their models."""
 
     def __init__(self, model: Any, tolerances: Any, seed: int = 0):
-        """Check these arguments of `gearlib.scatter`, and build the nominal model."""
+        """Check `model` and `tolerances`, arguments of `gearlib.scatter`; build the nominal model.
+
+        `seed` is the seed of the scrambling.
+        """
         allowed = "a model such as GearPair, a StageDesign or a function that returns a model"
         checks.require(is_model(model) or callable(model), "model", model, allowed)
         self.source: Any = model
@@ -216,70 +245,85 @@ class Designs:
         self.tolerances = distributions.read(tolerances, self.source.parameters, self.source.value)
         self.names = self.tolerances.names
         self.seed = seed
-        for name, field in RATIOS.items() if is_model(model) else ():
-            if {name, field} <= {*self.names}:
-                raise ValueError(
-                    f"tolerances.{field} is not allowed beside tolerances.{name}: both set the "
-                    "same quantity; give one of them"
-                )
+        if is_model(model):
+            for name, field in RATIOS.items():
+                if {name, field} <= {*self.names}:
+                    raise ValueError(
+                        f"tolerances.{field} is not allowed beside tolerances.{name}: both set the "
+                        "same quantity; give one of them"
+                    )
         self.nominal = self.model(self.tolerances.centres)
 
-    def points(self, first: int, last: int) -> np.ndarray:
-        """Return the points `first` to `last` - 1: k parameters, 2 initial values; (n, k + 2)."""
+    def points(self, start: int, stop: int) -> np.ndarray:
+        """Return the Sobol' points with the indices `start` to `stop` - 1, (n, k + 2).
+
+        Each has coordinates between 0 and 1 for the k parameters, and two for an initial state.
+        """
         # Initial states are always included, so that the parameters do not depend on their use.
         engine = qmc.Sobol(len(self.names) + _START_DIMENSIONS, bits=_SOBOL_BITS, rng=self.seed)
-        if first:
-            engine.fast_forward(first)
+        if start:
+            engine.fast_forward(start)
         with warnings.catch_warnings():
             # The sequence warns if the number of points is not a power of 2.
             warnings.simplefilter("ignore", UserWarning)
-            points = engine.random(last - first)
+            points = engine.random(stop - start)
         # Half the grid spacing is added because coordinates must not be 0.
         return points + 0.5**_SOBOL_BITS / 2.0
 
     def values(self, points: np.ndarray) -> np.ndarray:
-        """Return the parameters, (n, k), of points of the unit cube, (n, k + 2)."""
+        """Return the values of the k parameters, (n, k), SI units, at Sobol' points, (n, k + 2)."""
         return self.tolerances.values(points[:, : len(self.names)])
 
     def model(self, values: np.ndarray) -> Any:
-        """Return the model with parameters, (k,), or raise ValueError if it cannot be built."""
+        """Return the model with these values of the parameters, (k,).
+
+        Raise ValueError if it cannot be built.
+        """
         model = self.source(dict(zip(self.names, map(float, values), strict=True)))
         allowed = "a model such as GearPair"
         checks.require(is_model(model), "the value of the function", model, allowed)
         return model
 
     def duty_model_builder(self, values: np.ndarray) -> Callable | None:
-        """Return a function that builds the model of the gears at the duty point, else None."""
+        """Return a function that builds the duty-point model with these parameters, (k,).
+
+        Return None unless the designs are gears given by geometry.
+        """
         if not isinstance(self.source, StageDesign):
             return None
         changes = dict(zip(self.names, map(float, values), strict=True))
         return partial(self.source.duty_model, changes)
 
     def units(self, name: str) -> tuple[str, str]:
-        """Return CF units and description of a parameter."""
+        """Return the CF units and the description of a parameter."""
         return self.source.descriptions.get(name, ("1", name))
 
 
 def count_error_messages(messages: Iterable[str]) -> list[tuple[int, str]]:
-    """Return the count and an example of each kind of error message, the most frequent first."""
-    # Messages of one kind differ only in their numbers.
+    """Count the error messages of each kind; return (count, example), the most frequent first.
+
+    Messages of one kind differ only in their numbers; empty messages are ignored.
+    """
     kinds: dict = {}
-    for message in filter(None, messages):
-        kinds.setdefault(_NUMBER_PATTERN.sub("...", message), []).append(message)
-    counts = ((len(examples), examples[0]) for examples in kinds.values())
-    return sorted(counts, key=lambda row: (-row[0], row[1]))
+    for message in messages:
+        if message:
+            kinds.setdefault(_NUMBER_PATTERN.sub("...", message), []).append(message)
+    counts = [(len(examples), examples[0]) for examples in kinds.values()]
+    return sorted(
+        counts, key=lambda count_and_example: (-count_and_example[0], count_and_example[1])
+    )
 
 
 #: Meanings of the status codes of a quantity: 0 FOUND, 1 ABSENT (the design does not have it),
-#: 2 LOST (its search failed). The code -1, NO_DESIGN, is that of a design that cannot be built.
+#: 2 LOST (its search failed). Designs that cannot be built have the code -1, NO_DESIGN.
 STATUS_MEANINGS = ("found", "there_is_none", "not_followed")
 FOUND, ABSENT, LOST = range(len(STATUS_MEANINGS))
 NO_DESIGN = -1
-#: Speed of the main resonance -> its attribute of `MainResonance`.
+#: Quantity that is a speed of the main resonance -> its attribute of `MainResonance`.
 RESONANCE_NAMES = {"jump_up": "jump_up", "jump_down": "jump_down", "onset_of_contact_loss": "onset"}
 _PEAK_QUANTITIES = {"peak", "resonance_force_ratio"}
 _SHARING_QUANTITIES = {"load_sharing", "least_load_sharing"}
-#: Quantities whose worst value is the least one.
+#: Quantities whose worst value is the smallest one; of all others it is the largest one.
 _MINIMISED_QUANTITIES = {"contact_margin", "least_load_sharing"}
 _FORCE_RATIOS = {"dynamic_factor", "peak_force_ratio"}
 _DUTY_QUANTITIES = {"force", "transmission_error", "contact_margin"}
@@ -289,13 +333,15 @@ _DUTY_QUANTITIES |= _SHARING_QUANTITIES | _FORCE_RATIOS
 class DesignQuantities:
     """Compute quantities of designs that differ little from a nominal design.
 
-    `nominal` holds the values of the nominal design, (q,), NaN if they do not exist.
+    `nominal` holds the quantities of the nominal design, (q,), NaN if they do not exist.
     """
 
     def __init__(self, model, quantities, *, speed: float | None = None, build_duty_model=None):
-        """Check the quantities, different names of `QUANTITIES`, and compute the nominal ones.
+        """Check the names of the quantities, and compute them for the nominal design `model`.
 
-        `speed` is that of the duty point, rpm; `build_duty_model` returns the nominal model there.
+        `speed` is the speed of the duty point, rpm, None if no quantity needs it.
+        `build_duty_model` is a function that returns the nominal model for the duty point; if it
+        is None, `model` is used.
         """
         self.quantities = checked_names("quantities", quantities, tuple(QUANTITIES))
         duty_quantities = _DUTY_QUANTITIES & set(self.quantities)
@@ -312,7 +358,9 @@ class DesignQuantities:
             sharing_quantities = duty_quantities & _SHARING_QUANTITIES
             if sharing_quantities and not duty_model.mesh_names:
                 name = min(sharing_quantities)
-                raise ValueError(f"quantities = {name!r} is not allowed: only trains have it")
+                raise ValueError(
+                    f"quantities = {name!r} is not allowed for this model: only trains have it"
+                )
             for name in duty_quantities & _FORCE_RATIOS:
                 allowed = f"{duty_model.force_ratio_name!r}, which this model has"
                 checks.require(name == duty_model.force_ratio_name, "quantities", name, allowed)
@@ -332,15 +380,19 @@ class DesignQuantities:
     def evaluate(self, model: Any, build_duty_model: Callable | None = None) -> tuple:
         """Return the quantities of a design, (q,), NaN if not found, and their status codes, (q,).
 
-        `build_duty_model` returns its model at the duty point, None if it is `model`.
+        `build_duty_model` is a function that returns its model for the duty point; if it is None,
+        `model` is used.
         """
         values = np.full(len(self.quantities), np.nan)
         codes = np.full(len(self.quantities), ABSENT, np.int8)
         resonance: Any = None
         if self._resonance_names:
             resonance = main_resonance(model, self._resonance_names)
-        duty_model = build_duty_model() if build_duty_model and self._nominal_orbit else model
-        summary = self._duty_summary(duty_model) if self._nominal_orbit else None
+        duty_model, summary = model, None
+        if self._nominal_orbit:  # there are quantities of the duty point
+            if build_duty_model:
+                duty_model = build_duty_model()
+            summary = self._duty_summary(duty_model)
         for i, name in enumerate(self.quantities):
             if name in _DUTY_QUANTITIES:
                 values[i] = _duty_value(name, duty_model, summary, self._nominal_orbit.period)
@@ -348,7 +400,7 @@ class DesignQuantities:
                 values[i] = resonance.peak_displacement * model.static_deflection
             elif name == "resonance_force_ratio":
                 values[i] = resonance.peak_force
-            else:  # the resonance has tunings
+            else:  # a speed, which the resonance has as a tuning
                 values[i] = float(model.speed(1.0)) * getattr(resonance, RESONANCE_NAMES[name])
             if np.isfinite(values[i]):
                 codes[i] = FOUND
@@ -357,14 +409,18 @@ class DesignQuantities:
         return values, codes
 
     def _duty_summary(self, model: Any) -> np.ndarray | None:
-        """Return the extrema over the orbit at the duty point, None if no orbit is found."""
-        tuning, nominal_orbit = float(model.tuning_at(self.speed)), self._nominal_orbit
-        for guess in (nominal_orbit.state, None):  # None: the default state
+        """Return the summary table of the orbit at the duty point, None if no orbit is found.
+
+        The table has the extrema of displacement and force, one row for each mesh.
+        """
+        tuning = float(model.tuning_at(self.speed))
+        nominal_orbit = self._nominal_orbit
+        for guess in (nominal_orbit.state, None):  # None: the default initial state
             try:
                 orbit = periodic_orbit(model, tuning, guess=guess, period=nominal_orbit.period)
             except (NoOrbit, ValueError):
                 continue
-            # An unstable orbit counts only if that of the nominal design is unstable, too.
+            # An unstable orbit counts only if the orbit of the nominal design is unstable, too.
             if orbit.stable or not nominal_orbit.stable:
                 propagator = model.propagator(tuning)
                 return propagator.record(orbit.state, nominal_orbit.period, MAX_EVENTS).summary
@@ -372,7 +428,7 @@ class DesignQuantities:
 
 
 def _check_resonance_quantities(model: Any, quantities: set) -> None:
-    """Raise ValueError if a model does not have these quantities of the main resonance."""
+    """Raise ValueError unless a model has the named quantities of the main resonance."""
     kind = type(model).__name__
     if model.speed is None:
         raise ValueError(f"model = {kind} is not allowed: it has no rotational speed")
@@ -392,7 +448,11 @@ def _check_resonance_quantities(model: Any, quantities: set) -> None:
 
 
 def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
-    """Return the quantity `name` of the duty point for the worst mesh in SI units, or NaN."""
+    """Return the quantity `name` at the duty point for the worst mesh, SI units.
+
+    `summary` is the table of `_duty_summary`, or None; the value is then NaN. `period` is the
+    period of the orbit in mesh periods.
+    """
     if summary is None:
         return math.nan
     table = np.atleast_2d(summary)
@@ -417,13 +477,20 @@ def _duty_value(name: str, model: Any, summary: Any, period: int) -> float:
 
 
 def quantity_evaluator(designs: Any, quantities: Any, speed: float | None) -> DesignQuantities:
-    """Return a `DesignQuantities` for these `Designs`; `speed` is that of the duty point, rpm."""
+    """Return a `DesignQuantities` for these `Designs`.
+
+    `quantities` are names of `QUANTITIES`; `speed` is the speed of the duty point, rpm, or None.
+    """
     builder = designs.duty_model_builder(designs.tolerances.centres)
     return DesignQuantities(designs.nominal, quantities, speed=speed, build_duty_model=builder)
 
 
 def checked_names(key: str, names: Any, allowed: tuple) -> tuple:
-    """Return names as a tuple; raise ValueError unless they are allowed and all different."""
+    """Return the names that an argument has, as a tuple; raise ValueError unless they are valid.
+
+    `key` is the name of the argument in messages. Each name must be one of `allowed` and must not
+    be repeated.
+    """
     names_allowed = f"a sequence of {', '.join(map(repr, allowed))}"
     checks.require(not isinstance(names, str), key, names, names_allowed)
     checked = tuple(checks.sequence(key, names, allowed=names_allowed))

@@ -1,7 +1,7 @@
-"""Distributions of parameters: by mean and deviation, by limits, or by a name of `scipy.stats`.
+"""Read distributions of parameters: mean and deviation, limits, or a name of `scipy.stats`.
 
 Limits do not determine the distribution between them, so ``{min, max}`` and ``{nominal, upper,
-lower}`` are uniform distributions.
+lower}`` are read as uniform distributions.
 """
 
 import math
@@ -32,7 +32,10 @@ class Tolerances:
     """Joint distribution of all parameters that scatter; correlations are a Gaussian copula."""
 
     def __init__(self, marginals: dict, correlations: Sequence = ()):
-        """Take a `Marginal` for each name, and correlations as rows (name, name, coefficient)."""
+        """Take a `Marginal` for each name, and correlations as rows (name, name, coefficient).
+
+        The coefficients are correlations of the normal scores of the copula.
+        """
         self.marginals = marginals
         self.names = tuple(marginals)
         self.correlations = tuple(map(tuple, correlations))
@@ -40,14 +43,14 @@ class Tolerances:
         for first, second, coefficient in self.correlations:
             i, j = self.names.index(first), self.names.index(second)
             matrix[i, j] = matrix[j, i] = coefficient
-        smallest = float(np.linalg.eigvalsh(matrix)[0])
-        if smallest <= 1e-12:
+        smallest_eigenvalue = float(np.linalg.eigvalsh(matrix)[0])
+        if smallest_eigenvalue <= 1e-12:
             rows = [list(row) for row in self.correlations]
             raise ValueError(
-                f"tolerances.{CORRELATIONS} = {rows!r} is not allowed: "
-                f"it must be positive definite, but the smallest eigenvalue is {smallest:.3g}"
+                f"tolerances.{CORRELATIONS} = {rows!r} is not allowed: its matrix must be positive "
+                f"definite, but the smallest eigenvalue is {smallest_eigenvalue:.3g}"
             )
-        self._factor = np.linalg.cholesky(matrix)
+        self._cholesky_factor = np.linalg.cholesky(matrix)
 
     @property
     def centres(self) -> np.ndarray:
@@ -55,24 +58,28 @@ class Tolerances:
         return np.array([marginal.centre for marginal in self.marginals.values()])
 
     def values(self, points: np.ndarray) -> np.ndarray:
-        """Return the parameters, (n, k), at points of the open unit cube, (n, k)."""
+        """Return the parameters, (n, k), that belong to points of the open unit cube, (n, k)."""
         points = np.asarray(points, float)
         if self.correlations:
+            normal_scores = special.ndtri(points)
             # The rounding of a matrix product would depend on the number of rows of a shard.
-            scores = special.ndtri(points)
-            points = special.ndtr(np.stack([(scores * row).sum(axis=1) for row in self._factor], 1))
-        pairs = zip(self.marginals.values(), points.T, strict=True)
-        return np.stack([marginal.distribution.ppf(u) for marginal, u in pairs], axis=1)
+            correlated = [(normal_scores * row).sum(axis=1) for row in self._cholesky_factor]
+            points = special.ndtr(np.stack(correlated, 1))
+        columns = []
+        for marginal, probabilities in zip(self.marginals.values(), points.T, strict=True):
+            columns.append(marginal.distribution.ppf(probabilities))
+        return np.stack(columns, axis=1)
 
 
 _Correlation = Annotated[float, Gt(-1), Lt(1), Unit("1")]
 
 
 def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Tolerances:
-    """Return the joint distribution of parameters from their tolerances, or raise ValueError.
+    """Read the tolerances of parameters as a joint distribution, or raise ValueError.
 
-    `allowed_parameters` maps names of parameters to their declarations or None; `value_of` returns
-    the nominal value for a name, or None. Error messages call a parameter ``tolerances.<name>``.
+    `tolerances` is a mapping as in `gearlib.scatter`. `allowed_parameters` maps names of parameters
+    to their declarations or None; `value_of` is a function that returns the nominal value of a
+    parameter by its name, or None. Messages call a parameter ``tolerances.<name>``.
     """
     if not hasattr(tolerances, "items") or not set(tolerances) - {CORRELATIONS}:
         allowed = f"a mapping of parameters to {tolerated.ALLOWED_SCATTER}"
@@ -110,13 +117,18 @@ def read(tolerances, allowed_parameters, value_of=lambda name: None) -> Toleranc
 
 
 def _named_distribution(key: str, tolerance: Any) -> Marginal:
-    """Return the distribution of `scipy.stats` with the name and parameters of a tolerance."""
+    """Return the distribution of `scipy.stats` that a tolerance names.
+
+    `tolerance` maps "distribution" to its name and each of its parameters to a number; `key` is the
+    name of the tolerance in messages.
+    """
     name = tolerance["distribution"]
     family: Any = getattr(stats, name, None) if isinstance(name, str) else None
     allowed = "the name of a continuous distribution of scipy.stats, such as 'lognorm'"
     checks.require(isinstance(family, stats.rv_continuous), f"{key}.distribution", name, allowed)
     shapes = [shape.strip() for shape in (family.shapes or "").split(",") if shape]
-    allowed_names, numbers = [*shapes, "loc", "scale"], {}
+    allowed_names = [*shapes, "loc", "scale"]
+    numbers = {}
     for parameter, value in tolerance.items():
         if parameter == "distribution":
             continue
@@ -133,8 +145,9 @@ def _named_distribution(key: str, tolerance: Any) -> Marginal:
     with np.errstate(all="ignore"):
         median, mean = float(distribution.median()), float(distribution.mean())
         std = float(distribution.std())
-    fits = all(map(math.isfinite, (median, mean, std))) and std > 0.0
-    allowed = f"parameters of {name!r} with a finite mean and a finite deviation > 0"
-    checks.require(fits, key, tolerance, allowed)
-    # An end of the support, such as 0 of a lognormal distribution, need not be an allowed value.
+    has_moments = all(map(math.isfinite, (median, mean, std))) and std > 0.0
+    allowed = f"parameters of {name!r} with a finite mean and a finite standard deviation > 0"
+    checks.require(has_moments, key, tolerance, allowed)
+    # The limits stay infinite, because an end of the support, such as 0 of a lognormal
+    # distribution, need not be a valid value of the parameter.
     return Marginal(distribution, median)

@@ -1,6 +1,7 @@
-"""`fit`: parameters of a model from measured data, by least squares with differences of runs.
+"""Fit parameters of a model to measured data by least squares (`fit`).
 
-The result has values, confidence intervals, and messages about what the data do not determine.
+Derivatives are difference quotients of runs of the model. The result has values, confidence
+intervals, and messages about parameters that the data do not determine.
 """
 
 import math
@@ -27,11 +28,12 @@ _DIFFERENCE_STEP = 1e-5
 _MIN_RELATIVE_COLUMN_NORM = 1e-7
 #: Largest and smallest step of the difference quotients at the optimum, relative to the range.
 _MAX_OPTIMUM_STEP, _MIN_OPTIMUM_STEP = 0.1, 1e-5
-#: Residual of a run that failed, and sum of squares beyond which a start is refused.
+#: Residual of a run that failed, and sum of squares from which on a start is refused.
 _FAILED_RESIDUAL, _MAX_START_COST = 1e6, 1e30
 #: A channel of unknown noise is weighted by its residuals if it has more than this many residuals
 #: for each parameter.
 _MIN_RESIDUALS_PER_PARAMETER = 3
+#: Smallest RMS of a channel from which a weight is computed, and largest number of reweightings.
 _MIN_NOISE, _MAX_WEIGHTINGS = 1e-6, 3
 #: Singular values of the Jacobian that are smaller, relative to the largest one, count as zero.
 _MIN_RELATIVE_SINGULAR_VALUE = 1e-9
@@ -39,8 +41,8 @@ _MIN_RELATIVE_SINGULAR_VALUE = 1e-9
 _MAX_UNDETERMINED_COMPONENT = 0.01
 #: Fraction of the variance of the data that a model may leave unexplained.
 _MAX_UNEXPLAINED_FRACTION = 0.5
-#: Probability of a false alarm of each test, of chi-square and for correlated residuals. Signs of
-#: residuals below the minimum, relative to their standard deviation, are ignored.
+#: Probability of a false alarm of each test, for chi-square and for correlated residuals; and
+#: smallest residual, in standard deviations, whose sign counts.
 _FALSE_ALARM_PROBABILITY, _MIN_SIGNED_RESIDUAL = 1e-3, 1e-6
 
 
@@ -91,10 +93,13 @@ class Fit:
             f"    Bayesian info crit = {self.bic:.6g}",
             "[[Variables]]",
         ]
-        for p in self.params.values():
-            percent = abs(100.0 * p.stderr / p.value) if p.value else np.inf
-            error = f"+/- {p.stderr:.4g} ({percent:.2f}%)" if p.identifiable else "not known"
-            lines.append(f"    {p.name}: {p.value:.8g} {error} (init = {p.init:.6g})")
+        for parameter in self.params.values():
+            value, stderr = parameter.value, parameter.stderr
+            error = "not known"
+            if parameter.identifiable:
+                percent = abs(100.0 * stderr / value) if value else np.inf
+                error = f"+/- {stderr:.4g} ({percent:.2f}%)"
+            lines.append(f"    {parameter.name}: {value:.8g} {error} (init = {parameter.init:.6g})")
         names = list(self.params)
         rows, columns = np.nonzero(np.triu(np.abs(self.correlations) > 0.1, 1))
         if rows.size:
@@ -112,15 +117,15 @@ class Fit:
 
         Both are classes of `gearlib.uncertainty.observation`.
         """
-        return [
-            curve
-            for observation in self._observations
-            for curve in observation.draw(observation.predicted_signals(self.model))
-        ]
+        curves = []
+        for observation in self._observations:
+            curves += observation.draw(observation.predicted_signals(self.model))
+        return curves
 
     def dataset(self):
         """Return the fit as a dataset over its parameters, in their SI units."""
-        parameters, names = self.params.values(), list(self.params)
+        parameters = self.params.values()
+        names = list(self.params)
         intervals = np.array([p.interval for p in parameters]).reshape(-1, 2)
         columns = {
             "fitted_value": [p.value for p in parameters],
@@ -154,7 +159,7 @@ class Problem(NamedTuple):
     low: np.ndarray  #: their lower limits, SI units
     high: np.ndarray  #: their upper limits
     observations: list
-    weights: Any = 1.0  #: factors of the residuals, or one factor of all
+    weights: Any = 1.0  #: factor of each residual, or one factor of all residuals
 
     @property
     def channels(self) -> list:
@@ -172,12 +177,12 @@ class Problem(NamedTuple):
         return all(channel.noise_known for channel in self.channels)
 
     def model_at(self, scaled_values: np.ndarray) -> Any:
-        """Return the model with these free parameters, scaled to their ranges."""
+        """Return the model with these free parameters, (k,), scaled to their ranges."""
         values = self.low + np.asarray(scaled_values) * (self.high - self.low)
         return self.model.with_values(dict(zip(self.names, map(float, values), strict=True)))
 
     def residuals(self, scaled_values: np.ndarray) -> np.ndarray | None:
-        """Return the weighted residuals for scaled parameters, None if a run of the model fails."""
+        """Return the weighted residuals for scaled parameters, (k,), None if a run fails."""
         model = self.model_at(scaled_values)
         blocks = []
         for observation in self.observations:
@@ -233,7 +238,7 @@ def fit(model, data, free):
 
 
 def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.ndarray]:
-    """Check the arguments of `fit`; return its problem and the scaled parameters of the model."""
+    """Check the arguments of `fit`; return its `Problem` and the start, scaled parameters (k,)."""
     checks.require(is_model(model), "model", model, "a model such as GearPair")
     if model.speed is None:
         kind = type(model).__name__
@@ -263,11 +268,15 @@ def _problem_and_start(model: Any, data: Any, free: Any) -> tuple[Problem, np.nd
             f"data is not allowed: {problem.size} observations for {len(ranges)} "
             "parameters; there must be at least as many observations"
         )
-    return problem, (np.array([model.value(name) for name in ranges]) - low) / (high - low)
+    initial_values = np.array([model.value(name) for name in ranges])
+    return problem, (initial_values - low) / (high - low)
 
 
 def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
-    """Return the problem with its final weights, and scipy's result of least squares."""
+    """Solve a problem from a start, scaled parameters (k,), and weight channels by their residuals.
+
+    Return the problem with its final weights, and the result of `scipy.optimize.least_squares`.
+    """
     optimum = _least_squares(problem, start)
     if not optimum.status:
         # The maximum number of evaluations was reached, usually close to the optimum.
@@ -276,41 +285,54 @@ def _solve(problem: Problem, start: np.ndarray) -> tuple[Problem, Any]:
         weights = _weights(problem, optimum.fun)
         if weights is None:
             break
-        problem, evaluations = problem._replace(weights=weights), optimum.nfev
+        problem = problem._replace(weights=weights)
+        earlier_evaluations = optimum.nfev
         optimum = _least_squares(problem, optimum.x)
-        optimum.nfev += evaluations
+        optimum.nfev += earlier_evaluations
     return problem, optimum
 
 
 def _weights(problem: Problem, residuals: np.ndarray) -> np.ndarray | None:
-    """Return weights of residuals, 1 / RMS of each group of channels of unknown noise, or None."""
+    """Return a weight for each residual, (n,), or None if all residuals may have the same weight.
+
+    A group is a channel with the channels that share its weight. The weight is 1 / RMS of the
+    group's residuals if its noise is unknown and it has many residuals, else 1. `residuals`, (n,),
+    have the present weights of the problem.
+    """
     channels = problem.channels
     groups = np.cumsum([not channel.shares_weight for channel in channels])
     if groups[-1] < 2 or problem.noise_known:  # a common scale is sufficient
         return None
     residual_groups = np.repeat(groups, [channel.values.size for channel in channels])
-    weights, unweighted = np.ones(residuals.size), residuals / problem.weights
+    unweighted = residuals / problem.weights
+    weights = np.ones(residuals.size)
     for channel, group in zip(channels, groups, strict=True):
         in_group = residual_groups == group
-        is_large = in_group.sum() > _MIN_RESIDUALS_PER_PARAMETER * len(problem.names)
+        has_many = in_group.sum() > _MIN_RESIDUALS_PER_PARAMETER * len(problem.names)
         # The first channel of a group determines whether its noise is known.
-        if is_large and not channel.shares_weight and not channel.noise_known:
+        if has_many and not channel.shares_weight and not channel.noise_known:
             rms = float(np.sqrt(np.mean(unweighted[in_group] ** 2)))
             weights[in_group] = 1.0 / max(rms, _MIN_NOISE)
     return weights
 
 
 def _least_squares(problem: Problem, start: np.ndarray) -> Any:
-    """Return scipy's result of least squares from a start, scaled parameters (parameters,)."""
+    """Minimise the weighted residuals of a problem from a start, scaled parameters (k,).
+
+    Return the result of `scipy.optimize.least_squares`.
+    """
 
     def residuals(scaled_values):
+        """Return the residuals, (n,), all equal to a large number if a run of the model fails."""
         values = problem.residuals(scaled_values)
         return np.full(problem.size, _FAILED_RESIDUAL) if values is None else values
 
     def jacobian(scaled_values):
-        """Return one-sided difference quotients of the residuals, (residuals, parameters)."""
-        quotients, old_residuals = np.zeros((problem.size, start.size)), residuals(scaled_values)
+        """Return one-sided difference quotients of the residuals, (n, k)."""
+        quotients = np.zeros((problem.size, start.size))
+        old_residuals = residuals(scaled_values)
         for i, value in enumerate(scaled_values):
+            # The step leads away from the nearer limit, 0 or 1.
             step = _DIFFERENCE_STEP if value < 0.5 else -_DIFFERENCE_STEP
             new_residuals = problem.residuals(_with_value(scaled_values, i, value + step))
             if new_residuals is not None:
@@ -320,8 +342,10 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
         return quotients
 
     def solve(start, **settings):
-        start, settings = np.clip(start, 1e-6, 1.0 - 1e-6), {"jac": jacobian, **settings}
-        return least_squares(residuals, start, bounds=(0.0, 1.0), x_scale=0.1, **settings)
+        """Call scipy's solver, whose start must lie inside the limits, with further settings."""
+        start = np.clip(start, 1e-6, 1.0 - 1e-6)
+        settings = {"jac": jacobian, "bounds": (0.0, 1.0), "x_scale": 0.1, **settings}
+        return least_squares(residuals, start, **settings)
 
     evaluations = 0
     if any(observation.kind == "branches" for observation in problem.observations):
@@ -329,24 +353,29 @@ def _least_squares(problem: Problem, start: np.ndarray) -> Any:
         # robust loss function is minimised first.
         scale = 1.0 if problem.noise_known else float(np.median(np.abs(residuals(start)))) or 1.0
         rough = solve(start, loss="soft_l1", f_scale=scale, ftol=1e-4, max_nfev=30)
-        start, evaluations = rough.x, rough.nfev
+        start = rough.x
+        evaluations = rough.nfev
     optimum = solve(start, ftol=1e-10, xtol=1e-10, gtol=1e-12, max_nfev=40)
     optimum.nfev += evaluations
     return optimum
 
 
 def _with_value(scaled_values: np.ndarray, i: int, value: float) -> np.ndarray:
-    """Return a copy of the scaled parameters with a new value of parameter i."""
+    """Return a copy of the scaled parameters, (k,), with a new value of the parameter `i`."""
     return np.where(np.arange(scaled_values.size) == i, value, scaled_values)
 
 
 def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return derivatives at the optimum and their errors, shapes (residuals, parameters)."""
-    jacobian, errors = np.array(optimum.jac), np.zeros(optimum.jac.shape)
+    """Extrapolate the Jacobian of the residuals at an optimum of scipy, and estimate its errors.
+
+    Both have the shape (residuals, parameters); parameters are scaled.
+    """
+    jacobian = np.array(optimum.jac)
+    errors = np.zeros(optimum.jac.shape)
     for i, best_value in enumerate(optimum.x):
 
         def residuals(value, i=i, best_value=best_value):
-            # Too small steps are left out.
+            """Return the residuals with a value of parameter i, None if its step is too small."""
             if value != best_value and abs(value - best_value) < _MIN_OPTIMUM_STEP:
                 return None
             return problem.residuals(_with_value(optimum.x, i, value))
@@ -358,8 +387,13 @@ def _extrapolated_jacobian(problem: Problem, optimum: Any) -> tuple[np.ndarray, 
 
 
 def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np.ndarray) -> Fit:
-    """Return the `Fit` at an optimum of scipy; `errors` are those of the elements of `jacobian`."""
-    residuals, model = optimum.fun, problem.model_at(optimum.x)
+    """Return the `Fit` at an optimum, a result of `scipy.optimize.least_squares`.
+
+    `jacobian` and the `errors` of its elements, (residuals, scaled parameters), are results of
+    `_extrapolated_jacobian`.
+    """
+    residuals = optimum.fun
+    model = problem.model_at(optimum.x)
     # The residuals do not change along the directions whose singular values are zero, or so small
     # that the errors of the Jacobian can explain them.
     _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
@@ -367,7 +401,8 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
     smallest = _MIN_RELATIVE_SINGULAR_VALUE * max(singular_values.max(), 1.0)
     directions = directions[singular_values <= np.maximum(noise, smallest)]
     identifiable = (np.abs(directions) < _MAX_UNDETERMINED_COMPONENT).all(axis=0)
-    n, k = residuals.size, int(identifiable.sum())
+    n = residuals.size
+    k = int(identifiable.sum())  # number of parameters that the data determine
     eliminated_count = sum(channel.eliminated for channel in problem.channels)
     degrees_of_freedom = max(n - eliminated_count - k, 1)
     sum_of_squares = float(residuals @ residuals)
@@ -382,10 +417,18 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
     half_widths = stderr * float(student.ppf(0.975, degrees_of_freedom))
     values = [float(model.value(name)) for name in problem.names]
     initial_values = [float(problem.model.value(name)) for name in problem.names]
-    limits = problem.low, problem.high
-    # In the order of the fields of `Parameter`.
-    fields = problem.names, values, stderr, half_widths, *limits, initial_values, identifiable
-    params = {row[0]: Parameter(*row) for row in zip(*fields, strict=True)}
+    params = {}
+    for i, name in enumerate(problem.names):
+        params[name] = Parameter(
+            name=name,
+            value=values[i],
+            stderr=stderr[i],
+            half_width=half_widths[i],
+            min=problem.low[i],
+            max=problem.high[i],
+            init=initial_values[i],
+            identifiable=identifiable[i],
+        )
     messages = _parameter_messages(problem, model, params, directions)
     messages += _residual_messages(problem, model, residuals, k)
     # The information criteria count the variance of the noise as a parameter.
@@ -408,7 +451,11 @@ def _fit_result(problem: Problem, optimum: Any, jacobian: np.ndarray, errors: np
 
 
 def _parameter_messages(problem, model, params, directions) -> list[str]:
-    """Return messages about the parameters of a fitted model that the data do not determine."""
+    """Return messages about the parameters of a fitted model that the data do not determine.
+
+    `params` maps names to `Parameter`; `directions`, (m, k), are unit vectors of scaled parameters
+    along which the residuals do not change.
+    """
     messages = []
     for i, (name, parameter) in enumerate(params.items()):
         if parameter.identifiable:
@@ -421,7 +468,7 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
             # With the largest backlash, contact on the coast side limits the excursion the least.
             model = model.with_values({"backlash": problem.high[i]})
             predictions = [observation.predict(model) for observation in problem.observations]
-            excursion = max(prediction.backlash_excursion for prediction in predictions)
+            excursion = max(prediction.backlash_excursion for prediction in predictions)  # m
             reason = "the coast side is never in contact" if excursion else "contact is never lost"
             bound = "its size remains unknown"
             if excursion > problem.low[i]:
@@ -431,27 +478,33 @@ def _parameter_messages(problem, model, params, directions) -> list[str]:
                 )
             messages.append(f"backlash is not identifiable: {reason} in the compared data; {bound}")
         else:
-            contained = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
-            coupled = contained[contained[:, i]].any(axis=0)
-            others = [other for j, other in enumerate(problem.names) if coupled[j] and j != i]
+            # Parameters are coupled if an undetermined direction contains both of them.
+            contains = np.abs(directions) >= _MAX_UNDETERMINED_COMPONENT
+            is_coupled = contains[contains[:, i]].any(axis=0)
+            coupled = [other for j, other in enumerate(problem.names) if is_coupled[j] and j != i]
             reason = "nothing in the data depends on it"
-            if others:
-                reason = f"the data determine only a combination of it and {' and '.join(others)}"
+            if coupled:
+                reason = f"the data determine only a combination of it and {' and '.join(coupled)}"
             messages.append(f"{name} is not identifiable: {reason}")
     return messages
 
 
 def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count: int) -> list[str]:
-    """Return messages about data that the fitted model does not describe."""
-    messages, channels = [], problem.channels
-    known = [channel for channel in channels if channel.noise_known]
+    """Return messages about data that the fitted model does not describe.
+
+    `residuals`, (n,), are weighted; `free_count` is the number of identifiable parameters.
+    """
+    messages = []
+    channels = problem.channels
+    known_channels = [channel for channel in channels if channel.noise_known]
     sizes = [channel.values.size for channel in channels]
     has_known_noise = np.repeat([channel.noise_known for channel in channels], sizes)
-    degrees_of_freedom = int(has_known_noise.sum()) - sum(channel.eliminated for channel in known)
+    eliminated_count = sum(channel.eliminated for channel in known_channels)
+    degrees_of_freedom = int(has_known_noise.sum()) - eliminated_count
     if problem.noise_known:  # else other data may have determined the parameters
         degrees_of_freedom = max(degrees_of_freedom - free_count, 1)
     chi_square = float((residuals[has_known_noise] ** 2).sum())
-    if known and chi2.sf(chi_square, degrees_of_freedom) < _FALSE_ALARM_PROBABILITY:
+    if known_channels and chi2.sf(chi_square, degrees_of_freedom) < _FALSE_ALARM_PROBABILITY:
         ratio = math.sqrt(chi_square / degrees_of_freedom)
         messages.append(
             f"the model does not describe the data: the residuals are {ratio:.3g} times as large "
@@ -463,7 +516,7 @@ def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count:
         if all(channel.noise_known for channel in observation.channels):
             continue
         signals = observation.predicted_signals(model)
-        # The variance of a few speeds of jumps means nothing, so only sequences are compared.
+        # The variance of a few jump speeds means nothing, so only sequences are compared.
         fractions = [
             np.mean((signal - channel.values) ** 2) / np.var(channel.values)
             for channel, signal in zip(observation.channels, signals, strict=True)
@@ -482,8 +535,9 @@ def _residual_messages(problem: Problem, model: Any, residuals: Any, free_count:
 def residual_correlation_messages(channels: list, residuals: np.ndarray) -> list[str]:
     """Return messages about channels whose residuals change sign too rarely.
 
-    `residuals`, (n,), are those of all channels in turn. Successive independent residuals differ in
-    sign with a probability of one half (Geary, Biometrika 57 (1970) 123-127).
+    `residuals`, (n,), has the unweighted residuals of all channels in their order. Successive
+    independent residuals differ in sign with a probability of one half (Geary, Biometrika 57
+    (1970) 123-127).
     """
     ends = np.cumsum([channel.values.size for channel in channels])[:-1]
     sequences: dict = {}

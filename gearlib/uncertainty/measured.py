@@ -1,4 +1,4 @@
-"""`read_measured`: a measured data set, a YAML file and its table, as one dataset in SI units."""
+"""Read a measured data set, a YAML file and its table, into one dataset in SI units."""
 
 import hashlib
 import math
@@ -78,7 +78,7 @@ def read_measured(path):
 
 
 def read_errors(paths):
-    """Read measured data sets, YAML files; return the error messages of those that are invalid."""
+    """Return the error messages of the measured data sets, YAML files, that are invalid."""
     messages = []
     for path in paths:
         try:
@@ -89,9 +89,10 @@ def read_errors(paths):
 
 
 def _json_value(name: str, value: Any) -> Any:
-    """Return an entry `name` of the metadata of a test rig as a JSON value.
+    """Convert an entry of the metadata of a test rig, and the entries in it, to JSON values.
 
-    If it is a parameter of a gear pair, a text such as "80 um" is converted to SI units.
+    `name` is the path of its keys, as in "options.load". If it is a parameter of a gear pair, a
+    text such as "80 um" is converted to a number in SI units.
     """
     if isinstance(value, dict):
         return {key: _json_value(f"{name}.{key}", entry) for key, entry in value.items()}
@@ -111,13 +112,16 @@ def _json_value(name: str, value: Any) -> Any:
 
 
 def _table_dataset(description, path: Path) -> xr.Dataset:
-    """Return the table of a measured data set, a file, as a dataset in SI units."""
+    """Read the table of a measured data set, the file `path`, as a dataset in SI units.
+
+    `description` is the content of its YAML file.
+    """
     checks.require(path.is_file(), "data", description.data, "a file beside its YAML")
     checks.require(path.stat().st_size, "data", description.data, "a file with rows: it is empty")
     if description.sha256 is not None:
         with open(path, "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        allowed = f"{digest}, that of {description.data}"
+        allowed = f"{digest}, the checksum of {description.data}"
         checks.require(digest == description.sha256, "sha256", description.sha256, allowed)
     text_columns = {measured_tables.ID_COLUMN, CONDITION_COLUMN}
     for key, channel in description.channels.items():
@@ -146,7 +150,12 @@ def _table_dataset(description, path: Path) -> xr.Dataset:
 
 
 def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dataset) -> xr.Dataset:
-    """Return `data` with columns of a table and their standard deviations, arrays over samples."""
+    """Return the dataset `data` with the columns of a table as variables in SI units.
+
+    `columns` maps names of columns to arrays over samples in the units of the table; `std_columns`
+    has the standard deviations of columns of a long table, NaN if not given, and is empty for a
+    wide table. `description` is the content of the YAML file.
+    """
     channels = description.channels.items()
     column_names = {channel.observableId or key: key for key, channel in channels if key in columns}
     # Time and condition need no channel if their columns have the names of PEtab.
@@ -164,11 +173,11 @@ def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dat
         has_gaps = bool(description.channels[key].gaps)
         if has_gaps and (empty_cells := int(np.isnan(values).sum())):
             repairs.append(f"{name}: {empty_cells} empty cells are not measured")
-        noise = std_columns[key][order] if key in std_columns else None
+        stds = std_columns[key][order] if key in std_columns else None
         # A sample of a long table is NaN if this quantity was not measured there.
-        may_be_nan = has_gaps or noise is not None
+        may_be_nan = has_gaps or stds is not None
         measured_tables.check_finite(where, values[order], gaps=may_be_nan)
-        data = data.assign(_variables(description.channels[key], name, key, values[order], noise))
+        data = data.assign(_variables(description.channels[key], name, key, values[order], stds))
     channel_keys, allowed = list(description.channels), "at least one measured quantity"
     checks.require(data.data_vars, "channels", channel_keys, allowed)
     for name, values in coords.items():
@@ -181,7 +190,11 @@ def _columns_dataset(description, columns: dict, std_columns: dict, data: xr.Dat
 
 
 def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any, list[str]]:
-    """Return an index that sorts samples by time in each condition, and notes on this repair."""
+    """Return an index that sorts samples by time in each condition, and notes on this repair.
+
+    `column_names` maps variables to columns of the table, `coords` maps coordinates to arrays over
+    samples. The index is an array, or a slice if the samples are already sorted.
+    """
     if "time" not in coords:
         return slice(None), []
     groupings = [coords[name] for name in ("condition", "direction") if name in coords]
@@ -204,12 +217,19 @@ def _time_order(description: Any, column_names: dict, coords: dict) -> tuple[Any
         )
     if (np.diff(order) > 0).all():
         return slice(None), []
-    return order, ["samples sorted by time" + ", each condition apart" * bool(groupings)]
+    repair = "samples sorted by time"
+    if groupings:
+        repair += ", each condition apart"
+    return order, [repair]
 
 
-def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any) -> dict:
-    """Return the variable `name` of a channel and, if its noise varies, that of the noise."""
-    factor, units = channel.scale(key)
+def _variables(channel: Any, name: str, key: str, values: np.ndarray, stds: Any) -> dict:
+    """Return the variable of a channel and, if its noise varies, the variable of the noise.
+
+    `name` is the name of the variable, `key` the name of its column. `values`, (n,), and `stds`,
+    their standard deviations, NaN or None if not given, have the unit of the channel.
+    """
+    factor, units = channel.scale(key)  # to SI units
     attrs = {
         "units": units,
         "long_name": measured_names.units_and_description(name)[1],
@@ -220,26 +240,35 @@ def _variables(channel: Any, name: str, key: str, values: np.ndarray, noise: Any
         "unknown_offset": int(channel.offset == "unknown"),
     }
     variables = {}
-    if noise is not None and np.isfinite(noise).any():
-        noise = np.where(np.isnan(noise), channel.noise_std(key), noise * abs(factor))
-        measured_noise = noise[np.isfinite(values)]
-        attrs["noise_std"] = math.sqrt(float(np.mean(measured_noise**2)))
-        if measured_noise.min() != measured_noise.max():
+    if stds is not None and np.isfinite(stds).any():
+        stds = np.where(np.isnan(stds), channel.noise_std(key), stds * abs(factor))
+        measured_stds = stds[np.isfinite(values)]
+        attrs["noise_std"] = math.sqrt(float(np.mean(measured_stds**2)))
+        if measured_stds.min() != measured_stds.max():
             noise_attrs = {"units": units, "long_name": f"standard deviation of {name}"}
-            variables[f"{name}_noise_std"] = "sample", noise, noise_attrs
+            variables[f"{name}_noise_std"] = "sample", stds, noise_attrs
     return variables | {name: ("sample", values * factor, attrs)}
 
 
 def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[dict, str]:
-    """Return the values of the coordinates by name, and the date of the first sample or ""."""
-    coords, start = {}, ""
+    """Return time, speed, direction and condition of the samples, and their earliest date.
+
+    The coordinates that are known are returned as name -> array, in SI units; the date is "" if the
+    times are not dates. `column_names` maps coordinates to the names of their `columns`.
+    """
+    coords: dict = {}
+    start = ""
     locations = {name: f"{description.data}, column {key!r}" for name, key in column_names.items()}
-    for name in [name for name in ("time", "speed") if name in column_names]:
-        channel, values = description.channels.get(column_names[name]), columns[column_names[name]]
+    for name in ("time", "speed"):
+        if name not in column_names:
+            continue
+        key = column_names[name]
+        channel, values = description.channels.get(key), columns[key]
         if channel is not None and channel.unit == measured_description.DATES:
             values, start = measured_tables.seconds_since_first(locations[name], values)
         measured_tables.check_finite(locations[name], values, steady=name == "time")
-        coords[name] = values * (1.0 if channel is None else channel.scale(column_names[name])[0])
+        factor = 1.0 if channel is None else channel.scale(key)[0]
+        coords[name] = values * factor
     if "direction" in column_names:
         column = columns[column_names["direction"]]
         where = locations["direction"]
@@ -255,9 +284,10 @@ def _coordinates(description: Any, columns: dict, column_names: dict) -> tuple[d
         column = columns[column_names["condition"]]
         codes = measured_tables.category_codes(locations["condition"], column)
         names = [str(name) for name in column.categories]
-        for name in names if description.conditions else ():
+        if description.conditions:
             allowed = f"one of {', '.join(description.conditions)}"
-            checks.require(name in description.conditions, CONDITION_COLUMN, name, allowed)
+            for name in names:
+                checks.require(name in description.conditions, CONDITION_COLUMN, name, allowed)
         coords["condition"] = np.array(names)[codes]
         conditions = [description.conditions.get(name) for name in names]
     elif len(conditions) != 1:  # no condition applies to all samples

@@ -1,6 +1,6 @@
-"""Read CSV and UFF files as checked columns: name -> array of numbers, or categories of pandas.
+"""Read CSV and UFF files into checked columns: name -> array of numbers, or pandas categories.
 
-A CSV is wide, a column for each channel, or long as in PEtab, a row for each measurement.
+A CSV is wide (a column for each channel) or long as in PEtab (a row for each measurement).
 """
 
 import csv
@@ -21,7 +21,7 @@ from gearlib.data import measured_names
 from gearlib.integrators.method import MissingPackage, Package
 
 PYUFF = Package("pyuff", "pyuff")
-#: Names of the columns of a long table by PEtab: the measured quantity and its value.
+#: Names of the columns of a long PEtab table: the measured quantity and its value.
 LONG_COLUMNS = ID_COLUMN, VALUE_COLUMN = "observableId", "measurement"
 CONDITION_COLUMN, NOISE_COLUMN = "simulationConditionId", "noiseParameters"
 #: Texts of a direction -> its sign.
@@ -34,7 +34,10 @@ _NO_UNITS = ("", "NONE", "UNKNOWN", "EU")
 
 
 def _header(file: TextIO, description: Any) -> list[str]:
-    """Read a CSV up to the line with the names of its columns, and return the names."""
+    """Read a CSV up to the line with the names of its columns, and return the names.
+
+    `description` is the content of the YAML file of the data set.
+    """
     for line in islice(file, description.skip, None):
         line = line.split(description.comment)[0] if description.comment else line
         (cells,) = csv.reader([line], delimiter=description.separator, skipinitialspace=True)
@@ -44,7 +47,10 @@ def _header(file: TextIO, description: Any) -> list[str]:
 
 
 def _required_columns(names: list[str], description: Any) -> list[str]:
-    """Return the names of the columns to read; raise ValueError if one is missing or repeated."""
+    """Return the names of the columns to read; raise ValueError if one is missing or repeated.
+
+    `names` are the columns of the CSV, `description` is the content of its YAML file.
+    """
     required = list(description.channels)
     if set(LONG_COLUMNS) <= {*names}:
         optional = CONDITION_COLUMN, "time", NOISE_COLUMN
@@ -59,20 +65,24 @@ def _required_columns(names: list[str], description: Any) -> list[str]:
     for name in required:
         column = f"the column {name!r}"
         if names.count(name) > 1:
-            raise ValueError(f"{column} of {description.data} occurs twice: it must occur once")
+            raise ValueError(f"{column} of {description.data} occurs more than once")
         if name not in names:
-            separators = [
-                separator
-                for separator in (";", "\t", "|", ",")
-                if len(names) == 1 and name in map(str.strip, names[0].split(separator))
-            ]
-            hint = f", or separator must be {separators[0]!r}" if separators else ""
+            hint = ""
+            # A single column is usually a whole line that another separator would split.
+            if len(names) == 1:
+                for separator in (";", "\t", "|", ","):
+                    if name in map(str.strip, names[0].split(separator)):
+                        hint = f", or separator must be {separator!r}"
+                        break
             raise _missing(column, description, names, hint)
     return required
 
 
 def _missing(name: str, description: Any, names: list, hint: str = "") -> ValueError:
-    """Return the error for a column, channel or observable that is not among the `names`."""
+    """Return the error for a column, channel or observable that is not among the `names`.
+
+    `name` is its kind and name, such as "the column 'time'"; `hint` ends the message.
+    """
     first_names = ", ".join(map(repr, names[:12]))
     return ValueError(
         f"{name} of {description.data} is missing: it must be one of {first_names}{hint}"
@@ -80,16 +90,21 @@ def _missing(name: str, description: Any, names: list, hint: str = "") -> ValueE
 
 
 def _data_frame(rows: str, description: Any, dtypes: dict, column_count: int) -> Any:
-    """Return the columns of the rows of a CSV and one more column of surplus cells, with pandas."""
+    """Parse the rows of a CSV, a text without header, into a data frame with integer column names.
+
+    `dtypes` maps indices of the columns to read to their types. A further column, with the index
+    `column_count`, holds surplus cells of rows that are too long.
+    """
     import pandas as pd
 
     # From version 3.1 on, pandas rounds numbers correctly by default.
     rounds_correctly = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
-    # Without a further column, pandas would drop surplus cells of a row silently.
-    names = description.separator.join(map(str, range(column_count + 1)))
+    options = {} if rounds_correctly else {"float_precision": "round_trip"}
+    # Without the further column, pandas would drop surplus cells of a row silently.
+    header = description.separator.join(map(str, range(column_count + 1)))
     dtypes = {str(i): dtype for i, dtype in dtypes.items()} | {str(column_count): "category"}
     frame = pd.read_csv(
-        StringIO(f"{names}\n{rows}", newline=""),
+        StringIO(f"{header}\n{rows}", newline=""),
         dtype=dtypes,
         usecols=[*dtypes],
         sep=description.separator,
@@ -98,13 +113,17 @@ def _data_frame(rows: str, description: Any, dtypes: dict, column_count: int) ->
         skipinitialspace=True,
         low_memory=False,
         index_col=False,
-        **({} if rounds_correctly else {"float_precision": "round_trip"}),
+        **options,
     )
     return frame.rename(columns=int)
 
 
 def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, list]:
-    """Return columns of a CSV, arrays or, in `text_columns`, categories, and all column names."""
+    """Read the required columns of a CSV; return them, name -> values, and all column names.
+
+    Values are arrays of numbers, or pandas categories for the names in `text_columns`.
+    `description` is the content of the YAML file of the data set.
+    """
     # UTF-8 may begin with a byte order mark.
     encoding = "utf-8-sig" if description.encoding == "utf-8" else description.encoding
     try:
@@ -137,11 +156,15 @@ def read_csv(path: Path, description: Any, text_columns: set) -> tuple[dict, lis
 
 
 def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) -> ValueError:
-    """Return the error that names the first cell of a CSV that should be a number and is not."""
+    """Return the error that names the first cell of a CSV that should be a number and is not.
+
+    `rows`, `description` and `dtypes` are arguments of `_data_frame`; `names` are the columns.
+    """
     import pandas as pd
 
     number_columns = [i for i, dtype in dtypes.items() if dtype is float]
-    other_sign = ",."[description.decimal == ","]
+    # A cell with the other decimal sign is not a number.
+    other_sign = "." if description.decimal == "," else ","
     try:
         frame = _data_frame(rows, description, dict.fromkeys(number_columns, str), len(names))
     except ValueError as error:
@@ -159,7 +182,10 @@ def _not_a_number_error(rows: str, description: Any, dtypes: dict, names: list) 
 
 
 def read_uff(path: Path, description: Any) -> dict:
-    """Return signals and times of a universal file, its datasets of type 58, by channel name."""
+    """Read the channels of a universal file, its datasets of type 58; return name -> array.
+
+    "time" is the common time of all channels. Directions and conditions are pandas categories.
+    """
     if not PYUFF.available():
         raise MissingPackage(
             f"data = {description.data!r} is not allowed: it must be a CSV, or {PYUFF.module} "
@@ -193,14 +219,16 @@ def read_uff(path: Path, description: Any) -> dict:
             raise _missing(f"the channel {name!r}", description, names)
         where = f"the set {name!r} of {description.data}"
         if names.count(name) > 1:
-            raise ValueError(f"{where} occurs twice: it must occur once")
+            raise ValueError(f"{where} occurs more than once")
         record = records[names.index(name)]
         if np.iscomplexobj(record["data"]):
             raise ValueError(f"{where} is complex: it must be real")
-        count, size = record["num_pts"], record["data"].size
-        if count > size:
-            raise ValueError(f"{where} has {size} points: it must have {count}, as it states")
-        # Further values are padding.
+        count, value_count = record["num_pts"], record["data"].size
+        if count > value_count:
+            raise ValueError(
+                f"{where} has {value_count} points: it must have {count}, as it states"
+            )
+        # Values beyond this count are padding.
         time = np.asarray(record["x"][:count], float)
         kind, label = record["abscissa_spec_data_type"], record["abscissa_axis_units_lab"]
         allowed = "17, time, or unknown, 0 or 1"
@@ -224,7 +252,10 @@ def read_uff(path: Path, description: Any) -> dict:
 
 
 def _check_axis_unit(channel: Any, key: str, where: str, label: str) -> None:
-    """Raise ValueError if the label of an axis in a set 58 states another unit than the channel."""
+    """Raise ValueError if the `label` of an axis in a set 58 states another unit than the channel.
+
+    `key` is the name of the channel, and `where` describes the set in messages.
+    """
     if channel.unit == COUNTS or channel.gain == "unknown" or label.upper() in _NO_UNITS:
         return
     factor, cf_unit = channel.scale(key)
@@ -241,8 +272,11 @@ def _check_axis_unit(channel: Any, key: str, where: str, label: str) -> None:
 
 
 def _written_units(label: str) -> tuple[str, str]:
-    """Return the unit of a label such as (m/s²), M/S2 or 1/min as `Channel` reads it, two ways."""
-    # pyuff reads bytes that are no UTF-8, those of µ and ² in other encodings, as U+FFFD.
+    """Return the unit of an axis label such as (m/s²), M/S2 or 1/min in the syntax of `Channel`.
+
+    The second spelling is in lower case.
+    """
+    # pyuff reads µ and ² in encodings other than UTF-8 as U+FFFD.
     unit = re.sub(r"(?<!\w)\ufffd(?=\w)", "u", label.strip(" ()[]"))
     unit = re.sub("[²\ufffd]", "^2", unit)
     unit = re.sub("^1/([A-Za-z]+)$", r"\1^-1", unit)
@@ -251,10 +285,12 @@ def _written_units(label: str) -> tuple[str, str]:
 
 
 def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Dataset]:
-    """Return a long table as columns over samples, their noise by name, and scalar speeds.
+    """Convert a long table to columns over samples; return them with their noise and jump speeds.
 
-    Measurements at the same condition, time and speed form one sample; observables that were not
-    measured there are NaN.
+    `columns` are the columns of the table, one row for each measurement. Measurements at the same
+    condition, time and speed form one sample, in which observables that were not measured are NaN.
+    Return the columns, name -> array, the standard deviations, name -> array, both in the units of
+    the table, and a dataset of scalar speeds in min-1.
     """
     where = f"{description.data}, column "
     codes = category_codes(f"{where}{ID_COLUMN!r}", columns[ID_COLUMN])
@@ -284,14 +320,14 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
                 )
             factor, units = description.channels[key].scale(key)
             text = measured_names.SPEEDS[name][1]
-            std = noise[rows[0]] * factor
+            std = noise[rows[0]] * factor  # NaN if the table does not give it
             if not np.isfinite(std):
                 std = description.channels[key].noise_std(key)
             attrs = {"units": units, "long_name": text, "noise_std": std}
             speeds[name] = (), values[rows[0]] * factor, attrs
     has_channel = np.isin(codes, list(channel_codes.values()))
     codes, values, noise = codes[has_channel], values[has_channel], noise[has_channel]
-    # A table may have nothing but speeds of jumps.
+    # A table may have nothing but jump speeds.
     other_columns = columns if codes.size else ()
     coordinates = [name for name in other_columns if name not in (*LONG_COLUMNS, NOISE_COLUMN)]
     sample_columns = {name: columns[name][has_channel] for name in coordinates}
@@ -307,7 +343,11 @@ def long_samples(description: Any, columns: dict) -> tuple[dict, dict, xr.Datase
 
 
 def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observables: list) -> tuple:
-    """Return the index of the sample of each measurement, and the first row of each sample."""
+    """Return the index of the sample of each measurement, (n,), and the first row of each sample.
+
+    Measurements with equal `coordinates`, name -> column, form one sample. `codes`, (n,), are
+    indices of the measured quantities in `observables`; `where` begins messages.
+    """
     import pandas as pd
 
     # Columns of texts are compared by their category codes.
@@ -330,7 +370,11 @@ def _sample_indices(where: str, coordinates: dict, codes: np.ndarray, observable
 
 
 def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool = False) -> None:
-    """Raise ValueError unless numbers are finite, NaN with `gaps`, or infinite with `steady`."""
+    """Raise ValueError unless all numbers of a column are finite.
+
+    NaN is allowed with `gaps`, infinity (the time of a steady state) with `steady`; `where` names
+    the column in messages.
+    """
     is_wrong = ~np.isfinite(values) & ~(gaps & np.isnan(values)) & ~(steady & (values == np.inf))
     if is_wrong.any():
         row, count = int(is_wrong.argmax()), int(is_wrong.sum())
@@ -344,7 +388,10 @@ def check_finite(where: str, values: np.ndarray, gaps: Any = False, steady: bool
 
 
 def category_codes(where: str, column: Any) -> np.ndarray:
-    """Return the category codes of a column of strings, named `where` if it has an empty cell."""
+    """Return the category codes of a column of strings; raise ValueError if a cell is empty.
+
+    `where` names the column in messages.
+    """
     codes = np.asarray(column.codes)
     if (codes < 0).any():
         row = int((codes < 0).argmax())
@@ -353,7 +400,10 @@ def category_codes(where: str, column: Any) -> np.ndarray:
 
 
 def seconds_since_first(where: str, column: Any) -> tuple[np.ndarray, str]:
-    """Return the seconds since the earliest date of a column, and this date in ISO 8601."""
+    """Convert a column of dates to seconds since the earliest one; return this date in ISO 8601.
+
+    `where` names the column in messages.
+    """
     import pandas as pd
 
     codes = category_codes(where, column)

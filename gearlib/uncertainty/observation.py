@@ -1,4 +1,4 @@
-"""An observation: measured values, the function that predicts them, and quantities of orbits."""
+"""Define observations, measured values with a function that predicts them; evaluate orbits."""
 
 import math
 from collections.abc import Callable
@@ -20,12 +20,12 @@ from gearlib.runs.simulation import run
 from gearlib.runs.sweeping import sweep
 from gearlib.uncertainty.designs import RESONANCE_NAMES
 
-#: Residual of a measured jump or onset that the model does not have.
+#: Residual of a measured jump speed or onset that the model does not have.
 MISSING_SPEED_RESIDUAL = 100.0
 #: Smallest relative change between successive measured values that counts as a jump.
 MIN_RELATIVE_JUMP = 0.15
 START_ERROR = (
-    "model is not allowed: the fit starts from its values, and its motion could not be computed to "
+    "model is not allowed: the fit starts from its values, but its motion could not be computed to "
     "the end"
 )
 #: Statistics of an orbit that can be compared with measured values.
@@ -38,7 +38,7 @@ STATISTICS = (
     "contact_loss_fraction",
     "fraction_coast",
 )
-#: Names of further quantities: load sharing of a mesh, amplitude of a mesh order.
+#: Names of two further quantities: load sharing of a mesh, amplitude of a mesh order.
 LOAD_SHARING, ORDER_AMPLITUDE = "load_sharing", "order_amplitude"
 #: Samples of a mesh period from which mesh orders are computed.
 SAMPLES_PER_PERIOD = 64
@@ -55,13 +55,13 @@ class Channel(NamedTuple):
 
     name: str
     values: np.ndarray
-    deviations: np.ndarray  #: standard deviations; a common scale if the noise is unknown
+    deviations: np.ndarray  #: standard deviations; only their ratios count if noise is unknown
     noise_known: bool
     unknown_gain: bool = False
     unknown_offset: bool = False
     #: Indices of values that follow each other in speed or time, one sequence in each row, or None.
     sequence_indices: Any = None
-    #: Whether its residuals are weighted together with those of the channel before it.
+    #: Whether its residuals have the same weight as the residuals of the channel before it.
     shares_weight: bool = False
 
     @property
@@ -72,20 +72,24 @@ class Channel(NamedTuple):
     def signal_and_gain(self, predicted: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the sensor signal, (n,), for predicted values, (n,), and the gain of the sensor.
 
-        Unknown gain and offset follow by variable projection (Golub and Pereyra 1973).
+        An unknown gain and offset are fitted to the measured values by linear least squares
+        (variable projection, Golub and Pereyra 1973).
         """
-        factors = (self.unknown_gain, predicted), (self.unknown_offset, np.ones(predicted.size))
-        columns = [factor for is_unknown, factor in factors if is_unknown]
+        columns = []
+        if self.unknown_gain:
+            columns.append(predicted)
+        if self.unknown_offset:
+            columns.append(np.ones(predicted.size))
         if not columns:
             return predicted, 1.0
-        constant = 0.0 if self.unknown_gain else predicted
+        known_part = 0.0 if self.unknown_gain else predicted
         matrix = np.stack(columns, axis=1) / self.deviations[:, None]
         norms = np.linalg.norm(matrix, axis=0)
         norms[norms == 0.0] = 1.0
-        target = (self.values - constant) / self.deviations
+        target = (self.values - known_part) / self.deviations
         coefficients = np.linalg.lstsq(matrix / norms, target, rcond=None)[0] / norms
         gain = float(coefficients[0]) if self.unknown_gain else 1.0
-        return constant + np.stack(columns, axis=1) @ coefficients, gain
+        return known_part + np.stack(columns, axis=1) @ coefficients, gain
 
 
 class Prediction(NamedTuple):
@@ -114,12 +118,16 @@ class Observation(NamedTuple):
         return [channel.signal_and_gain(values)[0] for channel, values in channel_values]
 
     def residuals(self, model: Any) -> np.ndarray | None:
-        """Return (predicted - measured) / deviation, None if a run of the model fails."""
+        """Return the residuals of all channels, (n,), None if a run of the model fails.
+
+        A residual is (predicted - measured) / standard deviation.
+        """
         signals = self.predicted_signals(model)
         if signals is None:
             return None
-        channel_signals = zip(self.channels, signals, strict=True)
-        residuals = [(signal - c.values) / c.deviations for c, signal in channel_signals]
+        residuals = []
+        for channel, signal in zip(self.channels, signals, strict=True):
+            residuals.append((signal - channel.values) / channel.deviations)
         # The speed of a jump that the model does not have is NaN.
         return np.nan_to_num(np.concatenate(residuals), nan=MISSING_SPEED_RESIDUAL)
 
@@ -147,9 +155,9 @@ class MeasuredSpeed(NamedTuple):
 def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: int = 1) -> dict:
     """Return the quantities of the periodic orbit at a speed in rpm, name -> values of each mesh.
 
-    The search starts from the state `guess`. Quantities have SI units; "order_amplitude" has
-    complex Fourier coefficients of the displacements, (orders, meshes): half the amplitudes of the
-    orders.
+    The search starts from the state `guess`; `samples_per_period` are samples of a mesh period.
+    Quantities have SI units. "order_amplitude" holds the complex Fourier coefficients of the
+    displacements in m, (orders, meshes), from order 0 on; their moduli are half the amplitudes.
     """
     orbit = periodic_orbit(model, speed / float(model.speed(1.0)), guess=guess)
     periods = orbit.period  # number of mesh periods
@@ -174,7 +182,10 @@ def orbit_quantities(model: Any, speed: float, guess: Any, samples_per_period: i
 
 
 def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
-    """Return the quantity `name`, such as "order_amplitude_2", of an orbit for a mesh, an index."""
+    """Return a quantity such as "order_amplitude_2" of one mesh, SI units.
+
+    `quantities` is a result of `orbit_quantities`; `mesh` is the index of the mesh.
+    """
     kind, _, number = name.rpartition("_")
     if kind == ORDER_AMPLITUDE:
         return 2.0 * abs(quantities[ORDER_AMPLITUDE][int(number), mesh])
@@ -182,8 +193,13 @@ def mesh_quantity(quantities: dict, name: str, mesh: int) -> float:
 
 
 def resonance_speeds(model: Any, measured: dict) -> dict:
-    """Return the speeds of jumps, folds of the branch, and of the onset of a model by name, rpm."""
-    # A model with one coordinate and the excitation of the mesh has a main resonance.
+    """Return the jump speeds and the onset of contact loss of a model, name -> speed in rpm.
+
+    `measured` maps the names of the speeds to compute to their measured values in rpm. Speeds that
+    the model does not have are left out.
+    """
+    # A model with one coordinate and an excitation that repeats every mesh period has a main
+    # resonance. The jumps of other models are folds of their branch of orbits.
     if model.size == 2 and model.repeats == 1:
         resonance = main_resonance(model, [RESONANCE_NAMES[name] for name in measured])
         if resonance.failed:
@@ -201,8 +217,13 @@ def resonance_speeds(model: Any, measured: dict) -> dict:
 
 
 def fold_speeds(model: Any, measured: dict) -> dict:
-    """Return the speeds in rpm of the folds of a model next to measured jumps, by name."""
-    resonance_speed, speeds = float(model.speed(1.0)), {}
+    """Return the speeds in rpm of the folds of a model that are closest to measured jumps.
+
+    `measured` maps "jump_up" and "jump_down" to speeds in rpm; the result has the same keys, but
+    for jumps that the model does not have.
+    """
+    resonance_speed = float(model.speed(1.0))
+    speeds = {}
     orbit = periodic_orbit(model, _BRANCH_START_RATIO * max(measured.values()) / resonance_speed)
     branch = continue_orbit(orbit, to=_BRANCH_END_RATIO * min(measured.values()) / resonance_speed)
     folds = branch.tuning.values[branch.label.values == FOLD] * resonance_speed
@@ -217,7 +238,7 @@ def fold_speeds(model: Any, measured: dict) -> dict:
 
 
 def _onset(model: Any, measured: float) -> float:
-    """Return the speed of the onset of contact loss next to the measured speed, rpm, or NaN."""
+    """Return the onset of contact loss closest to the `measured` onset, rpm, NaN if none."""
     speeds = measured * _ONSET_SPEED_RATIOS
     curve = sweep(model, speeds / float(model.speed(1.0)), direction="up", **SETTLING_SWEEP)
     # At the onset, the smallest clearance of a mesh passes 0 in a sweep up.
@@ -230,6 +251,7 @@ def _onset(model: Any, measured: float) -> float:
     state = curve.final_state.values[i]
 
     def smallest_clearance(speed: float) -> float:
+        """Return the smallest clearance of all meshes on the orbit at a speed, m."""
         return _clearances(model, orbit_quantities(model, speed, state)).min()
 
     bracket = speeds[i], speeds[i + 1]
@@ -237,12 +259,19 @@ def _onset(model: Any, measured: float) -> float:
 
 
 def _clearances(model: Any, quantities: Any) -> np.ndarray:
-    """Return the clearances of loaded flanks in m by extrema of displacements in m."""
+    """Return the clearances of the loaded flanks in m; negative values mean a loss of contact.
+
+    `quantities` has displacement_min and displacement_max in m.
+    """
     length = model.static_deflection
-    extrema = (np.asarray(quantities[f"displacement_{end}"]) / length for end in ("min", "max"))
-    return model.clearances(*extrema) * length
+    minima = np.asarray(quantities["displacement_min"]) / length
+    maxima = np.asarray(quantities["displacement_max"]) / length
+    return model.clearances(minima, maxima) * length
 
 
 def backlash_excursion(model: Any, quantities: Any) -> float:
-    """Return the largest excursion into the backlash, m, by extrema of displacements in m."""
+    """Return the largest excursion into the backlash of all meshes, m, 0 without contact loss.
+
+    `quantities` has displacement_min and displacement_max in m.
+    """
     return abs(float(_clearances(model, quantities).min(initial=0.0)))

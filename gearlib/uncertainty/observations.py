@@ -1,4 +1,4 @@
-"""Observations of measured data that a fit compares: slow sweeps, speeds of jumps, time histories.
+"""Build the observations that a fit compares: slow sweeps, jump speeds, time histories.
 
 Slow sweeps are compared point by point, each side of a jump with its own branch of orbits; a point
 beyond the fold of the model is compared with the last orbit before it. Jumps are compared by speed.
@@ -21,20 +21,26 @@ from gearlib.uncertainty.observation import Channel, Curve, MeasuredSpeed, Obser
 
 #: Standard deviation of a measured speed whose noise is not known, relative to the speed.
 _ASSUMED_SPEED_NOISE = 1e-3
-#: Smallest ratio of a jump to the median step from one point to the next.
+#: Smallest ratio of a jump to the median step between successive points.
 _MIN_JUMP_RATIO = 3.0
 _ORDERS = range(1, observation.SAMPLES_PER_PERIOD // 2 + 1)
 _ORDER_QUANTITIES = [f"{observation.ORDER_AMPLITUDE}_{order}" for order in _ORDERS]
 _SWEEP_QUANTITIES = (*observation.STATISTICS, observation.LOAD_SHARING, *_ORDER_QUANTITIES)
-#: Quantities that decrease at a jump up, and endings of the names of those that increase.
+#: Names of quantities that decrease at a jump up; endings of names of quantities that increase.
 _FALLING_QUANTITIES = ("displacement_min", "dynamic_force_min")
 _RISING_ENDINGS = ("_max", *_ORDER_QUANTITIES[:9])
 
 
 def observations_of(model: Any, data: Any) -> list[Observation]:
-    """Return the observations of one measured data set, or of a list, that a model predicts."""
+    """Return the observations of one measured data set, or of a list of them.
+
+    `model` is the model of the rig; its mesh names select the variables that are compared.
+    """
     datasets = data if isinstance(data, list | tuple) else [data]
-    return [part for dataset in datasets for part in _dataset_observations(model, dataset)]
+    observations = []
+    for dataset in datasets:
+        observations += _dataset_observations(model, dataset)
+    return observations
 
 
 def _dataset_observations(model: Any, data: Any) -> list[Observation]:
@@ -43,7 +49,9 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
         value = data if isinstance(data, int | float | str) else type(data).__name__
         raise checks.refusal("data", value, "datasets with a displacement over time or jump speeds")
     speeds = {name: data[name] for name in RESONANCE_NAMES if name in data}
-    has_time, quantities, observations = "time" in data.coords, {}, []
+    has_time = "time" in data.coords
+    quantities: dict = {}
+    observations: list = []
     if has_time or "speed" in data.coords:
         comparable = ("displacement",) if has_time else _SWEEP_QUANTITIES
         quantities = quantities_of(model, data.data_vars, comparable)
@@ -53,8 +61,10 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
             history = data.isel(sample=data[name].notnull().values).rename({name: quantity})
             observations += time_history_observations(model, history, mesh)
     elif quantities:
-        sweeps, jumps = _sweep_observation(data, quantities)
-        observations, speeds = [sweeps], jumps | speeds
+        sweep_observation, jumps = _sweep_observation(data, quantities)
+        observations.append(sweep_observation)
+        # A jump speed that the data set states replaces the one found in the sweep.
+        speeds = jumps | speeds
     if speeds:
         observations.append(_speed_observation(speeds))
     if not observations:
@@ -67,21 +77,28 @@ def _dataset_observations(model: Any, data: Any) -> list[Observation]:
 
 
 def quantities_of(model: Any, names: Any, comparable: tuple = _SWEEP_QUANTITIES) -> dict:
-    """Return the quantities that variables hold: name of a variable -> (quantity, mesh index)."""
+    """Return the quantity and the mesh of each variable: name -> (quantity, index of the mesh).
+
+    `names` are names of variables, such as "load_sharing_sun_2"; `comparable` are the names of the
+    quantities to use. Other variables are left out.
+    """
     endings = [f"_{name.replace(' ', '_')}" for name in model.mesh_names] or [""]
     quantities = {}
     for name in map(str, names):
         for mesh, ending in enumerate(endings):
             quantity = name.removesuffix(ending)
             # A model without mesh names has only one mesh, so it has no load sharing.
-            exists = quantity != observation.LOAD_SHARING or ending
+            exists = ending or quantity != observation.LOAD_SHARING
             if name.endswith(ending) and quantity in comparable and exists:
                 quantities[name] = quantity, mesh
     return quantities
 
 
 def _check_dataset(data: Any, quantities: dict, speeds: dict) -> None:
-    """Raise ValueError unless variables to compare have finite values, SI units and valid noise."""
+    """Raise ValueError unless the compared variables have finite values, SI units and valid noise.
+
+    `quantities` is a result of `quantities_of`; `speeds` maps names of speeds to scalar variables.
+    """
     if quantities:
         for name in ("time", "speed", "direction"):
             if name in data.coords:
@@ -113,7 +130,11 @@ def _check_finite_samples(name: str, variable: Any, gaps: bool = False) -> None:
 
 
 def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
-    """Raise ValueError if a sensor has wrong noise, wrong flags, or other units than expected."""
+    """Raise ValueError if the noise, the flags or the units of a variable are invalid.
+
+    `name` is the name of the variable, `quantity` the quantity that it holds, `attrs` are its
+    attributes.
+    """
     parameters.check(f"noise_std of {name}", attrs.get("noise_std", 0.0), NonNegative)
     for flag in ("unknown_gain", "unknown_offset"):
         checks.one_of(f"{flag} of {name}", int(attrs.get(flag, 0)), (0, 1))
@@ -121,24 +142,28 @@ def _check_sensor(name: str, quantity: str, attrs: dict) -> None:
     expected_units = measured_names.units_and_description(quantity)[0] or "m"
     units = attrs.get("units", expected_units)
     is_allowed = units == expected_units or attrs.get("unknown_gain", 0)
-    checks.require(is_allowed, f"units of {name}", units, f"{expected_units}, or of unknown gain")
+    allowed = f"{expected_units}, or any unit with unknown_gain = 1"
+    checks.require(is_allowed, f"units of {name}", units, allowed)
 
 
 def _speed_observation(speeds: dict) -> Observation:
-    """Return the observation of speeds, name of a jump or the onset -> scalar variable in rpm."""
+    """Return the observation of jump speeds and of the onset of contact loss.
+
+    `speeds` maps their names to scalar variables in rpm.
+    """
     measured = {name: float(speed) for name, speed in speeds.items()}
     noise = np.array([speed.attrs.get("noise_std", 0.0) for speed in speeds.values()], float)
     values = np.array([*measured.values()])
     deviations = np.where(noise > 0.0, noise, _ASSUMED_SPEED_NOISE * values)
 
     def predict(model: Any) -> Prediction:
-        """Return the speeds of a model, NaN if missing; the backlash excursion is not computed."""
+        """Return the speeds of a model, NaN if missing; its backlash excursion is taken as 0."""
         predicted = observation.resonance_speeds(model, measured)
         predicted_values = np.array([predicted.get(name, math.nan) for name in measured])
         return Prediction([predicted_values], backlash_excursion=0.0)
 
     def draw(signals: list) -> list:
-        """Return a `MeasuredSpeed` for each speed."""
+        """Return a `MeasuredSpeed` for each speed; `signals` has the array of predicted speeds."""
         names = [name.replace("_", " ") for name in measured]
         return list(map(MeasuredSpeed, names, values, deviations, signals[0]))
 
@@ -147,7 +172,10 @@ def _speed_observation(speeds: dict) -> Observation:
 
 
 def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
-    """Return the observation of quantities over speed, and the measured speeds of jumps."""
+    """Return the observation of quantities over speed, and the jump speeds that the sweeps show.
+
+    `quantities` is a result of `quantities_of`; jump speeds map names to scalar variables in rpm.
+    """
     speeds = np.asarray(data.speed.values, float)
     checks.require((speeds > 0.0).all(), "speed", float(speeds.min()), "> 0 in each sample")
     signs = data.direction.values if "direction" in data.coords else np.zeros(len(speeds))
@@ -164,8 +192,16 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
         sample_noise = data.get(f"{name}_noise_std")
         if sample_noise is not None and (sample_noise.values > 0.0).all():
             stds = sample_noise.values.astype(float)
-        gain, offset = (bool(attrs.get(f"unknown_{flag}", 0)) for flag in ("gain", "offset"))
-        channels.append(Channel(name, values, stds, bool(noise), gain, offset, sequence))
+        channel = Channel(
+            name,
+            values,
+            stds,
+            noise_known=bool(noise),
+            unknown_gain=bool(attrs.get("unknown_gain", 0)),
+            unknown_offset=bool(attrs.get("unknown_offset", 0)),
+            sequence_indices=sequence,
+        )
+        channels.append(channel)
     has_orders = any(observation.ORDER_AMPLITUDE in quantity for quantity, _ in quantities.values())
     samples_per_period = observation.SAMPLES_PER_PERIOD if has_orders else 1
 
@@ -185,7 +221,8 @@ def _sweep_observation(data: Any, quantities: dict) -> tuple[Observation, dict]:
         """Return curves over speed of measured values and predicted `signals` of each channel."""
         curves = []
         for channel, fitted in zip(channels, signals, strict=True):
-            name, units = channel.name.replace("_", " "), data[channel.name].attrs.get("units", "")
+            name = channel.name.replace("_", " ")
+            units = data[channel.name].attrs.get("units", "")
             values = channel.values, fitted
             curves.append(Curve(name, units, "speed", speeds, values, signs < 0))
         return curves
@@ -197,10 +234,12 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
     """Return the indices of the samples on each branch of orbits, and the speeds of the jumps.
 
     A sweep with a jump has two branches: from its first speed to the jump, and from its last speed
-    back. `signs` are 1 for sweeps up, -1 for sweeps down and 0 for single speeds.
+    back. `speeds`, rpm, and `signs` have shape (samples,); signs are 1 for sweeps up, -1 for sweeps
+    down and 0 for single speeds. `quantities` is a result of `quantities_of`. The jump speeds map
+    "jump_up" and "jump_down" to scalar variables in rpm.
     """
-    # Quantities that always increase or decrease at a jump up show its direction; others are only
-    # used if there are none.
+    # Quantities that always increase or always decrease at a jump up show its direction; others are
+    # used only if there are none of these.
     falling = [name for name in quantities if quantities[name][0] in _FALLING_QUANTITIES]
     rising = [name for name in quantities if quantities[name][0].endswith(_RISING_ENDINGS)]
     monotonic = [name for name in quantities if name in falling or name in rising]
@@ -230,28 +269,32 @@ def _branches(data: Any, quantities: dict, speeds: np.ndarray, signs: np.ndarray
 
 
 def _jump_index(table: np.ndarray, min_steps: Any, sign: int) -> int | None:
-    """Return the index of the first column of a table after its largest jump, None without jump."""
+    """Return the index of the first sample after the largest jump, None without a jump.
+
+    `table` has a row for each quantity and a column for each sample in the order of the sweep. A
+    jump exceeds `min_steps`, a number or one for each row. The `sign` 1 selects increases, -1
+    decreases, 0 both.
+    """
     if table.shape[1] < 2:
         return None
-    # A positive sign selects increases, a negative one decreases, 0 both.
     changes = np.diff(table, axis=1)
     steps = np.abs(changes)
-    sizes = np.maximum(np.abs(table).max(axis=1), 1e-300)[:, None]
+    largest_values = np.maximum(np.abs(table).max(axis=1), 1e-300)[:, None]
     median_steps = np.median(steps, axis=1)[:, None]
-    jumps = steps > observation.MIN_RELATIVE_JUMP * sizes
-    jumps &= steps > _MIN_JUMP_RATIO * median_steps
-    jumps &= (steps > np.reshape(min_steps, (-1, 1))) & ((changes * sign > 0.0) | (sign == 0))
-    if not jumps.any():
+    is_jump = steps > observation.MIN_RELATIVE_JUMP * largest_values
+    is_jump &= steps > _MIN_JUMP_RATIO * median_steps
+    is_jump &= (steps > np.reshape(min_steps, (-1, 1))) & ((changes * sign > 0.0) | (sign == 0))
+    if not is_jump.any():
         return None
-    return int(np.where(jumps, steps / sizes, 0.0).max(axis=0).argmax()) + 1
+    return int(np.where(is_jump, steps / largest_values, 0.0).max(axis=0).argmax()) + 1
 
 
 def _branch_orbits(model: Any, speeds: np.ndarray, samples_per_period: int) -> list[dict]:
-    """Return the quantities of the orbits of one branch at speeds in rpm, in the order of the
-    sweep.
+    """Return the quantities of the orbits of one branch at each speed in rpm.
 
-    The branch ends where the displacement jumps up in a sweep up, or down in a sweep down, not at a
-    first impact on the coast side; the last orbit is repeated at the speeds beyond.
+    The speeds are in the order of the sweep. The branch ends where the displacement jumps up in a
+    sweep up, or down in a sweep down, not at a first impact on the coast side; the last orbit is
+    repeated at the speeds beyond.
     """
     is_sweep_up = len(speeds) < 2 or speeds[-1] > speeds[0]
     # Repeated speeds are computed once.

@@ -1,4 +1,4 @@
-"""Tolerances by classes: tooth thickness, centre distance, profile form.
+"""Tabulate tolerances by quality classes: tooth thickness, centre distance, profile form.
 
 Sources: DIN 3967 (1978), allowances E_sns and tolerances T_sn of the tooth thickness, tables 1 and
 2; DIN 3964 (1980), centre distance js 5 to js 11, half of the IT grades of ISO 286-1; ISO
@@ -32,10 +32,11 @@ _ALLOWANCES = (
 #: T_sn in um, DIN 3967, table 2: the tolerances of all rows are parts of two series.
 _SERIES_1 = (3, 5, 8, 12, 20, 30, 50, 80, 130, 200, 300, 500, 800, 1300)
 _SERIES_2 = (6, 10, 16, 25, 40, 60, 100, 160, 250, 400, 600, 1000)
-#: For each row of diameters: the series of tolerances, and the position of number 21 in it.
+#: For each row of diameters: the series of tolerances, and the index of tolerance 21 in it.
 _TOLERANCE_SERIES = (_SERIES_1, *(_SERIES_1, _SERIES_2) * 3, _SERIES_1)
 _FIRST_TOLERANCE_INDICES = (0, 1, 0, 2, 1, 3, 2, 4)
-_FIRST_NUMBER, _LAST_NUMBER = 21, 30  # of the tolerances of DIN 3967
+#: Range of the numbers of tolerances in DIN 3967.
+_FIRST_NUMBER, _LAST_NUMBER = 21, 30
 #: Largest centre distance of a row, m -> IT 5 to IT 11 in um, ISO 286-1.
 _IT_GRADES = {
     0.018: (8, 11, 18, 27, 43, 70, 110),
@@ -64,15 +65,16 @@ def thickness_limits(diameter: ReferenceDiameter, designation: Any) -> tuple[flo
     """
     text = designation.strip() if isinstance(designation, str) else ""
     match = _DESIGNATION_PATTERN.fullmatch(text)
-    # The number may precede the letters or follow them.
-    number, letters = (match[1] or match[4], match[2] or match[3]) if match else (0, "")
-    number = int(number)
+    number, letters = 0, ""
+    if match:  # the number may precede the letters or follow them
+        number = int(match[1] or match[4])
+        letters = match[2] or match[3]
     allowed = (
         f"a number from {_FIRST_NUMBER} to {_LAST_NUMBER} and a series from a to h of DIN 3967, "
         "such as '27cd'"
     )
     checks.require(_FIRST_NUMBER <= number <= _LAST_NUMBER, "thickness", designation, allowed)
-    row = next(i for i, limit in enumerate(_MAX_DIAMETERS) if diameter <= limit)
+    row = next(i for i, max_diameter in enumerate(_MAX_DIAMETERS) if diameter <= max_diameter)
     upper = -_ALLOWANCES[row][_ALLOWANCE_SERIES.index(letters)]
     tolerance = _TOLERANCE_SERIES[row][_FIRST_TOLERANCE_INDICES[row] + number - _FIRST_NUMBER]
     return _MICROMETRE * (upper - tolerance), _MICROMETRE * upper
@@ -86,21 +88,23 @@ def distance_limits(distance: float, designation: Any) -> tuple[float, float]:
     distance = parameters.check("centre_distance", distance, _Distance)
     designations = [f"js{_FIRST_GRADE + i}" for i in range(len(_IT_GRADES[0.5]))]
     checks.one_of("centre_distance", designation, designations)
-    row = _IT_GRADES[next(limit for limit in _IT_GRADES if distance <= limit)]
-    half_width = _MICROMETRE * row[designations.index(designation)] / 2.0
+    max_distance = next(limit for limit in _IT_GRADES if distance <= limit)
+    tolerance = _IT_GRADES[max_distance][designations.index(designation)]
+    half_width = _MICROMETRE * tolerance / 2.0
     return -half_width, half_width
 
 
 def by_class(
     mesh: Any, *, thickness: Any = None, centre_distance: str | None = None, form: bool = False
 ) -> dict:
-    """Return tolerances by classes, for `gearlib.scatter` of a `StageDesign`.
+    """Return the tolerances of a gear stage by classes, for `gearlib.scatter` of a `StageDesign`.
 
-    `thickness` is a class of DIN 3967 such as "27cd", or a pair of classes for pinion and wheel;
-    the backlash follows if the `StageDesign` has ``keep_backlash=False``. `centre_distance` is a
-    class of DIN 3964 such as "js7". With `form`, profiles vary within the tolerance of profile form
-    for the `quality` of the gears. The standard does not prescribe the shape of the deviation; here
-    it is a first mesh harmonic whose cosine and sine are at most half of the larger tolerance.
+    `mesh` is a `gearlib.geometry.GearStage`. `thickness` is a class of DIN 3967 such as "27cd", or
+    a pair of classes for pinion and wheel; the backlash follows if the `StageDesign` has
+    ``keep_backlash=False``. `centre_distance` is a class of DIN 3964 such as "js7". With `form`,
+    profiles vary within the tolerance of profile form for the `quality` of the gears. The standard
+    does not prescribe the shape of the deviation; here it is a first mesh harmonic whose cosine and
+    sine coefficients are at most half of the larger tolerance.
     """
     mesh = checks.gear_stage(mesh)
     tolerances: dict = {}

@@ -1,7 +1,8 @@
-"""`scatter`: motions of a model whose parameters scatter; `sobol_indices`: effect of tolerances.
+"""Compute motions of models with scattering parameters (`scatter`), and Sobol' indices.
 
 Motions are computed at once or in shards; the division into shards does not change the result.
-Statistics never mix two motions: sweeps up, sweeps down and runs from other starts are kept apart.
+Statistics never mix two motions: sweeps up, sweeps down and runs from other initial states are kept
+apart.
 
 Sobol' indices are fractions of the variance of a quantity. The first-order index of a parameter is
 the fraction that vanishes on average if this parameter is fixed; the total index is the fraction
@@ -67,7 +68,7 @@ _STATUS_FLAGS = {
     "flag_values": np.arange(NO_DESIGN, len(STATUS_MEANINGS), dtype=np.int8),
     "flag_meanings": " ".join(("no_design", *STATUS_MEANINGS)),
 }
-#: Variables over (sample, direction, speed) -> their values if the design cannot be built.
+#: Variable over (sample, direction, speed) -> its value if the design cannot be built.
 _RUN_VARIABLES = {
     "height": np.float32(np.nan),  # peak-to-peak displacement
     "factor": np.float32(np.nan),  # dynamic factor
@@ -118,7 +119,7 @@ def scatter(
         Name of a parameter -> ``{mean, std}``, ``{min, max}``, ``{nominal, upper, lower}`` with
         deviations from the nominal value, or ``{distribution, ...}``, a name of `scipy.stats`
         and its parameters; SI units. Values between limits are equally likely. ``correlations``, a
-        list of [name, name, rho], are those of a Gaussian copula.
+        list of [name, name, rho], are the correlations of a Gaussian copula.
     quantities : sequence of str
         Quantities of each design, names of `gearlib.uncertainty.designs.QUANTITIES`.
     n : int, default 1024
@@ -140,7 +141,7 @@ def scatter(
     progress : callable, optional
         Called with the number of samples finished since the last call.
     max_seconds : float, optional
-        Seconds after which the call returns what is done, see `gearlib.progress`.
+        Time limit, after which the samples finished so far are returned, see `gearlib.progress`.
 
     Returns
     -------
@@ -157,20 +158,36 @@ def scatter(
     ValueError
         Naming the argument, its value and the allowed range.
     """
-    settings = {"speed": speed, "seed": seed, "threads": threads, "progress": progress}
-    settings["max_seconds"] = max_seconds
-    sweeps = {"speeds": speeds, "tunings": tunings, "directions": directions, "periods": periods}
-    sweeps |= {"record_periods": record_periods, "box": box, "quantities": quantities}
-    return join_shards([shard(model, tolerances, n, 0, n, **settings, **sweeps)])
+    whole = shard(
+        model,
+        tolerances,
+        n,
+        0,
+        n,
+        quantities=quantities,
+        speed=speed,
+        seed=seed,
+        threads=threads,
+        progress=progress,
+        max_seconds=max_seconds,
+        speeds=speeds,
+        tunings=tunings,
+        directions=directions,
+        periods=periods,
+        record_periods=record_periods,
+        box=box,
+    )
+    return join_shards([whole])
 
 
 def shard(
-    model, tolerances, n, first, last, *, quantities=_QUANTITIES, speed=None, seed=0, **settings
+    model, tolerances, n, start, stop, *, quantities=_QUANTITIES, speed=None, seed=0, **settings
 ) -> xr.Dataset:
-    """Compute the designs `first` to `last` - 1 of the n designs of a `scatter`, and return them.
+    """Compute the designs with the indices `start` to `stop` - 1 of the n designs of a `scatter`.
 
-    The other arguments are those of `scatter`; `settings` are threads, progress,
-    max_seconds, and those of runs.
+    The other arguments have the meaning of `scatter`; `settings` are threads, progress,
+    max_seconds, and the arguments of the sweeps, from speeds to box. Return a dataset over these
+    designs, without statistics.
     """
     threads, progress = settings.pop("threads", None), settings.pop("progress", None)
     checks.require(progress is None or callable(progress), "progress", progress, "a function")
@@ -181,18 +198,19 @@ def shard(
     if sweeps is None and not quantities:
         raise checks.refusal("quantities", quantities, "at least one if no speeds are given")
     evaluator = quantity_evaluator(designs, quantities, speed) if quantities else None
-    done = np.zeros(last - first, bool)
+    done = np.zeros(stop - start, bool)
     settings = {"threads": threads, "progress": progress, "limit": limit, "done": done}
-    variables = _sample_variables(designs, sweeps, evaluator, range(first, last), **settings)
-    coords: dict = {"sample": np.arange(first, last)}
+    variables = _sample_variables(designs, sweeps, evaluator, range(start, stop), **settings)
+    coords: dict = {"sample": np.arange(start, stop)}
     attributes = {"tolerances": json.loads(json.dumps(tolerances, default=float))}
     attributes |= {"samples": n, "seed": designs.seed}
     if sweeps:
         coords |= {"direction": list(sweeps.directions), sweeps.dimension: sweeps.grid}
         attributes |= {name: getattr(sweeps, name) for name in ("periods", "record_periods", "box")}
     if evaluator:
-        attributes |= {"quantities": list(quantities)}
-        attributes |= {} if speed is None else {"speed": speed}
+        attributes["quantities"] = list(quantities)
+        if speed is not None:
+            attributes["speed"] = speed
     title = "Scatter of a gear mesh by its tolerances"
     dataset = result(title, designs.nominal, variables, coords, method="scatter", **attributes)
     return limit.mark(dataset, sample=done)
@@ -201,17 +219,22 @@ def shard(
 def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, limit, done) -> dict:
     """Return the variables of a range of samples: parameters, runs, quantities, error messages.
 
-    The mask `done` gets the samples that the `Limit` of time leaves.
+    `designs` are `Designs`, `sweeps` are `SweepSettings` or None, `evaluator` is a
+    `DesignQuantities` or None. `progress` is called with 1 after each sample. The mask `done`,
+    (samples,), is set for the samples that are finished before the `Limit` of time.
     """
-    count, tables = len(samples), {}
+    count = len(samples)
+    tables: dict = {}  # name of a variable of the runs -> array (samples, directions, speeds)
     if sweeps:
         shape = count, len(sweeps.directions), sweeps.grid.size
         # Two numbers of 8 bytes suffice for the variables of a run.
         numbers_per_sample = 2 * shape[1] * shape[2]
         check_memory(f"{count:,} samples", count, numbers_per_sample, row_name="samples")
         tables = {name: np.full(shape, fill) for name, fill in _RUN_VARIABLES.items()}
-    results = np.full((count, len(evaluator.quantities) if evaluator else 0), np.nan)
-    codes, messages = np.full(results.shape, NO_DESIGN, np.int8), np.full(count, "", object)
+    quantities = evaluator.quantities if evaluator else ()
+    results = np.full((count, len(quantities)), np.nan)
+    codes = np.full(results.shape, NO_DESIGN, np.int8)
+    messages = np.full(count, "", object)
     points = designs.points(samples.start, samples.stop)
     values = designs.values(points)
 
@@ -238,17 +261,19 @@ def _sample_variables(designs, sweeps, evaluator, samples, threads, progress, li
         list(with_bar("samples", pool.map(compute_sample, range(count)), count))
     data: dict = {}
     for name, column in zip(designs.names, values.T, strict=True):
-        # The name of a netCDF variable.
+        # Names of netCDF variables have letters, digits and underscores only.
         key = "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")
         data[key] = _variable(("sample",), column.copy(), *designs.units(name))
     if sweeps:
         dims = "sample", "direction", sweeps.dimension
         data |= {name: (dims, table) for name, table in tables.items()}
-    for i, name in enumerate(evaluator.quantities) if evaluator else ():
+    for i, name in enumerate(quantities):
         units, text = QUANTITIES[name]
         data[name] = _variable(("sample",), results[:, i], units, text)
-        labels = "1", f"whether there is: {text}"
-        data[f"{name}_status"] = _variable(("sample",), codes[:, i], *labels, **_STATUS_FLAGS)
+        status_text = f"whether there is: {text}"
+        data[f"{name}_status"] = _variable(
+            ("sample",), codes[:, i], "1", status_text, **_STATUS_FLAGS
+        )
         nominal = float(evaluator.nominal[i])
         data[f"{name}_nominal"] = _variable((), nominal, units, f"of the nominal design: {text}")
     return data | {"refusal": (("sample",), messages)}
@@ -263,13 +288,17 @@ def _sweep_settings(
     record_periods=20,
     box=DEFAULT_BOX,
 ) -> SweepSettings | None:
-    """Return the checked settings of the sweeps of each design; None without speeds and tunings."""
+    """Check the arguments of `scatter` that concern sweeps; return them as `SweepSettings`.
+
+    Return None if neither speeds nor tunings are given. `model` is the nominal model.
+    """
     if speeds is None and tunings is None:
         return None
     check_either(model, "tunings", tunings, "speeds", speeds)
     if speeds is None:
         grid = check_tunings("tunings", tunings, check_tuning)
-        grid = grid if model.speed is None else np.asarray(model.speed(grid))
+        if model.speed is not None:
+            grid = np.asarray(model.speed(grid))
     else:
         check_speed = functools.partial(tuning_at_speed, model)
         grid = check_tunings("speeds", speeds, check_speed, tuning_at=model.tuning_at)
@@ -285,9 +314,10 @@ def _sweep_settings(
 
 
 def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, rows: dict) -> None:
-    """Sweep one design in all directions; fill `rows`, name -> array (directions, speeds).
+    """Sweep the `model` of one design in all directions, and store the results in `rows`.
 
-    `unit_point` is the random initial state of "seeded" runs, relative to the limits of the box.
+    `rows` maps the names of `_RUN_VARIABLES` to arrays (directions, speeds). `unit_point`, (2,),
+    is the initial state of "seeded" runs, where 0 and 1 are the limits of the box.
     """
     lower, upper = np.transpose(sweeps.box)
     random_state = tuple((lower + (upper - lower) * unit_point).tolist())
@@ -306,11 +336,14 @@ def _sweep_design(model: Any, sweeps: SweepSettings, unit_point: np.ndarray, row
         factor = model.force_ratios(largest_force(curve))
         loses_contact = curve.contact_loss_fraction > 0.0
         if model.mesh_names:
-            peak_to_peak, factor = peak_to_peak.max("mesh"), factor.max("mesh")
+            peak_to_peak = peak_to_peak.max("mesh")
+            factor = factor.max("mesh")
             loses_contact = loses_contact.max("mesh")
         rows["height"][k] = peak_to_peak * (model.static_deflection or 1.0)
-        rows["factor"][k], rows["lost"][k] = factor, loses_contact
-        rows["settled"][k], rows["run_status"][k] = curve.period > 0, curve.status
+        rows["factor"][k] = factor
+        rows["lost"][k] = loses_contact
+        rows["settled"][k] = curve.period > 0
+        rows["run_status"][k] = curve.status
 
 
 def _variable(dims, values, units: str, long_name: str, **attributes: Any) -> xr.Variable:
@@ -319,7 +352,11 @@ def _variable(dims, values, units: str, long_name: str, **attributes: Any) -> xr
 
 
 def join_shards(shards: Any) -> xr.Dataset:
-    """Join all shards, in any order, to the dataset of `scatter`, or raise ValueError."""
+    """Join all shards of a scatter, in any order, into the dataset of `scatter`.
+
+    `shards` are results of `shard`. Raise ValueError if a shard is missing or belongs to another
+    scatter.
+    """
     shards = sorted(shards, key=lambda dataset: int(dataset.sample[0]))
     attributes = shards[0].attrs
     if any(dataset.attrs["parameters"] != attributes["parameters"] for dataset in shards):
@@ -334,7 +371,9 @@ def join_shards(shards: Any) -> xr.Dataset:
     data = xr.concat(shards, "sample", join="override", combine_attrs="override", **options)
     if "height" in data:  # there were sweeps
         data = _with_statistics(data)
-    for name in filter(data.__contains__, QUANTITIES):
+    for name in QUANTITIES:
+        if name not in data:
+            continue
         values = data[name].values[data[f"{name}_status"].values == FOUND]
         units, text = data[name].attrs["units"], data[name].attrs["long_name"]
         mean = float(values.mean()) if values.size else np.nan
@@ -353,14 +392,14 @@ def join_shards(shards: Any) -> xr.Dataset:
 
 
 def _with_statistics(data: xr.Dataset) -> xr.Dataset:
-    """Replace the results of single runs in a dataset of `scatter` by statistics over samples."""
+    """Replace the results of single runs in joined shards by statistics over the samples."""
     grid_dim = "tuning" if "tuning" in data.dims else "speed"
     dims, directions = ("direction", grid_dim), data.direction.values.tolist()
     runs = {name: data[name].values for name in _RUN_VARIABLES}  # (sample, *dims)
     data = data.drop_vars([*_RUN_VARIABLES]).assign_coords(quantile=list(QUANTILES))
     finished = runs["run_status"] == 0
     statistics: dict = {
-        "run_count": (dims, finished.sum(axis=0).astype(np.int32)),
+        "run_count": (dims, finished.sum(axis=0).astype(np.int32)),  # finished runs
         "failed_runs": (dims, (runs["run_status"] > 0).sum(axis=0).astype(np.int32)),
         "contact_loss_probability": (dims, _fraction(runs["lost"] > 0, finished)),
         "unsettled_share": (dims, _fraction(runs["settled"] == 0, finished)),
@@ -373,17 +412,19 @@ def _with_statistics(data: xr.Dataset) -> xr.Dataset:
             quantiles = np.nanquantile(values, QUANTILES, axis=0)
             statistics[f"{name}_band"] = ("quantile", *dims), quantiles
     if {"up", "down"} <= set(directions):
-        index = {direction: k for k, direction in enumerate(directions)}
-        up, down = (runs["height"][:, index[name]] for name in ("up", "down"))
-        both_finished = finished[:, index["up"]] & finished[:, index["down"]]
+        i_up, i_down = directions.index("up"), directions.index("down")
+        # Peak-to-peak displacements, (samples, speeds).
+        up, down = runs["height"][:, i_up], runs["height"][:, i_down]
+        both_finished = finished[:, i_up] & finished[:, i_down]
         has_two_motions = both_finished & ~_nearly_equal(up, down)
         fraction = _fraction(has_two_motions, both_finished)
         statistics["two_motions_probability"] = (grid_dim,), fraction
         if "seeded" in directions:
-            seeded = runs["height"][:, index["seeded"]]
+            i_seeded = directions.index("seeded")
+            seeded = runs["height"][:, i_seeded]
             low, high = np.minimum(up, down), np.maximum(up, down)
             masks = _classify_motions(seeded, low, high, has_two_motions)
-            all_finished = both_finished & finished[:, index["seeded"]]
+            all_finished = both_finished & finished[:, i_seeded]
             fractions = np.array([_fraction(mask, all_finished) for mask in masks])
             statistics["motion_probability"] = ("motion", grid_dim), fractions
     data = data.assign(statistics)
@@ -396,7 +437,10 @@ def _with_statistics(data: xr.Dataset) -> xr.Dataset:
 
 
 def _fraction(subset: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Return the fraction of the samples, a mask (n, ...), that are in the subset; NaN if none."""
+    """Return the fraction of the samples that are in the subset, NaN if there are no samples.
+
+    Both are masks of shape (n, ...); the fraction is taken over the first axis.
+    """
     count = samples.sum(axis=0)
     return (subset & samples).sum(axis=0) / np.where(count > 0, count, np.nan)
 
@@ -404,7 +448,9 @@ def _fraction(subset: np.ndarray, samples: np.ndarray) -> np.ndarray:
 def _classify_motions(peak_to_peak, low, high, has_two_motions) -> tuple:
     """Return masks of the runs that settled on the only, lower, higher or another motion.
 
-    `low` and `high` are the smaller and the larger peak-to-peak displacement of both sweeps.
+    `peak_to_peak` has the displacements of the runs; `low` and `high` are the smaller and the
+    larger peak-to-peak displacement of the sweeps up and down, and `has_two_motions` is a mask
+    where these differ. All have shape (samples, speeds).
     """
     on_low, on_high = _nearly_equal(peak_to_peak, low), _nearly_equal(peak_to_peak, high)
     # A run within the tolerance of both motions counts for the nearer one.
@@ -418,13 +464,13 @@ def _classify_motions(peak_to_peak, low, high, has_two_motions) -> tuple:
 
 
 def _nearly_equal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a mask of equal peak-to-peak displacements, within a tolerance."""
+    """Return a mask where two peak-to-peak displacements are equal within a relative tolerance."""
     with np.errstate(invalid="ignore"):
         return np.abs(a - b) <= _EQUAL_MOTION_TOLERANCE * np.maximum(a, b)
 
 
 def refused(dataset: xr.Dataset) -> list[str]:
-    """Return a line for each kind of error in a result of `scatter`: their count and an example."""
+    """Describe each kind of error in a result of `scatter` in a line: its count and an example."""
     rows, total = json.loads(dataset.attrs["refused"]), dataset.sizes["sample"]
     return [f"{count} of {total} samples cannot be built, such as: {text}" for count, text in rows]
 
@@ -445,18 +491,18 @@ def sobol_indices(
     progress=None,
     max_seconds: MaxSeconds = None,
 ):
-    """Return Sobol' indices of quantities by tolerances, with bootstrapped sampling errors.
+    """Compute the Sobol' indices of quantities, the effect of each tolerance on their variance.
 
     Parameters
     ----------
     model, tolerances, quantities, seed, progress, max_seconds
-        The same arguments as those of `gearlib.scatter`; correlations are not allowed.
+        Arguments of `gearlib.scatter`; correlations are not allowed.
     n : int, default 1024
         Number of samples, a power of 2; n (k + 2) designs are computed for k parameters.
     speed : float, optional
         Speed of the duty point, rpm, for quantities of the duty point.
     confidence : float, default 0.95
-        Confidence level of the intervals.
+        Confidence level of the bootstrapped intervals.
 
     Returns
     -------
@@ -500,37 +546,45 @@ def sobol_indices(
 
 
 def _design_tables(designs: Designs, evaluator: Any, n: int, progress: Any, limit: Limit) -> Any:
-    """Return the values of each quantity for the designs of Saltelli's method, (q, k + 2, n).
+    """Compute the q quantities for the designs of Saltelli's method, shape (q, k + 2, n).
 
-    If the time of the `Limit` ends, only the first of the n samples are returned.
-
-    The k + 2 rows belong to two independent samples A and B of the k parameters, and to k copies of
-    A with one parameter of B each. Values are NaN for designs that do not have the quantity.
+    The k + 2 rows belong to two independent sets A and B of n samples of the k parameters, and to k
+    copies of A with one parameter of B each. Values are NaN for designs that do not have the
+    quantity. `evaluator` is a `DesignQuantities`; `progress`, a function or None, is called with 1
+    after each design. If the time of the `Limit` ends, fewer than n samples are returned.
     """
     k = len(designs.names)
     cube = qmc.Sobol(2 * k, rng=designs.seed).random(n)
     a, b = cube[:, :k], cube[:, k:]
-    points = np.stack([a, b, *(np.where(np.arange(k) == i, b, a) for i in range(k))])
+    mixed = [np.where(np.arange(k) == i, b, a) for i in range(k)]
+    points = np.stack([a, b, *mixed])
     parameters = designs.tolerances.values(points.reshape(-1, k)).reshape(k + 2, n, -1)
     values = np.full((k + 2, n, len(evaluator.quantities)), np.nan)
-    # There are no indices of a single sample.
+    # Samples are computed in pairs, because a single sample has no variance.
     for i in limit.each(with_bar("pairs of samples", range(0, n, 2), n // 2)):
-        for place in itertools.product(range(k + 2), (i, i + 1)):
-            row = parameters[place]
+        for index in itertools.product(range(k + 2), (i, i + 1)):
+            design_parameters = parameters[index]
             try:
-                design = designs.model(row)
+                design = designs.model(design_parameters)
             except ValueError:
                 pass
             else:
-                values[place], _ = evaluator.evaluate(design, designs.duty_model_builder(row))
+                build_duty_model = designs.duty_model_builder(design_parameters)
+                values[index], _ = evaluator.evaluate(design, build_duty_model)
             if progress:
                 progress(1)
     return np.moveaxis(values[:, : i + 2], 2, 0)
 
 
 def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: str) -> tuple:
-    """Return first and total indices of a quantity, (2, k), and their intervals, (2, k, 2)."""
-    n, complete = table.shape[1], np.flatnonzero(np.isfinite(table).all(axis=0))
+    """Return first-order and total indices of a quantity, (2, k), and their intervals, (2, k, 2).
+
+    `table`, (k + 2, n), has the values of the quantity for the designs of Saltelli's method, see
+    `_design_tables`. `level` is the confidence level, `seed` the seed of the bootstrap, and `name`
+    the quantity in messages.
+    """
+    n = table.shape[1]
+    complete = np.flatnonzero(np.isfinite(table).all(axis=0))
     count = complete.size
     if count < 2:
         raise ValueError(
@@ -539,17 +593,23 @@ def _indices_with_intervals(table: np.ndarray, level: float, seed: int, name: st
         )
     # Incomplete samples are replaced by complete ones at equal distances, because Sobol' points
     # need all n samples.
-    samples, missing_count = np.arange(n), n - count
+    missing_count = n - count
     replacements = np.arange(missing_count) * count // max(missing_count, 1) % count
+    samples = np.arange(n)
     samples[np.isnan(table).any(axis=0)] = complete[replacements]
     table = table[:, samples]
 
     def indices(columns):
-        """Return the indices, (2, k), by the estimators of Saltelli (2010) and Jansen (1999)."""
+        """Return the indices, (2, k), from some columns of the table.
+
+        The estimators are those of Saltelli (2010), first order, and Jansen (1999), total.
+        """
         centred = table[:, columns] - table[:2, columns].mean()
         a, b, mixed = centred[0], centred[1], centred[2:]
-        variances = (b * (mixed - a)).mean(axis=1), 0.5 * ((mixed - a) ** 2).mean(axis=1)
-        return np.array(variances) / (centred[:2].var() or np.inf)
+        first_order = (b * (mixed - a)).mean(axis=1)
+        total = 0.5 * ((mixed - a) ** 2).mean(axis=1)
+        # The indices of a constant quantity are 0.
+        return np.array([first_order, total]) / (centred[:2].var() or np.inf)
 
     interval = bootstrap(
         (np.arange(n),),

@@ -14,10 +14,10 @@ def synthetic_rig(
     """Return synthetic measured data of a run-up with a speed course, rows of s and rpm.
 
     The signal is the displacement of the first mesh, read by an encoder whose `bits` resolve three
-    times the range of the signal. Random noise, an offset of at most 0.3 ranges, and a wave of 0.2
-    to 1 ranges once per revolution, as from an eccentricity, are added. `noise` is the ratio of the
-    standard deviations of noise and signal. A `gain` other than 1 is marked as unknown in the
-    attributes.
+    times the range of the signal. Three disturbances are added: random noise, whose standard
+    deviation is `noise` times that of the signal; an offset of at most 0.3 ranges; and a wave of
+    0.2 to 1 ranges once per revolution, as from an eccentricity. A `gain` other than 1 is marked as
+    unknown in the attributes. `seed` is the seed of the random numbers.
     """
     rng = np.random.default_rng(seed)
     run = run_up(model, speed=speed_course, samples_per_period=samples_per_period)
@@ -36,7 +36,9 @@ def synthetic_rig(
         "unknown_gain": int(gain != 1.0),
         "unknown_offset": 1,
     }
-    name = "_".join(["displacement", *(mesh.replace(" ", "_") for mesh in model.mesh_names[:1])])
+    name = "displacement"
+    if model.mesh_names:
+        name += f"_{model.mesh_names[0].replace(' ', '_')}"
     coords = {
         "time": ("sample", run.time.values, {"units": "s", "long_name": "time"}),
         "speed": ("sample", run.speed.values, {"units": "min-1", "long_name": "speed"}),

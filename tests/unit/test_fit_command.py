@@ -130,7 +130,7 @@ WRONG_DATA = {
     "time = 'unsorted' ... increasing": run_up(time=TIME[::-1]),
     "noise_std of displacement = -1.0": run_up(noise_std=-1.0),
     "unknown_offset of displacement = 2": run_up(unknown_offset=2),
-    "units of displacement = 'mm' ... m, or of unknown gain": run_up(units="mm"),
+    "units of displacement = 'mm' ... m, or any unit with unknown_gain = 1": run_up(units="mm"),
     "known = '{' ... json": run_up(known="{"),
     "displacement = 'over time' ... over sample": run_up().swap_dims(sample="time"),
     "known.course: speed[1][0] = 0.0 ... after 0.0 s": run_up(course=[[0.0, 1e3], [0.0, 2e3]]),

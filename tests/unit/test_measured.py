@@ -155,7 +155,7 @@ REFUSED = {
     "data = 'rig.csv' ... utf-8 text": (b"t,x,F\n0,1,1\n\xff\xfe\xb5,1,2\n", {}),
     "the column 'F' of rig.csv is missing: it must be one of 't', 'x'": ("t,x\n0,1\n", {}),
     "the column 'F' ... separator must be ';'": ("t;x;F\n0;1;2\n", {}),
-    "the column 'x' of rig.csv occurs twice": ("t,x,F,x\n0,1,2,3\n", {}),
+    "the column 'x' of rig.csv occurs more than once": ("t,x,F,x\n0,1,2,3\n", {}),
     "rig.csv, column 'x', row 2 = '2.6mm' ... a number": (TABLE.replace(",2.5,", ",2.6mm,"), {}),
     "rig.csv, column 'x', row 2, is empty or NaN": (TABLE.replace("1,2.5", "1,nan"), {}),
     "rig.csv, column 'F', row 3 = inf ... finite": (TABLE.replace("2.75", "inf"), {}),
