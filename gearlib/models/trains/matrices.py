@@ -1,6 +1,6 @@
-"""`GearTrain.from_matrices`: the structure of another tool, joined by meshes, and its reduction.
+"""`GearTrain.from_matrices`: matrices of another tool joined by meshes, and their reduction.
 
-Coordinates are displacements in m and rotations in rad. A gear is a node with up to six of them:
+Coordinates are displacements in m and rotations in rad. A gear is a node with up to four of them:
 the mesh force acts along the line of action, and with the base radius about the axis.
 """
 
@@ -42,11 +42,11 @@ from gearlib.parameters import (
     described,
 )
 
-#: Largest asymmetry of a symmetric matrix over its largest entry.
+#: Matrices count as symmetric up to this asymmetry, relative to their largest entry.
 _SYMMETRY = 1e-9
-#: Smaller entries of a basis and of reduced matrices, over their terms, are rounding errors.
+#: Entries of a basis or a reduced matrix below this fraction of their terms are rounding errors.
 _ROUNDING = 1e-12
-#: Modes are kept up to this multiple of the frequency of a reduction.
+#: A reduction keeps the modes up to this multiple of its frequency.
 _MARGIN = 1.5
 
 
@@ -54,7 +54,8 @@ _MARGIN = 1.5
 class GearNode:
     """A gear of a structure that is given by its matrices; immutable.
 
-    Each coordinate is the name of one of the structure, None if the gear does not move so.
+    `rotation`, `x`, `y` and `axial` name coordinates of the structure; None means that the gear
+    does not move in this direction.
     """
 
     name: Annotated[Text, described("Name of the gear")]
@@ -73,14 +74,14 @@ class GearNode:
 class Matrices:
     """The matrices of a structure with n coordinates in SI units."""
 
-    coordinates: tuple[str, ...]  #: names
+    coordinates: tuple[str, ...]  #: names of the coordinates
     mass: np.ndarray  #: shape (n, n)
     damping: np.ndarray  #: with gyroscopic forces at the constant speed, shape (n, n)
-    stiffness: np.ndarray  #: shape (n, n)
+    stiffness: np.ndarray  #: without the meshes, shape (n, n)
     load: np.ndarray  #: constant forces and torques, shape (n,)
     gears: tuple[GearNode, ...]
-    rows: dict[str, np.ndarray]  #: given row vectors by the name of the mesh, shape (n,)
-    left_out: str = ""  #: what a reduction has left out
+    rows: dict[str, np.ndarray]  #: mesh name -> row vector that replaces the computed one, (n,)
+    left_out: str = ""  #: description of the coordinates that a reduction has left out
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Matrices) and self.digest() == other.digest()
@@ -89,28 +90,31 @@ class Matrices:
         return hash(self.digest())
 
     def digest(self) -> str:
-        """Return a hash of all values, which results name in place of the matrices."""
+        """Return a hash of all values, which stands for the matrices in results."""
         arrays = self.mass, self.damping, self.stiffness, self.load, *self.rows.values()
-        content = hashlib.sha256(repr((self.coordinates, self.gears, list(self.rows))).encode())
+        content_hash = hashlib.sha256(
+            repr((self.coordinates, self.gears, list(self.rows))).encode()
+        )
         for array in arrays:
-            content.update(np.ascontiguousarray(array).tobytes())
-        return content.hexdigest()
+            content_hash.update(np.ascontiguousarray(array).tobytes())
+        return content_hash.hexdigest()
 
     @property
     def is_symmetric(self) -> bool:
-        """Whether the stiffness is symmetric, so that the structure has an energy."""
+        """Whether the stiffness is symmetric, so that the structure has a potential energy."""
         return _asymmetry(self.stiffness) <= _SYMMETRY
 
     def motion(self, coordinate: str | None) -> np.ndarray:
-        """Return the row of the motion of a coordinate, 0 for None."""
+        """Return the unit row vector of a coordinate given by name, or zeros for None."""
         return np.array([float(name == coordinate) for name in self.coordinates])
 
     def structure(self, train: GearTrain, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
-        """Return the `Structure` of a train with these matrices."""
+        """Return the `Structure` of a train with these matrices, in floats or balls."""
         return structure_of_matrices(self, train.by_name, train.meshes, arithmetic)
 
 
 def _asymmetry(matrix: np.ndarray) -> float:
+    """Return the largest difference of opposite entries of a matrix over its largest entry."""
     return float(np.abs(matrix - matrix.T).max() / (np.abs(matrix).max() or 1.0))
 
 
@@ -139,24 +143,25 @@ def from_matrices(
     mass, damping, stiffness : array-like, sparse array or path
         Square matrices without the meshes, or files: .mtx (Matrix Market) or netCDF with one
         variable. The mass must be symmetric and positive definite. Stiffness and damping may be
-        unsymmetric, as those of journal bearings; the symmetric part of the stiffness must have no
+        unsymmetric, as in journal bearings; the symmetric part of the stiffness must have no
         negative eigenvalue.
     meshes : sequence of Mesh
-        Meshes of the gears, by their names: positions, pressure angle, stiffness levels, backlash,
+        Meshes, which name their gears: positions, pressure angle, stiffness levels, backlash,
         damping and deviations.
     gears : sequence of GearNode
-        Gears: teeth, base radius, and which coordinates are their motions.
+        Gears: teeth, base radius, and the coordinates of their motions.
     gyroscopic : array-like, optional
-        Matrix that, times the speed, is added to the damping; skew-symmetric, as G of ROSS.
+        Skew-symmetric matrix, such as G of ROSS; its product with the speed is added to the
+        damping.
     speed : float, optional
-        Constant speed in rad/s of the gyroscopic forces; needed beside them.
+        Constant speed in rad/s of the gyroscopic forces; required with `gyroscopic`.
     coordinates : sequence of str, optional
         Names of the coordinates; "0", "1", ... by default.
     forces : dict of str to float, optional
         Constant forces (N) and torques (N m) by the name of a coordinate.
     rows : dict of str to array-like, optional
-        Row vectors of meshes by name, which map coordinates to the approach along the line of
-        action in m, in place of those of the gears.
+        Row vectors of meshes by name, which map the coordinates to the approach along the line of
+        action in m; they replace the row vectors computed from the gears.
     harmonic_forces : sequence of HarmonicForce, optional
         Harmonic forces and torques on gears or coordinates.
     reference, reference_frequency, modal_damping : optional
@@ -171,15 +176,16 @@ def from_matrices(
     ------
     ValueError
         If shapes differ, the mass is not symmetric and positive definite, a name is unknown, or the
-        load is one that the structure cannot carry.
+        structure cannot carry the load.
     """
     mass_matrix = _matrix("mass", mass)
     n = len(mass_matrix)
     stiffness_matrix = _matrix("stiffness", stiffness, n)
     damping_matrix = _matrix("damping", damping, n)
-    allowed, eigenvalue = "symmetric and positive definite", np.linalg.eigvalsh(mass_matrix)[0]
-    valid = _asymmetry(mass_matrix) <= _SYMMETRY and eigenvalue > 0.0
-    checks.require(valid, "mass", f"a matrix with the eigenvalue {eigenvalue:.6g}", allowed)
+    lowest_eigenvalue = np.linalg.eigvalsh(mass_matrix)[0]
+    valid = _asymmetry(mass_matrix) <= _SYMMETRY and lowest_eigenvalue > 0.0
+    value = f"a matrix with the eigenvalue {lowest_eigenvalue:.6g}"
+    checks.require(valid, "mass", value, "symmetric and positive definite")
     _check_no_negative_stiffness(stiffness_matrix)
     valid, allowed = (gyroscopic is None) == (speed is None), "given if gyroscopic is, else not"
     checks.require(valid, "speed", speed, allowed)
@@ -225,7 +231,10 @@ def from_matrices(
 
 
 def _entries(name: str, entries: Any) -> dict:
-    """Return the entries of a dict; None has none, other values are refused."""
+    """Return the dict `entries`, or an empty dict for None; raise ValueError for other types.
+
+    `name` is the name of the argument for the error message.
+    """
     checks.require(isinstance(entries, dict | None), name, entries, "a dict")
     return entries or {}
 
@@ -234,27 +243,36 @@ def _check_no_negative_stiffness(stiffness: np.ndarray) -> None:
     """Raise ValueError if the symmetric part of a stiffness has a negative eigenvalue."""
     diagonal = np.abs(stiffness.diagonal())
     scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    # With a unit diagonal, translations and rotations have stiffnesses of the same size.
     scaled = (stiffness + stiffness.T) / 2.0 / np.outer(scale, scale)
-    lowest = np.linalg.eigvalsh(scaled)[0]
+    lowest_eigenvalue = np.linalg.eigvalsh(scaled)[0]
     allowed = "one whose symmetric part has no negative eigenvalue"
-    value = f"a matrix with the eigenvalue {lowest:.6g} at unit diagonal"
-    checks.require(lowest >= -_SYMMETRY, "stiffness", value, allowed)
+    value = f"a matrix with the eigenvalue {lowest_eigenvalue:.6g} at unit diagonal"
+    checks.require(lowest_eigenvalue >= -_SYMMETRY, "stiffness", value, allowed)
 
 
 def _matrix(name: str, value: Any, n: int | None = None) -> np.ndarray:
-    """Return a matrix as an array and check its shape; `n` is the number of its rows if known."""
+    """Return an argument of `from_matrices` as a square array, or raise ValueError.
+
+    `name` is the name of the argument. It must have `n` rows, or any number of rows for None.
+    """
     array = _dense(name, value)
-    rows = n if array.ndim != 2 or n is not None else len(array)
     allowed = "a square matrix of finite numbers"
-    if n is not None:
+    if n is None:
+        valid = array.ndim == 2 and array.shape[0] == array.shape[1]
+    else:
+        valid = array.shape == (n, n)
         allowed = f"{allowed} with {n} rows, as many as in mass"
-    valid = array.shape == (rows, rows) and array.size > 0 and np.isfinite(array).all()
+    valid = valid and array.size > 0 and bool(np.isfinite(array).all())
     checks.require(valid, name, f"an array of shape {array.shape}", allowed)
     return array
 
 
 def _dense(name: str, value: Any) -> np.ndarray:
-    """Return a matrix, a sparse array or the matrix in a file as an array."""
+    """Return a matrix as an array, given as nested lists, an array, a sparse array or a file.
+
+    `name` is the name of the argument for error messages; files end with .mtx or .nc.
+    """
     if isinstance(value, str | Path):
         path = Path(value)
         suffix = checks.one_of(f"suffix of {name}", path.suffix, (".mtx", ".nc"))
@@ -265,7 +283,7 @@ def _dense(name: str, value: Any) -> np.ndarray:
                 checks.require(len(dataset.data_vars) == 1, f"{name} in {path}", count, allowed)
                 value = next(iter(dataset.data_vars.values())).values
         else:
-            path.stat()  # FileNotFoundError with the name of the file
+            path.stat()  # This raises FileNotFoundError with the name of the file.
             value = scipy.io.mmread(path)
     if scipy.sparse.issparse(value):
         value = value.toarray()
@@ -276,71 +294,82 @@ def _dense(name: str, value: Any) -> np.ndarray:
 
 
 def _projected(matrix: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Return basis.T @ matrix @ basis; entries that are zero but for rounding are set to zero."""
-    projected, size = basis.T @ matrix @ basis, np.abs(basis)
-    return np.where(
-        np.abs(projected) > _ROUNDING * (size.T @ np.abs(matrix) @ size), projected, 0.0
-    )
+    """Return basis.T @ matrix @ basis, with 0 for entries that are rounding errors of their terms.
+
+    `matrix` has the shape (n, n), and `basis`, shape (n, r), holds a vector per column.
+    """
+    projected = basis.T @ matrix @ basis
+    magnitudes = np.abs(basis).T @ np.abs(matrix) @ np.abs(basis)
+    return np.where(np.abs(projected) > _ROUNDING * magnitudes, projected, 0.0)
 
 
 @checked
 def reduced(train: GearTrain, frequency: Positive) -> GearTrain:
-    """Return the reduced train of `GearTrain.reduce`, with a frequency in Hz."""
+    """Return the reduced train of `GearTrain.reduce`, for a frequency in Hz.
+
+    Boundary coordinates, on which meshes, loads or harmonic forces act, are kept. Interior modes
+    replace the other coordinates (Craig and Bampton). Correction modes add the quasi-static
+    response of the neglected modes.
+    """
     matrices = train.matrices
     allowed = "a train made by GearTrain.from_matrices"
     checks.require(matrices is not None, "train", type(train).__name__, allowed)
     structure, n = train.structure, len(matrices.coordinates)
-    motions = structure.motions.reshape(-1, n)
-    rows = [structure.lines, motions, matrices.load[None]]
-    rows += [waves.force_row(train, force, structure.motions)[None] for force in train.forces]
-    acting = np.concatenate(rows)
-    boundary = np.flatnonzero(np.abs(acting).max(axis=0) > 0.0)
+    boundary = _boundary_coordinates(train)
     interior = np.setdiff1d(np.arange(n), boundary)
     if interior.size == 0:
         return train
     stiffness = (matrices.stiffness + matrices.stiffness.T) / 2.0
     mass = matrices.mass
     inner = np.ix_(interior, interior)
-    limit = (math.tau * frequency * _MARGIN) ** 2
+    highest_square = (math.tau * frequency * _MARGIN) ** 2
     squares, shapes = scipy.linalg.eigh(stiffness[inner], mass[inner])
-    kept = shapes[:, squares < limit]
+    interior_modes = shapes[:, squares < highest_square]
     # This spring acts on the free interior motions only, so that the stiffness can be factorised.
-    momentum = mass[inner] @ shapes[:, squares < 1e-6 * limit]
+    momentum = mass[inner] @ shapes[:, squares < 1e-6 * highest_square]
     coupled = np.ix_(interior, boundary)
-    factor = scipy.linalg.cho_factor(stiffness[inner] + limit * (momentum @ momentum.T))
-    constraint = -scipy.linalg.cho_solve(factor, stiffness[coupled])
+    factor = scipy.linalg.cho_factor(stiffness[inner] + highest_square * (momentum @ momentum.T))
+    constraint_modes = -scipy.linalg.cho_solve(factor, stiffness[coupled])
     # Quasi-static response of the neglected modes to the inertia forces of the constraint modes.
-    inertia = mass[inner] @ constraint + mass[coupled]
+    inertia = mass[inner] @ constraint_modes + mass[coupled]
     correction = scipy.linalg.cho_solve(factor, inertia)
-    correction = correction - kept @ (kept.T @ (mass[inner] @ correction))
+    correction = correction - interior_modes @ (interior_modes.T @ (mass[inner] @ correction))
     norms = np.sqrt(np.einsum("ij,ik,kj->j", correction, mass[inner], correction))
     correction = correction[:, norms > 0.0] / norms[norms > 0.0]
     values, vectors = np.linalg.eigh(correction.T @ mass[inner] @ correction)
-    independent = values > 1e-8
-    correction = correction @ vectors[:, independent] / np.sqrt(values[independent])
-    kept = np.hstack([kept, correction])
-    basis = np.zeros((n, boundary.size + kept.shape[1]))
+    is_independent = values > 1e-8
+    correction = correction @ vectors[:, is_independent] / np.sqrt(values[is_independent])
+    interior_modes = np.hstack([interior_modes, correction])
+    basis = np.zeros((n, boundary.size + interior_modes.shape[1]))
     basis[boundary, : boundary.size] = np.eye(boundary.size)
-    basis[interior, : boundary.size] = constraint
-    basis[interior, boundary.size :] = kept
-    sizes = np.sqrt(mass.diagonal())[:, None] * np.abs(basis)
-    basis[sizes < _ROUNDING * np.linalg.norm(sizes, axis=0)] = 0.0
+    basis[interior, : boundary.size] = constraint_modes
+    basis[interior, boundary.size :] = interior_modes
+    weighted = np.sqrt(mass.diagonal())[:, None] * np.abs(basis)
+    basis[weighted < _ROUNDING * np.linalg.norm(weighted, axis=0)] = 0.0
     names = [matrices.coordinates[i] for i in boundary]
-    names += [f"interior mode {i + 1}" for i in range(kept.shape[1])]
-    small_mass = _projected(mass, basis)
-    text = (
-        f"{n - basis.shape[1]} of {n} coordinates: interior modes above "
-        f"{frequency * _MARGIN:.6g} Hz, except their share in the inertia of the boundary"
-    )
+    names += [f"interior mode {i + 1}" for i in range(interior_modes.shape[1])]
+    reduced_mass = _projected(mass, basis)
     lines = structure.lines @ basis
-    smaller = replace(
+    reduced_matrices = replace(
         matrices,
         coordinates=tuple(names),
-        mass=(small_mass + small_mass.T) / 2.0,
+        mass=(reduced_mass + reduced_mass.T) / 2.0,
         damping=_projected(matrices.damping, basis),
         stiffness=_projected(matrices.stiffness, basis),
         load=matrices.load @ basis,
         rows={mesh.name: line for mesh, line in zip(train.meshes, lines, strict=True)},
-        left_out=text,
+        left_out=(
+            f"{n - basis.shape[1]} of {n} coordinates: interior modes above "
+            f"{frequency * _MARGIN:.6g} Hz, except their share in the inertia of the boundary"
+        ),
     )
-    return train.replace(matrices=smaller)
+    return train.replace(matrices=reduced_matrices)
+
+
+def _boundary_coordinates(train: GearTrain) -> np.ndarray:
+    """Return the indices of the coordinates on which meshes, gears, loads or forces act."""
+    structure = train.structure
+    motions = structure.motions.reshape(-1, structure.motions.shape[2])
+    rows = [structure.lines, motions, train.matrices.load[None]]
+    rows += [waves.force_row(train, force, structure.motions)[None] for force in train.forces]
+    return np.flatnonzero(np.abs(np.concatenate(rows)).max(axis=0) > 0.0)

@@ -21,42 +21,40 @@ from gearlib.models.trains.waves import deviation_of_teeth, stiffness_harmonic
 if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
 
-#: Smaller mass-normalised motions of a body count as zero.
+#: Mass-normalised motions of a body below this size count as zero.
 _MIN_MOTION = 1e-6
 
 
 def modes(train: "GearTrain") -> xr.Dataset:
     """Return the natural modes of a train as the dataset of `GearTrain.modes`."""
     squares, shapes = train.linear_modes
-    free = train.free_motions
-    frequency = np.concatenate([np.zeros(free.shape[1]), np.sqrt(squares)]) / math.tau
-    shapes = np.concatenate([free, shapes], axis=1)
+    free_count = train.free_motions.shape[1]
+    frequencies = np.concatenate([np.zeros(free_count), np.sqrt(squares)]) / math.tau
+    shapes = np.concatenate([train.free_motions, shapes], axis=1)
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
-    energy = np.zeros((frequency.size, len(train.meshes)))
-    energy[free.shape[1] :] = train.strains[-len(train.meshes) :].T ** 2
+    mesh_count, shaft_count = len(train.meshes), len(train.shafts)
+    mesh_energy = np.zeros((frequencies.size, mesh_count))
+    mesh_energy[free_count:] = train.strains[-mesh_count:].T ** 2
     # Before the meshes come the springs of shafts: in torsion, and in bending along x and y.
-    springs = train.strains[: -len(train.meshes)]
-    of_shafts = springs[len(springs) - 3 * len(train.shafts) :] ** 2
-    shaft_energy = np.zeros((frequency.size, len(train.shafts)))
-    shaft_energy[free.shape[1] :] = (
-        of_shafts.reshape(len(train.shafts), 3, squares.size).sum(axis=1).T
+    strains = train.strains[:-mesh_count]
+    energy_of_springs = strains[len(strains) - 3 * shaft_count :] ** 2
+    shaft_energy = np.zeros((frequencies.size, shaft_count))
+    shaft_energy[free_count:] = (
+        energy_of_springs.reshape(shaft_count, 3, squares.size).sum(axis=1).T
     )
-    kinds = ["rigid"] * free.shape[1] + _mode_kinds(train, motions[free.shape[1] :])
-    damped = _damped_modes(train, frequency, shapes)
+    kinds = ["rigid"] * free_count + _mode_kinds(train, motions[free_count:])
+    mode_shapes = motions / _largest_motions(motions)[:, None, None]
     dataset = xr.Dataset(
         {
-            **damped,
-            "natural_frequency": ("mode", frequency),
+            **_damped_modes(train, frequencies, shapes),
+            "natural_frequency": ("mode", frequencies),
             "mode_kind": ("mode", kinds),
-            "mode_shape": (
-                ("mode", "body", "axis"),
-                motions / _largest_motions(motions)[:, None, None],
-            ),
-            "strain_energy": (("mode", "mesh"), energy),
+            "mode_shape": (("mode", "body", "axis"), mode_shapes),
+            "strain_energy": (("mode", "mesh"), mesh_energy),
             "shaft_energy": (("mode", "shaft"), shaft_energy),
         },
         coords={
-            "mode": np.arange(frequency.size),
+            "mode": np.arange(frequencies.size),
             "shaft": np.array(["-".join(shaft.bodies) for shaft in train.shafts], str),
             **train.names,
         },
@@ -66,7 +64,10 @@ def modes(train: "GearTrain") -> xr.Dataset:
 
 
 def total_damping(train: "GearTrain") -> np.ndarray | None:
-    """Return the damping matrix with all flanks in contact, N s/m; None if a mesh has none."""
+    """Return the damping matrix with all flanks in contact, N s/m, shape (n, n).
+
+    Returns None if the damping of a mesh is unknown.
+    """
     damping = train.structure.damping.copy()
     for line, mesh in zip(train.structure.lines, train.meshes, strict=True):
         if mesh.material_damping is None:
@@ -76,31 +77,40 @@ def total_damping(train: "GearTrain") -> np.ndarray | None:
 
 
 def mean_stiffness_matrix(train: "GearTrain") -> np.ndarray:
-    """Return the stiffness matrix in mean stiffness with all flanks in contact, N/m."""
-    means, lines = [mesh.mean_stiffness for mesh in train.meshes], train.structure.lines
-    return train.structure.stiffness + (lines.T * means) @ lines
+    """Return the stiffness matrix with all flanks in contact at mean stiffness, N/m, (n, n)."""
+    lines = train.structure.lines
+    mean_stiffnesses = [mesh.mean_stiffness for mesh in train.meshes]
+    return train.structure.stiffness + (lines.T * mean_stiffnesses) @ lines
 
 
-def _damped_modes(train: "GearTrain", frequency: np.ndarray, shapes: np.ndarray) -> dict:
-    """Return the variables of modes with damping, of a train with natural modes in Hz."""
+def _damped_modes(train: "GearTrain", frequencies: np.ndarray, shapes: np.ndarray) -> dict:
+    """Return modal damping ratios and complex modes as variables, name -> (dims, values).
+
+    `frequencies`, (p,), are the undamped natural frequencies in Hz, and `shapes`, (n, p), the
+    mass-normalised mode shapes. Without damping, or if a damping is unknown, the dict is empty.
+    """
     damping = total_damping(train)
     if damping is None or not damping.any():
         return {}
-    omega = math.tau * frequency
-    diagonal = np.einsum("np,nk,kp->p", shapes, damping, shapes)
-    ratios = np.divide(diagonal, 2.0 * omega, out=np.full(omega.size, np.nan), where=omega > 0.0)
-    inverse, n = np.linalg.inv(train.structure.mass), len(damping)
-    matrix = np.zeros((2 * n, 2 * n))
-    matrix[:n, n:] = np.eye(n)
-    matrix[n:] = np.hstack([-inverse @ mean_stiffness_matrix(train), -inverse @ damping])
-    values, vectors = np.linalg.eig(matrix)
-    # One of each pair of complex conjugates, in the order of the frequencies.
+    omega = math.tau * frequencies
+    modal_damping = np.einsum("np,nk,kp->p", shapes, damping, shapes)
+    # Free motions have no damping ratio.
+    ratios = np.full(omega.size, np.nan)
+    np.divide(modal_damping, 2.0 * omega, out=ratios, where=omega > 0.0)
+    inverse_mass, n = np.linalg.inv(train.structure.mass), len(damping)
+    state_matrix = np.zeros((2 * n, 2 * n))
+    state_matrix[:n, n:] = np.eye(n)
+    state_matrix[n:, :n] = -inverse_mass @ mean_stiffness_matrix(train)
+    state_matrix[n:, n:] = -inverse_mass @ damping
+    values, vectors = np.linalg.eig(state_matrix)
+    # Keep one of each pair of complex conjugates, in the order of the frequencies.
     order = [i for i in np.argsort(np.abs(values)) if values[i].imag > 1e-9 * abs(values[i])]
     motions = np.einsum("bkn,np->pbk", train.structure.motions, vectors[:n, order])
-    # The largest motion of each mode is 1 and real.
-    flat = motions.reshape(len(order), -1)
-    largest = flat[np.arange(len(order)), np.abs(flat).argmax(axis=1)] if order else flat
-    motions = motions / np.where(largest == 0.0, 1.0, largest).reshape(-1, 1, 1)
+    if order:
+        # Scale each mode so that its largest motion is 1 and real.
+        flat = motions.reshape(len(order), -1)
+        largest = flat[np.arange(len(order)), np.abs(flat).argmax(axis=1)]
+        motions = motions / np.where(largest == 0.0, 1.0, largest).reshape(-1, 1, 1)
     dims = "complex_mode", "body", "axis"
     return {
         "modal_damping_ratio": ("mode", ratios),
@@ -112,31 +122,37 @@ def _damped_modes(train: "GearTrain", frequency: np.ndarray, shapes: np.ndarray)
 
 
 def _largest_motions(motions: np.ndarray) -> np.ndarray:
-    """Return the largest of the motions of bodies, (p, bodies, 3), in each of p modes, (p,).
+    """Return the largest magnitude of the motions in each of p modes, shape (p,).
 
-    It is 1 in modes that do not move a body, as given matrices have them.
+    `motions`, shape (p, bodies, 3), are those of the bodies. The result is 1 for modes that move no
+    body, which trains of given matrices can have.
     """
     largest = np.abs(motions).max(axis=(1, 2), initial=0.0)
     return np.where(largest > 0.0, largest, 1.0)
 
 
 def _mode_kinds(train: "GearTrain", motions: np.ndarray) -> list[str]:
-    """Return the kind of each elastic mode by the motions of the central bodies of a train.
+    """Classify each elastic mode by the motions of the central bodies of a train.
 
-    Central bodies are carriers and gears with several meshes. In a planet mode, called "satellite"
-    here, they do not move. `motions` are the mass-normalised motions of b bodies along x, y and in
-    rotation in p modes, shape (p, b, 3).
+    The kinds are "rotational", "translational", "satellite" and "other". Central bodies are
+    carriers and gears with several meshes; in a satellite mode (planet mode) they do not move.
+    `motions`, shape (p, b, 3), are the mass-normalised motions of b bodies along x, along y and in
+    rotation in p modes.
     """
     central_names = {body.carrier for body in train.bodies}
     central_names |= {name for _, name in mesh_groups(train)}
-    central = [body.name in central_names for body in train.bodies]
-    if not any(central):
+    is_central = [body.name in central_names for body in train.bodies]
+    if not any(is_central):
         return ["other"] * len(motions)
-    masses = [(b.mass or 0.0, b.mass or 0.0, b.inertia / b.base_radius**2) for b in train.bodies]
-    largest = (np.abs(motions) * np.sqrt(masses))[:, central].max(axis=1, initial=0.0)
+    masses = []
+    for body in train.bodies:
+        mass = body.mass or 0.0
+        masses.append((mass, mass, body.inertia / body.base_radius**2))
+    largest = (np.abs(motions) * np.sqrt(masses))[:, is_central].max(axis=1, initial=0.0)
     kinds = []
     for x, y, rotation in largest.tolist():
-        axis_moves, body_turns = max(x, y) > _MIN_MOTION, rotation > _MIN_MOTION
+        axis_moves = max(x, y) > _MIN_MOTION
+        body_turns = rotation > _MIN_MOTION
         if axis_moves:
             kinds.append("other" if body_turns else "translational")
         else:
@@ -149,17 +165,17 @@ def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
 
     `count` is the number of harmonics of each mesh frequency.
     """
-    # Frequencies of the harmonics over that of the reference mesh.
+    # Orders are frequencies of harmonics over the frequency of the reference mesh.
     orders = sorted({n * ratio for ratio in train.frequency_ratios for n in range(1, count + 1)})
-    # Orders that the stiffness does not excite may be excited by deviations.
+    # Keep orders that the stiffness does not excite, because deviations may excite them.
     data = phasing(train, math.ceil(orders[-1])).reindex(
         stiffness_order=[float(order) for order in orders],
         fill_value={"modal_force": 0.0, "phase_sum": 0.0, "excites": False},
     )
     reference_frequency = train.reference_angular_frequency / (2.0 * math.pi)
-    # Reference mesh frequencies, over the reference frequency, at which an order meets a mode.
-    tuning = data.natural_frequency / reference_frequency / data.stiffness_order
-    data["critical_speed"] = train.speed(tuning).transpose("stiffness_order", "mode")
+    # At a critical tuning, the frequency of an order equals a natural frequency.
+    critical_tuning = data.natural_frequency / reference_frequency / data.stiffness_order
+    data["critical_speed"] = train.speed(critical_tuning).transpose("stiffness_order", "mode")
     data.attrs["title"] = "Campbell diagram of a gear train"
     return describe(data)
 
@@ -167,44 +183,47 @@ def campbell(train: "GearTrain", count: int = 3) -> xr.Dataset:
 def phasing(train: "GearTrain", count: int = 12) -> xr.Dataset:
     """Return the modal forces of the teeth as the dataset of `GearTrain.phasing`.
 
-    `count` is the highest order of the harmonics.
+    `count` is the highest order of the harmonics, relative to the reference mesh frequency.
     """
     squares, shapes = train.linear_modes
     motions = np.einsum("bkn,np->pbk", train.structure.motions, shapes)
     mesh_forces: dict = {}  # order -> complex modal forces of the meshes, each of shape (p,)
     displacements = train.modal_mesh_displacements, train.static_mesh_displacements
-    for mesh, ratio, side, modal, static in zip(
+    for mesh, ratio, side, modal_displacements, static_displacement in zip(
         train.meshes, train.frequency_ratios, train.loaded_sides, *displacements, strict=True
     ):
         # The flanks that carry the load vary the stiffness, or deviate by the transmission error.
         phase, table = deviation_of_teeth(train, mesh, 0 if side == COAST else 1)
         for order in range(1, math.floor(count / ratio) + 1):
-            if mesh.varies or order <= len(table):
-                force: Any = stiffness_harmonic(mesh, order, phase) * static if mesh.varies else 0.0
-                if order <= len(table):
-                    amplitude = complex(table[order - 1, 1], -table[order - 1, 2])
-                    rotation = np.exp(-2.0j * np.pi * order * phase)
-                    force += mesh.mean_stiffness * amplitude * rotation
-                mesh_forces.setdefault(order * ratio, []).append(force * modal)
+            has_deviation = order <= len(table)
+            if not mesh.varies and not has_deviation:
+                continue
+            force: Any = 0.0
+            if mesh.varies:
+                force = stiffness_harmonic(mesh, order, phase) * static_displacement
+            if has_deviation:
+                amplitude = complex(table[order - 1, 1], -table[order - 1, 2])
+                rotation = np.exp(-2.0j * np.pi * order * phase)
+                force += mesh.mean_stiffness * amplitude * rotation
+            mesh_forces.setdefault(order * ratio, []).append(force * modal_displacements)
     orders = sorted(mesh_forces)
     shape = len(orders), squares.size
-    force = np.reshape([np.abs(np.sum(mesh_forces[order], axis=0)) for order in orders], shape)
-    # The sum if all meshes acted in phase.
+    total = np.reshape([np.abs(np.sum(mesh_forces[order], axis=0)) for order in orders], shape)
+    # The modal force if all meshes acted in phase.
     in_phase = np.reshape([np.sum(np.abs(mesh_forces[order]), axis=0) for order in orders], shape)
     # A mode without deflection in the meshes of an order is not excited.
-    deformed = in_phase > 1e-9 * in_phase.max(initial=0.0)
-    phase_sum = np.where(deformed, force / np.where(deformed, in_phase, 1.0), 0.0)
-    data = modes(train).isel(mode=slice(train.free_motions.shape[1], None))
+    is_deflected = in_phase > 1e-9 * in_phase.max(initial=0.0)
+    phase_sum = np.where(is_deflected, total / np.where(is_deflected, in_phase, 1.0), 0.0)
+    modal_force = np.where(is_deflected, total, 0.0) / _largest_motions(motions)
+    elastic_modes = modes(train).isel(mode=slice(train.free_motions.shape[1], None))
+    dims = "stiffness_order", "mode"
     dataset = xr.Dataset(
         {
-            "modal_force": (
-                ("stiffness_order", "mode"),
-                np.where(deformed, force, 0.0) / _largest_motions(motions),
-            ),
-            "phase_sum": (("stiffness_order", "mode"), phase_sum),
-            "excites": (("stiffness_order", "mode"), phase_sum > 1e-9),
-            "natural_frequency": data.natural_frequency,
-            "mode_kind": data.mode_kind,
+            "modal_force": (dims, modal_force),
+            "phase_sum": (dims, phase_sum),
+            "excites": (dims, phase_sum > 1e-9),
+            "natural_frequency": elastic_modes.natural_frequency,
+            "mode_kind": elastic_modes.mode_kind,
         },
         coords={"stiffness_order": [float(order) for order in orders]},
         attrs={"title": "Modes of a gear train and the harmonics that excite them"},
