@@ -2,14 +2,15 @@
 
 With one degree of freedom and any periodic stiffness, perturbations obey Hill's equation. The trace
 T of the undamped map over one mesh period oscillates with k = 1 / nu. It has exactly one extremum
-in each gap, |T| >= 2, and none between gaps: the extrema number the tongues, however narrow, and
-bracket their edges. T has rounding errors, so that a gap narrower than about 1e-7 of its tuning
-counts as a point.
+in each gap, an interval of k with |T| >= 2, and none between gaps: the extrema number the tongues,
+however narrow, and bracket their edges. T has rounding errors, so that a gap narrower than about
+1e-7 of its tuning counts as a point.
 
 With more coordinates there are also tongues at sums and differences of eigenfrequencies, which have
-no order. Edges with a multiplier 1 or -1 are the zeros of det(M - I) and det(M + I), which are
-bracketed on a grid of tunings, including pairs between two grid points. Where a complex pair of
-multipliers leaves the unit circle, the edge is a root of the spectral radius minus 1.
+no order. With the monodromy matrix M, edges with a multiplier 1 or -1 are the zeros of det(M - I)
+and det(M + I). They are bracketed on a grid of tunings, including pairs of zeros between two grid
+points. Where a complex pair of multipliers leaves the unit circle, the edge is a zero of the
+spectral radius minus 1.
 """
 
 import math
@@ -29,20 +30,21 @@ from gearlib.models.harmonics import Harmonics
 _SCAN_STEP = 1.0 / 32.0
 #: Largest rounding error of |T| / 2 - 1.
 _ROUNDING_ERROR = 2e-14
-#: Motions with several coordinates are stable up to this growth per mesh period: double
-#: multipliers have an error of the square root of the machine precision.
+#: Motions with several coordinates count as stable up to this logarithm of the largest multiplier:
+#: double multipliers have an error of the square root of the machine precision.
 _MIN_GROWTH = 1e-6
 #: Damping ratios, relative to the estimated closing damping, at which the growth is computed.
 _RELATIVE_DAMPINGS = np.array([0.0, 0.5, 0.9, 1.1, 1.5, 3.0])
 _MAX_ESTIMATED_DAMPING = 0.3
-#: Ratio of successive damping ratios in the search for one that closes a tongue.
+#: Factor between successive damping ratios in the search for one that closes a tongue.
 _DAMPING_RATIO_STEP = 1.25
 
 
 def tongues_of_one_degree(model: Any, start: float, stop: float) -> list:
     """Return the `Tongue`s of a linear `OneDegreePair` for tunings from `start` to `stop`.
 
-    They are those whose gaps, intervals of k = 1 / tuning with |T| >= 2, overlap this range.
+    A tongue is included if its gap, the interval of k = 1 / tuning with the trace |T| >= 2,
+    overlaps this range.
     """
     tongues = []
     for order, extrema in _trace_extrema(model, 1.0 / start):
@@ -57,7 +59,7 @@ def tongues_of_one_degree(model: Any, start: float, stop: float) -> list:
 def closing_damping(model: Any, tongue: Tongue) -> float:
     """Return the damping ratio above which a tongue of a `OneDegreePair` is closed.
 
-    It is 0 if the tongue has no width without damping.
+    It is 0 if the tongue is a point without damping.
     """
     undamped = with_damping(model, 0.0)
     extrema = dict(_trace_extrema(undamped, 1.0 / tongue.peak))
@@ -68,8 +70,8 @@ def closing_damping(model: Any, tongue: Tongue) -> float:
         return 0.0
 
     def growth(damping: float) -> float:
-        """Return the growth of the tongue at a damping ratio."""
-        # Damping lowers the frequency, so that the extrema shift.
+        """Return the largest logarithm of a multiplier in the tongue at a damping ratio."""
+        # Damping lowers the eigenfrequency, so that the extrema move to larger k.
         shift = 1.0 / math.sqrt(1.0 - damping * damping)
         damped = with_damping(model, damping)
         low, high = shift * (before + middle) / 2.0, shift * (middle + after) / 2.0
@@ -85,10 +87,10 @@ def closing_damping(model: Any, tongue: Tongue) -> float:
 def closing_damping_of_six_degrees(model: Any, tongue: Tongue) -> float:
     """Return the damping ratio of the mesh above which a tongue of a `SixDegreePair` is closed.
 
-    The tongue is open if a tuning in it is unstable: det(M - multiplier I), which is zero on the
-    edges, has the same sign as for the model, or if the multipliers are a complex pair, the growth
-    per mesh period exceeds _MIN_GROWTH. The result is NaN if all damping ratios below 1 leave it
-    open.
+    The tongue is open while some tuning in it is unstable. With a multiplier 1 or -1 on the edges,
+    a tuning is unstable if det(M - multiplier I), which is zero on the edges, has the same sign as
+    inside the tongue of the model; with a complex pair, if the growth exceeds _MIN_GROWTH. Return
+    NaN if no damping ratio below 1 closes the tongue.
     """
     sign_inside = math.copysign(1.0, _characteristic(model, tongue.peak, tongue.multiplier))
 
@@ -97,7 +99,7 @@ def closing_damping_of_six_degrees(model: Any, tongue: Tongue) -> float:
         damped = with_damping(model, damping)
 
         def margin(tuning: float) -> float:
-            """Return a number that is positive where the motion at a tuning is unstable."""
+            """Return a number that is positive if the motion at a tuning is unstable."""
             if tongue.multiplier:
                 return sign_inside * _characteristic(damped, tuning, tongue.multiplier)
             return _growth(damped, tuning) - _MIN_GROWTH
@@ -115,75 +117,88 @@ def closing_damping_of_six_degrees(model: Any, tongue: Tongue) -> float:
 
 
 def with_damping(model: Any, damping: float) -> Any:
-    """Return a copy of a model with another damping ratio of the material."""
+    """Return a copy of a model with another damping ratio of the mesh in contact."""
     material_damping = 2.0 * damping * model.reduced_mass * model.mean_eigenfrequency
     return model.replace(material_damping=material_damping)
 
 
 def _half_trace(model: Any, k: float, order: int) -> float:
-    """Return (-1)^order T / 2 at the tuning 1 / k, which exceeds 1 in the gap of the order.
+    """Return (-1)^order T / 2 at the tuning 1 / k, which exceeds 1 in the gap of that order.
 
-    T is the trace of the map over one mesh period, divided by the decay due to damping.
+    T is the trace of the linear map over one mesh period, divided by its decay due to damping.
     """
     inverse_decay = math.exp(2.0 * math.pi * model.damping_ratio * k)
+    # The map is computed without excitation, which does not change its matrix.
     unforced = model.replace(excitation=Harmonics(), deviation=Harmonics())
     trace = float(np.trace(period_map(unforced, 1.0 / k)[0]))
     return 0.5 * (-1.0) ** order * inverse_decay * trace
 
 
 def _trace_extremum(model: Any, order: int, low: float, high: float) -> float:
-    """Return k = 1 / nu from `low` to `high` at the extremum of the trace T in a gap."""
+    """Return the k = 1 / nu from `low` to `high` at which the trace T is extremal.
+
+    `order` is the order of the gap that contains the only extremum between these values.
+    """
     return meissner.maximum(lambda k: _half_trace(model, k, order), low, high)[1]
 
 
 def _trace_extrema(model: Any, max_k: float) -> Iterator[tuple]:
-    """Yield (order, positions) of the gaps up to k = `max_k`, and of the next one.
+    """Yield (order, extrema) of each gap up to k = `max_k` and of the next one.
 
-    The positions are three values of k = 1 / nu at which the trace T is extremal: before, in and
-    after the gap. The very first one is k = 0 with T = 2.
+    The extrema are three values of k = 1 / nu at which the trace T is extremal: in the previous
+    gap, in this gap and in the next one. In place of a gap before the first one they have k = 0,
+    where T = 2.
     """
     allowed = "< 1 for a stiffness that is not rectangular"
     checks.require(model.damping_ratio < 1.0, "damping_ratio", model.damping_ratio, allowed)
-    positions, order = [0.0], 1
-    # T / 2 at three successive steps of the scan, from k = 0 on; with order 0 it keeps its sign.
-    k, value1, value2 = 2.0 * _SCAN_STEP, 1.0, _half_trace(model, _SCAN_STEP, order=0)
+    extrema, order = [0.0], 1
+    # The values are T / 2 at three successive steps of the scan, from k = 0 on; the argument
+    # `order` = 0 leaves their sign unchanged.
+    value1, value2 = 1.0, _half_trace(model, _SCAN_STEP, order=0)
+    k = 2.0 * _SCAN_STEP
     while True:
-        value3, sign = _half_trace(model, k, order=0), (-1) ** order
+        value3 = _half_trace(model, k, order=0)
+        sign = (-1) ** order
         if sign * (value2 - value1) > 0.0 >= sign * (value3 - value2):
-            positions.append(_trace_extremum(model, order, k - 2.0 * _SCAN_STEP, k))
+            extrema.append(_trace_extremum(model, order, k - 2.0 * _SCAN_STEP, k))
             if order > 1:
-                yield order - 1, tuple(positions[-3:])
-                if positions[-2] > max_k:
+                yield order - 1, tuple(extrema[-3:])
+                if extrema[-2] > max_k:
                     return
             order += 1
         k, value1, value2 = k + _SCAN_STEP, value2, value3
 
 
 def _gap_tongue(model: Any, order: int, before: float, middle: float, after: float) -> tuple:
-    """Return (`Tongue`, ends of its gap over k = 1 / nu) around the extremum `middle` of T.
+    """Return (`Tongue` of an order, ends (low, high) of its gap) of a `OneDegreePair`.
 
-    The ends lie between the neighbouring extrema `before` and `after`; they are equal if the gap is
-    too narrow.
+    The gap is the interval of k = 1 / nu with |T| >= 2 around the extremum `middle` of the trace T;
+    its ends lie between the neighbouring extrema `before` and `after`. They are equal if the gap is
+    too narrow for the rounding errors of T.
     """
 
     def excess(k: float) -> float:
-        """Return |T| / 2 - 1 in the gap."""
+        """Return |T| / 2 - 1 in the gap at the tuning 1 / k."""
         return _half_trace(model, k, order) - 1.0
 
     def scaled_excess(k: float) -> tuple:
-        """Return (|T| / 2 - 1, s) in the gap with s = 0: it is not scaled by exp(-2 s)."""
+        """Return (|T| / 2 - 1, 0): the excess and its exponent s in the scale exp(-2 s)."""
         return excess(k), 0.0
 
-    ends = middle, middle
+    low_end, high_end = middle, middle
     if excess(middle) > _ROUNDING_ERROR:
-        ends = tuple(meissner.edge(excess, middle, k) for k in (max(before, _SCAN_STEP), after))
-    return meissner.tongue_in_gap(order, *ends, model.damping_ratio, scaled_excess), ends
+        low_end = meissner.edge(excess, middle, max(before, _SCAN_STEP))
+        high_end = meissner.edge(excess, middle, after)
+    damping = model.damping_ratio
+    tongue = meissner.tongue_in_gap(order, low_end, high_end, damping, scaled_excess)
+    return tongue, (low_end, high_end)
 
 
 def tongues_of_several_degrees(model: Any, start: float, stop: float, step: float) -> list:
-    """Return the sorted `Tongue`s of a model with several degrees of freedom.
+    """Return the `Tongue`s of a model with several degrees of freedom, by increasing tuning.
 
-    They are truncated at the tunings `start` and `stop`, which are scanned with a `step`.
+    The tunings from `start` to `stop` are scanned in steps of `step`; tongues are truncated at both
+    ends of this range.
     """
     grid = np.linspace(start, stop, max(3, math.ceil((stop - start) / step) + 1))
     edges = [(start, 0), *sorted(_edges(model, grid)), (stop, 0)]
@@ -195,37 +210,42 @@ def tongues_of_several_degrees(model: Any, start: float, stop: float, step: floa
         if growth <= _MIN_GROWTH:
             continue
         if tongues and tongues[-1].stop == low:
-            # The edge lies inside a tongue and does not divide it.
+            # The motion is unstable on both sides of this edge, which does not divide the tongue.
             previous = tongues.pop()
             low, low_multiplier = previous.start, previous.multiplier
             growth, peak = max((growth, peak), (previous.growth, previous.peak))
         # The multiplier at the ends of the range is unknown, 0.
         multiplier = low_multiplier if low > start else high_multiplier
         if high_multiplier not in (multiplier, 0):
-            multiplier = 0  # Both edges have different multipliers.
+            multiplier = 0  # The two edges have different multipliers.
         # The order of the tongue is unknown, 0.
         tongues.append(Tongue(0, multiplier, low, high, growth, peak))
     return tongues
 
 
 def _edges(model: Any, grid: np.ndarray) -> list:
-    """Return a list of (tuning, multiplier) at which the stability may change.
+    """Return the tunings at which the stability may change, as a list of (tuning, multiplier).
 
-    `grid` are the scanned tunings. The multiplier is 1 or -1, or 0 for a complex pair.
+    `grid` are the scanned tunings, increasing. The multiplier is the Floquet multiplier on the unit
+    circle: 1 or -1, or 0 for a complex pair.
     """
     maps = np.array([model.contact_monodromy(nu) for nu in grid])
-    edges = [(nu, value) for value in (1, -1) for nu in _zeros(model, value, grid, maps)]
+    edges = []
+    for multiplier in (1, -1):
+        edges += [(nu, multiplier) for nu in _zeros(model, multiplier, grid, maps)]
     is_unstable = [_log_spectral_radius(matrix) > _MIN_GROWTH for matrix in maps]
     for i, (low, high) in enumerate(pairwise(grid)):
-        if is_unstable[i] != is_unstable[i + 1] and not any(low <= nu <= high for nu, _ in edges):
+        has_edge = any(low <= nu <= high for nu, _ in edges)
+        if is_unstable[i] != is_unstable[i + 1] and not has_edge:
             edges.append((meissner.root(lambda nu: _growth(model, nu) - _MIN_GROWTH, low, high), 0))
     return edges
 
 
 def _largest_growth(model: Any, low: float, high: float, grid: np.ndarray) -> tuple:
-    """Return (largest growth, its tuning) between two edges, the tunings `low` and `high`.
+    """Return (largest growth, its tuning) for tunings between two edges `low` and `high`.
 
-    The maximum on the grid of tunings is refined if the motion is unstable there.
+    The growth is the logarithm of the largest multiplier. Its maximum on the tunings `grid` is
+    refined if the motion is unstable there.
     """
     tunings = [low, *grid[(grid > low) & (grid < high)], high]
     inner = tunings[1:-1] or [0.5 * (low + high)]
@@ -238,9 +258,9 @@ def _largest_growth(model: Any, low: float, high: float, grid: np.ndarray) -> tu
 
 
 def _characteristic(model: Any, tuning: float, multiplier: int) -> float:
-    """Return det(M - multiplier I) of the monodromy matrix M; the multiplier is 1 or -1.
+    """Return det(M - multiplier I) of the monodromy matrix M of the motion without contact loss.
 
-    It is zero if this is a Floquet multiplier.
+    It is zero if the multiplier, 1 or -1, is a Floquet multiplier at the tuning.
     """
     monodromy = model.contact_monodromy(tuning)
     return float(np.linalg.det(monodromy - multiplier * np.eye(len(monodromy))))
@@ -257,14 +277,15 @@ def _log_spectral_radius(matrix: np.ndarray) -> float:
 
 
 def _zeros(model: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> list:
-    """Return the tunings at which the multiplier, 1 or -1, is a Floquet multiplier.
+    """Return the list of tunings at which a multiplier, 1 or -1, is a Floquet multiplier.
 
-    `grid` are increasing tunings, `maps` the monodromy matrices at these, shape (m, n, n).
+    The tunings are zeros of det(M - multiplier I). `grid` are increasing tunings, shape (m,), and
+    `maps` the monodromy matrices M at these, shape (m, n, n).
     """
     values = np.linalg.det(maps - multiplier * np.eye(maps.shape[1]))
 
     def characteristic(tuning: float) -> float:
-        """Return the determinant at a tuning."""
+        """Return det(M - multiplier I) at a tuning."""
         return _characteristic(model, tuning, multiplier)
 
     zeros = []
@@ -272,7 +293,7 @@ def _zeros(model: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> l
         if values[i] * values[i + 1] < 0.0:
             zeros.append(meissner.root(characteristic, low, high))
         elif 0 < i and _has_minimum(values[i - 1 : i + 2]):
-            # There may be a narrow tongue between two grid points if the value is close to zero.
+            # Near a minimum of the magnitude there may be a narrow tongue, hence two zeros.
             sign = math.copysign(1.0, values[i])
             minimum = minimize_scalar(
                 lambda nu, sign=sign: sign * characteristic(nu),
@@ -287,7 +308,7 @@ def _zeros(model: Any, multiplier: int, grid: np.ndarray, maps: np.ndarray) -> l
 
 
 def _has_minimum(values: np.ndarray) -> bool:
-    """Return whether three values have the same sign and the middle one the smallest magnitude."""
-    first, middle, last = np.abs(values)
+    """Return whether three values have the same sign and the middle one is nearest to zero."""
+    left, middle, right = np.abs(values)
     have_same_sign = values[0] * values[1] > 0.0 and values[1] * values[2] > 0.0
-    return bool(have_same_sign and middle <= first and middle <= last)
+    return bool(have_same_sign and middle <= left and middle <= right)

@@ -1,8 +1,8 @@
 """Hill-Meissner equation of the mesh without loss of contact: tongues in closed form.
 
-In the time t = tau / nu perturbations of the orbit without loss of contact obey
+In the time t = tau / nu small perturbations x of the orbit without loss of contact obey
 
-    x'' + 2 beta x' + c(t) x = 0,      c = C / C_s in two levels,
+    x'' + 2 beta x' + c(t) x = 0,      c = C / C_s with two levels,
 
 and x = exp(-beta t) u eliminates the damping: u'' + q u = 0, q = c - beta^2. Let u1 (even) and
 u2 (odd) be the solutions that start in the middle of the segment of C_max, evaluated half a mesh
@@ -18,7 +18,7 @@ the multipliers of u times exp(-2 pi beta / nu): in the gap of order n perturbat
     |T| / 2 - 1 > 2 sinh^2(pi beta / nu),
 
 the tongue of order n, near nu = 2 / n; on its edges the multiplier is (-1)^n. The logarithm of the
-growth is concave over 1 / nu in a gap without over-damped segment (it is a sum of logarithms of
+growth is concave over 1 / nu in a gap without overdamped segment (it is a sum of logarithms of
 |1 - E nu^2| with E outside the gap, minus a linear term), so that a tongue is a single interval.
 
 One mesh period of the motion without loss of contact is the affine map z -> M z + b of z = (x, x'),
@@ -39,13 +39,13 @@ from gearlib.data import status
 from gearlib.engines.pair.stiffness import segment_lengths, stiffness_levels
 from gearlib.runs.run_arguments import MAX_EVENTS
 
-#: Relative tolerance of roots, the smallest that the solver allows.
+#: Relative tolerance of zeros, the smallest that `brentq` allows.
 MACHINE_PRECISION = 4.0 * np.finfo(float).eps
 #: Exponent above which exp would overflow.
 _MAX_EXPONENT = 300.0
-#: Angle in the segment of C_min below which the phase angle follows from the solution at its end.
+#: Phase angle of the segment of C_min below which `phase_angle` uses the solution at its end.
 _MAX_SMALL_ANGLE = 0.5
-#: Damping ratios, relative to the largest, that bracket the zeros of the growth of a tongue.
+#: Damping ratios, relative to the largest one, that bracket the zeros of the growth of a tongue.
 _RELATIVE_DAMPINGS = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, 40)])
 #: Lower end of the search for an edge of a gap, relative to its order over the upper end.
 _SEARCH_START = 1e-3
@@ -54,28 +54,29 @@ _SEARCH_START = 1e-3
 class Meissner(NamedTuple):
     """Coefficients of u'' + q u = 0 with two segments of constant q, and the damping ratio."""
 
-    half_stiff: float  #: half the length of the segment of C_max
-    half_soft: float  #: half the length of the segment of C_min
-    q_stiff: float
-    q_soft: float
-    damping: float
+    half_stiff: float  #: half the length of the segment of C_max, mesh phase in rad
+    half_soft: float  #: half the length of the segment of C_min, mesh phase in rad
+    q_stiff: float  #: q in the segment of C_max
+    q_soft: float  #: q in the segment of C_min
+    damping: float  #: damping ratio beta
 
 
 class Tongue(NamedTuple):
-    """A range of tunings in which small perturbations grow, with the largest growth."""
+    """An interval of tunings in which small perturbations grow, with the largest growth."""
 
     order: int  #: half waves per mesh period, near nu = 2 / order; 0: unknown
     multiplier: int  #: Floquet multiplier on the edges: 1 or -1; 0: complex or unknown
     start: float  #: lowest tuning; NaN: the tongue is closed
     stop: float  #: highest tuning
-    growth: float  #: largest logarithm of the growth per mesh period; < 0: closed
+    growth: float  #: largest logarithm of a Floquet multiplier; < 0: the tongue is closed
     peak: float  #: tuning of the largest growth
 
 
 def meissner_equation(contact_ratio: float, stiffness_ratio: float, damping: float) -> Meissner:
-    """Return the `Meissner` equation, q = c - damping^2, for a damping ratio.
+    """Return the `Meissner` equation u'' + q u = 0 of a gear mesh with rectangular stiffness.
 
-    The relative stiffness c has two levels, which follow from the contact and stiffness ratio.
+    The arguments are the contact ratio epsilon, the stiffness ratio kappa = C_min / C_max and the
+    damping ratio beta. In each segment q is the stiffness, relative to its mean, minus beta^2.
     """
     half_stiff, soft = segment_lengths(contact_ratio)
     q_stiff, q_soft = np.array(stiffness_levels(contact_ratio, stiffness_ratio)) - damping * damping
@@ -83,31 +84,33 @@ def meissner_equation(contact_ratio: float, stiffness_ratio: float, damping: flo
 
 
 def equation_of(pair: Any) -> Meissner:
-    """Return the `Meissner` equation of a `GearPair`."""
+    """Return the `Meissner` equation of perturbations of a `GearPair` without loss of contact."""
     return meissner_equation(pair.contact_ratio, pair.stiffness_ratio, pair.damping_ratio)
 
 
 def segment_solution(q: float, time: float) -> tuple:
-    """Return (cos(w t), sin(w t) / w, 0) for u'' + q u = 0 with q = w^2 > 0 at a time t.
+    """Return the two fundamental solutions of u'' + q u = 0 at a time t, with constant q.
 
-    For q = -w^2 < 0 return (cosh(w t) exp(-s), sinh(w t) / w exp(-s), s) with s = |w t|, which
-    avoids overflow.
+    For q = w^2 > 0 return (cos(w t), sin(w t) / w, 0). For q = -w^2 < 0 return (cosh(w t) exp(-s),
+    sinh(w t) / w exp(-s), s), where the exponent s = |w t| avoids overflow.
     """
     w = math.sqrt(abs(q))
     angle = w * time
     if q > 0.0 and angle != 0.0:
         return math.cos(angle), math.sin(angle) / w, 0.0
     if q < 0.0 and angle != 0.0:
-        size = abs(angle)
-        decay = math.exp(-2.0 * size)
-        return 0.5 * (1.0 + decay), math.copysign(-0.5 * math.expm1(-2.0 * size), angle) / w, size
+        s = abs(angle)
+        scaled_cosh = 0.5 * (1.0 + math.exp(-2.0 * s))
+        scaled_sinh = math.copysign(-0.5 * math.expm1(-2.0 * s), angle)
+        return scaled_cosh, scaled_sinh / w, s
     return 1.0, time, 0.0
 
 
 def _half_period_solutions(equation: Meissner, k: float) -> tuple:
-    """Return (u1, u1', u2, u2', s) after half a mesh period at the tuning 1 / k.
+    """Return the even solution u1 and the odd u2 of a Meissner equation after half a mesh period.
 
-    u1 and u2 are the even and odd solutions; they and their derivatives are scaled by exp(-s).
+    They start in the middle of the segment of C_max, at the tuning nu = 1 / k. Return (u1, u1', u2,
+    u2', s), where the first four are scaled by exp(-s) to avoid overflow.
     """
     q1, q2 = equation.q_stiff, equation.q_soft
     cosine1, sine1, exponent1 = segment_solution(q1, k * equation.half_stiff)
@@ -122,10 +125,11 @@ def _half_period_solutions(equation: Meissner, k: float) -> tuple:
 
 
 def _scaled_excess(equation: Meissner, k: float, order: int) -> tuple:
-    """Return ((|T| / 2 - 1) exp(-2 s), s) near the gap of an order at the tuning 1 / k.
+    """Return the excess |T| / 2 - 1 of the trace T in or near a gap, as (excess exp(-2 s), s).
 
-    T is the trace of the map over one mesh period, without damping: T - 2 = 4 u1' u2 > 0 in gaps of
-    even order, T + 2 = 4 u1 u2' < 0 in gaps of odd order.
+    T is the trace of the map of u over one mesh period, at the tuning nu = 1 / k. With the even and
+    odd solutions u1 and u2, T - 2 = 4 u1' u2 > 0 in gaps of even order, T + 2 = 4 u1 u2' < 0 in
+    gaps of odd order. The factor exp(-2 s) avoids overflow.
     """
     u1, u1_rate, u2, u2_rate, exponent = _half_period_solutions(equation, k)
     excess = 2.0 * u1_rate * u2 if order % 2 == 0 else -2.0 * u1 * u2_rate
@@ -133,28 +137,36 @@ def _scaled_excess(equation: Meissner, k: float, order: int) -> tuple:
 
 
 def _growth(equation: Meissner, k: float, order: int) -> float:
-    """Return the logarithm of the largest multiplier in the gap of an order at the tuning 1 / k."""
+    """Return the logarithm of the largest Floquet multiplier at the tuning 1 / k, in a gap.
+
+    `order` is the order of the gap.
+    """
     return _log_multiplier(_scaled_excess(equation, k, order), math.pi * equation.damping * k)
 
 
 def _log_multiplier(scaled_excess: tuple, decay: float) -> float:
-    """Return the logarithm of the largest Floquet multiplier for a result of `_scaled_excess`.
+    """Return the logarithm of the largest Floquet multiplier of a mesh period in a gap.
 
-    `decay` is pi beta / nu, half the logarithmic decrement due to damping.
+    `scaled_excess` is (excess exp(-2 s), s) from `_scaled_excess`; `decay` is pi beta / nu, half
+    the logarithmic decrement due to damping.
     """
     excess, exponent = scaled_excess
-    root = math.sqrt(0.5 * max(excess, 0.0))
+    # The undamped multiplier exp(2 h) follows from |T| / 2 - 1 = 2 sinh(h)^2.
+    scaled_sinh = math.sqrt(0.5 * max(excess, 0.0))
     if exponent < _MAX_EXPONENT:
-        half = math.asinh(root * math.exp(exponent))
+        h = math.asinh(scaled_sinh * math.exp(exponent))
+    elif scaled_sinh > 0.0:
+        h = exponent + math.log(2.0 * scaled_sinh)
     else:
-        half = exponent + math.log(2.0 * root) if root > 0.0 else 0.0
-    return 2.0 * (half - decay)
+        h = 0.0
+    return 2.0 * (h - decay)
 
 
 def _instability_margin(scaled_excess: tuple, decay: float) -> float:
-    """Return |T| / 2 - 1 - 2 sinh^2(decay), scaled like `scaled_excess`: > 0 if unstable.
+    """Return a margin that is positive if perturbations grow, and negative if they decay.
 
-    `scaled_excess` is a result of `_scaled_excess`, `decay` is pi beta / nu.
+    It is |T| / 2 - 1 - 2 sinh^2(decay) with the trace T, times exp(-2 s).
+    `scaled_excess` is ((|T| / 2 - 1) exp(-2 s), s) from `_scaled_excess`; `decay` is pi beta / nu.
     """
     excess, exponent = scaled_excess
     sinh = -0.5 * math.exp(decay - exponent) * math.expm1(-2.0 * decay)
@@ -162,39 +174,42 @@ def _instability_margin(scaled_excess: tuple, decay: float) -> float:
 
 
 def phase_angle(equation: Meissner, k: float, odd: bool) -> float:
-    """Return the Prufer angle of the even or odd solution u after half a mesh period, rad.
+    """Return the Pruefer angle of the even or odd solution u after half a mesh period, in rad.
 
-    It is atan2(-u' / w, u) of the even solution and atan2(w u, u') of the odd one, without jumps by
-    2 pi; w is the frequency in one of the segments. With k = 1 / nu it increases through n pi / 2
-    once, at an edge of the gap of order n.
+    It is atan2(-u' / w, u) for the even solution and atan2(w u, u') for the odd one, continued
+    without jumps by 2 pi; w is the frequency in one of the segments. As a function of k = 1 / nu it
+    increases through n pi / 2 once, at an edge of the gap of order n.
     """
     w = math.sqrt(equation.q_stiff)
     stiff_angle = w * k * equation.half_stiff
     cosine, sine = math.cos(stiff_angle), math.sin(stiff_angle)
     soft_angle = math.sqrt(max(equation.q_soft, 0.0)) * k * equation.half_soft
     if soft_angle > _MAX_SMALL_ANGLE:
-        # With the frequency of the segment of C_min as w the angle increases linearly there. Where
-        # the segments meet it differs by `change` from the angle with the other frequency.
+        # In the segment of C_min the angle increases linearly if w is the frequency there. The
+        # change of w where the segments meet changes the angle by `change`.
         ratio = math.sqrt(equation.q_stiff / equation.q_soft) ** (-1.0 if odd else 1.0)
         change = math.atan2((ratio - 1.0) * sine * cosine, cosine * cosine + ratio * sine * sine)
         return stiff_angle + change + soft_angle
     # In a short segment of C_min the angle of (x, y) changes little: by less than pi.
     u1, u1_rate, u2, u2_rate, _ = _half_period_solutions(equation, k)
-    x, y = (u2_rate, w * u2) if odd else (u1, -u1_rate / w)
+    if odd:
+        x, y = u2_rate, w * u2
+    else:
+        x, y = u1, -u1_rate / w
     return stiff_angle + math.atan2(cosine * y - sine * x, cosine * x + sine * y)
 
 
 def _is_over_damped(equation: Meissner) -> bool:
-    """Return whether all segments are over-damped, so that there is no gap."""
+    """Return whether all segments of an equation are overdamped, so that it has no gap."""
     stiff_is_empty = equation.half_stiff == 0.0
     return equation.q_stiff <= 0.0 or (stiff_is_empty and equation.q_soft <= 0.0)
 
 
 def gap(equation: Meissner, order: int) -> tuple | None:
-    """Return the two ends of the gap of an order, increasing values of k = 1 / nu.
+    """Return the ends (low, high) of the gap of an order, the interval of k = 1 / nu with |T| >= 2.
 
-    The even and the odd solution have one end each. Both are equal to rounding error if the gap is
-    a point. The result is None if all segments are over-damped.
+    One end belongs to the even solution, the other one to the odd solution. They are equal to
+    rounding error if the gap is a point. Return None if all segments are overdamped.
     """
     if _is_over_damped(equation):
         return None
@@ -206,7 +221,7 @@ def gap(equation: Meissner, order: int) -> tuple | None:
             high *= 2.0
 
         def difference(k: float, odd: bool = odd) -> float:
-            """Return the phase angle minus its value at the edge of the gap."""
+            """Return the phase angle at the tuning 1 / k minus its value at the end of the gap."""
             return phase_angle(equation, k, odd) - angle_at_edge
 
         ends.append(root(difference, _SEARCH_START * order / high, high))
@@ -214,7 +229,10 @@ def gap(equation: Meissner, order: int) -> tuple | None:
 
 
 def tongue(equation: Meissner, order: int) -> Any:
-    """Return the `Tongue` of an order, or None if all segments are over-damped."""
+    """Return the `Tongue` of an order, None if all segments are overdamped.
+
+    The tongue of order n lies near the tuning 2 / n.
+    """
     ends = gap(equation, order)
     if ends is None:
         return None
@@ -225,10 +243,10 @@ def tongue(equation: Meissner, order: int) -> Any:
 
 
 def tongue_in_gap(order, low_k, high_k, damping, scaled_excess: Callable) -> Tongue:
-    """Return the `Tongue` in a gap from `low_k` to `high_k`, values of k = 1 / nu.
+    """Return the `Tongue` of an order in the gap from `low_k` to `high_k`, values of k = 1 / nu.
 
-    `scaled_excess(k)` returns |T| / 2 - 1 with a scale, as in `_scaled_excess`. Without damping the
-    tongue is the gap.
+    `damping` is the damping ratio; without damping the tongue fills the gap. `scaled_excess(k)`
+    returns ((|T| / 2 - 1) exp(-2 s), s) with the trace T, as in `_scaled_excess`.
     """
 
     def growth(k: float) -> float:
@@ -236,14 +254,14 @@ def tongue_in_gap(order, low_k, high_k, damping, scaled_excess: Callable) -> Ton
         return _log_multiplier(scaled_excess(k), math.pi * damping * k)
 
     def margin(k: float) -> float:
-        """Return a number that is positive where the tuning 1 / k is unstable."""
+        """Return a number that is positive if the motion at the tuning 1 / k is unstable."""
         return _instability_margin(scaled_excess(k), math.pi * damping * k)
 
     multiplier = -1 if order % 2 else 1
     start, stop = 1.0 / high_k, 1.0 / low_k
     closed = Tongue(order, multiplier, math.nan, math.nan, growth(low_k), peak=stop)
     if high_k - low_k <= 2.0 * MACHINE_PRECISION * high_k:
-        # Without damping the tongue is a point.
+        # The gap is a point, and without damping so is the tongue.
         return closed if damping else closed._replace(start=start, stop=stop, growth=0.0)
     largest_growth, peak_k = maximum(growth, low_k, high_k)
     if largest_growth <= 0.0:
@@ -267,9 +285,11 @@ def maximum(function: Callable, low: float, high: float) -> tuple:
 
 
 def edge(margin: Callable, inside: float, outside: float) -> float:
-    """Return the zero of a function that is positive at `inside` and negative at `outside`.
+    """Return the edge of an interval in which `margin(position)` is positive.
 
-    It is `outside` if `margin` is not negative there, else `inside` if it is not positive there.
+    The edge is the zero of the margin between the position `inside` the interval and the position
+    `outside`. Return `outside` if the margin is not negative there, else `inside` if the margin is
+    not positive there.
     """
     if margin(outside) >= 0.0:
         return outside
@@ -279,7 +299,7 @@ def edge(margin: Callable, inside: float, outside: float) -> float:
 
 
 def root(function: Callable, low: float, high: float) -> float:
-    """Return the zero of a function between two positions with different signs."""
+    """Return the zero of a function between two positions at which it has different signs."""
     return float(brentq(function, low, high, xtol=1e-300, rtol=MACHINE_PRECISION))
 
 
@@ -288,35 +308,39 @@ def orders(equation: Meissner, start: float, stop: float) -> range:
     if _is_over_damped(equation):
         return range(0)
     # In the gap of order n, n pi / 2 lies between the phase angles of the two solutions.
-    first = 2.0 / math.pi * min(phase_angle(equation, 1.0 / stop, odd) for odd in (False, True))
-    last = 2.0 / math.pi * max(phase_angle(equation, 1.0 / start, odd) for odd in (False, True))
-    return range(max(1, math.ceil(first)), math.floor(last) + 1)
+    smallest_angle = min(phase_angle(equation, 1.0 / stop, odd) for odd in (False, True))
+    largest_angle = max(phase_angle(equation, 1.0 / start, odd) for odd in (False, True))
+    first_order = math.ceil(2.0 / math.pi * smallest_angle)
+    last_order = math.floor(2.0 / math.pi * largest_angle)
+    return range(max(1, first_order), last_order + 1)
 
 
 def closing_damping(contact_ratio: float, stiffness_ratio: float, order: int) -> float:
     """Return the damping ratio above which the tongue of an order is closed.
 
-    It is 0 if the tongue has no width without damping.
+    It is 0 if the tongue is a point without damping. The arguments are the contact ratio epsilon
+    and the stiffness ratio kappa.
     """
 
     def growth(damping: float) -> float:
-        """Return the largest growth in the tongue at a damping ratio."""
+        """Return the largest logarithm of a multiplier in the tongue at a damping ratio."""
         equation = meissner_equation(contact_ratio, stiffness_ratio, damping)
         damped_tongue = tongue(equation, order)
         return -math.inf if damped_tongue is None else damped_tongue.growth
 
-    # Both segments are over-damped if the damping ratio is at least the root of this stiffness.
+    # Both segments are overdamped if the damping ratio is at least the root of this stiffness.
     max_stiffness, _ = stiffness_levels(contact_ratio, stiffness_ratio)
     return last_downward_zero(growth, math.sqrt(max_stiffness) * _RELATIVE_DAMPINGS)
 
 
 def last_downward_zero(growth: Callable, dampings: Any) -> float:
-    """Return the largest damping ratio at which a growth changes from > 0 to < 0; 0 without one.
+    """Return the largest damping ratio at which a growth changes from > 0 to < 0, or 0.
 
-    `growth(damping)` is the largest growth of a tongue, `dampings` are the increasing damping
-    ratios that bracket its zeros; the last one closes the tongue.
+    `growth(damping)` returns the largest growth in a tongue. `dampings` are increasing damping
+    ratios that bracket its zeros; the last one closes the tongue. Return 0 if the growth is not
+    positive at any of them.
     """
-    # A closed tongue may open again if the segment of C_min is almost over-damped. The search
+    # A closed tongue may open again if the segment of C_min is almost overdamped. The search
     # therefore starts from the largest damping.
     for low, high in zip(dampings[-2::-1], dampings[:0:-1], strict=True):
         if growth(low) > 0.0:
@@ -325,11 +349,12 @@ def last_downward_zero(growth: Callable, dampings: Any) -> float:
 
 
 def growth(contact_ratio: Any, stiffness_ratio: Any, damping: Any, tuning: Any) -> np.ndarray:
-    """Return the logarithm of the largest Floquet multiplier of a mesh period.
+    """Return the logarithm of the largest Floquet multiplier of motions without loss of contact.
 
-    Arguments may be arrays, which are broadcast; `damping` is the damping ratio beta. The result
-    follows from the trace T with complex frequencies, for under-damped, critically damped and
-    over-damped segments alike. Between the tongues it is -2 pi beta / nu.
+    The arguments are the contact ratio epsilon, the stiffness ratio kappa, the damping ratio beta
+    and the tuning nu; arrays are broadcast. The result is the growth per mesh period, positive in
+    the tongues. It follows from the trace T of the map over a mesh period, with complex frequencies
+    for overdamped segments, and is -2 pi beta / nu where |T| < 2.
     """
     half_stiff, soft_length = segment_lengths(np.asarray(contact_ratio, float))
     stiff_length = 2.0 * half_stiff
@@ -344,10 +369,11 @@ def growth(contact_ratio: Any, stiffness_ratio: Any, damping: Any, tuning: Any) 
 
 
 def coexistence(order: int, *, contact_ratio=None, stiffness_ratio=None) -> np.ndarray:
-    """Return (value, tuning) where the undamped tongue of an order is a point, shape (j, 2).
+    """Return the points at which the undamped tongue of an order has no width, shape (j, 2).
 
-    The value is the stiffness ratio for a given contact ratio, or vice versa. At such a point the
-    segment of C_max contains m = 1 ... n - 1 of the n half waves and the softer segment the others:
+    Exactly one of the contact ratio epsilon and the stiffness ratio kappa must be given; each row
+    is (value of the other ratio, tuning). At such a point of coexistence the segment of C_max
+    contains m = 1 ... n - 1 of the n half waves and the segment of C_min the others, hence
     sqrt(kappa) = (epsilon - 1) (n - m) / ((2 - epsilon) m).
     """
     points = []
@@ -359,7 +385,8 @@ def coexistence(order: int, *, contact_ratio=None, stiffness_ratio=None) -> np.n
             root_of_kappa = (epsilon - 1.0) * (order - m) / ((2.0 - epsilon) * m)
             kappa = value = root_of_kappa**2
         else:
-            kappa, weight = stiffness_ratio, m * math.sqrt(stiffness_ratio)
+            kappa = stiffness_ratio
+            weight = m * math.sqrt(kappa)
             epsilon = value = 1.0 + weight / (weight + order - m)
         if kappa < 1.0:
             stiff, _ = stiffness_levels(epsilon, kappa)
@@ -368,13 +395,13 @@ def coexistence(order: int, *, contact_ratio=None, stiffness_ratio=None) -> np.n
 
 
 def state_after(state: tuple, stiffness, damping, tuning: float, phase: float) -> tuple:
-    """Propagate a state over a phase in rad (< 0: backwards) on a segment of constant stiffness.
+    """Propagate a state over a mesh phase at constant stiffness, without loss of contact.
 
-    States are (x, dx/dtau) in static deflections, the stiffness is relative to its mean; `damping`
-    is the damping ratio.
+    The state and the result are (x, dx/dtau) in static deflections. The stiffness is relative to
+    its mean, `damping` is the damping ratio, and the phase is in rad, negative for backwards.
     """
     equilibrium = 1.0 / stiffness
-    # Distance from the equilibrium and its derivative with respect to the time t = tau / nu.
+    # Displacement u from the equilibrium, and its derivative v by the time t = tau / nu.
     u, v = state[0] - equilibrium, tuning * state[1]
     time = phase / tuning
     cosine, sine, exponent = segment_solution(stiffness - damping * damping, time)
@@ -385,9 +412,10 @@ def state_after(state: tuple, stiffness, damping, tuning: float, phase: float) -
 
 
 def period_map(model: Any, tuning: float) -> tuple:
-    """Return (M, b), shapes (2, 2) and (2,), of the affine map z -> M z + b over a mesh period.
+    """Return the affine map z -> M z + b of a linear mesh over one mesh period, as (M, b).
 
-    z = (x, dx/dtau) is the state at phase 0 of a motion without loss of contact.
+    z = (x, dx/dtau) is the state at mesh phase 0. M has the shape (2, 2), b the shape (2,). The
+    backlash of the model is ignored.
     """
     shift, maps, code = linear_pair(model).propagator(tuning).maps(np.zeros(2), 1, MAX_EVENTS)
     if code != status.OK:
@@ -396,10 +424,10 @@ def period_map(model: Any, tuning: float) -> tuple:
 
 
 def orbit_state(pair: Any, tuning: float) -> tuple:
-    """Return the state (x, dx/dtau) at phase 0 of the orbit without loss of contact.
+    """Return the state (x, dx/dtau) at mesh phase 0 of the orbit without loss of contact.
 
-    If it is not unique, as with constant stiffness at nu = 1 / n, return the state nearest to the
-    static deflection.
+    The backlash of the pair is ignored. If the orbit is not unique, as with constant stiffness at
+    nu = 1 / n, return the state nearest to the static equilibrium.
     """
     monodromy, shift = period_map(pair, tuning)
     matrix = np.eye(2) - monodromy
@@ -412,5 +440,8 @@ def orbit_state(pair: Any, tuning: float) -> tuple:
 
 
 def linear_pair(pair: Any) -> Any:
-    """Return a pair without backlash, so that its mesh is linear."""
+    """Return a copy of a pair without backlash, whose mesh is linear.
+
+    Its damping is the damping in contact.
+    """
     return pair.replace(backlash=0.0, backlash_damping=pair.material_damping)

@@ -1,4 +1,4 @@
-"""`tongues`: parametric resonance, where the motion without loss of contact is unstable."""
+"""`tongues`: tunings of parametric resonance, at which steady contact is unstable."""
 
 import math
 from typing import Annotated, Any
@@ -17,9 +17,10 @@ from gearlib.runs.run_arguments import MaxSeconds, Tuning
 
 #: Parameters that may be varied.
 PARAMETERS = ("stiffness_ratio", "contact_ratio", "damping")
-#: Smallest tuning: below it there are hundreds of tongues, and the growth per period overflows.
+#: Smallest tuning: below it there are hundreds of tongues, and the growth per mesh period
+#: overflows.
 MIN_TUNING = 0.02
-#: Variables of the dataset -> (field of `Tongue`, value if there is no tongue).
+#: Name of a dataset variable -> (field of `Tongue`, value if there is no tongue).
 _COLUMNS = {
     "tuning_from": ("start", math.nan),
     "tuning_to": ("stop", math.nan),
@@ -40,7 +41,7 @@ def tongues(
     step: Tuning = 0.002,
     max_seconds: MaxSeconds = None,
 ):
-    """Find the tongues of parametric resonance, tunings at which steady contact is unstable.
+    """Find the tongues of parametric resonance: intervals of tunings with unstable steady contact.
 
     Small perturbations of the motion without loss of contact obey Hill's equation, with rectangular
     stiffness Meissner's equation. A tongue of order n, near nu = 2 / n, is an interval of tunings
@@ -57,16 +58,16 @@ def tongues(
         edges; with six degrees of freedom they are truncated.
     parameter : {"stiffness_ratio", "contact_ratio", "damping"}, optional
         Parameter that is varied: kappa, epsilon, or the damping ratio beta of the contact. The
-        first two leave the damping ratio unchanged; tabulated stiffness and six degrees of freedom
-        only allow the last one, a `GearTrain` stiffness_ratio, contact_ratio or material_damping of
-        all its meshes.
+        first two leave the damping ratio unchanged. Tabulated stiffness and six degrees of freedom
+        only allow "damping"; a `GearTrain` allows stiffness_ratio, contact_ratio or
+        material_damping, each for all its meshes.
     values : sequence of float, shape (v,), optional
         Values of this parameter.
     step : float, default 0.002
-        With six degrees of freedom: step of the scanned tunings.
+        Step of the tunings that are scanned with more than one degree of freedom.
     max_seconds : float, optional
-        Seconds after which the call returns the tongues at the values of the parameter that are
-        done, see `gearlib.progress`.
+        Time limit in seconds, after which the tongues at the parameter values completed so far are
+        returned, see `gearlib.progress`.
 
     Returns
     -------
@@ -91,19 +92,20 @@ def tongues(
     """
     checks.require(stop > start, "stop", stop, f"> start = {start!r}")
     model = checked_model(model)
-    limit, missing = Limit(max_seconds), []
+    time_limit = Limit(max_seconds)
+    missing = []
     if parameter is None:
-        checks.require(values is None, "values", values, "left out where parameter is None")
+        checks.require(values is None, "values", values, "omitted if parameter is None")
         tongue_lists = [find_tongues(model, start, stop, step)]
     else:
         allowed = PARAMETERS if model.pair else (*model.parameters,)[1:]
         checks.one_of("parameter", parameter, allowed)
         if values is None:
-            raise checks.refusal("values", None, "given where parameter is")
+            raise checks.refusal("values", None, "given if parameter is given")
         models = [replace_parameter(model, parameter, value) for value in values]
         tongue_lists = [
             find_tongues(changed, start, stop, step)
-            for changed in limit.each(with_bar("values", models, len(models)))
+            for changed in time_limit.each(with_bar("values", models, len(models)))
         ]
         count = len(tongue_lists)
         values, missing = values[:count], values[count:]
@@ -121,15 +123,16 @@ def tongues(
         start=start,
         stop=stop,
     )
-    return limit.mark(dataset, missing)
+    return time_limit.mark(dataset, missing)
 
 
 def checked_model(model: Any) -> Any:
-    """Return a model with linear motion in contact; raise ValueError if it is nonlinear.
+    """Check that a model is linear in contact, and return the model whose tongues are computed.
 
-    A model with rectangular stiffness is replaced by its `GearPair`, which has the same stability.
+    This is its `GearPair` if its stiffness is rectangular, because both have the same stability,
+    else the model itself. Raise ValueError if the model is nonlinear or has no gears.
     """
-    # Gear pairs have a `mesh`, trains `mesh_names`; one degree of freedom needs an `equation`.
+    # Gear pairs have a `pair`, trains `mesh_names`; one degree of freedom needs an `equation`.
     has_gears = is_model(model) and (model.pair or model.mesh_names)
     if not has_gears or (model.size == 2 and model.equation is None):
         raise checks.refusal(
@@ -142,9 +145,10 @@ def checked_model(model: Any) -> Any:
 
 
 def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> list:
-    """Return the `Tongue`s of a linear model that overlap the tunings from `start` to `stop`.
+    """Return the list of `Tongue`s of a linear model that overlap the tunings `start` to `stop`.
 
-    With several degrees of freedom, the tunings are scanned in steps of `step`.
+    `step` is the step of the scanned tunings for models with several degrees of freedom; others do
+    not need it.
     """
     if model.pair is model:  # a `GearPair`
         equation = meissner.equation_of(model)
@@ -157,7 +161,7 @@ def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> 
 def closing_damping(model: Any, tongue: meissner.Tongue) -> float:
     """Return the damping ratio of the contact above which a tongue of a model is closed.
 
-    It is 0 for a tongue that has no width without damping, NaN if no damping ratio closes it.
+    It is 0 for a tongue that is a point without damping, NaN if no damping ratio below 1 closes it.
     """
     if model.pair is model:  # a `GearPair`
         return meissner.closing_damping(model.contact_ratio, model.stiffness_ratio, tongue.order)
@@ -169,8 +173,9 @@ def closing_damping(model: Any, tongue: meissner.Tongue) -> float:
 def replace_parameter(model: Any, parameter: str, value: float) -> Any:
     """Return a copy of a model with another value of a parameter.
 
-    The parameter is "damping", the damping ratio, or "stiffness_ratio" or "contact_ratio", which
-    leave the damping ratio unchanged, or any parameter of a `GearTrain`.
+    The parameter of a `GearTrain` is any of its own parameters. For other models it is "damping",
+    the damping ratio, or "stiffness_ratio" or "contact_ratio", which leave the damping ratio
+    unchanged. Raise ValueError if the model does not have the parameter.
     """
     if model.mesh_names:
         return model.with_parameter(parameter, value)
@@ -189,21 +194,25 @@ def replace_parameter(model: Any, parameter: str, value: float) -> Any:
 def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension: str) -> tuple:
     """Return (variables, coordinates) of a dataset of tongues.
 
-    `tongue_lists` has a list of `Tongue`s for each of the `values` of the parameter, or one list
-    if there is no parameter. `dimension` is "order", or "tongue" if tongues have no order.
+    `tongue_lists` has a list of `Tongue`s for each of the `values` of the parameter, or a single
+    list if the parameter is None. `dimension` is "order", or "tongue" if tongues have no order and
+    are counted from 1. Variables without a tongue have the missing value of `_COLUMNS`.
     """
-    if dimension == "order":
-        by_number = [{tongue.order: tongue for tongue in tongues} for tongues in tongue_lists]
-    else:
-        by_number = [dict(enumerate(tongues, 1)) for tongues in tongue_lists]
-    numbers = sorted(set().union(*by_number))
+    # For each parameter value: order or number of a tongue -> tongue.
+    numbered_tongues: list[dict] = []
+    for tongue_list in tongue_lists:
+        if dimension == "order":
+            numbered_tongues.append({tongue.order: tongue for tongue in tongue_list})
+        else:
+            numbered_tongues.append(dict(enumerate(tongue_list, 1)))
+    numbers = sorted(set().union(*numbered_tongues))
     data: dict = {}
     for name, (field, missing) in _COLUMNS.items():
-        table = [
-            [getattr(tongues.get(n), field, missing) for n in numbers] for tongues in by_number
-        ]
+        table = []
+        for by_number in numbered_tongues:
+            table.append([getattr(by_number.get(n), field, missing) for n in numbers])
         dtype = np.int8 if name == "edge_multiplier" else float
-        array = np.array(table, dtype).reshape(len(by_number), -1)
+        array = np.array(table, dtype).reshape(len(numbered_tongues), -1)
         data[name] = ((parameter, dimension), array)
     coordinates = {dimension: np.array(numbers, np.int32)}
     if parameter is None:
