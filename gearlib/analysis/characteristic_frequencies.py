@@ -21,24 +21,25 @@ FREQUENCIES = (
 
 @checked
 def characteristic_frequencies(gears, speed: Speed):
-    """Return the frequencies at which gears excite or modulate vibration at a speed.
+    """Return the frequencies at which gears excite or modulate vibration at a given speed.
 
     Parameters
     ----------
     gears : gearlib.geometry.GearStage or GearTrain
         Two gears given by geometry, or a train.
     speed : float
-        Speed of the pinion, of a train of the reference pinion in the housing, rpm.
+        Speed in rpm: of the pinion, or for a train of the reference pinion in the housing.
 
     Returns
     -------
     xarray.Dataset
-        Over ``mesh``: mesh_frequency_hertz f; hunting_tooth_frequency, f over the least common
-        multiple of the numbers of teeth, at which the same two teeth meet;
+        All frequencies are in Hz. Over ``mesh``: mesh_frequency_hertz f; hunting_tooth_frequency,
+        f over the least common multiple of the tooth numbers, at which the same two teeth meet;
         assembly_phase_frequency, f over their greatest common divisor. Over ``mesh`` and ``gear``:
-        sideband_spacing, at which the teeth of pinion and wheel pass the line of centres in turn.
-        Over ``body``: shaft_frequency in the housing, and planet_passing_frequency, at which
-        planets pass a tooth of a central gear, NaN for other bodies. All in Hz.
+        sideband_spacing, f over the tooth number, the frequency at which one tooth of the pinion
+        or of the wheel returns to the mesh. Over ``body``: shaft_frequency in the housing, and
+        planet_passing_frequency, at which planets pass a tooth of a central gear, NaN for other
+        bodies.
 
     Raises
     ------
@@ -46,60 +47,79 @@ def characteristic_frequencies(gears, speed: Speed):
         If an argument is wrong.
     """
     if isinstance(gears, GearStage):
-        counts, names = [(gears.pinion.teeth, gears.wheel.teeth)], ["pinion", "wheel"]
-        frequencies = np.array([speed / 60.0 * gears.pinion.teeth])
-        shafts, meshes = frequencies / counts[0], ["pinion-wheel"]
-        passing = np.full(2, math.nan)
+        body_names, mesh_names = ["pinion", "wheel"], ["pinion-wheel"]
+        tooth_numbers = [(gears.pinion.teeth, gears.wheel.teeth)]
+        mesh_frequencies = np.array([speed / 60.0 * gears.pinion.teeth])
+        shaft_frequencies = mesh_frequencies / tooth_numbers[0]
+        passing_frequencies = np.full(2, math.nan)
     else:
         train: Any = getattr(gears, "train", None)
         allowed = "a gearlib.geometry.GearStage or a gearlib.GearTrain"
         checks.require(train is not None, "gears", gears, allowed)
-        names, meshes = list(train.body_names), list(train.mesh_names)
-        counts = [tuple(train.by_name[x].teeth for x in (m.pinion, m.wheel)) for m in train.meshes]
-        in_housing = train.speeds.in_housing
-        reference = speed / 60.0 / abs(float(in_housing[train.reference_pinion.name]))
-        frequencies = reference * np.array(list(map(float, train.frequency_ratios)))
-        shafts = reference * np.array([abs(float(in_housing[name])) for name in names])
-        passing = _planet_passing(train, reference)
+        body_names, mesh_names = list(train.body_names), list(train.mesh_names)
+        tooth_numbers = [
+            (train.by_name[mesh.pinion].teeth, train.by_name[mesh.wheel].teeth)
+            for mesh in train.meshes
+        ]
+        # Speeds of a train are relative to the frequency of its reference mesh.
+        body_speeds = train.speeds.in_housing
+        reference_frequency = speed / 60.0 / abs(float(body_speeds[train.reference_pinion.name]))
+        frequency_ratios = [float(ratio) for ratio in train.frequency_ratios]
+        mesh_frequencies = reference_frequency * np.array(frequency_ratios)
+        speed_ratios = [abs(float(body_speeds[name])) for name in body_names]
+        shaft_frequencies = reference_frequency * np.array(speed_ratios)
+        passing_frequencies = _planet_passing_frequencies(train, reference_frequency)
+    common_multiples = [math.lcm(*teeth) for teeth in tooth_numbers]
+    common_divisors = [math.gcd(*teeth) for teeth in tooth_numbers]
     data: dict[str, Any] = {
-        "mesh_frequency_hertz": ("mesh", frequencies),
-        "hunting_tooth_frequency": ("mesh", frequencies / [math.lcm(*z) for z in counts]),
-        "assembly_phase_frequency": ("mesh", frequencies / [math.gcd(*z) for z in counts]),
-        "sideband_spacing": (("mesh", "gear"), frequencies[:, None] / np.array(counts)),
-        "shaft_frequency": ("body", shafts),
-        "planet_passing_frequency": ("body", passing),
+        "mesh_frequency_hertz": ("mesh", mesh_frequencies),
+        "hunting_tooth_frequency": ("mesh", mesh_frequencies / common_multiples),
+        "assembly_phase_frequency": ("mesh", mesh_frequencies / common_divisors),
+        "sideband_spacing": (("mesh", "gear"), mesh_frequencies[:, None] / np.array(tooth_numbers)),
+        "shaft_frequency": ("body", shaft_frequencies),
+        "planet_passing_frequency": ("body", passing_frequencies),
         "speed": speed,
     }
-    coords = {"mesh": meshes, "gear": ["pinion", "wheel"], "body": names}
+    coords = {"mesh": mesh_names, "gear": ["pinion", "wheel"], "body": body_names}
     return result_of_many("Characteristic frequencies of gears", data, coords)
 
 
-def _planet_passing(train: Any, reference: float) -> np.ndarray:
-    """Return the planet passing frequencies of the bodies of a train in Hz, NaN without planets.
+def _planet_passing_frequencies(train: Any, reference_frequency: float) -> np.ndarray:
+    """Return for each body of a train the frequency at which planets pass one of its teeth, in Hz.
 
-    `reference` is the frequency of the reference mesh in Hz.
+    It is the number of planets that mesh with the body, times its speed in the frame where the axes
+    of the planets are at rest; NaN for a body that meshes with no planet. `reference_frequency` is
+    the frequency of the reference mesh in Hz; the speeds of a train are relative to it.
     """
-    planets: dict[str, set] = {}  # central gear -> planets that mesh with it
+    planets_of_gear: dict[str, set] = {}  # the names of the planets that mesh with each gear
     for mesh in train.meshes:
-        for planet, central in ((mesh.pinion, mesh.wheel), (mesh.wheel, mesh.pinion)):
+        for planet, gear in ((mesh.pinion, mesh.wheel), (mesh.wheel, mesh.pinion)):
             if train.by_name[planet].carrier:
-                planets.setdefault(central, set()).add(planet)
-    speeds = train.speeds.in_frame
-    rates = [len(planets.get(name, ())) * abs(float(speeds[name])) for name in train.body_names]
-    return np.array([reference * rate if rate else math.nan for rate in rates])
+                planets_of_gear.setdefault(gear, set()).add(planet)
+    frequencies = np.full(len(train.body_names), math.nan)
+    for i, name in enumerate(train.body_names):
+        planet_count = len(planets_of_gear.get(name, ()))
+        speed_ratio = abs(float(train.speeds.in_frame[name]))
+        if planet_count and speed_ratio:
+            frequencies[i] = reference_frequency * (planet_count * speed_ratio)
+    return frequencies
 
 
 def frequency_rows(frequencies: xr.Dataset) -> Iterator[list]:
-    """Yield the rows of a table of characteristic frequencies, the names of the columns first.
+    """Yield the rows of a table of characteristic frequencies, starting with the column headings.
 
-    Orders are multiples of the speed.
+    `frequencies` is a result of `characteristic_frequencies`. A row has the name of the mesh or
+    body, the kind of frequency, its value in Hz, and its order, the ratio to the shaft speed.
+    Values that are NaN have no row.
     """
     yield ["of", "frequency", "hertz", "order"]
-    shaft = float(frequencies.speed) / 60.0
-    for name in FREQUENCIES:
-        variable = frequencies[name]
+    shaft_frequency = float(frequencies.speed) / 60.0
+    for variable_name in FREQUENCIES:
+        variable = frequencies[variable_name]
+        kind = variable_name.removesuffix("_hertz").replace("_", " ")
         for cell in variable.stack(cell=variable.dims, create_index=False).transpose("cell"):
-            if np.isfinite(value := float(cell)):
+            frequency = float(cell)
+            if np.isfinite(frequency):
                 owner = " ".join(str(cell[dim].item()) for dim in variable.dims)
-                kind = name.removesuffix("_hertz").replace("_", " ")
-                yield [owner, kind, f"{value:.6g}", f"{value / shaft:.6g}"]
+                order = frequency / shaft_frequency
+                yield [owner, kind, f"{frequency:.6g}", f"{order:.6g}"]

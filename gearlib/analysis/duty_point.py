@@ -1,9 +1,9 @@
 """`duty_point`: forces, vibration and contact of gears at one torque and speed, in SI units.
 
-A motion starts from static equilibrium. It is simulated until it repeats, then for the same time
+The motion starts from static equilibrium. It is simulated until it repeats, then for the same time
 again, and recorded over one period of its orbit. If the same teeth meet again only after many mesh
-periods, the record is that whole cycle, after the start has decayed; a cycle that takes too long is
-sampled. Other motions are recorded over whole revolutions of the gear.
+periods, the whole cycle is recorded after the transient has decayed; of a cycle that takes too long
+to compute, a part is recorded. Other motions are recorded over whole revolutions of the gear.
 """
 
 import math
@@ -33,9 +33,9 @@ _MAX_PERIODS, _MAX_STEPS = 10_000, 150_000
 _MAX_CYCLE_PERIODS, _MAX_CYCLE_STEPS = 10_000, 500_000
 #: Largest number of stiffness tables, one for each mesh period and combination of tooth pairs.
 _MAX_TABLES = 8000
-#: Factor by which the slowest mode has decayed before the record.
+#: Amplitude of the slowest mode at the start of the record, over its initial amplitude.
 _DECAY = 1e-4
-#: Length of the record of a motion that does not repeat, and its limit in mesh periods.
+#: Revolutions in the record of a motion that does not repeat, and their limit in mesh periods.
 _RECORD_REVOLUTIONS, _MAX_RECORD_PERIODS = 10, 2000
 #: Samples of a mesh period, fewer in long records; six mesh orders need 24.
 _SAMPLES_PER_PERIOD, _MAX_SAMPLES, _MIN_SAMPLES_PER_PERIOD = 128, 2**17, 24
@@ -45,16 +45,17 @@ _SAMPLES_PER_PERIOD, _MAX_SAMPLES, _MIN_SAMPLES_PER_PERIOD = 128, 2**17, 24
 def duty_point(
     gears, speed: Speed, *, torque: DrivingTorque | None = None, initial_state=None, **options
 ):
-    """Compute dynamic factor, forces and transmission error of gears at one torque and speed.
+    """Compute the dynamic factor, forces and transmission error of gears at one torque and speed.
 
     Parameters
     ----------
     gears : gearlib.geometry.GearStage or model
         Geometry of two gears, which is modelled as a `LoadSharingPair`, or a model of rotating
-        gears for `gearlib.simulate`. With a rectangular stiffness, such as that of a `GearPair`,
-        the force jumps when a pair of teeth enters the mesh, so its maximum is not a K_v.
+        gears for `gearlib.simulate`. If the stiffness is rectangular, as in a `GearPair`, the force
+        jumps when a pair of teeth enters the mesh, so its maximum is not a K_v.
     speed : float
-        Speed in rpm, finite, > 0, of the pinion (of the gear that sets the mesh frequency).
+        Speed in rpm, finite, > 0, of the pinion (of a model, the gear that sets its mesh
+        frequency).
     torque : float, optional
         Torque of the pinion in N m. Give it, or `power` in W, with a `GearStage` only.
     initial_state : tuple of float, optional
@@ -75,10 +76,10 @@ def duty_point(
         `GearStage` have a quality and eps_alpha >= 1; mesh_order_force and mesh_order_error,
         amplitudes of the first mesh orders, NaN if there are too few samples. Trains have the
         dimension ``mesh``. transient_periods and record_periods are the mesh periods before and in
-        the record, and the attribute ``comment`` says what the record is: an orbit, a whole cycle
-        of the excitation, or a sample. The dynamic factor is the largest mesh force over the static
-        force, both without signs. Models with a given stiffness have the same ratio as
-        peak_force_ratio, since their forces may jump where teeth enter.
+        the record, and the attribute ``comment`` describes the record: an orbit, a whole cycle of
+        the excitation, or a part of it. The dynamic factor is the ratio of the largest mesh force
+        to the static force, in absolute values. For models with a given stiffness this ratio is
+        named peak_force_ratio, because their forces may jump when teeth enter the mesh.
 
     Raises
     ------
@@ -86,13 +87,15 @@ def duty_point(
         If an argument is wrong, or if the motion grows without bound.
     """
     data: dict[str, Any] = {}
-    cycle_periods = 0
+    # Period of the excitation in mesh periods if it is too long for the model, else 0.
+    long_cycle_periods = 0
     if is_model(gears):
-        if torque is not None or options:
-            name = "torque" if torque is not None else next(iter(options))
+        geometry_arguments = options if torque is None else {"torque": torque}
+        if geometry_arguments:
+            name, value = next(iter(geometry_arguments.items()))
             raise ValueError(
-                f"{name} = {torque if name == 'torque' else options[name]!r} is not allowed: a "
-                "model has its own, only gears given by geometry take it"
+                f"{name} = {value!r} is not allowed for a model, which defines its own: it is an "
+                "argument for gears given by geometry"
             )
         model = gears
     else:
@@ -102,15 +105,15 @@ def duty_point(
         # Each mesh period has a stiffness table for each subset of the tooth pairs in mesh.
         max_periods = _MAX_TABLES // 2 ** math.ceil(gears.total_contact_ratio)
         if model.repeats > max_periods:
-            cycle_periods = model.repeats
-            errors = _worst_stretch(np.array(model.pitch_errors), max_periods)
-            model = model.replace(pitch_errors=tuple(errors.tolist()))
-        factor = iso_dynamic_factor(gears, torque, speed)
-        if factor is not None:
-            data["iso_dynamic_factor"] = factor
+            long_cycle_periods = model.repeats
+            pitch_errors = _errors_about_largest_step(np.array(model.pitch_errors), max_periods)
+            model = model.replace(pitch_errors=tuple(pitch_errors.tolist()))
+        dynamic_factor = iso_dynamic_factor(gears, torque, speed)
+        if dynamic_factor is not None:
+            data["iso_dynamic_factor"] = dynamic_factor
         data["torque"] = float(torque)
     if model.speed is None:
-        raise ValueError(f"gears = {model!r} is not allowed: nothing turns in this model")
+        raise ValueError(f"gears = {model!r} is not allowed: this model has no rotating bodies")
     tuning = tuning_at_speed(model, "speed", speed)
     slowest_tuning = model.slowest_tuning
     run, transient_periods, comment = settled_run(model, max(tuning, slowest_tuning), initial_state)
@@ -120,54 +123,68 @@ def duty_point(
         "transient_periods": np.int32(transient_periods),
         "record_periods": np.int32(recorded_periods(run)),
     }
-    if cycle_periods:
+    if long_cycle_periods:
         data["settled"] = np.int8(0)
         comment = (
             f"a sample of {model.repeats} mesh periods about the largest step of the pitch errors; "
-            f"the same teeth meet again after {cycle_periods}, too many to compute"
+            f"the same teeth meet again after {long_cycle_periods}, too many to compute"
         )
     if tuning < slowest_tuning:
-        hertz = data["mesh_frequency_hertz"] * tuning / slowest_tuning
-        data |= {"tuning": tuning, "mesh_frequency_hertz": hertz}
+        # The run was made at the slowest tuning that the model allows.
+        mesh_frequency = data["mesh_frequency_hertz"] * tuning / slowest_tuning
+        data |= {"tuning": tuning, "mesh_frequency_hertz": mesh_frequency}
     data["speed"] = float(speed)
-    meshes = {name: values for name, values in model.coordinates().items() if name == "mesh"}
-    options = {"method": "settled run", "speed": float(speed)}
-    dataset = result("Duty point of a gear mesh", model, data, meshes | coords, **options)
+    model_coords = model.coordinates()
+    if "mesh" in model_coords:
+        coords = {"mesh": model_coords["mesh"]} | coords
+    attributes = {"method": "settled run", "speed": float(speed)}
+    dataset = result("Duty point of a gear mesh", model, data, coords, **attributes)
     dataset["record_periods"].attrs["long_name"] = f"mesh periods of the record, {comment}"
     return dataset.assign_attrs(comment=f"The record is {comment}.")
 
 
-def iso_dynamic_factor(mesh: GearStage, torque: float, speed: Any) -> Any:
-    """Return K_v of ISO 6336-1, method B, at a torque in N m and speeds in rpm of the pinion.
+def iso_dynamic_factor(stage: GearStage, torque: float, speed: Any) -> Any:
+    """Return the dynamic factor K_v of ISO 6336-1, method B, or None if it is not defined.
 
-    It is None if a gear has no quality or eps_alpha < 1.
+    `torque` is the torque of the pinion in N m, and `speed` its speed in rpm, a number or an array,
+    which gives an array of factors. K_v needs a quality (flank tolerance class) for both gears and
+    a contact ratio of at least 1.
     """
-    gears = mesh.pinion, mesh.wheel
-    if any(gear.quality is None for gear in gears) or mesh.contact_ratio < 1.0:
+    gears = stage.pinion, stage.wheel
+    if any(gear.quality is None for gear in gears) or stage.contact_ratio < 1.0:
         return None
     # ISO 6336 takes the smaller tip relief of the two gears.
     tip_relief = min(gear.tip_relief.amount if gear.tip_relief else 0.0 for gear in gears)
-    return iso.dynamic_factor(mesh, torque, speed, tip_relief=tip_relief).factor
+    return iso.dynamic_factor(stage, torque, speed, tip_relief=tip_relief).factor
 
 
-def _worst_stretch(pitch_errors: np.ndarray, count: int) -> np.ndarray:
-    """Return `count` successive pitch errors of a cycle about its largest change between two."""
-    largest_step = int(np.abs(np.diff(pitch_errors, append=pitch_errors[0])).argmax())
-    return np.roll(pitch_errors, count // 2 - largest_step)[:count]
+def _errors_about_largest_step(pitch_errors: np.ndarray, count: int) -> np.ndarray:
+    """Return `count` successive pitch errors with the largest step between two in their middle.
+
+    `pitch_errors`, shape (n,) with n >= `count`, are the errors of a whole cycle, in which the
+    first follows the last.
+    """
+    steps = np.diff(pitch_errors, append=pitch_errors[0])
+    largest_step_index = int(np.abs(steps).argmax())
+    return np.roll(pitch_errors, count // 2 - largest_step_index)[:count]
 
 
 def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
-    """Return (a run of `simulate` that records settled motion, mesh periods before, what it is).
+    """Simulate a model until its motion has settled, and record the settled motion.
 
-    The length of the run is doubled until the motion repeats, within `_MAX_PERIODS` and
-    `_MAX_STEPS`; then its record is one period of the orbit. Otherwise it is a whole cycle of the
-    excitation, or whole revolutions, after the slowest mode of contact has decayed to `_DECAY`.
+    Return (run, transient periods, comment): a dataset of `simulate` with the record, the number of
+    mesh periods before the record, and a phrase that describes the record. The run starts from
+    `initial_state`, or from static equilibrium if that is None. Its length is doubled until the
+    motion repeats, within `_MAX_PERIODS` and `_MAX_STEPS`; then the record is one period of the
+    orbit. If the motion does not repeat, the record is a whole cycle of the excitation, or whole
+    revolutions, after the slowest mode with all teeth in contact has decayed to `_DECAY`.
     """
-    cycle = model.repeats  # mesh periods after which the excitation repeats
+    excitation_periods = model.repeats  # mesh periods after which the excitation repeats
     steps = model.steps_per_period(tuning)
     max_periods = min(_MAX_PERIODS, int(_MAX_STEPS / steps))
     state = model.static_state(tuning) if initial_state is None else initial_state
-    simulated_periods, orbit_periods, new_periods = 0, 0, 2 * cycle
+    simulated_periods, orbit_periods = 0, 0
+    new_periods = 2 * excitation_periods
     while not orbit_periods and simulated_periods + new_periods <= max_periods:
         run = _checked_run(model, tuning, new_periods, state, samples_per_period=8)
         state, orbit_periods = tuple(run.final_state.values), int(run.period)
@@ -176,41 +193,41 @@ def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
     if orbit_periods:
         # A further transient lets the motion settle to rounding error before the record.
         record_periods = orbit_periods
-        transient_periods = simulated_periods if cycle == 1 else cycle
+        transient_periods = simulated_periods if excitation_periods == 1 else excitation_periods
         plural = "s" if orbit_periods > 1 else ""
         comment = f"one period of the orbit, {orbit_periods} mesh period{plural}"
     else:
         decay_periods = math.ceil(min(_decay_periods(model, tuning), 1e9))
         max_cycle = min(_MAX_CYCLE_PERIODS, int(_MAX_CYCLE_STEPS / steps))
-        # In a turning planetary train several revolutions have a whole number of mesh periods.
+        # The mesh periods per revolution may be a fraction, because in a turning planetary train
+        # only several revolutions have a whole number of mesh periods.
         ratio = Fraction(model.periods_per_revolution).limit_denominator(10_000)
         max_record = min(max_periods, _MAX_RECORD_PERIODS)
-        revolutions = max(
-            1, min(_RECORD_REVOLUTIONS // ratio.denominator, max_record // ratio.numerator)
-        )
-        record_periods = ratio.numerator * revolutions
+        # Multiples of ratio.denominator revolutions have whole mesh periods.
+        multiples = min(_RECORD_REVOLUTIONS // ratio.denominator, max_record // ratio.numerator)
+        record_periods = ratio.numerator * max(1, multiples)
         comment = f"{record_periods} mesh periods, whole revolutions"
-        if cycle > max_cycle:
+        if excitation_periods > max_cycle:
             comment = (
-                f"a sample of {record_periods} mesh periods; the excitation repeats after {cycle}, "
-                "too many to compute"
+                f"a sample of {record_periods} mesh periods; the excitation repeats after "
+                f"{excitation_periods}, too many to compute"
             )
-        elif simulated_periods <= 2 * cycle:
-            # Two cycles may be too few to see whether the motion repeats.
-            record_periods = cycle
-            comment = f"a whole cycle of the excitation, {cycle} mesh periods"
+        elif simulated_periods <= 2 * excitation_periods:
+            # Two cycles may be too few to detect that the motion repeats.
+            record_periods = excitation_periods
+            comment = f"a whole cycle of the excitation, {excitation_periods} mesh periods"
         # The periods that were already simulated are part of the transient.
         transient_periods = min(max(decay_periods - simulated_periods, 0), max_cycle)
         left_out = simulated_periods + transient_periods
         if left_out < decay_periods:
-            reached = _DECAY ** (left_out / decay_periods)
+            decay = _DECAY ** (left_out / decay_periods)
             comment += (
                 f", after a transient limited to {left_out} mesh periods, in which the slowest "
-                f"mode has decayed to {reached:.2g} of its start"
+                f"mode has decayed to {decay:.2g} of its start"
             )
-        if record_periods == cycle:
-            # Whether it repeats is seen after another cycle, to more digits.
-            transient_periods = min(2 * transient_periods, max_cycle) + cycle
+        if record_periods == excitation_periods:
+            # Another cycle, and a longer decay, show to more digits whether the motion repeats.
+            transient_periods = min(2 * transient_periods, max_cycle) + excitation_periods
     samples = max(min(_SAMPLES_PER_PERIOD, _MAX_SAMPLES // record_periods), _MIN_SAMPLES_PER_PERIOD)
     options = {"record_periods": record_periods, "samples_per_period": samples}
     run = _checked_run(model, tuning, transient_periods + record_periods, state, **options)
@@ -220,27 +237,40 @@ def settled_run(model: Any, tuning: float, initial_state: Any = None) -> tuple:
 
 
 def _decay_periods(model: Any, tuning: float) -> float:
-    """Return the mesh periods until the slowest mode of contact has decayed to `_DECAY`."""
+    """Return the mesh periods in which the slowest mode decays to `_DECAY` of its amplitude.
+
+    All teeth are in contact. The result is infinite if the mode does not decay.
+    """
     if model.train is None:
-        ratio = model.damping_ratio
-        # Rates of decay by phase of x'' + 2 ratio / tuning x' + x / tuning^2 = 0.
-        rate = (ratio - math.sqrt(max(ratio * ratio - 1.0, 0.0))) / tuning
+        damping_ratio = model.damping_ratio
+        # Slowest decay rate, per radian of the mesh phase tau, of
+        # x'' + 2 damping_ratio / tuning x' + x / tuning^2 = 0.
+        discriminant = max(damping_ratio * damping_ratio - 1.0, 0.0)
+        rate = (damping_ratio - math.sqrt(discriminant)) / tuning
     else:
         rate = contact_decay_rate(model, tuning)
-    # Growth and decay slower than rounding errors never end.
-    return -math.log(_DECAY) / (math.tau * rate) if rate > 1e-12 else math.inf
+    if rate > 1e-12:
+        return -math.log(_DECAY) / (math.tau * rate)
+    return math.inf  # Slower decay is lost in rounding errors.
 
 
 def _checked_run(model: Any, tuning: float, periods: int, state: tuple, **options) -> xr.Dataset:
-    """Return a run of `simulate` over a number of mesh periods; raise ValueError if it failed."""
+    """Simulate a model over a number of mesh periods, or raise ValueError if the run fails.
+
+    `state` is the initial state, and `options` are further arguments of `simulate`.
+    """
     run = simulate(model, tuning, periods=periods, initial_state=state, **options)
     if int(run.status):
-        raise ValueError(f"the motion at tuning {tuning:.6g}: {run.status.attrs['message']}")
+        message = run.status.attrs["message"]
+        raise ValueError(f"the motion at tuning {tuning:.6g}: {message}")
     return run
 
 
 def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
-    """Return (variables, coordinates) of the dataset of `duty_point` for a run, in SI units."""
+    """Return (variables, coordinates) of the dataset of `duty_point` for a run of `simulate`.
+
+    Variables are in SI units, {name: values or (dimensions, values)}.
+    """
     mesh_orders, order_forces, order_errors = mesh_order_amplitudes(run)
     dims = ("mesh_order", *run.displacement.dims[1:])  # "mesh" is a dimension of trains only
     data = si_variables(run, model)
@@ -249,27 +279,34 @@ def variables_of_run(run: xr.Dataset, model: Any) -> tuple:
     force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
     if "bearing_force_y3" in run:
         # Six degrees of freedom: gear 3 is the pinion, with the indices of the paper.
-        forces = [np.hypot(run[f"bearing_force_y{i}"], run[f"bearing_force_z{i}"]) for i in (3, 2)]
-        max_forces = [force_scale * float(time_history.max()) for time_history in forces]
-        data["bearing_force_max"], coords["bearing"] = ("bearing", max_forces), ["gear 3", "gear 2"]
+        max_forces = []
+        for i in (3, 2):
+            forces = np.hypot(run[f"bearing_force_y{i}"], run[f"bearing_force_z{i}"])
+            max_forces.append(force_scale * float(forces.max()))
+        data["bearing_force_max"] = "bearing", max_forces
+        coords["bearing"] = ["gear 3", "gear 2"]
     elif "body_motion" in run:
         max_forces = [static_deflection * _support_forces(run, body).max() for body in model.bodies]
         dim = "body" if len(dims) > 1 else "bearing"
-        data["bearing_force_max"], coords[dim] = (dim, max_forces), list(model.body_names)
+        data["bearing_force_max"] = dim, max_forces
+        coords[dim] = list(model.body_names)
     else:
         data["bearing_force_max"] = force_scale * float(largest_force(run))
-    data |= {"mesh_order_force": (dims, order_forces), "mesh_order_error": (dims, order_errors)}
+    data["mesh_order_force"] = dims, order_forces
+    data["mesh_order_error"] = dims, order_errors
     return data, coords
 
 
 def _support_forces(run: xr.Dataset, body: Any) -> np.ndarray:
-    """Return the forces, without the moments, of the support of a body over static deflections.
+    """Return the magnitude of the support force of a body at each sample, without moments.
 
-    The forces of rigid supports are NaN: their deflection is zero and does not give the force.
+    It is the force in N over the static deflection in m, because body motions are in static
+    deflections. It is NaN for a rigid support, whose deflection of zero does not give its force.
     """
     x, y, _ = run.body_motion.sel(body=body.name).values.T
     if body.carrier:
-        # The pin moves with the carrier, whose rotation is an arc through the pins.
+        # A planet moves relative to its pin on the carrier, in radial and tangential direction. The
+        # rotation of the carrier is given as the displacement on a circle through the pins.
         carrier_x, carrier_y, rotation = run.body_motion.sel(body=body.carrier).values.T
         cosine, sine = math.cos(body.angle), math.sin(body.angle)
         x, y = x - carrier_x, y - carrier_y
@@ -281,14 +318,15 @@ def _support_forces(run: xr.Dataset, body: Any) -> np.ndarray:
 
 
 def si_variables(run: xr.Dataset, model: Any) -> dict:
-    """Return {variable name: values} of a run of `simulate` in N, m, Hz and rpm.
+    """Return {name: values or (dimensions, values)} of speeds, mesh forces and transmission error.
 
-    The variables are speeds, mesh forces, transmission error and contact loss; for gear trains they
-    have the dimension ``mesh`` if they differ between the meshes.
+    `run` is a dataset of `simulate`; the values are in N, m, Hz and rpm. Variables that differ
+    between the meshes of a gear train have the dimension ``mesh``.
     """
     force_scale, static_deflection = float(run.force_scale), float(run.static_deflection)
     error = transmission_error(run)
-    # Without a profile deviation the exact extrema of the run are used, else those of the samples.
+    # The exact extrema of the displacement are those of the transmission error only if there is no
+    # profile deviation.
     if np.array_equal(error, run.displacement.values):
         peak_to_peak = run.displacement_max.values - run.displacement_min.values
     else:

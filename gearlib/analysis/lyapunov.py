@@ -1,8 +1,9 @@
-"""Lyapunov exponents of motions, and whether rounding errors determine where they go.
+"""Lyapunov exponents of motions, and the growth of rounding errors along a motion.
 
 The linearised maps of `Model.propagator` propagate a small perturbation, which is normalised after
 each mesh period; the mean of the logarithms of its growth is the largest exponent, per mesh period.
-Lengths are those of (dx, nu dx'): displacements, and velocities over the mean eigenfrequency.
+The norm of a perturbation is the length of the vector (dx, nu dx'), where nu is the tuning:
+displacements, and velocities over the mean eigenfrequency.
 """
 
 import math
@@ -34,9 +35,9 @@ BATCHES = 20
 ExponentPeriods = Annotated[int, Ge(BATCHES), INTEGER]
 #: Ratio of an exponent to its uncertainty above which it is significant.
 _MIN_SIGNIFICANCE = 3.0
-#: Growth is exponential if its logarithm exceeds that of linear growth by more than this.
+#: Growth is exponential if its logarithm exceeds the logarithm of linear growth by more than this.
 _MIN_EXCESS_LOG_GROWTH = 7.0
-#: Logarithm of the growth, 1e10, above which rounding errors determine where a motion goes.
+#: Logarithm of the growth, 1e10, above which rounding errors determine the course of a motion.
 MAX_LOG_GROWTH = 10.0 * math.log(10.0)
 #: CF flags of a variable "settled" of single motions.
 SETTLED_FLAGS = status.flags_of(("unsettled", "settled"))
@@ -45,7 +46,7 @@ _SAME_ORBIT_TOLERANCE = 1e-3
 
 
 class Exponent(NamedTuple):
-    """Largest Lyapunov exponent per mesh period, with its uncertainty."""
+    """Largest Lyapunov exponent of a motion per mesh period, with its uncertainty."""
 
     value: float  #: NaN if the run failed or the motion grows without bound
     uncertainty: float  #: standard error of the mean over batches
@@ -68,67 +69,92 @@ class Perturbation:
     """A small perturbation of a motion, which is propagated along it from one run to the next."""
 
     def __init__(self, model: Any, max_events: int = MAX_EVENTS):
-        """Start with an arbitrary direction; `max_events` limits contact events per mesh period."""
+        """Create a perturbation of an arbitrary direction with the size of a rounding error.
+
+        A run fails if it has more than `max_events` contact events in a mesh period.
+        """
         self.model, self.max_events = model, max_events
-        #: Direction of the perturbation, shape (n,), or None before the first run.
+        #: Unit vector of the perturbation, shape (n,); None for an arbitrary direction.
         self.vector: np.ndarray | None = None
-        #: Logarithm of its length; 0 is the length of a rounding error.
+        #: Logarithm of the length of the perturbation over the size of a rounding error.
         self.log_length = 0.0
 
     def propagate(self, propagator, state: np.ndarray, periods: int, first_period=0) -> tuple:
-        """Propagate the perturbation along the motion that starts at a full state.
+        """Propagate the perturbation along a motion over a number of mesh periods.
 
-        Return (final state, logarithm of the growth in each of the mesh periods, status code); the
-        logarithms are -inf where the perturbation has vanished.
+        `propagator` is a `Model.propagator`, `state` the full state at the start, and
+        `first_period` the number of the first mesh period, which sets the phase of a run-out.
+        Return (final state, logarithm of the growth in each mesh period, status code of
+        `gearlib.data.status`). The logarithms are -inf, and `vector` is None, after the
+        perturbation has vanished or the run has failed.
         """
         log_growths = np.full(periods, -math.inf)
         reduction, lift = self.model.reduction()
         vector = np.ones(len(reduction)) if self.vector is None else self.vector.copy()
-        weights, self.vector = np.repeat([1.0, propagator.tuning], vector.size // 2), None
+        self.vector = None
+        # The norm is that of (dx, nu dx'), where nu is the tuning.
+        weights = np.repeat([1.0, propagator.tuning], vector.size // 2)
         for i in range(0, periods, MAX_MAPS):
-            batch = log_growths[i : i + MAX_MAPS]  # a view, filled below
+            batch_growths = log_growths[i : i + MAX_MAPS]  # a view, filled below
             period = (first_period + i) % self.model.repeats
-            state, maps, code = propagator.maps(state, batch.size, self.max_events, period)
+            state, maps, code = propagator.maps(state, batch_growths.size, self.max_events, period)
             if code != status.OK:
                 return state, log_growths, code
-            # The free rotation of a model is removed: it neither grows nor decays.
-            if not propagate_perturbation(reduction @ maps @ lift, weights, vector, batch):
+            # The rigid-body rotation of a model is removed, because it neither grows nor decays.
+            reduced_maps = reduction @ maps @ lift
+            if not propagate_perturbation(reduced_maps, weights, vector, batch_growths):
                 log_growths[i:] = -math.inf
                 return state, log_growths, status.OK
         self.vector = vector
         return state, log_growths, status.OK
 
     def exceeds_limit(self, tuning: float, state: Any, periods: int, first_period: int) -> bool:
-        """Return whether a rounding error grows beyond `MAX_LOG_GROWTH` in the next periods."""
+        """Propagate the perturbation along the next run, and return whether it becomes visible.
+
+        The run starts from `state` at the start of mesh period number `first_period` and has
+        `periods` mesh periods. The perturbation is visible if it exceeds a rounding error by more
+        than a factor exp(`MAX_LOG_GROWTH`), or if the run fails. Its length is kept for the
+        following run, between a rounding error and this limit.
+        """
         propagator = self.model.propagator(tuning)
         if self.log_length == 0.0:
             # The perturbation has decayed to a rounding error, whose direction is arbitrary.
             self.vector = None
-        start = propagator.initial_state(state)
-        _, log_growths, code = self.propagate(propagator, start, periods, first_period)
-        growth = np.cumsum(log_growths) if code == status.OK else np.full(periods, math.inf)
-        exceeds = self.log_length + max(float(growth.max()), 0.0) > MAX_LOG_GROWTH
-        self.log_length = min(max(self.log_length + float(growth[-1]), 0.0), MAX_LOG_GROWTH)
+        full_state = propagator.initial_state(state)
+        _, log_growths, code = self.propagate(propagator, full_state, periods, first_period)
+        if code == status.OK:
+            total_growths = np.cumsum(log_growths)
+        else:
+            total_growths = np.full(periods, math.inf)
+        exceeds = self.log_length + max(float(total_growths.max()), 0.0) > MAX_LOG_GROWTH
+        self.log_length = min(max(self.log_length + float(total_growths[-1]), 0.0), MAX_LOG_GROWTH)
         return exceeds
 
 
 def largest_exponent(
     model, tuning: float, *, state=(0.0, 0.0), settle=1000, periods=4000, max_events=MAX_EVENTS
 ) -> Exponent:
-    """Return the largest Lyapunov exponent of the motion from a state at tau = 0.
+    """Return the largest Lyapunov exponent of the motion that starts from `state` at tau = 0.
 
-    It is averaged over `periods` mesh periods after a transient of `settle` mesh periods. The run
-    stops if a mesh period has more than `max_events` contact events.
+    tau is the mesh phase. The exponent is averaged over `periods` mesh periods after a transient of
+    `settle` mesh periods. The run fails if a mesh period has more than `max_events` contact events.
+    The value is NaN if the run fails or the motion grows without bound, and -inf if the
+    perturbation vanishes.
     """
     stroboscope = Stroboscope(model, tuning, max_events=max_events)
     propagator = stroboscope.propagator
-    perturbation, state = Perturbation(model, max_events), propagator.initial_state(state)
+    perturbation = Perturbation(model, max_events)
+    state = propagator.initial_state(state)
     bound = UNBOUNDED_FACTOR * np.maximum(model.extent, stroboscope.size(state[None]))
     # During the transient any perturbation turns into the direction of fastest growth.
-    stages = ((0, settle), (settle, periods)) if settle else ((0, periods),)
-    for first_period, count in stages:
+    stages = [(0, settle), (settle, periods)]  # first mesh period, number of mesh periods
+    if not settle:
+        stages = [(0, periods)]
+    for first_period, period_count in stages:
         previous_size = stroboscope.size(state[None])
-        state, log_growths, code = perturbation.propagate(propagator, state, count, first_period)
+        state, log_growths, code = perturbation.propagate(
+            propagator, state, period_count, first_period
+        )
         if code != status.OK:
             return Exponent(math.nan, math.nan, math.nan, periods, code)
         if perturbation.vector is None:
@@ -137,16 +163,22 @@ def largest_exponent(
     if stroboscope.follow_growth(state[None], previous_size, bound, periods)[0].any():
         return Exponent(math.nan, math.nan, math.nan, periods, status.OVERFLOW)
     batches = np.array_split(log_growths, min(BATCHES, periods))
-    means = np.array([batch.mean() for batch in batches])
-    error = means.std(ddof=1) / math.sqrt(means.size) if means.size > 1 else math.inf
-    return Exponent(float(log_growths.mean()), float(error), float(log_growths.sum()), periods)
+    batch_means = np.array([batch.mean() for batch in batches])
+    standard_error = math.inf
+    if batch_means.size > 1:
+        standard_error = float(batch_means.std(ddof=1) / math.sqrt(batch_means.size))
+    return Exponent(float(log_growths.mean()), standard_error, float(log_growths.sum()), periods)
 
 
-def rounding_grows(model, tunings, start: tuple, periods: int, final_states=None) -> np.ndarray:
-    """Return a mask of the tunings at which rounding errors grow to a visible size.
+def rounding_grows(
+    model, tunings, initial_state: tuple, periods: int, final_states=None
+) -> np.ndarray:
+    """Return a mask of the tunings, shape (n,), at which rounding errors grow to a visible size.
 
-    Each run starts from `start`, or in a sweep with `final_states`, shape (n, components), from the
-    final state of the run before unless that is NaN.
+    Each run has `periods` mesh periods. Without `final_states` all runs start from
+    `initial_state`. In a warm-started sweep, `final_states`, shape (n, components), are the final
+    states of the runs at the tunings: each run starts from the final state of the previous run,
+    or from `initial_state` if that is NaN.
     """
     is_sensitive = np.zeros(len(tunings), bool)
     for i, tuning in enumerate(tunings):
@@ -154,39 +186,48 @@ def rounding_grows(model, tunings, start: tuple, periods: int, final_states=None
         if i and final_states is not None and np.isfinite(final_states[i - 1]).all():
             state = tuple(final_states[i - 1])
         else:
-            state, perturbation = tuple(start), Perturbation(model)
+            state = tuple(initial_state)
+            perturbation = Perturbation(model)
         is_sensitive[i] = perturbation.exceeds_limit(float(tuning), state, periods, first_period)
     return is_sensitive
 
 
-def reproducible_orbits(model: Any, diagrams: list, directions: list, starts: list) -> np.ndarray:
+def reproducible_orbits(
+    model: Any, diagrams: list, directions: list, initial_states: list
+) -> np.ndarray:
     """Return a mask, shape (diagram, tuning), of periodic motions independent of rounding errors.
 
-    The results of `gearlib.bifurcation_diagram` have the same tunings. A warm-started sweep that
-    has passed through chaos arrives on an orbit that depends on rounding errors, until a tuning at
-    which all cold runs are reproducible and settle on the same orbit.
+    `diagrams` are results of `gearlib.bifurcation_diagram` at the same tunings, each with its sweep
+    direction ("cold", "up" or "down") and initial state. After a warm-started sweep has passed
+    through chaos, its orbit depends on rounding errors, until it reaches a tuning at which all cold
+    runs are reproducible and settle on the same orbit.
     """
     periods = np.array([diagram.period.values for diagram in diagrams])
     displacements = np.array([diagram.displacement.values for diagram in diagrams])
     is_warm_started = np.isin(directions, WARM_STARTED)
     is_sensitive = np.zeros(periods.shape, bool)
     ascending = np.argsort(diagrams[0].tuning.values)
+    # The indices of the tunings in the order in which each sweep has run them.
     orders = [ascending[::-1] if direction == "down" else ascending for direction in directions]
     for k, (diagram, order) in enumerate(zip(diagrams, orders, strict=True)):
         final_states = diagram.final_state.values[order] if is_warm_started[k] else None
         # The coordinate `strobe` numbers the mesh periods of a run from 0, with the transient.
-        run_periods, tunings = int(diagram.strobe.values[-1]) + 1, diagram.tuning.values[order]
-        sensitive = rounding_grows(model, tunings, starts[k], run_periods, final_states)
-        is_sensitive[k, order] = sensitive
+        run_periods = int(diagram.strobe.values[-1]) + 1
+        tunings = diagram.tuning.values[order]
+        is_sensitive[k, order] = rounding_grows(
+            model, tunings, initial_states[k], run_periods, final_states
+        )
     is_reproducible = (periods > 0) & ~is_sensitive
+    # Without cold runs nothing shows that a warm-started sweep is reproducible again.
     cold_reproducible = np.all(is_reproducible[~is_warm_started], axis=0) & ~is_warm_started.all()
     for k in np.flatnonzero(is_warm_started):
         after_chaos = False
         compared_diagrams = ~is_warm_started | (np.arange(len(diagrams)) == k)
         for i in orders[k]:
-            compared = np.sort(displacements[compared_diagrams, i], axis=1)
-            spread = np.ptp(compared, axis=0).max()
-            is_same_orbit = spread <= _SAME_ORBIT_TOLERANCE * max(1.0, np.ptp(compared))
+            # The stroboscopic points of equal orbits may come in another order, so sort them.
+            points = np.sort(displacements[compared_diagrams, i], axis=1)
+            spread = np.ptp(points, axis=0).max()
+            is_same_orbit = spread <= _SAME_ORBIT_TOLERANCE * max(1.0, np.ptp(points))
             after_chaos = after_chaos or is_sensitive[k, i]
             if cold_reproducible[i] and is_same_orbit:
                 after_chaos = False
@@ -208,7 +249,7 @@ def lyapunov_exponents(
     threads: Threads = None,
     max_seconds: MaxSeconds = None,
 ):
-    """Return the largest Lyapunov exponents of motions over a parameter, with standard errors.
+    """Compute the largest Lyapunov exponents of motions over a parameter, with standard errors.
 
     Perturbations follow the exact linearised maps of the motion, with saltation matrices at contact
     events. On a periodic attractor the exponent is ln|multiplier| / period; without damping a
@@ -217,58 +258,73 @@ def lyapunov_exponents(
     Parameters
     ----------
     model, values, parameter, tuning, max_events
-        The same arguments as those of `gearlib.bifurcation_diagram`.
+        As in `gearlib.bifurcation_diagram`.
     states : array_like of float, shape (2,) or (n, 2)
-        Displacement in static deflections and dx/dtau at tau = 0, for all values or for each. The
-        final states of a bifurcation diagram follow its branch.
+        Displacement in static deflections and dx/dtau at tau = 0, one state for all values or one
+        for each. With the final states of a bifurcation diagram the exponents follow its branch.
     settle, periods : int
         Mesh periods of the transient, and of the average (at least 20).
     threads : int, optional
-        Number of processors; all by default. The result does not depend on it.
+        Number of threads; by default one for each processor. The result does not depend on it.
     max_seconds : float, optional
         Seconds after which the call returns what is done, see `gearlib.progress`.
 
     Returns
     -------
     xarray.Dataset
-        Over a dimension with the name of the parameter: exponent, per mesh period; uncertainty, the
-        standard error of its mean over 20 batches; status: if it is not 0, both are NaN because the
-        run failed, the motion grows without bound, or the initial state is not finite.
+        Over a dimension with the name of the parameter: exponent, per mesh period; uncertainty, its
+        standard error from the means of 20 batches; status: if it is not 0, both are NaN because
+        the run failed, the motion grows without bound, or the initial state is not finite.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is wrong; the message gives its name, its value and the allowed range.
     """
     choose_method(model, None, None)
     values = distinct_values("values", values)
-    cases, limit = parameter_cases(model, tuning, parameter, values), Limit(max_seconds)
+    cases = parameter_cases(model, tuning, parameter, values)
+    limit = Limit(max_seconds)
     if isinstance(states, str):
         model.check_state(states)
         states = cases[0][0].start_state(states)
-    starts, sizes = float_array(states), {2, len(model.components)}
-    allowed = f"{' or '.join(map(str, sorted(sizes)))} numbers, or as many for each of the "
+    initial_states = float_array(states)
+    state_sizes = sorted({2, len(model.components)})
+    allowed = f"{' or '.join(map(str, state_sizes))} numbers, or as many for each of the "
     allowed += f"{values.size} values"
-    is_valid = starts.shape in {shape for n in sizes for shape in ((n,), (values.size, n))}
+    is_valid = initial_states.ndim > 0 and initial_states.shape[-1] in state_sizes
+    is_valid = is_valid and initial_states.shape[:-1] in ((), (values.size,))
     checks.require(is_valid, "states", states, allowed)
-    starts = np.broadcast_to(starts, (values.size, starts.shape[-1]))
+    initial_states = np.broadcast_to(initial_states, (values.size, initial_states.shape[-1]))
 
     def exponent_row(i: int) -> tuple:
-        """Return (exponent, error, status code) at value i; the status -1 if the time is over."""
-        case_model, tuning_of_case = cases[i]
+        """Return (exponent, uncertainty, status code) at the parameter value number i.
+
+        The status code is -1 if the time limit is over.
+        """
+        case_model, case_tuning = cases[i]
         if limit.is_over():
             return np.nan, np.nan, -1
-        if not np.isfinite(starts[i]).all():
+        if not np.isfinite(initial_states[i]).all():
             return np.nan, np.nan, status.NO_START
-        lengths = {"settle": settle, "periods": periods, "max_events": max_events}
-        exponent = largest_exponent(case_model, tuning_of_case, state=tuple(starts[i]), **lengths)
+        exponent = largest_exponent(
+            case_model,
+            case_tuning,
+            state=tuple(initial_states[i]),
+            settle=settle,
+            periods=periods,
+            max_events=max_events,
+        )
         return exponent.value, exponent.uncertainty, exponent.status
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         rows = pool.map(exponent_row, range(values.size))
         table = np.array(list(with_bar("values", rows, values.size)))
-    data = {name: (parameter, table[:, i]) for i, name in enumerate(("exponent", "uncertainty"))}
-    data["status"] = parameter, table[:, 2].astype(np.int8)
+    data = {
+        "exponent": (parameter, table[:, 0]),
+        "uncertainty": (parameter, table[:, 1]),
+        "status": (parameter, table[:, 2].astype(np.int8)),
+    }
     settings = {"parameter": parameter, "tuning": tuning, "settle": settle, "periods": periods}
     title, coords = "Largest Lyapunov exponents of a gear mesh", {parameter: values}
     dataset = result(title, model, data, coords, method="variational maps", **settings)

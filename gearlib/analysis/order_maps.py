@@ -35,11 +35,12 @@ PHASE_TOLERANCE = 1e-9
 #: Number of samples of an interpolating polynomial, and a Gauss rule that integrates it exactly.
 STENCIL = 4
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(2)
-#: Functions from the magnitude of a complex Fourier coefficient to the amplitude of its order > 0.
+#: Kind of amplitude -> function from the magnitude of the complex Fourier coefficient of an order
+#: > 0 to the amplitude of this order.
 _AMPLITUDES = {
-    "rms": lambda c: math.sqrt(2.0) * c,
-    "peak": lambda c: 2.0 * c,
-    "power": lambda c: 2.0 * c**2,
+    "rms": lambda magnitude: math.sqrt(2.0) * magnitude,
+    "peak": lambda magnitude: 2.0 * magnitude,
+    "power": lambda magnitude: 2.0 * magnitude**2,
 }
 #: Highest mesh order by default.
 _DEFAULT_MESH_ORDERS = 5
@@ -50,18 +51,18 @@ _VARIABLES = {
     "acceleration": (lambda run: run.static_deflection * run.mesh_frequency**2, "m s-2"),
     "dynamic_force": (lambda run: run.force_scale, "N"),
 }
-#: Largest change of a coefficient with half of the samples, relative to the root mean square.
+#: Largest change of a coefficient if every second sample is left out, over the root mean square.
 MAX_CHANGE = 0.05
 
 
 @dataclass
 class Motion:
-    """Samples of a variable over the mesh phase, with the speed course."""
+    """Samples of a variable of a run over the mesh phase, with the speed course of the run."""
 
-    phase: np.ndarray  #: mesh phase since the first sample, shape (k,)
-    values: np.ndarray  #: shape (k,), for trains (k, m)
-    jumps: np.ndarray  #: sorted phases at which values or slopes jump
-    speeds: np.ndarray  #: speed course since the first sample, rows of s and rpm
+    phase: np.ndarray  #: mesh phase since the first sample, rad, shape (k,)
+    values: np.ndarray  #: samples, shape (k,), for a train with m meshes (k, m)
+    jumps: np.ndarray  #: sorted phases at which the variable or its slope jumps, rad
+    speeds: np.ndarray  #: speed course: rows (time since the first sample in s, speed in rpm)
     teeth: float  #: mesh periods per revolution
     max_order: float  #: highest order by default
     units: str
@@ -70,21 +71,22 @@ class Motion:
 
     @property
     def travel(self) -> float:
-        """Number of revolutions."""
+        """Number of revolutions of the run."""
         return float(np.trapezoid(self.speeds[:, 1], self.speeds[:, 0])) / 60.0
 
 
 @dataclass
 class FourierSums:
-    """Fourier coefficients of blocks of a motion, and their changes with half of the samples."""
+    """Fourier coefficients of the blocks of a signal, with an estimate of their errors."""
 
-    coefficients: np.ndarray  #: complex, shape (blocks, orders, ...)
-    changes: np.ndarray  #: absolute values of the changes, same shape
-    mean_squares: np.ndarray  #: mean squares of the samples, shape (blocks, ...)
+    coefficients: np.ndarray  #: complex, shape (blocks, orders) or, for trains, (..., meshes)
+    #: Absolute changes of the coefficients if every second sample is left out, same shape.
+    changes: np.ndarray
+    mean_squares: np.ndarray  #: mean squares of the samples of each block, without the orders
 
     @property
     def rms(self) -> float:
-        """Largest root mean square of the samples of a block."""
+        """Largest root mean square of the samples among the blocks."""
         return math.sqrt(self.mean_squares.max())
 
 
@@ -92,26 +94,31 @@ class ShaftRotation:
     """Rotation of a shaft with a piecewise linear speed course."""
 
     def __init__(self, speed_course: ArrayLike):
-        """Integrate the speed; it has rows (time in s, speed in rpm), shape (n, 2)."""
-        self._time, speed = np.array(speed_course, float).T
+        """Integrate a speed course, rows (time in s, speed in rpm), shape (n, 2)."""
+        self._time, speed_rpm = np.array(speed_course, float).T
         #: Speed in rev/s, its slope in rev/s^2, and revolutions since the first row.
-        self._speed = speed / 60.0
+        self._speed = speed_rpm / 60.0
         self._slope = np.diff(self._speed) / np.diff(self._time)
         self._revolutions = cumulative_trapezoid(self._speed, self._time, initial=0.0)
 
     def revolutions(self, time: np.ndarray) -> np.ndarray:
-        """Return the revolutions at times in s; the speed is constant after the last row."""
+        """Return the number of revolutions since the first row at times in s.
+
+        The speed is constant after the last row.
+        """
         i = np.clip(np.searchsorted(self._time, time, "right") - 1, 0, None)
-        t, slope = time - self._time[i], np.append(self._slope, 0.0)[i]
-        return self._revolutions[i] + (self._speed[i] + 0.5 * slope * t) * t
+        slope = np.append(self._slope, 0.0)[i]
+        duration = time - self._time[i]
+        return self._revolutions[i] + (self._speed[i] + 0.5 * slope * duration) * duration
 
     def time_and_speed(self, revolutions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (time in s, speed in rpm) after the given numbers of revolutions."""
         i = np.searchsorted(self._revolutions, revolutions, "right") - 1
         i = np.clip(i, 0, self._slope.size - 1)
-        start_speed, angle = self._speed[i], revolutions - self._revolutions[i]
+        start_speed = self._speed[i]
+        angle = revolutions - self._revolutions[i]  # since row i, in revolutions
         speed = np.sqrt(np.maximum(start_speed**2 + 2.0 * self._slope[i] * angle, 0.0))
-        # This form of the root of the quadratic equation is accurate for a start from standstill.
+        # This form of the root of the quadratic equation is accurate also if the start speed is 0.
         duration = np.zeros(angle.shape)
         np.divide(2.0 * angle, start_speed + speed, where=angle > 0.0, out=duration)
         return self._time[i] + duration, 60.0 * speed
@@ -130,37 +137,37 @@ def order_map(
     teeth: Count = 1,
     orders: Annotated[tuple[NonNegative, ...] | None, Values(), MinLen(1)] = None,
 ):
-    """Compute the amplitudes of the orders of a run-up in blocks of revolutions.
+    """Compute the order amplitudes of a run-up or a signal in blocks of whole revolutions.
 
     Parameters
     ----------
     run : xarray.Dataset
         A result of `gearlib.run_up` with samples_per_period, or of `gearlib.simulate`. With 128
-        samples per mesh period the error is about 1e-6 of the largest amplitude of the
-        displacement, and 1e-4 of that of the force, which jumps with the stiffness. Times and
-        phases count from the first sample. Alternatively any signal over ``time`` (s) with
-        ``speed`` (min-1), such as a result of `gearlib.read_measured`: it is interpolated at equal
-        angles by cubic splines. Samples with NaN are missing. Blocks that a gap touches are left
-        out: a step between samples of more than three usual ones, or of more than a quarter of the
-        wave of the highest order. The speed is taken as linear across its gaps. A negative speed
-        is a rotation backwards; blocks in which the speed is 0 over several samples or changes its
-        sign are left out.
+        samples per mesh period the error relative to the largest amplitude is about 1e-6 for the
+        displacement, and 1e-4 for the force, which jumps with the stiffness. Times and phases count
+        from the first sample.
+        Alternatively any signal over ``time`` (s) with ``speed`` (min-1), such as a result of
+        `gearlib.read_measured`: it is interpolated at equal angles by cubic splines. NaN marks a
+        missing sample. A gap is a step between samples that exceeds three times the usual step, or
+        a quarter of the wave of the highest order; blocks with a gap are left out. Where the speed
+        is missing, it is interpolated linearly. A negative speed means backward rotation; blocks in
+        which the speed is 0 over several samples or changes its sign are left out.
     variable : {"displacement", "velocity", "acceleration", "dynamic_force"}
-        Name of the variable; a signal may have any other.
+        Name of the variable; of a signal any variable.
     resolution : float, default 1
         Largest order spacing, > 0 and <= 1. Blocks have a whole number of revolutions, and the
-        actual spacing, ``order_resolution``, is its reciprocal.
+        actual spacing, ``order_resolution``, is the reciprocal of this number.
     highest : float, optional
         Highest order. By default the fifth mesh order, or for a signal the highest order with four
         samples per wave.
     amplitude : {"rms", "peak", "power"}
         Root mean square, amplitude or mean square of a sine. Order 0 is the mean, or its square.
     tacho : sequence of float, optional
-        For a signal without speed, or in its place: times of tacho pulses in s. The map extends
-        from the first to the last. Each interval is compared with the speed of its neighbours: a
-        single pulse that is missing is counted, a single double pulse is left out (of two closer
-        than 1 % of an interval the later one), and so are irregular pulses at either end. Any other
-        irregular pulse is refused with its time.
+        For a signal, instead of its speed: times of tacho pulses in s. The map extends from the
+        first to the last pulse. Each interval between pulses is compared with its neighbours. A
+        single missing pulse is counted. A single double pulse is left out (if two pulses are closer
+        than 1 % of an interval, the later one). Irregular pulses at either end are left out, too;
+        any other irregular pulse raises an error with its time.
     pulses_per_revolution : int, default 1
         Number of tacho pulses per revolution, at equal angles.
     teeth : int, default 1
@@ -176,53 +183,66 @@ def order_map(
         order times the shaft angle since the start of the run, or since the first tacho pulse);
         amplitude_error, an estimate. Over ``time``: rpm, the mean speed, and overall, the root mean
         square of the variable without its mean. Trains have the dimension ``mesh`` as well. Scalars
-        order_resolution and teeth. Of a signal the attribute ``comment`` says what was left out or
-        repaired and why, and ``left_out`` (intervals without a block), ``missing_pulses`` (the
-        pulses around each) and
-        ``double_pulses`` have the times in s, as JSON.
+        order_resolution and teeth. For a signal, the attribute ``comment`` describes what was left
+        out or repaired and why, and the attributes ``left_out`` (intervals without a block),
+        ``missing_pulses`` (the pulses before and after each) and ``double_pulses`` have the times
+        in s as JSON.
 
     Raises
     ------
     ValueError
         If an argument is invalid, or if a coefficient changes by more than 5 % of the root mean
-        square when every second sample is omitted.
+        square when every second sample is left out.
     """
     allowed = f"one of {', '.join(map(repr, _VARIABLES))}, or of a signal the name of any variable"
     checks.require(isinstance(variable, str), "variable", variable, allowed)
-    if orders is not None:
-        highest = max(*orders, resolution) if highest is None else highest
+    if orders is not None and highest is None:
+        highest = max(*orders, resolution)
     motion = _motion(run, variable, highest, tacho, pulses_per_revolution, teeth)
-    revolutions = math.ceil(1.0 / resolution - 1e-12)
+    revolutions = math.ceil(1.0 / resolution - 1e-12)  # per block
     run_revolutions = motion.travel
-    blocks = int(run_revolutions / revolutions + PHASE_TOLERANCE)
-    if blocks < 1:
+    block_count = int(run_revolutions / revolutions + PHASE_TOLERANCE)
+    if block_count < 1:
         raise ValueError(
             f"resolution = {resolution!r} is not allowed for this run: a block must have "
             f"{revolutions} whole revolutions, and the run has {run_revolutions:.4g}"
         )
-    highest = motion.max_order if highest is None else highest
-    count = int(highest * revolutions + 1e-9) + 1
+    if highest is None:
+        highest = motion.max_order
+    # The orders are 0, 1 / revolutions, 2 / revolutions, ... up to the highest.
+    order_count = int(highest * revolutions + 1e-9) + 1
     if isinstance(motion, RigSignal):
-        sums, begins, ends, directions = _signal_sums(motion, variable, revolutions, highest, count)
-        motion.attrs |= motion.left_out(begins, ends, revolutions)
+        sums, start_times, end_times, directions = _signal_sums(
+            motion, variable, revolutions, highest, order_count
+        )
+        motion.attrs |= motion.left_out(start_times, end_times, revolutions)
     else:
-        sums = _run_sums(motion, revolutions, highest, blocks, count)
-        turns = revolutions * np.arange(blocks + 1.0)
-        bounds, _ = ShaftRotation(motion.speeds).time_and_speed(turns)
-        begins, ends, directions = bounds[:-1], bounds[1:], 1.0
-    indices = np.arange(count)
+        sums = _run_sums(motion, revolutions, highest, block_count, order_count)
+        bounds = revolutions * np.arange(block_count + 1.0)
+        times, _ = ShaftRotation(motion.speeds).time_and_speed(bounds)
+        start_times, end_times, directions = times[:-1], times[1:], 1.0
+    indices = np.arange(order_count)
     if orders is not None:
         indices = np.array([round(order * revolutions) for order in orders])
+        largest_order = (order_count - 1) / revolutions
+        allowed = f"one of 0, {1.0 / revolutions:.4g}, ..., {largest_order:.4g}"
         for order, index in zip(orders, indices.tolist(), strict=True):
-            allowed = f"one of 0, {1.0 / revolutions:.4g}, ..., {(count - 1) / revolutions:.4g}"
-            is_valid = abs(index - order * revolutions) <= 1e-09 * max(order, 1.0) and index < count
-            checks.require(is_valid, "orders", order, allowed)
-    rpm = 60.0 * revolutions * directions / (ends - begins)
-    return _dataset(motion, variable, amplitude, sums, indices, revolutions, begins, ends, rpm)
+            is_on_grid = abs(index - order * revolutions) <= 1e-09 * max(order, 1.0)
+            checks.require(is_on_grid and index < order_count, "orders", order, allowed)
+    rpm = 60.0 * revolutions * directions / (end_times - start_times)
+    return _dataset(
+        motion, variable, amplitude, sums, indices, revolutions, start_times, end_times, rpm
+    )
 
 
-def _run_sums(motion, revolutions: int, highest: float, blocks: int, count: int) -> FourierSums:
-    """Return the Fourier coefficients of the blocks of a run for the arguments of `order_map`."""
+def _run_sums(
+    motion: Motion, revolutions: int, highest: float, block_count: int, order_count: int
+) -> FourierSums:
+    """Return the Fourier coefficients of the blocks of a run, after a check of their errors.
+
+    Blocks have a whole number of `revolutions`, and the orders are multiples of 1 / `revolutions`
+    from 0. `highest` is the highest order, for the error message.
+    """
     samples_per_period = _samples_per_period(motion.phase)
     max_order = 0.25 * samples_per_period * motion.teeth
     if highest > max_order * (1.0 + PHASE_TOLERANCE):
@@ -230,52 +250,79 @@ def _run_sums(motion, revolutions: int, highest: float, blocks: int, count: int)
             f"highest = {highest:g} is not allowed with samples_per_period = {samples_per_period}: "
             f"it must be at most {max_order:.4g}, orders with four samples a wave"
         )
-    step = 1.0 / (motion.teeth * revolutions)
-    sums = fourier(motion.phase, motion.values, motion.jumps, math.tau / step, blocks, step, count)
+    # Wave numbers are in waves per radian of the mesh phase.
+    wave_number_step = 1.0 / (motion.teeth * revolutions)
+    block_length = math.tau / wave_number_step
+    sums = fourier(
+        motion.phase,
+        motion.values,
+        motion.jumps,
+        block_length,
+        block_count,
+        wave_number_step,
+        order_count,
+    )
     _check_changes(sums, motion.phase)
     return sums
 
 
 def _signal_sums(
-    signal: RigSignal, variable: str, revolutions: int, highest: float, count: int
+    signal: RigSignal, variable: str, revolutions: int, highest: float, order_count: int
 ) -> tuple:
     """Return (Fourier sums, start times, end times, directions) of the blocks of a signal.
 
-    The coefficients are not checked, because noise changes them.
+    Blocks have a whole number of `revolutions`, and the orders are multiples of 1 / `revolutions`
+    from 0 to `highest`. Times are in s, and directions are 1 or -1, sorted by time. `variable` is
+    the name of the signal for the error message. The errors of the coefficients are not checked,
+    because noise changes the coefficients.
     """
-    coefficients, changes, squares, places = [], [], [], []
-    for samples, begin, end, direction in signal.blocks(revolutions, highest):
+    coefficients, changes, mean_squares, blocks = [], [], [], []
+    for samples, start_time, end_time, direction in signal.blocks(revolutions, highest):
         # The trapezoidal rule takes half of the first and half of the last sample.
-        wave, square = samples[:-1].copy(), samples[:-1] ** 2
-        wave[0] = 0.5 * (samples[0] + samples[-1])
-        square[0] = 0.5 * (samples[0] ** 2 + samples[-1] ** 2)
-        fine, coarse = (np.fft.rfft(x, norm="forward")[:count] for x in (wave, wave[::2]))
+        periodic_samples, squares = samples[:-1].copy(), samples[:-1] ** 2
+        periodic_samples[0] = 0.5 * (samples[0] + samples[-1])
+        squares[0] = 0.5 * (samples[0] ** 2 + samples[-1] ** 2)
+        fine = np.fft.rfft(periodic_samples, norm="forward")[:order_count]
+        coarse = np.fft.rfft(periodic_samples[::2], norm="forward")[:order_count]
         coefficients.append(fine)
         changes.append(np.abs(fine - coarse))
-        squares.append(square.mean())
-        places.append((begin, end, direction))
-    if not places:
-        reasons = ", ".join(dict.fromkeys(why for _, _, why in signal.breaks))
+        mean_squares.append(squares.mean())
+        blocks.append((start_time, end_time, direction))
+    if not blocks:
+        reasons = ", ".join(dict.fromkeys(reason for _, _, reason in signal.breaks))
         raise ValueError(
             f"{variable} is not allowed: no block of {revolutions} whole revolutions is complete "
             f"({reasons}), and there must be one at least"
         )
-    order = np.argsort([begin for begin, _, _ in places])
-    sums = FourierSums(*(np.array(x)[order] for x in (coefficients, changes, squares)))
-    return sums, *np.array(places)[order].T
+    order = np.argsort([start_time for start_time, _, _ in blocks])
+    sums = FourierSums(
+        np.array(coefficients)[order], np.array(changes)[order], np.array(mean_squares)[order]
+    )
+    start_times, end_times, directions = np.array(blocks)[order].T
+    return sums, start_times, end_times, directions
 
 
 def _motion(
-    run: Any, variable: str, highest: float | None, tacho: Any, per_turn: int, teeth: int
+    run: Any,
+    variable: str,
+    highest: float | None,
+    tacho: Any,
+    pulses_per_revolution: int,
+    teeth: int,
 ) -> Motion | RigSignal:
-    """Return the samples of a variable of a run or a signal for the arguments of `order_map`."""
+    """Return the samples of a variable as a `Motion` of a run, or as a measured `RigSignal`.
+
+    The arguments are those of `order_map`. A dataset over time without the mesh phase is a signal.
+    """
     names = set(getattr(run, "variables", ()))  # empty unless `run` is a dataset
     if "time" in names and "phase" not in names:
-        return rig_signal(run, variable, highest, tacho, per_turn, teeth)
+        return rig_signal(run, variable, highest, tacho, pulses_per_revolution, teeth)
     checks.one_of("variable", variable, tuple(_VARIABLES))
-    allowed = "for a run-up, whose shaft angle is known"
-    checks.require(tacho is None, "tacho", tacho, f"None {allowed}")
-    checks.require(per_turn == 1, "pulses_per_revolution", per_turn, f"1 {allowed}")
+    condition = "for a run-up, whose shaft angle is known"
+    checks.require(tacho is None, "tacho", tacho, f"None {condition}")
+    allowed = f"1 {condition}"
+    is_one = pulses_per_revolution == 1
+    checks.require(is_one, "pulses_per_revolution", pulses_per_revolution, allowed)
     simulated_names = {"mesh_frequency", "static_deflection", "force_scale", "contact", *_VARIABLES}
     is_simulation = simulated_names <= names and run.displacement.dims[0] == "phase"
     is_run_up = names >= {variable, "time", "speed", "phase"} and "time" in run.sizes
@@ -286,8 +333,10 @@ def _motion(
 
 
 def _name_of_run(run: Any) -> Any:
-    """Return the title or type of a run for an error message."""
-    return run.attrs.get("title", type(run).__name__) if hasattr(run, "attrs") else run
+    """Return the title or type of a dataset for an error message; other objects are returned."""
+    if not hasattr(run, "attrs"):
+        return run
+    return run.attrs.get("title", type(run).__name__)
 
 
 def _check_status(run: xr.Dataset) -> None:
@@ -299,33 +348,41 @@ def _check_status(run: xr.Dataset) -> None:
 def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
     """Return the samples of a variable of `gearlib.run_up` or `gearlib.simulate`, in SI units."""
     _check_status(run)
+    is_run_up = "time" in run.sizes
     parameters, phase = json.loads(run.attrs["parameters"]), run.phase.values
-    if "time" in run.sizes:
-        speed, time, speeds = run.speed.values, run.time.values, np.array(parameters["speed"])
+    if is_run_up:
+        speed, time = run.speed.values, run.time.values
+        speed_course = np.array(parameters["speed"])
         # Shaft angle in rad from speeds in rpm, by the trapezoidal rule.
         angle = math.pi / 60.0 * ((speed[1:] + speed[:-1]) * np.diff(time)).sum()
-        scale, units, courses = 1.0, run[variable].attrs["units"], run.attrs["parameters"]
+        scale, units = 1.0, run[variable].attrs["units"]
+        courses = run.attrs["parameters"]
     else:
-        phase, rpm, omega = phase - phase[0], float(run.speed), float(run.mesh_frequency)
-        speeds = np.array([[0.0, rpm], [math.tau * parameters["record_periods"] / omega, rpm]])
+        phase = phase - phase[0]
+        rpm, omega = float(run.speed), float(run.mesh_frequency)  # omega in rad/s
+        duration = math.tau * parameters["record_periods"] / omega
+        speed_course = np.array([[0.0, rpm], [duration, rpm]])
         angle = math.pi / 30.0 * rpm * phase[-1] / omega
-        scale_of, units = _VARIABLES[variable]
-        scale, courses = float(scale_of(run)), _courses_json(speeds)
+        scale_function, units = _VARIABLES[variable]
+        scale = float(scale_function(run))
+        courses = _courses_json(speed_course)
     teeth = float((phase[-1] - phase[0]) / angle) if angle > 0.0 else 1.0
-    # Mesh periods per revolution are an integer, apart from rounding errors.
-    teeth = float(round(teeth)) if abs(teeth - round(teeth)) < 1e-6 * teeth else teeth
-    if "time" in run.sizes:
+    # Mesh periods per revolution are an integer, apart from rounding errors and turning carriers.
+    if abs(teeth - round(teeth)) < 1e-6 * teeth:
+        teeth = float(round(teeth))
+    if is_run_up:
         # The variable or its slope may jump at corners of the courses and at contact events.
         times = [row[0] for row in (*parameters["speed"], *parameters["load"])]
-        times.extend(run.event_time.values if "event_time" in run else ())
-        event_phases = math.tau * teeth * ShaftRotation(speeds).revolutions(np.array(times))
+        if "event_time" in run:
+            times.extend(run.event_time.values)
+        event_phases = math.tau * teeth * ShaftRotation(speed_course).revolutions(np.array(times))
     else:
         event_phases = _event_phases(run)
     return Motion(
         phase=phase,
         values=run[variable].values * scale,
         jumps=_jumps(run, variable, event_phases),
-        speeds=speeds,
+        speeds=speed_course,
         teeth=teeth,
         max_order=_DEFAULT_MESH_ORDERS * teeth,
         units=units,
@@ -335,44 +392,49 @@ def _motion_of_run(run: xr.Dataset, variable: str) -> Motion:
 
 
 def _event_phases(run: xr.Dataset) -> np.ndarray:
-    """Return [start, end, *contact events] of a run as phases (rad) since the first sample."""
-    end = math.tau * json.loads(run.attrs["parameters"])["record_periods"]
-    return np.array([0.0, end, *(run.event_phase.values - run.phase.values[0])])
+    """Return the phases of start, end and contact events of a run, rad since the first sample."""
+    end_phase = math.tau * recorded_periods(run)
+    contact_phases = run.event_phase.values - run.phase.values[0]
+    return np.array([0.0, end_phase, *contact_phases])
 
 
 def _attributes(run: xr.Dataset, *names: str) -> dict:
-    """Return {name: attribute} of the named attributes that a run has."""
+    """Return those attributes of a run whose names are given, without names that it lacks."""
     return {name: run.attrs[name] for name in names if name in run.attrs}
 
 
-def _courses_json(speeds: np.ndarray) -> str:
-    """Return a speed course, rows of s and rpm, and a constant load course as JSON."""
-    return canonical_json({"speed": speeds.tolist(), "load": [[0.0, 1.0]]})
+def _courses_json(speed_course: np.ndarray) -> str:
+    """Return a speed course, rows (time in s, speed in rpm), with a constant load as JSON text."""
+    return canonical_json({"speed": speed_course.tolist(), "load": [[0.0, 1.0]]})
 
 
 def _jumps(run: xr.Dataset, variable: str, event_phases: np.ndarray) -> np.ndarray:
-    """Return the sorted phases, since the first sample, at which a variable of a run may jump.
+    """Return the sorted phases, in rad since the first sample, at which a variable may jump.
 
-    These are `event_phases` and, if the attributes describe the model, switches of its stiffness.
+    These are `event_phases` and, if the attributes of the run describe the model, the switches of
+    its stiffness. Displacement and velocity are continuous, so they have none.
     """
     if variable in ("displacement", "velocity"):
         return np.empty(0)  # treated as smooth
     phases = event_phases
+    # The model is None if the attributes do not describe it.
     model = model_from_json(run.attrs.get("gear_pair") or run.attrs.get("model", ""))
     if model is not None:
         # The mesh phase of a run-up starts at 0.
-        start = 0.0 if "time" in run.dims else float(run.phase[0])
-        stop = float(run.phase[-1])
+        start_phase = 0.0 if "time" in run.dims else float(run.phase[0])
+        end_phase = float(run.phase[-1])
         switches, period = _stiffness_switches(model)
-        first, last = (start - math.tau) // period, (stop + math.tau) // period
-        period_starts = period * np.arange(first, last + 1.0)
-        phases = np.concatenate([phases, (period_starts[:, None] + switches).ravel() - start])
+        first_period = (start_phase - math.tau) // period
+        last_period = (end_phase + math.tau) // period
+        period_starts = period * np.arange(first_period, last_period + 1.0)
+        switch_phases = (period_starts[:, None] + switches).ravel() - start_phase
+        phases = np.concatenate([phases, switch_phases])
     phases = np.sort(phases)
     return phases[np.diff(phases, prepend=-np.inf) > PHASE_TOLERANCE]
 
 
 def _stiffness_switches(model: Any) -> tuple:
-    """Return (mesh phases of jumps of the stiffness in a period, length of the period in rad)."""
+    """Return (mesh phases at which the stiffness jumps, period of the stiffness), both in rad."""
     if model.equation is None:
         segment_bounds = model.system(tuning=1.0).starts  # the same at all tunings
         return segment_bounds[:-1], segment_bounds[-1]
@@ -386,112 +448,150 @@ def _stiffness_switches(model: Any) -> tuple:
     return np.unique(np.concatenate(switches)), math.tau
 
 
-def fourier(phase, values, jumps, block_length, blocks, step, count) -> FourierSums:
-    """Return the Fourier coefficients 0 ... count - 1 of samples in consecutive blocks of phase.
+def fourier(
+    phase, values, jumps, block_length, block_count, wave_number_step, order_count
+) -> FourierSums:
+    """Compute Fourier coefficients of samples in consecutive blocks, with an error estimate.
 
-    Block b starts at the phase b * block_length, and coefficient n belongs to the wave number
-    n * step. Values or slopes jump at the sorted phases `jumps`.
+    `values`, shape (k,) or (k, meshes), are samples at the sorted phases `phase`, shape (k,), in
+    rad. Block b extends from b * block_length to (b + 1) * block_length, and coefficient n belongs
+    to the wave number n * wave_number_step. The values or their slopes jump at the sorted phases
+    `jumps`.
     """
-    sums, mean_squares = _block_sums(phase, values, jumps, block_length, blocks, step, count)
-    coarse_sums, _ = _block_sums(phase[::2], values[::2], jumps, block_length, blocks, step, count)
+    blocks = block_length, block_count, wave_number_step, order_count
+    sums, mean_squares = _block_sums(phase, values, jumps, *blocks)
+    coarse_sums, _ = _block_sums(phase[::2], values[::2], jumps, *blocks)
     return FourierSums(sums, np.abs(sums - coarse_sums), mean_squares)
 
 
-def _block_sums(phase, values, jumps, block_length, blocks, step, count) -> tuple:
-    """Return (Fourier coefficients, mean squares) of the blocks for the arguments of `fourier`."""
-    table, inner_shape = values.reshape(len(values), -1).T, values.shape[1:]
-    sums = np.zeros((blocks, count, len(table)), complex)
-    squares = np.zeros((blocks, len(table)))
-    # A sample at a jump may belong to either side, so it is omitted.
+def _block_sums(
+    phase, values, jumps, block_length, block_count, wave_number_step, order_count
+) -> tuple:
+    """Return (Fourier coefficients, mean squares) of samples in consecutive blocks of phase.
+
+    The arguments are explained in `fourier`. Coefficients have the shape (block_count,
+    order_count, ...) and mean squares (block_count, ...), with further dimensions as in `values`.
+    """
+    inner_shape = values.shape[1:]
+    table = values.reshape(len(values), -1).T  # a row for each mesh
+    sums = np.zeros((block_count, order_count, len(table)), complex)
+    mean_squares = np.zeros((block_count, len(table)))
+    # A sample at a jump may belong to either side, so it is left out.
     ends = np.concatenate([[-np.inf], jumps, [np.inf]])
     segments = np.searchsorted(jumps, phase)
     distances = np.minimum(phase - ends[segments], ends[segments + 1] - phase)
     phase, table = phase[distances > PHASE_TOLERANCE], table[:, distances > PHASE_TOLERANCE]
-    for b in range(blocks):
+    for b in range(block_count):
         start = b * block_length
         bounds = start - PHASE_TOLERANCE, (b + 1) * block_length - PHASE_TOLERANCE
-        first, last = np.searchsorted(phase, bounds)
-        indices = np.arange(max(first - STENCIL, 0), min(last + STENCIL, len(phase)))
+        first, stop = np.searchsorted(phase, bounds)
+        # Polynomials at the ends of a block need samples outside it.
+        indices = np.arange(max(first - STENCIL, 0), min(stop + STENCIL, len(phase)))
         block_phase = phase[indices] - start
         weights = _integration_weights(block_phase, jumps - start, block_length)
         samples = table[:, indices]
-        weighted, rotation = weights / block_length * samples, np.exp(-1j * step * block_phase)
-        waves = weighted.astype(complex)
-        for n in range(count):
-            sums[b, n] = waves.sum(axis=1)
-            waves *= rotation
-        squares[b] = (weighted * samples).sum(axis=1)
-    return sums.reshape(blocks, count, *inner_shape), squares.reshape(blocks, *inner_shape)
+        weighted_samples = weights / block_length * samples
+        rotation = np.exp(-1j * wave_number_step * block_phase)
+        terms = weighted_samples.astype(complex)
+        for n in range(order_count):
+            sums[b, n] = terms.sum(axis=1)
+            terms *= rotation
+        mean_squares[b] = (weighted_samples * samples).sum(axis=1)
+    sums = sums.reshape(block_count, order_count, *inner_shape)
+    return sums, mean_squares.reshape(block_count, *inner_shape)
 
 
 def _integration_weights(phase: np.ndarray, jumps: np.ndarray, length: float) -> np.ndarray:
-    """Return quadrature weights of samples at sorted phases for the integral over 0 ... `length`.
+    """Return the quadrature weights, shape (k,), of samples for an integral from 0 to `length`.
 
-    Cubic polynomials interpolate neighbouring samples, but do not extend across sorted `jumps`.
+    The integrand is sampled at the sorted phases `phase`, shape (k,), which may extend beyond both
+    ends. Cubic polynomials interpolate neighbouring samples, but do not extend across the sorted
+    phases `jumps`, where the integrand jumps.
     """
     jumps = jumps[(jumps > phase[0]) & (jumps < phase[-1])]
     ends = np.concatenate([[0.0, length], phase, jumps])
     bounds = np.unique(ends[(ends >= 0.0) & (ends <= length)])
-    half, middle = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
+    # Intervals between these bounds have one polynomial each.
+    half_lengths, middles = 0.5 * np.diff(bounds), 0.5 * (bounds[1:] + bounds[:-1])
     # The number of a smooth segment is the number of jumps before it.
     segment_of_sample = np.searchsorted(jumps, phase)
-    segment_of_interval = np.searchsorted(jumps, middle)
+    segment_of_interval = np.searchsorted(jumps, middles)
+    # Indices of the samples that lie in the segment of each interval.
     low = np.searchsorted(segment_of_sample, segment_of_interval, side="left")
     high = np.searchsorted(segment_of_sample, segment_of_interval, side="right")
     # A segment without samples uses the neighbouring samples on both sides.
     is_empty = (low == high).astype(int)
     low, high = np.maximum(low - is_empty, 0), np.minimum(high + is_empty, phase.size)
-    size = np.minimum(high - low, STENCIL)
-    first = np.clip(np.searchsorted(phase, middle) - size // 2, low, high - size)
+    stencil_sizes = np.minimum(high - low, STENCIL)
+    first_samples = np.searchsorted(phase, middles) - stencil_sizes // 2
+    first_samples = np.clip(first_samples, low, high - stencil_sizes)
     weights = np.zeros(phase.size)
-    for n in np.unique(size).tolist():
-        intervals = np.flatnonzero(size == n)
-        indices = first[intervals] + np.arange(n)[:, None]
-        x, nodes = phase[indices] - middle[intervals], half[intervals] * GAUSS_NODES[:, None]
+    for n in np.unique(stencil_sizes).tolist():
+        intervals = np.flatnonzero(stencil_sizes == n)
+        indices = first_samples[intervals] + np.arange(n)[:, None]
+        # Positions of samples and Gauss nodes relative to the middle of each interval.
+        positions = phase[indices] - middles[intervals]
+        nodes = half_lengths[intervals] * GAUSS_NODES[:, None]
         for i in range(n):
             lagrange = np.ones(nodes.shape)
             for j in range(n):
                 if j != i:
-                    lagrange *= (nodes - x[j]) / (x[i] - x[j])
-            integrals = half[intervals] * (GAUSS_WEIGHTS @ lagrange)
+                    lagrange *= (nodes - positions[j]) / (positions[i] - positions[j])
+            integrals = half_lengths[intervals] * (GAUSS_WEIGHTS @ lagrange)
             weights += np.bincount(indices[i], integrals, minlength=phase.size)
     return weights
 
 
 def _samples_per_period(phase: np.ndarray) -> int:
-    """Return the number of samples in a mesh period, from the median step of their phases."""
-    return round(math.tau / float(np.median(np.diff(phase)))) if phase.size > 1 else 1
+    """Return the number of samples in a mesh period, from the median step of phases in rad."""
+    if phase.size <= 1:
+        return 1
+    return round(math.tau / float(np.median(np.diff(phase))))
 
 
 def _check_changes(sums: FourierSums, phase: np.ndarray) -> None:
-    """Raise ValueError if a coefficient changes too much with half of the samples."""
-    change = sums.changes.max()
-    if change > MAX_CHANGE * sums.rms:
+    """Raise ValueError if a coefficient changes too much when every second sample is left out.
+
+    `phase` holds the phases of the samples in rad, for the error message.
+    """
+    largest_change = sums.changes.max()
+    if largest_change > MAX_CHANGE * sums.rms:
         raise ValueError(
             f"samples_per_period = {_samples_per_period(phase)} is not allowed for these orders: "
-            f"with half of the samples one changes by {change / sums.rms:.2g} of the "
+            f"with half of the samples one changes by {largest_change / sums.rms:.2g} of the "
             f"root mean square, and it must be at most {MAX_CHANGE:g}"
         )
 
 
 def _dataset(
-    motion: Motion | RigSignal, variable, amplitude, sums, indices, revolutions, begins, ends, rpm
+    motion: Motion | RigSignal,
+    variable: str,
+    amplitude: str,
+    sums: FourierSums,
+    indices: np.ndarray,
+    revolutions: int,
+    start_times: np.ndarray,
+    end_times: np.ndarray,
+    rpm: np.ndarray,
 ) -> xr.Dataset:
-    """Return the order map of a variable as a dataset.
+    """Return the order map of a variable as the dataset of `order_map`.
 
-    `indices` select the orders, `revolutions` is the number of revolutions per block; blocks extend
-    from `begins` to `ends`, s.
+    The orders are `indices` / `revolutions`, where `revolutions` is the number of revolutions of a
+    block. Blocks extend from `start_times` to `end_times` in s and have the mean speeds `rpm`.
     """
-    mean = np.abs(sums.coefficients[:, 0])
-    overall = np.sqrt(np.maximum(sums.mean_squares - mean**2, 0.0))
+    means = np.abs(sums.coefficients[:, 0])
+    overall = np.sqrt(np.maximum(sums.mean_squares - means**2, 0.0))
     coefficients, changes = sums.coefficients[:, indices], sums.changes[:, indices]
-    magnitudes, unit, label = np.abs(coefficients), motion.units, variable.replace("_", " ")
-    is_wave = (indices > 0).reshape(1, -1, *[1] * (magnitudes.ndim - 2))  # all orders but 0
-    mean_level, level_unit = magnitudes, unit
+    unit, label = motion.units, variable.replace("_", " ")
+    magnitudes = np.abs(coefficients)
+    # A sine, unlike the mean at order 0, has two complex coefficients of this magnitude.
+    is_sine = (indices > 0).reshape(1, -1, *[1] * (magnitudes.ndim - 2))
+    mean_levels, level_unit = magnitudes, unit
     if amplitude == "power":
-        mean_level, level_unit = magnitudes**2, f"({unit})2" if " " in unit else f"{unit}2"
-    levels = np.where(is_wave, _AMPLITUDES[amplitude](magnitudes), mean_level)
-    errors = np.where(is_wave, 2.0, 1.0) * changes
+        mean_levels = magnitudes**2
+        level_unit = f"({unit})2" if " " in unit else f"{unit}2"
+    levels = np.where(is_sine, _AMPLITUDES[amplitude](magnitudes), mean_levels)
+    errors = np.where(is_sine, 2.0, 1.0) * changes
     dims, block_dims = ("time", "order", *motion.coords), ("time", *motion.coords)
     phase_name = "of a cosine of the order times the shaft angle"
     overall_name = f"root mean square of the {label} without its mean"
@@ -503,7 +603,7 @@ def _dataset(
         "overall": (block_dims, overall, unit, overall_name),
         "order_resolution": ((), 1.0 / revolutions, "1", "order spacing"),
         "teeth": ((), motion.teeth, "1", "mesh periods in a revolution"),
-        "time": ("time", 0.5 * (begins + ends), "s", "middle of the block"),
+        "time": ("time", 0.5 * (start_times + end_times), "s", "middle of the block"),
         "order": ("order", indices / revolutions, "1", "order, waves per revolution"),
     }
     data = {
@@ -534,24 +634,25 @@ def orders(run, *, count: Count | None = None):
         mesh_order (order over teeth), force_amplitude (N, peak; the mean at order 0), force_phase,
         error_amplitude (m) and error_phase (rad; of a cosine of the mesh phase times the mesh
         order); force_amplitude_error and error_amplitude_error, estimated from the changes with
-        half of the samples; mean squares. Trains have the dimension ``mesh`` as well.
+        half of the samples; mean_square_force and mean_square_error, of the samples. Trains have
+        the dimension ``mesh`` as well.
 
     Raises
     ------
     ValueError
         If the run failed or has no whole revolutions, or if a coefficient changes by more than 5 %
-        of the root mean square when every second sample is omitted.
+        of the root mean square when every second sample is left out.
     """
     names = {"phase", "displacement", "dynamic_force", "mesh_frequency"}
     if not names <= set(getattr(run, "variables", ())):
-        expected = "a dataset of gearlib.simulate, of gears that turn"
+        expected = "a dataset of gearlib.simulate for a model with rotating bodies"
         raise checks.refusal("run", _name_of_run(run), expected)
     mesh_orders, sums = record_sums(run, count)
     dims = ("order", *run.displacement.dims[1:])
-    shape = -1, *[1] * (len(dims) - 1)
+    column_shape = -1, *[1] * (len(dims) - 1)
     # Phases of the orders refer to the mesh phase 0, not to the first sample.
-    rotation = np.exp(-1j * mesh_orders * float(run.phase[0])).reshape(shape)
-    peak_factor = np.where(mesh_orders > 0.0, 2.0, 1.0).reshape(shape)
+    rotation = np.exp(-1j * mesh_orders * float(run.phase[0])).reshape(column_shape)
+    peak_factor = np.where(mesh_orders > 0.0, 2.0, 1.0).reshape(column_shape)
     data: dict = {"mesh_order": ("order", mesh_orders)}
     for name, (values, block_sums) in sums.items():
         _check_changes(block_sums, run.phase.values)
@@ -574,22 +675,25 @@ def orders(run, *, count: Count | None = None):
 def _periods_per_revolution(run: xr.Dataset) -> Fraction:
     """Return the mesh periods per revolution of the gear to which the speed of a run refers.
 
-    They are its teeth, but in a turning planetary train not a whole number.
+    It is the number of teeth of the gear, except in a turning planetary train, where it is a
+    fraction.
     """
     ratio = float(run.mesh_frequency) * 60.0 / (math.tau * float(run.speed))
     return Fraction(ratio).limit_denominator(10_000)
 
 
 def recorded_periods(run: xr.Dataset) -> int:
-    """Return the number of recorded mesh periods of a run of `simulate`."""
+    """Return the number of mesh periods in the record of a run of `simulate`."""
     return json.loads(run.attrs["parameters"])["record_periods"]
 
 
 def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bool = True) -> tuple:
-    """Return (mesh orders, {"force": (samples, sums), "error": (samples, sums)}) of a run.
+    """Compute the Fourier sums of mesh force and transmission error of a run of `simulate`.
 
-    These are samples and `FourierSums` of the mesh force (N) and the transmission error (m) of a
-    run of `simulate`, with `fractional_orders` in steps of 1 over the recorded mesh periods.
+    Return (mesh orders, {"force": (samples, sums), "error": (samples, sums)}) with samples in N and
+    m and their `FourierSums` in a single block. `count` is the highest mesh order, by default 10 or
+    a quarter of the samples per period, if that is less. The mesh orders are integers from 0, or
+    with `fractional_orders` multiples of 1 over the number of recorded mesh periods.
     """
     _check_status(run)
     periods, teeth = recorded_periods(run), _periods_per_revolution(run).numerator
@@ -602,9 +706,11 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
             + (f", or of the {orbit_periods} periods of the orbit" if orbit_periods else "")
         )
     max_count = max(run.phase.size // periods // 4, 1)
-    count = min(10, max_count) if count is None else count
+    if count is None:
+        count = min(10, max_count)
     checks.require(count <= max_count, "count", count, f"an integer from 1 to {max_count}")
-    steps_per_order, length = periods if fractional_orders else 1, math.tau * periods
+    steps_per_order = periods if fractional_orders else 1
+    length = math.tau * periods
     order_count = count * steps_per_order + 1
     phase = run.phase.values - run.phase.values[0]
     margin = 2 * STENCIL
@@ -616,18 +722,20 @@ def record_sums(run: xr.Dataset, count: int | None = None, fractional_orders: bo
         ("force", run.dynamic_force.values * float(run.force_scale), "dynamic_force"),
         ("error", transmission_error(run) * float(run.static_deflection), "displacement"),
     ):
-        extended, jumps = values, _jumps(run, variable, _event_phases(run))
+        extended_values = values
         if is_periodic:
-            extended = np.concatenate([values[-margin:], values, values[:margin]])
+            extended_values = np.concatenate([values[-margin:], values, values[:margin]])
+        jumps = _jumps(run, variable, _event_phases(run))
         step = 1.0 / steps_per_order
-        sums[name] = values, fourier(phase, extended, jumps, length, 1, step, order_count)
+        sums[name] = values, fourier(phase, extended_values, jumps, length, 1, step, order_count)
     return np.arange(order_count) / steps_per_order, sums
 
 
 def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
-    """Return (mesh orders >= 1, amplitudes of the mesh force in N, of the transmission error in m).
+    """Return (mesh orders from 1, force amplitudes in N, transmission error amplitudes in m).
 
-    An amplitude is NaN if it differs too much from that of half of the samples.
+    `run` is a dataset of `simulate`. An amplitude is NaN if it changes too much when every second
+    sample is left out.
     """
     mesh_orders, sums = record_sums(run, fractional_orders=False)
     amplitudes = []
@@ -640,7 +748,10 @@ def mesh_order_amplitudes(run: xr.Dataset) -> tuple:
 
 
 def transmission_error(run: xr.Dataset) -> np.ndarray:
-    """Return the displacement less the profile deviation at the samples, static deflections."""
+    """Return the displacement minus the profile deviation at each sample, in static deflections.
+
+    `run` is a dataset of `simulate`. A model without profile deviation has the displacement itself.
+    """
     displacement = run.displacement.values
     model = json.loads(run.attrs.get("gear_pair") or run.attrs["model"])
     deviation = model.get("deviation") if "profile" in model else None
@@ -648,4 +759,7 @@ def transmission_error(run: xr.Dataset) -> np.ndarray:
         return displacement
     phase, scale = run.phase.values, 1.0 / run.static_deflection.item()
     waves = Harmonics(deviation["cosines"], deviation["sines"]).table(scale)
-    return displacement - sum(c * np.cos(k * phase) + s * np.sin(k * phase) for k, c, s in waves)
+    return displacement - sum(
+        cosine * np.cos(order * phase) + sine * np.sin(order * phase)
+        for order, cosine, sine in waves
+    )

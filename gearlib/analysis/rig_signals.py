@@ -1,7 +1,7 @@
-"""Signals of a rig over the angle of the shaft: gaps, standstill, both directions, tacho pulses.
+"""Measured signals over the shaft angle: gaps, standstill, both directions, tacho pulses.
 
-Blocks of whole revolutions lie on one grid of shaft angles. A block that a gap, a standstill or a
-change of direction touches is left out, so that the others are those of the complete signal.
+Blocks of whole revolutions lie on one grid of shaft angles. Blocks with a gap, a standstill or a
+change of direction are left out, so that the other blocks are the same as in a complete signal.
 """
 
 import math
@@ -24,22 +24,24 @@ _REVOLUTION_TOLERANCE = 1e-9
 _MIN_SAMPLES_PER_WAVE = 4.0
 #: Largest number of samples in a revolution; where the shaft is slower, samples are averaged.
 _MAX_SAMPLES_PER_REVOLUTION = 2**16
-#: Number of neighbouring steps whose median is the usual one, and the share of all steps that are
-#: at most this median times a factor; the factor is 1 without jitter.
+#: The usual step is the median of this number of neighbouring steps, times a factor >= 1 so that
+#: this share of all steps does not exceed it. The factor is 1 without jitter.
 _NEIGHBOURS, _USUAL_SHARE = 31, 0.98
-#: Steps that do not count for the highest order, and those that are gaps, over the usual step.
+#: Ratios of a step to the usual step above which it does not count for the highest order, and above
+#: which it is a gap.
 _IRREGULAR_STEP, _GAP = 1.5, 3.0
-#: Largest deviation of an interval between tacho pulses from that of its neighbours, in pulses.
+#: Largest deviation of an interval between tacho pulses from its neighbours, in pulses.
 _PULSE_TOLERANCE = 0.4
 #: Number of neighbours on each side with which an interval is compared.
 _PULSE_NEIGHBOURS = 3
-#: The same of the first and the last interval, which have neighbours on one side, and after repairs
-#: close to them.
+#: The same tolerance for the first and the last interval, which have neighbours on one side only,
+#: and for the intervals after a repair close to an end.
 _END_TOLERANCE, _END_REPAIR_TOLERANCE = 0.2, 0.1
-#: A repair is the only one if the squares of deviations after any other are larger by this factor.
-#: Of pulses closer than this share of an interval the later one is the double one, a bounce.
-_DECISIVE, _BOUNCE = 4.0, 0.01
-#: Most pulses that are left out at either end; a revolution of them if that is more.
+#: A repair is unambiguous if any other one gives larger squares of deviations by this factor.
+_DECISIVE = 4.0
+#: Of two pulses closer than this share of an interval, the later one is a double pulse, a bounce.
+_BOUNCE = 0.01
+#: Most pulses that are left out at either end; the pulses of one revolution if these are more.
 _MAX_LEFT_OUT = 8
 #: Largest number of places that a comment lists.
 _MAX_LISTED = 10
@@ -50,81 +52,95 @@ class RigSignal:
     """Samples of a signal over the shaft angle, in stretches of one direction without gaps."""
 
     time: np.ndarray  #: s, shape (k,)
-    revolutions: np.ndarray  #: shaft angle, which falls where the speed is negative, shape (k,)
+    revolutions: np.ndarray  #: shaft angle, decreasing where the speed is negative, shape (k,)
     values: np.ndarray  #: shape (k,)
     stretches: list  #: (first sample, last sample, direction 1 or -1) of each stretch
-    breaks: list  #: (start in s, end in s, reason) of what lies between stretches
+    breaks: list  #: (start in s, end in s, reason) of each interval that is in no stretch
     known_time: np.ndarray  #: times with a known shaft angle, s
-    path: np.ndarray  #: revolutions in either direction at these times
+    path: np.ndarray  #: revolutions turned in either direction by these times
     max_order: float  #: highest order with four samples a wave at the highest speed
     units: str
     teeth: float  #: mesh periods per revolution
-    attrs: dict  #: attributes of the order map, with the times of pulses missing or double
-    notes: list  #: sentences on what the tacho lacked
+    attrs: dict  #: attributes of the order map, with the times of missing and double pulses
+    notes: list  #: sentences on the faults of the tacho
     coords: dict = field(default_factory=dict)  #: dimensions of the values other than the sample
 
     @property
     def travel(self) -> float:
-        """Number of revolutions in either direction."""
+        """Number of revolutions turned in either direction."""
         return float(self.path[-1])
 
     def blocks(self, length: int, highest: float) -> Iterator[tuple]:
-        """Yield (samples at equal angles, start in s, end in s, direction) of whole blocks.
+        """Yield (samples at equal angles, start in s, end in s, direction) of each complete block.
 
-        A block has `length` revolutions, and its samples go up to and include its end.
+        A block has `length` revolutions, and its samples, which suffice for orders up to `highest`,
+        include both ends. The direction is 1, or -1 for backward rotation.
         """
         for first, last, direction in self.stretches:
-            part = slice(first, last + 1)
-            time, turns, values = self.time[part], self.revolutions[part], self.values[part]
+            stretch = slice(first, last + 1)
+            time, turns = self.time[stretch], self.revolutions[stretch]
+            values = self.values[stretch]
             if direction < 0:
                 time, turns, values = time[::-1], turns[::-1], values[::-1]
-            start = math.ceil(turns[0] / length - _REVOLUTION_TOLERANCE)
-            stop = math.floor(turns[-1] / length + _REVOLUTION_TOLERANCE)
-            if stop <= start:
+            first_block = math.ceil(turns[0] / length - _REVOLUTION_TOLERANCE)
+            stop_block = math.floor(turns[-1] / length + _REVOLUTION_TOLERANCE)
+            if stop_block <= first_block:
                 continue
+            # Samples in the same small cell of the shaft angle are averaged.
             cells = np.floor(turns * _MAX_SAMPLES_PER_REVOLUTION)
-            starts = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1.0))
-            counts = np.diff(starts, append=cells.size)
-            angles = np.add.reduceat(turns, starts) / counts
-            spline = CubicSpline(angles, np.add.reduceat(values, starts) / counts)
-            for k in range(start, stop):
-                edges = length * np.array([k, k + 1.0])
-                i, j = np.searchsorted(angles, edges)
-                shortest = np.diff(angles[max(i - 1, 0) : j + 1]).min()
-                half = min(math.ceil(0.5 / shortest), _MAX_SAMPLES_PER_REVOLUTION // 2)
-                size = 2 * max(half, 2 * math.ceil(highest)) * length
-                samples = spline(length * (k + np.arange(size + 1.0) / size))
-                begin, end = sorted(np.interp(edges, turns, time))
-                yield samples, begin, end, direction
+            cell_starts = np.flatnonzero(np.diff(cells, prepend=cells[0] - 1.0))
+            counts = np.diff(cell_starts, append=cells.size)
+            angles = np.add.reduceat(turns, cell_starts) / counts
+            spline = CubicSpline(angles, np.add.reduceat(values, cell_starts) / counts)
+            for k in range(first_block, stop_block):
+                ends = length * np.array([k, k + 1.0])
+                i, j = np.searchsorted(angles, ends)
+                shortest_step = np.diff(angles[max(i - 1, 0) : j + 1]).min()
+                half_count = min(math.ceil(0.5 / shortest_step), _MAX_SAMPLES_PER_REVOLUTION // 2)
+                sample_count = 2 * max(half_count, 2 * math.ceil(highest)) * length
+                samples = spline(length * (k + np.arange(sample_count + 1.0) / sample_count))
+                start_time, end_time = sorted(np.interp(ends, turns, time))
+                yield samples, start_time, end_time, direction
 
-    def left_out(self, begins: np.ndarray, ends: np.ndarray, length: int) -> dict:
-        """Return attributes on the times that no block covers; blocks are sorted by time.
+    def left_out(self, start_times: np.ndarray, end_times: np.ndarray, length: int) -> dict:
+        """Return attributes of the order map that describe the intervals without a block.
 
-        A rest of less than a block at the start and the end of a signal is not mentioned.
+        Blocks have `length` revolutions, and start and end at these sorted times in s. An interval
+        of less than a block at the start or the end of the signal is not mentioned.
         """
         first, last = self.known_time[[0, -1]]
-        limits = np.column_stack([[first, *ends], [*begins, last]])
-        lengths = np.diff(np.interp(limits, self.known_time, self.path))[:, 0]
-        # Signals begin and end within a block.
-        is_part = lengths < length - _REVOLUTION_TOLERANCE
-        is_part[1:-1] = False
-        limits = limits[~is_part]
-        smallest = 1e-6 * float((ends - begins).min())
-        intervals = limits[limits[:, 1] - limits[:, 0] > smallest].tolist()
-        attrs, notes, places = {}, list(self.notes), []
-        for start, end in intervals:
-            reasons = dict.fromkeys(why for a, b, why in self.breaks if a <= end and b >= start)
-            places.append(f"{start:.6g} to {end:.6g} s ({', '.join(reasons)})")
+        intervals = np.column_stack([[first, *end_times], [*start_times, last]])
+        turns = np.diff(np.interp(intervals, self.known_time, self.path))[:, 0]
+        # Signals start and end within a block.
+        is_negligible = turns < length - _REVOLUTION_TOLERANCE
+        is_negligible[1:-1] = False
+        intervals = intervals[~is_negligible]
+        shortest = 1e-6 * float((end_times - start_times).min())
+        intervals = intervals[intervals[:, 1] - intervals[:, 0] > shortest]
+        places = []
+        for start, end in intervals.tolist():
+            reasons = [
+                reason
+                for break_start, break_end, reason in self.breaks
+                if break_start <= end and break_end >= start
+            ]
+            places.append(f"{start:.6g} to {end:.6g} s ({', '.join(dict.fromkeys(reasons))})")
+        attrs, notes = {}, list(self.notes)
         if places:
-            attrs["left_out"] = intervals
+            attrs["left_out"] = intervals.tolist()
             notes.append(f"Revolutions are left out: {_listed(places)}.")
-        return attrs | ({"comment": " ".join(notes)} if notes else {})
+        if notes:
+            attrs["comment"] = " ".join(notes)
+        return attrs
 
 
 def _listed(places: list) -> str:
-    """Return the first places of a list, and the number of the others, as a text."""
-    others = len(places) - _MAX_LISTED
-    return "; ".join(places[:_MAX_LISTED]) + (f"; and {others} more" if others > 0 else "")
+    """Return a list of places as text, with the number of those after the first `_MAX_LISTED`."""
+    text = "; ".join(places[:_MAX_LISTED])
+    other_count = len(places) - _MAX_LISTED
+    if other_count > 0:
+        text += f"; and {other_count} more"
+    return text
 
 
 def rig_signal(
@@ -132,69 +148,116 @@ def rig_signal(
     variable: str,
     highest: float | None,
     tacho: ArrayLike | None,
-    per_turn: int,
+    pulses_per_revolution: int,
     teeth: int,
 ) -> RigSignal:
-    """Return the samples of a variable over the shaft angle.
+    """Return the samples of a variable of a dataset over the shaft angle, with its breaks.
 
-    The angle is the integral of the variable "speed" (rpm), or follows from the times (s) of tacho
-    pulses, `per_turn` in a revolution. It counts from the first sample, or the first pulse.
+    The angle is the integral of the variable "speed" (rpm) from the first sample, or with `tacho`,
+    the times of tacho pulses in s, it is interpolated between the pulses from the first one.
+    `highest` is the highest order that the samples must resolve, or None, and `teeth` the number of
+    mesh periods per revolution.
     """
     time, values = _samples(data, variable)
     attrs, notes = {}, []
     if tacho is None:
-        checks.require(per_turn == 1, "pulses_per_revolution", per_turn, "1 without tacho")
-        if "speed" not in data.variables or data["speed"].shape != data["time"].shape:
-            raise ValueError("tacho = None is not allowed for a dataset without speed")
-        speed = np.asarray(data["speed"].values, float)
-        _require_no_infinity("speed", speed)
-        known = np.isfinite(time) & np.isfinite(speed)
-        time, values, speed = time[known], values[known], speed[known]
-        turns = cumulative_trapezoid(speed / 60.0, time, initial=0.0)
+        allowed = "1 without tacho"
+        is_one = pulses_per_revolution == 1
+        checks.require(is_one, "pulses_per_revolution", pulses_per_revolution, allowed)
+        time, values, speed, turns = _turns_by_speed(data, time, values)
     else:
-        pulses, counts, attrs, notes = _counted_pulses(_pulse_times(tacho), per_turn)
-        time, values = time[np.isfinite(time)], values[np.isfinite(time)]
-        # A sample on either side surrounds the first and the last pulse.
-        first, last = np.searchsorted(time, pulses[[0, -1]])
-        first, last = max(first - 1, 0), last + 1
-        time, values = time[first:last], values[first:last]
-        if time.size < 4:
-            raise ValueError(
-                f"tacho = {pulses[0]:.6g} to {pulses[-1]:.6g} s is not allowed: it must have at "
-                "least four samples between pulses"
-            )
-        turns = CubicSpline(pulses, counts / per_turn)(time)
-        speed = np.ones(time.size)
-    present = np.isfinite(values)
-    if present.sum() < 4:
+        pulse_times, counts, attrs, notes = _counted_pulses(
+            _pulse_times(tacho), pulses_per_revolution
+        )
+        turns_at_pulses = counts / pulses_per_revolution
+        time, values, turns = _turns_by_tacho(time, values, pulse_times, turns_at_pulses)
+        speed = np.ones(time.size)  # a tacho does not show the direction
+    is_present = np.isfinite(values)
+    if is_present.sum() < 4:
         text = "is not allowed: it must have at least four samples with time and speed"
         raise ValueError(f"{variable} {text}")
-    known_time, path = time, np.append(0.0, np.cumsum(np.abs(np.diff(turns))))
-    time, turns, values, speed = (x[present] for x in (time, turns, values, speed))
-    signs = np.sign(np.diff(turns)) * (speed[1:] * speed[:-1] >= 0.0)
+    known_time = time
+    path = np.append(0.0, np.cumsum(np.abs(np.diff(turns))))
+    time, turns = time[is_present], turns[is_present]
+    values, speed = values[is_present], speed[is_present]
+    directions = np.sign(np.diff(turns)) * (speed[1:] * speed[:-1] >= 0.0)
     angles = np.abs(np.diff(turns))
     ratios = _steps_over_usual(np.diff(time), angles)
-    regular = angles[ratios <= _IRREGULAR_STEP]
-    if not regular.max(initial=0.0) > 0.0:
+    regular_angles = angles[ratios <= _IRREGULAR_STEP]
+    if not regular_angles.max(initial=0.0) > 0.0:
         raise ValueError("speed = 0 is not allowed at all samples: the shaft must turn")
-    max_order = 1.0 / (_MIN_SAMPLES_PER_WAVE * float(regular.max()))
+    max_order = 1.0 / (_MIN_SAMPLES_PER_WAVE * float(regular_angles.max()))
     allowed = f"at most {max_order:.4g}, orders with {_MIN_SAMPLES_PER_WAVE:g} samples a wave at "
     allowed += "the highest speed"
     checks.require(highest is None or highest <= max_order, "highest", highest, allowed)
-    wave = 1.0 / (max_order if highest is None else highest)
-    longest = (1.0 + _REVOLUTION_TOLERANCE) * wave / _MIN_SAMPLES_PER_WAVE
-    is_gap = (ratios > _GAP) | (angles > longest)
-    stretches, breaks = _stretches(time, np.where(is_gap, 0.0, signs), is_gap)
-    ends = (known_time[0], time[0]), (time[-1], known_time[-1])
-    breaks += [(a, b, "gap") for a, b in ends if b > a]
-    units = data[variable].attrs.get("units", "1")
-    attrs["parameters"] = {"pulses_per_revolution": per_turn, "teeth": teeth}
-    motion = time, turns, values, stretches, breaks, known_time, path
-    return RigSignal(*motion, max_order, units, float(teeth), attrs, notes)
+    wavelength = 1.0 / (max_order if highest is None else highest)  # revolutions
+    longest_step = (1.0 + _REVOLUTION_TOLERANCE) * wavelength / _MIN_SAMPLES_PER_WAVE
+    is_gap = (ratios > _GAP) | (angles > longest_step)
+    stretches, breaks = _stretches(time, np.where(is_gap, 0.0, directions), is_gap)
+    # Samples may be missing at both ends.
+    for start, end in ((known_time[0], time[0]), (time[-1], known_time[-1])):
+        if end > start:
+            breaks.append((start, end, "gap"))
+    attrs["parameters"] = {"pulses_per_revolution": pulses_per_revolution, "teeth": teeth}
+    return RigSignal(
+        time=time,
+        revolutions=turns,
+        values=values,
+        stretches=stretches,
+        breaks=breaks,
+        known_time=known_time,
+        path=path,
+        max_order=max_order,
+        units=data[variable].attrs.get("units", "1"),
+        teeth=float(teeth),
+        attrs=attrs,
+        notes=notes,
+    )
+
+
+def _turns_by_speed(data: xr.Dataset, time: np.ndarray, values: np.ndarray) -> tuple:
+    """Return (time, values, speed, turns) of the samples with known time and speed.
+
+    `time` in s and `values` are all samples of the signal. The speed in rpm is a variable of the
+    dataset, and turns are its integral in revolutions.
+    """
+    if "speed" not in data.variables or data["speed"].shape != data["time"].shape:
+        raise ValueError("tacho = None is not allowed for a dataset without speed")
+    speed = np.asarray(data["speed"].values, float)
+    _require_no_infinity("speed", speed)
+    is_known = np.isfinite(time) & np.isfinite(speed)
+    time, values, speed = time[is_known], values[is_known], speed[is_known]
+    turns = cumulative_trapezoid(speed / 60.0, time, initial=0.0)
+    return time, values, speed, turns
+
+
+def _turns_by_tacho(
+    time: np.ndarray, values: np.ndarray, pulse_times: np.ndarray, turns_at_pulses: np.ndarray
+) -> tuple:
+    """Return (time, values, turns) of the samples between the first and the last tacho pulse.
+
+    `time` in s and `values` are all samples of the signal. Turns are revolutions since the first
+    pulse, interpolated by a cubic spline between `turns_at_pulses`.
+    """
+    is_known = np.isfinite(time)
+    time, values = time[is_known], values[is_known]
+    # A sample on either side surrounds the first and the last pulse.
+    first, stop = np.searchsorted(time, pulse_times[[0, -1]])
+    first, stop = max(first - 1, 0), stop + 1
+    time, values = time[first:stop], values[first:stop]
+    if time.size < 4:
+        raise ValueError(
+            f"tacho = {pulse_times[0]:.6g} to {pulse_times[-1]:.6g} s is not allowed: it must have "
+            "at least four samples between pulses"
+        )
+    return time, values, CubicSpline(pulse_times, turns_at_pulses)(time)
 
 
 def _samples(data: xr.Dataset, variable: str) -> tuple:
-    """Return (time, values) of a signal, NaN where missing; raise ValueError if they are wrong."""
+    """Return (times in s, values) of a signal, shape (k,), or raise ValueError if they are wrong.
+
+    Missing times and values are NaN; the other times must increase.
+    """
     if variable not in data.variables or data[variable].shape != data["time"].shape:
         raise checks.refusal("variable", variable, "a variable of the dataset over time")
     time = np.asarray(data["time"].values, float)
@@ -204,97 +267,108 @@ def _samples(data: xr.Dataset, variable: str) -> tuple:
     _require_no_infinity(variable, values)
     _require_no_infinity("time", time)
     known = np.flatnonzero(np.isfinite(time))
-    wrong = known[1:][np.diff(time[known]) <= 0.0]
-    if wrong.size:
-        i = int(wrong[0])
+    not_increasing = known[1:][np.diff(time[known]) <= 0.0]
+    if not_increasing.size:
+        i = int(not_increasing[0])
         raise checks.refusal(f"time[{i}]", float(time[i]), "later than the sample before")
     return time, values
 
 
 def _require_no_infinity(name: str, values: np.ndarray) -> None:
-    """Raise ValueError if a value is infinite; a sample that is missing is NaN."""
-    for i in np.flatnonzero(np.isinf(values))[:1].tolist():
+    """Raise ValueError with the first infinite value of the variable `name`; NaN is allowed."""
+    infinite = np.flatnonzero(np.isinf(values))
+    if infinite.size:
+        i = int(infinite[0])
         raise checks.refusal(f"{name}[{i}]", float(values[i]), "finite, or NaN where it is missing")
 
 
 def _steps_over_usual(steps: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Return the steps between samples over the usual ones, in time or angle, the smaller ratio.
+    """Return the ratio of each step between samples to the usual step of its neighbours.
 
-    Steps are equal in time on most rigs, and in angle with a trigger on the shaft.
+    `steps` are in s, and `angles` the same steps in revolutions. The smaller of both ratios counts,
+    because samples are equidistant in time on most rigs, and in angle with a trigger on the shaft.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        in_time, in_angle = (x / median_filter(x, _NEIGHBOURS) for x in (steps, angles))
-    ratios = np.fmin(in_time, in_angle)  # NaN in angle at standstill
+        time_ratios = steps / median_filter(steps, _NEIGHBOURS)
+        angle_ratios = angles / median_filter(angles, _NEIGHBOURS)  # NaN at standstill
+    ratios = np.fmin(time_ratios, angle_ratios)
     return ratios / max(1.0, float(np.quantile(ratios, _USUAL_SHARE)))
 
 
 def _stretches(time: np.ndarray, directions: np.ndarray, is_gap: np.ndarray) -> tuple:
-    """Return (stretches, breaks) of a `RigSignal` from the directions of all steps, 0 for none."""
-    turning = "the speed is 0 or changes sign"
+    """Return the stretches of one direction, and the breaks between them, of a `RigSignal`.
+
+    `time`, shape (k,), is in s. `directions`, shape (k - 1,), has the direction 1 or -1 of each
+    step between samples, or 0 at a standstill or a gap; `is_gap` marks the gaps.
+    """
+    reversal = "the speed is 0 or changes sign"
     stretches: list = []
     breaks: list = []
-    for run in np.split(np.arange(directions.size), np.flatnonzero(np.diff(directions)) + 1):
-        first, last, direction = int(run[0]), int(run[-1]) + 1, int(directions[run[0]])
+    changes = np.flatnonzero(np.diff(directions)) + 1
+    for steps in np.split(np.arange(directions.size), changes):
+        direction = int(directions[steps[0]])
         if direction:
+            first, last = int(steps[0]), int(steps[-1]) + 1
             if stretches and stretches[-1][1] == first:
-                breaks.append((time[first], time[first], turning))
+                breaks.append((time[first], time[first], reversal))
             stretches.append((first, last, direction))
             continue
-        gaps, others = run[is_gap[run]], run[~is_gap[run]]
+        gaps, standstills = steps[is_gap[steps]], steps[~is_gap[steps]]
         breaks.extend((time[i], time[i + 1], "gap") for i in gaps)
-        if others.size:
-            breaks.append((time[others[0]], time[others[-1] + 1], turning))
+        if standstills.size:
+            breaks.append((time[standstills[0]], time[standstills[-1] + 1], reversal))
     return stretches, breaks
 
 
 def _pulse_times(tacho: ArrayLike) -> np.ndarray:
-    """Return the times of tacho pulses as an array; raise ValueError if they do not increase."""
-    pulses = np.array(tacho)
-    checks.require(pulses.size > 3, "tacho", pulses.tolist(), "at least four increasing times, s")
-    for i in (np.flatnonzero(np.diff(pulses) <= 0.0)[:1] + 1).tolist():
-        raise checks.refusal(f"tacho[{i}]", float(pulses[i]), "later than the pulse before, s")
-    return pulses
+    """Return the times of tacho pulses as an array, or raise ValueError if they do not increase."""
+    times = np.array(tacho)
+    checks.require(times.size > 3, "tacho", times.tolist(), "at least four increasing times, s")
+    not_increasing = np.flatnonzero(np.diff(times) <= 0.0) + 1
+    if not_increasing.size:
+        i = int(not_increasing[0])
+        raise checks.refusal(f"tacho[{i}]", float(times[i]), "later than the pulse before, s")
+    return times
 
 
-def _counted_pulses(pulses: np.ndarray, per_turn: int) -> tuple:
-    """Return (times, counts, attributes, sentences) of tacho pulses without their irregular ones.
+def _counted_pulses(pulses: np.ndarray, pulses_per_revolution: int) -> tuple:
+    """Count tacho pulses at the times `pulses` in s, and repair or leave out the irregular ones.
 
-    The count goes on by two where a single pulse is missing, and a double pulse is removed. Pulses
-    at the ends that have no rhythm, such as those around standstill, are left out. Other irregular
-    pulses raise ValueError.
+    Return (times, counts, attributes, sentences): the times and numbers of the pulses that are
+    kept, and a description of the repairs. A single missing pulse is counted, and a single double
+    pulse is left out. Irregular pulses at the ends, such as those around standstill, are left out.
+    Any other irregular pulse raises ValueError.
     """
-    first, last = 0, pulses.size
+    first, stop = 0, pulses.size
     while True:
-        times = pulses[first:last]
-        faults = _irregular(times, np.arange(times.size))
-        missing, double = [], []
-        for a, b in faults:
-            repair = _repair(times, a, b)
-            if repair is None:
-                break
-            (missing if repair[0] else double).append(repair[1])
-        else:
+        times = pulses[first:stop]
+        missing, double, unrepaired = _repairs(times)
+        if unrepaired is None:
             break
+        first_interval, last_interval = unrepaired
         # The pulses on both sides of such an interval may be wrong.
-        cut = (first + b + 2, last) if a == 0 else (first, first + a)
-        is_at_end = a == 0 or b == times.size - 2
-        is_short = max(cut[0], pulses.size - cut[1]) <= max(_MAX_LEFT_OUT, per_turn)
-        if not (is_at_end and is_short and cut[1] - cut[0] > 3):
-            raise _irregular_pulse(times, np.arange(times.size), first, a, b)
-        first, last = cut
+        if first_interval == 0:
+            new_first, new_stop = first + last_interval + 2, stop
+        else:
+            new_first, new_stop = first, first + first_interval
+        is_at_end = first_interval == 0 or last_interval == times.size - 2
+        left_out_count = max(new_first, pulses.size - new_stop)
+        are_few = left_out_count <= max(_MAX_LEFT_OUT, pulses_per_revolution)
+        if not (is_at_end and are_few and new_stop - new_first > 3):
+            counts = np.arange(times.size)
+            raise _irregular_pulse(times, counts, first, first_interval, last_interval)
+        first, stop = new_first, new_stop
     counts = np.arange(times.size)
-    for i in missing:
-        counts[i + 1 :] += 1
-    for j in double:
-        counts[j:] -= 1
+    for interval in missing:
+        counts[interval + 1 :] += 1
+    for pulse in double:
+        counts[pulse:] -= 1
     kept = np.delete(np.arange(times.size), double)
     attrs, notes = {}, []
-    for number, place in (
-        (first, f"before {times[0]:.6g}"),
-        (pulses.size - last, f"after {times[-1]:.6g}"),
-    ):
-        if number:
-            notes.append(f"Tacho pulses are left out {place} s: they are irregular.")
+    if first:
+        notes.append(f"Tacho pulses are left out before {times[0]:.6g} s: they are irregular.")
+    if stop < pulses.size:
+        notes.append(f"Tacho pulses are left out after {times[-1]:.6g} s: they are irregular.")
     if missing:
         attrs["missing_pulses"] = times[[[i, i + 1] for i in missing]].tolist()
         places = [f"{start:.6g} to {end:.6g} s" for start, end in attrs["missing_pulses"]]
@@ -305,88 +379,130 @@ def _counted_pulses(pulses: np.ndarray, per_turn: int) -> tuple:
         notes.append(f"A double tacho pulse is left out: {_listed(places)}.")
     times, counts = times[kept], counts[kept]
     checks.require(times.size >= 4, "tacho", pulses.tolist(), "at least four regular pulses")
-    for a, b in _irregular(times, counts):
-        raise _irregular_pulse(times, counts, first, a, b)
+    groups = _irregular_groups(times, counts)
+    if groups:
+        raise _irregular_pulse(times, counts, first, *groups[0])
     return times, counts, attrs, notes
 
 
-def _deviations(times: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return how many pulses more the speed of its neighbours gives each interval between pulses.
+def _repairs(times: np.ndarray) -> tuple:
+    """Return (intervals with a missing pulse, double pulses, unrepaired group) of tacho pulses.
 
-    Through the speeds in a neighbour on each side goes a line over time, exact if the acceleration
-    is constant; the median of such lines is not moved by one wrong neighbour.
+    The unrepaired group is the first group of irregular intervals, (first, last), without an
+    unambiguous repair, or None. Intervals have the index of the pulse at their start.
     """
-    middles, steps = 0.5 * (times[1:] + times[:-1]), np.diff(times)
-    rates = np.diff(counts) / steps
-    size = rates.size
-    speeds = np.full((_PULSE_NEIGHBOURS, size), np.nan)
+    missing, double = [], []
+    for first, last in _irregular_groups(times, np.arange(times.size)):
+        repair = _repair(times, first, last)
+        if repair is None:
+            return missing, double, (first, last)
+        is_missing, index = repair
+        if is_missing:
+            missing.append(index)
+        else:
+            double.append(index)
+    return missing, double, None
 
-    def line(i, j, k):
-        """Return the speed in the middle of interval i on a line through intervals j and k."""
+
+def _deviations(times: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Return for each interval between tacho pulses the expected less the counted pulses.
+
+    `times` in s and `counts`, shape (k,), are the times and numbers of the pulses. The expected
+    number is the duration of the interval times the pulse rate in its middle, from a line through
+    the rates of a neighbour on each side, which is exact for constant acceleration. The median
+    over several pairs of neighbours is robust against a single wrong neighbour.
+    """
+    middles, durations = 0.5 * (times[1:] + times[:-1]), np.diff(times)
+    rates = np.diff(counts) / durations
+    interval_count = rates.size
+    expected_rates = np.full((_PULSE_NEIGHBOURS, interval_count), np.nan)
+
+    def rate_on_line(i, j, k):
+        """Return the rate in the middle of interval i on a line through intervals j and k."""
         slope = (rates[k] - rates[j]) / (middles[k] - middles[j])
         return rates[j] + slope * (middles[i] - middles[j])
 
-    for k in range(1, min(_PULSE_NEIGHBOURS, (size - 1) // 2) + 1):
-        i = np.arange(k, size - k)
-        speeds[k - 1, i] = line(i, i - k, i + k)
-    speeds[0, 0], speeds[0, -1] = line(0, 1, 2), line(-1, -2, -3)
-    return np.nanmedian(speeds, axis=0) * steps - np.diff(counts)
+    for k in range(1, min(_PULSE_NEIGHBOURS, (interval_count - 1) // 2) + 1):
+        i = np.arange(k, interval_count - k)
+        expected_rates[k - 1, i] = rate_on_line(i, i - k, i + k)
+    # The first and the last interval have neighbours on one side only.
+    expected_rates[0, 0] = rate_on_line(0, 1, 2)
+    expected_rates[0, -1] = rate_on_line(-1, -2, -3)
+    return np.nanmedian(expected_rates, axis=0) * durations - np.diff(counts)
 
 
-def _irregular(times: np.ndarray, counts: np.ndarray) -> list:
-    """Return the (first, last) interval of each group of irregular intervals between pulses."""
-    limits = np.full(times.size - 1, _PULSE_TOLERANCE)
-    limits[[0, -1]] = _END_TOLERANCE
-    found = np.flatnonzero(np.abs(_deviations(times, counts)) > limits)
-    groups = np.split(found, np.flatnonzero(np.diff(found) > 2) + 1)
+def _irregular_groups(times: np.ndarray, counts: np.ndarray) -> list:
+    """Return (first, last) interval of each group of irregular intervals between tacho pulses.
+
+    `times` in s and `counts` are the times and numbers of the pulses. A group has at most one
+    regular interval between two irregular ones.
+    """
+    tolerances = np.full(times.size - 1, _PULSE_TOLERANCE)
+    tolerances[[0, -1]] = _END_TOLERANCE
+    irregular = np.flatnonzero(np.abs(_deviations(times, counts)) > tolerances)
+    groups = np.split(irregular, np.flatnonzero(np.diff(irregular) > 2) + 1)
     return [(int(group[0]), int(group[-1])) for group in groups if group.size]
 
 
-def _irregular_pulse(times, counts, offset: int, first: int, last: int) -> ValueError:
-    """Return the error for the worst of the intervals from `first` to `last` between pulses."""
+def _irregular_pulse(
+    times: np.ndarray, counts: np.ndarray, offset: int, first: int, last: int
+) -> ValueError:
+    """Return the error for the worst of the intervals `first` to `last` between tacho pulses.
+
+    `times` in s and `counts` are the times and numbers of the pulses, and `offset` is the number of
+    pulses that were left out before them.
+    """
     deviations = _deviations(times, counts)
     i = first + int(np.abs(deviations[first : last + 1]).argmax())
+    expected_count = deviations[i] + counts[i + 1] - counts[i]
     return ValueError(
         f"tacho = {times[i + 1]:.6g} s (pulse {offset + i + 1}) is not allowed: after the pulse "
-        f"before, its neighbours have time for {deviations[i] + counts[i + 1] - counts[i]:.2g} "
+        f"before, its neighbours have time for {expected_count:.2g} "
         "pulses, and it must be 1, or a single missing or double pulse among regular ones"
     )
 
 
 def _repair(times: np.ndarray, first: int, last: int) -> tuple | None:
-    """Return the only repair of the irregular intervals from `first` to `last` between pulses.
+    """Return the unambiguous repair of the irregular intervals `first` to `last` of tacho pulses.
 
-    It is (True, interval) where a pulse is missing, (False, pulse) for a double pulse, and None if
-    none, or more than one, makes all intervals regular.
+    `times` are the times of all pulses in s. The repair is (True, interval with a missing pulse) or
+    (False, double pulse), or None if no repair, or more than one, makes all intervals regular.
     """
-    size = times.size
+    pulse_count = times.size
     if last - first > 2 * _PULSE_NEIGHBOURS:
         return None
-    low = max(first - 1 - _PULSE_NEIGHBOURS, 0)
-    window = times[low : last + 3 + _PULSE_NEIGHBOURS]
-    begin, end = times[max(first - 1, 0)], times[min(last + 2, size - 1)]
-    is_at_end = first == 0 or last == size - 2
+    # Repairs are tried on the pulses around the group only.
+    window_start = max(first - 1 - _PULSE_NEIGHBOURS, 0)
+    window = times[window_start : last + 3 + _PULSE_NEIGHBOURS]
+    # The intervals between these times must be regular after the repair.
+    start_time, end_time = times[max(first - 1, 0)], times[min(last + 2, pulse_count - 1)]
+    is_at_end = first == 0 or last == pulse_count - 2
     tolerance = _END_REPAIR_TOLERANCE if is_at_end else _PULSE_TOLERANCE
     accepted = []
-    candidates = [(True, i) for i in range(max(first, 1), min(last + 1, size - 2))]
-    candidates += [(False, j) for j in range(max(first, 1), min(last + 2, size - 1))]
-    for is_missing, at in candidates:
-        counts, kept = np.arange(window.size), window
+    candidates = [(True, i) for i in range(max(first, 1), min(last + 1, pulse_count - 2))]
+    candidates += [(False, j) for j in range(max(first, 1), min(last + 2, pulse_count - 1))]
+    for is_missing, index in candidates:
+        counts, kept_times = np.arange(window.size), window
         if is_missing:
-            counts = counts + (counts > at - low)
+            counts = counts + (counts > index - window_start)
         else:
-            counts, kept = counts[:-1], np.delete(window, at - low)
-        if kept.size < 4:
+            counts, kept_times = counts[:-1], np.delete(window, index - window_start)
+        if kept_times.size < 4:
             continue
-        near = (kept[:-1] >= begin) & (kept[1:] <= end)
-        deviations = np.abs(_deviations(kept, counts)[near])
+        is_near = (kept_times[:-1] >= start_time) & (kept_times[1:] <= end_time)
+        deviations = np.abs(_deviations(kept_times, counts)[is_near])
         if deviations.max() <= tolerance:
-            accepted.append(((deviations**2).sum(), is_missing, at))
+            accepted.append(((deviations**2).sum(), is_missing, index))
+    if not accepted:
+        return None
     accepted.sort()
-    if len(accepted) > 1 and accepted[1][0] < _DECISIVE * accepted[0][0]:
-        (_, *one), (_, *other) = accepted[:2]
-        distance = abs(times[one[1]] - times[other[1]])
-        if one[0] or other[0] or distance > _BOUNCE * np.median(np.diff(window)):
+    best_sum, is_missing, index = accepted[0]
+    if len(accepted) > 1 and accepted[1][0] < _DECISIVE * best_sum:
+        # Two candidates are equivalent only if they remove either of two pulses of a bounce.
+        _, other_is_missing, other_index = accepted[1]
+        distance = abs(times[index] - times[other_index])
+        is_bounce = distance <= _BOUNCE * np.median(np.diff(window))
+        if is_missing or other_is_missing or not is_bounce:
             return None
-        return False, max(one[1], other[1])
-    return accepted[0][1:] if accepted else None
+        return False, max(index, other_index)
+    return is_missing, index

@@ -51,7 +51,7 @@ def test_errors_fall_with_the_samples_and_are_estimated():
 def test_what_has_no_revolutions_is_refused():
     with pytest.raises(ValueError, match="multiple of 24"):
         orders(run(periods=3, record_periods=3))
-    with pytest.raises(ValueError, match="gears that turn"):
+    with pytest.raises(ValueError, match="with rotating bodies"):
         model = gearlib.DeadZoneOscillator(upper_stiffness=1.0, lower_stiffness=1.0, load=0.3)
         orders(simulate(model, 1.0, periods=3))
     assert orders(run(record_periods=2)).order.values[1] == 12.0
