@@ -7,13 +7,13 @@ name                responsibility
 ``pair``            one degree of freedom, linear damping: closed forms with and without contact
 ``linear``          many coordinates and meshes: modes of each combination of contacts
 ``taylor``          nonlinear mesh, pairs of teeth: Taylor steps of order 20
-``matrices``        copies, exponentials by their series, growth of a vector under maps
-``codes``           contact of a mesh, status of a run
-``summary_columns`` what the summary of a run holds, variable by variable
+``matrices``        copies, matrix exponentials, growth of perturbations under period maps
+``codes``           contact codes of a mesh, status codes of a run
+``summary_columns`` columns of the summary of a run, with their names in datasets
 ``stable_repeats``  proof that a run repeats from some period on
 ``polynomial``      first crossing and largest value of a polynomial, by proof
-``orbit``           records of an orbit: extrema, contact times, samples, events
-``jit``             decorators that compile kernels, the folder of the machine code
+``orbit``           record of an orbit: extrema, contact times, samples, events, period
+``jit``             decorators that compile kernels, and the folder of their machine code
 ==================  ========================================================================
 
 Units: displacement in static deflections, time as mesh phase tau (2 pi per mesh period).
@@ -38,12 +38,13 @@ def warm_up() -> str:
     # Stiffness levels, their phase lengths, two damping ratios, backlash; see `mesh_at_tuning`.
     pair_parameters = np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.06, 4.0])
     tuning, span = 0.9, Span(periods=2, recorded=1, max_events=100)
-    # Summary, final state, period and status of the only run.
-    rows = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), np.empty((1, 2), dtype=np.int64)
+    # Tables with a row for the only run: summary, final state, and period with status.
+    codes = np.empty((1, 2), dtype=np.int64)
+    result_tables = np.empty((1, SUMMARY_COLUMNS)), np.empty((1, 2)), codes
     tunings, order, state = np.array([tuning]), np.argsort([tuning]), np.zeros(2)
     warm_start, max_x = False, np.inf
-    run_many(pair_parameters, tunings, order, state, warm_start, span, max_x, *rows)
+    run_many(pair_parameters, tunings, order, state, warm_start, span, max_x, *result_tables)
     samples, events = np.empty((4, SAMPLE_COLUMNS)), np.empty((4, EVENT_COLUMNS))
-    tables = samples, events, span.max_events, rows[0][0]
+    tables = samples, events, span.max_events, result_tables[0][0]
     run(mesh_at_tuning(pair_parameters, tuning), *state, span.periods, span.recorded, *tables)
     return source_hash()

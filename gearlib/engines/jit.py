@@ -46,7 +46,7 @@ def cache_folder() -> str:
 
 
 def _temporary_folder() -> str:
-    """Return a folder for temporary files to which no other user can have written."""
+    """Return a folder for temporary files in which no other user can have written."""
     user = os.getuid() if hasattr(os, "getuid") else None
     path = os.path.join(tempfile.gettempdir(), f"gearlib-{user}")
     with contextlib.suppress(OSError):
@@ -72,14 +72,14 @@ def kernel(function):
 
 
 def inlined_kernel(function):
-    """Compile a function into its callers, for steps whose calls cost more than their work."""
+    """Compile a function into its callers, because calls would cost more than its work."""
     return numba.njit(_nrt=True, forceinline=True, **_NUMBA_OPTIONS)(function)
 
 
 def kernel_without_refcounts(function):
     """Compile a function without reference counts; it must neither create nor return arrays.
 
-    Every access to a tuple of arrays would count one reference up and down, for all threads, which
+    Each access to a tuple of arrays would change a reference count that all threads share, which
     costs more than the sums in inner loops. ``_nrt`` and ``forceinline`` are named everywhere,
     because numba passes on options that are not named to the kernels that a kernel calls.
     """

@@ -1,8 +1,8 @@
-"""Small matrices in kernels: copies of rows, exponentials, growth of a vector under maps.
+"""Small matrices in kernels: copies of rows, exponentials, growth of perturbations under maps.
 
 numba compiles ``target[:] = source`` with error messages that cost five seconds in every process
 that compiles anything, so that arrays are copied entry by entry. Exponentials by their power series
-are faster than those of a library.
+are faster than calls of a library.
 """
 
 import math
@@ -21,7 +21,7 @@ def copy(source: np.ndarray, target: np.ndarray) -> None:
 
 @kernel
 def enlarge_table(table: np.ndarray, row_count: int) -> np.ndarray:
-    """Return a table with more rows, `row_count`, that begins with all rows of `table`."""
+    """Return a copy of `table` with `row_count` rows, of which the additional rows are not set."""
     larger_table = np.empty((row_count, table.shape[1]))
     for i in range(table.shape[0]):
         copy(table[i], larger_table[i])
@@ -36,9 +36,10 @@ MAX_NORM = 1.3
 
 @kernel
 def exponential(matrix: np.ndarray, time: float) -> np.ndarray:
-    """Return exp(matrix time) of a matrix, shape (n, n), whose norm times time is below MAX_NORM.
+    """Return the matrix exponential exp(matrix * time) of a matrix, shape (n, n).
 
-    The power series is summed up to the degree _ORDER, where its terms are below rounding.
+    The norm of the matrix times the time is at most MAX_NORM. The power series is summed up to the
+    degree _ORDER, where its terms are below rounding.
     """
     n = matrix.shape[0]
     total, term = np.eye(n), np.eye(n)
@@ -57,11 +58,11 @@ def exponential(matrix: np.ndarray, time: float) -> np.ndarray:
 
 @kernel
 def propagate_perturbation(maps, weights, perturbation, log_growths):
-    """Multiply a perturbation, (n,), in place by k period maps, (k, n, n), normalising after each.
+    """Multiply a perturbation in place by k period maps, and normalise it after each of them.
 
-    The norm is the Euclidean norm of weights * perturbation, both of shape (n,). Fills
-    `log_growths`, shape (k,), with its logarithm after each map. Returns False if the perturbation
-    vanishes.
+    `maps` has the shape (k, n, n), `perturbation` and `weights` have the shape (n,). The norm is
+    the Euclidean norm of weights * perturbation; its logarithm after each map goes to
+    `log_growths`, shape (k,). Returns False if the perturbation vanishes, otherwise True.
     """
     n = perturbation.shape[0]
     image = np.empty(n)

@@ -1,4 +1,4 @@
-"""Records of an orbit: extrema, contact times, samples, events and period."""
+"""Record of an orbit: extrema, contact times, samples, events and period."""
 
 import math
 from typing import NamedTuple
@@ -25,25 +25,25 @@ SUMMARY_COLUMNS = len(COLUMNS)
     BOUNCES,
     FORCE_SUM,
 ) = range(SUMMARY_COLUMNS)
-#: Indices of the extrema, and of the columns that add up over time.
+#: Indices of the columns with extrema, and of the columns that add up over time.
 _EXTREMA = tuple(k for k in range(SUMMARY_COLUMNS) if COLUMNS[k].kind in (LARGEST, LEAST))
 SUMS = tuple(k for k in range(SUMMARY_COLUMNS) if COLUMNS[k].kind in (SUM, COUNT))
-#: Summary of an empty record.
+#: Values of all columns before anything is recorded.
 _EMPTY_VALUES = {LARGEST: -math.inf, LEAST: math.inf, SUM: 0.0, COUNT: 0.0}
 _EMPTY_SUMMARY = np.array([_EMPTY_VALUES[column.kind] for column in COLUMNS])
 
 # Columns of the sample table and of the event table.
 SAMPLE_X, SAMPLE_V, SAMPLE_A, SAMPLE_CONTACT, SAMPLE_STIFFNESS, SAMPLE_FORCE = range(6)
 SAMPLE_COLUMNS = 6
-#: A sample that is not filled yet holds its phase, since the start of the mesh period, here.
+#: Until a sample is filled, this column holds its phase since the start of the mesh period.
 SAMPLE_PHASE = SAMPLE_X
 EVENT_PERIOD, EVENT_PHASE, EVENT_FROM, EVENT_TO, EVENT_VELOCITY = range(5)
 EVENT_COLUMNS = 5
 
 #: Longest period of an orbit, in mesh periods, or in repeats of an excitation with run-out.
 MAX_PERIOD = 16
-#: Number of last mesh periods with recorded start states. Two periods of the longest orbit fit.
-#: With run-out `strobe_periods` returns the number.
+#: Number of mesh periods at the end of a run whose initial states are kept, for two periods of the
+#: longest orbit. With run-out `strobe_periods` returns the number.
 STROBE_PERIODS = 2 * MAX_PERIOD - 1
 #: Largest distance of stroboscopic states that count as equal, as a fraction of the displacement
 #: range or of the static deflection, if that is larger. It is far above rounding and not visible.
@@ -62,21 +62,21 @@ class Record(NamedTuple):
     """The end of a run and the tables of its recorded periods, with the columns of this module."""
 
     state: np.ndarray  #: z, shape (size,)
-    final: np.ndarray  #: displacement and velocity, or all of z of a train
-    period: int  #: mesh periods after which the motion repeats, 0: it does not
+    final: np.ndarray  #: final displacement and velocity; of a train the whole state z
+    period: int  #: mesh periods after which the motion repeats, 0 if it does not
     samples: np.ndarray  #: shape (recorded * samples_per_period, 6 or more)
     events: np.ndarray  #: shape (k, 5 or 6)
     summary: np.ndarray  #: shape (SUMMARY_COLUMNS,), of m meshes (m, SUMMARY_COLUMNS)
-    status: int
+    status: int  #: status of the run, see `codes`
     evaluations: int = 0  #: number of evaluations of the right-hand side
 
 
 class Rows(NamedTuple):
-    """Tables of a sweep with a row for each tuning, which the engines fill."""
+    """Result tables of a sweep with a row for each of n tunings, which the engines fill."""
 
-    bound: float  #: largest displacement of a bounded motion
-    summaries: np.ndarray  #: summaries of `Record`
-    ends: np.ndarray  #: final states
+    bound: float  #: largest displacement, in static deflections, that counts as bounded
+    summaries: np.ndarray  #: `Record.summary` of each run
+    ends: np.ndarray  #: `Record.final` of each run
     codes: np.ndarray  #: period and status, shape (n, 2)
 
 
@@ -88,7 +88,10 @@ def is_within_range(x, v):
 
 @kernel
 def clear_summary(summary: np.ndarray) -> None:
-    """Set the summary of a motion, shape (SUMMARY_COLUMNS,), to that of an empty record."""
+    """Reset the summary of a motion, shape (SUMMARY_COLUMNS,), to its values without a record.
+
+    Maxima become -inf, minima inf, times and counts 0.
+    """
     for k in range(SUMMARY_COLUMNS):
         summary[k] = _EMPTY_SUMMARY[k]
 
@@ -104,17 +107,18 @@ def has_unresolved_extremum(summary: np.ndarray) -> bool:
 
 @kernel_without_refcounts
 def fill_sample_phases(samples: np.ndarray, column: int, duration: float) -> None:
-    """Fill a column of the k samples with equally spaced phases from 0 to below `duration`."""
+    """Fill a column of the sample table with equally spaced phases from 0 to below `duration`."""
     for k in range(samples.shape[0]):
         samples[k, column] = duration * k / samples.shape[0]
 
 
 @kernel
 def add_polynomial_extrema(coefficients, to_bernstein, work, summary, max_column, min_column):
-    """Update the maximum and minimum columns of a summary by a polynomial on [0, 1].
+    """Update a maximum and a minimum of a summary by the extrema of a polynomial on [0, 1].
 
-    `coefficients` are its power coefficients, constant first; they change sign. `to_bernstein` is
-    the matrix from power to Bernstein coefficients, `work` is storage, shape (WORK_ROWS, n + 2).
+    `coefficients` are its n + 1 power coefficients, constant first; they are negated in place.
+    `max_column` and `min_column` are columns of the summary. `to_bernstein` is the matrix from
+    power to Bernstein coefficients, and `work`, shape (WORK_ROWS, n + 2), is overwritten.
     """
     highest, lowest = summary[max_column], summary[min_column]
     summary[max_column] = polynomial_maximum(coefficients, to_bernstein, work, highest)
@@ -125,7 +129,11 @@ def add_polynomial_extrema(coefficients, to_bernstein, work, summary, max_column
 
 @kernel_without_refcounts
 def add_contact_time(contact_code, duration, below_mean, summary) -> None:
-    """Add a duration with one contact code, and stiffness below its mean or not, to a summary."""
+    """Add an arc with one contact code to the contact times of a summary.
+
+    `duration` is its length in phase; `below_mean` says whether the stiffness is below its mean.
+    Without contact the mesh force is zero, which also updates the extrema of the force.
+    """
     if contact_code == NO_CONTACT:
         summary[TIME_NO_CONTACT] += duration
         summary[FORCE_MAX] = max(summary[FORCE_MAX], 0.0)
@@ -138,16 +146,20 @@ def add_contact_time(contact_code, duration, below_mean, summary) -> None:
 
 @kernel_without_refcounts
 def count_event(code_before, code_after, velocity, summary) -> None:
-    """Count a change of contact, from one code to another at the velocity dx/dtau, in a summary."""
+    """Count a change of contact in a summary if it is a loss of drive-side contact.
+
+    The contact code changes from `code_before` to `code_after` at the velocity dx/dtau; only the
+    code before has an effect.
+    """
     if code_before == DRIVE:
         summary[BOUNCES] += 1.0
 
 
 @kernel
 def record_event(events, event_count, period, phase, code_before, code_after, velocity, summary):
-    """Count a change of contact in the summary; append it to the event table unless that is empty.
+    """Count a change of contact in the summary and append it to the event table.
 
-    Arguments and result are those of `add_event`.
+    An event table without rows stays empty. See `add_event` for the other arguments and the result.
     """
     count_event(code_before, code_after, velocity, summary)
     if events.shape[0] > 0:
@@ -159,10 +171,11 @@ def record_event(events, event_count, period, phase, code_before, code_after, ve
 
 @kernel
 def add_event(events, event_count, period, phase, code_before, code_after, velocity):
-    """Append a change of contact to the event table, enlarged if full; return (table, event count).
+    """Append a change of contact to an event table; return (table, event count).
 
-    Contact codes change from `code_before` to `code_after` at the velocity dx/dtau, at a phase
-    since the start of the mesh period with the number `period`.
+    The first `event_count` rows of the table `events` are in use; a full table is enlarged. The
+    contact code changes from `code_before` to `code_after` at the velocity dx/dtau, in the mesh
+    period number `period`, at a phase since the start of this period.
     """
     if event_count == events.shape[0]:
         events = enlarge_table(events, 2 * event_count + 16)
@@ -172,7 +185,7 @@ def add_event(events, event_count, period, phase, code_before, code_after, veloc
 
 @inlined_without_refcounts
 def fill_event(event, period, phase, code_before, code_after, velocity) -> None:
-    """Fill the row `event` of an event table; arguments are those of `add_event`."""
+    """Fill `event`, a row of an event table; see `add_event` for the other arguments."""
     event[EVENT_PERIOD] = period
     event[EVENT_PHASE] = phase
     event[EVENT_FROM] = code_before
@@ -182,10 +195,10 @@ def fill_event(event, period, phase, code_before, code_after, velocity) -> None:
 
 @kernel
 def repeat_record(samples, events, event_count, recorded_periods, periods):
-    """Repeat the samples and events of the first recorded mesh periods until all periods are full.
+    """Fill the record of `periods` mesh periods by repeating its first `recorded_periods`.
 
-    The sample table covers all periods; the event table is enlarged if needed. Returns (event
-    table, event count).
+    The sample table covers all periods. The first `event_count` rows of the table `events` are in
+    use; the table is enlarged if needed. Returns (event table, event count).
     """
     sample_count = samples.shape[0] // periods * recorded_periods
     recorded_events = event_count
@@ -204,9 +217,9 @@ def repeat_record(samples, events, event_count, recorded_periods, periods):
 
 @kernel
 def strobe_periods(repeats: int) -> int:
-    """Return the number of last mesh periods whose start states `orbit_period` compares.
+    """Return the number of mesh periods at the end of a run whose initial states are kept.
 
-    The excitation repeats after `repeats` mesh periods.
+    `orbit_period` compares these states. The excitation repeats after `repeats` mesh periods.
     """
     return 2 * MAX_PERIOD * repeats - 1
 
@@ -215,22 +228,23 @@ def strobe_periods(repeats: int) -> int:
 def orbit_period(strobes, tuning, displacement_range, repeats=1):
     """Return the smallest number n of mesh periods after which the motion repeats, or 0.
 
-    `strobes`, shape (k + 1, 2), has displacement and dx/dtau at the bounds of the last k periods;
-    the largest minus the smallest displacement, `displacement_range`, scales the tolerance. n is at
-    most 16, or 16 times the mesh periods after which the excitation `repeats`. The motion has to
-    repeat over at least these, since a slow run-out changes little from one period to the next.
+    `strobes`, shape (k + 1, 2), has displacement and dx/dtau at the bounds of the last k
+    periods. `displacement_range`, the largest minus the smallest displacement, scales the
+    tolerance. The excitation repeats after `repeats` mesh periods; n is at most 16, or a multiple
+    of `repeats` up to 16 * repeats. The states have to repeat over at least `repeats` periods,
+    since a slow run-out changes little from one period to the next.
     """
-    last = strobes.shape[0] - 1
+    last_row = strobes.shape[0] - 1
     tolerance = SAME_STATE_TOLERANCE * max(1.0, displacement_range)
     for i in range(2 * MAX_PERIOD):
         n = i + 1 if i < MAX_PERIOD else (i + 1 - MAX_PERIOD) * repeats
         span = max(n, repeats)
-        if last < n + span - 1:
+        if last_row < n + span - 1:
             return 0
         is_equal = True
         for j in range(span):
-            dx = abs(strobes[last - j % n, 0] - strobes[last - j - n, 0])
-            dv = abs(strobes[last - j % n, 1] - strobes[last - j - n, 1])
+            dx = abs(strobes[last_row - j % n, 0] - strobes[last_row - j - n, 0])
+            dv = abs(strobes[last_row - j % n, 1] - strobes[last_row - j - n, 1])
             if not (dx <= tolerance and tuning * dv <= tolerance):
                 is_equal = False
                 break

@@ -1,10 +1,10 @@
-"""First zero crossing and maximum of a polynomial on an interval, isolated in Bernstein form.
+"""First zero crossing and maximum of a polynomial on [0, 1], isolated in Bernstein form.
 
 A polynomial on [0, 1] lies between its smallest and its largest Bernstein coefficient. So an
-interval without a negative coefficient has no crossing, and an interval with falling coefficients
-and a negative end has exactly one. All other intervals are halved (de Casteljau). The polynomial is
-not sampled: any dip below zero, however short, makes a coefficient negative. If a search takes too
-many halvings, the functions report that.
+interval without a negative coefficient has no crossing, and an interval whose coefficients change
+sign once, from plus to minus, has exactly one. All other intervals are halved (de Casteljau). The
+polynomial is not sampled: any dip below zero, however short, makes a coefficient negative. If a
+search takes too many halvings, the functions report that.
 """
 
 import math
@@ -15,11 +15,12 @@ from gearlib.engines.jit import inlined_without_refcounts, kernel, kernel_withou
 
 #: Largest number of halvings; the interval is then as short as rounding.
 MAX_DEPTH = 48
-#: Largest number of Newton steps. Every eighth step halves the bracket; 60 halvings suffice.
+#: Largest number of Newton steps to a root. Each eighth step halves the bracket, and 60 halvings
+#: suffice.
 MAX_NEWTON_STEPS = 480
 #: Largest number of Newton steps to a maximum. Usually fewer than ten are taken.
 _MAX_PEAK_STEPS = 60
-#: Number of rows of the storage of a search: intervals to be searched and three polynomials.
+#: Number of rows of the work array of a search: intervals to be searched and three polynomials.
 WORK_ROWS = MAX_DEPTH + 4
 #: Largest number of intervals in a search. Ten nearly double roots take 140.
 MAX_INTERVALS = 1000
@@ -30,20 +31,21 @@ _MAX_DEGREE = 24
 _DEGREES = range(_MAX_DEGREE + 1)
 #: Binomial coefficients C(n, k), shape (25, 25).
 BINOMIALS = np.array([[float(math.comb(n, k)) for k in _DEGREES] for n in _DEGREES])
-#: Weight of coefficient i in coefficient k of the left half, C(k, i) / 2^k. The right half has the
-#: same weights with columns in reverse order.
+#: Entry (i, k) is the weight C(k, i) / 2^k of coefficient i in coefficient k of the left half. The
+#: right half has the same weights with the columns in reverse order.
 _LEFT_WEIGHTS = np.array([[math.comb(k, i) / 2.0**k for k in _DEGREES] for i in _DEGREES])
 _RIGHT_WEIGHTS = np.ascontiguousarray(_LEFT_WEIGHTS[:, ::-1])
-#: Tolerance of a largest value, as a fraction of the coefficients: a hundred times their rounding.
+#: Tolerance of a maximum, as a fraction of the coefficients: a hundred times their rounding error.
 _VALUE_TOLERANCE = 4e-14
 #: Tolerance of the location of a maximum. Its square, the error of the value, is below rounding.
 _PEAK_LOCATION_TOLERANCE = 1e-9
 
 
 def bernstein_matrix(degree: int) -> np.ndarray:
-    """Return the matrix from power to Bernstein coefficients, shape (degree + 1, degree + 1).
+    """Return the matrix that converts power to Bernstein coefficients on [0, 1].
 
-    Row i holds the weights of the i-th power coefficient in all Bernstein coefficients.
+    Its shape is (degree + 1, degree + 1). Row i holds the weights of the i-th power coefficient in
+    all Bernstein coefficients.
     """
     matrix = np.zeros((degree + 1, degree + 1))
     for j in range(degree + 1):
@@ -54,7 +56,10 @@ def bernstein_matrix(degree: int) -> np.ndarray:
 
 @kernel
 def horner(coefficients: np.ndarray, s: float) -> tuple:
-    """Return (value, derivative) at s of the polynomial with power coefficients, constant first."""
+    """Return (value, derivative) of a polynomial at s by Horner's scheme.
+
+    `coefficients` are its power coefficients, constant first.
+    """
     value, slope = 0.0, 0.0
     for k in range(coefficients.shape[0] - 1, -1, -1):
         slope = slope * s + value
@@ -64,9 +69,10 @@ def horner(coefficients: np.ndarray, s: float) -> tuple:
 
 @kernel
 def _to_bernstein(coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.ndarray) -> None:
-    """Fill the first n + 1 Bernstein coefficients from n + 1 power coefficients, constant first.
+    """Fill the first n + 1 entries of `bernstein` with the Bernstein coefficients of a polynomial.
 
-    The matrix is `bernstein_matrix` of the degree n.
+    `coefficients` are its n + 1 power coefficients, constant first; `matrix` is the
+    `bernstein_matrix` of degree n.
     """
     bernstein[: coefficients.shape[0]] = coefficients[0]
     for i in range(1, coefficients.shape[0]):
@@ -76,9 +82,11 @@ def _to_bernstein(coefficients: np.ndarray, matrix: np.ndarray, bernstein: np.nd
 
 @inlined_without_refcounts
 def halve(b: np.ndarray, left: np.ndarray, storage: np.ndarray, n: int) -> None:
-    """Split a polynomial on an interval into halves: b becomes the right half, `left` is filled.
+    """Split a polynomial at the middle of its interval, in Bernstein form.
 
-    All arrays hold n + 1 Bernstein coefficients of degree n. Weighted sums are faster than de
+    b, the n + 1 Bernstein coefficients of degree n, is replaced by the coefficients on the right
+    half, and `left` is filled with the coefficients on the left half. `storage` is overwritten. The
+    n + 1 first entries of the arrays are used. Weighted sums are faster than de
     Casteljau's scheme, because the compiler turns them into vector instructions.
     """
     for k in range(n + 1):
@@ -119,11 +127,11 @@ def parabola_minimum(a: float, b: float, c: float) -> float:
 
 @kernel_without_refcounts
 def _find_root(b, n, s, value_terms, slope_terms):
-    """Return (root s, slope at s) of a polynomial on [0, 1] that changes once from plus to minus.
+    """Return (root s, slope at s) of a polynomial that falls through zero once on [0, 1].
 
-    b has its Bernstein coefficients of degree n, and s is an estimate of the root. The storage
-    `value_terms` and `slope_terms`, shape (n + 1,), gets the scaled coefficients of the polynomial
-    and of its derivative.
+    b holds its Bernstein coefficients of degree n, and the argument s is an estimate of the root.
+    Newton's method is safeguarded by bisection. `value_terms` and `slope_terms`, shape (n + 1,) or
+    longer, are overwritten with scaled coefficients of the polynomial and of its derivative.
     """
     for i in range(n + 1):
         value_terms[i] = BINOMIALS[n, i] * b[i]
@@ -166,10 +174,10 @@ def _find_root(b, n, s, value_terms, slope_terms):
 
 @kernel_without_refcounts
 def _count_sign_changes(b, n, tolerance):
-    """Return (number of sign changes of Bernstein coefficients b, estimate of the last root).
+    """Return (number of sign changes of the Bernstein coefficients b, estimate of the last root).
 
-    The polynomial of degree n has at most as many roots in [0, 1]. Coefficients within `tolerance`
-    of zero are ignored, except the first.
+    The polynomial of degree n has at most as many roots in [0, 1] as there are sign changes.
+    Coefficients within `tolerance` of zero are ignored, except the first one.
     """
     count, root_estimate = 0, 0.0
     last_value, last_index = b[0], 0
@@ -208,7 +216,7 @@ def first_bernstein_crossing(work, zero_count, end, value_error):
     if zero_count == 0 and b[0] <= 0.0 and slope < -tolerance:
         return 0.0, 0.0
     if zero_count > 0 and abs(b[0]) <= tolerance and slope < -tolerance:
-        # The root is closer to 0 than rounding.
+        # The distance of the root from 0 is below rounding.
         return max(-b[0] / slope, 0.0), 0.0
     value_terms, slope_terms = work[MAX_DEPTH + 2], work[MAX_DEPTH + 3]
     depth, start = 0, 0.0
@@ -304,7 +312,10 @@ def polynomial_maximum(coefficients, to_bernstein, work, lower_bound):
 
 @kernel_without_refcounts
 def _has_one_peak(b: np.ndarray, n: int) -> bool:
-    """Return whether n + 1 Bernstein coefficients rise, then fall, so that there is one maximum."""
+    """Return whether a polynomial provably has at most one local maximum inside [0, 1].
+
+    This is proven if its Bernstein coefficients b, of degree n, first rise and then fall.
+    """
     k = 1
     while k <= n and b[k] >= b[k - 1]:
         k += 1
@@ -315,9 +326,9 @@ def _has_one_peak(b: np.ndarray, n: int) -> bool:
 
 @kernel_without_refcounts
 def _peak_value(b: np.ndarray, n: int) -> float:
-    """Return the maximum on [0, 1], by Newton's method, of a polynomial with one local maximum.
+    """Return the maximum on [0, 1] of a polynomial with one local maximum, by Newton's method.
 
-    b has its Bernstein coefficients of degree n >= 2.
+    b holds its Bernstein coefficients of degree n >= 2.
     """
     s, lower, upper = 0.5, 0.0, 1.0
     for _ in range(_MAX_PEAK_STEPS):
@@ -352,12 +363,12 @@ def bernstein_maximum(work: np.ndarray, n: int, lower_bound: float) -> float:
 
     The first row of `work`, shape (WORK_ROWS, n + 2), begins with its Bernstein coefficients of
     degree n. By branch and bound, intervals are dropped if no coefficient exceeds the largest value
-    so far. The result is NaN if the search takes too many intervals.
+    found so far. The result is NaN if the search takes too many intervals.
     """
-    size = 0.0
+    largest_magnitude = 0.0
     for k in range(n + 1):
-        size = max(size, abs(work[0, k]))
-    tolerance, depth = _VALUE_TOLERANCE * size, 0
+        largest_magnitude = max(largest_magnitude, abs(work[0, k]))
+    tolerance, depth = _VALUE_TOLERANCE * largest_magnitude, 0
     for _ in range(MAX_INTERVALS):
         if depth < 0:
             return lower_bound

@@ -23,7 +23,7 @@ _MAX_SECTION_SAMPLES = 360
 
 
 class Base:
-    """A model at one tuning; subclasses ``Propagator`` define `fill_record` and `fill_maps`."""
+    """Engine of a model at one tuning; subclasses define `fill_record` and `fill_maps`."""
 
     #: Description of the motion between events.
     description = "closed forms"
@@ -43,7 +43,7 @@ class Base:
         return type(self)(self.model, tuning)
 
     def initial_state(self, state: Any) -> np.ndarray:
-        """Return the state z for a displacement and dx/dtau at tau = 0."""
+        """Return the state z at tau = 0 for a `state` (displacement, dx/dtau)."""
         return np.array(state, float)
 
     def run(
@@ -60,16 +60,17 @@ class Base:
         return self.fill_record(np.array(z, float), span, *tables, first_period)
 
     def record(self, z, periods: int, max_events: int, samples: int = 0) -> Record:
-        """Return the `Record` of a run from the state z, in which all mesh periods are recorded.
+        """Run from the state z, record all `periods` mesh periods and return the `Record`.
 
-        `max_events` is the largest number of events in a period, `samples` the number of samples.
+        A period has at most `max_events` events; `samples` is its number of samples.
         """
         return self.run(z, Span(periods, periods, max_events), samples)
 
     def fill_record(self, z, span: Span, samples, events, summary, first_period: int) -> Record:
         """Run from the state z, which may change, and fill the tables; return the `Record`.
 
-        The tables are those of `Record`; the excitation starts with its mesh period `first_period`.
+        `samples`, `events` and `summary` are empty tables with the columns of `Record`. The
+        excitation starts with its mesh period `first_period`.
         """
         raise NotImplementedError
 
@@ -77,8 +78,9 @@ class Base:
         """Return (final state, period maps, status) of a run from the state z.
 
         Period maps, shape (periods, size, size), are the derivatives of the state after each mesh
-        period by the state before. They are exact, with a saltation matrix for each flank crossing,
-        and NaN if the status is not OK. The excitation starts with its mesh period `first_period`.
+        period with respect to the state before it. They are exact, with a saltation matrix for each
+        flank crossing, and NaN if the status is not OK. A period has at most `max_events` events;
+        the excitation starts with its mesh period `first_period`.
         """
         z = np.array(z, float)
         maps = np.empty((periods, z.size, z.size))
@@ -88,9 +90,10 @@ class Base:
         return z, maps, status
 
     def fill_maps(self, z, periods: int, max_events: int, maps, first_period: int) -> int:
-        """Fill the period maps of a run from z and move z to its end; return the status.
+        """Fill the period maps of a run from the state z and return its status.
 
-        Maps have the shape (periods, size, size); the excitation starts with period `first_period`.
+        z becomes the final state. `maps` has the shape (periods, size, size), see `maps`; the
+        excitation starts with its mesh period `first_period`.
         """
         raise NotImplementedError
 
@@ -107,11 +110,12 @@ class Base:
     def sections(
         self, states, settle_periods: int, phase: float, max_events: int, table, ends, statuses
     ) -> None:
-        """Fill a table, shape (n, periods, 2), with the states (x, x') of n motions at a phase.
+        """Fill `table` with states (x, x') of n motions at one phase of each mesh period.
 
-        The motions start from `states`, shape (n, 2), and run `settle_periods` mesh periods before.
-        `ends`, shape (n, 2), get the final states, `statuses`, shape (n,), their statuses. The
-        phase, in rad, is a multiple of one degree; a period has at most `max_events` events.
+        `table` has the shape (n, periods, 2). The motions start from `states`, shape (n, 2), and
+        run `settle_periods` mesh periods before the first entry. The phase, in rad, is a multiple
+        of one degree; a period has at most `max_events` events. `ends`, shape (n, 2), is filled
+        with the final states and `statuses`, shape (n,), with the statuses of the runs.
         """
         period_fraction = Fraction(phase / (2.0 * math.pi)).limit_denominator(_MAX_SECTION_SAMPLES)
         if abs(period_fraction - phase / (2.0 * math.pi)) > 1e-12:
@@ -130,14 +134,15 @@ class Base:
                 ]
 
     def sweep(self, tunings, order, state, warm_start: bool, span: Span, rows: Rows) -> None:
-        """Run the model at all tunings, in an order of their indices, and fill their result rows.
+        """Run the model at all `tunings` over a `Span` and fill their result `rows`.
 
-        With `warm_start` a run starts from all coordinates at the end of the run before, otherwise
-        from `state`.
+        `order` holds the indices of the tunings in the order of the runs. With `warm_start` a run
+        starts from all coordinates at the end of the previous run, otherwise from `state`.
         """
         engine, repeats, next_period = self, self.model.repeats, 0
 
         def run(tuning: float, previous: Record | None) -> Record:
+            """Run at a tuning, from the end of the previous run or, if it is None, from `state`."""
             nonlocal engine, next_period
             engine, first_period = engine.at(tuning), next_period if previous else 0
             z = previous.state if previous else engine.initial_state(state)
@@ -150,10 +155,11 @@ class Base:
 
 
 def run_all_tunings(run: Callable, tunings, order, warm_start: bool, rows: Rows) -> None:
-    """Run all tunings in an order of their indices and fill their result rows.
+    """Run a model at all `tunings` and fill their result `rows`.
 
-    ``run(tuning, previous)`` returns a `Record`. With `warm_start`, `previous` is the record of the
-    tuning before. It is None for the first run, after a failed run and without `warm_start`.
+    ``run(tuning, previous)`` runs the model and returns its `Record`. With `warm_start`, `previous`
+    is the record of the previous run; it is None for the first run, after a failed run and without
+    `warm_start`. `order` holds the indices of the tunings in the order of the runs.
     """
     previous = None
     for i in order:

@@ -28,39 +28,43 @@ if TYPE_CHECKING:
 _SETTLED_DISTANCE = 1e-8
 #: Smallest distance of Floquet multipliers from the unit circle for which a proof is possible.
 _MIN_DECAY = 1e-6
-#: An orbit grazes no flank line if it stays at this distance, in static deflections, or crosses it
-#: with this speed, in static deflections by natural time.
+#: An orbit does not graze a flank line if it stays at least this far from it, in static
+#: deflections, or crosses it at least at this speed, in static deflections by natural time.
 _GRAZING_DISTANCE, _GRAZING_SPEED = 1e-5, 1e-3
-#: Largest number of additional periods, and of all periods as a multiple of the periods so far.
+#: Largest number of mesh periods that are added to a run, and largest number of all mesh periods
+#: as a multiple of the periods of the run.
 _MAX_ADDED_PERIODS, _MAX_PERIOD_RATIO = 5000, 20
-#: Distance of two neighbouring starts, as large as the rounding of a run, and distance at which
-#: their motions have diverged, both as fractions of the state.
+#: Distance between two neighbouring initial states, as large as the rounding of a run, and distance
+#: at which their motions have diverged, both as fractions of the state.
 _START_DISTANCE, _DIVERGED_DISTANCE = 1e-13, 1e-2
 
 
 def proven_period(
     propagator: "Base", z: np.ndarray, period: int, max_events: int, first_period: int = 0
 ) -> int:
-    """Return the period of the orbit to which a motion from the state z converges, 0 unproven.
+    """Return the period of the orbit to which a motion from the state z converges, or 0.
 
-    `period` is the number of mesh periods after which stroboscopic states repeat, 0 if they do not.
-    A mesh period has at most `max_events` events; the excitation starts with period `first_period`.
+    The result is 0 if convergence is not proven. `period` is the number of mesh periods after which
+    stroboscopic states repeat to within a tolerance, or 0; the result equals it if it is proven. A
+    mesh period has at most `max_events` events; the excitation starts with period `first_period`.
     """
     model = propagator.model
     if not period or propagator.proves_periods:
         return period
     span, first_period = math.lcm(period, model.repeats), first_period % model.repeats
-    end, maps, status = propagator.maps(z, span, max_events, first_period)
+    end_state, maps, status = propagator.maps(z, span, max_events, first_period)
     if status != OK:
         return 0
+    # `reduce` removes the rigid-body rotation from a state, and `lift` is its inverse.
     try:
         reduce, lift = model.reduction()
     except ValueError:
-        # The free rotation is damped, so it has to settle like all other motions.
+        # The rigid-body rotation is damped, so it has to settle like all other motions.
         reduce = lift = np.eye(model.size)
     weights = np.repeat([1.0, propagator.tuning], len(reduce) // 2)
     reduce, lift = weights[:, None] * reduce, lift / weights
-    step, tolerance = reduce @ (end - z), _SETTLED_DISTANCE * max(1.0, np.abs(reduce @ z).max())
+    step = reduce @ (end_state - z)
+    tolerance = _SETTLED_DISTANCE * max(1.0, np.abs(reduce @ z).max())
     if not np.linalg.norm(step) <= tolerance:
         return 0
     matrix = np.eye(len(reduce))
@@ -73,10 +77,11 @@ def proven_period(
 
 
 def _distance_bound(matrix: np.ndarray, step: np.ndarray) -> float:
-    """Return the largest distance D = sum |c_k| / (1 - |lambda_k|) of a motion from its orbit.
+    """Return the bound D = sum |c_k| / (1 - |lambda_k|) on the distance of a motion from its orbit.
 
-    The monodromy matrix has the Floquet multipliers lambda_k; c_k are the components along its
-    eigenvectors of the step of the state in one period. D is infinite if the map hardly contracts.
+    `matrix` is the monodromy matrix with the Floquet multipliers lambda_k. `step` is the change of
+    the state over one period of the orbit, and c_k are its components along the eigenvectors of the
+    matrix. D is infinite if the map hardly contracts.
     """
     norm = np.linalg.norm(matrix)
     if norm < 0.5:
@@ -93,7 +98,11 @@ def _distance_bound(matrix: np.ndarray, step: np.ndarray) -> float:
 
 
 def _avoids_grazing(propagator: "Base", record: Record) -> bool:
-    """Return whether a recorded motion crosses or avoids the flank lines of its model clearly."""
+    """Return whether a recorded motion is far from grazing the flank lines of its model.
+
+    At each flank line the extrema of the displacement keep a minimum distance, and crossings have a
+    minimum speed. `propagator` is the engine that has computed the `Record`.
+    """
     extrema = np.moveaxis(record.summary[..., [orbit.X_MAX, orbit.X_MIN]], -1, 0)
     distances = [np.abs(extrema - line).min() for line in propagator.model.flank_lines]
     speeds = np.abs(record.events[:, orbit.EVENT_VELOCITY]) * propagator.tuning
@@ -103,11 +112,11 @@ def _avoids_grazing(propagator: "Base", record: Record) -> bool:
 def settled_period(
     propagator: "Base", record: Record, span: Span, until_settled: bool
 ) -> tuple[int, int]:
-    """Return (proven period of the motion, mesh periods until the proof) after a run over a span.
+    """Return (proven period of a motion, mesh periods until the proof) after a run.
 
-    The period is 0 if the motion has not settled or if rounding decides where it settles. With
-    `until_settled` the run continues until there is a proof, up to 20 times its length, but at most
-    by 5000 periods.
+    `record` is the `Record` of the run over the `Span`. The period is 0 if the motion has not
+    settled or if rounding decides where it settles. With `until_settled` the run continues until
+    there is a proof, up to 20 times its length, but by at most 5000 periods.
     """
     z, period, periods = record.state, record.period, span.periods
     # If a neighbouring motion diverges, rounding decides where the motion settles.
@@ -115,18 +124,18 @@ def settled_period(
     if until_settled:
         max_periods = min(_MAX_PERIOD_RATIO * periods, periods + _MAX_ADDED_PERIODS)
     while True:
-        proven = (
+        orbit_period = (
             0 if has_diverged else proven_period(propagator, z, period, span.max_events, periods)
         )
-        added = min(periods, max_periods - periods)
-        if proven or has_diverged or not added:
-            return proven, periods
-        arguments = {"span": Span(added, 1, span.max_events), "keep_events": False}
+        added_periods = min(periods, max_periods - periods)
+        if orbit_period or has_diverged or not added_periods:
+            return orbit_period, periods
+        arguments = {"span": Span(added_periods, 1, span.max_events), "keep_events": False}
         arguments["first_period"] = periods % propagator.model.repeats
         run = functools.partial(propagator.run, **arguments)
-        record, neighbour_record, periods = run(z), run(neighbour), periods + added
+        record, neighbour_record, periods = run(z), run(neighbour), periods + added_periods
         if record.status != OK:
             return 0, periods
         z, neighbour, period = record.state, neighbour_record.state, record.period
-        distance, size = np.abs(neighbour - z).max(), max(1.0, np.abs(z).max())
-        has_diverged = neighbour_record.status != OK or distance > _DIVERGED_DISTANCE * size
+        distance, state_size = np.abs(neighbour - z).max(), max(1.0, np.abs(z).max())
+        has_diverged = neighbour_record.status != OK or distance > _DIVERGED_DISTANCE * state_size

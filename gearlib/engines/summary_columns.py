@@ -1,24 +1,24 @@
-"""The variables of a summary: what each column of the summary table of a run holds."""
+"""Columns of the summary table of a run, each of which is a variable of datasets."""
 
 from typing import NamedTuple
 
-#: How a column combines over time: the largest or the least value, an integral over the mesh phase,
-#: which datasets divide by the phase of the record, or a number of events, by its mesh periods.
+#: How a column combines values over time. Datasets divide a SUM, the integral over the mesh phase,
+#: by the recorded phase, and a COUNT of events by the number of recorded mesh periods.
 LARGEST, LEAST, SUM, COUNT = "largest", "least", "sum", "count"
 
 
 class Column(NamedTuple):
     """A column of the summary table, a variable of datasets."""
 
-    name: str  #: of the variable
+    name: str  #: name of the variable
     kind: str  #: LARGEST, LEAST, SUM or COUNT
     description: str
-    scale: str = ""  #: variable that converts it to SI units, static_deflection or force_scale
+    scale: str = ""  #: factor to SI units, static_deflection or force_scale; empty: dimensionless
     trains_only: bool = False  #: whether only datasets of gear trains have it
 
     @property
     def long_name(self) -> str:
-        """The description with the unit of dimensionless values."""
+        """The description, followed by the scale of dimensionless values if there is one."""
         units = {"static_deflection": " in static deflections", "force_scale": " over load"}
         return self.description + units.get(self.scale, "")
 

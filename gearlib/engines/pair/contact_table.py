@@ -4,16 +4,17 @@ With X = C + a S (see `motion`) a motion in contact follows
 
     u(t) = u0 X(t) + u0' S(t),        u'(t) = u0' (X(t) - 2 a S(t)) - W^2 u0 S(t).
 
-X and S are tabulated at equally spaced times, `ENTRIES_PER_RADIAN` to 1 / W. Taylor polynomials
-give the motion between the entries, so that an orbit needs neither exp nor sine nor cosine.
+X and S are tabulated at equally spaced times, with `ENTRIES_PER_RADIAN` entries in the time 1 / W.
+Taylor polynomials give the motion between the entries, so that an orbit needs no exponential, sine
+or cosine.
 
-Newton's method finds the loss of contact from the entry of the last one. No search has to show that
-a root is the first: from a start that falls, it is the first within half an oscillation, since the
-next descent starts at least half an oscillation after the first minimum; from another start, within
-a whole oscillation, since the second descent starts later. Undecided cases are left to the closed
-forms of `events`.
+Newton's method finds the loss of contact, starting from the table entry of the previous loss of
+contact. No search has to show that a root is the first: from a start that falls, it is the first
+within half an oscillation, since the next descent starts at least half an oscillation after the
+first minimum; from another start, within a whole oscillation, since the second descent starts
+later. Undecided cases are left to the closed forms of `events`.
 
-A level is a row of numbers, so that kernels select it by an index.
+The constants of a stiffness level are a row of an array, which kernels select by its index.
 """
 
 import math
@@ -31,20 +32,20 @@ _DIRECT_ENTRIES = 8
 _MAX_ENTRY_DISTANCE = 0.75
 #: Factor of the bound on the amplitude that allows for rounding.
 ROUNDING_MARGIN = 1.0 - 1e-12
-#: Largest nonlinearity in a last Newton step, whose error, the fourth power, is then rounding, and
-#: in a step with the terms of higher order.
+#: Largest nonlinearity of the last Newton step, whose error is the fourth power of it, and of a
+#: step that includes the terms of higher order.
 _MAX_LAST_NONLINEARITY, _MAX_NONLINEARITY = 1e-4, 0.2
-#: Largest speed, over acceleration / RATE_BOUND, for which a motion counts as close to a minimum.
+#: Largest speed, over acceleration / RATE_BOUND, at which a motion counts as close to a minimum.
 _MAX_SPEED_AT_MINIMUM = 1e-2
 _MAX_NEWTON_STEPS = 8
-#: Number of entries from one to the next that `lowest_entry` checks: a quarter of a radian.
+#: `lowest_entry` checks each third entry, which is one in a quarter of a radian.
 _ENTRY_STRIDE = 3
 
-# Columns of a level, with u'' + DAMPING u' + STIFFNESS u = 0. The contact lasts if an energy,
-# STIFFNESS u^2 + u' (u' + DAMPING u), is below MAX_ENERGY. LAST_ENTRY of the table is UNFILLED
-# before the table is filled, NO_TABLE without a table. END_X and END_S are X and S over the whole
-# segment, the WITHIN columns say whether the segment is shorter than half a cycle and than a cycle
-# of the oscillation. X2 to X8 and S2 to S8 are coefficients of the polynomials.
+# Columns of the row of a stiffness level, with u'' + DAMPING u' + STIFFNESS u = 0. The contact
+# lasts if an energy, STIFFNESS u^2 + u' (u' + DAMPING u), is below MAX_ENERGY. LAST_ENTRY of the
+# table is UNFILLED before the table is filled, NO_TABLE without a table. END_X and END_S are X and
+# S over the whole segment, the WITHIN columns say whether the segment is shorter than half a cycle
+# and than a cycle of the oscillation. X2 to X8 and S2 to S8 are coefficients of the polynomials.
 SEGMENT_LENGTH, EQUILIBRIUM, STIFFNESS, DAMPING, RATE_BOUND, SPACING, ENTRIES_PER_TIME = range(7)
 CYCLE_TIME, MAX_ENERGY, LAST_ENTRY, END_X, END_S, WITHIN_HALF_CYCLE, WITHIN_CYCLE = range(7, 14)
 X2, X3, X4, X5, X6, X7, X8 = range(14, 21)
@@ -57,9 +58,10 @@ UNFILLED, NO_TABLE = -1.0, -2.0
 def fill_level_constants(level, length, row):
     """Fill `row`, shape (LEVEL_COLUMNS,), with the constants of a stiffness `Level`.
 
-    Segments of this stiffness have the phase length `length`. END_X and END_S are, after this
-    length, the displacements of motions that start with displacement 1 or velocity 1. LAST_ENTRY is
-    UNFILLED until `fill_table` is called, or NO_TABLE for a motion that does not oscillate.
+    `length` is the phase length of a segment of this stiffness. END_X and END_S are the
+    displacements at its end of motions that start with displacement 1 and with velocity 1.
+    LAST_ENTRY is UNFILLED until `fill_table` is called, or NO_TABLE if the level does not
+    oscillate.
     """
     natural_frequency = math.sqrt(level.natural_squared)
     oscillates = level.damping_kind == UNDERDAMPED
@@ -82,10 +84,11 @@ def fill_level_constants(level, length, row):
 
 @kernel
 def fill_table(level, row, table):
-    """Fill `table`, shape (ENTRIES, 2), with fundamental solutions X and S of a stiffness `Level`.
+    """Fill `table`, shape (ENTRIES, 2), with the fundamental solutions X and S of a `Level`.
 
-    X starts with displacement 1 and velocity 0, S with 0 and 1; entries are equally spaced in time.
-    Taylor coefficients of X and S go to `row`, the constants from `fill_level_constants`.
+    X starts with displacement 1 and velocity 0, S with displacement 0 and velocity 1; entries are
+    equally spaced in time. `row` holds the constants from `fill_level_constants` and receives the
+    Taylor coefficients of X and S.
     """
     damping, stiffness, spacing = row[DAMPING], row[STIFFNESS], row[SPACING]
     # Taylor coefficients follow from u'' = -damping u' - stiffness u.
@@ -105,7 +108,7 @@ def fill_table(level, row, table):
             s = decay_factor * sine / level.frequency
             table[k, 0], table[k, 1] = decay_factor * cosine + level.decay_rate * s, s
         else:
-            # Products of two entries keep errors from adding up along the table.
+            # Each entry is a product of two others, so that errors do not add up along the table.
             x, s = table[k - k % _DIRECT_ENTRIES, 0], table[k - k % _DIRECT_ENTRIES, 1]
             step_x, step_s = table[k % _DIRECT_ENTRIES, 0], table[k % _DIRECT_ENTRIES, 1]
             table[k, 0] = x * step_x - stiffness * s * step_s
@@ -116,8 +119,8 @@ def fill_table(level, row, table):
 def advance_by_responses(levels, i, u, v, x, s):
     """Return displacement and velocity of a motion in contact, from (u, v), at a later time.
 
-    x and s are the solutions X and S at that time; row i of `levels` has the constants of the
-    stiffness level, and displacements count from its equilibrium.
+    x and s are the fundamental solutions X and S at that time. Row i of `levels` holds the
+    constants of the stiffness level, and displacements count from its equilibrium.
     """
     return u * x + v * s, v * (x - levels[i, DAMPING] * s) - levels[i, STIFFNESS] * u * s
 
@@ -141,9 +144,9 @@ def advance_by_series(levels, i, u, v, t):
 def provably_stays_in_contact(is_half_cycle, is_cycle, v, end_x, end_v):
     """Return whether a motion in contact provably has no minimum below the flank line.
 
-    It has the velocity v at its start, end_v at its end, and the displacement end_x from the flank
-    line at its end. The flags say whether it is shorter than half a cycle and than a cycle of the
-    oscillation. Within a cycle, a motion that rises first and falls last only has a maximum.
+    Its velocity is v at the start and `end_v` at the end, where its displacement from the flank
+    line is `end_x`. The flags say whether it is shorter than half a cycle and than a whole cycle of
+    the oscillation. Within a cycle, a motion that rises first and falls last has a maximum only.
     """
     if not end_x >= 0.0:
         return False
@@ -154,10 +157,11 @@ def provably_stays_in_contact(is_half_cycle, is_cycle, v, end_x, end_v):
 
 @inlined_kernel
 def _step_to_line(height, speed, acceleration, jerk, rate):
-    """Return (step, nonlinearity): time until a height becomes zero, by an inverted Taylor series.
+    """Return (step, nonlinearity): the time until a height is zero, by an inverted Taylor series.
 
-    `height`, `speed`, `acceleration` and `jerk` are its value and derivatives; `rate` is an upper
-    bound of the rates of the oscillator. The error of the step grows with the nonlinearity.
+    `height`, `speed`, `acceleration` and `jerk` are the value and the derivatives of the height,
+    and `rate` is an upper bound of the oscillator's rates. The error of the step grows with the
+    nonlinearity, a dimensionless estimate of the terms of higher order.
     """
     inverse = 1.0 / speed
     r = -height * inverse
@@ -211,12 +215,12 @@ def first_loss_of_contact(levels, tables, i, u, v, k, max_time):
 
 @inlined_kernel
 def lowest_entry(levels, tables, i, u, v):
-    """Return (k, is_below): the table entry where a motion in contact is lowest.
+    """Return (k, is_below): the table entry k at which a motion in contact is lowest.
 
-    It is the first entry below the flank line if there is one (`is_below`). Every third entry is
-    checked. The motion starts with displacement u from the equilibrium of stiffness level i and
-    velocity v. `levels[i]` holds constants of the level, `tables[i]`, shape (ENTRIES, 2), two
-    solutions at equally spaced times, with start displacement 1 and with start velocity 1.
+    If entries lie below the flank line, k is the first of them and `is_below` is True. Only each
+    third entry is checked. The motion starts with displacement u from the equilibrium of stiffness
+    level i and velocity v. `levels[i]` holds constants of the level, `tables[i]`, shape (ENTRIES,
+    2), two solutions at equally spaced times, with start displacement 1 and with start velocity 1.
     """
     line = -levels[i, EQUILIBRIUM]
     lowest, lowest_k, k = math.inf, 0, 0
@@ -236,8 +240,8 @@ def first_minimum_is_above(levels, tables, i, u, v, k):
 
     The motion starts with displacement u from the equilibrium of stiffness level i and velocity v;
     `levels[i]` holds constants of the level, `tables[i]`, shape (ENTRIES, 2), two solutions at
-    equally spaced times. The search starts at entry k. A minimum within an oscillation is the first
-    one, later ones are higher.
+    equally spaced times. Newton's method starts at entry k. A minimum within one oscillation is the
+    first one, and later minima are higher.
     """
     stiffness, damping = levels[i, STIFFNESS], levels[i, DAMPING]
     for _ in range(_MAX_NEWTON_STEPS):

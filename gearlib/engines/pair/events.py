@@ -7,8 +7,8 @@ An *arc* is a piece of orbit with one closed form. A row of the arc table holds
 
 The first crossing of a flank line is proven to be the first, without sampling. In contact the
 turning points are known in closed form and their depths decrease, so that the first minimum after
-the start is the deepest: the motion crosses the line once on the way to it, or never. A free
-free flight has one lowest point, and likewise one descent and one climb.
+the start is the deepest: the motion crosses the line once on the way to it, or never. A free flight
+has one lowest point, so it has one descent and one climb.
 """
 
 import math
@@ -28,7 +28,7 @@ from gearlib.engines.pair.motion import (
 #: Dips below a line that are smaller than this fraction of the deflections count as rounding, and
 #: hence as grazing without an event.
 GRAZING_TOLERANCE = 4e-16
-#: Largest number of Newton steps. Every eighth halves the bracket, so that 60 halvings suffice.
+#: Largest number of Newton steps. Each eighth step halves the bracket, and 60 halvings suffice.
 _MAX_NEWTON_STEPS = 480
 
 
@@ -36,8 +36,9 @@ _MAX_NEWTON_STEPS = 480
 def descent_time(level, u, v, line, max_time):
     """Return the first time in [0, max_time] at which a motion in contact falls through a line.
 
-    The time is infinity if there is none. The motion starts with displacement u and velocity v, in
-    a stiffness `Level`; u and `line` count from its equilibrium. A start below the line must fall.
+    The time is infinity if it does not. The motion starts with displacement u and velocity v at the
+    stiffness `Level`; u and `line` count from the equilibrium of the level. If it starts below the
+    line, its velocity must be negative.
     """
     if u <= line and v < 0.0:
         return 0.0
@@ -74,8 +75,8 @@ def descent_time(level, u, v, line, max_time):
 def _descent_root(level, u, v, line, earliest, latest):
     """Return the time in [earliest, latest] at which a motion in contact falls through a line.
 
-    It has displacement u and velocity v at time 0, in a stiffness `Level`; u and `line` count from
-    its equilibrium. Between `earliest` and `latest` it falls monotonically.
+    It has displacement u and velocity v at time 0, at a stiffness `Level`; u and `line` count from
+    the equilibrium of the level. Between `earliest` and `latest` it falls monotonically.
     """
     t = 0.5 * (earliest + latest)
     for step in range(_MAX_NEWTON_STEPS):
@@ -101,8 +102,8 @@ def next_impact(drag, load, backlash_ratio, x, v):
     """Return (duration, flank code) of a free flight up to its next impact.
 
     The flight x'' + 2 drag x' = load starts with displacement -backlash_ratio <= x <= 0 and
-    velocity v; the ratio > 0 may be infinite. The code is 1 for the drive-side flank (x = 0) and -1
-    for the coast-side flank (x = -backlash_ratio).
+    velocity v; the ratio > 0 may be infinite. The flank code is 1 for the drive-side flank (x = 0)
+    and -1 for the coast-side flank (x = -backlash_ratio).
     """
     if v >= 0.0:
         return climb_time(drag, load, -x, v), 1
@@ -122,11 +123,12 @@ ARC_COLUMNS = 6
 
 @kernel
 def next_event(mesh, level, contact, x, v, max_duration):
-    """Return (duration, new contact code, x, v): duration of an arc, and the state at its end.
+    """Return (duration, new contact code, x, v) at the end of an arc.
 
-    The arc starts with displacement x, velocity v and a contact code (1 drive side, 0 loss, -1 back
-    side), in a `PairConstants` at a stiffness `Level`. It ends at the first crossing of a flank
-    line, where x is exact, or after `max_duration`, where the contact code does not change.
+    The arc starts with displacement x, velocity v and the code `contact` (1 drive side, 0 no
+    contact, -1 coast side). `mesh` holds the `PairConstants`, `level` the `Level` of the present
+    stiffness. The arc ends at the first crossing of a flank line, where x is exact, or after
+    `max_duration`, and then the contact code does not change.
     """
     if contact == NO_CONTACT:
         t, flank_code = next_impact(mesh.drag, mesh.load, mesh.backlash_ratio, x, v)
@@ -161,10 +163,11 @@ def next_event(mesh, level, contact, x, v, max_duration):
 def march_segment(mesh, level_index, start, length, contact, x, v, arcs, arc_count, max_arcs):
     """Run through a segment of constant stiffness; return (contact code, x, v, number of arcs).
 
-    The segment has stiffness level 0 (C_min) or 1 (C_max) and covers the phase `length` from phase
-    `start` of the mesh period; the motion enters it with a contact code, displacement x and
-    velocity v. Rows of the arc table `arcs`, shape (n, 6), are filled from row `arc_count` on. If
-    more than `max_arcs` arcs are needed, the number is max_arcs + 1.
+    `mesh` holds the `PairConstants`. The segment has stiffness level 0 (C_min) or 1 (C_max) and
+    covers the phase `length` from phase `start` of the mesh period; the motion enters it with a
+    contact code, displacement x and velocity v. Rows of the arc table `arcs`, shape (n, 6), are
+    filled from row `arc_count` on. If more than `max_arcs` arcs are needed, the number is max_arcs
+    + 1.
     """
     _, contact, x, v, arc_count = march_rest_of_segment(
         mesh, level_index, start, 0.0, length, contact, x, v, arcs, arc_count, max_arcs, False
@@ -178,8 +181,9 @@ def march_rest_of_segment(
 ):
     """Run through the rest of a segment of constant stiffness, from the phase t after its start.
 
-    Returns (t, contact code, x, v, number of arcs) at its end, or with `until_impact` at the next
-    impact on the drive-side flank. The other arguments are those of `march_segment`.
+    Returns (t, contact code, x, v, number of arcs) at the end of the segment, or with
+    `until_impact` at the next impact on the drive-side flank. See `march_segment` for the other
+    arguments.
     """
     level = mesh.high_level if level_index == 1 else mesh.low_level
     while t < length:
@@ -208,9 +212,9 @@ def march_rest_of_segment(
 def march_period(mesh, contact, x, v, arcs, max_arcs):
     """Run through one mesh period; return (contact code, x, v, number of arcs) at its end.
 
-    The motion starts with a contact code, displacement x and velocity v in the middle of the C_max
-    segment. The arc table `arcs`, shape (n, 6), is filled; `max_arcs` is the largest number of
-    arcs.
+    `mesh` holds the `PairConstants`. The motion starts in the middle of the C_max segment with a
+    contact code, displacement x and velocity v. The arc table `arcs`, shape (n, 6), is filled;
+    `max_arcs` is the largest number of arcs.
     """
     arc_count, start = 0, 0.0
     for segment in range(3):

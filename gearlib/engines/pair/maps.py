@@ -1,14 +1,14 @@
 """Maps of small perturbations along the arcs of an orbit, and over mesh periods.
 
-Along a phase of contact or a free flight a perturbation w = (dx, dx') obeys the linearised
-equation of motion, in closed form. A stiffness switch happens at a fixed phase and leaves w as it
-is. A flank crossing multiplies it by the saltation matrix
+In contact or in free flight a perturbation w = (dx, dx') obeys the linearised equation of motion,
+which has a closed form. A switch of stiffness happens at a fixed phase and does not change w. A
+flank crossing multiplies it by the saltation matrix
 
     S = I + (f_after - f_before) n^T / (n . f_before),   n = (1, 0),   f = (x', x''),
 
 and because the mesh force is zero on a flank line, x'' jumps by the damping alone, which is
-proportional to x': S = [[1, 0], [(x''_after - x''_before) / x', 1]] is finite even when the
-crossing is tangential. There it depends on the side from which the crossing is approached.
+proportional to x': S = [[1, 0], [(x''_after - x''_before) / x', 1]] is finite even if the crossing
+is tangential. There S depends on the side from which the flank line is approached.
 """
 
 import math
@@ -24,7 +24,7 @@ from gearlib.engines.pair.motion import contact_of, propagators
 
 @inlined_kernel
 def multiply_from_left(a, b, c, d, matrix):
-    """Replace `matrix`, shape (2, 2), by the product [[a, b], [c, d]] matrix."""
+    """Replace `matrix`, shape (2, 2), by the product of [[a, b], [c, d]] and `matrix`."""
     for j in range(2):
         upper, lower = matrix[0, j], matrix[1, j]
         matrix[0, j] = a * upper + b * lower
@@ -35,9 +35,9 @@ def multiply_from_left(a, b, c, d, matrix):
 def multiply_by_arc_maps(mesh, arcs, arc_count, previous_code, matrix):
     """Multiply `matrix`, shape (2, 2), from the left by the Jacobian matrices of successive arcs.
 
-    `arcs`, shape (n, 6), is the arc table of a motion of the `PairConstants` with `arc_count` rows,
-    and `previous_code` the contact code before its first arc. Returns the contact code of the last
-    arc.
+    The first `arc_count` rows of the arc table `arcs`, shape (n, 6), are used. `mesh` holds the
+    `PairConstants`, and `previous_code` is the contact code before the first arc. Returns the
+    contact code of the last arc.
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
@@ -69,7 +69,7 @@ def fill_period_maps(mesh, x, v, periods, max_arcs, matrices):
 
     The motion starts with displacement x and velocity v at tau = 0. `matrices`, shape (periods, 2,
     2), receive the derivatives of the state at the end of each period with respect to the state at
-    its start. `max_arcs` is the largest number of arcs of a period.
+    its start. `mesh` holds the `PairConstants`; a period has at most `max_arcs` arcs.
     """
     arcs = np.empty((64, ARC_COLUMNS))
     contact = contact_of(mesh.backlash_ratio, x, v)

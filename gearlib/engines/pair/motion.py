@@ -1,4 +1,4 @@
-"""Constants of a mesh, and its motion in contact and in free flight, in closed form.
+"""Constants of a gear pair, and its motion in contact and in free flight in closed form.
 
 In contact, between two stiffness switches, the flanks touch as
 
@@ -22,9 +22,9 @@ With z = 2 b t and phi1(z) = (1 - exp(-z)) / z, phi2(z) = (1 - phi1(z)) / z
 which holds for b = 0 as well and loses no digits for small b t. The load always acts upwards: a
 flight has at most one lowest point, and always ends.
 
-Tables that are filled at every tuning take `decay` and `cos_sin`, plain arithmetic: a call into the
-C library costs several times as much and prevents vectorised loops. Their error is one unit in the
-last place of the result for `decay`, of 1 for `cos_sin`.
+Tables that are filled at every tuning use `decay` and `cos_sin`, which need arithmetic only: a call
+of the C library costs several times as much and prevents vectorised loops. The error of `decay` is
+one unit in the last place of its result, the error of `cos_sin` one unit in the last place of 1.
 """
 
 import math
@@ -39,7 +39,7 @@ from gearlib.engines.jit import inlined_kernel, kernel
 _ROUNDING = 6755399441055744.0
 _LOG2_E = 1.4426950408889634
 _TWO_OVER_PI = 0.6366197723675814
-# ln 2 and pi / 2 in two parts, the first with so few bits that its small multiples are exact.
+# ln 2 and pi / 2 in two parts, of which the first has so few bits that its multiples are exact.
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _QUARTER_HIGH, _QUARTER_LOW = 1.57079632673412561417, 6.07710050650619224932e-11
 #: Largest exponent: exp(-700) = 1e-304 replaces all smaller values.
@@ -71,7 +71,7 @@ def cos_sin(angle):
     rounded = angle * _TWO_OVER_PI + _ROUNDING
     k = rounded - _ROUNDING
     r = (angle - k * _QUARTER_HIGH) - k * _QUARTER_LOW
-    # The angle is k quarter turns plus r, |r| <= pi / 4. The coefficients are those of fdlibm.
+    # The angle is k quarter turns plus r, |r| <= pi / 4. The coefficients are taken from fdlibm.
     z = r * r
     s = 2.75573137070700676789e-06 + z * (
         -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
@@ -95,19 +95,19 @@ UNDERDAMPED, CRITICAL, OVERDAMPED = 1, 0, -1
 
 
 class Level(NamedTuple):
-    """Oscillator of one stiffness level, and its equilibrium."""
+    """Linear oscillator of a mesh in contact at one stiffness level, with time as mesh phase."""
 
     decay_rate: float  #: a
     natural_squared: float  #: W^2, square of the natural frequency
-    frequency: float  #: w, damped frequency, or half the difference of the rates if over-damped
+    frequency: float  #: w, damped frequency; if over-damped, half the difference of the decay rates
     damping_kind: int  #: UNDERDAMPED, CRITICAL or OVERDAMPED
     equilibrium: float  #: static deflection at this stiffness, 1 / c
-    stiffness: float  #: c = C / C_s
+    stiffness: float  #: c = C / C_s, stiffness over its mean
 
 
 @kernel
 def level_at_tuning(stiffness, damping, tuning):
-    """Return the `Level` of a stiffness c = C / C_s, a damping ratio beta and a tuning nu."""
+    """Return the `Level` for a stiffness c = C / C_s, a damping ratio beta and a tuning nu."""
     decay_rate = damping / tuning
     natural_frequency = math.sqrt(stiffness) / tuning
     # The product does not lose digits near critical damping, as W^2 - a^2 would.
@@ -138,7 +138,7 @@ def propagators(level, t):
     if level.damping_kind == CRITICAL:
         decay = math.exp(-level.decay_rate * t)
         return decay, decay * t
-    # The form exp(-(a - w) t) times bounded factors never gives inf * 0 and does not cancel.
+    # The form exp(-(a - w) t) times bounded factors avoids inf * 0 and cancellation.
     decay = 0.5 * math.exp(-level.natural_squared / (level.decay_rate + level.frequency) * t)
     difference = math.expm1(-2.0 * level.frequency * t)
     return decay * (2.0 + difference), -decay * difference / level.frequency
@@ -159,8 +159,9 @@ def evolve(level, u, v, t):
 def next_turning_time(level, u, v):
     """Return the first time t > 0 at which a motion in contact has zero velocity, or infinity.
 
-    It starts with displacement u from the equilibrium of the stiffness `Level` and velocity v. An
-    under-damped motion turns at intervals pi / w, an over-damped or critical one at most once.
+    The motion starts with displacement u from the equilibrium of the stiffness `Level` and velocity
+    v. An under-damped motion turns at intervals pi / w, an over-damped or critical one at most
+    once.
     """
     a, w, is_underdamped = level.decay_rate, level.frequency, level.damping_kind == UNDERDAMPED
     q = a * v + level.natural_squared * u
@@ -179,14 +180,14 @@ def next_turning_time(level, u, v):
 
 
 class PairConstants(NamedTuple):
-    """Dimensionless constants of a mesh with rectangular stiffness at one tuning."""
+    """Dimensionless constants of a gear pair with rectangular mesh stiffness at one tuning."""
 
-    low_level: Level  #: of the stiffness C_min
-    high_level: Level  #: of the stiffness C_max
+    low_level: Level  #: oscillator at the stiffness C_min
+    high_level: Level  #: oscillator at the stiffness C_max
     half_high_length: float  #: phase length of half the C_max segment
     low_length: float  #: phase length of the C_min segment
-    drag: float  #: b = beta_m / nu
-    load: float  #: f = 1 / nu^2
+    drag: float  #: b = beta_m / nu, from the damping ratio beta_m in free flight
+    load: float  #: f = 1 / nu^2, acceleration by the static load
     backlash_ratio: float  #: backlash in static deflections
     tuning: float  #: nu
 
@@ -212,20 +213,21 @@ def mesh_at_tuning(pair_parameters, tuning):
 
 @kernel
 def contact_of(backlash_ratio, x, v):
-    """Return the contact code (1 drive side, 0 loss, -1 coast side) at displacement x, velocity v.
+    """Return the contact code of a gear pair at displacement x and velocity v.
 
-    The drive-side flanks touch at x = 0, the coast-side flanks at x = -backlash_ratio.
+    It is 1 in drive-side contact, from x = 0 upwards, -1 in coast-side contact, from
+    x = -backlash_ratio downwards, and 0 without contact; see `contact_between`.
     """
     return contact_between(0.0, -backlash_ratio, x, v)
 
 
 @kernel
 def contact_between(drive_line, coast_line, x, v):
-    """Return the contact code (1 drive side, 0 loss, -1 coast side) at displacement x, velocity v.
+    """Return the contact code at displacement x and velocity v.
 
-    The drive-side flanks touch at x = `drive_line`, the coast-side flanks at x = `coast_line`. On
-    these lines the code is valid just after; the load acts upwards, so that a mesh at rest moves
-    up.
+    It is 1 in drive-side contact, above `drive_line`, -1 in coast-side contact, below `coast_line`,
+    and 0 without contact. On a line the code is the one just after; there a mesh at rest moves up,
+    because the load acts upwards.
     """
     if x > drive_line or (x == drive_line and v >= 0.0):
         return DRIVE
@@ -234,11 +236,11 @@ def contact_between(drive_line, coast_line, x, v):
     return NO_CONTACT
 
 
-#: Up to this z power series are used: the closed form of phi2 would lose two digits there.
+#: Below this z power series are used, because the closed form of phi2 would lose two digits.
 _MAX_SERIES_ARGUMENT = 0.5
 #: Largest Q for which `return_flight` uses the polynomial.
 _MAX_POLYNOMIAL_Q = 0.5
-#: Relative step of Newton's method after which its squared error is below rounding.
+#: Relative length of a Newton step after which the error, its square, is below rounding.
 _LAST_NEWTON_STEP = 1e-10
 _MAX_NEWTON_STEPS = 60
 
@@ -247,7 +249,7 @@ _MAX_NEWTON_STEPS = 60
 def _phi_series(z):
     """Return phi1, phi2 and phi3 of `phi_functions` at a small z >= 0 by Taylor series.
 
-    The series are cut where z^13 / 15! < 1e-16.
+    The series are truncated where z^13 / 15! < 1e-16.
     """
     series = 1.0 / 87178291200.0
     series = 1.0 / 6227020800.0 - z * series
@@ -299,8 +301,8 @@ def lowest_point_time(drag, load, v):
 def climb_time(drag, load, depth, v):
     """Return the time in which a free flight x'' + 2 drag x' = load climbs by `depth` >= 0.
 
-    It starts with velocity v >= 0. Newton's method starts from the undamped time, a lower bound,
-    and overshoots at most once, since the height is convex or concave throughout.
+    The flight starts with velocity v >= 0. Newton's method starts from the time without drag, a
+    lower bound, and overshoots at most once, since the height is convex or concave throughout.
     """
     if depth <= 0.0:
         return 0.0
@@ -320,8 +322,8 @@ def climb_time(drag, load, depth, v):
 def fall_time(drag, load, depth, v):
     """Return the time in which a free flight x'' + 2 drag x' = load falls by `depth` > 0.
 
-    It starts with velocity v < 0 and must fall that far. The height is convex on the way down, so
-    that Newton's method approaches the root from one side and cannot overshoot.
+    The flight starts with velocity v < 0 and must fall that far. Its height is a convex function of
+    time, so that Newton's method approaches the root from one side and cannot overshoot.
     """
     t = 0.0
     for _ in range(_MAX_NEWTON_STEPS):
@@ -360,9 +362,9 @@ def _scaled_flight_time(q):
 def return_flight(drag, load, v):
     """Return (duration T, impact velocity) of a free flight from x = 0 with v < 0 back to x = 0.
 
-    The equation of motion is x'' + 2 drag x' = load. The drag impulses of the way down and up
-    cancel, so that the impact velocity is v + load T. With z = 2 drag T and Q = -2 drag v / load, T
-    obeys z = (1 + Q) (1 - exp(-z)), one function of Q for all flights.
+    The equation of motion is x'' + 2 drag x' = load. The impulses of the drag on the way down and
+    on the way up cancel, so that the impact velocity is v + load T. With z = 2 drag T and Q = -2
+    drag v / load, T obeys z = (1 + Q) (1 - exp(-z)), one function of Q for all flights.
     """
     if drag == 0.0:
         return -2.0 * v / load, -v

@@ -1,6 +1,6 @@
-"""Whole runs: fast periods without a record, then recorded periods; one run, and many.
+"""Runs of a gear pair: mesh periods without a record, which are faster, then recorded periods.
 
-Many runs go over tunings or initial states, or record states at a phase of every period.
+One call can also run many tunings or many initial states, or fill Poincare sections.
 """
 
 import math
@@ -29,12 +29,12 @@ from gearlib.engines.pair.whole_periods import (
 
 #: Number of rows of a new arc table.
 FIRST_ARC_ROWS = 32
-#: Number of periods between checks whether a run has settled; it doubles after each failed proof.
+#: Number of mesh periods between checks whether a run has settled; it doubles after a failed proof.
 _CHECK_INTERVAL = 8
-#: Largest distance from an orbit of which a single repeat is recorded, as a fraction of the state.
+#: Largest distance from an orbit, as a fraction of the state, at which only one repeat is recorded.
 _ORBIT_DISTANCE = 1e-13
-#: Largest distance D of a motion whose period is proven after its run, distance at which states
-#: count as equal, and largest D of a motion without events, which no figure would show.
+#: Largest distance D from its orbit of a motion whose period is proven after the run, distance at
+#: which states count as equal, and largest D of a motion without events, too small to be visible.
 _END_DISTANCE, _SAME_STATE, _VISIBLE_DISTANCE = 1e-6, 1e-5, 1e-3
 
 
@@ -42,7 +42,8 @@ _END_DISTANCE, _SAME_STATE, _VISIBLE_DISTANCE = 1e-6, 1e-5, 1e-3
 def period_status(x, v, arc_count, max_arcs):
     """Return the status of a run after a mesh period: OK, EVENT_LIMIT or OVERFLOW.
 
-    x and v are displacement and velocity at its end; it has `arc_count` arcs, at most `max_arcs`.
+    x and v are displacement and velocity at its end. EVENT_LIMIT means that its number of arcs,
+    `arc_count`, exceeds `max_arcs`.
     """
     if arc_count > max_arcs:
         return EVENT_LIMIT
@@ -51,15 +52,15 @@ def period_status(x, v, arc_count, max_arcs):
 
 @inlined_kernel
 def run_whole_period(mesh, work, n, contact, x, v, max_arcs, arcs):
-    """Run through mesh period n of a `PairConstants` and keep all its arcs, in a table enlarged as
-    needed.
+    """Run through mesh period n and keep all its arcs; return the state at its end and the arcs.
 
-    The motion starts with a contact code, displacement x and velocity v. `work` is storage prepared
-    for the mesh, `max_arcs` the largest number of arcs, `arcs`, shape (k, 6), an arc table. Returns
-    (contact code, x, v, number of arcs, arc table) at the end of the period.
+    `mesh` holds the `PairConstants`, and `work` is storage prepared for them. The motion starts
+    with the contact code `contact`, displacement x and velocity v. The arc table `arcs`, shape (k,
+    6), is enlarged if needed, up to `max_arcs` rows. Returns (contact code, x, v, number of arcs,
+    arc table).
     """
     memory, start = work.memory, (contact, x, v)
-    # The free flight in progress at the start, if any, in case the period has to be run again.
+    # A free flight in progress at the start is kept in case the period has to be run again.
     remaining, duration = memory[REMAINING], memory[FLIGHT_DURATION]
     start_speed, impact_speed = memory[START_SPEED], memory[IMPACT_SPEED]
     contact, x, v, count = advance_periods(
@@ -75,12 +76,13 @@ def run_whole_period(mesh, work, n, contact, x, v, max_arcs, arcs):
 
 @kernel
 def run_unrecorded(mesh, work, contact, x, v, periods, max_arcs):
-    """Run through mesh periods from tau = 0 without a record, at most `max_arcs` arcs in each.
+    """Run through a number of mesh `periods` from tau = 0 without a record.
 
-    The motion starts with a contact code, displacement x and velocity v; `work` is storage prepared
-    for the `PairConstants`. Once it has settled, remaining periods are replaced by the linearised
-    map. Returns (contact code, x, v, status, repeat, is_on_orbit): `repeat` is the period of the
-    settled orbit or 0, `is_on_orbit` whether the distance from the orbit is rounding.
+    `mesh` holds the `PairConstants`, and `work` is storage prepared for them. The motion starts
+    with the contact code `contact`, displacement x and velocity v; a period has at most `max_arcs`
+    arcs. Once it has settled, the linearised map replaces the remaining periods. Returns (contact
+    code, x, v, status, repeat, is_on_orbit): `repeat` is the period of the settled orbit or 0, and
+    `is_on_orbit` says whether the distance from the orbit is below rounding.
     """
     n, next_check, check_interval = np.int64(0), 2 * _CHECK_INTERVAL, _CHECK_INTERVAL
     settled, is_on_orbit = settling.unsettled(), False
@@ -115,23 +117,24 @@ def run_unrecorded(mesh, work, contact, x, v, periods, max_arcs):
                 contact = contact_of(mesh.backlash_ratio, x, v)
                 work.memory[REMAINING] = -1.0
                 n += k * repeat
-            size = max(1.0, abs(x), mesh.tuning * abs(v))
+            state_size = max(1.0, abs(x), mesh.tuning * abs(v))
             distance = max(abs(offset_x), mesh.tuning * abs(offset_v))
-            is_on_orbit = distance <= _ORBIT_DISTANCE * size
+            is_on_orbit = distance <= _ORBIT_DISTANCE * state_size
     return contact, x, v, OK, settled.repeat, is_on_orbit
 
 
 @kernel
 def run(mesh, x, v, periods, record_periods, samples, events, max_arcs, summary):
-    """Run a `PairConstants` from displacement x, in static deflections, and velocity v = dx/dtau at
-    tau = 0.
+    """Run a gear pair from displacement x and velocity v at tau = 0; record its last periods.
 
-    The last `record_periods` of its `periods` are recorded. `samples`, shape (record_periods * n,
-    6), receive n equal steps per period, n may be 0; `events`, shape (k, 5), are enlarged as needed
-    unless k = 0; `summary` is filled. A period has at most `max_arcs` arcs.
+    x is in static deflections, v = dx/dtau, and `mesh` holds the `PairConstants`. The last
+    `record_periods` of the mesh `periods` are recorded: `samples`, shape (record_periods * n, 6),
+    receive n equal steps per period, where n may be 0; the event table `events`, shape (k, 5), is
+    enlarged as needed unless k = 0; `summary` is filled. A period has at most `max_arcs` arcs.
 
-    Returns (x, v, period, events, rows, status): the last state, the proven period of the orbit in
-    mesh periods or 0, the event table and its rows in use, OK, EVENT_LIMIT or OVERFLOW.
+    Returns (x, v, period, events, event count, status): the final state, the proven period of the
+    orbit in mesh periods or 0, the event table with its number of events, and OK, EVENT_LIMIT or
+    OVERFLOW.
     """
     work = new_work()
     set_mesh(work, mesh)
@@ -142,11 +145,12 @@ def run(mesh, x, v, periods, record_periods, samples, events, max_arcs, summary)
 
 @kernel
 def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events, max_arcs, summary):
-    """Run a `PairConstants` as `run` does, with storage `work` prepared by `set_mesh`.
+    """Run a gear pair as `run` does, with storage `work` that `set_mesh` has prepared.
 
-    x and v are displacement and velocity at tau = 0. `samples`, `events` and `summary` receive the
-    record of the last `record_periods`; `max_arcs` is the largest number of arcs of a period.
-    Returns (x, v, period of the orbit or 0, event table, its rows in use, status).
+    `mesh` holds the `PairConstants`; x and v are displacement and velocity at tau = 0. `samples`,
+    `events` and `summary` receive the record of the last `record_periods`; `max_arcs` is the
+    largest number of arcs of a period. Returns (x, v, period of the orbit or 0, event table, number
+    of events, status).
     """
     if not is_within_range(x, v):
         return x, v, 0, events, 0, OVERFLOW
@@ -197,16 +201,17 @@ def run_with_storage(mesh, work, x, v, periods, record_periods, samples, events,
 
 @kernel
 def _proven_period(mesh, work, n, contact, x, v, max_arcs, summary):
-    """Return the proven period of the orbit to which a motion converges after n periods, or 0.
+    """Return the proven period of the orbit to which a motion converges, or 0 without a proof.
 
-    After n periods it has a contact code, displacement x and velocity v. Stored states in `work`
-    may repeat in a transient as well, so that a proof is needed. `max_arcs` is the largest number
-    of arcs in a period; `summary` describes the recorded periods.
+    After n mesh periods the motion has the contact code `contact`, displacement x and velocity v.
+    The states that `work` stores may repeat in a transient as well, so that a proof is needed.
+    `mesh` holds the `PairConstants`, `max_arcs` is the largest number of arcs in a period, and
+    `summary` describes the recorded periods.
     """
     period, tolerance = settling.repeat_period(mesh, work, n, _SAME_STATE), _END_DISTANCE
     if summary[orbit.TIME_NO_CONTACT] == 0.0 and summary[orbit.TIME_COAST] == 0.0:
-        # Without loss of contact the map is linear and has one orbit; within a period deviations
-        # grow by a factor of less than 10.
+        # Without contact loss the map is linear and has a single orbit. Within a period, deviations
+        # grow by less than a factor of 10.
         lowest = 0.1 * summary[orbit.X_MIN]
         period = 1
         tolerance = max(
@@ -221,21 +226,22 @@ def _proven_period(mesh, work, n, contact, x, v, max_arcs, summary):
 
 
 @kernel
-def _period_of_stored_states(mesh, work, periods, first, last, repeat, summary):
-    """Return the period of an orbit by comparison of its states after each mesh period.
+def _period_of_stored_states(mesh, work, periods, first_stored, last_stored, repeat, summary):
+    """Return the period of an orbit, from a comparison of its states after each mesh period.
 
-    `work` stores the states after periods `first` to `last` of a run of `periods`. If the run has
-    settled, its period is `repeat` (else 0) and other states are repetitions of stored states.
-    `summary` gives the displacement range of the orbit.
+    `work` stores the states after the mesh periods `first_stored` to `last_stored` of a run of
+    `periods`. If the run has settled, `repeat` is its period, else 0, and all other states repeat
+    stored states. `summary` gives the displacement range of the orbit; `mesh` holds the
+    `PairConstants`.
     """
     strobe_count = min(periods, orbit.STROBE_PERIODS)
     strobes = np.empty((strobe_count + 1, 2))
     for i in range(strobe_count + 1):
         n = periods - strobe_count + i
-        if repeat > 0 and n <= first - repeat:
-            n += (first - n) // repeat * repeat
-        if n > last:
-            n -= (n - last + repeat - 1) // repeat * repeat
+        if repeat > 0 and n <= first_stored - repeat:
+            n += (first_stored - n) // repeat * repeat
+        if n > last_stored:
+            n -= (n - last_stored + repeat - 1) // repeat * repeat
         copy(work.states[n % STORED_PERIODS], strobes[i])
     displacement_range = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     return orbit.orbit_period(strobes, mesh.tuning, displacement_range)
@@ -247,10 +253,11 @@ def run_many(
 ):
     """Run a gear pair at the tunings ``tunings[order]`` and fill a row of each table per tuning.
 
-    `pair_parameters`, shape (7,), are those of `mesh_at_tuning`. Each run lasts a `Span` and starts
-    from `state`, shape (2,), or, with `warm_start`, from the end of the last run unless that has
-    failed. A displacement beyond `max_x` gives the status OVERFLOW. The tables have a row for each
-    run: `summaries`, final states `ends`, (n, 2), and `outcomes`, int, (n, 2): period and status.
+    `mesh_at_tuning` explains `pair_parameters`, shape (7,). Each run lasts a `Span` and starts from
+    `state`, shape (2,), or, with `warm_start`, from the end of the previous run unless that failed.
+    A displacement beyond `max_x` gives the status OVERFLOW. The tables with a row for each tuning
+    are `summaries`, the final states `ends`, (n, 2), and `outcomes`, int, (n, 2), with period and
+    status. A failed run leaves NaN in `summaries` and `ends`.
     """
     samples = np.empty((0, orbit.SAMPLE_COLUMNS))
     events = np.empty((0, orbit.EVENT_COLUMNS))
@@ -277,11 +284,11 @@ def run_many(
 
 @kernel
 def run_many_states(mesh, states, periods, max_arcs, ends, statuses):
-    """Run a `PairConstants` from many `states`, shape (k, 2), through a number of mesh periods from
-    tau = 0.
+    """Run a gear pair through a number of mesh `periods` from each of many `states`, shape (k, 2).
 
-    Fills the final states `ends`, shape (k, 2), and `statuses`, shape (k,). A period with more than
-    `max_arcs` arcs ends a run.
+    `mesh` holds the `PairConstants`, and all runs begin at tau = 0. The final states go to `ends`,
+    shape (k, 2), the statuses to `statuses`, shape (k,). A period with more than `max_arcs` arcs
+    ends a run.
     """
     work = new_work()
     set_mesh(work, mesh)
@@ -298,12 +305,13 @@ def run_many_states(mesh, states, periods, max_arcs, ends, statuses):
 
 @kernel
 def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, statuses):
-    """Fill `table`, shape (n, periods, 2), with states of n motions at one phase of each period.
+    """Fill `table` with the states (x, v) of n motions at one phase of each mesh period.
 
-    The motions of the `PairConstants` start from `states`, shape (n, 2), at tau = 0;
-    `settle_periods` pass before the first row. `phase` lies in [0, 2 pi). Final states go to
-    `ends`, shape (n, 2), and `statuses`, shape (n,), are filled. A period with more than `max_arcs`
-    arcs ends a motion; its later rows stay unchanged.
+    `table` has the shape (n, periods, 2), and `mesh` holds the `PairConstants`. The motions start
+    from `states`, shape (n, 2), at tau = 0, and `settle_periods` mesh periods pass before the first
+    entry. `phase` lies in [0, 2 pi). The final states go to `ends`, shape (n, 2), the statuses to
+    `statuses`, shape (n,). A period with more than `max_arcs` arcs ends a motion, and its later
+    entries stay unchanged.
     """
     work, arcs = new_work(), np.empty((16, ARC_COLUMNS))
     set_mesh(work, mesh)
@@ -315,11 +323,11 @@ def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, st
             contact, x, v, status, _, _ = run_unrecorded(
                 mesh, work, contact, x, v, settle_periods, max_arcs
             )
-            for row in range(table.shape[1]):
+            for period in range(table.shape[1]):
                 if status != OK:
                     break
                 contact, x, v, arc_count, arcs = run_whole_period(
-                    mesh, work, settle_periods + row, contact, x, v, max_arcs, arcs
+                    mesh, work, settle_periods + period, contact, x, v, max_arcs, arcs
                 )
                 status = period_status(x, v, arc_count, max_arcs)
                 if status == EVENT_LIMIT:
@@ -327,7 +335,7 @@ def fill_sections(mesh, states, settle_periods, phase, max_arcs, table, ends, st
                 i = 0
                 while i + 1 < arc_count and arcs[i + 1, START] <= phase:
                     i += 1
-                table[j, row, 0], table[j, row, 1], _, _ = sampling.state_in_arc(
+                table[j, period, 0], table[j, period, 1], _, _ = sampling.state_in_arc(
                     mesh, arcs[i], phase
                 )
         ends[j, 0], ends[j, 1], statuses[j] = x, v, status

@@ -11,9 +11,9 @@ from gearlib.engines.protocol import Base
 
 
 def ratios(pair):
-    """Return the dimensionless ratios of a `GearPair`, shape (7,), for `mesh_at_tuning`.
+    """Return the seven dimensionless ratios of a `GearPair` that `mesh_at_tuning` takes.
 
-    If the parameters of the pair are arrays of shape (k,), the shape is (7, k).
+    The shape is (7,), or (7, k) if the parameters of the pair are arrays of shape (k,).
     """
     return np.array(
         [
@@ -32,7 +32,10 @@ class Propagator(Base):
     chunk_size, proves_periods = 2048, True
 
     def __init__(self, model, tuning, other=None):
-        """Prepare runs of a `GearPair`; `other` is a propagator of the same pair to share data."""
+        """Compute the constants of a `GearPair` at a tuning.
+
+        `other` is a propagator of the same pair whose ratios are reused, or None.
+        """
         super().__init__(model, tuning)
         self.ratios = other.ratios if other else ratios(model)
         self.mesh = mesh_at_tuning(self.ratios, tuning)
@@ -42,10 +45,10 @@ class Propagator(Base):
         return type(self)(self.model, tuning, self)
 
     def fill_record(self, z, span, samples, events, summary, first_period):
-        """Run from state z, shape (2,), which changes, and return the `Record` of the run.
+        """Run from the state z, shape (2,), fill the tables and return the `Record` of the run.
 
-        `span` gives the numbers of mesh periods; tables `samples`, `events` and `summary` are
-        filled. See `Base.fill_record`; `first_period` is not used.
+        z becomes the final state. The `Span` gives the numbers of mesh periods; `samples`, `events`
+        and `summary` are filled, see `Base.fill_record`. `first_period` has no effect.
         """
         tables = samples, events, span.max_events, summary
         result = pair_run.run(self.mesh, *z, span.periods, span.recorded, *tables)
@@ -53,29 +56,30 @@ class Propagator(Base):
         return Record(z, z, period, samples, events[:arc_count], summary, status)
 
     def sweep(self, tunings, order, state, warm_start, span, rows):
-        """Run at the tunings ``tunings[order]``, of an array in one call of the kernel.
+        """Run the pair at the tunings ``tunings[order]`` and fill their result `rows`.
 
-        Each run starts from `state`, or with `warm_start` from the end of the last one. `span`
-        gives the numbers of mesh periods. `rows`, a `Rows`, has the largest allowed displacement
-        and tables with a row for each tuning: summaries, final states, periods with statuses.
+        If `order` is an array, one call of the kernel does all runs. Each run starts from `state`,
+        or with `warm_start` from the end of the previous run. `span` gives the numbers of mesh
+        periods. `rows`, a `Rows`, has the largest allowed displacement and tables with a row for
+        each tuning: summaries, final states, periods with statuses.
         """
         if not isinstance(order, np.ndarray):
             return super().sweep(tunings, order, state, warm_start, span, rows)
         pair_run.run_many(self.ratios, tunings, order, np.array(state), warm_start, span, *rows)
 
     def fill_maps(self, z, periods, max_events, maps, first_period):
-        """Fill `maps`, shape (periods, 2, 2), with the Jacobian matrices of mesh periods.
+        """Fill `maps`, shape (periods, 2, 2), with the Jacobian matrix of each mesh period.
 
-        State z, shape (2,), changes to the state at the end; returns the status. A period has at
-        most `max_events` arcs; `first_period` is not used.
+        The state z, shape (2,), becomes the final state; the status of the run is returned. A
+        period has at most `max_events` arcs; `first_period` has no effect.
         """
         *z[:], status = fill_period_maps(self.mesh, *z, periods, max_events, maps)
         return status
 
     def propagate_many(self, states, periods, max_events):
-        """Return final states, shape (k, 2), and statuses of runs from `states`, shape (k, 2).
+        """Return (final states, statuses) of runs from `states`, shape (k, 2).
 
-        A mesh period has at most `max_events` arcs.
+        Each run lasts `periods` mesh periods with at most `max_events` arcs in each of them.
         """
         states = np.ascontiguousarray(states)
         ends, statuses = np.empty(states.shape), np.empty(len(states), np.int64)
@@ -83,5 +87,5 @@ class Propagator(Base):
         return ends, statuses
 
     def sections(self, *arguments):
-        """Fill a table with states at one phase of every period; see `Base.sections`."""
+        """Fill a table with states at one phase of each mesh period; see `Base.sections`."""
         pair_run.fill_sections(self.mesh, *arguments)

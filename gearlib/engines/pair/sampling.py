@@ -1,4 +1,4 @@
-"""Records of a mesh period from its arcs: extrema, contact times, samples and events."""
+"""Record of a mesh period, from its arcs: extrema, contact times, samples and events."""
 
 import math
 
@@ -17,9 +17,10 @@ from gearlib.engines.pair.motion import (
 
 @kernel
 def _add_displacement(mesh, level, contact, x, summary):
-    """Update the extrema in `summary` by a displacement x and its mesh force.
+    """Update the extrema in `summary` by a displacement x and the mesh force at x.
 
-    The force follows from the contact code and the stiffness `Level` of the `PairConstants`.
+    The force follows from the contact code `contact`, the stiffness `Level` and, for the coast
+    side, the backlash of `mesh`, a `PairConstants`.
     """
     summary[orbit.X_MAX] = max(summary[orbit.X_MAX], x)
     summary[orbit.X_MIN] = min(summary[orbit.X_MIN], x)
@@ -34,9 +35,10 @@ def _add_displacement(mesh, level, contact, x, summary):
 
 @kernel
 def add_arcs_to_summary(mesh, arcs, arc_count, summary):
-    """Add extrema and contact times of the first arcs of a `PairConstants` to `summary`.
+    """Add the extrema, the contact times and the mean force of successive arcs to `summary`.
 
-    The first `arc_count` rows of the arc table `arcs`, shape (n, 6), are used.
+    The first `arc_count` rows of the arc table `arcs`, shape (n, 6), are used. `mesh` holds the
+    `PairConstants`.
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
@@ -56,7 +58,7 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
                     _add_displacement(mesh, level, contact, lowest, summary)
             if not has_next:
                 end_x, _ = free_flight(mesh.drag, mesh.load, x, v, duration)
-            # Rounding must not move the impact beyond the line.
+            # Rounding must not move the impact beyond a flank line.
             end_x = min(max(end_x, -mesh.backlash_ratio), 0.0)
             _add_displacement(mesh, level, contact, end_x, summary)
             continue
@@ -81,7 +83,8 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
                 if level.damping_kind != UNDERDAMPED:
                     break
                 turning_time += math.pi / level.frequency
-        # The integral of the equation of motion: load less damping and change of momentum.
+        # By the equation of motion the impulse of the mesh force is the impulse of the load less
+        # the impulse of the damping and the change of momentum.
         momentum_change = end_v - v + 2.0 * level.decay_rate * (end_x - x)
         summary[orbit.FORCE_SUM] += duration - momentum_change / mesh.load
         end_x = max(end_x, 0.0) if contact == DRIVE else min(end_x, -mesh.backlash_ratio)
@@ -90,11 +93,12 @@ def add_arcs_to_summary(mesh, arcs, arc_count, summary):
 
 @kernel
 def record_events(arcs, arc_count, previous_code, period, events, event_count, summary):
-    """Count the changes of contact between successive arcs in `summary`; append them to `events`.
+    """Add the changes of contact between successive arcs to `summary` and to the event table.
 
-    The first `arc_count` rows of the arc table `arcs`, shape (n, 6), belong to mesh period number
-    `period`; `previous_code` is the contact code before them. An event table without rows stays
-    empty. Returns (event table, number of events, contact code of the last arc).
+    The first `event_count` rows of the table `events` are in use. The first `arc_count` rows of the
+    arc table `arcs`, shape (n, 6), belong to mesh period number `period`; `previous_code` is the
+    contact code before them. An event table without rows stays empty. Returns (event table, number
+    of events, contact code of the last arc).
     """
     for i in range(arc_count):
         contact = int(arcs[i, CONTACT])
@@ -111,7 +115,8 @@ def record_events(arcs, arc_count, previous_code, period, events, event_count, s
 def state_in_arc(mesh, arc, t):
     """Return displacement, velocity, acceleration and mesh force at phase t of the mesh period.
 
-    `arc`, shape (6,), is the row of the arc table of a `PairConstants` in which the phase lies.
+    `arc`, shape (6,), is the row of the arc table in which the phase lies; `mesh` holds the
+    `PairConstants`.
     """
     contact = int(arc[CONTACT])
     level = mesh.high_level if arc[LEVEL] == 1.0 else mesh.low_level
@@ -129,8 +134,8 @@ def state_in_arc(mesh, arc, t):
 def sample_arcs(mesh, arcs, arc_count, samples):
     """Fill `samples`, shape (n, 6), with the motion at the phases in their column SAMPLE_PHASE.
 
-    The motion of the `PairConstants` is given by the first `arc_count` rows of the arc table
-    `arcs`. At a switch the state just after it is used.
+    The first `arc_count` rows of the arc table `arcs` describe the motion; `mesh` holds the
+    `PairConstants`. At a switch of stiffness or contact, the values just after it are used.
     """
     i = 0
     for k in range(samples.shape[0]):

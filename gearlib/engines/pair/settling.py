@@ -1,4 +1,4 @@
-"""Proof that a run has settled on an orbit, and its end by the linearised map.
+"""Proof that a run has settled on an orbit, whose remaining periods follow from the linearised map.
 
 Let P be the map of p mesh periods, M its derivative at the stroboscopic state s, along the arcs of
 the orbit, and d = P(s) - s. With the pattern of events fixed and
@@ -6,8 +6,8 @@ the orbit, and d = P(s) - s. With the pattern of events fixed and
     D = sum_j |M^j| |d|    far below the distance from any grazing,
 
 P has one fixed point within about D of s, and all later states lie within D of s. After k repeats
-the state is P(s) + (M^k - I) e with e = -M (I - M)^-1 d, but for the curvature of P, which makes
-D^2 over the lowest speed at an event: less than rounding. Where M does not contract well enough
+the state is P(s) + (M^k - I) e with e = -M (I - M)^-1 d. The curvature of P causes an error of D^2
+over the lowest speed at an event, which is below rounding. Where M does not contract well enough
 (next to a fold, without damping), where an event is close to grazing, or where d is too large,
 there is no proof: a run that creeps past a fold has not settled.
 """
@@ -33,10 +33,11 @@ from gearlib.engines.pair.whole_periods import STORED_PERIODS, advance_periods
 
 #: Largest D of a settled run, in static deflections, or in units of the state if that is larger.
 MAX_DISTANCE = 1e-10
-#: An orbit grazes no line if it stays at this distance, in static deflections, or crosses it with
-#: this speed, in static deflections by natural time: MAX_DISTANCE^2 / _GRAZING_SPEED is rounding.
+#: An orbit does not graze a flank line if it stays at least this far from it, in static
+#: deflections, or crosses it at least at this speed, in static deflections by natural time.
+#: MAX_DISTANCE^2 / _GRAZING_SPEED is below rounding.
 _GRAZING_DISTANCE, _GRAZING_SPEED = 1e-5, 1e-3
-#: Smallest speed at a line over a larger D; M then hardly changes within D.
+#: Smallest ratio of the speed at a flank line to D, if D is larger; M hardly changes within D then.
 _SPEED_OVER_DISTANCE = 1e4
 #: M contracts if |M^1024| <= 1 / 2, which means multipliers below 0.9993.
 _DOUBLINGS = 10
@@ -48,20 +49,20 @@ class Settled(NamedTuple):
     """Approach of a settled run to its orbit."""
 
     repeat: int  #: p, the period of the orbit; 0 if the run has not settled
-    x: float  #: displacement of e = P(s) - fixed point, in static deflections
-    v: float  #: velocity of e, by phase
+    x: float  #: displacement of e = P(s) - fixed point of P, in static deflections
+    v: float  #: velocity of e, dx/dtau
     matrix: tuple  #: M by rows
 
 
 @kernel
 def unsettled():
-    """Return the `Settled` of a run without a proof."""
+    """Return the `Settled` of a run that has not been proven to settle."""
     return Settled(0, 0.0, 0.0, (1.0, 0.0, 0.0, 1.0))
 
 
 @kernel
 def _state_norm(mesh, x, v):
-    """Return the norm, in static deflections, of a state with displacement x and velocity v."""
+    """Return the norm of a state (x, v) in static deflections, with velocities in natural time."""
     return math.hypot(x, mesh.tuning * v)
 
 
@@ -88,8 +89,8 @@ def repeat_period(mesh, work, n, relative_tolerance):
 def _avoids_grazing(line, x, speed, margin, orbit_distance):
     """Return whether a motion at displacement x with a `speed` does not graze the flank at `line`.
 
-    It is farther from the line than `margin`, or crosses it fast enough for a proof over a
-    distance `orbit_distance` from the orbit.
+    Its distance from the line exceeds `margin`, or it is fast enough for a proof that covers all
+    states up to `orbit_distance` from the orbit.
     """
     min_speed = max(_GRAZING_SPEED, _SPEED_OVER_DISTANCE * orbit_distance)
     return abs(x - line) > margin or abs(speed) > min_speed
@@ -97,10 +98,11 @@ def _avoids_grazing(line, x, speed, margin, orbit_distance):
 
 @kernel
 def all_arcs_avoid_grazing(mesh, arcs, arc_count, orbit_distance):
-    """Return whether no arc of a motion of a `PairConstants` comes close to grazing a flank line.
+    """Return whether no arc of a motion comes close to grazing a flank line.
 
     The ends and turning points of the first `arc_count` rows of the arc table `arcs`, shape (n, 6),
-    are checked. The proof must hold over a distance `orbit_distance` from the orbit.
+    are checked. `mesh` holds the `PairConstants`. The proof has to cover all states up to
+    `orbit_distance` from the orbit.
     """
     margin = max(_GRAZING_DISTANCE, 10.0 * orbit_distance)
     for i in range(arc_count):
@@ -154,7 +156,10 @@ def matrix_product(a, b):
 
 @inlined_kernel
 def _map_norm(mesh, matrix):
-    """Return the Frobenius norm of a 2 x 2 map, a tuple by rows, with scaled velocities."""
+    """Return the Frobenius norm of a 2 x 2 map with velocities in natural time.
+
+    `matrix` is the map as a tuple by rows.
+    """
     upper, lower = matrix[1] / mesh.tuning, matrix[2] * mesh.tuning
     return math.sqrt(matrix[0] * matrix[0] + upper * upper + lower * lower + matrix[3] * matrix[3])
 
@@ -167,7 +172,7 @@ def power_sum_bound(mesh, matrix):
     """
     total = 1.0
     for _ in range(_DOUBLINGS):
-        # The sum of twice as many powers is at most the sum times 1 + |power|.
+        # Doubling the number of powers multiplies the sum by at most 1 + |power|.
         total *= 1.0 + _map_norm(mesh, matrix)
         matrix = matrix_product(matrix, matrix)
     return 2.0 * total if _map_norm(mesh, matrix) <= 0.5 else math.inf
@@ -177,10 +182,10 @@ def power_sum_bound(mesh, matrix):
 def prove_settled(mesh, work, n, contact, x, v, repeat, max_arcs, tolerance):
     """Run through `repeat` periods and try to prove that the motion converges to an orbit.
 
-    The motion has a contact code, displacement x and velocity v after n mesh periods; `work` is
-    storage prepared for the `PairConstants`, `max_arcs` the largest number of arcs of a period. The
-    distance from the orbit may be `tolerance` times the state. Returns (contact code, x, v, number
-    of arcs, `Settled`), with the state at the end of the run.
+    After n mesh periods the motion has the contact code `contact`, displacement x and velocity v.
+    `mesh` holds the `PairConstants`, and `work` is storage prepared for them. A period has at most
+    `max_arcs` arcs. The distance from the orbit may be up to `tolerance` times the state. Returns
+    (contact code, x, v, number of arcs, `Settled`) at the end of these periods.
     """
     arcs, jacobian = np.empty((_MAX_ARCS, events.ARC_COLUMNS)), np.eye(2)
     start_x, start_v, previous_code, is_clear, arc_count = x, v, contact, True, 0
@@ -212,7 +217,10 @@ def prove_settled(mesh, work, n, contact, x, v, repeat, max_arcs, tolerance):
 
 @kernel
 def offset_after_repeats(settled, k):
-    """Return the offset (x, v) of a `Settled` run from its orbit after k >= 0 repeats, M^k e."""
+    """Return the offset (x, v) of a settled run from its orbit after k >= 0 repeats, M^k e.
+
+    `settled`, a `Settled`, holds the offset e after no repeat and the map M of one repeat.
+    """
     x, v, power = settled.x, settled.v, settled.matrix
     while k > 0:
         if k % 2 == 1:

@@ -1,4 +1,4 @@
-"""PairConstants stiffness over one mesh period: Eq. (1) and (2).
+"""Mesh stiffness of a gear pair over one mesh period: Eq. (1) and (2).
 
 With kappa = C_min / C_max, contact ratio epsilon and mesh phase tau (one mesh period
 is 2 pi), the full Fourier series of Eq. (1) is the rectangular wave
@@ -6,19 +6,26 @@ is 2 pi), the full Fourier series of Eq. (1) is the rectangular wave
     C(tau) = C_max   on |tau| <= pi (epsilon - 1),   C_min elsewhere,
 
 centred on tau = 0, with mean C_s = kappa C_max + (1 - kappa) C_max (epsilon - 1), Eq. (2).
-Everything here is a ratio; epsilon = 1 and epsilon = 2 are constant stiffness.
+All values here are ratios. The stiffness is constant if epsilon is 1 or 2.
 """
 
 import math
 
 
 def mean_over_max(contact_ratio, stiffness_ratio):
-    """Return the mean mesh stiffness C_s / C_max, Eq. (2); `stiffness_ratio` is C_min / C_max."""
+    """Return the mean mesh stiffness over its maximum, C_s / C_max, Eq. (2).
+
+    `stiffness_ratio` is C_min / C_max.
+    """
     return stiffness_ratio + (1.0 - stiffness_ratio) * (contact_ratio - 1.0)
 
 
 def force_note(stiffness_ratio, is_rectangle=True):
-    """Return a warning of the force jumps of a stiffness with steps, '' if C_min / C_max is 1."""
+    """Return a warning that the mesh force jumps with the stiffness, empty if that is constant.
+
+    `stiffness_ratio` is C_min / C_max; `is_rectangle` says whether the stiffness is rectangular,
+    and not another stiffness with steps.
+    """
     if stiffness_ratio == 1.0:
         return ""
     stiffness = "rectangular stiffness" if is_rectangle else "stiffness with steps"
@@ -31,7 +38,7 @@ def force_note(stiffness_ratio, is_rectangle=True):
 
 
 def stiffness_levels(contact_ratio, stiffness_ratio):
-    """Return both stiffness levels over the mean, (C_max / C_s, C_min / C_s).
+    """Return both stiffness levels over the mean stiffness, (C_max / C_s, C_min / C_s).
 
     `stiffness_ratio` is C_min / C_max.
     """

@@ -1,12 +1,12 @@
 """Fast run through whole mesh periods, segment by segment, without exp, sine or cosine.
 
-The orbit is that of `events`, with shortcuts that are proven to be exact:
+The motion is the same as in `events`. Shortcuts that are proven to be exact make it faster:
 
 * A whole segment in contact is a 2 x 2 map if no flank line can be reached: if the amplitude is
-below the static deflection, or if the velocities at both ends and the length of the segment exclude
-a minimum in between. * `contact_table` gives the motion from an impact to the loss of contact or
-the end of the segment. * `motion.return_flight` gives the impact after a free flight from x = 0
-that misses the coast-side flank.
+  below the static deflection, or if the velocities at both ends and the length of the segment
+  exclude a minimum in between.
+* `contact_table` gives the motion from an impact to the loss of contact or to the segment's end.
+* `motion.return_flight` gives the impact after a free flight from x = 0 that misses the coast side.
 
 All other cases use the closed forms, or `events`.
 """
@@ -23,11 +23,11 @@ from gearlib.engines.pair import events
 from gearlib.engines.pair.events import descent_time, march_rest_of_segment
 from gearlib.engines.pair.motion import evolve, free_flight, return_flight
 
-#: Number of last periods whose states are stored, one more than `orbit.orbit_period` compares.
+#: Number of mesh periods whose final states are stored; `orbit.orbit_period` compares one fewer.
 STORED_PERIODS = STROBE_PERIODS + 1
 # Entries of `Work.memory`, which carries a free flight from one call to the next: its remaining
-# time (negative: there is no flight), its duration, its speeds at the start and at the impact; then
-# the table entries of the last loss of contact in the three segments of a period.
+# time (negative: there is no flight), its duration, its velocities at the start and at the impact;
+# then the table entry of the previous loss of contact in each of the three segments of a period.
 REMAINING, FLIGHT_DURATION, START_SPEED, IMPACT_SPEED, LOSS_ENTRIES = range(5)
 _MEMORY_SIZE = LOSS_ENTRIES + 3
 #: Contact code of a flight from x = 0 that returns to it, used within `advance_periods` only.
@@ -35,10 +35,10 @@ _RETURN_FLIGHT = 2
 
 
 class Work(NamedTuple):
-    """Storage of runs through whole periods, used again for the next mesh."""
+    """Storage of runs through whole mesh periods, which the runs at other tunings reuse."""
 
-    levels: np.ndarray  #: rows of `contact_table` for C_min and half a segment of C_max
-    tables: np.ndarray  #: shape (2, ENTRIES, 2)
+    levels: np.ndarray  #: level rows of `contact_table`, for C_min and half a segment of C_max
+    tables: np.ndarray  #: tables of `contact_table` for both levels, shape (2, ENTRIES, 2)
     memory: np.ndarray  #: entries REMAINING to LOSS_ENTRIES, see above
     states: np.ndarray  #: at the end of period n in row n % STORED_PERIODS, (STORED_PERIODS, 2)
 
@@ -52,17 +52,19 @@ def new_work():
 
 @kernel
 def set_mesh(work, mesh):
-    """Prepare storage `work` for runs of a `PairConstants`: set the constants of its stiffness
-    levels."""
+    """Prepare the storage `work` for runs of a gear pair with the `PairConstants` `mesh`.
+
+    The constants of both stiffness levels are set, and their tables are marked as not filled.
+    """
     table.fill_level_constants(mesh.low_level, mesh.low_length, work.levels[0])
     table.fill_level_constants(mesh.high_level, mesh.half_high_length, work.levels[1])
 
 
 @kernel
 def set_start(work, x, v):
-    """Prepare storage `work` for a new run from displacement x and velocity v at tau = 0."""
+    """Prepare the storage `work` for a new run from displacement x and velocity v at tau = 0."""
     work.memory[REMAINING] = -1.0  # No free flight is in progress.
-    # Searches for the loss of contact start from table entries, one for each segment of a period.
+    # In each segment of a period the search for a loss of contact starts from its own table entry.
     work.memory[LOSS_ENTRIES:] = 0.0
     work.states[0, 0], work.states[0, 1] = x, v
 
@@ -83,13 +85,13 @@ def _append_arc(arcs, row, start, duration, contact, level, x, v):
 
 @kernel
 def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
-    """Run through `periods` mesh periods of a `PairConstants` from tau = 2 pi n.
+    """Run a gear pair through a number of mesh `periods` from tau = 2 pi n.
 
-    The motion starts with a contact code, displacement x and velocity v. `work` is storage prepared
-    for the mesh; it keeps a free flight from one call to the next. `arcs`, shape (k, 6), receives
-    the arcs of the last period; k may be 0. Returns (contact code, x, v, arc count) at the end,
-    which may be out of range; the number of arcs of the last period is above `max_arcs` after an
-    abort.
+    `mesh` holds the `PairConstants`, and `work` is storage prepared for them, which also keeps a
+    free flight from one call to the next. The motion starts with the contact code `contact`,
+    displacement x and velocity v. `arcs`, shape (k, 6), receives the arcs of the last period; k may
+    be 0. Returns (contact code, x, v, arc count) at the end, where x and v may be out of range. The
+    number of arcs of the last period exceeds `max_arcs` if the run was aborted for it.
     """
     levels, tables, memory, states = work
     max_return_energy = 2.0 * mesh.load * mesh.backlash_ratio * table.ROUNDING_MARGIN
@@ -130,10 +132,12 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                 end_u, end_v = table.advance_by_responses(
                     levels, i, u, v, levels[i, table.END_X], levels[i, table.END_S]
                 )
-                half = levels[i, table.WITHIN_HALF_CYCLE] > 0.0
-                cycle = levels[i, table.WITHIN_CYCLE] > 0.0
+                is_half_cycle = levels[i, table.WITHIN_HALF_CYCLE] > 0.0
+                is_cycle = levels[i, table.WITHIN_CYCLE] > 0.0
                 if (
-                    table.provably_stays_in_contact(half, cycle, v, end_u + equilibrium, end_v)
+                    table.provably_stays_in_contact(
+                        is_half_cycle, is_cycle, v, end_u + equilibrium, end_v
+                    )
                     or levels[i, table.STIFFNESS] * u * u + v * (v + levels[i, table.DAMPING] * u)
                     < levels[i, table.MAX_ENERGY]
                 ):
@@ -166,10 +170,10 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                         end_u, end_v = table.advance_by_series(
                             levels, i, end_u, end_v, remaining - k * levels[i, table.SPACING]
                         )
-                        half = 2.0 * remaining < levels[i, table.CYCLE_TIME]
-                        cycle = remaining < levels[i, table.CYCLE_TIME]
+                        is_half_cycle = 2.0 * remaining < levels[i, table.CYCLE_TIME]
+                        is_cycle = remaining < levels[i, table.CYCLE_TIME]
                         if table.provably_stays_in_contact(
-                            half, cycle, v, end_u + equilibrium, end_v
+                            is_half_cycle, is_cycle, v, end_u + equilibrium, end_v
                         ):
                             x, v = end_u + equilibrium, end_v
                             break
@@ -178,8 +182,8 @@ def advance_periods(mesh, work, n, contact, x, v, periods, max_arcs, arcs):
                     levels, tables, i, u, v, k, remaining
                 )
                 if loss_time < 0.0 and levels[i, table.LAST_ENTRY] > 0.0:
-                    k, below = table.lowest_entry(levels, tables, i, u, v)
-                    if below:
+                    k, is_below = table.lowest_entry(levels, tables, i, u, v)
+                    if is_below:
                         loss_time, speed, k = table.first_loss_of_contact(
                             levels, tables, i, u, v, k, remaining
                         )
