@@ -1,4 +1,4 @@
-"""Planetary trains, from numbers or from gear geometries."""
+"""Planetary trains from numbers, `planetary`, or from gear geometries, `planetary_set`."""
 
 import dataclasses
 import math
@@ -146,33 +146,45 @@ def planetary(
 ):
     """Return a planetary train of sun, ring, carrier and planets.
 
-    The defaults are those of Lin and Parker, J. Vib. Acoust. 121 (1999) 316-321, except for the
-    mesh data beside the mean stiffness. Bodies are called ``sun``, ``ring``, ``carrier``, ``planet
-    1``, ..., meshes ``sun 1``, ..., ``ring 1``, .... The torque of the sun is counterclockwise;
-    those of ring and carrier balance it where they can rotate freely. Other options are those of
-    `GearTrain`.
+    The defaults are the example of Lin and Parker, J. Vib. Acoust. 121 (1999) 316-321, except for
+    mesh data other than the mean stiffness. Bodies are called ``sun``, ``ring``, ``carrier``,
+    ``planet 1``, ..., meshes ``sun 1``, ..., ``ring 1``, .... The torque on the sun is
+    counterclockwise; torques on ring and carrier balance it where these can rotate freely. Other
+    options are passed to `GearTrain`.
 
     Raises
     ------
     ValueError
         If a value is impossible or the planets do not fit between sun and ring.
     """
-    n, (sun, ring) = planets, teeth
+    n = planets
+    sun_teeth, ring_teeth = teeth
     planet_teeth = _planet_teeth(teeth, planet_teeth)
-    positions = equal_positions(sun, ring, n) if positions is None else positions
+    if positions is None:
+        positions = equal_positions(sun_teeth, ring_teeth, n)
     positions = checks.sequence("positions", positions, n)
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
     errors = checks.sequence("pin_errors", pin_errors, n)
-    pin_radius, angles = _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle)
-    r_sun, torsional_stiffness = sun_base_radius, (*torsional_stiffness, 0.0)
-    radii = r_sun, r_sun * ring / sun, pin_radius, r_sun * planet_teeth / sun
-    # The square of a radius must be a number.
-    checks.require(max(radii) < 1e150, "sun_base_radius", r_sun, "a radius in m, far below 1e150")
-    torque = n * load * r_sun
-    torques = [torque, torque * ring / sun, -torque * (1.0 + ring / sun), 0.0]
+    pin_radius, pressure_angles = _pin_radius_and_pressure_angles(
+        sun_base_radius, teeth, planet_teeth, pressure_angle
+    )
+    torsional_stiffness = (*torsional_stiffness, 0.0)
+    ring_base_radius = sun_base_radius * ring_teeth / sun_teeth
+    planet_base_radius = sun_base_radius * planet_teeth / sun_teeth
+    radii = sun_base_radius, ring_base_radius, pin_radius, planet_base_radius
+    # The squares of the radii must not overflow.
+    allowed = "a radius in m, far below 1e150"
+    checks.require(max(radii) < 1e150, "sun_base_radius", sun_base_radius, allowed)
+    sun_torque = n * load * sun_base_radius
+    ring_torque = sun_torque * ring_teeth / sun_teeth
+    carrier_torque = -sun_torque * (1.0 + ring_teeth / sun_teeth)
+    torques = [sun_torque, ring_torque, carrier_torque, 0.0]
 
     def body(kind: str, teeth: int | None, name: str | None = None, **fields: Any) -> Body:
-        """Return the "sun", "ring", "carrier" or a "planet", with the kind as default name."""
+        """Return the body of a kind: "sun", "ring", "carrier" or "planet".
+
+        `teeth` is None for the carrier; the kind is the default name.
+        """
         i = ("sun", "ring", "carrier", "planet").index(kind)
         stiffness = torsional_stiffness[i]
         # The torsional support of a fixed ring or carrier carries its torque.
@@ -191,25 +203,28 @@ def planetary(
             **fields,
         )
 
-    bodies = [body("sun", sun), body("ring", ring), body("carrier", None)]
+    bodies = [body("sun", sun_teeth), body("ring", ring_teeth), body("carrier", None)]
+    for i, angle in enumerate(positions):
+        place = {"carrier": "carrier", "angle": angle, "offset": errors[i]}
+        bodies.append(body("planet", planet_teeth, f"planet {i + 1}", **place))
     meshes = []
-    for k, central in enumerate(("sun", "ring")):
-        is_ring = central == "ring"
+    for k, central_gear in enumerate(("sun", "ring")):
+        is_ring = central_gear == "ring"
         for i, angle in enumerate(positions):
-            planet, phase = f"planet {i + 1}", None
-            if not is_ring:
-                position = {"carrier": "carrier", "angle": angle, "offset": errors[i]}
-                bodies.append(body("planet", planet_teeth, planet, **position))
-            elif ring_phase is not None:
-                phase = ring_phase - ring * (angle - positions[0]) / (2.0 * math.pi)
+            planet = f"planet {i + 1}"
+            phase = driving_gear = None
+            if is_ring and ring_phase is not None:
+                phase = ring_phase - ring_teeth * (angle - positions[0]) / (2.0 * math.pi)
+            if driving == "ring":
+                driving_gear = "ring" if is_ring else planet
             mesh = Mesh(
-                name=f"{central} {i + 1}",
-                pinion=planet if is_ring else central,
-                wheel=central if is_ring else planet,
+                name=f"{central_gear} {i + 1}",
+                pinion=planet if is_ring else central_gear,
+                wheel=central_gear if is_ring else planet,
                 internal=is_ring,
-                driving=None if driving == "sun" else ("ring" if is_ring else planet),
+                driving=driving_gear,
                 position=angle,
-                pressure_angle=angles[k],
+                pressure_angle=pressure_angles[k],
                 max_stiffness=mean_stiffness[k]
                 / mean_over_max(contact_ratio[k], stiffness_ratio[k]),
                 stiffness_ratio=stiffness_ratio[k],
@@ -223,50 +238,61 @@ def planetary(
     return create_train(
         bodies=bodies,
         meshes=meshes,
-        carrier_ratio=sun / ring if turning else 0.0,
+        carrier_ratio=sun_teeth / ring_teeth if turning else 0.0,
         gyroscopic=gyroscopic,
         **options,
     )
 
 
 def _planet_teeth(teeth: tuple[int, int], planet_teeth: int | None) -> int:
-    """Return the checked number of teeth of a planet, by default from the teeth of (sun, ring)."""
-    sun, ring = teeth
+    """Return the checked number of teeth of a planet.
+
+    `teeth` are the tooth numbers of (sun, ring). If `planet_teeth` is None, half their difference
+    is returned.
+    """
+    sun_teeth, ring_teeth = teeth
     if planet_teeth is None:
-        if ring <= sun or (ring - sun) % 2:
+        difference = ring_teeth - sun_teeth
+        if difference <= 0 or difference % 2:
             raise ValueError(
                 f"teeth = {teeth!r} is not allowed: the ring must have an even number of teeth "
                 "more than the sun, unless planet_teeth is given"
             )
-        planet_teeth = (ring - sun) // 2
-    allowed = f"an integer from 3 to {ring - 1}"
-    checks.require(3 <= planet_teeth < ring, "planet_teeth", planet_teeth, allowed)
+        planet_teeth = difference // 2
+    allowed = f"an integer from 3 to {ring_teeth - 1}"
+    checks.require(3 <= planet_teeth < ring_teeth, "planet_teeth", planet_teeth, allowed)
     return planet_teeth
 
 
-def _mesh_angles(sun_base_radius, teeth, planet_teeth, pressure_angle):
-    """Return the radius of the planet pins in m and the pressure angles of (sun, ring) meshes.
+def _pin_radius_and_pressure_angles(sun_base_radius, teeth, planet_teeth, pressure_angle):
+    """Return the pin radius of the carrier in m and the pressure angles in rad of both meshes.
 
-    `teeth` are those of (sun, ring); `pressure_angle` is that of the sun meshes in rad.
+    `sun_base_radius` is in m, `teeth` are the tooth numbers of (sun, ring), and `pressure_angle` is
+    the working pressure angle of the sun meshes in rad. The result is (pin radius, (angle of sun
+    meshes, angle of ring meshes)).
     """
-    sun, ring = teeth
-    r_planet, r_ring = sun_base_radius * planet_teeth / sun, sun_base_radius * ring / sun
-    pin_radius = (sun_base_radius + r_planet) / math.cos(pressure_angle)
-    cosine = (r_ring - r_planet) / pin_radius
-    if not math.cos(_MAX_RING_ANGLE) <= cosine <= 1.0:
+    sun_teeth, ring_teeth = teeth
+    planet_base_radius = sun_base_radius * planet_teeth / sun_teeth
+    ring_base_radius = sun_base_radius * ring_teeth / sun_teeth
+    pin_radius = (sun_base_radius + planet_base_radius) / math.cos(pressure_angle)
+    ring_cosine = (ring_base_radius - planet_base_radius) / pin_radius
+    if not math.cos(_MAX_RING_ANGLE) <= ring_cosine <= 1.0:
         raise ValueError(
             f"planet_teeth = {planet_teeth!r} is not allowed: at this pressure_angle the planets "
             "must fit into the ring, where the pressure angle must be from 0 to 45 degrees"
         )
-    equal_angles = planet_teeth * 2 == ring - sun
-    return pin_radius, (pressure_angle, pressure_angle if equal_angles else math.acos(cosine))
+    # With planets of half the difference in teeth both angles are equal, exactly.
+    is_equal = planet_teeth * 2 == ring_teeth - sun_teeth
+    ring_pressure_angle = pressure_angle if is_equal else math.acos(ring_cosine)
+    return pin_radius, (pressure_angle, ring_pressure_angle)
 
 
 @declared()
 class ParallelStage:
     """A pair of gears on fixed axes, one of which is on a shaft of a planetary set; immutable.
 
-    The torque of the body on the other end of this shaft moves to the other gear.
+    The body at the other end of the shaft loses its torque. Instead, a torque with the same power
+    acts on the gear that is not on the shaft.
     """
 
     stage: Annotated[GearStage, described("The two gears")]
@@ -284,33 +310,38 @@ class ParallelStage:
     def elements(
         self, number: int, bodies: dict[str, Body], structural_damping: float, options: dict
     ) -> tuple[dict[str, Body], Mesh, Shaft]:
-        """Return the changed bodies by name, the mesh and the shaft of the stage with a number.
+        """Return the bodies, the mesh and the shaft that the stage adds to a planetary train.
 
-        `bodies` are those of the train so far, and `options` those of `Mesh.from_geometry`.
+        The bodies, by name, are the two gears and the body at the other end of the shaft, without
+        its torque. `number` is the number of the stage, from 1, and `bodies` maps names to the
+        bodies of the train so far. `structural_damping` is the ratio of damping to stiffness of the
+        shaft in s; `options` are passed to `Mesh.from_geometry`.
         """
-        owner = f"stages[{number - 1}]"
-        checks.one_of(f"{owner}.on", self.on, list(bodies))
+        key = f"stages[{number - 1}].on"
+        checks.one_of(key, self.on, list(bodies))
         torque = bodies[self.on].torque
         allowed = "a body with a torque, which the stage takes over"
-        checks.require(torque != 0.0, f"{owner}.on", self.on, allowed)
+        checks.require(torque != 0.0, key, self.on, allowed)
         pinion, wheel = self.stage.pinion, self.stage.wheel
         names = {"pinion": f"pinion {number}", "wheel": f"wheel {number}"}
         sign = 1 if wheel.internal else -1
-        ratio = sign * pinion.teeth / wheel.teeth  # speed of the wheel over that of the pinion
-        other = "wheel" if self.gear == "pinion" else "pinion"
-        # The power is the same; the shaft acts on its gear against the torque of the body.
-        torques = {
-            self.gear: -torque,
-            other: torque / (ratio if self.gear == "pinion" else 1 / ratio),
-        }
-        loading = torques["wheel"] if wheel.internal else torques["pinion"]
+        speed_ratio = sign * pinion.teeth / wheel.teeth  # of the wheel to the pinion
+        # Both gears transmit the same power. The torque of the shaft on its gear is opposite to the
+        # torque on the body.
+        if self.gear == "pinion":
+            free_gear = "wheel"
+            torques = {"pinion": -torque, "wheel": torque / speed_ratio}
+        else:
+            free_gear = "pinion"
+            torques = {"wheel": -torque, "pinion": torque / (1 / speed_ratio)}
+        direction_torque = torques["wheel"] if wheel.internal else torques["pinion"]
         changed = {
             self.on: dataclasses.replace(bodies[self.on], torque=0.0),
             names["pinion"]: Body.from_gear(pinion, names["pinion"]),
             names["wheel"]: Body.from_gear(wheel, names["wheel"]),
         }
-        free = names[other]
-        changed[free] = dataclasses.replace(changed[free], torque=torques[other])
+        free_name = names[free_gear]
+        changed[free_name] = dataclasses.replace(changed[free_name], torque=torques[free_gear])
         mesh = Mesh.from_geometry(
             self.stage,
             names["pinion"],
@@ -318,7 +349,7 @@ class ParallelStage:
             name=f"stage {number}",
             torque=torques["pinion"],
             position=self.position,
-            direction=1 if loading > 0.0 else -1,
+            direction=1 if direction_torque > 0.0 else -1,
             **options,
         )
         ends = self.on, names[self.gear]
@@ -387,13 +418,13 @@ def planetary_set(
     ] = (),
     **train_options,
 ):
-    """Return the planetary train of the geometries of a sun, planet and ring.
+    """Return a planetary train whose sun, planets and ring are given by their geometry.
 
     Each gear is a `gearlib.geometry.SpurGear`; the ring needs its `outer_diameter`. Stiffness,
     contact ratios, backlash, inertias, pressure angles and phases follow from the geometry. Bodies
-    and meshes have the same names as in `gearlib.planetary`; those of the parallel stages are
-    ``pinion 1``, ``wheel 1`` and ``stage 1``, .... `model`, `stiffness`, `options` and the damping
-    are those of `gearlib.Mesh.from_geometry`, other options those of `GearTrain`.
+    and meshes have the same names as in `gearlib.planetary`; parallel stages add ``pinion 1``,
+    ``wheel 1`` and ``stage 1``, .... `model`, `stiffness`, `options` and the damping are described
+    in `gearlib.Mesh.from_geometry`; other options are passed to `GearTrain`.
 
     Raises
     ------
@@ -412,14 +443,17 @@ def planetary_set(
     )
     n = len(set_meshes.positions)
     pin_radius = float(set_meshes.sun_mesh.centre_distance)
+    # By default the carrier is a disc.
     disc_mass = math.pi * pin_radius**2 * planet.width * planet.material.density
-    mass = disc_mass if carrier_mass is None else carrier_mass
-    inertia = disc_mass * pin_radius**2 / 2.0 if carrier_inertia is None else carrier_inertia
+    if carrier_mass is None:
+        carrier_mass = disc_mass
+    if carrier_inertia is None:
+        carrier_inertia = disc_mass * pin_radius**2 / 2.0
     reduced_inertias = [
         gear.inertia / (gear.base_diameter / 2.0) ** 2 for gear in (sun, ring, planet)
     ]
-    reduced_inertias.insert(2, inertia / pin_radius**2)
-    # All sun meshes carry the same part of the torque, and each ring mesh the same force.
+    reduced_inertias.insert(2, carrier_inertia / pin_radius**2)
+    # All sun meshes carry equal parts of the torque, and a ring mesh the force of a sun mesh.
     sun_torque = torque / n
     planet_torque = sun_torque * planet.teeth / sun.teeth
     mesh_options = {
@@ -439,7 +473,7 @@ def planetary_set(
         teeth=(sun.teeth, ring.teeth),
         planet_teeth=planet.teeth,
         positions=list(set_meshes.positions),
-        masses=(sun.mass, ring.mass, mass, planet.mass),
+        masses=(sun.mass, ring.mass, carrier_mass, planet.mass),
         reduced_inertias=reduced_inertias,
         sun_base_radius=sun.base_diameter / 2.0,
         pressure_angle=set_meshes.sun_mesh.working_pressure_angle,
@@ -457,13 +491,16 @@ def planetary_set(
         dataclasses.replace(mesh, **(ring_mesh_fields if mesh.internal else sun_mesh_fields))
         for mesh in train.meshes
     ]
-    bodies, shafts = {body.name: body for body in train.bodies}, []
+    bodies = {body.name: body for body in train.bodies}
+    shafts = []
     del mesh_options["load_argument"]
     for number, stage in enumerate(stages, 1):
-        added = stage.elements(number, bodies, structural_damping, mesh_options)
-        bodies |= added[0]
-        meshes.append(added[1])
-        shafts.append(added[2])
+        changed_bodies, mesh, shaft = stage.elements(
+            number, bodies, structural_damping, mesh_options
+        )
+        bodies |= changed_bodies
+        meshes.append(mesh)
+        shafts.append(shaft)
     return dataclasses.replace(
         train, bodies=tuple(bodies.values()), meshes=tuple(meshes), shafts=(*train.shafts, *shafts)
     )

@@ -1,7 +1,7 @@
 """Trains with equal meshes: an idler train, two stages, and the reducer of the paper.
 
-Without given inertias, the gears of one stage have I / r^2 in proportion to z^2, like discs of
-equal width, such that the first mesh has the reduced mass of the pair.
+By default, the gears of a stage have I / r^2 in proportion to z^2, as discs of equal width have,
+scaled so that the first mesh has the reduced mass of the pair.
 
 Hortel & Skuderova, Engineering Mechanics 14 (2007) 91-104, Fig. 1 a, mention a pseudoplanetary
 reducer with three double satellites and split power flow, but print only the numbers of one mesh.
@@ -10,7 +10,7 @@ All other numbers are choices:
 * teeth 24 : 36 in the first stage, 24 : 36 (external) or 24 : 84 (internal second central gear) in
   the second stage, all with a module of 4 mm: equal centre distances, branches in phase, and three
   periods of the first mesh to two of the second;
-* the load of the pair on each first mesh, and masses of 2 I / r^2, as those of discs;
+* the load of the pair on each mesh of the first stage, and masses of 2 I / r^2, as for discs;
 * shafts of 1e6 N m/rad: steel of 60 mm diameter and 100 mm length;
 * bearings of 1e9 N/m for all gears, about three times as stiff as a mesh.
 """
@@ -67,7 +67,7 @@ FourMasses = Annotated[tuple[Mass, ...] | None, Values(4), described(_MASS_DESCR
 
 
 def create_train(**fields: Any) -> Any:
-    """Return the `GearTrain` with fields such as bodies, meshes and shafts."""
+    """Return a `GearTrain` with the given fields, such as bodies, meshes and shafts."""
     # Imported here, since reading the configuration needs the signatures but no train.
     from gearlib.models.trains.train import GearTrain
 
@@ -75,9 +75,10 @@ def create_train(**fields: Any) -> Any:
 
 
 def proportional_damping(stiffness: float, structural_damping: float) -> float:
-    """Return the damping of a spring in proportion to its stiffness, 0 for a rigid one.
+    """Return stiffness-proportional damping, or 0 for an infinite stiffness.
 
-    `structural_damping` is the ratio of damping to stiffness in s.
+    `stiffness` is in N/m or N m/rad, and `structural_damping` is the ratio of damping to stiffness
+    in s.
     """
     return structural_damping * stiffness if stiffness < math.inf else 0.0
 
@@ -86,25 +87,29 @@ class _GearSet:
     """Gears of a train on equal supports; all meshes have the values of the same `GearPair`."""
 
     def __init__(self, pair, stages, modules, pressure_angle, inertias, masses, support):
-        """Compute the reduced inertias I / r^2 and masses in kg and the base radii of the gears.
+        """Compute reduced inertias I / r^2, masses and base radii of the gears.
 
-        `stages` holds the tooth numbers of the gears of each stage; modules in m, reduced inertias
-        and masses in kg are lists over all gears in the same order, by default those of discs. The
-        pressure angle is in rad, and `support` is (stiffness of the supports in N/m, their
-        damping over stiffness in s).
+        `stages` lists the tooth numbers of the gears of each stage. `modules` (m), the reduced
+        `inertias` (kg) and `masses` (kg) are sequences over all gears in the same order; inertias
+        and masses are None for discs. The pressure angle is in rad, and `support` is the pair
+        (stiffness of the supports in N/m, ratio of damping to stiffness in s).
         """
         from gearlib.models.pair import GearPair
 
         checks.require(isinstance(pair, GearPair), "pair", pair, "a GearPair")
         self.pair = pair
         self.support_stiffness, self.structural_damping = support
-        self.pressure_angle, self.teeth = pressure_angle, [z for stage in stages for z in stage]
-        self.reduced_inertias = inertias or []
-        for stage in [] if inertias else stages:
-            # I / r^2 of discs; the first two gears have the reduced mass of the pair.
-            sum_of_squares = 1.0 / stage[0] ** 2 + 1.0 / stage[1] ** 2
-            inertia_per_tooth_squared = pair.reduced_mass * sum_of_squares
-            self.reduced_inertias += [inertia_per_tooth_squared * z**2 for z in stage]
+        self.pressure_angle = pressure_angle
+        self.teeth = [z for stage in stages for z in stage]
+        if inertias:
+            self.reduced_inertias = inertias
+        else:
+            self.reduced_inertias = []
+            for stage in stages:
+                # I / r^2 of discs; the first two gears have the reduced mass of the pair.
+                sum_of_squares = 1.0 / stage[0] ** 2 + 1.0 / stage[1] ** 2
+                inertia_per_tooth_squared = pair.reduced_mass * sum_of_squares
+                self.reduced_inertias += [inertia_per_tooth_squared * z**2 for z in stage]
         self.masses = masses or [2.0 * inertia for inertia in self.reduced_inertias]
         self.base_radii = [
             module * z / 2.0 * math.cos(pressure_angle)
@@ -112,7 +117,10 @@ class _GearSet:
         ]
 
     def body(self, i: int, name: str, force: float = 0.0, **fields: Any) -> Body:
-        """Return gear i as a `Body` with a tangential force in N at its base circle."""
+        """Return gear i as a `Body`, loaded by a tangential force in N at its base circle.
+
+        A positive force turns the gear counterclockwise; `fields` are further fields of `Body`.
+        """
         return Body(
             name=name,
             teeth=self.teeth[i],
@@ -126,17 +134,20 @@ class _GearSet:
         )
 
     def mesh(self, pinion: str, wheel: str, **fields: Any) -> Mesh:
-        """Return the `Mesh` of two bodies with the stiffness, damping and backlash of the pair."""
+        """Return the `Mesh` of two bodies with the stiffness, damping and backlash of the pair.
+
+        `pinion` and `wheel` are names of bodies; `fields` override the values of the pair.
+        """
         names = ("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash")
         names += ("material_damping", "backlash_damping")
-        values = {name: getattr(self.pair, name) for name in names}
-        values["pressure_angle"] = self.pressure_angle
-        return Mesh(pinion=pinion, wheel=wheel, **(values | fields))
+        pair_fields = {name: getattr(self.pair, name) for name in names}
+        pair_fields["pressure_angle"] = self.pressure_angle
+        return Mesh(pinion=pinion, wheel=wheel, **(pair_fields | fields))
 
-    def shaft(self, first_body: str, second_body: str, stiffness: float) -> Shaft:
-        """Return a `Shaft` between two bodies with a torsional stiffness in N m/rad."""
+    def shaft(self, body_1: str, body_2: str, stiffness: float) -> Shaft:
+        """Return a `Shaft` between two bodies, by name, with a torsional stiffness in N m/rad."""
         damping = proportional_damping(stiffness, self.structural_damping)
-        return Shaft(bodies=(first_body, second_body), stiffness=stiffness, damping=damping)
+        return Shaft(bodies=(body_1, body_2), stiffness=stiffness, damping=damping)
 
 
 @checked
@@ -162,7 +173,7 @@ def idler(
     """Return a train of three gears, ``pinion``, ``idler`` and ``wheel``, with two meshes.
 
     Both meshes have the stiffness, damping, backlash and load of `pair`, a `GearPair`; the first
-    mesh has its reduced mass. Other options are those of `GearTrain`.
+    mesh also has its reduced mass. Other options are passed to `GearTrain`.
     """
     support = support_stiffness, structural_damping
     gears = _GearSet(pair, [teeth], [module] * 3, pressure_angle, reduced_inertias, masses, support)
@@ -197,12 +208,13 @@ def two_stage(
     pressure_angle: PressureAngle = PRESSURE_ANGLE,
     **options,
 ):
-    """Return a train of two stages that a shaft joins: pinion 1, wheel 1, pinion 2 and wheel 2.
+    """Return a train of two stages joined by a shaft: pinion 1, wheel 1, pinion 2 and wheel 2.
 
     Both meshes have the stiffness, damping, backlash and reduced mass of `pair`, a `GearPair`,
-    whose load acts on the first mesh. Other options are those of `GearTrain`.
+    whose load acts on the first mesh. Other options are passed to `GearTrain`.
     """
-    stages, gear_modules = (teeth[:2], teeth[2:]), [modules[i // 2] for i in range(4)]
+    stages = teeth[:2], teeth[2:]
+    gear_modules = [modules[0], modules[0], modules[1], modules[1]]
     support = support_stiffness, structural_damping
     gears = _GearSet(pair, stages, gear_modules, pressure_angle, reduced_inertias, masses, support)
     # The shaft rotates clockwise, and the second wheel counterclockwise against its load.
@@ -258,12 +270,12 @@ def split_power_reducer(
     ] = None,
     **options,
 ):
-    """Return the reducer of the paper, with double satellites on fixed axes.
+    """Return the split-power reducer of the paper, with double satellites on fixed axes.
 
     Bodies are called ``input``, ``output``, ``satellite 1 a``, ``satellite 1 b``, ...; the meshes
     of branch i are ``first i`` (input and a) and ``second i`` (b and output). All meshes have the
     values of `pair`, a `GearPair`, whose load acts on each mesh of the first stage. Other options
-    are those of `GearTrain`.
+    are passed to `GearTrain`.
 
     Raises
     ------
@@ -271,16 +283,18 @@ def split_power_reducer(
         If a value is impossible or the two stages have different centre distances.
     """
     n = branches
-    z = teeth or ((24, 36, 24, 84) if internal else (24, 36, 24, 36))
-    gear_modules = [modules[i // 2] for i in range(4)]
+    if teeth is None:
+        teeth = (24, 36, 24, 84) if internal else (24, 36, 24, 36)
+    gear_modules = [modules[0], modules[0], modules[1], modules[1]]
     support = support_stiffness, structural_damping
-    gears = _GearSet(pair, [z], gear_modules, pressure_angle, reduced_inertias, masses, support)
-    output_teeth = z[3] - z[2] if internal else z[3] + z[2]
-    diameters = gear_modules[0] * (z[0] + z[1]), gear_modules[2] * output_teeth
-    if abs(diameters[0] - diameters[1]) > 1e-9 * diameters[0]:
+    gears = _GearSet(pair, [teeth], gear_modules, pressure_angle, reduced_inertias, masses, support)
+    # Twice the centre distances of both stages.
+    first_sum = modules[0] * (teeth[0] + teeth[1])
+    second_sum = modules[1] * (teeth[3] - teeth[2] if internal else teeth[3] + teeth[2])
+    if abs(first_sum - second_sum) > 1e-9 * first_sum:
         raise ValueError(
-            f"teeth = {z!r} is not allowed: both stages must have one centre distance, and it is "
-            f"{diameters[0] / 2.0:.6g} m in the first, {diameters[1] / 2.0:.6g} m in the second"
+            f"teeth = {teeth!r} is not allowed: both stages must have one centre distance, and it "
+            f"is {first_sum / 2.0:.6g} m in the first, {second_sum / 2.0:.6g} m in the second"
         )
     pin_errors = [(0.0, 0.0)] * n if pin_errors is None else pin_errors
     errors = checks.sequence("pin_errors", pin_errors, n)
@@ -295,7 +309,8 @@ def split_power_reducer(
     for i in range(n):
         angle = 2.0 * math.pi * i / n
         gear_a, gear_b = f"satellite {i + 1} a", f"satellite {i + 1} b"
-        cosine, sine, (radial, tangential) = math.cos(angle), math.sin(angle), errors[i]
+        cosine, sine = math.cos(angle), math.sin(angle)
+        radial, tangential = errors[i]
         offset = cosine * radial - sine * tangential, sine * radial + cosine * tangential
         bodies += [gears.body(1, gear_a, offset=offset), gears.body(2, gear_b, offset=offset)]
         fields = {"name": f"first {i + 1}", "backlash": backlashes[i][0], "position": angle}
