@@ -21,7 +21,10 @@ _DIRECTIONS = {"up": ("#0072B2", "^"), "down": ("#D55E00", "v")}
 
 
 def draw(data: xr.Dataset) -> dict[str, Figure]:
-    """Return both figures of the data of `gearlib.studies.analytic_method`, in a dict by name."""
+    """Return the figures of convergence and of harmonics, in a dict by name.
+
+    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`.
+    """
     return {"analytic_method": draw_convergence(data), "harmonic_balance": draw_harmonics(data)}
 
 
@@ -29,28 +32,32 @@ def draw(data: xr.Dataset) -> dict[str, Figure]:
 def draw_convergence(data: xr.Dataset):
     """Return a figure of iterates, their errors, and contraction factors of the analytic method.
 
-    `data` is a result of `gearlib.studies.analytic_method`; its dimension "shown" is over the
-    tunings that have a panel. Markers show iterates after which a Newton step (`algebraic_step`)
-    solves for the degenerate (near-resonant) harmonics.
+    `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`; its dimension
+    "shown" holds the tunings that have a panel of their own. Markers show iterates after which a
+    Newton step (`algebraic_step`) solves for the degenerate (near-resonant) harmonics.
     """
     figure = style.page_figure(height=7.6)
-    above, middle, below = figure.subfigures(3, 1, height_ratios=[2.3, 2.0, 3.3])
-    _draw_iterates(above, data)
-    grid = panels.draw_panels(data, "iteration", "iterate_error", panel="shown", figure=middle)
-    for i, axes in enumerate(grid[0]):
+    iterate_area, error_area, contraction_area = figure.subfigures(
+        3, 1, height_ratios=[2.3, 2.0, 3.3]
+    )
+    _draw_iterates(iterate_area, data)
+    error_axes = panels.draw_panels(
+        data, "iteration", "iterate_error", panel="shown", figure=error_area
+    )
+    for i, axes in enumerate(error_axes[0]):
         error = data.iterate_error[i].where(data.algebraic_step[i] == 1)
         label = "a step of the degenerate part follows"
         style.draw_markers(axes, data.iteration, error, "o", "#D55E00", 3.5, label=label)
         axes.set(yscale="log", title="")
-    style.legend(middle, grid[0, 0], columns=1)
-    _draw_contraction(below, data)
+    style.legend(error_area, error_axes[0, 0], columns=1)
+    _draw_contraction(contraction_area, data)
     return figure
 
 
 def _draw_iterates(figure, data: xr.Dataset):
-    """Draw iterates and exact orbits in a panel for each tuning of the dimension "shown".
+    """Draw iterates over the exact orbit, in a panel for each tuning of the dimension "shown".
 
-    Titles give the number of degenerate (near-resonant) harmonics, `degenerate_chosen`.
+    Titles give `degenerate_chosen`, the number of degenerate (near-resonant) harmonics.
     """
     iterations = [number for number in _ITERATION_COLOURS if number in data.iteration]
     styles = {n: {"color": _ITERATION_COLOURS[n], "label": f"iteration {n}"} for n in iterations}
@@ -66,9 +73,10 @@ def _draw_iterates(figure, data: xr.Dataset):
 
 
 def _draw_contraction(figure, data: xr.Dataset):
-    """Draw contraction factors over tuning and number of degenerate (near-resonant) harmonics.
+    """Draw maps of the contraction factor over tuning and number of degenerate harmonics.
 
-    The stepped line is `automatic`, the number of these harmonics that `gearlib` chooses.
+    A harmonic is degenerate if it is near resonance. The stepped line is `automatic`, the number of
+    degenerate harmonics that gearlib chooses by itself.
     """
     grid = figure.subplots(2, 1, sharex=True)
     counts = data.degenerate_count.values
@@ -95,49 +103,52 @@ def draw_harmonics(data: xr.Dataset):
     """Return a figure of errors over the number of harmonics, and the harmonic-balance curve.
 
     `data` is a result of `gearlib.studies.analytic_method.analytic_method_study`; its dimension
-    "shown" is over the tunings that have a panel of errors.
+    "shown" holds the tunings that have a panel of errors.
     """
     figure = style.page_figure(height=5.4)
-    above, below = figure.subfigures(2, 1, height_ratios=[2.4, 3.0])
-    row = above.subplots(1, data.sizes["shown"], squeeze=False, sharey=True)[0]
-    for i, axes in enumerate(row):
+    error_area, resonance_area = figure.subfigures(2, 1, height_ratios=[2.4, 3.0])
+    error_axes = error_area.subplots(1, data.sizes["shown"], squeeze=False, sharey=True)[0]
+    for i, axes in enumerate(error_axes):
         _draw_errors(axes, data.isel(shown=i))
         axes.label_outer()
     handles = [
         style.legend_entry(name, colour, "-", marker, markersize=3.5, markerfacecolor=face)
         for name, colour, marker, face in _METHODS.values()
     ]
-    handles += [style.legend_entry(kind, _GREY, dashes) for kind, dashes in _DASHES.items()]
-    style.legend(above, handles, columns=4)
-    _draw_resonance(below, data)
+    handles += [style.legend_entry(quantity, _GREY, dashes) for quantity, dashes in _DASHES.items()]
+    style.legend(error_area, handles, columns=4)
+    _draw_resonance(resonance_area, data)
     return figure
 
 
 def _draw_errors(axes, data: xr.Dataset):
-    """Draw errors of both methods at one tuning over the number of harmonics, and known slopes."""
+    """Draw the errors of both methods at one tuning over the number of harmonics h.
+
+    Dotted lines show the slopes of 1/h^2 and 1/h.
+    """
     for method, (_, colour, marker, face) in _METHODS.items():
         options = {"color": colour, "marker": marker, "markerfacecolor": face, "markersize": 3.5}
-        for kind, dashes in _DASHES.items():
-            names = f"{method}_harmonics", f"{method}_{kind}_error"
+        for quantity, dashes in _DASHES.items():
+            names = f"{method}_harmonics", f"{method}_{quantity}_error"
             panels.draw_curves(axes, data, *names, linestyle=dashes, **options)
-    harmonics = np.array([10.0, 1000.0])
-    for power, line_factor, text_factor in ((-2.0, 0.4, 0.6), (-1.0, 1.5, 2.0)):
-        errors = line_factor * harmonics**power
-        axes.plot(harmonics, errors, color=_GREY, linewidth=0.7, linestyle=":")
-        axes.annotate(f"$h^{{{power:.0f}}}$", (300.0, text_factor * 300.0**power), fontsize=7)
+    line_ends = np.array([10.0, 1000.0])
+    for exponent, line_factor, text_factor in ((-2.0, 0.4, 0.6), (-1.0, 1.5, 2.0)):
+        errors = line_factor * line_ends**exponent
+        axes.plot(line_ends, errors, color=_GREY, linewidth=0.7, linestyle=":")
+        axes.annotate(f"$h^{{{exponent:.0f}}}$", (300.0, text_factor * 300.0**exponent), fontsize=7)
     axes.set(xscale="log", yscale="log", title=panels.value_label(data.shown))
     axes.set(xlabel="harmonics $h$", ylabel="largest error over the period")
 
 
 def _draw_resonance(figure, data: xr.Dataset):
-    """Draw the displacement extrema of harmonic balance over those of exact sweeps."""
+    """Draw the displacement extrema of harmonic balance (markers) and of exact sweeps (lines)."""
     axes = figure.subplots()
     for direction, (colour, marker) in _DIRECTIONS.items():
         sweep = data.sel(direction=direction)
-        for end in ("max", "min"):
-            axes.plot(data.tuning, sweep[f"displacement_{end}"], color=colour, linewidth=0.9)
+        for extremum in ("max", "min"):
+            axes.plot(data.tuning, sweep[f"displacement_{extremum}"], color=colour, linewidth=0.9)
             for stable, face in ((1, colour), (0, "white")):
-                extrema = sweep[f"balance_{end}"].where(sweep.stable == stable)
+                extrema = sweep[f"balance_{extremum}"].where(sweep.stable == stable)
                 options = {"markerfacecolor": face, "markeredgewidth": 0.6}
                 style.draw_markers(axes, data.tuning, extrema, marker, colour, 3, **options)
     style.shade_lost_contact(axes, float(data.backlash_ratio), "y")

@@ -1,8 +1,10 @@
 """Branches of periodic orbits with their special points, and the jump of the motion from rest.
 
-One figure shows how damping moves special points, the other, beside Fig. 6, how far each choice
-moves the jump.
+One figure shows how the special points move with the damping. The other, which belongs to Fig. 6,
+shows how far each change of the run shifts the jump.
 """
+
+import math
 
 import numpy as np
 import xarray as xr
@@ -13,7 +15,7 @@ from gearlib.figures import panels, style
 _HEIGHT = 6.6
 #: Number of points on both sides of a fold that show on which side the branch lies.
 POINTS_BESIDE_FOLD = 6
-#: Special points within these fractions of the ranges of tuning and height have one common text.
+#: Special points closer than these fractions of the ranges of tuning and height share a text.
 TEXT_WIDTH, TEXT_HEIGHT = 0.05, 0.06
 #: Code of `gearlib.analysis.orbits.special_points` -> (name, colour, marker).
 SPECIAL_POINTS = {
@@ -27,39 +29,42 @@ SPECIAL_POINTS = {
 
 @style.styled()
 def draw_branches(branches: xr.Dataset, loci: xr.Dataset):
-    """Return a figure of branches of orbits with special points, above the loci of these points.
+    """Return a figure of orbit branches with special points, above the loci of these points.
 
-    `branches` and `loci` are results of the functions of `gearlib.studies.resonance` of the same
-    name: orbit_height is the peak-to-peak displacement, own_damping the damping ratio of the
-    branches, which a dotted line marks.
+    `branches` and `loci` are results of the functions of the same name in
+    `gearlib.studies.resonance`. The variable orbit_height is the peak-to-peak displacement. A
+    dotted line marks own_damping, the damping ratio at which the branches were computed.
     """
     figure = style.page_figure(_HEIGHT)
-    top, bottom = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
-    draw_curve(top, branches, "orbit_height", "black")
-    draw_special_points(top, branches.tuning, branches.orbit_height, branches.label)
-    _write_tunings(top, branches)
+    branch_axes, locus_axes = figure.subplots(2, sharex=True, height_ratios=[1.2, 1.0])
+    draw_curve(branch_axes, branches, "orbit_height", "black")
+    draw_special_points(branch_axes, branches.tuning, branches.orbit_height, branches.label)
+    _write_tunings(branch_axes, branches)
     branch_damping = float(loci.own_damping)
-    for number in np.unique(loci.locus):
-        _draw_locus(bottom, loci.isel(point=np.flatnonzero(loci.locus == number)))
-    bottom.axhline(branch_damping, color="black", linewidth=0.6, linestyle=":")
-    at_damping = np.full(branches.sizes["point"], branch_damping)
-    draw_special_points(bottom, branches.tuning, at_damping, branches.label, size=3.5)
+    for locus_number in np.unique(loci.locus):
+        _draw_locus(locus_axes, loci.isel(point=np.flatnonzero(loci.locus == locus_number)))
+    locus_axes.axhline(branch_damping, color="black", linewidth=0.6, linestyle=":")
+    dampings = np.full(branches.sizes["point"], branch_damping)
+    draw_special_points(locus_axes, branches.tuning, dampings, branches.label, size=3.5)
     handles = legend_entries(branches.label, point_line="-")
     style.legend(figure, handles, columns=len(handles), side="upper")
-    top.set_ylabel(panels.axis_label(branches.orbit_height, width=40))
-    bottom.set_ylabel(panels.axis_label(loci.damping_ratio, width=40))
-    bottom.set_xlabel(style.TUNING_LABEL)
+    branch_axes.set_ylabel(panels.axis_label(branches.orbit_height, width=40))
+    locus_axes.set_ylabel(panels.axis_label(loci.damping_ratio, width=40))
+    locus_axes.set_xlabel(style.TUNING_LABEL)
     return figure
 
 
 def draw_curve(axes, branches: xr.Dataset, variable: str, colour: str, width=1.0, zorder=2.0):
-    """Draw the variable named `variable` of branches over the tuning, dashed where unstable."""
+    """Draw a variable of orbit branches over the tuning, dashed where orbits are unstable.
+
+    `variable` is its name, `width` the line width in points.
+    """
     tuning, values = branches.tuning.values, branches[variable].values
     stable = branches.stable.values.astype(bool)
-    for number in np.unique(branches.branch):
-        points = np.flatnonzero(branches.branch == number)
-        changes = np.flatnonzero(np.diff(stable[points].astype(int))) + 1
-        for section in np.split(points, changes):
+    for branch_number in np.unique(branches.branch):
+        points = np.flatnonzero(branches.branch == branch_number)
+        section_starts = np.flatnonzero(np.diff(stable[points].astype(int))) + 1
+        for section in np.split(points, section_starts):
             # The line starts at the last point before stability changes, so that no gap appears.
             section = np.arange(max(section[0] - 1, points[0]), section[-1] + 1)
             dashes = "-" if stable[section[-1]] else style.DASHED
@@ -68,19 +73,23 @@ def draw_curve(axes, branches: xr.Dataset, variable: str, colour: str, width=1.0
 
 
 def draw_special_points(axes, x: ArrayLike, y: ArrayLike, labels: ArrayLike, size=4.5):
-    """Mark special points of branches at (x, y); `labels` are codes, keys of `SPECIAL_POINTS`."""
+    """Draw the markers of special points of branches, of `size` points.
+
+    `x`, `y` and `labels` have an entry for each point of a branch. A label is a key of
+    `SPECIAL_POINTS`, or another number for an ordinary point, which gets no marker.
+    """
     x, y, labels = (np.asarray(values) for values in (x, y, labels))
     for code, (_, colour, marker) in SPECIAL_POINTS.items():
-        points = labels == code
-        if points.any():
-            style.draw_markers(axes, x[points], y[points], marker, colour, size, zorder=3)
+        mask = labels == code
+        if mask.any():
+            style.draw_markers(axes, x[mask], y[mask], marker, colour, size, zorder=3)
 
 
 def legend_entries(labels: ArrayLike, point_line="none") -> list:
-    """Return legend handles of branches, and of special points with the codes in `labels`.
+    """Return legend handles for branches and for the kinds of special points on them.
 
-    `point_line` is the line style of the entries of special points: "none" for markers alone, "-"
-    if a figure also has lines (loci) in the colours of the points.
+    `labels` are codes, keys of `SPECIAL_POINTS`. `point_line` is the line style in the entries of
+    special points: "none" for a marker alone, "-" if the figure also has loci, drawn as lines.
     """
     handles = [
         style.legend_entry("stable orbit"),
@@ -95,40 +104,47 @@ def legend_entries(labels: ArrayLike, point_line="none") -> list:
 def _draw_locus(axes, locus: xr.Dataset):
     """Draw damping over tuning along the locus of a special point.
 
-    The locus consists of two lines, stored one after the other: each starts at the special point,
-    where the damping is that of the branches (own_damping).
+    The locus consists of two lines, stored one after the other. Each starts at the special point,
+    where the damping equals own_damping, the damping of the branches.
     """
     _, colour, _ = SPECIAL_POINTS[int(locus.label[0])]
     damping, branch_damping = locus.damping_ratio.values, float(locus.own_damping)
-    starts = np.flatnonzero(np.isclose(damping, branch_damping, rtol=1e-12, atol=0.0))
-    for points in np.split(np.arange(damping.size), starts[1:]):
+    line_starts = np.flatnonzero(np.isclose(damping, branch_damping, rtol=1e-12, atol=0.0))
+    for points in np.split(np.arange(damping.size), line_starts[1:]):
         axes.plot(locus.tuning.values[points], damping[points], color=colour, linewidth=1.0)
 
 
 def _write_tunings(axes, branches: xr.Dataset):
-    """Write the tuning beside each special point of branches; close points have a common text."""
-    tuning, height, labels = (branches[name].values for name in ("tuning", "orbit_height", "label"))
-    # Positions are in multiples of the text size.
+    """Write the tuning beside each special point of the branches.
+
+    Points that are closer than a text is wide and high share one text, which lists their tunings.
+    """
+    tuning, height = branches.tuning.values, branches.orbit_height.values
+    labels = branches.label.values
+    # Positions are in multiples of the text width and height.
     x = tuning / (np.ptp(tuning) or 1.0) / TEXT_WIDTH
     positions = np.stack([x, height / np.ptp(axes.get_ylim()) / TEXT_HEIGHT])
-    points = np.flatnonzero(np.isin(labels, [*SPECIAL_POINTS]))
-    while points.size:
-        # The text of close points stands beside the point with the lowest code.
-        close = (np.abs(positions[:, points] - positions[:, points[:1]]) < 1.0).all(axis=0)
-        group, points = points[close], points[~close]
-        first = group[labels[group].argmin()]
+    remaining = np.flatnonzero(np.isin(labels, [*SPECIAL_POINTS]))
+    while remaining.size:
+        distances = np.abs(positions[:, remaining] - positions[:, remaining[:1]])
+        is_close = (distances < 1.0).all(axis=0)
+        group, remaining = remaining[is_close], remaining[~is_close]
         text = ", ".join(style.number_texts(np.sort(tuning[group]), digits=4, form="f", decimals=4))
-        # Beside a fold the text stands on the side without a branch, elsewhere above the point.
-        before = tuning[max(first - POINTS_BESIDE_FOLD, 0)]
-        after = tuning[min(first + POINTS_BESIDE_FOLD, tuning.size - 1)]
-        side = int(np.sign(tuning[first] - before) + np.sign(tuning[first] - after))
-        offset, anchor = (0, 6), "center bottom"
-        # At a fold both neighbours lie at lower tunings, or both at higher ones.
-        if abs(side) == 2:
-            offset, anchor = (3 * side, 0), "left center" if side > 0 else "right center"
-        point = tuning[first], height[first]
+        # The text stands beside the point whose label has the lowest code.
+        anchor_point = group[labels[group].argmin()]
+        before = tuning[max(anchor_point - POINTS_BESIDE_FOLD, 0)]
+        after = tuning[min(anchor_point + POINTS_BESIDE_FOLD, tuning.size - 1)]
+        side = int(np.sign(tuning[anchor_point] - before) + np.sign(tuning[anchor_point] - after))
+        offset, alignment = (0, 6), "center bottom"
+        # At a fold both neighbours lie at lower tunings (side 2) or both at higher ones (-2). The
+        # text stands on the side without a branch.
+        if side == 2:
+            offset, alignment = (6, 0), "left center"
+        elif side == -2:
+            offset, alignment = (-6, 0), "right center"
+        position = tuning[anchor_point], height[anchor_point]
         box = style.white_box(padding=0.15, opacity=0.85)
-        style.annotate(axes, text, point, offset, anchor, bbox=box, zorder=2.5)
+        style.annotate(axes, text, position, offset, alignment, bbox=box, zorder=2.5)
 
 
 _TOP_HEIGHT, _ROW_HEIGHT = 2.1, 1.5
@@ -150,14 +166,15 @@ _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 def draw_jump(jumps: xr.Dataset, marked=()):
     """Return a figure of the peak-to-peak displacement over the tuning, and of shifts of its jump.
 
-    `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`. Its first variation is the
-    unchanged run from rest, from whose jump shifts are counted; `switches` is the number of jumps.
-    `marked` are up to two tunings with which the jump is compared: dashed lines, and an orange band
-    between their shifts. Pale bars are ranges of shifts over many initial states. Values without a
-    jump are listed above their panel.
+    `jumps` is a result of `gearlib.studies.jump.jump_and_shifts`: the jump of runs that vary one
+    quantity each. Its first variation is the unchanged run from rest, relative to whose jump the
+    shifts are measured; `switches` is the number of jumps. `marked` has up to two tunings to
+    compare with the jump, drawn as dashed lines and as an orange band between their shifts. Pale
+    bars are ranges of shifts over many initial states. Values without a jump are listed above their
+    panel.
     """
     kinds = [kind for kind in _KINDS if kind in jumps.kind.values]
-    heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * -(-len(kinds) // 2)
+    heights = [_TOP_HEIGHT] + [_ROW_HEIGHT] * math.ceil(len(kinds) / 2)
     figure = style.page_figure(sum(heights))
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     _draw_scan(figure.add_subplot(grid[0, :]), jumps, marked)
@@ -175,7 +192,10 @@ def draw_jump(jumps: xr.Dataset, marked=()):
 
 
 def _draw_scan(axes, jumps: xr.Dataset, marked):
-    """Draw the peak-to-peak displacement ("height") over the tuning; dash the `marked` tunings."""
+    """Draw the peak-to-peak displacement of the runs from rest over the tuning.
+
+    It is the variable "height" of `jumps`. Dashed lines show the tunings `marked`.
+    """
     # The first variation is the run from rest.
     tuning, jump = jumps.tuning.values, float(jumps.jump[0])
     options = {"marker": ".", "markersize": 2.5, "linewidth": 0.6}
@@ -192,33 +212,33 @@ def _draw_scan(axes, jumps: xr.Dataset, marked):
 
 
 def _draw_shifts(axes, jumps: xr.Dataset, marked_shifts: np.ndarray, label: str, scale: str):
-    """Draw the shift of the jump, in tuning, over the values of one kind of variation.
+    """Draw the shift of the jump, in tuning, over the varied quantity.
 
-    Each point is a variation of the run; `switches` is the number of jumps in its scan. A band
-    spans `marked_shifts`, for comparison. `label`, a text such as "name (unit)", and `scale`,
-    "linear" or "log", are those of the x axis.
+    `jumps` has the runs that vary this quantity, a point each; `switches` is the number of jumps in
+    the scan of a run. A band spans `marked_shifts`, for comparison. `label`, such as "name (unit)",
+    and `scale`, "linear" or "log", are the label and the scale of the x axis.
     """
-    value, shift = jumps.value.values, jumps["shift"].values
+    values, shifts = jumps.value.values, jumps["shift"].values
     if marked_shifts.size and np.isfinite(marked_shifts).all():
         band = marked_shifts.min(), marked_shifts.max()
         axes.axhspan(*band, color=_ORANGE, alpha=0.6, linewidth=0.6)
     axes.axhline(0.0, color="black", linewidth=0.6, linestyle=":")
-    # Stems instead of a line, because the shift between the values is not known.
-    axes.vlines(value, 0.0, shift, color=_BLUE, linewidth=0.6)
-    axes.vlines(value, jumps.shift_low, jumps.shift_high, color=_BLUE, linewidth=4.0, alpha=0.3)
+    # Stems replace a line, because the shift between the values is not known.
+    axes.vlines(values, 0.0, shifts, color=_BLUE, linewidth=0.6)
+    axes.vlines(values, jumps.shift_low, jumps.shift_high, color=_BLUE, linewidth=4.0, alpha=0.3)
     jump_count = jumps.switches.values
     several_jumps = jump_count > 1
     for mask, marker, size in ((~several_jumps, "o", 3), (several_jumps, "x", 4)):
-        style.draw_markers(axes, value[mask], shift[mask], marker, _BLUE, size)
+        style.draw_markers(axes, values[mask], shifts[mask], marker, _BLUE, size)
     axes.set(xscale=scale, xlabel=label)
-    if scale == "log" and value.max() < 10.0 * value.min():
-        # Within less than a decade the labels of ticks overlap, or read the same.
-        axes.set_xlim(0.1 * value.min(), 10.0 * value.max())
+    if scale == "log" and values.max() < 10.0 * values.min():
+        # On less than a decade tick labels overlap or read the same.
+        axes.set_xlim(0.1 * values.min(), 10.0 * values.max())
     # The x limits must include values without a jump.
-    axes.update_datalim(np.column_stack([value, np.zeros(value.size)]))
+    axes.update_datalim(np.column_stack([values, np.zeros(values.size)]))
     axes.set_yscale("symlog", linthresh=MAX_LINEAR_SHIFT)
     axes.set_yticks([-1e-2, -1e-4, -1e-6, 0.0, 1e-6, 1e-4, 1e-2])
-    without_jump = ", ".join(style.number_texts(value[np.isnan(jumps.jump.values)]))
+    without_jump = ", ".join(style.number_texts(values[np.isnan(jumps.jump.values)]))
     if without_jump:
         title = f"no jump in the scan where {label.split(' (')[0]} = {without_jump}"
         axes.set_title(title, fontsize=6, loc="left", pad=2.0)

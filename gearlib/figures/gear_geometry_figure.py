@@ -9,9 +9,10 @@ from matplotlib import colormaps
 from gearlib.figures import panels, style
 from gearlib.figures.plot_curves import WARM_STARTED_STYLES
 
-#: Methods that are drawn with their uncertainty; the others differ as much as the energy method.
+#: Methods drawn with their uncertainty; the other methods are as uncertain as the energy method.
 _METHODS_WITH_UNCERTAINTY = ("iso", "energy")
-#: Markers of the means by the four methods; room for the names of published values beside them.
+#: Marker of the mean by each of the four methods; width for the sources of published means beside
+#: them, in units of the x axis.
 _MEAN_MARKERS, _TEXT_ROOM = "so^D", 3.6
 
 
@@ -19,33 +20,36 @@ _MEAN_MARKERS, _TEXT_ROOM = "so^D", 3.6
 def draw_mesh_stiffness(stiffness: xr.Dataset):
     """Return a figure of mesh stiffness over the mesh period, and of its mean, for each gear pair.
 
-    `stiffness` is a result of `gearlib.studies.gear_geometry.mesh_stiffness`. Bands are the stated
-    uncertainty, crosses published means.
+    `stiffness` is a result of `gearlib.studies.gear_geometry.mesh_stiffness`. Bands show the stated
+    uncertainty of a method, crosses show published means.
     """
     data = stiffness.copy()
-    for name in ("mesh_stiffness", "mean_mesh_stiffness", "published_stiffness"):
-        data[name] = panels.in_unit(stiffness[name], 1e8, "$10^8$ N/m")
+    for variable in ("mesh_stiffness", "mean_mesh_stiffness", "published_stiffness"):
+        data[variable] = panels.in_unit(stiffness[variable], 1e8, "$10^8$ N/m")
     styles = panels.plot_options(data.stiffness_method)
-    count = data.sizes["pair"]
-    rows = -(-count // 2)
+    pair_count = data.sizes["pair"]
+    rows = math.ceil(pair_count / 2)
     figure = style.page_figure(2.6 * rows + 0.5)
-    grid = figure.add_gridspec(rows, min(count, 2))
-    for i, name in enumerate(data.pair.values):
+    grid = figure.add_gridspec(rows, min(pair_count, 2))
+    for i, pair_name in enumerate(data.pair.values):
         cell = grid[i // 2, i % 2].subgridspec(1, 2, width_ratios=(3.0, 1.0), wspace=0.0)
-        left, right = cell.subplots(sharey=True)
-        pair = data.sel(pair=name)
-        handles = _draw_stiffness(left, pair, styles)
-        _draw_means(right, pair, styles)
-        left.set_title(name, loc="left")
+        curve_axes, mean_axes = cell.subplots(sharey=True)
+        pair = data.sel(pair=pair_name)
+        handles = _draw_stiffness(curve_axes, pair, styles)
+        _draw_means(mean_axes, pair, styles)
+        curve_axes.set_title(pair_name, loc="left")
         # The upper limit leaves room for markers and error bars.
-        low, high = left.get_ylim()
-        left.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
+        low, high = curve_axes.get_ylim()
+        curve_axes.set_ylim(max(low, 0.0), high + 0.05 * (high - low))
     style.legend(figure, handles, columns=4, fontsize=6.5)
     return figure
 
 
 def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
-    """Draw stiffness over the mesh period, a curve per method in `styles`; return handles."""
+    """Draw the stiffness of a pair over the mesh period by each method; return legend handles.
+
+    `styles` maps each method to options of `Axes.plot`.
+    """
     for method in _METHODS_WITH_UNCERTAINTY:
         curve = pair.sel(stiffness_method=method)
         low = curve.mesh_stiffness * (1 - curve.method_uncertainty)
@@ -60,13 +64,16 @@ def _draw_stiffness(axes, pair: xr.Dataset, styles: dict[str, dict]) -> list:
 
 
 def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
-    """Draw the mean stiffness of a pair by the four methods in `styles`, and published means."""
+    """Draw the mean stiffness of a pair by each of four methods, and published means beside them.
+
+    `styles` maps each method to options of `Axes.plot`.
+    """
     methods = zip(styles.items(), _MEAN_MARKERS, strict=True)
     for x, ((method, options), marker) in enumerate(methods):
-        of_method = pair.sel(stiffness_method=method)
-        mean, error = float(of_method.mean_mesh_stiffness), 0.0
+        result = pair.sel(stiffness_method=method)
+        mean, error = float(result.mean_mesh_stiffness), 0.0
         if method in _METHODS_WITH_UNCERTAINTY:
-            error = mean * float(of_method.method_uncertainty)
+            error = mean * float(result.method_uncertainty)
         bar_options = {"color": options["color"], "markersize": 4, "capsize": 2, "lw": 0.8}
         axes.errorbar(x, mean, error, marker=marker, **bar_options)
     published = pair.isel(published=pair.published_pair.values == pair.pair.item())
@@ -75,7 +82,8 @@ def _draw_means(axes, pair: xr.Dataset, styles: dict[str, dict]):
         value = float(published.published_stiffness.sel(published=source))
         axes.plot(x, value, "x", color="black", markersize=4)
         style.annotate(axes, source, (x, value), (4, 0), fontsize=5.5)
-    axes.set(xlim=(-0.8, x + (_TEXT_ROOM if published.published.size else 0.0)), xlabel="means")
+    text_width = _TEXT_ROOM if published.published.size else 0.0
+    axes.set(xlim=(-0.8, x + text_width), xlabel="means")
     axes.set_xticks([])
     axes.tick_params(labelleft=False)
 
@@ -85,14 +93,14 @@ ERROR_LABEL = "static transmission error (µm)"
 
 @style.styled()
 def draw_harris_maps(data: xr.Dataset):
-    """Return a figure of the transmission error at all loads for each tip relief.
+    """Return a figure of Harris maps, the transmission error at several loads, for each tip relief.
 
-    Below are its peak-to-peak value and the contact ratio. `data` is a result of
-    `gearlib.studies.gear_geometry.harris_map`; the line of the design load is thick.
+    Panels below show the peak-to-peak error and the effective contact ratio over the load. `data`
+    is a result of `gearlib.studies.gear_geometry.harris_map`; the line of the design load is thick.
     """
     figure = style.page_figure(height=5.2)
-    above, below = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
-    maps = above.subplots(1, data.sizes["relief"], sharey=True, squeeze=False)[0]
+    map_area, load_area = figure.subfigures(2, 1, height_ratios=(1.2, 1.0))
+    maps = map_area.subplots(1, data.sizes["relief"], sharey=True, squeeze=False)[0]
     load = (data.torque / data.design_torque).drop_attrs()
     load.attrs["long_name"] = "torque over design torque"
     for axes, name in zip(maps, data.relief.values, strict=True):
@@ -103,32 +111,31 @@ def draw_harris_maps(data: xr.Dataset):
         axes.set_title(f"{title}\n{amounts} µm" if relief.relief_amount.any() else title)
     maps[0].set_ylabel(ERROR_LABEL)
     peak_to_peak = panels.in_unit(data.peak_to_peak_error, 1e-6, "µm")
-    ranges = data.assign(peak_to_peak_error=peak_to_peak).assign_coords(torque=load)
+    curves = data.assign(peak_to_peak_error=peak_to_peak).assign_coords(torque=load)
     # No teeth are in contact without a load.
-    ranges["effective_contact_ratio"] = ranges.effective_contact_ratio.where(ranges.torque > 0.0)
+    curves["effective_contact_ratio"] = curves.effective_contact_ratio.where(curves.torque > 0.0)
     names = "peak_to_peak_error", "effective_contact_ratio"
-    for axes, name in zip(below.subplots(1, 2), names, strict=True):
+    for axes, name in zip(load_area.subplots(1, 2), names, strict=True):
         options = {"colour": "relief", "marker": "o", "markersize": 3.0}
-        entries = panels.draw_curves(axes, ranges, "torque", name, **options)
+        entries = panels.draw_curves(axes, curves, "torque", name, **options)
         axes.axvline(1.0, color="black", linewidth=0.5, linestyle=(0, (1, 2)))
     style.legend(figure, entries, columns=3)
     return figure
 
 
 def draw_errors(axes, data: xr.Dataset, loads: np.ndarray, design_load=1.0):
-    """Draw the transmission error of a dataset over two mesh periods, a line for each of its loads.
+    """Draw the transmission error over two mesh periods, a line for each load.
 
-    `loads` label the lines; that of `design_load` is thick.
+    `data` has the transmission_error, m, over (load, phase in rad). `loads` are the numbers that
+    label its lines, in any unit; the line of the load `design_load` is thick.
     """
     periods = data.phase.values / (2.0 * math.pi)
     # The lightest colours are hard to see on white. The lower bound avoids a division by zero.
     colours = colormaps["viridis"](0.92 * loads / max(loads.max(), 1e-9))
-    lines = zip(
-        loads, style.number_texts(loads), colours, data.transmission_error.values, strict=True
-    )
-    for load, text, colour, error in lines:
+    texts, errors = style.number_texts(loads), data.transmission_error.values
+    for load, text, colour, error in zip(loads, texts, colours, errors, strict=True):
         width = 2.0 if math.isclose(load, design_load) else 0.9
-        # The period begins within double contact, which only two periods show as a whole.
+        # The period begins within double contact, so that only two periods show all of it.
         x = np.concatenate([periods, periods + periods[-1] + periods[1]])
         axes.plot(x, 1e6 * np.tile(error, 2), color=colour, linewidth=width)
         options = {"coords": ("axes fraction", "data"), "fontsize": 5.5}
@@ -144,40 +151,40 @@ _ISO_COLOUR, _OPERATING_COLOUR = "#8C8C8C", "#D55E00"
 def draw_dynamic_factor(curves: xr.Dataset):
     """Return a figure of dynamic factor and transmission error over the speed of the pinion.
 
-    `curves` is a result of `gearlib.studies.teeth_over_speed.over_speed`. Jumps are dotted lines
-    with an arrow; the operating speed is a broken line.
+    `curves` is a result of `gearlib.studies.teeth_over_speed.over_speed`. Dotted lines with an
+    arrow show the speeds at which the motion jumps, a dashed line the operating speed.
     """
     figure = style.page_figure(height=4.6)
-    above, below = figure.subplots(2, 1, sharex=True)
+    factor_axes, error_axes = figure.subplots(2, 1, sharex=True)
     speed = curves.speed.values
-    curve_styles = style.curve_styles([str(name) for name in curves.direction.values])
+    curve_styles = style.curve_styles([str(direction) for direction in curves.direction.values])
     error = panels.in_unit(curves.error_peak_to_peak, 1e-6, "µm")
     handles = []
-    for name, curve_style in curve_styles.items():
-        line, _ = WARM_STARTED_STYLES[name]
-        options = {"color": curve_style.colour, "linestyle": line}
-        (handle,) = above.plot(
-            speed, curves.dynamic_factor.sel(direction=name), label=_LABELS[name], **options
-        )
-        handles.append(handle)
-        below.plot(speed, error.sel(direction=name), **options)
+    for direction, curve_style in curve_styles.items():
+        dashes, _ = WARM_STARTED_STYLES[direction]
+        options = {"color": curve_style.colour, "linestyle": dashes}
+        factor = curves.dynamic_factor.sel(direction=direction)
+        handles += factor_axes.plot(speed, factor, label=_LABELS[direction], **options)
+        error_axes.plot(speed, error.sel(direction=direction), **options)
     if "iso_dynamic_factor" in curves:
         options = {"color": _ISO_COLOUR, "linestyle": ":", "label": "ISO 6336-1, method B"}
-        handles += above.plot(speed, curves.iso_dynamic_factor, **options)
+        handles += factor_axes.plot(speed, curves.iso_dynamic_factor, **options)
     if curves.operating_speed.notnull():
         options = {"color": _OPERATING_COLOUR, "linestyle": "--", "linewidth": 0.8}
-        for axes in (above, below):
+        for axes in (factor_axes, error_axes):
             line = axes.axvline(float(curves.operating_speed), label="operating speed", **options)
         handles.append(line)
-    for name, curve_style in curve_styles.items():
-        for jump in curves[f"jump_{name}_speed"].dropna("hysteresis").values:
-            above.axvline(jump, color=curve_style.colour, linestyle=":", linewidth=0.8)
-            text = f"{'↑' if name == 'up' else '↓'} {jump:.0f}"
-            style.annotate(above, text, (jump, 0.93), (2, 0), coords=("data", "axes fraction"))
-    above.set_ylim(bottom=0.0)
-    below.set_ylim(bottom=0.0)
-    above.set_xlim(style.limits(speed, margin=0.0))
-    above.set_ylabel("dynamic factor $K_v$")
-    below.set(xlabel=panels.axis_label(curves.speed), ylabel=panels.axis_label(error, width=30))
+    for direction, curve_style in curve_styles.items():
+        for jump_speed in curves[f"jump_{direction}_speed"].dropna("hysteresis").values:
+            factor_axes.axvline(jump_speed, color=curve_style.colour, linestyle=":", linewidth=0.8)
+            arrow = "↑" if direction == "up" else "↓"
+            point, coords = (jump_speed, 0.93), ("data", "axes fraction")
+            style.annotate(factor_axes, f"{arrow} {jump_speed:.0f}", point, (2, 0), coords=coords)
+    factor_axes.set_ylim(bottom=0.0)
+    error_axes.set_ylim(bottom=0.0)
+    factor_axes.set_xlim(style.limits(speed, margin=0.0))
+    factor_axes.set_ylabel("dynamic factor $K_v$")
+    error_axes.set_xlabel(panels.axis_label(curves.speed))
+    error_axes.set_ylabel(panels.axis_label(error, width=30))
     style.legend(figure, handles, columns=4)
     return figure

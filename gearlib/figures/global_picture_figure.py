@@ -7,9 +7,9 @@ from gearlib.colours import MOTIONS, of_categories
 from gearlib.figures import panels, style
 
 _KINDS = ("period", "chaotic", "unbounded", "undecided")
-#: Code of periodic attractors, and codes of chaotic and undecided orbits in sections.
+#: Code of periodic attractors in `_KINDS`; codes of chaotic and undecided orbits in sections.
 _PERIODIC, _CHAOTIC, _UNDECIDED = 0, 1, 2
-#: Colour of the attractors of a kind; each periodic one has a colour of its own.
+#: Colour of the attractors of each kind; None: each periodic attractor has its own colour.
 _KIND_COLOURS = (None, "#000000", "#D9D9D9", "#FFFFFF")
 _MARKERS = "o^sDvP*X<>hp"
 #: Colours of regular orbits in sections, and of chaotic and undecided ones.
@@ -21,7 +21,7 @@ _DIRECTIONS = {
     "down": ("tuning going down", "#D55E00", 1.8),
     "up": ("tuning going up", "#0072B2", 1.8),
 }
-#: Families whose largest share of the initial states is smaller have no entry in the legend.
+#: Attractor families whose largest share of the initial states is smaller have no legend entry.
 MIN_SHARE_IN_LEGEND = 0.04
 #: Half width of the band around a Lyapunov exponent, in standard errors.
 BAND_HALF_WIDTH = 3.0
@@ -30,17 +30,20 @@ _LEGEND_BELOW = {"loc": "upper center", "frameon": False, "columnspacing": 1.0}
 
 
 def attractor_colours(kinds: np.ndarray) -> list[str]:
-    """Return a colour for each attractor; `kinds` are indices in `_KINDS`, 0 for periodic ones."""
-    periodic = of_categories()
-    return [_KIND_COLOURS[kind] or next(periodic) for kind in kinds]
+    """Return a colour for each attractor; `kinds` has their indices in `_KINDS`.
+
+    Each periodic attractor (index 0) gets its own colour, attractors of another kind the same.
+    """
+    periodic_colours = of_categories()
+    return [_KIND_COLOURS[kind] or next(periodic_colours) for kind in kinds]
 
 
 @style.styled()
 def draw_basins(data: xr.Dataset):
     """Return a figure of basins of attraction, a panel for each case.
 
-    `data` is a result of `gearlib.studies.global_picture.basin_cases`. Every initial state has the
-    colour of its attractor; legends have the periods of the attractors and the shares of basins.
+    `data` is a result of `gearlib.studies.global_picture.basin_cases`. Each initial state has the
+    colour of its attractor. Legends state the period of each attractor and the share of its basin.
     """
     figure, grid = style.panel_figure(data.sizes["case"], height=3.9)
     for i, axes in enumerate(grid):
@@ -58,7 +61,10 @@ def draw_basins(data: xr.Dataset):
 
 
 def _mark_attractor(axes, attractor: xr.Dataset, colour: str, marker: str):
-    """Mark the stroboscopic states of a periodic attractor; label any attractor in the legend."""
+    """Mark the stroboscopic states of an attractor if it is periodic, and add its legend label.
+
+    The label states period or kind, and the share of the basin with its standard error.
+    """
     kind, share = int(attractor.attractor_kind), 100.0 * float(attractor.share)
     is_periodic = kind == _PERIODIC
     name = f"period {int(attractor.period)}" if is_periodic else _KINDS[kind]
@@ -69,9 +75,13 @@ def _mark_attractor(axes, attractor: xr.Dataset, colour: str, marker: str):
 
 
 def _label_plane(axes, prefix=""):
-    """Label the axes of a phase plane, the velocity in the first column only."""
+    """Label the axes of a phase plane, the velocity only if it is in the first column of panels.
+
+    `prefix`, such as "initial ", precedes the names of both quantities.
+    """
     axes.set_xlabel(f"{prefix}displacement (static defl.)")
-    axes.set_ylabel(prefix + style.VELOCITY_LABEL if axes.get_subplotspec().is_first_col() else "")
+    if axes.get_subplotspec().is_first_col():
+        axes.set_ylabel(prefix + style.VELOCITY_LABEL)
 
 
 @style.styled()
@@ -79,22 +89,27 @@ def draw_sections(data: xr.Dataset):
     """Return a figure of Poincaré sections, a panel for each case.
 
     `data` is a result of `gearlib.studies.global_picture.sections`. Chaotic orbits are orange,
-    undecided ones grey, regular orbits have other colours.
+    undecided orbits grey, regular orbits have other colours. Titles state the mesh phase tau of the
+    section.
     """
     figure, grid = style.panel_figure(data.sizes["case"], height=3.3)
     for i, axes in enumerate(grid):
         case = data.isel(case=i)
-        chaotic, undecided = (case.chaotic.values == code for code in (_CHAOTIC, _UNDECIDED))
-        colours = np.resize(_REGULAR_COLOURS, chaotic.size)
-        colours[chaotic], colours[undecided] = _CHAOTIC_COLOUR, _UNDECIDED_COLOUR
+        is_chaotic = case.chaotic.values == _CHAOTIC
+        is_undecided = case.chaotic.values == _UNDECIDED
+        colours = np.resize(_REGULAR_COLOURS, is_chaotic.size)
+        colours[is_chaotic] = _CHAOTIC_COLOUR
+        colours[is_undecided] = _UNDECIDED_COLOUR
         # Chaotic orbits are drawn first, so that islands in them are visible.
-        for j in np.argsort(~chaotic, kind="stable"):
-            states, size = (case.displacement[j], case.velocity[j]), 0.9 if chaotic[j] else 1.2
+        for j in np.argsort(~is_chaotic, kind="stable"):
+            states, size = (case.displacement[j], case.velocity[j]), 0.9 if is_chaotic[j] else 1.2
             style.draw_markers(axes, *states, ".", colours[j], size, **_MARKER_OPTIONS)
-        phase, share = np.degrees(float(case.phase)), 100.0 * chaotic.mean()
-        chaos = f"$\\tau$ = {phase:.5g}°; {share:.3g} % of {chaotic.size} orbits chaotic"
-        suffix = f", {undecided.sum()} undecided" if undecided.any() else ""
-        axes.set_title(f"{case.case.item()}\n{chaos}{suffix}")
+        phase, percentage = np.degrees(float(case.phase)), 100.0 * is_chaotic.mean()
+        title = f"{case.case.item()}\n$\\tau$ = {phase:.5g}°; "
+        title += f"{percentage:.3g} % of {is_chaotic.size} orbits chaotic"
+        if is_undecided.any():
+            title += f", {is_undecided.sum()} undecided"
+        axes.set_title(title)
         _label_plane(axes)
     return figure
 
@@ -103,38 +118,46 @@ def draw_sections(data: xr.Dataset):
 def draw_bifurcation(diagram: xr.Dataset, shares: xr.Dataset, branches=None):
     """Return a figure of a bifurcation diagram, Lyapunov exponents and shares of attractors.
 
-    `diagram` and `shares` are results of `gearlib.studies.global_picture.bifurcation`. `branches`,
-    a result of `gearlib.studies.resonance.branches` or None, are drawn over the diagram. The first
-    word of a direction is "up", "down" or "cold" (random initial states).
+    `diagram` and `shares` are both results of `gearlib.studies.global_picture.bifurcation`. If
+    `branches`, a result of `gearlib.studies.resonance.branches`, is given, the diagram also shows
+    these branches. The first word of a direction in `diagram` is "up", "down" or "cold", which
+    means random initial states; several directions may begin with the same word.
     """
     figure = style.page_figure(height=6.6)
-    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.4, 1.0, 1.4))
+    diagram_axes, exponent_axes, share_axes = figure.subplots(
+        3, 1, sharex=True, height_ratios=(2.4, 1.0, 1.4)
+    )
     for kind, (label, colour, size) in _DIRECTIONS.items():
-        for name in [name for name in diagram.direction.values if name.split()[0] == kind]:
-            motion = diagram.sel(direction=name)
+        for direction in diagram.direction.values:
+            if direction.split()[0] != kind:
+                continue
+            motion = diagram.sel(direction=direction)
             strobes = motion.displacement.transpose("tuning", "strobe")
-            style.draw_markers(top, motion.tuning, strobes, ".", colour, size, **_MARKER_OPTIONS)
-            top.lines[-1].set_label(label)
-            _draw_exponents(middle, motion, colour, warm_started=kind != "cold")
+            style.draw_markers(
+                diagram_axes, motion.tuning, strobes, ".", colour, size, **_MARKER_OPTIONS
+            )
+            diagram_axes.lines[-1].set_label(label)
+            _draw_exponents(exponent_axes, motion, colour, warm_started=kind != "cold")
     if branches is not None:
-        _draw_branches(top, branches)
-    # Several lines have the same label, which the legend shows once.
-    handles, labels = top.get_legend_handles_labels()
+        _draw_branches(diagram_axes, branches)
+    # Lines may have equal labels, which the legend shows once.
+    handles, labels = diagram_axes.get_legend_handles_labels()
     handle_of = dict(zip(labels, handles, strict=True))
-    top.legend(handle_of.values(), handle_of, loc="lower left", markerscale=4.0)
-    top.set_ylabel("displacement at $\\tau = 0$\n(static defl.)")
-    middle.axhline(0.0, color="black", linewidth=0.5)
-    middle.set_ylabel(panels.axis_label(diagram.exponent, width=24))
-    _draw_family_shares(bottom, shares)
-    bottom.set(xlabel=panels.axis_label(diagram.tuning), xlim=diagram.tuning.values[[0, -1]])
-    style.second_scale(top, float(diagram.speed[-1] / diagram.tuning[-1]), "speed (rpm)")
+    diagram_axes.legend(handle_of.values(), handle_of, loc="lower left", markerscale=4.0)
+    diagram_axes.set_ylabel("displacement at $\\tau = 0$\n(static defl.)")
+    exponent_axes.axhline(0.0, color="black", linewidth=0.5)
+    exponent_axes.set_ylabel(panels.axis_label(diagram.exponent, width=24))
+    _draw_family_shares(share_axes, shares)
+    share_axes.set(xlabel=panels.axis_label(diagram.tuning), xlim=diagram.tuning.values[[0, -1]])
+    style.second_scale(diagram_axes, float(diagram.speed[-1] / diagram.tuning[-1]), "speed (rpm)")
     return figure
 
 
 def _draw_exponents(axes, motion: xr.Dataset, colour: str, warm_started: bool):
-    """Draw the Lyapunov exponents of one direction over the tuning as dots.
+    """Draw the largest Lyapunov exponents of one direction over the tuning, as dots.
 
-    Warm-started motions have a line where they settle, and a band of uncertainty.
+    Motions that are `warm_started` from the previous tuning have a line instead of dots where they
+    settle, and a band of `BAND_HALF_WIDTH` standard errors.
     """
     exponent, error = motion.exponent, BAND_HALF_WIDTH * motion.uncertainty
     has_line = motion.settled.astype(bool) & warm_started
@@ -147,7 +170,7 @@ def _draw_exponents(axes, motion: xr.Dataset, colour: str, warm_started: bool):
 
 
 def _draw_branches(axes, branches: xr.Dataset):
-    """Draw the initial displacement of continued branches of orbits, dashed where unstable."""
+    """Draw the displacement at mesh phase 0 along continued branches, dashed where unstable."""
     for _, branch in branches.groupby("branch"):
         stable = branch.stable.values.astype(bool)
         curves = (stable, "continued, stable", "-"), (~stable, "unstable", "--")
@@ -161,7 +184,8 @@ def _draw_branches(axes, branches: xr.Dataset):
 def _draw_family_shares(axes, shares: xr.Dataset):
     """Draw each attractor family's share of the initial states over the tuning, stacked.
 
-    Labels have the peak-to-peak displacement ("height") of orbits where their share is largest.
+    Labels state the peak-to-peak displacement ("height") at the tuning where the share of a family
+    is largest. Families with small shares have no label, see `MIN_SHARE_IN_LEGEND`.
     """
     share = shares.share.transpose("attractor_family", ...).fillna(0.0)
     peak_to_peak = shares.displacement_max - shares.displacement_min

@@ -1,5 +1,7 @@
 """Measured curves, time histories and mesh orders beside those of a model or a fit."""
 
+import math
+
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -19,15 +21,18 @@ _MEASURED_ENTRY = style.legend_entry("measured", _POINT_COLOUR, "none", ".")
 def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) -> list:
     """Draw measured points of the observables `names` over the tuning; return legend handles.
 
-    `curves` are results of `gearlib.studies.measured.measured_response_curve`. Markers are open if
-    a gain or offset is unknown; dotted lines mark the speeds of jumps. No set has a colour of the
-    `computed` curves, name -> `CurveStyle`. The limits of the axes stay.
+    `curves` are results of `gearlib.studies.measured.measured_response_curve`, one for each
+    measured set. Markers are open if the gain or offset of the sensor is unknown; dotted lines show
+    the speeds of jumps. `computed` maps names of the computed curves in the axes to `CurveStyle`s,
+    whose colours are not used again. The axis limits do not change.
     """
-    handles, limits = [], {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
+    handles = []
+    axis_limits = {"xlim": axes.get_xlim(), "ylim": axes.get_ylim()}
     colours = of_categories(curve.colour for curve in computed.values())
     for curve, colour in zip(curves, colours, strict=False):
         face = colour
-        for name in [name for name in names if name in curve]:
+        measured_names = [name for name in names if name in curve]
+        for name in measured_names:
             attrs = curve[name].attrs
             face = "none" if attrs["unknown_gain"] or attrs["unknown_offset"] else colour
             values = (curve[name] - attrs["fitted_offset"]) / attrs["fitted_gain"]
@@ -38,13 +43,13 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) ->
                 style.draw_markers(axes, *points, marker, colour, 3.0, **options)
         jumps = [name for name in _SPEEDS_OF_JUMPS if name in curve]
         for name in jumps:
-            tuning_per_speed = curve.attrs["tuning_rate"]
-            tuning = tuning_per_speed * float(curve[name])
-            axes.axvline(tuning, color=colour, linestyle=":", linewidth=0.9, zorder=1.6)
-        if jumps or set(names) & set(curve):
+            tuning_per_rpm = curve.attrs["tuning_rate"]
+            jump_tuning = tuning_per_rpm * float(curve[name])
+            axes.axvline(jump_tuning, color=colour, linestyle=":", linewidth=0.9, zorder=1.6)
+        if jumps or measured_names:
             label = f"measured: {curve.title}"
             handles.append(style.legend_entry(label, colour, ":", "^", markerfacecolor=face))
-    axes.set(**limits)
+    axes.set(**axis_limits)
     return handles
 
 
@@ -52,16 +57,17 @@ def draw_curves(axes, curves: list[xr.Dataset], names: tuple, computed: dict) ->
 def draw_courses(courses: list[xr.Dataset], *, colours: dict[str, str] | None = None):
     """Return a figure of measured and computed time histories, a panel for each.
 
-    `courses` are results of `gearlib.studies.measured.time_history_harmonics`: each has one or more
-    time histories (dimension "course") of some observables, with measured samples `point` at the
-    mesh phases `point_phase`. `colours` maps damping names to colours.
+    `courses` are results of `gearlib.studies.measured.time_history_harmonics`. Each has time
+    histories (dimension "course") of some observables, with measured samples `point` at the mesh
+    phases `point_phase`. `colours` maps names of dampings to colours; other dampings get colours of
+    the palette.
     """
     histories = [
         data.isel(course=i, observable=j)
         for data in courses
         for i, j in np.ndindex(data.sizes["course"], data.sizes["observable"])
     ]
-    rows = max(1, -(-len(histories) // 2))
+    rows = max(1, math.ceil(len(histories) / 2))
     figure = style.page_figure(_HISTORY_HEIGHT * rows + _LEGEND_HEIGHT)
     styles = panels.plot_options(courses[0].damping, colours)
     speeds = style.number_texts([float(history.speed) for history in histories])
@@ -84,8 +90,8 @@ def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = No
     """Return a figure of measured and computed mesh orders, observables in rows, orders in columns.
 
     `orders` are results of `gearlib.studies.measured.run_up_orders`, over run-ups ("track") and the
-    orders z, 2z, ... of a gear with z teeth. `colours` maps damping names to colours. Levels are in
-    dB relative to the largest amplitude, so that the gain of a sensor has no effect.
+    orders z, 2z, ... of a gear with z teeth. `colours` maps names of dampings to colours. Levels
+    are in dB relative to the largest amplitude, so that they do not depend on the sensor gain.
     """
     row_data = [
         data.isel(track=i, observable=j)
@@ -97,9 +103,9 @@ def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = No
     grid = figure.subplots(max(1, len(row_data)), orders[0].sizes["order"], **shared)
     styles = panels.plot_options(orders[0].damping, colours)
     for grid_row, data in zip(grid, row_data, strict=False):
-        data["level"] = _level(data.amplitude, data.amplitude.max())
+        data["level"] = _decibels(data.amplitude, data.amplitude.max())
         computed = data.computed_amplitude
-        data["computed_level"] = _level(computed, computed.max(["order", "block"]))
+        data["computed_level"] = _decibels(computed, computed.max(["order", "block"]))
         for k, axes in enumerate(grid_row):
             order = data.isel(order=k)
             style.draw_markers(axes, order.speed, order.level, ".", _POINT_COLOUR, 2.5, zorder=1)
@@ -112,8 +118,8 @@ def draw_orders(orders: list[xr.Dataset], *, colours: dict[str, str] | None = No
     return figure
 
 
-def _level(amplitude: xr.DataArray, reference: xr.DataArray):
-    """Return the levels of amplitudes in dB relative to a reference amplitude, NaN for zeros."""
+def _decibels(amplitude: xr.DataArray, reference: xr.DataArray):
+    """Return amplitudes in dB relative to a reference amplitude; zero amplitudes give NaN."""
     ratio = (amplitude / reference).where(amplitude > 0.0)
     return 20.0 * np.log10(ratio)
 
@@ -126,7 +132,7 @@ _HALF_INTERVAL = 1.96
 
 @style.styled()
 def fit(found, *, figure: Figure | None = None):
-    """Draw the measured curves of a fit and the fitted ones over them.
+    """Draw the measured curves of a fit, and the fitted curves over them.
 
     Parameters
     ----------
@@ -138,7 +144,7 @@ def fit(found, *, figure: Figure | None = None):
     Returns
     -------
     matplotlib.figure.Figure
-        Figure with axes for each curve: measured values as dots, fitted ones as a line, which is
+        Figure with axes for each curve: measured values are dots, fitted values a line, which is
         dotted where the speed falls. The last axes show the speeds of jumps and of the onset of
         contact loss.
 
@@ -149,17 +155,18 @@ def fit(found, *, figure: Figure | None = None):
     """
     # Only results of `gearlib.fit` have a reduced chi-square.
     if not hasattr(found, "redchi"):
-        raise ValueError("found is not allowed: gearlib.plot.fit draws a fit of gearlib.fit")
-    # Curves over speed or phase have abscissae x. The others are single measured speeds, those of
-    # jumps and of the onset of contact loss.
+        raise ValueError("found is not allowed: it must be a result of gearlib.fit")
+    # Curves over speed or phase have abscissae x. The others are single measured speeds: of jumps
+    # and of the onset of contact loss.
     curves = [curve for curve in found.curves() if hasattr(curve, "x")]
     speeds = [speed for speed in found.curves() if not hasattr(speed, "x")]
-    rows = -(-(len(curves) + bool(speeds)) // 2)
+    panel_count = len(curves) + (1 if speeds else 0)
+    rows = math.ceil(panel_count / 2)
     if figure is None:
         from matplotlib import pyplot
 
-        size = (style.PAGE_WIDTH, _ROW_HEIGHT * rows)
-        figure = pyplot.figure(figsize=size, layout="constrained")
+        figure_size = (style.PAGE_WIDTH, _ROW_HEIGHT * rows)
+        figure = pyplot.figure(figsize=figure_size, layout="constrained")
     for i, curve in enumerate(curves):
         _draw_curve(figure.add_subplot(rows, 2, i + 1), curve)
     if speeds:
@@ -169,7 +176,10 @@ def fit(found, *, figure: Figure | None = None):
 
 
 def _draw_curve(axes, curve):
-    """Draw measured values of a curve as dots, fitted ones as a line, dotted where speed falls."""
+    """Draw measured values of a curve as dots, fitted values as a line, dotted where speed falls.
+
+    `curve` is one of the curves over speed or phase that `Fit.curves` returns.
+    """
     measured, fitted = curve.values
     unit_size, unit = style.readable_unit(curve.units, measured)
     markers = measured / unit_size, ".", _MEASURED_COLOUR, 2.5
@@ -180,11 +190,16 @@ def _draw_curve(axes, curve):
             line = {"color": _FITTED_COLOUR, "linestyle": dashes, "linewidth": 0.9, "label": label}
             axes.plot(curve.x, np.where(mask, fitted / unit_size, np.nan), **line)
     axes.set_xlabel("speed (rpm)" if curve.x_name == "speed" else "mesh periods")
-    axes.set_ylabel(curve.name + (f" ({unit})" if unit not in ("", "1") else ""))
+    has_unit = unit not in ("", "1")
+    axes.set_ylabel(f"{curve.name} ({unit})" if has_unit else curve.name)
 
 
 def _draw_speeds(axes, speeds: list):
-    """Draw fitted minus measured speeds of jumps, with 95 % intervals of the measured ones."""
+    """Draw fitted minus measured speeds of jumps, with 95 % intervals of the measured speeds.
+
+    `speeds` are the single speeds that `Fit.curves` returns, in rpm; `deviation` is the standard
+    deviation of the measured speed.
+    """
     positions = np.arange(len(speeds))
     options = {"fmt": ".", "color": _MEASURED_COLOUR, "capsize": 3, "label": "measured"}
     intervals = [_HALF_INTERVAL * speed.deviation for speed in speeds]

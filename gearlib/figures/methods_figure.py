@@ -1,11 +1,12 @@
-"""Methods compared: work and precision, verdicts on difficult problems, numerical stability.
+"""Comparison of methods: work and precision, verdicts on difficult problems, numerical stability.
 
-In figures of work and precision, a panel per problem, colour and line style show the family of a
-method, the marker the method itself. Grey areas are out of reach: errors below the rounding error
-of the reference (for a multiplier, divided by the width of its finite differences), and times below
-that of one evaluation of the solution within contact.
+Figures of work and precision have a panel for each problem. Colour and line style show the family
+of a method, the marker the method itself. Grey areas are out of reach: errors below the rounding
+error of the reference (for a multiplier, divided by the width of its finite differences), and times
+shorter than one evaluation of the closed-form solution, which holds while the contact lasts.
 """
 
+import math
 import re
 from itertools import cycle
 
@@ -38,7 +39,7 @@ _FAMILIES = {
     "other": ("other packages", "#4D4D4D", (0, (3, 1))),
 }
 _MARKERS = "osD^vPX<>hp"
-#: Positions of zeros on logarithmic axes, relative to the lower limit.
+#: Positions at which zeros are drawn on logarithmic axes, relative to the lower limit of the axis.
 _ZERO_COST_POSITION, _ZERO_ERROR_POSITION = 1.4, 1.5
 _LINE_OPTIONS = {"linewidth": 0.9, "markersize": 3.8, "markeredgewidth": 0.5}
 _LINE_OPTIONS["markeredgecolor"] = "white"
@@ -48,11 +49,12 @@ _LINE_OPTIONS["markeredgecolor"] = "white"
 def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> dict[str, Figure]:
     """Return figures of errors over evaluations of the right-hand side and over wall time.
 
-    `errors` and `times` are results of the functions of `gearlib.studies.trials.work_precision` of
-    the same name, one for each method. The figures "work_precision_evaluations" and "_time" have
-    errors of the final state, "_measures" those of event phases and Floquet multipliers. Methods
-    without evaluations are at the left edge; times below that of one evaluation of the solution in
-    closed form, which holds during contact, are grey.
+    `errors` and `times` are results of the functions of the same name in
+    `gearlib.studies.trials.work_precision`, one for each method. The figures
+    "work_precision_evaluations" and "work_precision_time" show errors of the final state,
+    "work_precision_measures" shows errors of event phases and Floquet multipliers. Methods that
+    never evaluate the right-hand side are at the left edge. Times shorter than one evaluation of
+    the closed-form solution, which holds while the contact lasts, are grey.
     """
     data = _concatenate(errors).assign(period_time=_concatenate(times).period_time)
     states = _panels_with_errors(data, "state")
@@ -72,22 +74,26 @@ def draw_work_precision(errors: list[xr.Dataset], times: list[xr.Dataset]) -> di
 
 
 def _concatenate(datasets: list[xr.Dataset]) -> xr.Dataset:
-    """Return one dataset of all methods, concatenated along the dimension of accuracy levels."""
+    """Return one dataset of all methods, joined along the dimension "rung" of accuracy levels."""
     return xr.concat(datasets, "rung", data_vars="minimal", coords="minimal", compat="override")
 
 
 def _panels_with_errors(data: xr.Dataset, kind: str) -> list[tuple[str, str]]:
-    """Return (problem, kind) for each problem with errors of a kind: state, event, multiplier."""
+    """Return a pair (problem, kind) for each problem in which errors of a kind are known.
+
+    `kind` is "state", "event" or "multiplier".
+    """
     has_errors = data[f"{kind}_error"].notnull().any("rung")
     return [(problem, kind) for problem in data.problem.values[has_errors.values]]
 
 
 def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_label: str):
-    """Return a figure of errors over the variable `cost`, a panel for each of `panel_errors`.
+    """Return a figure of errors over cost, with a panel for each pair (problem, kind of error).
 
-    These are (problem, kind of error); `grey_label` is the legend label of the grey areas.
+    `data` has all methods, `cost` is the name of its variable on the horizontal axes,
+    `panel_errors` are the pairs, `grey_label` is the legend label of the grey areas.
     """
-    rows = -(-len(panel_errors) // 2)
+    rows = math.ceil(len(panel_errors) / 2)
     figure = style.page_figure(_LEGEND_HEIGHT + _PANEL_HEIGHT * rows)
     styles = _line_styles(data)
     edge = "\n(left edge: none)" if cost == "period_evaluations" else ""
@@ -109,9 +115,9 @@ def _draw_panels(data: xr.Dataset, cost: str, panel_errors: list[tuple], grey_la
 
 
 def _line_styles(data: xr.Dataset) -> dict[str, dict]:
-    """Return the options of `Axes.plot` for each method, in a dict sorted by family of methods.
+    """Return a dict of `Axes.plot` options for each method, sorted by family of methods.
 
-    The variable `line` of `data` has the label of the method at each level of accuracy.
+    The variable `line` of `data` has the method of each entry, `family` its family.
     """
     families = dict(zip(data.line.values, data.family.values, strict=True))
     methods = sorted(families, key=lambda method: list(_FAMILIES).index(families[method]))
@@ -130,11 +136,12 @@ def _log_limits(*arrays: xr.DataArray, factor: float) -> tuple[float, float]:
 
 
 def _draw_errors(axes, data: xr.Dataset, cost: str, kind: str, styles: dict[str, dict]):
-    """Draw errors of all methods over the variable `cost`; zeros lie near the edges of the panel.
+    """Draw the errors of all methods in one problem over the variable `cost`.
 
-    `kind` is that of the error: state, event or multiplier; errors below the rounding error of the
-    reference (the suffix "_floor") are grey. `styles` has plot options by method, and the variable
-    `line` of `data` the label of the method of each entry.
+    `kind` is the kind of error: "state", "event" or "multiplier". Zero costs and zero errors are
+    drawn near the lower limits of the logarithmic axes, which must be set. Errors below the
+    rounding error of the reference (suffix "_floor") are grey. `styles` maps methods to plot
+    options; the variable `line` of `data` has the method of each entry.
     """
     left, bottom = axes.get_xlim()[0], axes.get_ylim()[0]
     costs, errors = data[cost], data[f"{kind}_error"]
@@ -164,20 +171,25 @@ _VERDICT_STYLES = {
 def draw_failures(matrix: xr.Dataset):
     """Return a figure of verdicts, a row for each problem and a column for each method.
 
-    `matrix` is a result of `gearlib.data.gathering.gather_failures`: its dimension "trial" is over
-    methods, its variable `words` has the descriptions of the problems, and `error` the measured
-    errors. A star marks a run over fewer mesh periods than the others of its row.
+    `matrix` is a result of `gearlib.data.gathering.gather_failures`. Its dimension "trial" is over
+    methods, its variable `words` describes the problems, `error` is written below the letter of the
+    verdict. A star marks a run over fewer mesh periods than other runs of its row.
     """
-    verdicts = [_VERDICT_STYLES[name] for name in matrix.verdict.attrs["flag_meanings"].split()]
+    verdict_styles = [
+        _VERDICT_STYLES[name] for name in matrix.verdict.attrs["flag_meanings"].split()
+    ]
     periods = matrix.periods.values
-    shortened = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
+    is_shortened = (periods > 0) & (periods < periods.max(axis=1, keepdims=True))
     rows, columns = matrix.verdict.shape
     figure = style.page_figure(_MARGINS + _ROW_HEIGHT * rows)
     axes = figure.subplots()
-    codes, colours = matrix.verdict.values, [colour for _, colour, _ in verdicts]
+    codes = matrix.verdict.values
+    colours = [colour for _, colour, _ in verdict_styles]
     style.draw_code_map(axes, range(columns), range(rows), codes, colours)
     for i, j in np.ndindex(rows, columns):
-        letter = verdicts[codes[i, j]][0] + "*" * int(shortened[i, j])
+        letter, _, _ = verdict_styles[codes[i, j]]
+        if is_shortened[i, j]:
+            letter += "*"
         options = {"anchor": "center center", "fontsize": 6}
         style.annotate(axes, letter, (j, i + 0.22), weight="bold", **options)
         style.annotate(axes, _error_text(float(matrix.error[i, j])), (j, i - 0.22), **options)
@@ -192,16 +204,16 @@ def draw_failures(matrix: xr.Dataset):
     edge = {"edgecolor": "#4D4D4D", "linewidth": 0.4}
     patches = [
         Patch(facecolor=colour, label=f"{letter}: {label}", **edge)
-        for letter, colour, label in verdicts
+        for letter, colour, label in verdict_styles
     ]
-    if shortened.any():
+    if is_shortened.any():
         patches.append(Patch(alpha=0.0, label="*: fewer periods"))
     style.legend(figure, patches, columns=5)
     return figure
 
 
 def _error_text(error: float) -> str:
-    """Return an error as text such as "3e-5", one digit and a short exponent; "" if not finite."""
+    """Return an error as a short text: "3e-5", or "7" for a small integer; "" if not finite."""
     if not np.isfinite(error):
         return ""
     if error < 10.0 and error == round(error):
@@ -213,7 +225,7 @@ def _error_text(error: float) -> str:
 _MAP_HEIGHT, _RADIUS_HEIGHT, _LOWER_HEIGHT = 2.3, 1.4, 2.2
 #: A spectral radius counts as right if it differs from the exact one by at most this.
 RADIUS_TOLERANCE = 0.01
-#: Limit of explicit Runge-Kutta steps on the imaginary axis.
+#: Stability limit of the classical Runge-Kutta method on the imaginary axis.
 _RK4_LIMIT = 2.0 * np.sqrt(2.0)
 
 #: Text and colour of each verdict, in the order of the codes below.
@@ -229,20 +241,21 @@ _SPURIOUS_INSTABILITY, _EXCESS_GROWTH, _RIGHT, _EXCESS_DAMPING, _MISSED_INSTABIL
 
 
 def verdicts(radius: np.ndarray, true_radius: np.ndarray) -> np.ndarray:
-    """Return the code of a verdict, an index in `VERDICTS`, for each spectral radius of a method.
+    """Return a verdict on each spectral radius of a method, as an index in `VERDICTS`.
 
-    The spectral `radius` over a mesh period has the shape (steps, tunings), the exact one,
-    `true_radius`, the shape (tunings,). Above 1 the motion is unstable.
+    `radius`, of shape (step counts, tunings), is the spectral radius over a mesh period by the
+    method, `true_radius`, of shape (tunings,), the exact spectral radius. Motion is unstable if its
+    spectral radius is above 1. The verdicts have the shape of `radius`.
     """
     is_stable = true_radius <= 1.0 + 1e-9
     is_too_large = radius > true_radius + RADIUS_TOLERANCE
+    # The first condition that holds decides.
     conditions = {
         _MISSED_INSTABILITY: (radius <= 1.0) & (true_radius > 1.0 + RADIUS_TOLERANCE),
         _EXCESS_DAMPING: radius < true_radius - RADIUS_TOLERANCE,
         _SPURIOUS_INSTABILITY: is_too_large & is_stable & (radius > 1.0 + RADIUS_TOLERANCE),
         _EXCESS_GROWTH: is_too_large,
     }
-    # The first true condition counts.
     return np.select([*conditions.values()], [*conditions], default=_RIGHT)
 
 
@@ -251,9 +264,9 @@ def draw_stability(chart: xr.Dataset):
     """Return a figure of a map of verdicts for each method, and the true spectral radius below.
 
     `chart` is a result of `gearlib.studies.trials.stability_of_methods.compute`. The dashed line is
-    the stability limit of explicit Runge-Kutta steps at the maximum stiffness.
+    the stability limit of the classical Runge-Kutta method at the maximum stiffness.
     """
-    rows = -(-chart.sizes["method"] // 2)
+    rows = math.ceil(chart.sizes["method"] / 2)
     figure = style.page_figure(_MAP_HEIGHT * rows + _LOWER_HEIGHT)
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[_MAP_HEIGHT] * rows + [_RADIUS_HEIGHT])
     tuning, steps = chart.tuning.values, chart.steps.values
@@ -264,15 +277,17 @@ def draw_stability(chart: xr.Dataset):
         style.draw_code_map(axes, tuning, steps, codes, [colour for _, colour in VERDICTS])
         axes.set(yscale="log", title=name)
         axes.set_ylabel(panels.axis_label(chart.steps) if i % 2 == 0 else "")
-        # Only the classical Runge-Kutta method, with or without additions, has this limit.
+        # Only the classical Runge-Kutta method and its variants have this limit.
         if name.startswith("rk4"):
-            limit = 2.0 * np.pi * np.sqrt(float(chart.stiffness_max)) / tuning / _RK4_LIMIT
-            limit[(limit < steps[0]) | (limit > steps[-1])] = np.nan
-            axes.plot(tuning, limit, color="black", linestyle="--", linewidth=0.8)
-    below = figure.add_subplot(grid[rows, :])
-    panels.draw_curves(below, chart, "fine_tuning", "true_radius", color="black", linewidth=0.8)
-    below.set(xlabel=panels.axis_label(chart.tuning), ylabel="true radius")
-    below.set_xlim(tuning[0], tuning[-1])
+            min_steps = 2.0 * np.pi * np.sqrt(float(chart.stiffness_max)) / tuning / _RK4_LIMIT
+            min_steps[(min_steps < steps[0]) | (min_steps > steps[-1])] = np.nan
+            axes.plot(tuning, min_steps, color="black", linestyle="--", linewidth=0.8)
+    radius_axes = figure.add_subplot(grid[rows, :])
+    panels.draw_curves(
+        radius_axes, chart, "fine_tuning", "true_radius", color="black", linewidth=0.8
+    )
+    radius_axes.set(xlabel=panels.axis_label(chart.tuning), ylabel="true radius")
+    radius_axes.set_xlim(tuning[0], tuning[-1])
     handles = [Patch(facecolor=colour, edgecolor="grey", label=name) for name, colour in VERDICTS]
     style.legend(figure, handles, columns=3)
     return figure

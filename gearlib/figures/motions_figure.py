@@ -16,7 +16,7 @@ from gearlib.figures import panels, style
 _CELL_HEIGHT, _TITLES_HEIGHT = 1.25, 0.7
 #: Number of characters of the titles that fit beside each other.
 _TITLE_CHARACTERS = 120
-#: Repetitions of an orbit count as equal if they differ by less than this fraction of its width.
+#: Periods of an orbit count as equal if they differ by less than this fraction of its width.
 SAME_ORBIT_TOLERANCE = 5e-3
 
 
@@ -24,8 +24,8 @@ SAME_ORBIT_TOLERANCE = 5e-3
 def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | None = None):
     """Return a figure of phase planes, velocity over displacement, for each damping and tuning.
 
-    Titles say whether the motion is periodic. `phase_planes` is a dataset over (damping, tuning,
-    phase); `colours` maps dampings to colours.
+    `phase_planes` is a dataset over (damping, tuning, phase); `colours` maps names of dampings to
+    colours. Titles say whether the motion is periodic.
     """
     tunings = phase_planes.tuning.values
     curve_styles = style.curve_styles([str(name) for name in phase_planes.damping.values], colours)
@@ -33,9 +33,9 @@ def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | Non
     grid = figure.subplots(tunings.size, len(curve_styles), squeeze=False)
     width = min(30, _TITLE_CHARACTERS // max(1, len(curve_styles)))
     labels = panels.tuning_texts(tunings, phase_planes.get("speed"))
-    for i, (row, tuning, label) in enumerate(zip(grid, tunings, labels, strict=True)):
-        row[0].set_ylabel(f"$\\nu_s$ = {label}\n$dy/d\\tau$".replace(" (", "\n("))
-        for axes, (name, curve_style) in zip(row, curve_styles.items(), strict=True):
+    for i, (row_axes, tuning, label) in enumerate(zip(grid, tunings, labels, strict=True)):
+        row_axes[0].set_ylabel(f"$\\nu_s$ = {label}\n$dy/d\\tau$".replace(" (", "\n("))
+        for axes, (name, curve_style) in zip(row_axes, curve_styles.items(), strict=True):
             run = phase_planes.sel(tuning=tuning, damping=name)
             line_width = 0.8 if int(run.period) else 0.3
             draw_plane(axes, run, color=curve_style.colour, linewidth=line_width)
@@ -50,10 +50,13 @@ def draw_phase_planes(phase_planes: xr.Dataset, *, colours: dict[str, str] | Non
 
 
 def draw_plane(axes, run: xr.Dataset, **options):
-    """Draw the phase plane of a run and shade its backlash; `options` are those of `Axes.plot`."""
+    """Draw the phase plane of a run, and shade the displacements without drive-side contact.
+
+    `options` are passed to `Axes.plot`.
+    """
     displacement, velocity = closed_orbit(run)
     axes.set(xlim=style.limits(displacement, 0.0), ylim=style.limits(velocity, 0.0))
-    # With moving bearings the displacement of coast-side contact varies: shade all of y < 0.
+    # With moving bearings the displacement of coast-side contact varies, so all of y < 0 is shaded.
     backlash = np.inf if "coast_line" in run else float(run.backlash_ratio)
     style.shade_lost_contact(axes, backlash, "x")
     axes.plot(displacement, velocity, **options)
@@ -62,18 +65,21 @@ def draw_plane(axes, run: xr.Dataset, **options):
 def closed_orbit(run: xr.Dataset) -> np.ndarray:
     """Return displacement and velocity of a run, shape (2, samples), as a closed curve if periodic.
 
-    The curve is the whole record if this has complete periods only, else its last period.
+    The closed curve is the whole record if the record has a whole number of periods, else its last
+    period.
     """
     states = np.array([run.displacement.values, run.velocity.values])
     samples_per_mesh_period = round(2.0 * np.pi / np.diff(run.phase)[0])
-    samples, period = states.shape[1], int(run.period) * samples_per_mesh_period
-    if not 0 < period <= samples:
+    sample_count, period = states.shape[1], int(run.period) * samples_per_mesh_period
+    if not 0 < period <= sample_count:
         return states
     # The record counts as periodic if no change from one period to the next is visible.
     changes = np.abs(states[0, period:] - states[0, :-period])[-period:]
     if changes.max(initial=0.0) > SAME_ORBIT_TOLERANCE * np.ptp(states[0]):
         return states
-    start = samples - period if samples % period else 0
+    start = 0
+    if sample_count % period:
+        start = sample_count - period
     return np.append(states[:, start:], states[:, start : start + 1], axis=1)
 
 
@@ -96,7 +102,7 @@ def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
     """Return a figure of phase planes above time histories, with a column for each run.
 
     `scene` is a result of `gearlib.studies.scenes`: a few runs, along its dimension "case".
-    `courses` are the names of the variables that have a row of time histories each, over the last
+    `courses` names the variables to draw as time histories, a row each, over the last
     `periods_shown` mesh periods of the record.
     """
     samples = periods_shown * round(2.0 * np.pi / float(scene.phase[1] - scene.phase[0]))
@@ -110,36 +116,37 @@ def draw_scene(scene: xr.Dataset, *, courses: list[str], periods_shown: int):
         run = shown.sel(case=title)
         draw_plane(column[0], run, color=style.PALETTE[0], linewidth=0.8)
         (tuning,) = panels.tuning_texts(run.tuning, run.get("speed"))
-        stated = re.search(r"(?:tuning|nu|ν)\s*=?\s*(\d+(?:\.\d+)?)", title)
-        is_stated = stated is not None and float(stated[1]) == float(run.tuning)
+        stated_tuning = re.search(r"(?:tuning|nu|ν)\s*=?\s*(\d+(?:\.\d+)?)", title)
+        # The tuning is added to titles that do not state it.
+        is_stated = stated_tuning is not None and float(stated_tuning[1]) == float(run.tuning)
         column[0].set_title(title if is_stated else f"{title}\n$\\nu_s$ = {tuning}")
         column[0].set_xlabel(style.DISPLACEMENT_LABEL)
         column[0].set_xlim(style.limits(shown.displacement, 0.0))
         for axes, name in zip(column[1:], courses, strict=True):
             _draw_time_history(axes, panels.in_mesh_periods(run), name)
             axes.label_outer()
-    label, limits = panels.axis_label(scene.velocity, width=30), style.limits(shown.velocity)
-    grid[0, 0].set(ylabel=label, ylim=limits)
+    label, axis_limits = panels.axis_label(scene.velocity, width=30), style.limits(shown.velocity)
+    grid[0, 0].set(ylabel=label, ylim=axis_limits)
     figure.supxlabel(f"model: {_MODELS[scene.model.item()]}", fontsize=6, x=0.99, ha="right")
     return figure
 
 
 def _draw_time_history(axes, run: xr.Dataset, name: str):
-    """Draw the variable `name` of a run over the mesh periods, with shades for contact loss.
+    """Draw the variable `name` of a run over the mesh periods, with contact loss shaded.
 
-    For the modified stiffness (0 without contact) a bar marks the times of contact at the lower
-    level of the stiffness, which is below its mean 1.
+    The modified stiffness (0 without contact) also gets a bar that marks the times in contact at
+    the minimum stiffness C_min, which is below the mean stiffness 1.
     """
-    steps = "steps-post" if name.endswith("stiffness") else "default"
-    panels.draw_curves(axes, run, "phase", name, linewidth=0.9, drawstyle=steps)
+    draw_style = "steps-post" if name.endswith("stiffness") else "default"
+    panels.draw_curves(axes, run, "phase", name, linewidth=0.9, drawstyle=draw_style)
     axes.set_ylabel(panels.axis_label(run[name], width=20), fontsize=6.5)
     periods, contact = run.phase.values, run.contact.values
     axes.set_xlim(periods[0], periods[-1])
     axes.margins(y=0.12)
     shade_contact(axes, periods, contact)
     if name == "modified_stiffness":
-        is_soft_contact = (contact != 0) & (run.stiffness.values < 1.0)
-        _shade_times(axes, periods, is_soft_contact, _MIN_STIFFNESS_COLOUR, bottom=0.92)
+        is_at_min_stiffness = (contact != 0) & (run.stiffness.values < 1.0)
+        _shade_times(axes, periods, is_at_min_stiffness, _MIN_STIFFNESS_COLOUR, bottom=0.92)
         text = f"in mesh at $C_\\mathrm{{min}}$: {100 * float(run.fraction_min_stiffness):.1f} %"
         options = {"anchor": "left baseline", "color": _MIN_STIFFNESS_COLOUR}
         options["bbox"] = style.white_box(padding=0.15, opacity=0.8)
@@ -147,14 +154,21 @@ def _draw_time_history(axes, run: xr.Dataset, name: str):
 
 
 def shade_contact(axes, periods: np.ndarray, contact: np.ndarray):
-    """Shade the times of contact loss (code 0) and coast-side contact (-1); times are `periods`."""
+    """Shade the times of contact loss (code 0) and of coast-side contact (code -1).
+
+    `periods` are equidistant times in mesh periods, `contact` has the code of the contact at each.
+    """
     for code, area in ((0, "no contact"), (-1, "coast-side contact")):
         _shade_times(axes, periods, contact == code, style.AREA_COLOURS[area])
 
 
 def _shade_times(axes, periods: np.ndarray, mask: np.ndarray, colour: str, bottom=0.0):
-    """Shade the intervals of `periods` where the mask is true, from `bottom` (0 to 1) upwards."""
-    step, options = periods[1] - periods[0], {"color": colour, "linewidth": 0, "zorder": 0}
+    """Shade the intervals of the equidistant times `periods` where `mask` is true.
+
+    The shade extends from `bottom`, a fraction of the height of the axes, to their upper edge.
+    """
+    step = periods[1] - periods[0]
+    options = {"color": colour, "linewidth": 0, "zorder": 0}
     for first, last in true_intervals(mask):
         axes.axvspan(periods[first], periods[last] + step, bottom, 1.0, **options)
 
@@ -166,7 +180,7 @@ _MODEL_LABELS = {
     "six_degrees": "6 degrees, run-out, friction",
     "pair_harmonics": "1 degree, {} harmonics",
 }
-#: Changes beyond these are drawn at the edges of the panels.
+#: Smallest and largest change in the panels; changes beyond them are drawn at the edges.
 _LIMITS = (1e-6, 100.0)
 _BLUE, _ORANGE = style.PALETTE[0], style.PALETTE[4]
 _LABEL = """largest change of an observable (dashed: tolerance of the scene);
@@ -178,45 +192,48 @@ cost: components of the state advanced per mesh period"""
 def draw_models(comparisons: list[xr.Dataset], scenes: list[str]):
     """Return a figure of model errors: how much observables change if a larger model is used.
 
-    `comparisons` are results of `gearlib.studies.scenes.compare`, a panel of bars for each scene (a
-    set of runs), named in `scenes`. A bar is the largest change of an observable; that of the
-    chosen model is filled. If rounding errors make a motion irreproducible, bars are medians over
-    initial states, with ranges.
+    `comparisons` are results of `gearlib.studies.scenes.compare`, one for each scene (a set of
+    runs); `scenes` are the names of the scenes. Each scene has a panel with a bar for each model:
+    the largest change of an observable. The bar of the chosen model is filled. If rounding errors
+    make a motion irreproducible, bars show medians over initial states, with ranges.
     """
     figure = style.page_figure(_AXIS_HEIGHT + _SCENE_HEIGHT * len(comparisons))
-    rows = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
-    for axes, scene, data in zip(rows, scenes, comparisons, strict=True):
+    panel_axes = figure.subplots(len(comparisons), 1, squeeze=False, sharex=True)[:, 0]
+    for axes, scene, data in zip(panel_axes, scenes, comparisons, strict=True):
         axes.axvline(data.tolerance, color=_ORANGE, linewidth=0.8, linestyle="--")
         axes.set(xscale="log", xlim=_LIMITS)
         for i in range(data.sizes["model"]):
             _draw_bar(axes, data.isel(model=i), i)
         # Ticks inside the frame would overlap the bars.
         axes.tick_params(axis="y", length=0)
-        names = [_MODEL_LABELS[name].format(int(data.harmonics)) for name in data.model.values]
-        axes.set_yticks(range(len(names)), names, fontsize=6)
+        labels = [_MODEL_LABELS[name].format(int(data.harmonics)) for name in data.model.values]
+        axes.set_yticks(range(len(labels)), labels, fontsize=6)
         axes.invert_yaxis()
         axes.set_title(f"{scene}: {', '.join(data.observable.values)}", fontsize=7, loc="left")
-    rows[-1].set_xlabel(_LABEL, fontsize=7)
+    panel_axes[-1].set_xlabel(_LABEL, fontsize=7)
     return figure
 
 
 def _draw_bar(axes, model: xr.Dataset, y: int):
-    """Draw the change from one model to a larger one as a horizontal bar at `y`, with a text.
+    """Draw the change from one model to a larger one as a horizontal bar at the position `y`.
 
-    The bar of the model that is `chosen` for the scene is filled.
+    The bar of the model that is `chosen` for the scene is filled. A text beside the bar states the
+    change, NaN for the largest model, and the cost of the model.
     """
     change, is_chosen = float(model.change), model.model.item() == model.chosen.item()
     # If the motion depends on rounding errors, its change has a range over initial states.
     is_reproducible = bool(model.change_free_of_rounding)
     description = f"{change:.2g}" if is_reproducible else "rounding decides"
-    if np.isnan(change):  # There is no larger model.
+    if np.isnan(change):
         description = "the largest model"
     else:
         face = _BLUE if is_chosen else "white"
         axes.barh(y, max(change, _LIMITS[0]), color=face, edgecolor=_BLUE, height=0.7)
         if not is_reproducible:
             axes.plot([model.change_low, model.change_high], [y] * 2, color=_ORANGE, lw=2.0)
-    description += ", used for the scene" if is_chosen else ""
-    description += f", cost {float(model.cost):.3g}" if is_reproducible else ""
+    if is_chosen:
+        description += ", used for the scene"
+    if is_reproducible:
+        description += f", cost {float(model.cost):.3g}"
     point, box = (_LIMITS[1], y), style.white_box(padding=0.1)
     style.annotate(axes, description, point, (-4, 0), "right center", bbox=box)

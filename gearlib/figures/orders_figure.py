@@ -1,4 +1,6 @@
-"""Orders of a shaft: order spectra, order maps, and run-ups above the order map of the slowest."""
+"""Orders of a shaft: order spectra, order maps, and run-ups above the map of the slowest one."""
+
+import math
 
 import numpy as np
 import xarray as xr
@@ -44,9 +46,10 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
     curves = plot_curves.curves(spectra, labels, (variable, "mesh_order"), **sources)
     axes = plot_curves.axes_or_new(axes)
     spectra = [curve.data.isel(order=slice(1, None)) for curve in curves]
-    size, unit = style.readable_unit(spectra[0][variable].units, *(s[variable] for s in spectra))
+    variables = [spectrum[variable] for spectrum in spectra]
+    unit_size, unit = style.readable_unit(variables[0].units, *variables)
     for curve, spectrum in zip(curves, spectra, strict=True):
-        amplitudes = spectrum[variable].values / size
+        amplitudes = spectrum[variable].values / unit_size
         bottom = _MIN_RELATIVE_AMPLITUDE * amplitudes.max()
         mask = amplitudes > bottom
         orders, amplitudes = spectrum.order.values[mask], amplitudes[mask]
@@ -62,12 +65,16 @@ def orders(*spectra: xr.Dataset, axes=None, labels=None, variable="force_amplitu
 
 
 def _label_harmonics(axes, data: xr.Dataset):
-    """Mark the tooth-passing harmonics of an order spectrum, with labels above the axes."""
+    """Mark the harmonics of the mesh frequency in an order spectrum, with labels above the axes.
+
+    Only some of more than `_MAX_LABELS` harmonics get a label.
+    """
     is_harmonic = (data.mesh_order.values % 1 == 0) & (data.mesh_order.values > 0)
     orders = data.order.values[is_harmonic]
+    label_step = math.ceil(len(orders) / _MAX_LABELS)
     for k, order in enumerate(orders, 1):
         axes.axvline(order, color="0.85", lw=0.8, zorder=0)
-        if k % -(-len(orders) // _MAX_LABELS) == 0:
+        if k % label_step == 0:
             label = "mesh" if k == 1 else f"{k} × mesh"
             options = {"coords": ("data", "axes fraction"), "anchor": "center baseline"}
             rotation = 90 if len(orders) > 4 else 0
@@ -75,7 +82,7 @@ def _label_harmonics(axes, data: xr.Dataset):
     axes.set_xlim(0.0, 1.03 * float(np.max(data.order)))
 
 
-#: Unit of a variable -> (size in SI units, name) of the unit that is the reference of levels in dB.
+#: CF unit of a variable -> (size in SI, name) of the reference unit of its levels in dB.
 REFERENCE_UNITS = {
     "m": (1e-6, "µm"),
     "N": (1.0, "N"),
@@ -84,6 +91,7 @@ REFERENCE_UNITS = {
 }
 #: Range of the colour scale below the highest level, dB.
 LEVEL_RANGE = 80.0
+#: Number of mesh orders z, 2z, ... that are labelled.
 MESH_ORDERS = 3
 #: Variable of characteristic frequencies -> its entry in the legend.
 LEGEND = {
@@ -110,13 +118,14 @@ def order_map(
 ):
     """Draw an order map, with the rising and the falling speed side by side.
 
-    Labelled lines are the mesh orders z, 2z, ... and the subharmonic z/2, dotted lines the
-    sidebands z - 1, z + 1 and so on. The overall level is below. Times left out stay empty.
+    Labelled lines are the mesh orders z, 2z, ... and the subharmonic z/2 of a gear with z teeth,
+    dotted lines the sidebands z - 1, z + 1 and so on. Axes below each map show the overall level.
+    Times that were left out of the map stay empty.
 
     Parameters
     ----------
     found : xarray.Dataset
-        Order map returned by `gearlib.order_map`, for a train that of one mesh.
+        Order map returned by `gearlib.order_map`, for a train the map of one mesh.
     figure : matplotlib.figure.Figure, optional
         Empty figure to draw into; by default a new pyplot figure.
     vertical : {"order", "frequency"}
@@ -124,8 +133,8 @@ def order_map(
     levels : tuple of float, optional
         Lowest and highest level, dB; by default the highest level and 80 dB below it.
     measured : xarray.Dataset, optional
-        Measured order map of the same variable, drawn as dots for the overall level and as circles
-        on the mesh orders, coloured by level, so that they vanish where both maps agree.
+        Measured order map of the same variable. Its overall level is drawn as dots. Circles on the
+        mesh orders are coloured by level, so that they vanish where both maps agree.
     frequencies : xarray.Dataset, optional
         Characteristic frequencies, returned by `gearlib.characteristic_frequencies`, of the gear to
         which the speed refers: lines with an entry in the legend.
@@ -138,20 +147,23 @@ def order_map(
     Raises
     ------
     ValueError
-        If a dataset is not an order map of one mesh, or both have different variables.
+        If a dataset is not an order map of one mesh, or the two maps have different variables.
     """
     checks.one_of("vertical", vertical, ("order", "frequency"))
     for name, data in {"found": found, "measured": found if measured is None else measured}.items():
         if getattr(getattr(data, "amplitude", None), "dims", ()) != ("time", "order"):
             raise ValueError(
-                f"{name} is not allowed: it must be a dataset of gearlib.order_map, one mesh"
+                f"{name} is not allowed: it must be an order map of gearlib.order_map, of one mesh"
             )
         for attribute in ("variable", "amplitude"):
             value, allowed = data.attrs[attribute], found.attrs[attribute]
             checks.require(value == allowed, f"measured.{attribute}", value, repr(allowed))
     found, unit = _in_decibels(found, vertical)
-    high = float(found.level.max()) if levels is None else levels[1]
-    low = high - LEVEL_RANGE if levels is None else levels[0]
+    if levels is None:
+        high = float(found.level.max())
+        low = high - LEVEL_RANGE
+    else:
+        low, high = levels
     colours = {"cmap": "magma", "vmin": low, "vmax": high}
     directions = np.unique(found.direction)[::-1]
     if figure is None:
@@ -171,12 +183,14 @@ def order_map(
         map_axes.set_title(f"speed goes {direction}")
         level_axes.plot(run.rpm, run.overall, color="C0")
         if measured is not None:
-            rig = _select_direction(_in_decibels(measured, vertical)[0], direction)
-            _draw_circles(map_axes, rig, colours)
+            measured_run = _select_direction(_in_decibels(measured, vertical)[0], direction)
+            _draw_circles(map_axes, measured_run, colours)
             options = {"zorder": 1, "label": "measured"}
-            style.draw_markers(level_axes, rig.rpm, rig.overall, ".", "#8C8C8C", 2.0, **options)
+            style.draw_markers(
+                level_axes, measured_run.rpm, measured_run.overall, ".", "#8C8C8C", 2.0, **options
+            )
         level_axes.set_xlabel("speed (rpm)")
-        # Speeds of five digits do not overlap.
+        # With more ticks, speeds of five digits would overlap.
         level_axes.locator_params(axis="x", nbins=5)
     grid[0, 0].set_ylabel("order" if vertical == "order" else "frequency (Hz)")
     grid[1, 0].set_ylabel(f"overall\n({unit})")
@@ -186,10 +200,11 @@ def order_map(
 
 
 def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
-    """Return (order map without order 0, with levels in dB; the name of their unit).
+    """Return an order map without order 0, with levels in dB, and the unit of these levels.
 
-    The map also gets the direction of the speed in each block of samples, and the height of each
-    level on the `vertical` axis, "order" or "frequency".
+    The variables `level` and `overall` are in dB, `direction` is "up" or "down" for each block of
+    samples, `height` is the position of each level on the vertical axis. `vertical` says what this
+    axis shows, "order" or "frequency"; `scale` is the height over the order.
     """
     data = _with_empty_blocks(data.isel(order=slice(1, None)))
     unit = data.overall.attrs.get("units", "N")
@@ -207,13 +222,18 @@ def _in_decibels(data: xr.Dataset, vertical: str) -> tuple[xr.Dataset, str]:
 
 
 def _with_empty_blocks(data: xr.Dataset) -> xr.Dataset:
-    """Return an order map with NaN in a block next to each side of the times left out."""
-    time, spans = data.time.values, 60.0 / (data.order_resolution * np.abs(data.rpm)).values
-    gaps = np.flatnonzero(np.diff(time) > 0.75 * (spans[1:] + spans[:-1]))
+    """Return an order map with an empty block (NaN) at both ends of each gap in its times.
+
+    Without empty blocks, the map would be drawn across the gaps. A block lasts as many revolutions
+    as the inverse of the order resolution.
+    """
+    time, durations = data.time.values, 60.0 / (data.order_resolution * np.abs(data.rpm)).values
+    gaps = np.flatnonzero(np.diff(time) > 0.75 * (durations[1:] + durations[:-1]))
     if not gaps.size:
         return data
-    empty = np.concatenate([time[gaps] + spans[gaps], time[gaps + 1] - spans[gaps + 1]])
-    filled = data.reindex(time=np.unique([*time, *empty]))
+    gap_starts = time[gaps] + durations[gaps]
+    gap_ends = time[gaps + 1] - durations[gaps + 1]
+    filled = data.reindex(time=np.unique([*time, *gap_starts, *gap_ends]))
     return filled.assign(rpm=("time", np.interp(filled.time, time, data.rpm), data.rpm.attrs))
 
 
@@ -225,9 +245,11 @@ def _select_direction(data: xr.Dataset, direction: str) -> xr.Dataset:
 def _draw_circles(axes, measured: xr.Dataset, colours: dict):
     """Draw circles coloured by level on the mesh orders of a measured order map.
 
-    `colours` has the entries cmap, vmin and vmax, dB.
+    `measured` has variables of `_in_decibels`; `colours` has the entries cmap, vmin and vmax, the
+    last two in dB. At most `MAX_CIRCLES` circles are drawn on each order.
     """
-    blocks = measured.isel(time=slice(None, None, -(-measured.sizes["time"] // MAX_CIRCLES) or 1))
+    block_step = max(1, math.ceil(measured.sizes["time"] / MAX_CIRCLES))
+    blocks = measured.isel(time=slice(None, None, block_step))
     for order in float(measured.teeth) * np.arange(1, MESH_ORDERS + 1):
         if np.abs(measured.order - order).min() < 1e-6:
             track = blocks.sel(order=order, method="nearest")
@@ -237,27 +259,38 @@ def _draw_circles(axes, measured: xr.Dataset, colours: dict):
 
 
 def _draw_frequencies(axes, run: xr.Dataset, frequencies: xr.Dataset):
-    """Draw lines at the orders of characteristic frequencies, one style and entry for each kind."""
-    names = [name for name in frequencies.data_vars if frequencies[name].attrs.get("units") == "Hz"]
-    for i, name in enumerate(name for name in names if name in LEGEND):
+    """Draw lines at the orders of characteristic frequencies, a colour for each kind of frequency.
+
+    `run` has variables of `_in_decibels`. `frequencies` is a result of
+    `gearlib.characteristic_frequencies`; its frequencies are in Hz at its `speed` in rpm.
+    """
+    names = [
+        name
+        for name, variable in frequencies.data_vars.items()
+        if variable.attrs.get("units") == "Hz" and name in LEGEND
+    ]
+    for i, name in enumerate(names):
         hertz = np.unique(np.round(frequencies[name].values, 9))
         orders = hertz[np.isfinite(hertz) & (hertz > 0.0)] * 60.0 / float(frequencies.speed)
         label = LEGEND[name]
         for order in orders[orders <= float(run.order[-1])]:
             heights = order * run.scale
             axes.plot(run.rpm, heights, lw=0.5, ls="--", color=f"C{i}", label=label)
-            label = None
+            label = None  # The legend names each kind once.
     handles, labels = axes.get_legend_handles_labels()
-    shown = {text: x for text, x in zip(labels, handles, strict=True) if text in LEGEND.values()}
-    if shown:
-        axes.legend(shown.values(), shown, fontsize=5, loc="upper left")
+    handle_of = dict(zip(labels, handles, strict=True))
+    entries = {label: handle for label, handle in handle_of.items() if label in LEGEND.values()}
+    if entries:
+        axes.legend(entries.values(), entries, fontsize=5, loc="upper left")
 
 
 def _draw_mesh_orders(axes, data: xr.Dataset):
-    """Draw labelled lines for mesh orders and subharmonic, and dotted lines for sidebands."""
-    # Over the frequency, lines bend where the direction changes.
-    bend = int(np.abs(data.rpm).argmin("time"))
-    teeth, ends = float(data.teeth), data.isel(time=sorted({0, bend, data.sizes["time"] - 1}))
+    """Draw labelled lines at mesh orders and their subharmonic, and dotted lines at sidebands.
+
+    `data` has variables of `_in_decibels`. Lines are straight but for a bend at the lowest speed.
+    """
+    slowest = int(np.abs(data.rpm).argmin("time"))
+    teeth, ends = float(data.teeth), data.isel(time=sorted({0, slowest, data.sizes["time"] - 1}))
     orders = {"z/2": 0.5 * teeth, "z": teeth}
     orders |= {f"{k}z": k * teeth for k in range(2, MESH_ORDERS + 1)}
     options = {"color": "white", "alpha": 0.6}
@@ -266,7 +299,8 @@ def _draw_mesh_orders(axes, data: xr.Dataset):
             axes.plot(ends.rpm, order * ends.scale, lw=0.5, label=name, **options)
             point = ends.rpm[-1], order * ends.scale[-1]
             style.annotate(axes, name, point, (2, 0), "left baseline")
-        for offset in (-1.0, 1.0) if name != "z/2" else ():
+        sideband_offsets = (-1.0, 1.0) if name != "z/2" else ()
+        for offset in sideband_offsets:
             if order + offset <= data.order[-1]:
                 label, heights = f"{name} {offset:+.0f}", (order + offset) * ends.scale
                 axes.plot(ends.rpm, heights, lw=0.4, ls=":", label=label, **options)
@@ -284,12 +318,13 @@ _FOLD_CODE = 1
 def draw_run_ups(run_ups: xr.Dataset, *, resonance=None, branches=None):
     """Return a figure of the displacement extrema of run-ups, above an order map of the slowest.
 
-    `run_ups` is a result of `gearlib.studies.run_ups.run_ups_at_several_rates`. The sweeps up and
-    down of `resonance` are drawn behind them, and the folds of `branches` are marked.
+    `run_ups` is a result of `gearlib.studies.run_ups.run_ups_at_several_rates`. If `resonance`, a
+    dataset over (damping, direction, tuning), is given, its sweeps up and down are drawn behind the
+    run-ups. If `branches` of orbits are given, dashed lines mark the tunings of their folds.
     """
     figure = style.page_figure(_HEIGHT + _MAP_HEIGHT)
-    above, below = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])
-    axes = above.subplots()
+    extrema_area, map_area = figure.subfigures(2, 1, height_ratios=[_HEIGHT, _MAP_HEIGHT])
+    axes = extrema_area.subplots()
     for name in _EXTREMA:
         curve_options = {"colour": "revolutions", "line": "direction"}
         handles = panels.draw_curves(axes, run_ups, "tuning", name, **curve_options)
@@ -304,14 +339,14 @@ def draw_run_ups(run_ups: xr.Dataset, *, resonance=None, branches=None):
     axes.set_xlim(run_ups.tuning.min(), run_ups.tuning.max())
     axes.set_ylabel("largest and smallest displacement\n(static deflections)")
     axes.legend(handles=handles, ncols=2)
-    # Gathered data may have lost these attributes.
+    # Data gathered from several files may have lost these attributes.
     attributes = {"variable": "dynamic_force", "amplitude": "rms"} | run_ups.attrs
-    order_map(run_ups.rename(block="time").assign_attrs(attributes), figure=below)
+    order_map(run_ups.rename(block="time").assign_attrs(attributes), figure=map_area)
     return figure
 
 
 def _draw_sweeps(axes, resonance: xr.Dataset, damping: str):
-    """Draw the sweeps up and down of a damping, if there are any."""
+    """Draw the sweeps up and down for the damping of this name, if `resonance` has them."""
     if damping in resonance.damping.values:
         sweeps = resonance.sel(damping=damping)
         sweeps = sweeps.sel(direction=[d for d in ("up", "down") if d in sweeps.direction])

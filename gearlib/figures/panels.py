@@ -40,12 +40,16 @@ _GREEK = {"nu": "ν", "tau": "τ", "kappa": "κ", "epsilon": "ε", "beta": "β"}
 
 
 def name_and_unit(variable: xr.DataArray) -> tuple[str, str]:
-    """Return a variable's long name, up to a comma or colon, with Greek letters, and its unit."""
+    """Return the long name of a variable, up to a comma or colon, and its unit as written in text.
+
+    Names of Greek letters are replaced by the letters; the unit 1 becomes "".
+    """
     name = variable.attrs.get("long_name", str(variable.name).replace("_", " "))
     greek_words = rf"\b(d?)({'|'.join(_GREEK)})\b"
     name = re.sub(greek_words, lambda match: match[1] + _GREEK[match[2]], name)
-    unit = variable.attrs.get("units", "1")
-    return re.split("[,:]", name)[0], _UNITS.get(unit, re.sub(r" (\w+)-1$", r"/\1", unit))
+    cf_unit = variable.attrs.get("units", "1")
+    unit = _UNITS.get(cf_unit, re.sub(r" (\w+)-1$", r"/\1", cf_unit))
+    return re.split("[,:]", name)[0], unit
 
 
 def axis_label(variable: xr.DataArray, width: int | None = None) -> str:
@@ -61,7 +65,10 @@ def value_label(coordinate: xr.DataArray) -> str:
 
 
 def value_labels(coordinate: xr.DataArray) -> list[str]:
-    """Return the label of each value of a coordinate, see `value_label`; they differ."""
+    """Return a label for each value of a coordinate, different where the values differ.
+
+    A label is a readable name, or "name = number unit".
+    """
     values = np.ravel(coordinate.values).tolist()
     if isinstance(values[0], str):
         return [_VALUE_LABELS.get(value, style.typeset_dampings(value)) for value in values]
@@ -70,18 +77,25 @@ def value_labels(coordinate: xr.DataArray) -> list[str]:
 
 
 def tuning_texts(tunings: ArrayLike, speeds: ArrayLike | None = None) -> list[str]:
-    """Return the text of each tuning, with its speed in rpm if the tuning was given as a speed."""
+    """Return each tuning as text; a tuning computed from a speed is followed by this speed.
+
+    `speeds`, in rpm, has the speed of each tuning; with None no text has a speed.
+    """
     texts = style.number_texts(tunings, digits=4, form="f", decimals=2)
     if speeds is None:
         return texts
-    rows = zip(texts, np.ravel(tunings).tolist(), style.number_texts(speeds), strict=True)
-    return [text if style.is_given(nu) else f"{text} ({rpm} rpm)" for text, nu, rpm in rows]
+    for i, (tuning, rpm) in enumerate(
+        zip(np.ravel(tunings).tolist(), style.number_texts(speeds), strict=True)
+    ):
+        if not style.is_given(tuning):
+            texts[i] += f" ({rpm} rpm)"
+    return texts
 
 
 def plot_options(coordinate: xr.DataArray, colours: dict | None = None) -> dict[Any, dict]:
-    """Return a dict of `Axes.plot` options (colour, dashes, label) for each coordinate value.
+    """Return a dict: coordinate value -> `Axes.plot` options (colour, dashes, label) of its curve.
 
-    `colours` maps some coordinate values to colours; others take the colours of the palette.
+    `colours` maps some coordinate values to colours; the others get colours of the palette.
     """
     styles = style.curve_styles(coordinate.values.tolist(), colours)
     labels = value_labels(coordinate) if styles else []
@@ -99,7 +113,7 @@ def plain_ticks(axis: Axis):
 
 
 def legend_entries(styles: dict[str, dict]) -> list[Line2D]:
-    """Return a legend handle for each entry of `styles`, a dict of options of `Axes.plot`."""
+    """Return a legend handle for each curve; `styles` maps curves to options of `Axes.plot`."""
     return [Line2D([], [], **options) for options in styles.values()]
 
 
@@ -110,17 +124,18 @@ def in_mesh_periods(dataset: xr.Dataset, name="phase") -> xr.Dataset:
 
 
 def in_unit(variable: xr.DataArray, size: float, unit: str) -> xr.DataArray:
-    """Return a variable in another unit, of the given size (in the old unit) and name."""
+    """Return a variable converted to the unit named `unit`, whose size is in the present unit."""
     return (variable / size).assign_attrs(variable.attrs | {"units": unit})
 
 
 def draw_curves(
     axes: Axes, data: xr.Dataset, x: str, y: str, *, colour=None, line=None, styles=None, **options
 ) -> list[Line2D]:
-    """Draw the variable named `y` of a dataset over the one named `x`; return legend handles.
+    """Draw the variable named `y` of a dataset over the variable named `x`; return legend handles.
 
-    Each value of the dimension named `colour` has its colour, each value of `line` its dashes.
-    `styles` maps values of `colour` to options of `Axes.plot`; `options` hold for all curves.
+    `colour` and `line` are names of dimensions or None: there is a curve for each value of both,
+    with a colour for each value of `colour` and dashes for each value of `line`. `styles` maps
+    values of `colour` to options of `Axes.plot`; `options` are such options for all curves.
     """
     colour_styles = {None: {"color": style.PALETTE[0]}}
     line_styles = {None: {}}
@@ -136,14 +151,14 @@ def draw_curves(
         }
     for colour_value, colour_style in colour_styles.items():
         for line_value, line_style in line_styles.items():
-            indexers = {colour: colour_value, line: line_value}
-            curve = data.sel({name: value for name, value in indexers.items() if name is not None})
+            curve = data if colour is None else data.sel({colour: colour_value})
+            curve = curve if line is None else curve.sel({line: line_value})
             curve_style = colour_style | line_style | {"label": None} | options
             axes.plot(curve[x].values, curve[y].values, **curve_style)
     height = axes.get_window_extent().height / axes.figure.dpi
     axes.set_xlabel(axis_label(data[x]))
     axes.set_ylabel(axis_label(data[y], max(12, round(CHARACTERS_PER_INCH * height))))
-    entry_options = [*(colour_styles.values() if colour else ())]
+    entry_options = [] if colour is None else [*colour_styles.values()]
     if line is not None:
         entry_options = [options | {"linestyle": "-"} for options in entry_options]
         entry_options += [{"color": "black"} | options for options in line_styles.values()]
@@ -153,15 +168,17 @@ def draw_curves(
 def draw_panels(
     data, x, y, *, panel=None, colour=None, line=None, styles=None, figure=None
 ) -> np.ndarray:
-    """Draw variables over another one in panels with a legend below; return the array of axes.
+    """Draw variables of a dataset in panels, with a legend below; return the array of axes.
 
-    `x` names the variable of all horizontal axes; `y` is the name, or a list of names, of variables
-    that have a row of panels each. The dimensions named `panel`, `colour` and `line` have a column
-    of panels, a colour and dashes for each value. `styles` maps values of `colour` to options of
-    `Axes.plot`. `figure` is by default a new one.
+    `x` is the name of the variable on all horizontal axes, `y` the name of the variable to draw, or
+    a list of names, a row of panels each. `panel`, `colour` and `line` are names of dimensions or
+    None: each of their values has a column of panels, a colour or dashes. `styles` maps values of
+    `colour` to options of `Axes.plot`. Without a `figure`, a new one is made.
     """
     names = [y] if isinstance(y, str) else list(y)
-    selections = [data] if panel is None else [data.sel({panel: v}) for v in data[panel].values]
+    selections = [data]
+    if panel is not None:
+        selections = [data.sel({panel: value}) for value in data[panel].values]
     figure = figure or style.page_figure(ROW_HEIGHT * len(names) + LEGEND_HEIGHT)
     grid = figure.subplots(len(names), len(selections), squeeze=False, sharex=True, sharey="row")
     titles = [""] if panel is None else value_labels(data[panel])

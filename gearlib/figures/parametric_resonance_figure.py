@@ -19,34 +19,36 @@ _PAIR_LINE = {"color": "black", "linewidth": 0.7, "linestyle": (0, (4, 3)), "lab
 
 @style.styled()
 def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
-    """Return a stability chart: growth and tongues over the tuning and each other parameter.
+    """Return a stability chart: growth and instability tongues in three planes of parameters.
 
-    `chart` and `contact_loss` are results of the functions of `gearlib.studies.stability` of the
-    same name. Shades are growth per mesh period at the first damping, lines the edges of
-    instability tongues, circles points where a tongue has zero width. Dashed lines are values of
-    the gear pair (own_value, and damping_ratio of `contact_loss`). A cross marks the requested
-    tuning (asked of `contact_loss`) at the value of the pair, or at zero damping.
+    The planes have the tuning and the stiffness ratio, contact ratio or damping as axes. `chart`
+    and `contact_loss` are results of `stability_chart` and `contact_loss` of
+    `gearlib.studies.stability`. Shades show the growth per mesh period at the first damping, lines
+    the edges of tongues, circles the points where a tongue has zero width. Dashed lines show values
+    of the gear pair: own_value of `chart`, damping_ratio of `contact_loss`. A cross marks the
+    requested tuning, the variable `asked` of `contact_loss`, at the value of the pair or at zero
+    damping.
     """
     figure = style.page_figure(height=6.6)
     mosaic = [["stiffness_ratio", "contact_ratio"], ["damping", "damping"]]
     grid = figure.subplot_mosaic(mosaic, height_ratios=[1.25, 1.0])
-    for name, axes in grid.items():
-        plane = chart.sel(plane=name)
+    for plane_name, axes in grid.items():
+        plane = chart.sel(plane=plane_name)
         image = _draw_tongues(axes, plane, float(chart.growth.max()) or 1.0)
-        points = chart.isel(point=chart.point_plane.values == name)
+        points = chart.isel(point=chart.point_plane.values == plane_name)
         options = {"markerfacecolor": "white", "label": "width zero"}
         style.draw_markers(
             axes, points.point_tuning, points.point_value, "o", "black", 3.5, **options
         )
-        pair_value = 0.0 if name == "damping" else float(plane.own_value)
+        pair_value = 0.0 if plane_name == "damping" else float(plane.own_value)
         requested_tuning = float(contact_loss.asked)
         axes.plot([requested_tuning], [pair_value], "k+", markersize=7, clip_on=False)
-        if name == "damping":
+        if plane_name == "damping":
             _label_tongues(axes, plane)
             _draw_damping_ratios(axes, contact_loss.damping_ratio.round(12))
         else:
             axes.axhline(pair_value, **_PAIR_LINE)
-        axes.set(xlabel=panels.axis_label(chart.tuning), ylabel=_Y_LABELS[name])
+        axes.set(xlabel=panels.axis_label(chart.tuning), ylabel=_Y_LABELS[plane_name])
     label = panels.axis_label(chart.growth)
     figure.colorbar(image, ax=list(grid.values()), label=label, aspect=40)
     style.legend(figure, grid["stiffness_ratio"], columns=6, side="upper")
@@ -56,8 +58,8 @@ def draw(chart: xr.Dataset, contact_loss: xr.Dataset):
 def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
     """Draw growth and the edges of tongues in one plane of parameters; return the image of growth.
 
-    The dimension "row" is over the values of the vertical axis. The colour scale ends at
-    `max_growth`; the tuning has a logarithmic scale.
+    The dimension "row" of `plane` is over the parameter on the vertical axis. The colour scale ends
+    at `max_growth`; the tuning has a logarithmic scale.
     """
     growth = plane.growth.where(plane.growth > 0.0)
     options = {"cmap": "YlOrBr", "vmin": 0.0, "vmax": max_growth, "shading": "nearest"}
@@ -76,19 +78,25 @@ def _draw_tongues(axes, plane: xr.Dataset, max_growth: float):
 
 
 def _label_tongues(axes, plane: xr.Dataset):
-    """Write order and largest damping ratio of each tongue in the plane of tuning and damping."""
+    """Write the order of each tongue, and the damping ratio at which it closes, above its tip.
+
+    `plane` is the plane of tuning and damping.
+    """
     for order in plane.order.values:
         # Row 0 is without damping, where tongues are widest. This plane has one damping only.
         tongue = plane.isel(damping=0, row=0).sel(order=order)
         centre = 0.5 * float(tongue.tuning_from + tongue.tuning_to)
-        max_damping = float(tongue.closing_damping)
-        if np.isfinite(max_damping) and np.isfinite(centre):
-            text = f"order {order}\n$\\beta$ < {max_damping:.2g}"
-            style.annotate(axes, text, (centre, max_damping), (0, 3), "center bottom")
+        closing_damping = float(tongue.closing_damping)
+        if np.isfinite(closing_damping) and np.isfinite(centre):
+            text = f"order {order}\n$\\beta$ < {closing_damping:.2g}"
+            style.annotate(axes, text, (centre, closing_damping), (0, 3), "center bottom")
 
 
 def _draw_damping_ratios(axes, ratios: xr.DataArray):
-    """Draw a line for each damping ratio of the gear pair, with the names of its dampings."""
+    """Draw a line for each damping ratio within the axes, with the names of the dampings beside it.
+
+    `ratios` are the damping ratios of the gear pair over "damping", the names of its dampings.
+    """
     for ratio, dampings in ratios.groupby(ratios):
         if 0.0 < ratio < axes.get_ylim()[1]:
             axes.axhline(ratio, **_PAIR_LINE)

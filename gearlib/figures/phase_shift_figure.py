@@ -7,9 +7,10 @@ from gearlib.figures import panels, style
 
 @style.styled()
 def draw(lags: xr.Dataset):
-    """Return a figure of phase lags by harmonic and over the tuning.
+    """Return a figure of phase lags, for all harmonics at one tuning and for the first over tuning.
 
-    `lags` is a result of `gearlib.studies.paper.phase_lag`.
+    `lags` is a result of `gearlib.studies.paper.phase_lag`. Panels on the left show stiffness and
+    motion over a mesh period at the same tuning.
     """
     figure = style.page_figure(height=6.4)
     mosaic = [["stiffness", "bars"], ["motion", "bars"], ["tuning", "tuning"]]
@@ -34,7 +35,7 @@ def draw(lags: xr.Dataset):
 
 
 def _draw_bars(axes, lags: xr.Dataset, styles: list[dict]):
-    """Draw the lags of all harmonics as grouped bars, a bar for each damping in its style."""
+    """Draw the lags of all harmonics as grouped bars; `styles` has options of each damping."""
     width = 0.8 / len(styles)
     for i, (options, lag) in enumerate(zip(styles, lags.lag.values, strict=True)):
         middle = lags.harmonic + (i - 0.5 * (len(styles) - 1)) * width

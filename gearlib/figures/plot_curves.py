@@ -1,4 +1,4 @@
-"""Curves of datasets for `gearlib.plot`: their labels, their styles, and scales in SI units."""
+"""Curves of datasets for `gearlib.plot`: labels, styles, and second scales in SI units."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from gearlib.figures.style import CurveStyle
 
 #: Dimensions with a curve for each value.
 CURVE_DIMENSIONS = ("case", "damping", "direction", "mesh")
-#: Direction of a sweep -> its label; and -> (dashes, marker) of warm-started sweeps.
+#: Direction of a sweep -> its label; direction of a warm-started sweep -> (dashes, marker).
 DIRECTION_LABELS = {"cold": "from rest", "up": "tuning going up", "down": "tuning going down"}
 WARM_STARTED_STYLES = {"up": ("-", ">"), "down": ((0, (3, 1)), "<")}
 
@@ -30,13 +30,15 @@ class Curve:
 
 
 def require(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, dim=None):
-    """Raise ValueError unless a dataset has the variables `names`, over `dim` if this is given.
+    """Raise ValueError unless a dataset has the variables `names`, each over the dimension `dim`.
 
-    The message names `gearlib.plot.<caller>`, which draws, and `gearlib.<source>`, which computes.
+    With None as `dim` they may have any dimensions. The message names the function
+    `gearlib.plot.<caller>` that draws, and `gearlib.<source>`, which computes such datasets.
     """
     variables = getattr(dataset, "variables", {})
     for name in names:
-        if not checks.is_one_of(name, variables) or dim not in (None, *variables[name].dims):
+        has_variable = checks.is_one_of(name, variables)
+        if not has_variable or dim not in (None, *variables[name].dims):
             over = f" over {dim}" if dim else ""
             raise ValueError(
                 f"{name}{over} is missing: gearlib.plot.{caller} draws datasets of gearlib.{source}"
@@ -46,10 +48,12 @@ def require(caller: str, dataset: xr.Dataset | None, names: tuple, source: str, 
 def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Curve]:
     """Return a `Curve` (data, label, style) for each damping, direction, mesh and case of datasets.
 
-    The variables `names` must have the dimension `dim`. `labels`, one per dataset, or None, start
-    the legend labels. `caller` and `source` are the functions of `gearlib.plot` and of `gearlib`
-    that error messages name.
+    Each dataset must have the variables `names` over the dimension `dim`. `labels` has a text for
+    each dataset, with which its legend labels start; with None they start with its direction and
+    damping. Labels leave out properties that all curves have in common. Error messages name
+    `caller`, a function of `gearlib.plot`, and `source`, a function of `gearlib`.
     """
+    # Without datasets the error message names the missing variable.
     for dataset in datasets or [None]:
         require(caller, dataset, names, source, dim)
     if labels is not None:
@@ -63,20 +67,24 @@ def curves(datasets: Sequence, labels, names, *, dim, caller, source) -> list[Cu
         for values in product(*(dataset[dim].values for dim in dims)):
             data.append(dataset.sel(dict(zip(dims, values, strict=True))))
             properties.append(origin | dict(zip(dims, map(str, values), strict=True)))
-    # Properties that all curves have in common are left out of the labels.
-    differing = {
+    all_names = {name for curve in properties for name in curve}
+    common = {
         name
-        for name in {name for curve in properties for name in curve}
-        if name == "label" or len({curve.get(name) for curve in properties}) > 1
+        for name in all_names - {"label"}
+        if len({curve.get(name) for curve in properties}) == 1
     }
-    distinct = [{n: v for n, v in curve.items() if n in differing} for curve in properties]
+    distinct = [
+        {name: value for name, value in curve.items() if name not in common} for curve in properties
+    ]
     return [*map(Curve, data, map(_label, distinct), _curve_styles(distinct))]
 
 
 def _origin(dataset: xr.Dataset) -> dict[str, str]:
-    """Return the direction and the damping of a dataset, as far as known, for its legend label."""
+    """Return the direction and the damping of a dataset as a dict, without unknown ones."""
     parameters = json.loads(dataset.attrs.get("parameters", "{}"))
-    origin = {"direction": parameters["direction"]} if "direction" in parameters else {}
+    origin = {}
+    if "direction" in parameters:
+        origin["direction"] = parameters["direction"]
     if "damping" in dataset.coords and not dataset.damping.ndim:
         origin["damping"] = str(dataset.damping.item())
     return origin
@@ -84,24 +92,33 @@ def _origin(dataset: xr.Dataset) -> dict[str, str]:
 
 def _label(properties: dict[str, str]) -> str:
     """Return the legend label of a curve from its properties (label, damping, direction, ...)."""
-    names = [
-        DIRECTION_LABELS.get(value, value) if name == "direction" else style.typeset_dampings(value)
-        for name, value in properties.items()
-    ]
-    return ", ".join(names)
+    texts = []
+    for name, value in properties.items():
+        if name == "direction":
+            texts.append(DIRECTION_LABELS.get(value, value))
+        else:
+            texts.append(style.typeset_dampings(value))
+    return ", ".join(texts)
 
 
 def _curve_styles(properties: list[dict[str, str]]) -> Iterator[CurveStyle]:
-    """Yield a style for each curve: directions differ in dashes, other properties in colour."""
-    colour_keys = [tuple(v for n, v in curve.items() if n != "direction") for curve in properties]
+    """Yield a style for each curve: directions differ in dashes, other properties in colour.
+
+    `properties` has a dict for each curve, such as {"damping": "k1", "direction": "up"}. Curves
+    that differ in direction only have different colours as well.
+    """
+    colour_keys = []
+    for curve in properties:
+        colour_keys.append(tuple(curve[name] for name in curve if name != "direction"))
     if len({*colour_keys}) == 1:
         colour_keys = [tuple(curve.values()) for curve in properties]
     styles = style.curve_styles(list(dict.fromkeys(colour_keys)))
     for colour_key, curve in zip(colour_keys, properties, strict=True):
         default = styles[colour_key]
         line_and_marker = default.line, default.marker
-        line, marker = WARM_STARTED_STYLES.get(curve.get("direction"), line_and_marker)
-        yield CurveStyle(default.colour, line, marker)
+        if curve.get("direction") in WARM_STARTED_STYLES:
+            line_and_marker = WARM_STARTED_STYLES[curve["direction"]]
+        yield CurveStyle(default.colour, *line_and_marker)
 
 
 def axes_or_new(axes: Axes | None) -> Axes:
@@ -116,36 +133,45 @@ def axes_or_new(axes: Axes | None) -> Axes:
 
 
 def common_scalar(curves: list[Curve], name: str) -> float | None:
-    """Return the scalar variable `name` if its value is the same for all curves, else None."""
+    """Return the value of a scalar variable if it is the same for all curves, else None."""
     values = {curve.data[name].item() if name in curve.data else None for curve in curves}
     return values.pop() if len(values) == 1 else None
 
 
 def have_si_units(curves: list[Curve]) -> bool:
-    """Return whether all curves have the same static deflection, m; models by ratios have 1."""
+    """Return whether all curves have the same static deflection, in m.
+
+    Models defined by ratios have no unit of length; their static deflection is stored as 1.
+    """
     return common_scalar(curves, "static_deflection") not in (None, 1.0)
 
 
 def add_si_scale(axes: Axes, curves: list[Curve], variable: str, side: str):
-    """Add a scale in SI units for a variable at the "top" or "right" if all curves have one."""
+    """Add a scale in SI units for a variable on a side of the axes, "top" or "right".
+
+    Nothing is added unless the factor to SI units is known and the same for all curves.
+    """
     name = SI_SCALES.get(variable, "")
     factor = common_scalar(curves, name)
     if factor is None or not have_si_units(curves):
         return
     _, unit = panels.name_and_unit(curves[0].data[name])
     if unit == "m":
-        size, unit = style.length_unit(factor)
-        factor /= size
+        unit_size, unit = style.length_unit(factor)
+        factor /= unit_size
     style.second_scale(axes, factor, f"{variable.replace('_', ' ')} ({unit})", side)
 
 
 def shade_backlash(axes: Axes, curves: list[Curve], direction: str):
-    """Shade the backlash if it is the same for all curves; displacements are along `direction`."""
+    """Shade the displacements without drive-side contact if all curves have the same backlash.
+
+    `direction` is the axis of displacement, "x" or "y". The axis limits do not change.
+    """
     backlash = common_scalar(curves, "backlash_ratio")
     if backlash is not None:
-        limits = axes.axis()
+        axis_limits = axes.axis()
         style.shade_lost_contact(axes, backlash, direction)
-        axes.axis(limits)
+        axes.axis(axis_limits)
 
 
 def add_legend(axes: Axes) -> Axes:

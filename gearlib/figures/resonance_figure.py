@@ -1,8 +1,8 @@
-"""Resonance characteristics: Fig. 3, and those of linear, quadratic and cubic damping.
+"""Resonance characteristics: Fig. 3, and the characteristics of nonlinear damping.
 
-In Fig. 3 the largest and smallest displacement are drawn over the tuning: above, the paper's figure
-with its three scales of tuning and the speed; below, a panel for each damping with the sweeps from
-rest, up and down, which show the hysteresis.
+Fig. 3 shows the largest and smallest displacement over the tuning. Its upper part is the paper's
+figure with three scales of tuning and a scale of speed. Its lower part has a panel for each damping
+with the sweeps from rest, up and down, which show the hysteresis.
 """
 
 import textwrap
@@ -18,7 +18,7 @@ from gearlib.figures.plot_curves import DIRECTION_LABELS, WARM_STARTED_STYLES
 
 EXTREMA, FORCE = ("displacement_max", "displacement_min"), ("dynamic_force_max",)
 EXTREMA_LABEL = "displacement $y_\\mathrm{max}$, $y_\\mathrm{min}$\n(static deflections)"
-#: Fraction of the motions within the limits of the axes if no motion has settled.
+#: Fraction of the values to show if no motion has settled.
 SHOWN_FRACTION = 0.95
 #: Number of markers along a line.
 MARKER_COUNT = 14
@@ -34,32 +34,35 @@ def draw_resonance(
 ):
     """Return a figure of resonance characteristics, above a panel for each damping.
 
-    `resonance` is a dataset over (damping, direction, tuning), `colours` maps dampings to colours.
-    Optional datasets, one for each damping: `labels` of the kinds of motion (a strip of colours) by
-    `gearlib.analysis.trust`, `branches` of orbits by `gearlib.studies.resonance` (thin lines).
-    `tongues` of parametric resonance are shades, `measured` curves points. `forces` adds a panel of
-    mesh forces and excludes coast-side contact from the limits. Lines are settled motions, markers
-    others; carets mark values beyond the limits.
+    `resonance` is a dataset over (damping, direction, tuning); `colours` maps names of dampings to
+    colours. Further data are optional. `labels` and `branches` have a dataset for each damping: the
+    kinds of motion by `gearlib.analysis.trust`, drawn as a strip of colours, and the branches of
+    orbits by `gearlib.studies.resonance`, drawn as thin lines. `tongues` of parametric resonance
+    are drawn as shades, `measured` curves as points. With `forces` the figure has a panel of mesh
+    forces, and the limits of displacement leave out coast-side contact. Lines show settled motions,
+    markers other motions, carets values beyond the limits.
     """
     resonance = resonance.sortby("tuning")
-    main = sweeps_from_rest(resonance)
+    from_rest = sweeps_from_rest(resonance)
     curve_styles = style.curve_styles([str(name) for name in resonance.damping.values], colours)
-    other_directions = [name for name in resonance.direction.values if name != main.direction]
+    other_directions = [name for name in resonance.direction.values if name != from_rest.direction]
     with_panels = bool(other_directions or labels or branches or tongues is not None)
     columns = min(_COLUMNS, len(curve_styles))
     rows = -(-len(curve_styles) // columns)
     heights = [_MAIN_HEIGHT + _PANEL_HEIGHT * forces, _PANEL_HEIGHT * rows + _LEGEND_HEIGHT]
     figure = style.page_figure(sum(heights[: 1 + with_panels]))
-    above, below = figure.subfigures(2, 1, height_ratios=heights) if with_panels else (figure, None)
+    upper_area, lower_area = (
+        figure.subfigures(2, 1, height_ratios=heights) if with_panels else (figure, None)
+    )
     ratios = [_MAIN_HEIGHT, _PANEL_HEIGHT][: 1 + forces]
-    grid = above.subplots(1 + forces, sharex=True, squeeze=False, height_ratios=ratios)
-    _draw_characteristics(grid[0, 0], main, curve_styles, measured, coast_side=not forces)
+    grid = upper_area.subplots(1 + forces, sharex=True, squeeze=False, height_ratios=ratios)
+    _draw_characteristics(grid[0, 0], from_rest, curve_styles, measured, coast_side=not forces)
     if forces:
-        _draw_forces(grid[1, 0], main, curve_styles, measured)
+        _draw_forces(grid[1, 0], from_rest, curve_styles, measured)
     if with_panels:
-        limits = _limits(resonance, coast_side=not forces, max_overshoot=0.0)
+        displacement_limits = _limits(resonance, coast_side=not forces, max_overshoot=0.0)
         for number, (name, curve_style) in enumerate(curve_styles.items()):
-            axes = below.add_subplot(rows, columns, 1 + number, ylim=limits)
+            axes = lower_area.add_subplot(rows, columns, 1 + number, ylim=displacement_limits)
             if tongues is not None and name in tongues.damping:
                 _shade_tongues(axes, tongues.sel(damping=name))
             sweeps, motion_kinds = resonance.sel(damping=name), _of_damping(labels, name)
@@ -68,22 +71,23 @@ def draw_resonance(
                 axes.set_xlabel(style.TUNING_LABEL)
             if number % columns == 0:
                 axes.set_ylabel(style.DISPLACEMENT_LABEL)
-        handles = _legend_entries(main, other_directions, labels, branches, tongues)
+        handles = _legend_entries(from_rest, other_directions, labels, branches, tongues)
         style.legend(figure, handles, columns=5, fontsize=6.5, columnspacing=1.2)
     return figure
 
 
 def sweeps_from_rest(resonance: xr.Dataset) -> xr.Dataset:
-    """Return the sweeps from rest ("cold"), or of the first direction if there are none."""
+    """Return the sweeps from rest ("cold"), or of the first direction if none start from rest."""
     directions = resonance.direction.values
     return resonance.sel(direction="cold" if "cold" in directions else directions[0])
 
 
 def shown_range(sweeps: xr.Dataset, names: tuple, max_overshoot=1.0) -> tuple[float, float]:
-    """Return the (lower, upper) end of the values to be shown of the variables `names` of sweeps.
+    """Return the range (lower, upper) of values to show of the variables `names` of sweeps.
 
-    The range includes 0, all settled motions, and others that exceed the range of these by at most
-    `max_overshoot` times the range: large motions of undamped meshes never settle.
+    The range includes 0, all settled motions, and other motions that exceed the range of the
+    settled ones by at most `max_overshoot` times this range, because large motions of undamped
+    meshes never settle.
     """
     values = np.concatenate([sweeps[name].values.ravel() for name in names])
     is_settled = np.tile(sweeps.period.values.ravel() > 0, len(names))[np.isfinite(values)]
@@ -98,7 +102,11 @@ def shown_range(sweeps: xr.Dataset, names: tuple, max_overshoot=1.0) -> tuple[fl
 
 
 def _limits(sweeps: xr.Dataset, coast_side: bool, max_overshoot=1.0) -> tuple[float, float]:
-    """Return axis limits of displacement, including coast-side contact if near and `coast_side`."""
+    """Return axis limits of the displacement in sweeps.
+
+    With `coast_side` they include coast-side contact unless it is far from all displacements.
+    `max_overshoot` is an argument of `shown_range`.
+    """
     low, high = shown_range(sweeps, EXTREMA, max_overshoot)
     backlash = float(sweeps.backlash_ratio)
     if coast_side and backlash < 2.0 * (high - low):
@@ -107,9 +115,10 @@ def _limits(sweeps: xr.Dataset, coast_side: bool, max_overshoot=1.0) -> tuple[fl
 
 
 def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured, coast_side: bool):
-    """Draw displacements for all dampings, keys of `curve_styles`, and measured curves.
+    """Draw the displacement extrema of sweeps for all dampings, and measured curves over them.
 
-    `coast_side` includes the displacement of coast-side contact in the limits.
+    `curve_styles` maps names of dampings to styles. With `coast_side` the limits include
+    displacements of coast-side contact.
     """
     axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
     axes.set_ylim(_limits(sweeps, coast_side))
@@ -127,20 +136,22 @@ def _draw_characteristics(axes, sweeps: xr.Dataset, curve_styles: dict, measured
         handles.append(style.legend_entry("not settled", "0.3", "none", ".", markersize=3))
     axes.legend(handles=handles, loc="upper right", ncols=2)
     axes.set(xlabel=style.TUNING_LABEL, ylabel=EXTREMA_LABEL)
-    # Three scales above the panel, at positions relative to its height: tunings by the largest and
-    # the smallest stiffness, and the speed.
-    for index, position in (("max", 1.0), ("min", 1.115)):
-        factor, label = sweeps[f"tuning_factor_{index}"], f"tuning $\\nu_\\mathrm{{{index}}}$"
-        style.second_scale(axes, float(factor), label, position=position)
-    factor, label = float(sweeps.speed[-1] / sweeps.tuning[-1]), panels.axis_label(sweeps.speed)
-    style.second_scale(axes, factor, label, position=1.23)
+    # Three scales lie above the panel, at positions relative to its height: the tunings relative to
+    # the largest and the smallest stiffness, and the speed.
+    for extremum, position in (("max", 1.0), ("min", 1.115)):
+        factor = float(sweeps[f"tuning_factor_{extremum}"])
+        label = f"tuning $\\nu_\\mathrm{{{extremum}}}$"
+        style.second_scale(axes, factor, label, position=position)
+    speed_per_tuning = float(sweeps.speed[-1] / sweeps.tuning[-1])
+    style.second_scale(axes, speed_per_tuning, panels.axis_label(sweeps.speed), position=1.23)
     style.length_scale(axes, float(sweeps.static_deflection), "displacement")
 
 
 def _draw_forces(axes, sweeps: xr.Dataset, curve_styles: dict, measured):
-    """Draw the largest mesh forces, computed for the keys of `curve_styles`, and measured ones.
+    """Draw the largest mesh forces of sweeps for all dampings, and measured forces over them.
 
-    The title warns of forces that jump, from which no dynamic factor K_v follows.
+    `curve_styles` maps names of dampings to styles. The title warns of forces that jump, because no
+    dynamic factor K_v follows from them.
     """
     axes.set_ylim(0.0, 1.05 * shown_range(sweeps, FORCE)[1])
     _draw_dampings(axes, sweeps, curve_styles, FORCE)
@@ -168,21 +179,25 @@ def _of_damping(datasets, damping: str) -> xr.Dataset | None:
 def _draw_panel(axes, sweeps: xr.Dataset, curve_style: style.CurveStyle, motion_kinds, branches):
     """Draw the sweeps of one damping in all directions, in the colour of `curve_style`.
 
-    `motion_kinds` over the tuning, drawn as a strip, and `branches` of orbits are datasets or None.
+    `motion_kinds` and `branches` are datasets or None: the kind of motion from rest at each tuning,
+    drawn as a strip at the lower edge, and branches of orbits, drawn as thin lines.
     """
     axes.set_title(style.typeset_dampings(str(sweeps.damping.item())))
     axes.set_xlim(style.limits(sweeps.tuning.values, margin=0.01))
     style.shade_lost_contact(axes, float(sweeps.backlash_ratio), "y")
-    for name in EXTREMA if branches is not None else ():
-        draw_curve(axes, branches, name, "black", 0.7, zorder=1.5)
-    main = sweeps_from_rest(sweeps)
-    draw_sweep(axes, main, style.CurveStyle(FROM_REST_COLOUR, "-", "."), width=3.0)
-    other_directions = [name for name in sweeps.direction.values if name != main.direction]
-    for number, name in enumerate(other_directions):
-        direction_style = style.CurveStyle(curve_style.colour, *WARM_STARTED_STYLES[name])
-        draw_sweep(axes, sweeps.sel(direction=name), direction_style, marker_shift=number / 2)
+    if branches is not None:
+        for variable in EXTREMA:
+            draw_curve(axes, branches, variable, "black", 0.7, zorder=1.5)
+    from_rest = sweeps_from_rest(sweeps)
+    draw_sweep(axes, from_rest, style.CurveStyle(FROM_REST_COLOUR, "-", "."), width=3.0)
+    other_directions = [name for name in sweeps.direction.values if name != from_rest.direction]
+    for number, direction in enumerate(other_directions):
+        direction_style = style.CurveStyle(curve_style.colour, *WARM_STARTED_STYLES[direction])
+        sweep = sweeps.sel(direction=direction)
+        draw_sweep(axes, sweep, direction_style, marker_shift=number / 2)
     if motion_kinds is not None:
-        tuning, (low, high) = motion_kinds.tuning.values, axes.get_ylim()
+        tuning = motion_kinds.tuning.values
+        low, high = axes.get_ylim()
         step = np.diff(tuning).min() if tuning.size > 1 else 0.01
         colours = [MOTION_KINDS[code][1] for code in motion_kinds.label.values]
         axes.bar(tuning, 0.04 * (high - low), step, low, color=colours, linewidth=0, zorder=4)
@@ -195,14 +210,16 @@ def _shade_tongues(axes, tongues: xr.Dataset):
             axes.axvspan(low, high, color=TONGUE_COLOUR, linewidth=0, zorder=0.5)
 
 
-def _legend_entries(main, other_directions: list[str], motion_kinds, branches, tongues):
-    """Return legend handles for the panels of dampings.
+def _legend_entries(from_rest, other_directions: list[str], motion_kinds, branches, tongues):
+    """Return the legend handles that all panels of dampings share.
 
-    `main` are the sweeps with broad lines; `motion_kinds` (classified motions from rest) and
-    `branches` of orbits are lists of datasets, `tongues` of parametric resonance one or None.
+    `from_rest` are the sweeps drawn with broad lines, `other_directions` the directions of the
+    other sweeps. `motion_kinds` (classified motions from rest) and `branches` of orbits are
+    sequences of datasets, which may be empty; `tongues` of parametric resonance are a dataset or
+    None.
     """
-    main_label = DIRECTION_LABELS[main.direction.item()]
-    handles = [style.legend_entry(main_label, FROM_REST_COLOUR, linewidth=3.0)]
+    label = DIRECTION_LABELS[from_rest.direction.item()]
+    handles = [style.legend_entry(label, FROM_REST_COLOUR, linewidth=3.0)]
     for name in other_directions:
         dashes_and_marker = WARM_STARTED_STYLES[name]
         handles.append(style.legend_entry(DIRECTION_LABELS[name], "black", *dashes_and_marker))
@@ -223,56 +240,68 @@ def _legend_entries(main, other_directions: list[str], motion_kinds, branches, t
 def draw_sweep(axes, sweep, curve_style, marker_shift=0.0, names=EXTREMA, width=1.0, label=None):
     """Draw the variables `names` of one sweep over its tunings, within the limits of the axes.
 
-    `marker_shift`, from 0 to 1, moves the markers along the line, so that they do not cover those
-    of other curves; `width` is the line width in points, `label` the legend label.
+    Settled motions have a line, other motions have markers alone, values beyond the limits have
+    carets at the limits. `marker_shift`, from 0 to 1, moves the markers along the line, so that
+    they do not cover the markers of other curves. `width` is the line width in points, `label` the
+    legend label.
     """
-    tuning, (low, high) = sweep.tuning.values, axes.get_ylim()
+    tuning = sweep.tuning.values
+    low, high = axes.get_ylim()
     marker_step = max(1, tuning.size // MARKER_COUNT)
     for name in names:
         values = sweep[name].values
         is_inside = (values >= low) & (values <= high)
-        # A line connects neighbouring settled motions.
-        settled = np.pad(is_inside & (sweep.period.values > 0), 1)
-        has_line = settled[1:-1] & (settled[:-2] | settled[2:])
+        # A line connects settled motions that are neighbours.
+        is_settled = np.pad(is_inside & (sweep.period.values > 0), 1)
+        has_line = is_settled[1:-1] & (is_settled[:-2] | is_settled[2:])
         line = {"color": curve_style.colour, "linestyle": curve_style.line, "linewidth": width}
         line["label"] = label if name == names[0] else None
         markers = {"marker": curve_style.marker, "markersize": 3.5}
         markers["markevery"] = int(marker_shift * marker_step), marker_step
         axes.plot(tuning, np.where(has_line, values, np.nan), **line, **markers)
         # Motions that have not settled are drawn behind the settled ones.
-        mask, marker_style = is_inside & ~has_line, (curve_style.marker, curve_style.colour, 1.8)
+        mask = is_inside & ~has_line
+        marker_style = curve_style.marker, curve_style.colour, 1.8
         options = {"markeredgewidth": 0.4, "zorder": 1.8}
         style.draw_markers(axes, tuning[mask], values[mask], *marker_style, **options)
         for limit, mask, caret in ((low, values < low, "v"), (high, values > high, "^")):
-            y, marker_style = np.full(mask.sum(), limit), (caret, curve_style.colour, 2.5)
+            y = np.full(mask.sum(), limit)
+            marker_style = caret, curve_style.colour, 2.5
             style.draw_markers(axes, tuning[mask], y, *marker_style, markeredgewidth=0)
 
 
 @style.styled()
 def draw_cases(curves: list[xr.Dataset], labels: list[str]):
-    """Return a figure of the resonance characteristics of several gears, one dataset for each.
+    """Return a figure of the resonance characteristics of several gear pairs.
 
-    Displacements are in micrometres, mesh forces in static loads. Each gear has its colour and an
-    entry of `labels`, each damping its dashes.
+    `curves` has the sweeps of each pair, over (damping, direction, tuning), `labels` their names.
+    Displacements are drawn in micrometres, mesh forces in static loads. Each pair has its colour,
+    each damping its dashes.
     """
     figure = style.page_figure(height=6.0)
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
-    mains = [_in_micrometres(sweeps_from_rest(data.sortby("tuning"))) for data in curves]
-    above.set_ylim(style.limits(*(shown_range(main, EXTREMA) for main in mains)))
-    below.set_ylim(0.0, 1.05 * max(shown_range(main, FORCE)[1] for main in mains))
-    cases = zip(mains, labels, style.curve_styles(range(len(mains))).values(), strict=True)
-    for number, (main, case, case_style) in enumerate(cases):
-        dampings = [str(name) for name in main.damping.values]
+    displacement_axes, force_axes = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
+    sweeps = [_in_micrometres(sweeps_from_rest(data.sortby("tuning"))) for data in curves]
+    displacement_axes.set_ylim(
+        style.limits(*(shown_range(case_sweeps, EXTREMA) for case_sweeps in sweeps))
+    )
+    force_axes.set_ylim(
+        0.0, 1.05 * max(shown_range(case_sweeps, FORCE)[1] for case_sweeps in sweeps)
+    )
+    cases = zip(sweeps, labels, style.curve_styles(range(len(sweeps))).values(), strict=True)
+    for number, (case_sweeps, case, case_style) in enumerate(cases):
+        dampings = [str(name) for name in case_sweeps.damping.values]
         curve_styles = style.curve_styles(dampings, dict.fromkeys(dampings, case_style.colour))
         for name, curve_style in curve_styles.items():
-            sweep, marker_shift = main.sel(damping=name), number / len(mains)
-            label = f"{case}, {style.typeset_dampings(name)}" if main.damping.size > 1 else case
-            draw_sweep(above, sweep, curve_style, marker_shift, label=label)
-            draw_sweep(below, sweep, curve_style, marker_shift, FORCE)
-    above.set_ylabel("displacement (µm)")
-    below.set_ylabel(panels.axis_label(mains[0][FORCE[0]], width=24))
-    below.set_xlabel(style.TUNING_LABEL)
-    style.legend(figure, above, columns=3)
+            sweep, marker_shift = case_sweeps.sel(damping=name), number / len(sweeps)
+            label = (
+                f"{case}, {style.typeset_dampings(name)}" if case_sweeps.damping.size > 1 else case
+            )
+            draw_sweep(displacement_axes, sweep, curve_style, marker_shift, label=label)
+            draw_sweep(force_axes, sweep, curve_style, marker_shift, FORCE)
+    displacement_axes.set_ylabel("displacement (µm)")
+    force_axes.set_ylabel(panels.axis_label(sweeps[0][FORCE[0]], width=24))
+    force_axes.set_xlabel(style.TUNING_LABEL)
+    style.legend(figure, displacement_axes, columns=3)
     return figure
 
 
@@ -282,16 +311,17 @@ def _in_micrometres(sweeps: xr.Dataset) -> xr.Dataset:
     return sweeps.assign({name: micrometres * sweeps[name] for name in EXTREMA})
 
 
-_UNIT_HEIGHT = 2.3  #: inches, of a panel with the height ratio 1
+#: Height of a panel with the height ratio 1, inches.
+_UNIT_HEIGHT = 2.3
 
 
 @style.styled()
 def draw_nonlinear_damping(studies: list[xr.Dataset]):
     """Return a figure of nonlinear damping: resonance sweeps above, phase planes below.
 
-    `studies` are results of `gearlib.studies.nonlinear_damping.damping_study`. A column has the
-    studies with one location of the damping, `place` ("material" or "oil"); a row of phase planes
-    has one of the tunings `shown`.
+    `studies` are results of `gearlib.studies.nonlinear_damping.damping_study`, one for each power
+    and location of the damping. Each location, `place` ("material" or "oil"), has a column; each of
+    the tunings `shown` has a row of phase planes.
     """
     damping_locations = list(dict.fromkeys(study.place.item() for study in studies))
     tunings = studies[0].shown.values
@@ -312,7 +342,7 @@ def draw_nonlinear_damping(studies: list[xr.Dataset]):
     grid[0, 0].set_ylabel("$y_\\mathrm{max}$, $y_\\mathrm{min}$ (static defl.)")
     for axes in grid[1:, 0]:
         axes.set_ylabel(style.VELOCITY_LABEL)
-    # Shades must not change the automatic limits.
+    # Shades must not change the limits, which are automatic up to here.
     grid[0, 0].set_ylim(grid[0, 0].get_ylim())
     for axes in grid[0]:
         style.shade_lost_contact(axes, float(studies[0].backlash_ratio), "y")
@@ -322,7 +352,10 @@ def draw_nonlinear_damping(studies: list[xr.Dataset]):
 
 
 def _draw_extrema(axes, data: xr.Dataset, styles: dict[str, dict]):
-    """Draw sweeps up (thin) and down (thick, pale), a curve for each damping power in `styles`."""
+    """Draw the displacement extrema of sweeps up (thin) and down (thick, pale) over the tuning.
+
+    `styles` maps each power of the damping force to plot options of its curve.
+    """
     pale = {"linestyle": "-", "linewidth": 2.6, "alpha": 0.3}
     for direction, options in (("down", pale), ("up", {"linewidth": 0.8})):
         for name in EXTREMA:
@@ -335,7 +368,7 @@ def _draw_extrema(axes, data: xr.Dataset, styles: dict[str, dict]):
 
 
 def _draw_phase_planes(axes, data: xr.Dataset, styles: dict[str, dict]):
-    """Draw the phase plane at one tuning, a curve for each damping power in `styles`."""
+    """Draw the phase plane at one tuning; `styles` has plot options for each damping power."""
     curve_options = {"colour": "power", "styles": styles, "linewidth": 0.8}
     panels.draw_curves(axes, data, "displacement", "velocity", **curve_options)
     style.shade_lost_contact(axes, float(data.backlash_ratio[0]), "x")

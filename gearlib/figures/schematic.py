@@ -13,13 +13,13 @@ from gearlib import checks, parameters
 from gearlib.figures import style
 from gearlib.parameters import Angle
 
-#: Code of `gearlib.engines.codes` -> marker of a mesh, whether it is filled, its description.
+#: Contact code of `gearlib.engines.codes` -> marker of a mesh, whether it is filled, description.
 CONTACTS = {
     1: ("o", True, ""),
     0: ("o", False, "open: out of contact"),
     -1: ("D", True, "diamond: coast-side flanks touch"),
 }
-#: Kind of a circle -> width and dashes of its line in the figures.
+#: Kind of a circle -> width and dashes of its line.
 CIRCLES = {"gear": (0.7, "-"), "ring": (1.4, "-"), "rotor": (0.5, (0, (3, 2)))}
 GREY, CARRIER_COLOUR, DEFAULT_MESH_COLOUR = "#707070", "#D0D0D0", "#4D4D4D"
 #: Margin, and radius of a shaft, relative to the size of the train.
@@ -36,19 +36,21 @@ class Drawing(NamedTuple):
     """Circles, lines and points of a train at one phase, in m."""
 
     circles: list  #: (x, y, radius, kind of `CIRCLES`)
-    marks: np.ndarray  #: lines that turn with the bodies, from (x, y) to (x, y), shape (k, 2, 2)
-    arms: np.ndarray  #: lines from the axis of a carrier to the bodies on it, shape (a, 2, 2)
-    shafts: np.ndarray  #: axes on which shafts join bodies, (s, 2)
-    meshes: np.ndarray  #: pitch points, (m, 2)
+    marks: np.ndarray  #: lines that turn with bodies, shape (lines, 2 ends, 2 coordinates)
+    arms: np.ndarray  #: lines from the axis of a carrier to a body on it, shape (lines, 2, 2)
+    shafts: np.ndarray  #: axes on which shafts join bodies, shape (shafts, 2)
+    meshes: np.ndarray  #: pitch points, shape (meshes, 2)
 
 
 def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     """Return the circles, lines and points of a train at a phase of the reference mesh, rad.
 
-    `layout`, a result of `GearTrain.layout`, has positions of bodies and meshes at phase 0, and
-    angles of rotation over the phase: body_turns, and frame_turns of all axes about the first one.
+    `layout` is a result of `GearTrain.layout`. It has the positions, m, of bodies and meshes at
+    phase 0, and angles of rotation per phase: body_turns of each body, and frame_turns, by which
+    all axes turn about the first one.
     """
     angle = float(layout.frame_turns) * phase
+    # Positions are rows, which this matrix rotates by the angle when it stands on the right.
     rotation = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     positions = np.stack([layout.body_x, layout.body_y], axis=-1) @ rotation
     meshes = np.stack([layout.mesh_x, layout.mesh_y], axis=-1) @ rotation
@@ -56,33 +58,38 @@ def create_drawing(layout: xr.Dataset, phase=0.0) -> Drawing:
     circles, marks = [], []
     body_circles = circles_of(layout).items()
     for (name, radii), body_turn in zip(body_circles, layout.body_turns.values, strict=True):
-        circles += [(*map(float, position_of[name]), radius, kind) for radius, kind in radii]
+        x, y = map(float, position_of[name])
+        circles += [(x, y, radius, kind) for radius, kind in radii]
         if radii:
             # A radial line on the largest circle shows the rotation; in a ring gear it is outside.
             radius, kind = max(radii)
             end_radii = radius * np.array([1.0, RING_MARK_RADIUS] if kind == "ring" else [0.0, 1.0])
             mark_direction = np.array([math.cos(body_turn * phase), math.sin(body_turn * phase)])
             marks.append(position_of[name] + np.outer(end_radii, mark_direction))
-    carriers = zip(position_of, map(str, layout.carried_by.values), strict=True)
-    arms = [(position_of[carrier], position_of[name]) for name, carrier in carriers if carrier]
+    arms = []
+    for name, carrier in zip(position_of, map(str, layout.carried_by.values), strict=True):
+        if carrier:
+            arms.append((position_of[carrier], position_of[name]))
     shaft_positions = dict(zip(layout.shaft_line.values.tolist(), positions, strict=True))
     # Number 0 means that a body has no shaft.
     shafts = [position for number, position in shaft_positions.items() if number]
-    marks, arms = (np.reshape(segments, (-1, 2, 2)) for segments in (marks, arms))
+    # Empty lists, too, become arrays with these dimensions.
+    marks, arms = np.reshape(marks, (-1, 2, 2)), np.reshape(arms, (-1, 2, 2))
     return Drawing(circles, marks, arms, np.reshape(shafts, (-1, 2)), meshes)
 
 
 def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
-    """Return a dict of the circles, (radius in m, kind of `CIRCLES`), of each body by name.
+    """Return a dict: name of each body -> its circles, a list of (radius in m, kind of `CIRCLES`).
 
-    A carrier has no circles.
+    A gear has a pitch circle for each of its meshes, equal circles once. Carriers have no circles.
     """
     circles = {str(name): {} for name in layout.body.values}
-    for names, radii in zip(layout.mesh_gear.values, layout.pitch_radius.values, strict=True):
-        for name, radius in zip(map(str, names), map(float, radii), strict=True):
-            # Ring gears have negative radii; several meshes of a gear may share a circle.
-            if not any(math.isclose(abs(radius), r, rel_tol=SAME_LENGTH) for r in circles[name]):
-                circles[name][abs(radius)] = "ring" if radius < 0.0 else "gear"
+    for names, pitch_radii in zip(layout.mesh_gear.values, layout.pitch_radius.values, strict=True):
+        for name, signed_radius in zip(map(str, names), map(float, pitch_radii), strict=True):
+            # Ring gears have negative radii.
+            radius, kind = abs(signed_radius), "ring" if signed_radius < 0.0 else "gear"
+            if not any(math.isclose(radius, r, rel_tol=SAME_LENGTH) for r in circles[name]):
+                circles[name][radius] = kind
     carriers = {*map(str, layout.carried_by.values)}
     for name, radius in zip(circles, layout.body_radius.values, strict=True):
         if not circles[name] and name not in carriers:
@@ -93,8 +100,9 @@ def circles_of(layout: xr.Dataset) -> dict[str, list[tuple[float, str]]]:
 def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, title=()):
     """Draw a train in axes at a phase (rad) of the reference mesh.
 
-    `layout` is a result of `GearTrain.layout`, `colours` maps mesh names to colours, `contact` has
-    the contact code (1, 0, -1) of each mesh, `title` the first lines of the title.
+    `layout` is a result of `GearTrain.layout`. `colours` maps mesh names to colours; with None they
+    are those of `style.curve_styles`. `contact` has the contact code of each mesh, 1, 0 or -1; with
+    None all meshes are drawn in contact. `title` has the first lines of the title.
     """
     drawing = create_drawing(layout, phase)
     for ends in drawing.arms:
@@ -126,55 +134,67 @@ def draw(axes: Axes, layout: xr.Dataset, colours=None, phase=0.0, contact=None, 
 
 
 def _draw_names(axes: Axes, names: list[str], points: np.ndarray, colours: list[str]):
-    """Write mesh names left and right of a train, with lines to the pitch points, (meshes, 2)."""
-    (left, right), limits = axes.get_xlim(), axes.get_ylim()
+    """Write mesh names left and right of a train, with a line from each name to its pitch point.
+
+    `points` are the pitch points, shape (meshes, 2); `names` and `colours` have an entry per mesh.
+    """
+    (left, right), y_limits = axes.get_xlim(), axes.get_ylim()
     axes.autoscale(enable=False)
     is_left = points[:, 0] < (left + right) / 2.0 - SAME_LENGTH * (right - left)
     columns = (left, (-2, 0), "right center", is_left), (right, (2, 0), "left center", ~is_left)
     for x, offset, anchor, mask in columns:
         meshes = [i for i in np.argsort(points[:, 1], kind="stable") if mask[i]]
-        for i, y in zip(meshes, np.linspace(*limits, 2 * len(meshes) + 1)[1::2], strict=True):
+        # Names stand at the middles of equal parts of the height, in the order of the points.
+        heights = np.linspace(*y_limits, 2 * len(meshes) + 1)[1::2]
+        for i, y in zip(meshes, heights, strict=True):
             line, colour = np.array([points[i], (x, y)]), colours[i]
             axes.plot(*line.T, color=colour, linewidth=0.4, zorder=4)
             style.annotate(axes, names[i], (x, y), offset, anchor, color=colour, fontsize=5.5)
 
 
 def text_lines(layout: xr.Dataset, codes: list[int]) -> list[str]:
-    """Return text lines that explain the contact codes and report inconsistent positions."""
+    """Return text lines that explain contact markers and report inconsistent positions.
+
+    `codes` are the contact codes of the meshes, keys of `CONTACTS`. The variable misfit of `layout`
+    is the largest difference, m, between positions of one axis by different meshes and shafts.
+    """
     lines = [text for code, (_, _, text) in CONTACTS.items() if text and code in codes]
     misfit = float(layout.misfit)
     if misfit > SAME_LENGTH * float(layout.body_radius.max()):
-        unit, name = style.length_unit(misfit)
-        lines.append(f"positions given differ by {misfit / unit:.3g} {name}")
+        unit_size, unit = style.length_unit(misfit)
+        lines.append(f"positions given differ by {misfit / unit_size:.3g} {unit}")
     return lines
 
 
 def phase_and_contact(layout: xr.Dataset, run=None, phase=None) -> tuple:
-    """Return (phase, rad; contact codes of all meshes at this phase, or None without a run).
+    """Return a phase, rad, and the contact codes of all meshes at this phase.
 
-    `run` is a recorded run, a static equilibrium or None; `phase` is by default the start of the
-    record, or 0. ValueError if it is outside the record, or if the run failed or has other meshes.
+    `run` is a recorded run or a static equilibrium; with None the codes are None. By default the
+    phase is the first one of the record, or 0 without a run. Raise ValueError if the phase is
+    outside the record, the run has failed, or its meshes are not the meshes of `layout`.
     """
     if run is None:
-        return parameters.check("phase", phase or 0.0, Angle), None
+        phase = 0.0 if phase is None else phase
+        return parameters.check("phase", phase, Angle), None
     if "mesh" not in run.coords or not run.mesh.equals(layout.mesh):
         raise ValueError("mesh of the run is not allowed: its meshes must be those of the train")
     if int(run.status):
         raise ValueError(f"the run has no contacts to show: {run.status.attrs['message']}")
     if "phase" not in run.contact.dims:
         return float(run.reference_phase), run.contact.values
-    first, last = run.phase.values[[0, -1]]
-    allowed = f"from {first:.9g} to {last:.9g}"
-    phase = first if phase is None else parameters.check("phase", phase, Angle)
-    checks.require(first <= phase <= last, "phase", phase, allowed)
+    start, stop = run.phase.values[[0, -1]]
+    allowed = f"from {start:.9g} to {stop:.9g}"
+    phase = start if phase is None else parameters.check("phase", phase, Angle)
+    checks.require(start <= phase <= stop, "phase", phase, allowed)
     return phase, run.contact.sel(phase=phase, method="nearest").values
 
 
 @style.styled()
 def draw_beside(axes: Axes, train, run=None) -> Axes:
-    """Draw a `GearTrain` beside axes that fill a figure; return these axes.
+    """Draw a `GearTrain` on the right of axes that fill a figure; return these axes.
 
-    The contacts are those at the start of `run`, if given.
+    The figure becomes wider. If `run` is given and has not failed, the markers of the meshes show
+    their contact at its first recorded phase.
     """
     grid = axes.figure.add_gridspec(1, 2, width_ratios=(1.0 - _RELATIVE_WIDTH, _RELATIVE_WIDTH))
     axes.set_subplotspec(grid[0])
@@ -188,10 +208,11 @@ def draw_beside(axes: Axes, train, run=None) -> Axes:
 
 
 def draw_train(figure: Figure, data: xr.Dataset, colours=None, below=False) -> Figure | SubFigure:
-    """Draw the train of a dataset on the right of a figure, or below it; return the remaining area.
+    """Draw the train of a dataset in the right part of a figure; return the remaining area.
 
-    Nothing is drawn if `data` lacks the variables of `GearTrain.layout`. `colours` maps mesh names
-    to colours.
+    With `below` the figure becomes higher, and the train is drawn below the remaining area. Nothing
+    is drawn if `data` lacks the variables of `GearTrain.layout`. `colours` maps mesh names to
+    colours.
     """
     if "pitch_radius" not in data:
         return figure

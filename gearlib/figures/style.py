@@ -1,9 +1,9 @@
-"""Style of all figures, and their files: equal data give equal bytes.
+"""Style of all figures, and writing of their files: equal data give equal bytes.
 
-Colours are those of `gearlib.colours`. Curves also differ in marker and line style, for print in
-grey.
+Curves differ in colour (see `gearlib.colours`), and in marker and line style for print in grey.
 """
 
+import math
 import re
 import textwrap
 from contextlib import contextmanager
@@ -31,13 +31,13 @@ TUNING_LABEL, OWN_TUNING_LABEL = "tuning $\\nu_s$", "tuning $\\nu$"
 VELOCITY_LABEL = "$dy/d\\tau$ (static defl./rad)"
 DISPLACEMENT_LABEL = "$y$ (static defl.)"
 
-#: Dashes of limits and unstable orbits, and of the second of two curves.
+#: Dashes of limits and unstable orbits; dashes of the second of two curves.
 DASHED, LONG_DASHES = (0, (4, 1.5)), (0, (5, 1.5))
 
-#: Shades of the areas without drive-side contact; that area stays white.
+#: Shades of the areas without drive-side contact; the area of drive-side contact stays white.
 AREA_COLOURS = {"no contact": "#EBEBEB", "coast-side contact": "#CFCFCF"}
 
-#: Colours of curves that a figure names itself; `curve_styles` has those of categories.
+#: Colours for curves that a figure styles itself; `curve_styles` gives colours to categories.
 PALETTE = colours_of.PALETTE
 
 # The first four markers are those of the paper, in its order of the damping combinations.
@@ -69,18 +69,18 @@ _METADATA = {
     "svg": {"Date": None, "Creator": None},
 }
 
-#: Digits of a number that someone wrote down; computed numbers have more.
+#: Largest number of digits of numbers that a user wrote down; computed numbers have more.
 _GIVEN_DIGITS = 10
 
 #: Height of the line that names the gears, inches.
 _GEARS_LINE_HEIGHT = 0.14
-#: Number of characters of the name of the gears in an inch.
+#: Number of characters per inch of this line.
 _CHARACTERS_PER_INCH = 20.0
 
 #: Decimal places of positions relative to the figure size: a thousandth of a pixel.
 _POSITION_DIGITS = 6
 
-#: Smallest span of an axis over its largest magnitude: a smaller span would show only rounding.
+#: Smallest span of an axis over its largest magnitude: a smaller span would show rounding errors.
 MIN_RELATIVE_SPAN = 0.01
 
 _LENGTH_UNITS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm"))
@@ -106,70 +106,86 @@ def styled():
 
 
 def curve_styles(names, colours: dict | None = None) -> dict[Any, CurveStyle]:
-    """Return a dict with a `CurveStyle` (colour, line style, marker) for each curve name.
+    """Return a dict: name of each curve -> its `CurveStyle` (colour, line style, marker).
 
-    `colours` maps some of the names to colours; other curves have colours of their own, however
-    many there are, and never that of a kind of motion.
+    `colours` maps some of the names to colours. Each other curve gets its own colour, however many
+    there are, and never the colour of a kind of motion.
     """
-    given = colours or {}
-    others = colours_of.of_categories(given.values())
-    return {
-        name: CurveStyle(given[name] if name in given else next(others), line, marker)
-        for name, line, marker in zip(names, cycle(LINES), cycle(_MARKERS), strict=False)
-    }
+    colours = colours or {}
+    free_colours = colours_of.of_categories(colours.values())
+    styles = {}
+    for name, line, marker in zip(names, cycle(LINES), cycle(_MARKERS), strict=False):
+        colour = colours[name] if name in colours else next(free_colours)
+        styles[name] = CurveStyle(colour, line, marker)
+    return styles
 
 
 def typeset_dampings(name: str) -> str:
-    """Return a text with the symbols of damping models, k1 and k1m, as math."""
+    """Return a text with the symbols of damping models, k1 and k1m, typeset as LaTeX math."""
     return re.sub(r"\bk1(m?)\b", lambda match: f"$k_{{1{match[1]}}}$", name).replace("+", " + ")
 
 
 def is_given(number: float) -> bool:
-    """Return whether a number was given as it is: with few digits, unlike a computed one."""
+    """Return whether a number looks as if a user wrote it: few digits, unlike computed numbers."""
     return float(f"{number:.{_GIVEN_DIGITS}g}") == number
 
 
 def number_texts(numbers: ArrayLike, digits=6, form="g", decimals=0) -> list[str]:
-    """Return the texts of numbers, which differ where the numbers do.
+    """Return numbers as texts, with enough digits that different numbers have different texts.
 
-    Numbers that were given have all their digits, and at least so many `decimals`. Computed ones
-    have so many `digits`, after the point if the `form` is "f", or more if others would read the
-    same. Numbers that agree in the digits of a given one count as equal.
+    A number that a user wrote, see `is_given`, has all its digits, and at least `decimals` digits
+    after the point. A computed number is formatted with `digits` and the format character `form`,
+    "g" or "f", or with more digits if texts would be equal. Numbers that agree in ten significant
+    digits count as equal.
     """
     numbers = np.ravel(numbers).tolist()
-    given = [f"{number:.{_GIVEN_DIGITS}g}" for number in numbers]
-    for count in range(digits, _GIVEN_DIGITS + 1):
-        texts = [
-            _with_decimals(text, decimals) if is_given(number) else f"{number:.{count}{form}}"
-            for number, text in zip(numbers, given, strict=True)
-        ]
-        if len({*texts}) == len({*given}):
+    full_texts = [f"{number:.{_GIVEN_DIGITS}g}" for number in numbers]
+    for digit_count in range(digits, _GIVEN_DIGITS + 1):
+        texts = []
+        for number, full_text in zip(numbers, full_texts, strict=True):
+            if is_given(number):
+                texts.append(_with_decimals(full_text, decimals))
+            else:
+                texts.append(f"{number:.{digit_count}{form}}")
+        if len({*texts}) == len({*full_texts}):
             break
     return texts
 
 
 def _with_decimals(text: str, decimals: int) -> str:
-    """Return the text of a number with at least so many decimals."""
+    """Return the text of a number, extended by zeros to at least `decimals` decimal places.
+
+    Texts with an exponent, and "inf" and "nan", are returned unchanged.
+    """
     whole, _, fraction = text.partition(".")
-    if not decimals or re.search("[a-z]", text):  # with an exponent, or infinite
+    if not decimals or re.search("[a-z]", text):
         return text
     return f"{whole}.{fraction:0<{decimals}}"
 
 
 def length_unit(length: float) -> tuple[float, str]:
-    """Return the most readable unit of a length in m: its size in m and its name (m to nm)."""
-    return next(((size, name) for size, name in _LENGTH_UNITS if length >= size), _LENGTH_UNITS[-1])
+    """Return the most readable unit for a length in m, "m" to "nm", as (size in m, name)."""
+    for size, name in _LENGTH_UNITS:
+        if length >= size:
+            return size, name
+    return _LENGTH_UNITS[-1]
 
 
 def readable_unit(unit: str, *values: ArrayLike) -> tuple[float, str]:
-    """Return (size, name) of the most readable unit for values: m to nm, or `unit` if not m."""
+    """Return the most readable unit for arrays of values in `unit`, as (size in `unit`, name).
+
+    Only m is replaced, by a unit from m to nm that suits the largest magnitude.
+    """
     if unit != "m":
         return 1.0, unit
     return length_unit(max(float(np.nanmax(np.abs(array), initial=0.0)) for array in values))
 
 
 def draw_solid_and_dotted(axes: Axes, x: ArrayLike, y: ArrayLike, is_dotted, **options):
-    """Draw y over x, dotted where the mask `is_dotted` is true; `options` are for `Axes.plot`."""
+    """Draw y over x, dotted where the mask `is_dotted` is true.
+
+    `options` are passed to `Axes.plot`; only one of both lines gets the label.
+    """
     for mask, dashes in ((~is_dotted, "-"), (is_dotted, ":")):
         if mask.any():
             axes.plot(x, np.where(mask, y, np.nan), linestyle=dashes, **options)
@@ -179,15 +195,16 @@ def draw_solid_and_dotted(axes: Axes, x: ArrayLike, y: ArrayLike, is_dotted, **o
 def shade_lost_contact(axes: Axes, backlash: float, direction: str) -> dict[str, tuple]:
     """Shade the displacements without drive-side contact; return the visible ranges by area.
 
-    The ranges, (lower, upper), have the keys "drive-side contact", "no contact" and "coast-side
-    contact". `direction` is the axis of displacement, "x" or "y",
-    whose limits must be set; `backlash` is in static deflections and may be infinite.
+    The keys of the returned dict are "drive-side contact", "no contact" and "coast-side contact" as
+    far as visible, its values ranges (lower, upper) of displacement. `direction` is the axis of
+    displacement, "x" or "y", whose limits must be set; `backlash` is in static deflections and may
+    be infinite.
     """
     lower, upper = sorted(axes.get_ylim() if direction == "y" else axes.get_xlim())
+    # Drive-side contact is above 0, coast-side contact below -backlash.
     edges = np.clip([upper, 0.0, -backlash, lower], lower, upper)
-    areas = zip(
-        ("drive-side contact", "no contact", "coast-side contact"), edges[1:], edges, strict=False
-    )
+    names = ("drive-side contact", "no contact", "coast-side contact")
+    areas = zip(names, edges[1:], edges[:-1], strict=True)
     visible_areas = {name: (start, end) for name, start, end in areas if start < end}
     shade = axes.axhspan if direction == "y" else axes.axvspan
     for name, colour in AREA_COLOURS.items():
@@ -199,19 +216,23 @@ def shade_lost_contact(axes: Axes, backlash: float, direction: str) -> dict[str,
 def second_scale(axes: Axes, factor: float, label: str, side="top", position: float | None = None):
     """Add a labelled scale on the "top" or "right" side, which shows axis values times `factor`.
 
-    `position` is in axes coordinates, by default 1 (on the frame).
+    `position` is in axes coordinates; by default the scale is on the frame.
     """
-    scaled = (lambda value: value * factor), (lambda value: value / factor)
+    forward_and_inverse = (lambda value: value * factor), (lambda value: value / factor)
+    location = position or side
     if side == "top":
-        axes.secondary_xaxis(position or side, functions=scaled).set_xlabel(label)
+        axes.secondary_xaxis(location, functions=forward_and_inverse).set_xlabel(label)
     else:
-        axes.secondary_yaxis(position or side, functions=scaled).set_ylabel(label)
+        axes.secondary_yaxis(location, functions=forward_and_inverse).set_ylabel(label)
 
 
 def length_scale(axes: Axes, deflection: float, label: str, side="right"):
-    """Add a scale in m, mm, µm or nm to an axis in static deflections of `deflection` m."""
-    size, unit = length_unit(deflection)
-    second_scale(axes, deflection / size, f"{label} ({unit})", side)
+    """Add a scale in m, mm, µm or nm to an axis in static deflections.
+
+    `deflection` is the static deflection, m. The unit is appended to the `label`.
+    """
+    unit_size, unit = length_unit(deflection)
+    second_scale(axes, deflection / unit_size, f"{label} ({unit})", side)
 
 
 def page_figure(height: float, relative_width=1.0) -> Figure:
@@ -220,9 +241,9 @@ def page_figure(height: float, relative_width=1.0) -> Figure:
 
 
 def panel_figure(count: int, height: float, max_columns=2) -> tuple[Figure, list[Axes]]:
-    """Return a figure and the list of its `count` axes, each `height` inches high."""
+    """Return a figure with `count` axes, each `height` inches high, and the list of these axes."""
     columns = min(count, max_columns)
-    rows = -(-count // columns)
+    rows = math.ceil(count / columns)
     figure = page_figure(height * rows, columns / max_columns)
     return figure, [figure.add_subplot(rows, columns, i + 1) for i in range(count)]
 
@@ -243,27 +264,33 @@ def legend(figure: FigureBase, handles: list | Axes, columns: int, side="lower",
 
 
 def draw_code_map(axes: Axes, x: ArrayLike, y: ArrayLike, codes: np.ndarray, colours: list[str]):
-    """Draw integer codes 0, 1, ..., shape (y, x), as a coloured map; `colours` has one per code."""
+    """Draw integer codes 0, 1, ... over x and y as a map; `colours` has the colour of each code.
+
+    `codes` has the shape (y.size, x.size).
+    """
     options = {"cmap": ListedColormap(colours), "shading": "nearest", "rasterized": True}
     norm = BoundaryNorm(np.arange(-0.5, len(colours)), len(colours))
     axes.pcolormesh(x, y, codes, norm=norm, **options)
 
 
 def draw_markers(axes: Axes, x: ArrayLike, y: ArrayLike, marker, colour, size, **options):
-    """Draw markers without a line; `size` is in points, `options` are those of `Axes.plot`."""
+    """Draw markers without a line; `size` is in points, `options` are passed to `Axes.plot`."""
     axes.plot(x, y, linestyle="none", marker=marker, color=colour, markersize=size, **options)
 
 
 def white_box(padding: float, opacity: float | None = None) -> dict:
-    """Return the `bbox` of a text on white; the padding is relative to the text height."""
+    """Return the argument `bbox` of a text in a white box; `padding` is in text heights.
+
+    `opacity` is from 0 to 1, by default 1.
+    """
     return {"boxstyle": f"round,pad={padding}", "facecolor": "white", "lw": 0, "alpha": opacity}
 
 
 def annotate(axes, text, point, offset=None, anchor="left center", coords="data", **options):
-    """Write a small text at a point, or with an `offset` (x, y) from it in printer's points.
+    """Write a small text at `point`, or at an `offset` (x, y) from it in points of 1/72 inch.
 
-    `anchor` is "horizontal vertical", the alignment; `coords` are the coordinates of the point, as
-    `xycoords` of `Axes.annotate`.
+    `anchor` is the horizontal and vertical alignment, such as "left center". `coords` is the
+    argument `xycoords` of `Axes.annotate`, to which other `options` are passed.
     """
     ha, va = anchor.split()
     if offset:
@@ -274,8 +301,9 @@ def annotate(axes, text, point, offset=None, anchor="left center", coords="data"
 def limits(*values: ArrayLike, margin=0.05) -> tuple[float, float]:
     """Return axis limits (lower, upper) around the finite values of arrays.
 
-    `margin` is the space on either side, relative to the span, which is at least
-    `MIN_RELATIVE_SPAN` times the largest magnitude. Without nonzero finite values return (-1, 1).
+    `margin` is the space on either side, relative to the span of the values. The span counts as at
+    least `MIN_RELATIVE_SPAN` times the largest magnitude. Without nonzero finite values the limits
+    are (-1, 1).
     """
     finite_values = np.concatenate([np.ravel(array) for array in values])
     finite_values = finite_values[np.isfinite(finite_values)]
@@ -297,9 +325,9 @@ def _widen_limits(axes: Axes):
 
 
 def note_absent(figure: Figure, methods: list[str]):
-    """Write above a figure which methods are left out because their packages are not installed.
+    """Write above a figure which `methods` it lacks because their packages are not installed.
 
-    The command `make peers` installs the other ("peer") simulation packages.
+    The command `make peers`, which the note names, installs these packages.
     """
     if methods:
         text = f"not installed, left out: {', '.join(methods)} (make peers)"
@@ -308,24 +336,25 @@ def note_absent(figure: Figure, methods: list[str]):
 
 
 def name_gears(figure: Figure, name: str):
-    """Write the name of the gears in lines below a figure, which becomes higher by them."""
+    """Write the name of the gears below a figure, whose height grows by these lines."""
     width, height = figure.get_size_inches()
     lines = textwrap.wrap(name, int(_CHARACTERS_PER_INCH * width)) or [""]
-    added = _GEARS_LINE_HEIGHT * (1.0 + 0.6 * (len(lines) - 1))
-    figure.set_size_inches(width, height + added)
-    bottom = added / (height + added)
+    added_height = _GEARS_LINE_HEIGHT * (1.0 + 0.6 * (len(lines) - 1))
+    figure.set_size_inches(width, height + added_height)
+    relative_height = added_height / (height + added_height)
     if figure.get_layout_engine() is None:
         figure.set_layout_engine("constrained")
-    figure.get_layout_engine().set(rect=(0.0, bottom, 1.0, 1.0 - bottom))  # type: ignore[call-arg]
+    figure.get_layout_engine().set(rect=(0.0, relative_height, 1.0, 1.0 - relative_height))  # type: ignore[call-arg]
     options = {"fontsize": 6, "color": "#707070", "ha": "left", "va": "bottom"}
-    offset = 0.2 * _GEARS_LINE_HEIGHT / (height + added)
+    offset = 0.2 * _GEARS_LINE_HEIGHT / (height + added_height)
     figure.text(0.01, offset, "\n".join(lines), in_layout=False, **options)
 
 
 def _freeze(figure: Figure):
-    """Run the layout of a figure once and fix all positions, rounded to reproduce its files.
+    """Run the layout of a figure once, and fix all positions with rounded values.
 
-    The last digits of the constraint solver differ between processes and would change some pixels.
+    The last digits of the layout's solver differ between processes; without rounding they would
+    change some pixels of the files.
     """
     for axes in figure.axes:
         _widen_limits(axes)
@@ -334,8 +363,9 @@ def _freeze(figure: Figure):
     figure.draw_without_rendering()
     # Legends must stay above the line that `name_gears` writes below the layout rectangle.
     rectangle = figure.get_layout_engine().get()["rect"]
-    for legend_box in figure.legends if rectangle[1] else ():
-        legend_box.set_bbox_to_anchor(rectangle, transform=figure.transSubfigure)
+    if rectangle[1]:
+        for legend_box in figure.legends:
+            legend_box.set_bbox_to_anchor(rectangle, transform=figure.transSubfigure)
     # With "none" instead of None, matplotlib would draw every file twice.
     figure.set_layout_engine(None)
     for axes in figure.axes:
@@ -346,7 +376,10 @@ def _freeze(figure: Figure):
 
 
 def save(figure: Figure, path: str | Path):
-    """Write a figure to `path`, a .png, .pdf or .svg file (else ValueError), in one atomic step."""
+    """Write a figure to a .png, .pdf or .svg file in one atomic step.
+
+    Raise ValueError if `path` has another suffix.
+    """
     path = Path(path)
     file_format = path.suffix.removeprefix(".")
     if file_format not in _METADATA:

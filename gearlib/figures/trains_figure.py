@@ -1,9 +1,9 @@
 """Gear trains over speed: all their meshes, and the Campbell diagram.
 
-Figures of meshes show dynamic factors, load sharing and time in contact. Lines are medians over all
-initial states and shades their range; markers are sweeps up and down. Curves of meshes with equal
-motion overlap. The lowest row shows the fraction of the initial states whose motion settles, and of
-those that reach the same motion.
+Figures of meshes show force ratios, load sharing and contact loss. Lines show medians over all
+initial states, shades their range, markers sweeps up and down. Curves of meshes with equal motion
+overlap. The lowest row shows the fraction of the initial states whose motion settles, and the
+fraction that reaches the most frequent orbit.
 
 The Campbell diagram shows natural frequencies, orders of the mesh frequencies, and speeds at which
 contact is lost.
@@ -32,7 +32,7 @@ _MARKERS_ONLY = {"line": "none", "markersize": 3}
 
 @style.styled()
 def draw_sweep(curves: xr.Dataset):
-    """Return a figure of the force ratios and contact of all meshes of a train over speed.
+    """Return a figure of force ratios and contact loss of all meshes of a train over the speed.
 
     `curves` is a result of `gearlib.studies.trains.over_speed`.
     """
@@ -51,28 +51,27 @@ def draw_sweep(curves: xr.Dataset):
 
 @style.styled()
 def draw_reducer(characteristics: xr.Dataset):
-    """Return a figure of force ratios and load sharing of a reducer, a column for each case.
+    """Return a figure of force ratios and load sharing of a reducer, with a column for each case.
 
     `characteristics` is a result of `gearlib.studies.trains.reducer`.
     """
     figure = style.page_figure(height=6.8)
     meshes, mesh_branches = characteristics.mesh.values, characteristics.mesh_branch.values
-    branches = dict(zip(meshes, mesh_branches, strict=True))
+    branch_of = dict(zip(meshes, mesh_branches, strict=True))
     branch_styles = style.curve_styles(characteristics.branch.values.tolist())
-    colours = {mesh: branch_styles[int(branch)].colour for mesh, branch in branches.items()}
+    colours = {mesh: branch_styles[int(branch)].colour for mesh, branch in branch_of.items()}
     remaining = schematic.draw_train(figure, characteristics, colours, below=True)
-    stages = {
-        stage: _with_decreasing_widths(
-            {
-                mesh: {"color": colours[mesh], "label": f"branch {branches[mesh]}, from rest"}
-                for mesh in meshes[characteristics.mesh_stage.values == stage]
-            }
-        )
-        for stage in (1, 2)
-    }
+    stage_styles = {}
+    for stage in (1, 2):
+        styles = {
+            mesh: {"color": colours[mesh], "label": f"branch {branch_of[mesh]}, from rest"}
+            for mesh in meshes[characteristics.mesh_stage.values == stage]
+        }
+        stage_styles[stage] = _with_decreasing_widths(styles)
     rows = [
-        (name, stages[i])
-        for name, i in (("peak_force_ratio", 1), ("peak_force_ratio", 2), ("load_sharing", 1))
+        ("peak_force_ratio", stage_styles[1]),
+        ("peak_force_ratio", stage_styles[2]),
+        ("load_sharing", stage_styles[1]),
     ]
     cases = [characteristics.sel(case=case) for case in characteristics.case.values]
     grid = _draw_columns(remaining, cases, "tuning", rows)
@@ -84,7 +83,7 @@ def draw_reducer(characteristics: xr.Dataset):
         column[-1].set_xlabel("tuning of the pair alone $\\nu$")
         speed_per_tuning = float(characteristics.speed[-1] / characteristics.tuning[-1])
         style.second_scale(column[0], speed_per_tuning, "speed of the input (rpm)")
-    handles = panels.legend_entries(stages[1]) + _common_entries()
+    handles = panels.legend_entries(stage_styles[1]) + _common_entries()
     for _, marker, label in _SINGLE_BRANCH_MARKERS.values():
         handles.append(style.legend_entry(label, marker=marker, **_MARKERS_ONLY))
     style.legend(figure, handles, columns=4, fontsize=6.5)
@@ -92,7 +91,10 @@ def draw_reducer(characteristics: xr.Dataset):
 
 
 def _with_decreasing_widths(styles: dict[str, dict]) -> dict[str, dict]:
-    """Add decreasing line widths to the plot options of curves, in place, and return them."""
+    """Add decreasing line widths to the plot options of curves in place; return the options.
+
+    Curves that overlap are then all visible. `styles` maps curves to options of `Axes.plot`.
+    """
     for options, width in zip(styles.values(), np.linspace(3.0, 0.8, len(styles)), strict=True):
         options |= {"linestyle": "-", "linewidth": width}
     return styles
@@ -104,22 +106,23 @@ def _common_entries() -> list:
     A marker shows where a sweep up or down lies outside the range over all initial states.
     """
     options = {"mfc": "none", **_MARKERS_ONLY}
-    return [
-        *(
-            style.legend_entry(f"speed {direction}, where it differs", marker=marker, **options)
-            for direction, marker in _SWEPT_MARKERS.items()
-        ),
-        Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"),
-        Patch(color="0.8", label="share of the starts that settle"),
-        style.legend_entry("on one orbit", style.PALETTE[0], linewidth=0.9),
-    ]
+    handles = []
+    for direction, marker in _SWEPT_MARKERS.items():
+        label = f"speed {direction}, where it differs"
+        handles.append(style.legend_entry(label, marker=marker, **options))
+    handles.append(Patch(color="0.6", alpha=0.4, linewidth=0, label="range of all starts"))
+    handles.append(Patch(color="0.8", label="share of the starts that settle"))
+    handles.append(style.legend_entry("on one orbit", style.PALETTE[0], linewidth=0.9))
+    return handles
 
 
 def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -> np.ndarray:
-    """Draw a column of panels for each case over the variable `x`; return the grid of axes.
+    """Draw a column of panels for each case; return the array of axes.
 
-    `rows` has (variable name, plot options by mesh name) for each row. The last row of panels shows
-    the shares of initial states whose motion settles, and that reach the most frequent orbit.
+    `x` is the name of the variable on the horizontal axes, "speed" or "tuning". `rows` has a pair
+    for each row: a variable name, and a dict with the plot options of each mesh. The additional
+    last row shows the share of initial states whose motion settles, and the share that reaches the
+    most frequent orbit.
     """
     height_ratios = [1.0] * len(rows) + [_SHARE_HEIGHT_RATIO]
     options = {"sharex": True, "sharey": "row", "squeeze": False, "height_ratios": height_ratios}
@@ -140,9 +143,10 @@ def _draw_columns(figure: Figure, cases: list[xr.Dataset], x: str, rows: list) -
 
 
 def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, dict]):
-    """Draw the variable `name` of all meshes over `x`, from rest, with ranges over initial states.
+    """Draw the variable `name` of all meshes over the variable `x`, and ranges over initial states.
 
-    Markers show sweeps up and down where they differ. `styles` has plot options by mesh name.
+    Lines show motions from rest. Markers show sweeps up and down where they lie outside the range.
+    `styles` has the plot options of each mesh by name.
     """
     from_rest = case.sel(direction="cold")
     panels.draw_curves(axes, from_rest, x, name, colour="mesh", styles=styles)
@@ -153,10 +157,10 @@ def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, di
     for direction, marker in _SWEPT_MARKERS.items():
         values = case[name].sel(direction=direction)
         low, high = from_rest[f"{name}_low"], from_rest[f"{name}_high"]
-        distance = np.maximum(values - high, low - values)
-        differs = distance > SAME_MOTION_TOLERANCE * abs(from_rest[name])
+        excess = np.maximum(values - high, low - values)
+        is_outside = excess > SAME_MOTION_TOLERANCE * abs(from_rest[name])
         options = {"marker": marker, "linestyle": "none", "mfc": "none", "markersize": 2.2}
-        data = case[[x]].assign({name: values.where(differs)})
+        data = case[[x]].assign({name: values.where(is_outside)})
         panels.draw_curves(axes, data, x, name, colour="mesh", styles=styles, **options)
     axes.grid(linewidth=0.3, color="0.85")
 
@@ -164,8 +168,8 @@ def _draw_meshes(axes, case: xr.Dataset, x: str, name: str, styles: dict[str, di
 def _mark_single_branches(axes, case: xr.Dataset):
     """Mark tunings at which only one branch loses contact, or only one has coast-side contact.
 
-    The variables are the fractions of the initial states from which this holds for a branch; all of
-    them, stored under the direction "cold", must agree: a fraction of 1.
+    The variables of `case` are the fractions of initial states from which this happens in a branch,
+    stored under the direction "cold". A tuning is marked if the fraction is 1.
     """
     styles = style.curve_styles(case.branch.values.tolist())
     for name, (height, marker, _) in _SINGLE_BRANCH_MARKERS.items():
@@ -179,32 +183,32 @@ def _mark_single_branches(axes, case: xr.Dataset):
 
 _MODE_COLOURS = {"rotational": "#D55E00", "translational": "#56B4E9", "satellite": "#CC79A7"}
 _OTHER_MODE_COLOUR, _LOST_CONTACT_COLOUR = "0.5", "#F0E442"
-#: Whether the meshes excite an intersection -> its name, face colour and marker size.
+#: Whether the meshes excite the mode at an intersection -> name, face colour and marker size.
 _INTERSECTIONS = {True: ("excited", "black", 3.5), False: ("not excited", "white", 2.5)}
 
 
 @style.styled()
 def draw_campbell(diagram: xr.Dataset):
-    """Return a figure of frequencies over the speed of the reference pinion, beside the train.
+    """Return a Campbell diagram over the speed of the reference pinion, with the train beside it.
 
-    `diagram` is a result of `gearlib.studies.trains.campbell`; mesh_rate is the frequency of each
-    mesh over that of the reference mesh. Speeds at which a mesh loses contact in a sweep are marked
-    behind the line of its mesh frequency.
+    `diagram` is a result of `gearlib.studies.trains.campbell`; mesh_rate is the ratio of each mesh
+    frequency to the frequency of the reference mesh. Speeds at which a mesh loses contact in a
+    sweep are marked behind the line of its mesh frequency.
     """
     figure = style.page_figure(height=4.2)
     # `draw_train` draws the train and returns the rest of the figure.
     axes = schematic.draw_train(figure, diagram, colours={}).add_subplot()
     speed = diagram.speed.values
     handles = draw_orders(axes, diagram, speed[-1])
-    # The suffix "high": the largest fraction of time in contact over several initial states.
+    # The suffix "high" means the largest value over several initial states.
     loses_contact = diagram.contact_loss_fraction_high.max("direction") > FRACTION_TOLERANCE
     half_step = np.array([-0.5, 0.5]) * (speed[1] - speed[0])
-    for name in diagram.mesh.values:
-        relative_frequency = float(diagram.mesh_rate.sel(mesh=name))
-        for middle in speed[loses_contact.sel(mesh=name)]:
-            ends = middle + half_step
-            frequency = mesh_frequency_per_speed(diagram) * relative_frequency * ends
-            axes.plot(ends, frequency, color=_LOST_CONTACT_COLOUR, linewidth=5, zorder=0.5)
+    for mesh in diagram.mesh.values:
+        relative_frequency = float(diagram.mesh_rate.sel(mesh=mesh))
+        for centre in speed[loses_contact.sel(mesh=mesh)]:
+            speeds = centre + half_step
+            frequencies = mesh_frequency_per_speed(diagram) * relative_frequency * speeds
+            axes.plot(speeds, frequencies, color=_LOST_CONTACT_COLOUR, linewidth=5, zorder=0.5)
     axes.axvline(speed[0], color="0.6", linestyle=":", linewidth=0.8, zorder=0.4)
     style.second_scale(axes, float(diagram.tuning[-1]) / speed[-1], style.OWN_TUNING_LABEL)
     handles.append(style.legend_entry("sweeps begin", "0.6", ":", linewidth=0.8))
@@ -214,46 +218,48 @@ def draw_campbell(diagram: xr.Dataset):
 
 
 def mesh_frequency_per_speed(diagram: xr.Dataset) -> float:
-    """Return the frequency of the reference mesh over the speed of its pinion, kHz/rpm."""
+    """Return the frequency of the reference mesh at 1 rpm of its pinion, in kHz."""
     order = float(diagram.stiffness_order[0])
     return 1e-3 * float(diagram.natural_frequency[0] / diagram.critical_speed[0, 0]) / order
 
 
 def draw_orders(axes, diagram: xr.Dataset, stop: float) -> list:
-    """Draw natural frequencies, mesh orders and intersections up to the speed `stop` (rpm).
+    """Draw natural frequencies, mesh orders and their intersections; return legend handles.
 
-    Return the legend handles. `diagram` is a result of `gearlib.studies.trains.campbell`; multiples
-    of mesh frequencies are dashed. An order is a frequency over that of the reference mesh.
+    `diagram` is a result of `gearlib.studies.trains.campbell` or `GearTrain.campbell`; `stop` is
+    the upper limit of the speed, rpm. An order is the ratio of a frequency to the frequency of the
+    reference mesh. Multiples of mesh frequencies are dashed.
     """
-    per_speed = mesh_frequency_per_speed(diagram)
+    frequency_per_speed = mesh_frequency_per_speed(diagram)
     natural_frequencies = 1e-3 * diagram.natural_frequency.values
     colours = {str(kind): _OTHER_MODE_COLOUR for kind in diagram.mode_kind.values} | _MODE_COLOURS
-    top = 1.05 * natural_frequencies.max()
+    max_frequency = 1.05 * natural_frequencies.max()
     for frequency, kind in zip(natural_frequencies, diagram.mode_kind.values, strict=True):
         axes.axhline(frequency, color=colours[str(kind)], linewidth=0.7, zorder=1)
-    # Without the orders of the meshes, no order of the stiffness is known to be a multiple.
+    # Where the orders of the meshes are not known, all lines are solid.
     mesh_orders = diagram.get("mesh_rate", diagram.stiffness_order).values
     orders = diagram.stiffness_order.values
     for order, text in zip(orders, style.number_texts(orders, digits=3), strict=True):
-        # The line ends at the right or at the upper limit of the axes: (speed, frequency).
-        end = min(stop, top / (per_speed * order)) * np.array([1.0, per_speed * order])
+        # The line ends at the right or at the upper limit of the axes.
+        slope = frequency_per_speed * order
+        end = min(stop, max_frequency / slope) * np.array([1.0, slope])  # (speed, frequency)
         dashes = "-" if order in mesh_orders else "--"
         axes.plot([0.0, end[0]], [0.0, end[1]], dashes, color="0.3", linewidth=0.8)
         box = style.white_box(padding=0.15)
         style.annotate(axes, text, 0.97 * end, anchor="center center", bbox=box)
-    for is_excited, (_, face, size) in _INTERSECTIONS.items():
+    for is_excited, (_, face_colour, marker_size) in _INTERSECTIONS.items():
         mask = diagram.excites.values == is_excited
         x = diagram.critical_speed.values[mask]
         y = np.broadcast_to(natural_frequencies, mask.shape)[mask]
-        options = {"markerfacecolor": face, "markeredgewidth": 0.5, "zorder": 3}
-        style.draw_markers(axes, x, y, "o", "black", size, **options)
-    axes.set(xlim=(0.0, stop), ylim=(0.0, top))
+        options = {"markerfacecolor": face_colour, "markeredgewidth": 0.5, "zorder": 3}
+        style.draw_markers(axes, x, y, "o", "black", marker_size, **options)
+    axes.set(xlim=(0.0, stop), ylim=(0.0, max_frequency))
     axes.set(xlabel="speed of the reference pinion (rpm)", ylabel="frequency (kHz)")
     kinds = dict.fromkeys(map(str, diagram.mode_kind.values))
     handles = [style.legend_entry(f"{kind} mode", colours[kind]) for kind in kinds]
     handles.append(style.legend_entry("mesh frequency", "0.3", linewidth=0.8))
     handles.append(style.legend_entry("its multiple", "0.3", "--", linewidth=0.8))
-    for name, face, size in _INTERSECTIONS.values():
-        options = {"marker": "o", "markerfacecolor": face, "markersize": size}
+    for name, face_colour, marker_size in _INTERSECTIONS.values():
+        options = {"marker": "o", "markerfacecolor": face_colour, "markersize": marker_size}
         handles.append(style.legend_entry(name, line="none", **options))
     return handles

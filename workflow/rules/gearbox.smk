@@ -143,7 +143,7 @@ use rule _draw as draw_gearbox_run_up with:
     pathvars:
         job="draw_gearbox_run_up_{number}",
     input:
-        found="results/gearbox/run_up_{number}.nc",
+        spectrogram="results/gearbox/run_up_{number}.nc",
         frequencies="results/gearbox/box_{number}.nc",
         sources=sources_of("draw", "figures.gearbox_figure"),
     output:
