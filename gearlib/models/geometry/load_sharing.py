@@ -1,22 +1,22 @@
 """Load sharing of the pairs of teeth in mesh: gaps, compliances and exact equilibrium.
 
-With the displacement x along the line of action, the forces F_i of the pairs and their gaps g_i,
+The displacement x along the line of action, the forces F_i of the pairs and their gaps g_i satisfy
 
     x - g_i = sum_j Q_ij F_j  and  F_i > 0   of pairs that touch,
     x - g_i <= sum_j Q_ij F_j  and  F_i = 0  of the others,        sum F_i = F.
 
 Without common bodies Q is diagonal and a pair carries c_i max(x - g_i, 0). Q is positive definite,
 so exactly one set of touching pairs satisfies all conditions at each phase and load. All sets are
-solved at once, without iteration, and the set that satisfies the conditions is taken.
+solved without iteration, and the set that satisfies the conditions is taken.
 
 Without corner contact, pairs touch only on the path of contact. With corner contact, the corner of
-a tip also touches the mating flank before the start and behind the end of the path, with the gap of
-`corner_gap` and the compliance at the end of the path, so that no force jumps.
+a tip also touches the mating flank before the start and behind the end of the path. Its gap is
+`corner_gap` and its compliance is constant beyond each end of the path, so that no force jumps.
 
 The pairs of a helical gear are averages over transverse slices of the face, linearized at the
 displacement under a load. Each slice is a spur gear that meshes a little later than the slice
-before. Between two of the `FaceSlices.lines` phases all slices move on by the same whole number, so
-that the stiffness has no steps.
+before. The phases are chosen such that from one to the next a whole number of slices comes into
+mesh, so that the stiffness has no steps.
 
 Sources: Harris, Proc. Inst. Mech. Eng. 172 (1958) 87-112; Q by the energy method.
 """
@@ -73,7 +73,7 @@ class LoadSharing:
 
 @dataclass(frozen=True)
 class ToothPairs:
-    """At most k pairs of teeth in mesh at m phases; pair 0 is the last that came into mesh."""
+    """At most k pairs of teeth in mesh at m phases; pair 0 is the one that came into mesh last."""
 
     pitches: np.ndarray  #: base pitches since pair 0 of the first mesh period, shape (m,)
     position: np.ndarray  #: on the path of contact in the middle of the face, m, shape (m, k)
@@ -83,13 +83,15 @@ class ToothPairs:
     smallest_gap: np.ndarray  #: smallest gap of all pairs, mean over the face, m, shape (m,)
 
     def at_phases(self, phase_indices: np.ndarray) -> "ToothPairs":
-        """Return the pairs of teeth at the phases with these indices, shape (j,)."""
-        return ToothPairs(*(getattr(self, field.name)[phase_indices] for field in fields(self)))
+        """Return the pairs of teeth at j of the phases, given by their indices, shape (j,)."""
+        arrays = [getattr(self, field.name)[phase_indices] for field in fields(self)]
+        return ToothPairs(*arrays)
 
     def force_coefficients(self, pair_indices, phase_indices=slice(None)):
-        """Return the coefficients (stiffness, offset) of the forces of p pairs at m phases, (m, p).
+        """Return the coefficients (stiffness, offset) of the forces if only these pairs touch.
 
-        The forces at a displacement x are stiffness * x - offset if only these pairs touch.
+        Both have the shape (m, p) for p pairs, given by their indices, at m phases, by default all
+        phases. The forces at a displacement x in m are stiffness * x - offset, in N.
         """
         compliance = self.compliance[phase_indices][:, pair_indices][:, :, pair_indices]
         inverse = np.linalg.inv(compliance)
@@ -99,36 +101,41 @@ class ToothPairs:
     def forces_under_loads(self, loads: ArrayLike) -> LoadSharing:
         """Return the equilibrium of all pairs at each phase under n loads >= 0 in N, shape (n,)."""
         loads = np.asarray(loads, float)[:, None]
-        return self._solve_contact(
-            lambda _, stiffness, offset: (loads + offset.sum(-1)) / stiffness.sum(-1),
-            load_count=len(loads),
-            min_touching_pairs=1,
-        )
+
+        def displacements(_, stiffness, offset):
+            # The forces stiffness * x - offset of the touching pairs add up to the load.
+            return (loads + offset.sum(-1)) / stiffness.sum(-1)
+
+        return self._solve_contact(displacements, load_count=len(loads), min_touching_pairs=1)
 
     def forces_at_displacement(self, displacement: np.ndarray) -> LoadSharing:
-        """Return the forces at a displacement in m for each phase, shape (m,), as for one load."""
-        return self._solve_contact(
-            lambda phase_indices, *_: displacement[None, phase_indices],
-            load_count=1,
-            min_touching_pairs=0,
-        )
+        """Return the forces at a given displacement in m for each phase, shape (m,).
+
+        The axis of the loads in the result has the length 1.
+        """
+
+        def displacements(phase_indices, *_):
+            return displacement[None, phase_indices]
+
+        return self._solve_contact(displacements, load_count=1, min_touching_pairs=0)
 
     def _solve_contact(self, displacements, load_count, min_touching_pairs) -> LoadSharing:
         """Return the forces of all pairs at each phase that satisfy the contact conditions.
 
-        Each set of at least `min_touching_pairs` pairs is tried, and the one that violates the
-        conditions least is taken. `displacements` is a function of the indices of j phases and of
-        the coefficients (stiffness, offset) of the forces there, and returns the displacements in
-        m, shape (load_count, j).
+        Each set of at least `min_touching_pairs` touching pairs is tried, and the set that violates
+        the conditions least is taken. The function `displacements` takes the indices of j phases
+        and the force coefficients stiffness and offset of a set at these phases, (j, pairs) each;
+        it returns the displacements in m, shape (load_count, j).
         """
         m, k = self.gap.shape
         displacement, min_violation = np.zeros((load_count, m)), np.full((load_count, m), math.inf)
         force, stiffness = np.zeros((load_count, m, k)), np.zeros((load_count, m, k))
         touching = np.zeros((load_count, m, k), bool)
         diagonal = np.einsum("mii->mi", self.compliance)
-        sizes = range(min_touching_pairs, k + 1)
-        combinations = (itertools.combinations(range(k), size) for size in sizes)
-        for pairs in map(list, itertools.chain.from_iterable(combinations)):
+        sets_of_pairs = []
+        for pair_count in range(min_touching_pairs, k + 1):
+            sets_of_pairs += [list(pairs) for pairs in itertools.combinations(range(k), pair_count)]
+        for pairs in sets_of_pairs:
             indices = np.flatnonzero(self.can_touch[:, pairs].all(-1))
             if not indices.size:
                 continue
@@ -136,7 +143,8 @@ class ToothPairs:
             x = displacements(indices, pair_stiffness, offset)
             forces = np.zeros((load_count, indices.size, k))
             forces[..., pairs] = pair_stiffness * x[..., None] - offset
-            # In equilibrium touching pairs do not pull, and the others do not overlap.
+            # In equilibrium, touching pairs do not pull and the others do not overlap. Both
+            # violations are lengths in m.
             violation = x[..., None] - self.gap[indices]
             violation = violation - _deflections(self.compliance[indices], forces)
             violation[..., pairs] = -(diagonal[indices] * forces)[..., pairs]
@@ -144,8 +152,10 @@ class ToothPairs:
             better = max_violation < min_violation[:, indices]
             load_indices, columns = np.nonzero(better)
             improved = load_indices, indices[columns]
-            min_violation[improved], displacement[improved] = max_violation[better], x[better]
-            force[improved], touching[improved] = forces[better], [i in pairs for i in range(k)]
+            min_violation[improved] = max_violation[better]
+            displacement[improved] = x[better]
+            force[improved] = forces[better]
+            touching[improved] = [i in pairs for i in range(k)]
             stiffnesses = np.zeros((indices.size, k))
             stiffnesses[:, pairs] = pair_stiffness
             stiffness[improved] = stiffnesses[columns]
@@ -154,8 +164,8 @@ class ToothPairs:
     def overlap(self, equilibrium: LoadSharing) -> np.ndarray:
         """Return the overlap that the flanks of each pair would have without its force, (n, m, k).
 
-        It is in m and > 0 for touching pairs; for others it is minus the distance of the flanks.
-        `equilibrium` is that of these pairs under n loads.
+        It is in m: positive for touching pairs, and minus the distance of the flanks for others.
+        `equilibrium` is the equilibrium of these pairs under n loads.
         """
         force, touching = equilibrium.force, equilibrium.touching
         diagonal = np.einsum("mii->mi", self.compliance)
@@ -167,25 +177,25 @@ class ToothPairs:
 
 
 def _deflections(compliance: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Return compliance matrices (..., k, k) times forces (..., k): deflections, (..., k)."""
+    """Return the deflections in m, (..., k), by compliances (..., k, k) and forces (..., k)."""
     return np.einsum("...ij,...j->...i", compliance, forces)
 
 
-def tooth_pairs(mesh, phases, *, pitch_errors=None, **options) -> ToothPairs:
+def tooth_pairs(stage, phases, *, pitch_errors=None, **options) -> ToothPairs:
     """Return the pairs of teeth in mesh at equally spaced phases, starting at mesh phase 0.
 
-    `phases` is the number of phases in each mesh period. There are as many mesh periods as pitch
-    errors in m, by default those of the gears. Further options are those of `pairs_at`.
+    `phases` is the number of phases in each mesh period. There are as many mesh periods as
+    `pitch_errors`, in m, by default those of the gears. `options` are passed to `pairs_at`.
     """
     # The mesh phase is 0 in the middle of the segment with the most pairs.
-    start = (mesh.contact_ratio - math.floor(mesh.contact_ratio)) / 2.0
-    pitch_errors = checked_errors(mesh, pitch_errors)
+    start = (stage.contact_ratio - math.floor(stage.contact_ratio)) / 2.0
+    pitch_errors = checked_errors(stage, pitch_errors)
     pitches = start + np.arange(pitch_errors.size * phases) / phases
-    return pairs_at(mesh, pitches, pitch_errors=pitch_errors, **options)
+    return pairs_at(stage, pitches, pitch_errors=pitch_errors, **options)
 
 
 class Options(NamedTuple):
-    """Options of pairs of teeth; the first five are those of `GearStage.transmission_error`."""
+    """Options of `pairs_at`; `GearStage.transmission_error` describes the first five."""
 
     stiffness: Any = "energy"
     coupling: float | None = None
@@ -197,61 +207,61 @@ class Options(NamedTuple):
     intervals: int | None = None  #: equal intervals of a base pitch, see `FaceSlices`
 
 
-def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -> ToothPairs:
+def pairs_at(stage, pitches, selection_pitches=None, can_touch=None, **options) -> ToothPairs:
     """Return the k pairs of teeth in mesh at m phases, with their gaps and compliances.
 
     `pitches`, shape (m,), are base pitches since the first pair reached the start of its path of
-    contact. `selection_pitches`, by default equal to them, decide which pairs are in mesh;
-    `can_touch`, bool, shape (m, k), is computed by default. Options are stiffness ("iso", "energy"
-    or a `PathTable`), coupling of the pairs by the gear bodies, deviation of the flanks (a
-    `PathTable`), pitch_errors in m, corners (whether tip corners touch beyond the path), the load
-    in N, which corners and helical gears need, and the intervals of `face_slices`.
+    contact. `selection_pitches`, (m,), by default equal to `pitches`, decide which pairs are in
+    mesh; `can_touch`, bool, (m, k), is computed by default. `options` are the fields of `Options`;
+    corner contact and helical gears need the load.
     """
     stiffness, coupling, twist, deviation, pitch_errors, corners, load, intervals = Options(
         **options
     )
-    is_table = isinstance(deviation, PathTable | None)
-    checks.require(is_table, "deviation", deviation, "a PathTable")
-    errors, is_spur = checked_errors(mesh, pitch_errors), mesh.overlap_ratio == 0.0
+    is_valid = isinstance(deviation, PathTable | None)
+    checks.require(is_valid, "deviation", deviation, "a PathTable")
+    errors, is_spur = checked_errors(stage, pitch_errors), stage.overlap_ratio == 0.0
     allowed = "0, load sharing along the path of contact is that of spur gears"
-    checks.require(is_spur or load is not None, "helix_angle", mesh.pinion.helix_angle, allowed)
-    entry_length, exit_length = corner_contact_lengths(mesh, corners, load, errors)
-    face = face_slices(mesh, errors.size, intervals)
+    checks.require(is_spur or load is not None, "helix_angle", stage.pinion.helix_angle, allowed)
+    entry_length, exit_length = corner_contact_lengths(stage, corners, load, errors)
+    face = face_slices(stage, errors.size, intervals)
     selection_pitches = pitches if selection_pitches is None else selection_pitches
     last_pair = np.floor(selection_pitches + entry_length + face.half_overlap)
-    mesh_length = entry_length + mesh.contact_ratio + exit_length + 2.0 * face.half_overlap
+    mesh_length = entry_length + stage.contact_ratio + exit_length + 2.0 * face.half_overlap
     count = math.floor(mesh_length) + 1
     allowed = f"such that at most {_MAX_PAIRS} pairs of teeth are in mesh"
-    checks.require(count <= _MAX_PAIRS, "total contact ratio", mesh.total_contact_ratio, allowed)
+    checks.require(count <= _MAX_PAIRS, "total contact ratio", stage.total_contact_ratio, allowed)
     pair_indices, slice_count = np.arange(count), len(face.width_fractions)
     tooth_numbers = last_pair.astype(int)[:, None] - pair_indices
     # Base pitches since each pair began its contact in each slice, (m * slices, k).
     pitches_on_path = ((pitches - last_pair)[:, None] + face.delays)[..., None] + pair_indices
     pitches_on_path = pitches_on_path.reshape(-1, count)
-    end = mesh.contact_ratio + exit_length
+    end = stage.contact_ratio + exit_length
     in_mesh = (pitches_on_path >= -entry_length) & (pitches_on_path < end)
     if is_spur and can_touch is not None:
         in_mesh = can_touch
-    position = mesh.path[0] + pitches_on_path * mesh.base_pitch
+    position = stage.path[0] + pitches_on_path * stage.base_pitch
     # Gaps without pitch errors, and compliances, repeat in each base pitch and are computed once.
     keys = np.round(pitches_on_path[:, 0] / SAME_POSITION_TOLERANCE).astype(int) * 2**count
     keys += in_mesh @ 2**pair_indices
     _, unique, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    on_path = np.clip(position[unique], *mesh.path)
-    # If the number of pairs changed where corners begin to touch, the forces would jump.
-    pair_count = math.floor(mesh.contact_ratio) + 1 if corners else in_mesh[unique].sum(-1)
-    compliance = _compliance(mesh, on_path, stiffness, coupling, twist, pair_count)[inverse]
-    gap = relief_gap(mesh, on_path)
+    on_path = np.clip(position[unique], *stage.path)
+    pair_count = in_mesh[unique].sum(-1)
+    if corners:
+        # If the number of pairs changed where corners begin to touch, the forces would jump.
+        pair_count = math.floor(stage.contact_ratio) + 1
+    compliance = _compliance(stage, on_path, stiffness, coupling, twist, pair_count)[inverse]
+    gap = relief_gap(stage, on_path)
     if deviation is not None:
         gap = gap + deviation.at(on_path)
     if corners:
-        gap = gap + corner_gap(mesh, position[unique])
+        gap = gap + corner_gap(stage, position[unique])
     elif is_spur:
-        position = np.clip(position, *mesh.path)
+        position = np.clip(position, *stage.path)
     gap = gap[inverse] + np.repeat(errors[tooth_numbers % errors.size], slice_count, axis=0)
     valid = in_mesh.reshape(-1, slice_count * count).any(axis=-1).all()
     allowed = "larger: at some phases no slice of the face is in mesh"
-    checks.require(valid, "total_contact_ratio", mesh.total_contact_ratio, allowed)
+    checks.require(valid, "total_contact_ratio", stage.total_contact_ratio, allowed)
     slice_gaps = np.where(in_mesh, gap, math.inf).min(axis=1).reshape(-1, slice_count)
     # Slices without a pair of teeth in mesh do not count.
     weights = np.where(slice_gaps < math.inf, face.width_fractions, 0.0)
@@ -266,7 +276,8 @@ def pairs_at(mesh, pitches, selection_pitches=None, can_touch=None, **options) -
     # A pair that begins to touch has no stiffness; a small value keeps its compliance finite.
     min_stiffness = 1e-9 * pair_stiffness.sum(-1, keepdims=True)
     pair_stiffness = np.maximum(pair_stiffness, min_stiffness)
-    compliance, gap = np.eye(count) / pair_stiffness[..., None], x[:, None] - force / pair_stiffness
+    compliance = np.eye(count) / pair_stiffness[..., None]
+    gap = x[:, None] - force / pair_stiffness
     return ToothPairs(pitches, mean_position, can_touch, compliance, gap, smallest_gap)
 
 
@@ -280,14 +291,14 @@ class FaceSlices(NamedTuple):
     half_overlap: float  #: base pitches by which a pair meshes before the middle of its face
 
 
-def face_slices(mesh: "GearStage", periods: int, intervals: int | None = None) -> FaceSlices:
-    """Divide the face of a mesh into slices, and return them; a spur gear has one slice.
+def face_slices(stage: "GearStage", periods: int, intervals: int | None = None) -> FaceSlices:
+    """Divide the face of a gear stage into slices, and return them; a spur gear has one slice.
 
-    `periods` is the number of mesh periods that are computed. If there are many, slices are wider,
-    so that the number of slices at all phases stays near `_MAX_SLICES_AT_PHASES`. If `intervals`,
-    the number of equal intervals of a base pitch, is given, the slices have their regular width.
+    `periods` is the number of mesh periods to be computed. If there are many, slices are wider, so
+    that the number of slices at all phases stays near `_MAX_SLICES_AT_PHASES`. `intervals` is the
+    number of phases per base pitch; if it is given, slices are not made wider.
     """
-    overlap = mesh.overlap_ratio
+    overlap = stage.overlap_ratio
     if overlap == 0.0:
         return FaceSlices(np.ones(1), np.zeros(1), intervals_per_pitch=0, half_overlap=0.0)
     coarsening = 1.0
@@ -309,14 +320,15 @@ def face_slices(mesh: "GearStage", periods: int, intervals: int | None = None) -
 def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
     """Return forces and stiffnesses, (m, k), and displacements, (m,), of a helical mesh.
 
-    The face is divided into n slices with these fractions of its width, (n,). Compliance matrices,
-    (m n, k, k), gaps in m and whether a pair can touch, (m n, k), are those of k pairs in all
-    slices at m phases; `load` is in N. In each step of Newton's method a pair in a slice begins or
-    ceases to touch if its overlap or its force has the wrong sign.
+    The face is divided into n slices, whose widths over the face width are `width_fractions`, (n,).
+    There are k pairs of teeth in all slices at m phases, with `compliance` matrices, (m n, k, k),
+    gaps in m, (m n, k), and `can_touch`, bool, (m n, k); `load` is in N. In each step of Newton's
+    method a pair in a slice begins or ceases to touch if its overlap or its force has the wrong
+    sign.
     """
     pair_count, slice_count, touching = gap.shape[1], len(width_fractions), can_touch
 
-    def face_sum(values):
+    def face_average(values):
         return width_fractions @ values.reshape(-1, slice_count, pair_count)
 
     diagonal = np.einsum("mii->mi", compliance)
@@ -329,61 +341,69 @@ def _face_equilibrium(width_fractions, compliance, can_touch, gap, load):
         slice_forces = _deflections(inverse, approach)
         overlap = approach - _deflections(compliance, slice_forces)
         violation = can_touch * np.where(touching, -diagonal * slice_forces, overlap)
-        forces, stiffnesses = face_sum(slice_forces), face_sum(np.einsum("mij->mi", inverse))
+        forces = face_average(slice_forces)
+        stiffnesses = face_average(np.einsum("mij->mi", inverse))
         step = (forces.sum(-1) - load) / stiffnesses.sum(-1)
         scale = max(np.abs(x).max(), gap_scale)
         if max(np.abs(step).max(), violation.max()) <= _NEWTON_TOLERANCE * scale:
             return forces, stiffnesses, x
-        x, touching = x - step, touching ^ (violation > 0.0)
+        x = x - step
+        touching = touching ^ (violation > 0.0)
     raise RuntimeError(f"the forces of a helical mesh do not converge in {_MAX_NEWTON_STEPS} steps")
 
 
-def corner_contact_lengths(mesh, corner_contact, load, pitch_errors) -> tuple[float, ...]:
+def corner_contact_lengths(stage, corner_contact, load, pitch_errors) -> tuple[float, ...]:
     """Return the lengths of corner contact before and after the path of contact in base pitches.
 
     Tip corners can touch where their gap is below `MAX_CORNER_GAP` deflections of one pair under
-    the load in N, plus the range of the pitch errors in m. The lengths are 0 if `corner_contact`,
-    a bool, is False.
+    the load in N, plus the range of the pitch errors in m. Both lengths are 0 if `corner_contact`
+    is False.
     """
     if not corner_contact:
         return 0.0, 0.0
-    max_gap = MAX_CORNER_GAP * load / pair_stiffness(mesh) + np.ptp(pitch_errors)
+    max_gap = MAX_CORNER_GAP * load / pair_stiffness(stage) + np.ptp(pitch_errors)
     pitches = np.linspace(0.0, _MAX_CORNER_DISTANCE, _CORNER_SAMPLES)
-    (start, end), distances = mesh.path, pitches * mesh.base_pitch
-    gaps = corner_gap(mesh, start - distances), corner_gap(mesh, end + distances)
-    # The gap grows with the square of the distance, so its square root is interpolated.
-    return tuple(float(np.interp(math.sqrt(max_gap), np.sqrt(gap), pitches)) for gap in gaps)
+    start, end = stage.path
+    distances = pitches * stage.base_pitch
+    lengths = []
+    for positions in (start - distances, end + distances):
+        # The gap grows with the square of the distance, so its square root is interpolated.
+        root_gaps = np.sqrt(corner_gap(stage, positions))
+        lengths.append(float(np.interp(math.sqrt(max_gap), root_gaps, pitches)))
+    return tuple(lengths)
 
 
-def corner_gap(mesh: "GearStage", position: np.ndarray) -> np.ndarray:
-    """Return the gap of tip corners at positions beyond the path of contact, m; 0 on the path.
+def corner_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
+    """Return the gap of tip corners beyond the path of contact in m; on the path it is 0.
 
     Before the start of the path, the tip corner of the wheel approaches the flank of the pinion;
-    behind its end, the tip corner of the pinion leaves the flank of the wheel. Positions, in m, are
-    those at which involutes would touch if they were longer.
+    behind its end, the tip corner of the pinion leaves the flank of the wheel. `position`, in m, is
+    where the involutes would touch if they were longer.
     """
-    (start, end), max_distance = mesh.path, _MAX_CORNER_DISTANCE * mesh.base_pitch
-    entering = _gap_to_corner(mesh, "pinion", np.clip(position, start - max_distance, start))
-    leaving = _gap_to_corner(mesh, "wheel", np.clip(position, end, end + max_distance))
+    start, end = stage.path
+    max_distance = _MAX_CORNER_DISTANCE * stage.base_pitch
+    entering = _gap_to_corner(stage, "pinion", np.clip(position, start - max_distance, start))
+    leaving = _gap_to_corner(stage, "wheel", np.clip(position, end, end + max_distance))
     return np.where(position < start, entering, 0.0) + np.where(position > end, leaving, 0.0)
 
 
-def _gap_to_corner(mesh: "GearStage", flank_name: str, position: np.ndarray) -> np.ndarray:
+def _gap_to_corner(stage: "GearStage", flank_name: str, position: np.ndarray) -> np.ndarray:
     """Return the gap in m between the flank of a gear and the tip corner of its mating gear.
 
-    `flank_name` is "pinion" or "wheel", the gear with the flank. Positions, in m, are those on the
-    line of action at which involutes would touch if they were longer.
+    `flank_name` is "pinion" or "wheel", the gear with the flank. `position`, in m, is the point on
+    the line of action at which the involutes would touch if they were longer.
     """
-    # The axis x points from the axis of the gear with the flank to the pitch point. The sign of the
-    # wheel is 1 or, if it is a ring gear, which turns in the same direction as the pinion, -1.
-    sign, angle = mesh.wheel.sign, mesh.working_pressure_angle
-    flank_gear, corner_gear, direction = mesh.pinion, mesh.wheel, 1
+    # The x axis points from the axis of the gear with the flank to the pitch point. A ring gear has
+    # the sign -1, because it turns in the same direction as the pinion.
+    sign, angle = stage.wheel.sign, stage.working_pressure_angle
+    flank_gear, corner_gear, direction = stage.pinion, stage.wheel, 1
     if flank_name == "wheel":
-        flank_gear, corner_gear, direction = mesh.wheel, mesh.pinion, -sign
+        flank_gear, corner_gear, direction = stage.wheel, stage.pinion, -sign
     base_radius, tip_radius = flank_gear.base_diameter / 2.0, corner_gear.tip_diameter / 2.0
     # The angle by which the gear with the flank has turned since contact at the pitch point.
-    rotation = direction * (position - mesh.pitch_point) / base_radius
-    centre = mesh.centre_distance * (1 if sign == 1 else -flank_gear.sign)
+    rotation = direction * (position - stage.pitch_point) / base_radius
+    # The x coordinate of the axis of the gear with the corner.
+    centre = stage.centre_distance * (1 if sign == 1 else -flank_gear.sign)
     tip_angle = math.acos(corner_gear.base_diameter / corner_gear.tip_diameter)
     corner_rotation = -sign * rotation * flank_gear.teeth / corner_gear.teeth
     corner_angle = corner_rotation + inv(angle) - inv(tip_angle)
@@ -396,18 +416,18 @@ def _gap_to_corner(mesh: "GearStage", flank_name: str, position: np.ndarray) -> 
     return flank_gear.sign * base_radius * gap_angle
 
 
-def checked_errors(mesh: "GearStage", pitch_errors: ArrayLike | None = None) -> np.ndarray:
-    """Return the checked pitch errors of a mesh in m, shape (n,), by default those of its gears."""
+def checked_errors(stage: "GearStage", pitch_errors: ArrayLike | None = None) -> np.ndarray:
+    """Return the checked pitch errors in m, shape (n,); None means the errors of the stage."""
     if pitch_errors is None:
-        return np.array(mesh.pitch_errors)
+        return np.array(stage.pitch_errors)
     return np.array(check("pitch_errors", pitch_errors, Numbers))
 
 
-def relief_gap(mesh: "GearStage", position: np.ndarray) -> np.ndarray:
-    """Return the gap due to the tip reliefs of both gears at positions on the path, both in m."""
-    start, end = mesh.path
+def relief_gap(stage: "GearStage", position: np.ndarray) -> np.ndarray:
+    """Return the gap in m due to the tip reliefs of both gears at positions on the path in m."""
+    start, end = stage.path
     gap = np.zeros(np.shape(position))
-    for gear, tip_distance in ((mesh.pinion, end - position), (mesh.wheel, position - start)):
+    for gear, tip_distance in ((stage.pinion, end - position), (stage.wheel, position - start)):
         if gear.tip_relief is not None:
             gap = gap + gear.tip_relief.gap(tip_distance)
     return gap
@@ -415,14 +435,14 @@ def relief_gap(mesh: "GearStage", position: np.ndarray) -> np.ndarray:
 
 @checked
 def _compliance(
-    mesh, position, stiffness, coupling: Fraction | None, twist, pair_count
+    stage, position, stiffness, coupling: Fraction | None, twist, pair_count
 ) -> np.ndarray:
     """Return the compliance matrices of k pairs of teeth at m phases, shape (m, k, k), m/N.
 
-    `position`, (m, k), is on the path of contact in m; `stiffness` is "iso", "energy" or a table
-    in N/m. `coupling` and `twist` are those of `energy_stiffness`; in ISO 6336 a coupling, 1 by
-    default, is the share of the body that all pairs have in common. `pair_count`, int or (m,), is
-    the number of pairs on a body in ISO 6336.
+    `position`, (m, k), is on the path of contact in m; `stiffness` is "iso", "energy" or a
+    `PathTable` in N/m. `coupling` and `twist` are options of `energy_stiffness`. For "iso",
+    `coupling` is the fraction of the body compliance that all pairs have in common, 1 by default,
+    and `pair_count`, int or (m,), is the number of pairs that load a body.
     """
     identity = np.eye(position.shape[1])
     if isinstance(stiffness, PathTable):
@@ -440,12 +460,13 @@ def _compliance(
         "'iso', 'energy' or a PathTable",
     )
     if stiffness == "energy":
-        pair = PairCompliance(mesh, twist=twist)
+        pair = PairCompliance(stage, twist=twist)
         return compliance_matrix(pair, position, np.ones(position.shape), coupling)
-    # If n pairs share a body of the compliance 1 / ((1 + 3 n) c'), their stiffness is
-    # (0.25 + 0.75 n) c', as in ISO 6336.
-    pair_compliance = 1.0 / pair_stiffness(mesh)
+    # If n pairs share a body with the compliance 1 / ((1 + 3 n) c'), they have the stiffness
+    # (0.25 + 0.75 n) c' as in ISO 6336, where c' is the stiffness of one pair.
+    pair_compliance = 1.0 / pair_stiffness(stage)
     count = np.broadcast_to(pair_count, len(position))[:, None, None]
-    share = 1.0 if coupling is None else coupling
-    body_compliance = pair_compliance * share / (1.0 + 3.0 * count)
+    if coupling is None:
+        coupling = 1.0
+    body_compliance = pair_compliance * coupling / (1.0 + 3.0 * count)
     return (pair_compliance - body_compliance) * identity + body_compliance

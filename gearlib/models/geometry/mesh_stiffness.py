@@ -1,14 +1,14 @@
 """Mesh stiffness of gears by ISO 6336 or by the energy method.
 
-In a mesh period, floor(eps_alpha) + 1 pairs of teeth touch in a segment of the length eps_alpha -
-floor(eps_alpha), and one pair less in the other segment. A position u in base pitches after the
-start of contact of the last pair has the mesh phase 2 pi (u - half of the first segment). The
+In a mesh period, floor(eps_alpha) + 1 pairs of teeth touch in a first segment, whose length in base
+pitches is eps_alpha - floor(eps_alpha), and one pair fewer in the second segment. If the last pair
+began its contact u base pitches ago, the mesh phase is 2 pi (u - half of the first segment). The
 slices of the face of a helical gear mesh one after another, so that its stiffness is an average
 over the overlap ratio eps_beta. The average of a rectangle is an exact trapezoid.
 
 In the energy method, pair i has the compliance q_i of both teeth and of their contact. The body of
-a gear deflects under the loads of all pairs: a force on pair i moves its contact point by f_i, and
-that of another pair by g, which is smaller. So x = Q F with the matrix
+a gear deflects under the loads of all pairs: a unit force on pair i moves the contact point of this
+pair by f_i, and the contact point of another pair by g < f_i. So x = Q F with the matrix
 
     Q_ii = q_i + sum of f_i over both gears,    Q_ij = sum of g over both gears,
 
@@ -52,10 +52,10 @@ SOURCES = {
     "table": "a table of one's own",
 }
 #: Relative uncertainty of the methods. "iso": quoted bounds of c' are +5 % and -8 %. "energy": for
-#: seven gear pairs a logarithmic Hertz contact changes the mean by -8 to -21 %, and a tooth as
-#: stiff as by finite elements by +3 to +6 %; the beam is too compliant by 0.4 / (E b) for a gear.
+#: seven gear pairs a logarithmic Hertz contact changes the mean by -8 to -21 %, and a tooth with
+#: the stiffness by finite elements by +3 to +6 %; the beam is too compliant by 0.4 / (E b) a gear.
 UNCERTAINTY = {"iso": 0.08, "energy": 0.2, "table": math.nan}
-#: Iterations of the loads of pairs with logarithmic contact; each adds two digits.
+#: Number of iterations for the pair loads with logarithmic contact; each adds two digits.
 _LOAD_ITERATIONS = 8
 #: Gauss-Legendre quadrature, with 10 digits in integrals over fillet and flank.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
@@ -83,9 +83,9 @@ class Tooth:
 
     In the transverse section, y is the distance from the axis of the gear along the centre line of
     the tooth, and x is half of the tooth thickness. The force at a point of the flank is tangent to
-    the base circle, at an angle b to the normal of the centre line. With phi = tan(pressure angle
-    at the point), which is the radius of curvature over r_b, and half the angle psi of the tooth at
-    the base circle, b = phi - psi and
+    the base circle, at an angle b to the normal of the centre line. Let phi be the tangent of the
+    pressure angle at the point, which is the radius of curvature over the base radius r_b, and psi
+    half the angle of the tooth at the base circle. Then b = phi - psi and
 
         x = r_b (phi cos b - sin b),    y = r_b (cos b + phi sin b).
 
@@ -99,7 +99,10 @@ class Tooth:
     """
 
     def __init__(self, gear: "SpurGear", width: float, twist: bool = True) -> None:
-        """Prepare the outline of a tooth of a gear with a face width in mesh in m."""
+        """Prepare the outline of a tooth of `gear` that meshes over a face `width` in m.
+
+        `twist` is whether the body compliance contains the twist of the body about its bore.
+        """
         self.gear, self.width, self.sign, self.twist = gear, width, gear.sign, twist
         self.base_radius = gear.base_diameter / 2.0
         self.root_radius = gear.root_diameter / 2.0
@@ -117,8 +120,9 @@ class Tooth:
     def flank(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return x, y in m and the angle b of the force in rad at points of the flank.
 
-        `phi` is the radius of curvature of the involute there over the base radius. The y axis is
-        the centre line of the tooth, from the axis of the gear.
+        `phi` gives the points by the radius of curvature of the involute over the base radius. The
+        y axis is the centre line of the tooth and starts at the axis of the gear; b is the angle
+        between the force and the normal of the centre line.
         """
         b = phi - self.sign * self.base_half_angle
         x = self.sign * self.base_radius * (phi * np.cos(b) - np.sin(b))
@@ -127,19 +131,20 @@ class Tooth:
     def fillet(self, gamma: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return x, y and dy / dgamma of the fillet, in m, where its normal has an angle gamma.
 
-        Gamma goes from the pressure angle, at the flank, to pi / 2. The rounded tip of the rack
-        cuts the fillet. The tip is a circle in the normal section, and for helical gears an ellipse
-        in the transverse section, longer by 1 / cos(beta) along the rack. Its centre lies `depth`
-        below the rolling line and `side` from the centre line of the tooth.
+        The angle gamma goes from the pressure angle, at the flank, to pi / 2, at the root circle.
+        The rounded tip of the rack cuts the fillet. The tip is a circle in the normal section, and
+        for helical gears an ellipse in the transverse section, longer by 1 / cos(beta) along the
+        rack. Its centre lies `depth` below the rolling line and `side` from the centre line of the
+        tooth.
         """
         rolling_radius = self.gear.reference_diameter / 2.0
         helix_cosine = math.cos(self.gear.helix_angle)
         gear, tip_radius, angle = self.gear, self.gear.fillet_radius, self.gear.pressure_angle
         datum_depth = gear.rack.dedendum * gear.module - tip_radius  # below the datum line
         depth = datum_depth - gear.shift * gear.module
-        side = math.pi / 4.0 * gear.module
-        side = side + datum_depth * math.tan(angle) + tip_radius / math.cos(angle)
-        side = (side + gear.thickness_allowance / 2.0) / helix_cosine
+        normal_side = math.pi / 4.0 * gear.module  # in the normal section
+        normal_side = normal_side + datum_depth * math.tan(angle) + tip_radius / math.cos(angle)
+        side = (normal_side + gear.thickness_allowance / 2.0) / helix_cosine
         sine, cosine = np.sin(gamma), np.cos(gamma)
         norm = np.hypot(cosine / helix_cosine, sine)
         # The distance from the contact to the pitch point along the normal.
@@ -159,10 +164,11 @@ class Tooth:
     def compliance(self, phi: ArrayLike) -> np.ndarray:
         """Return the compliance of the tooth in bending, shear and compression, m/N.
 
-        The force acts at `phi`, radii of curvature over the base radius. The energy method
-        integrates (cos b (y_F - y) - x_F sin b)^2 / (E I) + 1.2 cos^2 b / (G A) +
-        sin^2 b / (E A), with A = 2 x w and I = 2/3 x^3 w, over the height y of fillet and flank
-        below the force at (x_F, y_F) with the angle b.
+        `phi` gives the points of the flank where the force acts, by the radius of curvature over
+        the base radius. The energy method integrates (cos b (y_F - y) - x_F sin b)^2 / (E I)
+        + 1.2 cos^2 b / (G A) + sin^2 b / (E A), with A = 2 x w and I = 2/3 x^3 w, over the height y
+        of fillet and flank below the force. The force acts at (x_F, y_F) with the angle b, w is the
+        face width, and E and G are the moduli of elasticity and of shear.
         """
         phi = np.asarray(phi, float)
         force_x, force_y, b = (coordinate[..., None] for coordinate in self.flank(phi))
@@ -186,8 +192,9 @@ class Tooth:
     def body_compliance(self, phi: ArrayLike) -> np.ndarray:
         """Return the compliance of the gear body for forces on the flank, m/N; 0 for a ring gear.
 
-        The force acts at `phi`, radii of curvature over the base radius. L, M, P, Q and u are the
-        symbols of Sainsot et al. for bodies with a bore, of Cornell for bodies without.
+        `phi` gives the points where the force acts, by the radius of curvature over the base
+        radius. L, M, P, Q and u are the symbols of Sainsot et al. (2004) for bodies with a bore and
+        of Cornell (1981) for bodies without a bore.
         """
         phi = np.asarray(phi, float)
         if self._fillet is None:
@@ -203,7 +210,8 @@ class Tooth:
             h = self.root_radius / self._bore_radius
             powers = np.array([theta**-2, h**2, h / theta, 1.0 / theta, h, 1.0])
             L, M, P, Q = _BODY_COEFFICIENTS @ powers
-        # Height above the root circle where the force meets the centre line, over the root width.
+        # u is the height above the root circle where the force meets the centre line, over the
+        # thickness of the tooth at its root.
         u = (self.base_radius / np.cos(b) - self.root_radius) / (2.0 * self.root_radius * theta)
         shape_factor = L * u**2 + M * u + P * (1.0 + Q * np.tan(b) ** 2)
         compliance = np.cos(b) ** 2 * shape_factor
@@ -213,21 +221,25 @@ class Tooth:
 
     @property
     def _bore_radius(self) -> float:
-        """Radius of the bore in m, at least that for which the body is known; not without bore."""
+        """Radius of the bore in m, limited to the range of the body coefficients."""
         return max(self.gear.bore / 2.0, self.root_radius / MAX_ROOT_RATIO)
 
     @property
     def _twist_compliance(self) -> float:
-        """Twist of the body about its bore by a unit force on a tooth, times E and face width."""
+        """Twist of the body about its bore by a unit force on a tooth.
+
+        It is dimensionless: the arc length on the base circle times the modulus of elasticity E and
+        the face width, over the force.
+        """
         squares = 1.0 / self._bore_radius**2 - 1.0 / self.root_radius**2
         return (1.0 + self.gear.material.poisson) / math.tau * self.base_radius**2 * squares
 
     def shared_compliance(self, distance: int) -> float:
-        """Return the motion of a tooth's contact point by a unit force on another tooth, m/N.
+        """Return the deflection of one tooth's contact point by a unit force on another, m/N.
 
         The other tooth is `distance` teeth away. The formula is fitted to finite elements for bores
-        of a fifth of the root diameter and more; without a bore it is an inference. The rim of a
-        ring gear is rigid.
+        from a fifth of the root diameter; without a bore it is inferred, not fitted. The rim of a
+        ring gear is assumed to be rigid.
         """
         if self._fillet is None:
             return 0.0
@@ -243,7 +255,7 @@ class Tooth:
         return compliance / (self.gear.material.young * self.width)
 
 
-#: Dependence of the Hertz contact on the load.
+#: Dependence of the Hertz contact compliance on the load.
 Hertz = Annotated[Literal["constant", "logarithmic"], CHOICE]
 
 
@@ -254,9 +266,15 @@ class PairCompliance:
     """
 
     def __init__(self, stage: "GearStage", hertz: str = "constant", twist: Any = True) -> None:
-        """Prepare a tooth of both gears of a mesh, and check the bores of the gears."""
-        self.mesh, self.hertz = stage, hertz
-        twists = tuple(twist) if isinstance(twist, (tuple, list)) else (twist, twist)
+        """Prepare a tooth of both gears of a stage, and check the bores of the gears.
+
+        `hertz` is "constant" or "logarithmic" in the load. `twist`, a bool or one for each of
+        (pinion, wheel), is whether gear bodies twist about their bores.
+        """
+        self.stage, self.hertz = stage, hertz
+        twists = (twist, twist)
+        if isinstance(twist, (tuple, list)):
+            twists = tuple(twist)
         if len(twists) != 2 or not all(isinstance(value, bool) for value in twists):
             raise checks.refusal("twist", twist, "one of False, True, or two of them")
         gears = zip((stage.pinion, stage.wheel), twists, strict=True)
@@ -267,38 +285,46 @@ class PairCompliance:
             checks.require(tooth.gear.bore <= max_bore, f"{name}.bore", tooth.gear.bore, allowed)
 
     def teeth_with_phi(self, position: np.ndarray) -> list[tuple[Tooth, np.ndarray]]:
-        """Return both teeth that touch at positions in m, each with phi of its flank there.
+        """Return (tooth, phi) of pinion and wheel at positions on the path of contact in m.
 
-        Phi is the radius of curvature over the base radius.
+        Phi is the radius of curvature of the flank at the contact point over the base radius.
         """
-        curvature_radii = (position, self.mesh.wheel_roll_length(position))
-        pairs = zip(self._teeth, curvature_radii, strict=True)
-        return [(tooth, radius / tooth.base_radius) for tooth, radius in pairs]
+        pinion_tooth, wheel_tooth = self._teeth
+        wheel_radius = self.stage.wheel_roll_length(position)
+        return [
+            (pinion_tooth, position / pinion_tooth.base_radius),
+            (wheel_tooth, wheel_radius / wheel_tooth.base_radius),
+        ]
 
     def body_compliances(self, position: np.ndarray) -> np.ndarray:
-        """Return the compliances of both gear bodies at positions on the path, (2, ...), m/N."""
+        """Return the compliances of both gear bodies, m/N, with the shape (2, ...).
+
+        `position`, shape (...), are positions of the force on the path of contact in m.
+        """
         return np.array(
             [tooth.body_compliance(phi) for tooth, phi in self.teeth_with_phi(position)]
         )
 
     def shared_compliances(self, count: int) -> np.ndarray:
-        """Return the compliances that pairs 1, 2, ... `count` - 1 pitches apart share, m/N.
+        """Return the compliances shared by pairs that are 1, 2, ... `count` - 1 pitches apart, m/N.
 
-        Those of a gear are at most the least compliance of its body on the path of contact.
+        They are sums over both gears. The shared compliance of a gear is at most the smallest
+        compliance of its body on the path of contact.
         """
-        positions = np.linspace(*self.mesh.path, _BODY_POSITIONS)
-        limits = self.body_compliances(positions).min(axis=1)
+        positions = np.linspace(*self.stage.path, _BODY_POSITIONS)
+        max_compliances = self.body_compliances(positions).min(axis=1)
         shared = np.array(
             [[tooth.shared_compliance(n) for n in range(1, count)] for tooth in self._teeth]
         )
-        return np.minimum(shared.reshape(2, -1), limits[:, None]).sum(axis=0)
+        return np.minimum(shared.reshape(2, -1), max_compliances[:, None]).sum(axis=0)
 
     def contact_compliance(self, position: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return the secant compliance of the Hertz contact, m/N.
+        """Return the secant compliance of the Hertz contact, deflection over force, m/N.
 
-        Positions on the path of contact in m and forces in N have the same shape.
+        `position` on the path of contact in m and `force` in N have the same shape. The constant
+        compliance does not depend on them.
         """
-        width = self.mesh.width
+        width = self.stage.width
         materials = [tooth.gear.material for tooth in self._teeth]
         compliances = [(1.0 - material.poisson**2) / material.young for material in materials]
         if self.hertz == "constant":
@@ -306,7 +332,7 @@ class PairCompliance:
         teeth_with_phi = self.teeth_with_phi(position)
         pinion_radius, wheel_radius = [phi * tooth.base_radius for tooth, phi in teeth_with_phi]
         # The flank of a ring gear is concave, with sign -1.
-        curvature = 1.0 / pinion_radius + self.mesh.wheel.sign / wheel_radius
+        curvature = 1.0 / pinion_radius + self.stage.wheel.sign / wheel_radius
         half_width = np.sqrt(4.0 * force * sum(compliances) / (math.pi * width * curvature))
         contact_compliance = np.zeros(np.shape(position))
         for (tooth, phi), compliance in zip(teeth_with_phi, compliances, strict=True):
@@ -322,9 +348,10 @@ class PairCompliance:
 def compliance_matrix(pair, positions, forces, coupling=None) -> np.ndarray:
     """Return the compliance matrices Q of k pairs of teeth at n phases, (n, k, k), m/N.
 
-    `pair` gives the compliances of one pair by the energy method. Positions on the path in m and
-    forces in N have the shape (n, k). Pairs share `PairCompliance.shared_compliances`, or with a
-    `coupling`, 0 to 1, this fraction of sqrt(f_k f_l), the compliances of a body under one pair.
+    `pair` is a `PairCompliance`. `positions` on the path of contact in m and `forces` in N have
+    the shape (n, k). By default two pairs share `PairCompliance.shared_compliances`. With a
+    `coupling` from 0 to 1 they share coupling sqrt(f_i f_j), where f_i is the body compliance of a
+    gear under pair i.
     """
     pinion, wheel = (tooth.compliance(phi) for tooth, phi in pair.teeth_with_phi(positions))
     body_compliances = pair.body_compliances(positions)
@@ -332,10 +359,11 @@ def compliance_matrix(pair, positions, forces, coupling=None) -> np.ndarray:
     diagonal = pair_compliance + body_compliances.sum(axis=0)
     count = positions.shape[1]
     if coupling is None:
-        # By the distance of two pairs in base pitches.
+        # The index of a shared compliance is the distance of two pairs in base pitches.
         shared = np.append(0.0, pair.shared_compliances(count))
-        pairs = np.arange(count)
-        matrix = np.tile(shared[np.abs(pairs[:, None] - pairs)], (len(diagonal), 1, 1))
+        pair_indices = np.arange(count)
+        distances = np.abs(pair_indices[:, None] - pair_indices)
+        matrix = np.tile(shared[distances], (len(diagonal), 1, 1))
     else:
         root = np.sqrt(body_compliances)
         matrix = coupling * np.einsum("gnk,gnl->nkl", root, root)
@@ -357,9 +385,9 @@ def energy_stiffness(
     """Return the mesh stiffness of `count` pairs of teeth by the energy method, N/m, shape (n,).
 
     `pitches`, shape (n,), are base pitches since the start of contact of the last pair; the pairs
-    are one base pitch apart. `coupling` is that of `compliance_matrix`. `hertz`, the Hertz contact,
-    is "constant" or "logarithmic", which needs the torque of the pinion in N m; `twist` is whether
-    the twist of the bodies about their bores counts.
+    are one base pitch apart. `coupling` is explained in `compliance_matrix`. The Hertz contact,
+    `hertz`, is "constant" or "logarithmic", which needs the `torque` of the pinion in N m. `twist`
+    is whether gear bodies twist about their bores, a bool or one for each gear.
     """
     pair = PairCompliance(stage, hertz, twist)
     allowed = "a finite number > 0 where hertz is 'logarithmic'"
@@ -367,7 +395,8 @@ def energy_stiffness(
     positions = stage.path[0] + (pitches[:, None] + np.arange(count)) * stage.base_pitch
     load = stage.load(torque or 1.0)
     forces = np.full(positions.shape, load / count)
-    for _ in range(_LOAD_ITERATIONS if hertz == "logarithmic" else 1):
+    iterations = _LOAD_ITERATIONS if hertz == "logarithmic" else 1
+    for _ in range(iterations):
         compliance = compliance_matrix(pair, positions, forces, coupling)
         pair_stiffness = np.linalg.solve(compliance, np.ones((*positions.shape, 1)))[..., 0]
         mesh_stiffness = pair_stiffness.sum(axis=1)
@@ -378,7 +407,7 @@ def energy_stiffness(
 
 @dataclass(frozen=True)
 class MeshStiffness:
-    """A mesh stiffness, for `GearPair` as a rectangle and for `OneDegreePair` as a profile."""
+    """A mesh stiffness as a rectangle, for `GearPair`, and as a profile, for `OneDegreePair`."""
 
     method: str  #: "iso", "energy" or "table"
     max_stiffness: float  #: C_max, N/m
@@ -403,8 +432,11 @@ class MeshStiffness:
 
     def ratios(self) -> dict[str, float]:
         """Return max_stiffness, stiffness_ratio and contact_ratio as arguments of a `GearPair`."""
-        names = ("max_stiffness", "stiffness_ratio", "contact_ratio")
-        return {name: getattr(self, name) for name in names}
+        return {
+            "max_stiffness": self.max_stiffness,
+            "stiffness_ratio": self.stiffness_ratio,
+            "contact_ratio": self.contact_ratio,
+        }
 
 
 @checked
@@ -428,8 +460,8 @@ def mesh_stiffness(
     application_factor : float, default 1
         Application factor K_A for "iso".
     coupling : float, optional
-        Fraction of the compliance of the gear bodies that all pairs of teeth have in common for
-        "energy", from 0 to 1; by default they share the compliance that finite elements give.
+        For "energy", the fraction of the gear bodies' compliance that all pairs of teeth have in
+        common, from 0 to 1; by default a compliance that is fitted to finite elements.
     twist : bool or pair of bool, default True
         Whether the twist of gear bodies about their bores counts for "energy", for both gears or
         for (pinion, wheel). It is a spring in series: it raises kappa and leaves load sharing and
@@ -476,11 +508,11 @@ def mesh_stiffness(
 
 
 def _energy_curve(stage, fewer_pairs, segment, samples, options):
-    """Return the mesh stiffness by the energy method as a curve, and its means in both segments.
+    """Return the mesh stiffness by the energy method as a curve, and its mean in each segment.
 
-    The first segment, from 0 to `segment` base pitches, has `fewer_pairs` + 1 pairs of teeth, the
-    second one pair less. The curve has about `samples` points; options are those of
-    `energy_stiffness`, and the means are in N/m.
+    The first segment, from 0 to `segment` base pitches, has `fewer_pairs` + 1 pairs of teeth in
+    contact, and the second segment, up to 1, has `fewer_pairs`. The curve has about `samples`
+    points, and the means are in N/m. `options` is a dict passed to `energy_stiffness`.
     """
     pitches, stiffnesses, means = [], [], []
     for start, end, count in ((0.0, segment, fewer_pairs + 1), (segment, 1.0, fewer_pairs)):
@@ -495,7 +527,10 @@ def _energy_curve(stage, fewer_pairs, segment, samples, options):
 
 
 def _stiffness_of_table(method: str, table: Tabulated) -> MeshStiffness:
-    """Return the mesh stiffness with a table as profile and with its equivalent rectangle."""
+    """Return the mesh stiffness given by a table, with its equivalent rectangle.
+
+    `method` is the name of the method that computed the table, or "table".
+    """
     max_stiffness, kappa, epsilon = table.ratios()
     if 1.0 - kappa < 1e-12:
         # At an integer overlap ratio the stiffness is constant, kappa = 1, with any epsilon.
@@ -504,18 +539,18 @@ def _stiffness_of_table(method: str, table: Tabulated) -> MeshStiffness:
 
 
 class _StiffnessCurve:
-    """A stiffness over one base pitch, linear between points; equal positions make a step."""
+    """A mesh stiffness over one base pitch, linear between points; equal positions make a step."""
 
     def __init__(self, pitches: ArrayLike, stiffness: ArrayLike) -> None:
-        """Store increasing positions in base pitches, from 0 to 1, and the stiffness there, N/m."""
+        """Store positions from 0 to 1 base pitch, ascending, and their stiffness in N/m."""
         self.pitches, self.stiffness = np.asarray(pitches, float), np.asarray(stiffness, float)
         areas = np.diff(self.pitches) * (self.stiffness[1:] + self.stiffness[:-1]) / 2.0
         self._cumulative_areas = np.append(0.0, np.cumsum(areas))
 
     def integral(self, end: np.ndarray) -> np.ndarray:
-        """Return the integrals of the stiffness from 0 to positions `end` in base pitches.
+        """Return the integrals of the stiffness from position 0 to `end`, both in base pitches.
 
-        The stiffness repeats in each base pitch.
+        `end` may lie outside of [0, 1], because the stiffness repeats in each base pitch.
         """
         periods = np.floor(end)
         position = end - periods
@@ -528,12 +563,12 @@ class _StiffnessCurve:
         return periods * self._cumulative_areas[-1] + (self._cumulative_areas[i] + area)
 
     def face_average(self, overlap_ratio: float) -> "_StiffnessCurve":
-        """Return the moving average over `overlap_ratio` base pitches, the face of helical gears.
+        """Return the moving average over `overlap_ratio` base pitches, as for a helical face.
 
         It is exact if the stiffness is rectangular.
         """
         half_window = overlap_ratio / 2.0
-        # The average has a corner where a window begins or ends at a step.
+        # The average has a corner where the window of the average begins or ends at a step.
         step_positions = self.pitches[1:][np.diff(self.pitches) == 0.0]
         is_step = np.isin(self.pitches, [0.0, 1.0, *step_positions])
         steps = self.pitches[is_step]
@@ -547,7 +582,8 @@ class _StiffnessCurve:
     def table(self, segment: float) -> Tabulated:
         """Return the stiffness over the mesh phase as a table; a step becomes a short ramp.
 
-        The mesh phase is 0 in the middle of the first segment, from 0 to `segment` base pitches.
+        The mesh phase is 0 in the middle of the first segment, which ends at `segment` base
+        pitches.
         """
         pitches = self.pitches.copy()
         if pitches[-1] == 1.0:
@@ -556,6 +592,6 @@ class _StiffnessCurve:
         pitches[steps] += _RAMP_LENGTH
         distinct = np.concatenate([[True], np.diff(pitches) > 0.0])
         phase = math.tau * ((pitches[distinct] - segment / 2.0) % 1.0)
-        # A phase just below 0 rounds to 2 pi, which is 0.
+        # A phase just below 0 is rounded to 2 pi, which is the phase 0 of the next period.
         phase, order = np.unique(np.where(phase < math.tau, phase, 0.0), return_index=True)
         return Tabulated(phase, self.stiffness[distinct][order])

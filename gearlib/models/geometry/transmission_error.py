@@ -30,23 +30,24 @@ if TYPE_CHECKING:
 
 #: Largest number of slices of helical faces at all phases, which take about 0.3 GB.
 _MAX_SLICES_AT_PHASES = 600_000
-#: Deflection in modules under a load of helical gears that counts as none.
+#: Deflection in modules under the small load that replaces no load on helical gears.
 _LIGHT_DEFLECTION = 1e-9
-#: A peak-to-peak error below this share of the deflection is a rounding error.
+#: A peak-to-peak error below this fraction of the deflection is a rounding error.
 _FLATNESS_TOLERANCE = 1e-12
-#: Decimals of the optimum; further ones depend on rounding and differ between machines.
+#: Decimals of the optimum; more decimals depend on rounding and differ between machines.
 _DECIMALS = 6
 #: Grid of the search for the optimum relief, in the variables of `optimum_relief`.
 _GRID_AMOUNTS = *(n / 10 for n in range(1, 11)), 1.25, 1.6, 2.0, 2.5, 3.0
 _GRID_LENGTHS = 0.4, 0.5, *(n / 20 for n in range(12, 21))
 _MAX_AMOUNT, _MIN_LENGTH = 4.0, 0.01
-#: Numbers of descents from minima over all variables, and from those over the amounts.
+#: Numbers of descents from minima over all variables, and from minima over the amounts alone.
 _DESCENT_COUNTS = 2, 4
-#: Shifts of the length of the best descent from which further ones start.
+#: Shifts of the length at the best minimum, from which further descents start.
 _SHIFTS = -0.05, -0.025, 0.025, 0.05
 #: First steps of a descent, and its largest number of evaluations.
 _STEPS, _MAX_EVALUATIONS = (0.1, 0.1, -0.05), 200
-#: Grid of helical gears, over their mean deflection and the longest relief, and its phases at most.
+#: Grid of helical gears: amounts over the mean deflection, lengths over the longest relief, and the
+#: largest number of phases.
 _HELICAL_AMOUNTS, _HELICAL_LENGTHS = (0.0, 0.25, 0.5, 1.0, 2.0), (0.25, 0.5, 0.75, 1.0)
 _HELICAL_PHASES = 64
 #: Largest numbers of phases in the grid and in its descents.
@@ -64,9 +65,9 @@ def transmission_error(
 ) -> xr.Dataset:
     """Return the static transmission error and the load sharing of a mesh as a dataset.
 
-    `torque`, one or several of the pinion in N m, is at least 0; `phases` is the number of phases
-    in each mesh period. Options and variables are those of `GearStage.transmission_error`. The
-    slices of helical gears are linearized at each load, and their gaps are left out.
+    `torque` is the pinion torque, or several of them, in N m, >= 0; `phases` is the number of
+    phases in each mesh period. `GearStage.transmission_error` describes the options and the
+    variables. The slices of helical gears are linearized at each load, and their gaps are left out.
     """
     torques = np.atleast_1d(float_array(torque))
     valid = torques.ndim == 1 and torques.size and ((torques >= 0.0) & (torques < math.inf)).all()
@@ -93,8 +94,8 @@ def transmission_error(
         "mesh_force": ("torque", loads),
     }
     if is_spur:
-        for name, values in (("path_position", pairs.position), ("gap", pairs.gap)):
-            data[name] = pair_dims, np.where(pairs.can_touch, values, math.nan)
+        data["path_position"] = pair_dims, np.where(pairs.can_touch, pairs.position, math.nan)
+        data["gap"] = pair_dims, np.where(pairs.can_touch, pairs.gap, math.nan)
         contact_ratios = _contact_ratios(stage, pairs, equilibrium, phases)
     else:
         contact_ratios = equilibrium.touching.sum(-1).mean(-1)
@@ -106,10 +107,10 @@ def transmission_error(
 
 
 def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:
-    """Return the transmission error of the teeth under a load in N without its mean, m.
+    """Return the harmonics of the transmission error under a load in N, without its mean, in m.
 
-    The harmonics of the mesh phase hold as long as the pinion drives; tip corners touch, and pitch
-    errors do not count. Options are stiffness, coupling and twist of `pairs_at`.
+    They are harmonics of the mesh phase and hold as long as the pinion drives. Tip corners touch,
+    and pitch errors are ignored. `options` are the stiffness, coupling and twist of `pairs_at`.
     """
     pairs = tooth_pairs(
         stage, _ERROR_PHASES, pitch_errors=(0.0,), corners=True, load=load, **options
@@ -124,29 +125,40 @@ def loaded_error(stage: "GearStage", load: float, **options: Any) -> Harmonics:
 
 
 def _helical_equilibrium(stage, phases, loads, options) -> tuple[ToothPairs, LoadSharing]:
-    """Return the tooth pairs of helical gears at the first of n loads in N, and their equilibrium.
+    """Return the tooth pairs of helical gears at the first of n loads, and the equilibrium at all.
 
-    A load of 0 counts as one that is too light to deflect the teeth.
+    `phases` is the number of phases per mesh period, `loads`, shape (n,), is in N, and `options` is
+    a dict of options of `pairs_at`. A load of 0 is replaced by a load too light to deflect the
+    teeth, at which the slices can be linearized.
     """
     period_count = checked_errors(stage, options.get("pitch_errors")).size
-    most_slices = _MAX_SLICES_AT_PHASES / period_count
-    max_phases = min(most_slices / MIN_SLICES, math.sqrt(most_slices / stage.overlap_ratio))
+    max_slices = _MAX_SLICES_AT_PHASES / period_count
+    max_phases = min(max_slices / MIN_SLICES, math.sqrt(max_slices / stage.overlap_ratio))
     allowed = f"at most {max_phases:.0f}, where the faces of helical gears are divided into slices"
     checks.require(phases <= max_phases, "phases", phases, allowed)
     light_load = _LIGHT_DEFLECTION * stage.pinion.module * pair_stiffness(stage)
     settings = {"intervals": phases, **options}
-    pairs = [tooth_pairs(stage, phases, load=max(load, light_load), **settings) for load in loads]
-    sharings = [p.forces_under_loads([load]) for p, load in zip(pairs, loads, strict=True)]
-    arrays = ([getattr(s, field.name) for s in sharings] for field in fields(LoadSharing))
-    return pairs[0], LoadSharing(*map(np.concatenate, arrays))
+    pairs_at_loads, equilibria = [], []
+    for load in loads:
+        pairs = tooth_pairs(stage, phases, load=max(load, light_load), **settings)
+        pairs_at_loads.append(pairs)
+        equilibria.append(pairs.forces_under_loads([load]))
+    arrays = []
+    for field in fields(LoadSharing):
+        arrays.append(np.concatenate([getattr(sharing, field.name) for sharing in equilibria]))
+    return pairs_at_loads[0], LoadSharing(*arrays)
 
 
 def _contact_ratios(stage, pairs, equilibrium, phases) -> list[float]:
-    """Return the mean number of touching pairs at each load, with `phases` phases per period."""
-    # Positive if a pair touches.
+    """Return the effective contact ratio, the mean number of touching pairs, at each load.
+
+    `pairs` are the `ToothPairs` of spur gears at equally spaced phases, `phases` of them in each
+    mesh period, and `equilibrium` is their `LoadSharing` under the loads.
+    """
+    # The overlap is positive where a pair touches.
     overlap = np.where(pairs.can_touch, pairs.overlap(equilibrium), -math.inf)
     phase_count, pair_count = pairs.gap.shape
-    # Each pair is followed along its path, from the first phase at which it is in mesh.
+    # Follow each pair along its path of contact, from the first phase at which it is in mesh.
     offsets = pairs.pitches[:phases] % 1.0
     start = int(np.argmin(offsets))
     steps = np.arange(pair_count * phases)
@@ -156,13 +168,13 @@ def _contact_ratios(stage, pairs, equilibrium, phases) -> list[float]:
     remaining_path = stage.contact_ratio - pitches[-1]
     ratios = []
     for overlap_at_load in overlap:
-        length = 0.0  # of all contacts, in base pitches
+        length = 0.0  # of contact on the paths of all pairs, in base pitches
         for first_phase in range(start, start + phase_count, phases):
             # After one mesh period a pair has the next index.
             path_overlap = overlap_at_load[(first_phase + steps) % phase_count, steps // phases]
             positive, negative = np.maximum(path_overlap, 0.0), np.maximum(-path_overlap, 0.0)
             positive, negative = positive[:-1] + positive[1:], negative[:-1] + negative[1:]
-            # In a step with a change of sign, linear interpolation gives the part in contact.
+            # Where the overlap changes its sign, linear interpolation gives the part in contact.
             length += positive / (positive + negative) @ np.diff(pitches)
             start_length = pitches[0] * (path_overlap[0] > 0.0)
             length += start_length + remaining_path * (path_overlap[-1] > 0.0)
@@ -180,15 +192,15 @@ def optimum_relief(
     phases: Phases = 256,
     **options: Any,
 ) -> "GearStage":
-    """Return the mesh with the tip reliefs of least peak-to-peak transmission error at a load.
+    """Return the stage with the tip reliefs that minimize the peak-to-peak transmission error.
 
     If all pairs of teeth have the same constant compliance q, there is a relief without any error:
-    it is linear over the whole segment with n + 1 pairs in mesh and has the amount of the
-    deflection of n pairs, C_a = q F / n (Harris 1958, n = 1). Otherwise the simplex of Nelder and
-    Mead descends from the best points of a grid, and sequential quadratic programming from the best
-    of these minima. The range over discrete phases has many of them: another relief may be about a
-    percent better. For helical gears, whose face is divided into slices, the simplex descends from
-    the best point of a coarse grid only, at few phases.
+    it is linear over the whole segment with n + 1 pairs in mesh, and its amount is the deflection
+    of n pairs, C_a = q F / n, under the load F (Harris 1958, n = 1). Otherwise the simplex method
+    of Nelder and Mead starts from the best points of a grid, and sequential quadratic programming
+    (SLSQP) from the best of these minima. The error over discrete phases has many local minima, so
+    that another relief may be about a percent better. For helical gears, whose face is divided into
+    slices, only the simplex method is used, from the best point of a coarse grid and at few phases.
 
     Parameters
     ----------
@@ -208,7 +220,7 @@ def optimum_relief(
     Returns
     -------
     gearlib.geometry.GearStage
-        GearStage whose gears have the optimum `TipRelief`.
+        The stage whose gears have the optimum `TipRelief`.
 
     Raises
     ------
@@ -228,10 +240,11 @@ def optimum_relief(
         allowed = f"'long', 'short' or > 0 and <= {limit:.6g} m, (eps_alpha - 1) p_bt"
         is_valid = isinstance(fixed_length, Real) and 0.0 < fixed_length <= limit
         checks.require(is_valid and fixed_length is not True, "length", fixed_length, allowed)
-    # A tip relief is less than half of the thickness of the tip.
-    tips = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in (stage.pinion, stage.wheel)]
+    # The amount of a tip relief must be less than half of the tooth thickness at the tip.
+    gears = (stage.pinion, stage.wheel)
+    max_amounts = [0.499 * gear.thickness_at(gear.tip_diameter) for gear in gears]
     if stage.overlap_ratio > 0.0:
-        return _optimum_of_helical(stage, torque, fixed_length, shape, tips, phases, options)
+        return _optimum_of_helical(stage, torque, fixed_length, shape, max_amounts, phases, options)
     pairs = tooth_pairs(stage, phases, **options)
     # Deflections of single pairs under the load at the end and at the start of contact.
     compliance = np.einsum("mii->mi", pairs.compliance) - pairs.compliance[:, 0, -1, None]
@@ -240,31 +253,40 @@ def optimum_relief(
     deflections = [compliance[end] * load for end in ends]
 
     def values_in_m(points):
-        """Return both amounts and the length in m, each (n,), of n points of the variables.
+        """Return both amounts and the length in m, (n,) each, of n points of the variables.
 
-        Variables are amounts over `deflections`, times the square of the length over `limit`, and
-        this length, unless there is a `fixed_length`: the valley of small errors runs along it.
+        The last variable is the length over `limit`, unless there is a `fixed_length`. The first
+        two are the amounts over `deflections`, times the square of this relative length: thus the
+        valley of small errors runs along the length.
         """
-        *amounts, length = np.transpose(points)
+        *scaled_amounts, length = np.transpose(points)
         if fixed_length is not None:
-            amounts, length = [*amounts, length], np.full(len(points), fixed_length / limit)
-        ends = zip(amounts, deflections, tips, strict=True)
-        return *(np.minimum(v / length**2 * q, tip) for v, q, tip in ends), limit * length
+            scaled_amounts.append(length)
+            length = np.full(len(points), fixed_length / limit)
+        amounts = []
+        for scaled, deflection, max_amount in zip(
+            scaled_amounts, deflections, max_amounts, strict=True
+        ):
+            amounts.append(np.minimum(scaled / length**2 * deflection, max_amount))
+        return *amounts, limit * length
 
     def errors(points, pairs=pairs):
-        """Return the transmission errors at m phases over the sum of both deflections, (n, m)."""
+        """Return the transmission errors of n points at m phases over the sum of `deflections`.
+
+        The result has the shape (n, m); `pairs` are the `ToothPairs` at the m phases.
+        """
         *amounts, length = (values[:, None, None] for values in values_in_m(points))
-        distances = stage.path[1] - pairs.position, pairs.position - stage.path[0]  # from both tips
+        tip_distances = stage.path[1] - pairs.position, pairs.position - stage.path[0]
         gap = pairs.gap
-        for distance, amount in zip(distances, amounts, strict=True):
-            gap = gap + gap_of_relief(distance, amount, length, shape)
+        for tip_distance, amount in zip(tip_distances, amounts, strict=True):
+            gap = gap + gap_of_relief(tip_distance, amount, length, shape)
         repeated = pairs.at_phases(np.tile(np.arange(len(pairs.gap)), len(points)))
         repeated = replace(repeated, gap=gap.reshape(repeated.gap.shape))
         displacement = repeated.forces_under_loads([load]).displacement
         return displacement.reshape(len(points), -1) / sum(deflections)
 
     def pairs_at_most(count):
-        """Return the pairs of teeth at no more than about `count` of the phases."""
+        """Return the `ToothPairs` at about `count` equally spaced phases or fewer."""
         return pairs.at_phases(np.arange(0, len(pairs.gap), math.ceil(len(pairs.gap) / count)))
 
     is_free = fixed_length is None
@@ -276,23 +298,27 @@ def optimum_relief(
         axes = [np.array(_GRID_AMOUNTS) * scale] * 2 + [_GRID_LENGTHS] * is_free
         points = list(itertools.product(*axes))
         ranges = np.ptp(errors(points, pairs_at_most(_GRID_PHASES)), axis=1)
-        starts: dict[int, None] = {}
-        for size, count in zip((3, (3, 3, 1)[: len(axes)]), _DESCENT_COUNTS, strict=True):
-            lowest = minimum_filter(ranges.reshape([len(axis) for axis in axes]), size)
+        start_indices: dict[int, None] = {}  # an ordered set
+        # A grid point is a minimum if no point in this neighbourhood has a smaller range.
+        neighbourhoods = 3, (3, 3, 1)[: len(axes)]
+        for neighbourhood, count in zip(neighbourhoods, _DESCENT_COUNTS, strict=True):
+            lowest = minimum_filter(ranges.reshape([len(axis) for axis in axes]), neighbourhood)
             minima = np.flatnonzero(ranges == lowest.ravel())
-            starts |= dict.fromkeys(sorted(minima, key=lambda index: ranges[index])[:count])
+            best_minima = sorted(minima, key=lambda index: ranges[index])[:count]
+            start_indices |= dict.fromkeys(best_minima)
         fine_pairs = pairs_at_most(_DESCENT_PHASES)
 
         def range_of_error(variables):
             return float(np.ptp(errors([variables], fine_pairs)))
 
-        minima = [_descend(range_of_error, points[index], bounds) for index in starts]
+        minima = [_descend(range_of_error, points[index], bounds) for index in start_indices]
         minimum = min(minima, key=range_of_error)
         # The valley has a minimum wherever the reliefs begin at one of the phases.
         shifted = [minimum + [0.0, 0.0, shift] for shift in _SHIFTS * is_free]
         minima = [minimum, *(_descend(range_of_error, start, bounds) for start in shifted)]
         minimum = min(minima, key=range_of_error)
-        # Where single contact alone decides, many reliefs are equal: that near Harris' is taken.
+        # Where single contact alone decides, many reliefs are equally good. The relief near that
+        # of Harris, which comes first, is taken.
         candidates: list[Any] = [optimum]
         for start in (optimum, minimum):
             candidates += [_minimize_range(lambda point: errors([point])[0], start, bounds), start]
@@ -307,41 +333,52 @@ def _optimum_of_helical(
     torque: float,
     fixed_length,
     shape: str,
-    tips: list,
+    max_amounts: list,
     phases: int,
     options: dict,
 ) -> "GearStage":
-    """Return a helical mesh with the tip reliefs of least peak-to-peak transmission error.
+    """Return a helical stage with the tip reliefs of least peak-to-peak transmission error.
 
-    `fixed_length` is the length of both reliefs in m or None, and `tips` are their largest amounts.
+    `torque` is the pinion torque in N m. `fixed_length` is the length of both reliefs in m, or None
+    to optimize it, and `shape` is their shape. `max_amounts` are the largest amounts for (pinion,
+    wheel) in m. At most `phases` phases per mesh period are used; `options` is a dict of options of
+    `GearStage.transmission_error`.
     """
     phases = min(phases, _HELICAL_PHASES)
     limit = stage.longest_relief
     unrelieved = stage.transmission_error(torque, phases=phases, **options)
     deflection = float(unrelieved.transmission_error.mean())
 
-    def relieved_mesh(variables):
-        """Return the mesh with amounts over the deflection, and a length over the limit if free."""
+    def relieved_stage(variables):
+        """Return the stage with the tip reliefs that two or three dimensionless variables define.
+
+        They are both amounts over the `deflection` and, unless there is a `fixed_length`, the
+        length over `limit`.
+        """
         length = float(limit * variables[2]) if fixed_length is None else fixed_length
-        amounts = [
-            min(float(v) * deflection, tip) for v, tip in zip(variables[:2], tips, strict=True)
-        ]
-        reliefs = (TipRelief(amount=amount, length=length, shape=shape) for amount in amounts)
+        reliefs = []
+        for relative_amount, max_amount in zip(variables[:2], max_amounts, strict=True):
+            amount = min(float(relative_amount) * deflection, max_amount)
+            reliefs.append(TipRelief(amount=amount, length=length, shape=shape))
         return stage.with_reliefs(*reliefs)
 
     def relative_error(variables):
-        found = relieved_mesh(variables).transmission_error(torque, phases=phases, **options)
-        return found.peak_to_peak_error.item() / deflection
+        relieved = relieved_stage(variables).transmission_error(torque, phases=phases, **options)
+        return relieved.peak_to_peak_error.item() / deflection
 
     lengths = [(length,) for length in _HELICAL_LENGTHS] if fixed_length is None else [()]
     points = [(a, a, *length) for a, length in itertools.product(_HELICAL_AMOUNTS, lengths)]
     start = min(points, key=relative_error)
     bounds = [(0.0, _MAX_AMOUNT)] * 2 + [(_MIN_LENGTH, 1.0)] * len(lengths[0])
-    return relieved_mesh(np.round(_descend(relative_error, start, bounds), _DECIMALS))
+    return relieved_stage(np.round(_descend(relative_error, start, bounds), _DECIMALS))
 
 
 def _descend(function, start, bounds) -> np.ndarray:
-    """Return the variables at a minimum of a function near `start`, by Nelder and Mead."""
+    """Return the variables that minimize a function, by the method of Nelder and Mead.
+
+    `function` takes the variables and returns a float, `start` is where the descent begins, and
+    `bounds` are (lower, upper) for each variable.
+    """
     from scipy.optimize import minimize
 
     start = np.clip(start, *np.transpose(bounds))
@@ -351,14 +388,15 @@ def _descend(function, start, bounds) -> np.ndarray:
 
 
 def _minimize_range(function, start, bounds) -> np.ndarray:
-    """Return the variables that minimize the range, max - min, of the values of a function.
+    """Return the variables that minimize the range, max - min, of a vector function, by SLSQP.
 
-    `function` returns a vector of values from the variables; `bounds` are (lower, upper) of each
-    variable. The descent by SLSQP begins at `start`.
+    `function` takes the variables and returns a vector, `start` is where the descent begins, and
+    `bounds` are (lower, upper) for each variable.
     """
     from scipy.optimize import minimize
 
-    # SLSQP minimizes upper - lower, two more variables between which all values must lie.
+    # SLSQP minimizes upper - lower, where lower and upper are two more variables, and all values
+    # must lie between them.
     def constraints(extended):
         *variables, lower, upper = extended
         distances = function(np.array(variables)) - lower
