@@ -26,11 +26,12 @@ from gearlib.data.result import result, stacked
 from gearlib.models.pair import GearPair
 from gearlib.runs.sweeping import WARM_STARTED, sweep
 
-#: Samples per mesh period of the displayed time histories, and of those that start a search.
+#: Samples per mesh period of the displayed time histories, and of initial guesses.
 _SAMPLES, _GUESS_SAMPLES = 128, 1024
-#: Correction at which an iteration has converged, and limit on applications of the integral kernel.
+#: Size of a correction below which an iteration has converged, and largest number of applications
+#: of the integral kernel.
 _TOLERANCE, _MAX_APPLICATIONS = 1e-8, 200
-#: Number of harmonics of the exact orbit that start an iteration near it.
+#: Number of harmonics of the exact orbit in the first iterate near it.
 _START_HARMONICS = 3
 
 
@@ -40,12 +41,12 @@ def analytic_method_study(
     """Compare the paper's analytic method and harmonic balance with exact orbits of a gear pair.
 
     The paper's method is E. Schmidt's: successive approximations, with Newton steps for a few
-    degenerate (near-resonant) harmonics. The range of
-    convergence and the resonance curve are over `tunings`; `run` has periods and record_periods of
-    the exact sweeps. `settings` have shown (the tunings of single solutions), harmonics (number of
-    harmonics of a solution), iterations and iteration_harmonics (number of iterates and of their
-    harmonics), balance_harmonics and schmidt_harmonics (the numbers of harmonics at which the
-    errors of each method are computed), and most_degenerate (largest number of degenerate ones).
+    degenerate (near-resonant) harmonics. The range of convergence and the resonance curve are
+    computed at `tunings`; `run` has periods and record_periods of the exact sweeps. `settings` have
+    shown (the tunings of single solutions), harmonics (number of harmonics of a solution),
+    iterations (number of iterates), iteration_harmonics (number of their harmonics),
+    balance_harmonics and schmidt_harmonics (the numbers of harmonics at which the errors of each
+    method are computed), and most_degenerate (largest number of degenerate harmonics).
     """
     data = stacked(
         {"direction": WARM_STARTED},
@@ -76,28 +77,31 @@ def analytic_method_study(
 def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Dataset:
     """Return the iterates of E. Schmidt's method from the static deflection, and their errors.
 
-    `settings` have iterations (number of iterates), iteration_harmonics (harmonics of the iterates)
-    and harmonics (those of the solution). degenerate_chosen is the number of degenerate
-    (near-resonant) harmonics; algebraic_step is 1 for iterates before a Newton step for these.
+    `settings` have iterations (number of iterates), iteration_harmonics (number of harmonics of the
+    iterates) and harmonics (number of harmonics of the solution). In the dataset,
+    degenerate_chosen is the number of degenerate (near-resonant) harmonics, and algebraic_step is 1
+    for iterates before a Newton step for these harmonics.
     """
     count = settings["iterations"] + 1
-    iterates, takes_newton_step = np.full((count, _SAMPLES), np.nan), np.zeros(count, np.int8)
+    iterates = np.full((count, _SAMPLES), np.nan)
+    takes_newton_step = np.zeros(count, np.int8)
     exact = exact_motion(periodic_orbit(pair, tuning), _SAMPLES)[0]
     equation = MeshEquation(pair, tuning, settings["iteration_harmonics"])
-    # Only its degenerate harmonics are used, so the solution may start at the exact orbit.
+    # Only the degenerate harmonics of the solution are used, so it may start at the exact orbit.
     solution = schmidt(pair, tuning, harmonics=settings["harmonics"], guess=exact)
     degenerate = np.array(solution.degenerate, int)
     coefficients = first_coefficients(equation, guess=None)
     steps = iterate(equation, coefficients, degenerate, _TOLERANCE)
-    # Norm of the last Newton step, inf before the first one; it changes if such a step is taken.
+    # The norm of the last Newton step, inf before the first one, changes if a step is taken.
     last_step_norm = np.inf if degenerate.size else 0.0
-    for j in range(count):  # iterates after the convergence stay NaN
+    for j in range(count):
         iterates[j] = equation.to_grid(coefficients)[:: equation.samples // _SAMPLES]
         step = next(steps)
         takes_newton_step[j] = step.newton_step != last_step_norm
-        last_step_norm, coefficients = step.newton_step, step.coefficients
+        last_step_norm = step.newton_step
+        coefficients = step.coefficients
         if max(step.correction, last_step_norm) < _TOLERANCE:
-            break
+            break  # the other iterates stay NaN
     return xr.Dataset(
         {
             "iterate_displacement": (("iteration", "phase"), iterates),
@@ -110,20 +114,22 @@ def _iteration_history(pair: GearPair, tuning: float, settings: dict) -> xr.Data
 
 
 def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) -> dict:
-    """Return contraction factors at exact orbits, and whether E. Schmidt's iterations converge.
+    """Compute contraction factors at exact orbits, and whether E. Schmidt's iterations converge.
 
-    The dimensions are contact_loss (without, with), degenerate_count (number of harmonics solved by
-    Newton steps, 0 to `most_degenerate`) and tuning; `harmonics` is the number of all harmonics.
+    The result maps names to variables over contact_loss (without, with), degenerate_count (number
+    of harmonics solved by Newton steps, 0 to `most_degenerate`) and tuning; `harmonics` is the
+    number of all harmonics.
     """
     counts = range(most_degenerate + 1)
 
     def convergence_at(model: GearPair, tuning: float) -> dict:
-        """Return contraction factors and convergence by number of degenerate harmonics.
+        """Return contraction factors and convergence for each number of degenerate harmonics.
 
         "automatic" is the number of degenerate harmonics that the iteration selects by itself.
         Iterations start at the lowest harmonics of the exact orbit: near it, but not on it.
         """
-        factors, converged = np.full(len(counts), np.nan), np.zeros(len(counts), np.int8)
+        factors = np.full(len(counts), np.nan)
+        converged = np.zeros(len(counts), np.int8)
         try:
             orbit = periodic_orbit(model, tuning)
         except NoOrbit:
@@ -150,9 +156,9 @@ def _convergence(pair: GearPair, tunings, harmonics: int, most_degenerate: int) 
 
 
 def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: dict) -> dict:
-    """Return the errors of both methods against exact orbits by tuning and number of harmonics.
+    """Compute the errors of both methods against exact orbits by tuning and number of harmonics.
 
-    `harmonic_counts` maps "balance" (harmonic balance) and "schmidt" to these numbers.
+    `harmonic_counts` maps "balance" (harmonic balance) and "schmidt" to the numbers of harmonics.
     """
     orbits = {tuning: periodic_orbit(pair, tuning) for tuning in tunings}
     guesses = {tuning: exact_motion(orbits[tuning], _GUESS_SAMPLES)[0] for tuning in orbits}
@@ -160,7 +166,7 @@ def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: di
     for name, solve in (("balance", harmonic_balance), ("schmidt", schmidt)):
 
         def errors_at(tuning: float, harmonics: int, name: str = name, solve: Any = solve) -> dict:
-            """Return the errors of a solution with a number of harmonics at a tuning."""
+            """Return the errors of the solution with this number of harmonics at a tuning."""
             solution = solve(pair, tuning, harmonics=harmonics, guess=guesses[tuning])
             error = errors(solution, orbits[tuning])
             values = {"displacement": error.displacement, "velocity": error.velocity}
@@ -174,28 +180,37 @@ def _method_errors(pair: GearPair, tunings: Sequence[float], harmonic_counts: di
 def _resonance_curve(pair, direction, tunings, harmonics, run) -> dict[str, np.ndarray]:
     """Return extrema and stability of harmonic balance solutions, and extrema of an exact sweep.
 
-    Both follow the tunings in the `direction` "up" or "down"; harmonic balance has this number of
-    `harmonics`, and `run` has arguments of `gearlib.sweep`.
+    Both follow the tunings in the `direction` "up" or "down". `harmonics` is the number of
+    harmonics of harmonic balance, and `run` has arguments of `gearlib.sweep`. Values are NaN where
+    no solution is found.
     """
     curve = sweep(pair, tunings, direction=direction, **run)
     exact = {name: curve[name].values for name in ("displacement_max", "displacement_min")}
-    largest, smallest = np.full(len(tunings), np.nan), np.full(len(tunings), np.nan)
-    stable, solution = np.zeros(len(tunings), np.int8), None
-    for j in range(len(tunings)) if direction == "up" else reversed(range(len(tunings))):
+    maxima = np.full(len(tunings), np.nan)
+    minima = np.full(len(tunings), np.nan)
+    stable = np.zeros(len(tunings), np.int8)
+    indices = list(range(len(tunings)))
+    if direction == "down":
+        indices.reverse()
+    solution = None
+    for j in indices:
         solution = _next_solution(pair, tunings[j], harmonics, solution)
         if solution is not None:
             displacement, _ = solution.time_history(_SAMPLES)
-            largest[j], smallest[j] = displacement.max(), displacement.min()
+            maxima[j] = displacement.max()
+            minima[j] = displacement.min()
             stable[j] = solution.stable
-    return {"balance_max": largest, "balance_min": smallest, "stable": stable} | exact
+    return {"balance_max": maxima, "balance_min": minima, "stable": stable} | exact
 
 
 def _next_solution(pair: GearPair, tuning: float, harmonics: int, neighbour: Any) -> Any:
-    """Return a solution of harmonic balance, None if none is found.
+    """Return a solution of harmonic balance at a tuning, None if none is found.
 
-    The first guess is `neighbour`, the solution at the neighbouring tuning, unless it is None.
+    `neighbour` is the solution at the neighbouring tuning, or None. It is the first guess; the
+    default guess is the second.
     """
-    for guess in (neighbour, None) if neighbour is not None else (None,):
+    guesses = [None] if neighbour is None else [neighbour, None]
+    for guess in guesses:
         try:
             return harmonic_balance(pair, tuning, harmonics=harmonics, guess=guess)
         except NoOrbit:

@@ -1,9 +1,9 @@
 """Prove statements about the paper's orbits by certificates that another program can check.
 
-For each damping: orbits on the branches behind Fig. 3 at the tunings of the paper's statements, and
-ranges of tunings with an orbit that never loses contact. For the reducer made of the first damped
-pair, with equal motion in all branches and contact in all six meshes: at one tuning this motion is
-stable, at another one it is unstable.
+For each damping, certificates are computed for orbits on the branches behind Fig. 3 at the tunings
+of the paper's statements, and for ranges of tunings with an orbit that never loses contact. For the
+reducer made of the first damped pair, they prove that the motion with contact in all six meshes,
+equal in all branches, is stable at one tuning and unstable at another one.
 """
 
 import json
@@ -29,13 +29,13 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Tunings of the paper's Fig. 6.
 FIG6_TUNINGS = (0.815, 0.8151)
-#: A tuning above the paper's range of contact loss, which ends at 1.12: its plot resolves 0.01.
+#: A tuning above the paper's range of contact loss, which ends at 1.12 within 0.01.
 TUNING_ABOVE_CONTACT_LOSS = 1.14
 #: Teeth of the reducer, and tunings at which its symmetric motion is stable and unstable.
 REDUCER_TEETH, REDUCER_TUNINGS = (24, 36, 24, 36), (0.5, 0.6)
 #: Ranges of tunings begin and end at multiples of this step.
 _TUNING_STEP = 1e-4
-#: Digits of states and tunings of certificates: fewer than all processors agree on.
+#: Number of significant digits of states and tunings in certificates, on which processors agree.
 _DIGITS = 11
 #: States that differ by less belong to the same orbit.
 _SAME_ORBIT_DISTANCE = 1e-6
@@ -48,19 +48,21 @@ def certify_branches(
 ) -> list[dict]:
     """Certify the periodic orbits of several gear pairs, and return a dict for each certificate.
 
-    `pairs` and `branches` map names of dampings to pairs, `branches` maps them to results of
+    `pairs` maps names of dampings to pairs, `branches` maps them to results of
     `gearlib.studies.resonance.branches`. Orbits are certified at `tunings`, at the two tunings of
     the paper's Fig. 6, and above its range of contact loss. A dict is a `Certificate.as_dict`, or
     has the claim "refusal" and the message why a proof failed, or the claim "count" and the number
-    of points of the branches by outcome. Certificates of these points are included if `all_points`
-    is true. Those of a reducer, with the model "reducer", are appended for the first damped pair.
+    of points of the branches by outcome. With `all_points`, the certificates of these points are
+    included. Certificates of a reducer ("gears": "reducer") are added for the first damped pair.
     """
     tunings = sorted({*map(float, tunings), *FIG6_TUNINGS, TUNING_ABOVE_CONTACT_LOSS})
-    certificates, names = [], ("state", "tuning")
+    certificates = []
     for damping, pair in pairs.items():
         branch = branches[damping]
         # Certificates of rounded states have the same bytes on all processors.
-        rounded = {name: branch[name].copy(data=_rounded(branch[name])) for name in names}
+        rounded = {
+            name: branch[name].copy(data=_rounded(branch[name])) for name in ("state", "tuning")
+        }
         branch = branch.assign(rounded)
         points = _point_certificates(pair, branch)
         outcomes = [point.get("stability") or f"refused: {point['status']}" for point in points]
@@ -68,7 +70,8 @@ def certify_branches(
         pair_certificates = [count, *_range_certificates(pair, branch)]
         for tuning in tunings:
             pair_certificates += _orbit_certificates(pair, branch, tuning)
-        pair_certificates += points if all_points else []
+        if all_points:
+            pair_certificates += points
         certificates += [{"damping": damping} | entry for entry in pair_certificates]
     for damping, pair in pairs.items():
         if pair.has_damping():  # a single damped pair is enough for the reducer
@@ -79,15 +82,18 @@ def certify_branches(
 
 
 def _rounded(values: Any) -> np.ndarray:
-    """Return values rounded to the digits of certificates."""
-    round_number = np.vectorize(lambda x: float(f"{x:.{_DIGITS - 1}e}"), otypes=[float])
-    return round_number(values)
+    """Return an array of values rounded to `_DIGITS` significant digits."""
+
+    def rounded_value(value: float) -> float:
+        return float(f"{value:.{_DIGITS - 1}e}")
+
+    return np.vectorize(rounded_value, otypes=[float])(values)
 
 
 def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) -> dict:
-    """Return the certificate of an orbit as a dict; its claim is "refusal" if the proof fails.
+    """Certify an orbit at a tuning, or for all tunings up to `last_tuning`; return a dict.
 
-    With `last_tuning`, the certificate is valid for all tunings from `tuning` to it.
+    The claim of the dict is "refusal" if the proof fails.
     """
     orbit = replace(orbit, state=_rounded(orbit.state))
     outcome = certify(orbit) if last_tuning is None else certify_range(orbit, to=last_tuning)
@@ -98,12 +104,14 @@ def _certificate(orbit: Any, tuning: float, last_tuning: float | None = None) ->
 
 
 def _reducer_certificates(pair: GearPair) -> list[dict]:
-    """Return the certificates of the symmetric motion of a reducer with this pair in its meshes.
+    """Certify the motion of a reducer that is equal in all branches; return the certificates.
 
-    Tunings of `REDUCER_TUNINGS` at which no orbit is found are left out.
+    All meshes of the reducer have the properties of `pair`. Tunings of `REDUCER_TUNINGS` at which
+    no orbit is found are left out.
     """
     reducer = split_power_reducer(pair, teeth=REDUCER_TEETH)
-    start, common_period = reducer.start_state("static"), reducer.repeats  # in mesh periods
+    start = reducer.start_state("static")
+    common_period = reducer.repeats  # mesh periods
     certificates = []
     for tuning in REDUCER_TUNINGS:
         try:
@@ -115,7 +123,7 @@ def _reducer_certificates(pair: GearPair) -> list[dict]:
 
 
 def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
-    """Return the certificates of ranges of tunings with an orbit that never loses contact.
+    """Certify ranges of tunings with an orbit that never loses contact; return the certificates.
 
     `branch` has the points of all branches of the pair; a range lies between two successive
     special points, and its ends are multiples of `_TUNING_STEP`.
@@ -124,13 +132,14 @@ def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
     branch_number = branch.branch.values
     in_contact = branch.contacts.values == "D"  # drive-side contact during the whole period
     is_usable = in_contact & (branch.period.values == 1) & (label == REGULAR)
+    # Points at which a range ends: special points and the last point of each branch.
     ends = np.flatnonzero((label != REGULAR) | (np.diff(branch_number, append=-1) != 0))
     certificates = []
-    for first, last in zip([0, *ends], ends, strict=False):
+    for start_point, end_point in zip([0, *ends], ends, strict=False):
         # A special point belongs to both neighbouring ranges, the end of a branch does not.
-        first += branch_number[first] != branch_number[last]
-        inside = np.flatnonzero(is_usable[first : last + 1]) + first
-        lower, upper = sorted((first, last), key=lambda point: tuning[point])
+        start_point += branch_number[start_point] != branch_number[end_point]
+        inside = np.flatnonzero(is_usable[start_point : end_point + 1]) + start_point
+        lower, upper = sorted((start_point, end_point), key=lambda point: tuning[point])
         # Ranges stay at least one step away from special points. Multiples of the step, 1e-4, are
         # not exact as floats, so quotients are rounded to 6 decimals and tunings to 4.
         lower_steps = math.ceil(round(tuning[lower] / _TUNING_STEP, 6))
@@ -150,7 +159,10 @@ def _range_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
 
 
 def _orbit_certificates(pair: GearPair, branch: xr.Dataset, tuning: float) -> list[dict]:
-    """Return the certificates of all orbits of one mesh period on the branches at a tuning."""
+    """Certify all orbits of one mesh period on the branches at a tuning; return the certificates.
+
+    `branch` has the points of all branches of the pair.
+    """
     states: list[np.ndarray] = []
     certificates = []
     for guess in _crossings(branch, tuning):
@@ -166,8 +178,12 @@ def _orbit_certificates(pair: GearPair, branch: xr.Dataset, tuning: float) -> li
 
 
 def _crossings(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
-    """Yield the interpolated states at which branches of orbits of period one pass a tuning."""
-    difference, branch_number = branch.tuning.values - tuning, branch.branch.values
+    """Yield the states, interpolated between points, at which branches of period one pass a tuning.
+
+    `branch` has the points of all branches.
+    """
+    difference = branch.tuning.values - tuning
+    branch_number = branch.branch.values
     states, period = branch.state.values, branch.period.values
     for i in np.flatnonzero((difference[:-1] <= 0.0) != (difference[1:] <= 0.0)):
         if branch_number[i] == branch_number[i + 1] and period[i] == 1:
@@ -176,7 +192,7 @@ def _crossings(branch: xr.Dataset, tuning: float) -> Iterator[tuple]:
 
 
 def _point_certificates(pair: GearPair, branch: xr.Dataset) -> list[dict]:
-    """Return the certificates of all regular points of the branches of a gear pair."""
+    """Certify all regular points on the branches of a gear pair; return the certificates."""
     certificates = []
     for point in np.flatnonzero(branch.label.values == REGULAR):
         orbit = as_orbit(point_of_dataset(pair, branch, int(point), MAX_EVENTS).solution)
@@ -196,27 +212,35 @@ def certificate_rows(certificates: Sequence[dict]) -> Iterator[list]:
 
     `certificates` come from `certify_branches`; failed proofs ("refusal") and counts are left out.
     The columns tuning and until are the first and the last tuning of a certified range, contacts
-    has a letter for each contact state (`_CONTACT_LETTERS`), lowest is the smallest displacement of
-    the orbit in static deflections, reason is the argument for its stability.
+    has a letter for each contact state in turn (`_CONTACT_LETTERS`), lowest is the smallest
+    displacement of the orbit in static deflections, reason is the argument for its stability.
     """
     yield ["damping", "claim", "tuning", "until", "contacts", "lowest", "stability", "reason"]
     for certificate in certificates:
         if certificate["claim"] in ("count", "refusal"):
             continue
         first_tuning = certificate.get("tuning", certificate.get("start"))
-        numbers = (first_tuning, certificate.get("stop"), certificate.get("displacement_min"))
-        decimals = ["" if number is None else _decimal(number) for number in numbers]
         contacts = "".join(_CONTACT_LETTERS[code] for code in certificate.get("pattern", ()))
         labels = [certificate[name] for name in ("damping", "gears") if name in certificate]
-        tuning, last_tuning, min_displacement = decimals
-        cells = [", ".join(labels), certificate["claim"], tuning, last_tuning, contacts]
-        yield [*cells, min_displacement, certificate["stability"], certificate["reason"]]
+        yield [
+            ", ".join(labels),
+            certificate["claim"],
+            _decimal(first_tuning),
+            _decimal(certificate.get("stop")),
+            contacts,
+            _decimal(certificate.get("displacement_min")),
+            certificate["stability"],
+            certificate["reason"],
+        ]
 
 
-def _decimal(value: str | Sequence[str]) -> str:
-    """Return a number of a certificate, a hexadecimal float or an enclosure, as a decimal.
+def _decimal(value: str | Sequence[str] | None) -> str:
+    """Return a number of a certificate as a decimal text, "" for None.
 
-    Enclosures are far narrower than the printed digits, so their lower end is used.
+    `value` is a hexadecimal float or an enclosure, a pair of decimal texts. Enclosures are far
+    narrower than the printed digits, so their lower end is used.
     """
+    if value is None:
+        return ""
     number = float.fromhex(value) if isinstance(value, str) else float(value[0])
     return f"{number:.10g}"

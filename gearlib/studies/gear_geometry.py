@@ -23,18 +23,18 @@ METHODS: dict[str, tuple[str, dict]] = {
 }
 #: Mean stiffnesses are compared with that of this method.
 REFERENCE_METHOD = "energy"
-#: Relative distance of the two points on both sides of a jump of the stiffness.
+#: Relative distance of two sampled phases from the jump of the stiffness between them.
 _JUMP_WIDTH = 1e-6
 _GEARS = ["pinion", "wheel"]
 
 
 def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
-    """Return the mesh stiffness of gear pairs by every method, over phase and as a mean.
+    """Compute the mesh stiffness of gear pairs by every method, over the mesh phase and as a mean.
 
-    `pairs` maps names to the values of two gears, with the entries torque (N m) and published, a
+    `pairs` maps names to mappings with the values of two gears, their torque (N m) and published, a
     mapping of sources to published mean stiffnesses (N/m). `samples` is the number of mesh phases.
-    In the dataset, own_stiffness_ratio is the smallest over the largest stiffness of a method, and
-    method_uncertainty the relative uncertainty of a method.
+    In the dataset, own_stiffness_ratio is the smallest stiffness by a method divided by the
+    largest, and method_uncertainty the relative uncertainty of a method.
     """
     meshes = {name: geometry.stage(gears) for name, gears in pairs.items()}
     phases = {name: _sampled_phases(mesh.contact_ratio, samples) for name, mesh in meshes.items()}
@@ -42,8 +42,8 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
     def stiffness_data(pair: str, method: str) -> dict:
         """Return the stiffness of one gear pair by one method, as variable -> value."""
         name, options = METHODS[method]
-        # Only the energy method samples the mesh phase.
-        options = options | ({"samples": samples} if name == "energy" else {})
+        if name == "energy":  # only this method samples the mesh phase
+            options = options | {"samples": samples}
         stiffness = meshes[pair].stiffness(name, torque=pairs[pair]["torque"], **options)
         return {
             "mesh_stiffness": _stiffness_at(stiffness, phases[pair]),
@@ -70,7 +70,7 @@ def mesh_stiffness(pairs: dict[str, dict], samples: int) -> xr.Dataset:
 
 
 def _sampled_phases(contact_ratio: float, samples: int) -> np.ndarray:
-    """Return mesh phases from -pi to pi, with two points around each end of double contact."""
+    """Return mesh phases from -pi to pi, rad, with two points around each end of double contact."""
     end = math.pi * (contact_ratio % 1.0)
     end_points = end * np.array([1.0 - _JUMP_WIDTH, 1.0 + _JUMP_WIDTH])
     regular_points = np.linspace(-math.pi, math.pi, samples)
@@ -78,7 +78,7 @@ def _sampled_phases(contact_ratio: float, samples: int) -> np.ndarray:
 
 
 def _stiffness_at(stiffness: Any, phases: np.ndarray) -> np.ndarray:
-    """Return the values (N/m) of a `MeshStiffness` at mesh phases."""
+    """Return the mesh stiffness (N/m) of a `MeshStiffness` at mesh phases (rad)."""
     profile = stiffness.profile
     if isinstance(profile, Rectangular):
         double_contact = np.abs(phases) <= math.pi * (stiffness.contact_ratio - 1.0)
@@ -90,8 +90,8 @@ def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of mean stiffnesses: the names of the columns, then their values.
 
     `stiffness` is a dataset from `mesh_stiffness`; each gear pair has a row for each method and for
-    each publication. stiffness_ratio is the smallest over the largest stiffness, from_reference the
-    relative deviation of the mean stiffness from that of `REFERENCE_METHOD`.
+    each publication. stiffness_ratio is the smallest stiffness divided by the largest,
+    from_reference the relative deviation of the mean stiffness from the mean by `REFERENCE_METHOD`.
     """
     yield ["pair", "stiffness_method", "mean_stiffness", "stiffness_ratio", "from_reference"]
     for pair in stiffness.pair.values:
@@ -107,15 +107,17 @@ def stiffness_rows(stiffness: xr.Dataset) -> Iterator[list]:
 
 
 def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int) -> xr.Dataset:
-    """Return the static transmission error of a gear pair at several loads, with each tip relief.
+    """Compute the static transmission error of a gear pair at several loads and tip reliefs.
 
-    `gears` are the values of two gears and the design torque (N m); pitch errors are left out.
+    `gears` has the values of two gears and the design torque (N m); pitch errors are left out.
     `loads` are relative to the design load; `stiffness` and `phases` are arguments of
-    `Mesh.transmission_error`. The reliefs are none, the gears' own if they have any, the best long
-    one at the design load, and a short one with its amounts on half of the length: at the design
-    load the amounts of a short relief make little difference.
+    `GearStage.transmission_error`. The reliefs are "none"; "own", the relief of the gears if they
+    have any; "long", the best long relief at the design load; and "short", which has its amounts on
+    half of its length, because at the design load the amounts of a short relief make little
+    difference.
     """
-    torque, options = gears["torque"], {"stiffness": stiffness, "phases": phases}
+    torque = gears["torque"]
+    options = {"stiffness": stiffness, "phases": phases}
     own = geometry.stage(gears | {name: gears[name] | {"pitch_errors": ()} for name in _GEARS})
     meshes = {"none": own.with_reliefs(None, None), "own": own}
     if meshes["none"] == own:
@@ -124,7 +126,8 @@ def harris_map(gears: dict, loads: Sequence[float], stiffness: str, phases: int)
     reliefs: list = [gear.tip_relief for gear in (long_relief.pinion, long_relief.wheel)]
     halved = [replace(relief, length=relief.length / 2.0) for relief in reliefs]
     meshes |= {"short": long_relief.with_reliefs(*halved), "long": long_relief}
-    errors, amounts = [], []
+    errors = []
+    amounts = []  # of pinion and wheel, m
     for mesh in meshes.values():
         errors.append(mesh.transmission_error(torque * np.asarray(loads), **options))
         reliefs = [mesh.pinion.tip_relief, mesh.wheel.tip_relief]

@@ -13,12 +13,12 @@ from gearlib.models.pair import GearPair
 from gearlib.models.pair_parameters import RATIOS
 
 METHODS = ("iso", "energy")
-#: Smallest amplitude of a mesh order in the table, of force or error, over the largest.
-_LEAST_AMPLITUDE = 0.05
-#: Note on K_v of ISO 6336-1.
+#: Smallest amplitude of a mesh order in the table, relative to the largest amplitude.
+_MIN_RELATIVE_AMPLITUDE = 0.05
+#: Note on the dynamic factor K_v of ISO 6336-1.
 _QUALITY = "; here the quality of the gears counts, and in `gearlib scatter`, not in other rows"
 _DEGREE = math.pi / 180.0
-#: Name, unit and meaning of a quantity, and its value from a gear and its tip clearance.
+#: Name, unit and meaning of each quantity, and a function of a gear and its tip clearance, m.
 _GEAR_QUANTITIES = (
     ("teeth", "", "z", lambda gear, gap: gear.teeth),
     ("shift", "", "profile shift coefficient x", lambda gear, gap: gear.shift),
@@ -28,11 +28,11 @@ _GEAR_QUANTITIES = (
     ("root_diameter", "mm", "d_f", lambda gear, gap: 1e3 * gear.root_diameter),
     ("tooth_thickness", "mm", "s_t, reference circle", lambda g, gap: 1e3 * g.tooth_thickness),
     ("tip_thickness", "mm", "s_at", lambda g, gap: 1e3 * g.thickness_at(g.tip_diameter)),
-    ("clearance", "mm", "c, between its tip and the root of the other", lambda g, gap: 1e3 * gap),
+    ("clearance", "mm", "c, from its tip to the mating root", lambda gear, gap: 1e3 * gap),
     ("mass", "kg", "of the blank at the mean diameter", lambda gear, gap: gear.mass),
     ("inertia", "kg m^2", "J about the axis", lambda gear, gap: gear.inertia),
 )
-#: Name, unit and meaning of a quantity, and its value from a mesh m and its `GearPair` p.
+#: Name, unit and meaning of each quantity, and a function of a `GearStage` m and its `GearPair` p.
 _MESH_QUANTITIES = (
     ("centre_distance", "mm", "a", lambda m, p: 1e3 * m.centre_distance),
     ("working_pressure_angle", "deg", "alpha_wt", lambda m, p: m.working_pressure_angle / _DEGREE),
@@ -46,7 +46,7 @@ _MESH_QUANTITIES = (
     ("torque", "N m", "of the pinion", lambda m, p: p.load * m.pinion.base_diameter / 2.0),
     ("load", "N", "F, along the line of action", lambda m, p: p.load),
 )
-#: Name, unit and meaning, and value from the `GearPair` p by one stiffness method.
+#: Name, unit and meaning of each quantity, and a function of the `GearPair` p by one method.
 _STIFFNESS_QUANTITIES = (
     ("max_stiffness", "N/m", "C_max", lambda p: p.max_stiffness),
     ("mean_stiffness", "N/m", "C_s", lambda p: p.mean_stiffness),
@@ -60,7 +60,7 @@ _STIFFNESS_QUANTITIES = (
     ("damping_ratio", "", "beta", lambda p: p.damping_ratio),
     ("backlash_damping_ratio", "", "beta_m", lambda p: p.backlash_damping_ratio),
 )
-#: Those of a `GearPair` p that is given by its numbers.
+#: The same for a `GearPair` p that is not given by its geometry.
 _PAIR_QUANTITIES = (
     ("reduced_mass", "kg", "m_red", lambda p: p.reduced_mass),
     ("load", "N", "F, along the line of action", lambda p: p.load),
@@ -74,23 +74,25 @@ class Quantity(NamedTuple):
 
     name: str
     unit: str
-    values: dict  #: name of the gear or of the stiffness method, or "mesh" -> value
+    values: dict  #: "pinion" and "wheel", "mesh" or the stiffness methods -> value
     meaning: str
 
 
 def gear_quantities(
     mesh: Any, *, damping: dict | None = None, options: dict | None = None, **load: Any
 ) -> list[Quantity]:
-    """Return geometry, stiffness and load of a `Mesh` as rows of a table.
+    """Return geometry, stiffness and load of a `GearStage` as rows of a table.
 
-    `damping` has ratios, which hold for every method, or material_damping and backlash_damping
-    (N s/m); `options` maps each stiffness method to its options; `load` has torque (N m), or power
-    (W) and speed (rpm). A method that is not valid for these gears is omitted.
+    `damping` has damping ratios, which hold for every stiffness method, or the coefficients
+    material_damping and backlash_damping (N s/m); None is undamped. `options` maps each stiffness
+    method to its options; `load` has torque (N m), or power (W) and speed (rpm). A method that is
+    not valid for these gears is omitted.
     """
     damping = damping or {"material_damping": 0.0}
     coefficients = {name: value for name, value in damping.items() if name in RATIOS.values()}
     ratios = {name: value for name, value in damping.items() if name not in coefficients}
-    pairs, refusals = {}, []  # method -> `GearPair`
+    pairs = {}  # method -> `GearPair`
+    refusals = []
     for method in METHODS:
         stiffness = {"stiffness": method, "options": (options or {}).get(method)}
         try:
@@ -103,7 +105,7 @@ def gear_quantities(
         pairs[method] = pair.replace(**coefficients)
     if not pairs:
         raise refusals[0]
-    # Tip clearances (m), between the tip of a gear and the root of the other one.
+    # Tip clearances (m) lie between the tip of a gear and the root of the mating gear.
     pinion_clearance, wheel_clearance = mesh.clearances
     gears = {"pinion": (mesh.pinion, pinion_clearance), "wheel": (mesh.wheel, wheel_clearance)}
     rows = [
@@ -118,38 +120,48 @@ def gear_quantities(
 
 
 def _note_on_ranges(pairs: dict[str, GearPair]) -> str:
-    """Return a text if the uncertain mean stiffnesses of the methods do not overlap, else ""."""
+    """Return a note if the ranges of the mean stiffness by the methods do not overlap, else "".
+
+    `pairs` maps stiffness methods to the `GearPair` with their stiffness.
+    """
     means = {method: pair.mean_stiffness for method, pair in pairs.items()}
-    lowest = max(mean * (1.0 - UNCERTAINTY[method]) for method, mean in means.items())
-    highest = min(mean * (1.0 + UNCERTAINTY[method]) for method, mean in means.items())
-    if lowest <= highest:
+    largest_lower_end = max(mean * (1.0 - UNCERTAINTY[method]) for method, mean in means.items())
+    smallest_upper_end = min(mean * (1.0 + UNCERTAINTY[method]) for method, mean in means.items())
+    if largest_lower_end <= smallest_upper_end:
         return ""
     ratio = max(means.values()) / min(means.values())
     return f". The means differ by the factor {ratio:.3g}: these ranges do not overlap"
 
 
 def _quantities(definitions: Iterable[tuple], arguments: dict[str, tuple]) -> list[Quantity]:
-    """Return the quantities that are defined by (name, unit, meaning, function).
+    """Evaluate quantities that are defined by (name, unit, meaning, function).
 
-    `arguments` maps the name of each column of values to the arguments of the functions.
+    `arguments` maps the owner of a value, such as "pinion" or a stiffness method, to the arguments
+    of the functions.
     """
-    return [
-        Quantity(name, unit, {column: value(*args) for column, args in arguments.items()}, meaning)
-        for name, unit, meaning, value in definitions
-    ]
+    quantities = []
+    for name, unit, meaning, function in definitions:
+        values = {owner: function(*args) for owner, args in arguments.items()}
+        quantities.append(Quantity(name, unit, values, meaning))
+    return quantities
 
 
 def cells(quantities: Iterable[Quantity]) -> Iterator[list]:
-    """Yield the names of the columns, then a row for each value; "of" names its gear or method."""
+    """Yield the names of the columns, then a row for each value of each quantity.
+
+    The column "of" names the gear, the mesh or the stiffness method to which the value belongs.
+    """
     yield ["name", "of", "value", "unit", "meaning"]
-    for row in quantities:
-        yield from ([row.name, of, x, row.unit, row.meaning] for of, x in row.values.items())
+    for quantity in quantities:
+        for owner, value in quantity.values.items():
+            yield [quantity.name, owner, value, quantity.unit, quantity.meaning]
 
 
 def rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
-    """Yield the rows of the table of a configuration: of its `gears`, if any, and of its pairs.
+    """Yield the rows of the table of a configuration: of its gears or pair, then of its dampings.
 
-    `pairs` maps names of dampings to the gear pair that runs.
+    `pairs` maps names of dampings to the gear pairs of the runs. `gears` has the values of two
+    gears, their torque and stiffness method, or is None if only the pairs are known.
     """
     models = {name: (pair,) for name, pair in pairs.items()}
     if gears:
@@ -157,22 +169,24 @@ def rows(pairs: dict[str, GearPair], gears: dict | None) -> Iterator[list]:
         mesh = geometry.stage(gears)
         quantities = gear_quantities(mesh, options=options, torque=gears["torque"])
     else:
-        pair = next(iter(models.values()))
-        quantities = _quantities((*_PAIR_QUANTITIES, *_STIFFNESS_QUANTITIES), {"pair": pair})
-    quantities = [x for x in quantities if x.name not in _DAMPING_NAMES]
-    dampings = [x for x in _STIFFNESS_QUANTITIES if x[0] in _DAMPING_NAMES]
+        pair_argument = next(iter(models.values()))
+        definitions = (*_PAIR_QUANTITIES, *_STIFFNESS_QUANTITIES)
+        quantities = _quantities(definitions, {"pair": pair_argument})
+    quantities = [quantity for quantity in quantities if quantity.name not in _DAMPING_NAMES]
+    dampings = [entry for entry in _STIFFNESS_QUANTITIES if entry[0] in _DAMPING_NAMES]
     header, *body = cells([*quantities, *_quantities(dampings, models)])
     yield header
-    for name, of, value, unit, meaning in body:
-        yield [name, of, f"{value:.6g}", unit, meaning]
+    for name, owner, value, unit, meaning in body:
+        yield [name, owner, f"{value:.6g}", unit, meaning]
 
 
 def duty_rows(model: Any, speed: float, torque: float, stiffness_model: str) -> Iterator[Quantity]:
     """Yield the quantities of a `LoadSharingPair` at a speed in rpm and a torque in N m.
 
-    Gears, damping and stiffness are those of the model; `stiffness_model` describes it in words.
+    The gears, the damping and the stiffness method are taken from `model`; `stiffness_model` is a
+    description of the stiffness for the table.
     """
-    # Imported here, because a table without this point does not need the compiled kernels.
+    # The import is late, because a table without a duty point does not need compiled kernels.
     from gearlib.analysis.duty_point import duty_point
 
     ratios = {name: getattr(model, name) for name in ("damping_ratio", "backlash_damping_ratio")}
@@ -184,12 +198,13 @@ def duty_rows(model: Any, speed: float, torque: float, stiffness_model: str) -> 
     amplitudes = np.stack([point[name] for name in ("mesh_order_force", "mesh_order_error")])
     # Amplitudes are NaN if there are too few samples.
     largest = np.fmax.reduce(amplitudes, axis=1, keepdims=True)
-    listed = np.flatnonzero((amplitudes > _LEAST_AMPLITUDE * largest).any(0))
+    is_large = amplitudes > _MIN_RELATIVE_AMPLITUDE * largest
+    order_indices = np.flatnonzero(is_large.any(0))
     table_units = {"m": ("um", 1e6), "min-1": ("rpm", 1.0), "1": ("", 1.0)}
     for name, variable in point.drop_vars("torque").data_vars.items():
         unit, scale = table_units.get(variable.units, (variable.units, 1.0))
         if variable.ndim:
-            values = {f"order {i + 1}": scale * float(variable[i]) for i in listed}
+            values = {f"order {i + 1}": scale * float(variable[i]) for i in order_indices}
         else:
             values = {"duty point": scale * variable.item()}
         yield Quantity(name, unit, values, variable.long_name + notes.get(name, ""))

@@ -22,49 +22,56 @@ from gearlib.models.load_sharing_pair import default_load_sharing_pair
 from gearlib.runs.run_up import run_up as run_up_of
 from gearlib.studies.teeth_over_speed import over_speed
 
-#: First and last speed of a stage over its operating speed, or the last over the resonance speed.
+#: Lowest and highest speed, relative to the operating speed or, if none is stated, to the resonance
+#: speed.
 SPEED_RANGE = 0.1, 1.5
 #: Samples per mesh period of the run-up.
 _SAMPLES = 64
-#: Mesh periods before the record at tuning 1 and a damping ratio of 1, their limit, and the record.
-_SETTLING, _MOST_PERIODS, _RECORDED = 8.0, 140, 10
+#: Mesh periods in which a motion settles at tuning 1 with a damping ratio of 1; largest number of
+#: mesh periods before the record; mesh periods of the record.
+_SETTLING_PERIODS, _MAX_SETTLING_PERIODS, _RECORD_PERIODS = 8.0, 140, 10
 
 
 def jobs(file: str) -> tuple[list[tuple[str, str]], list[str], dict[str, str]]:
-    """Return what can be computed of a gearbox, and why the rest cannot.
+    """List the computations that are possible with a gearbox, and why others are not.
 
-    They are (stage, load case) of each stage, where the equal meshes of planets count once, the
-    load cases of the whole box, and reasons by the name of a stage or load case.
+    Return the pairs (stage, load case) to compute, where equal meshes of planets count once; the
+    load cases in which the whole box can be computed; and, by the name of a stage or load case, the
+    reason why it cannot be computed.
     """
     box = read_gearbox(file)
-    stages, whole, reasons = [], [], dict(box.refused)
+    stages = []
+    box_cases = []
+    reasons = dict(box.refused)
     for case in box.load_cases:
-        if (missing := box.loads(case).missing) is not None:
+        missing = box.loads(case).missing
+        if missing is not None:
             reasons[case] = str(missing)
             continue
-        seen: list = []
+        listed: list = []  # stages and torques of this load case
         for name in box.stages:
-            if name not in box.refused:
-                key = box.stage(name, case), f"{box.load(name, case)['torque']:.9g}"
-                if key not in seen:
-                    seen.append(key)
-                    stages.append((name, case))
+            if name in box.refused:
+                continue
+            stage_and_torque = box.stage(name, case), f"{box.load(name, case)['torque']:.9g}"
+            if stage_and_torque not in listed:
+                listed.append(stage_and_torque)
+                stages.append((name, case))
         try:
             box.train(case, model="rectangle")
-            whole.append(case)
+            box_cases.append(case)
         except ValueError as error:
             reasons[case] = str(error)
-    return stages, whole, reasons
+    return stages, box_cases, reasons
 
 
 def stage_over_speed(
     file: str, stage: str, load_case: str, damping_ratio: float, points: int
 ) -> xr.Dataset:
-    """Return dynamic factor and transmission error of a stage over the speed, up and down.
+    """Compute dynamic factor and transmission error of a stage over the speed, up and down.
 
-    The speeds go from 10 to 150 % of the operating speed, which is one of them, or to 1.5 times the
-    resonance speed if the file states none. The dataset is that of
-    `gearlib.studies.teeth_over_speed.over_speed`.
+    `file` is the path of a REXS file. There are about `points` speeds from 10 to 150 % of the
+    operating speed, which is one of them, or of the resonance speed if the file states no operating
+    speed. The dataset is a result of `gearlib.studies.teeth_over_speed.over_speed`.
     """
     box = read_gearbox(file)
     load = box.load(stage, load_case)
@@ -73,16 +80,17 @@ def stage_over_speed(
         box.stage(stage, load_case), torque=torque, damping_ratio=damping_ratio
     )
     resonance_speed = float(pair.speed(1.0))
-    top = speed or resonance_speed
-    speeds = np.linspace(SPEED_RANGE[0] * top, SPEED_RANGE[1] * top, points)
+    reference_speed = speed or resonance_speed
+    lowest_ratio, highest_ratio = SPEED_RANGE
+    speeds = np.linspace(lowest_ratio * reference_speed, highest_ratio * reference_speed, points)
     if speed:
         speeds = np.unique(np.append(speeds, speed))
-    # Inertia is small below the slowest speed, whose motion stands for slower ones.
+    # Inertia forces are small below the slowest speed, so its motion represents slower speeds.
     simulated = np.unique(np.maximum(speeds, float(pair.speed(pair.slowest_tuning))))
-    # At low tunings motions settle within few mesh periods, of many natural periods each.
-    settling = math.ceil(_SETTLING / damping_ratio * speeds[-1] / resonance_speed)
-    periods = min(settling, _MOST_PERIODS) + _RECORDED
-    data = over_speed(pair, simulated, speed, periods=periods, record_periods=_RECORDED)
+    # At low tunings a mesh period has many natural periods, so motions settle within few of them.
+    settling = math.ceil(_SETTLING_PERIODS / damping_ratio * speeds[-1] / resonance_speed)
+    periods = min(settling, _MAX_SETTLING_PERIODS) + _RECORD_PERIODS
+    data = over_speed(pair, simulated, speed, periods=periods, record_periods=_RECORD_PERIODS)
     data = data.isel(tuning=np.searchsorted(simulated, speeds).clip(0, simulated.size - 1))
     data = data.assign_coords(tuning=("tuning", speeds / resonance_speed, data.tuning.attrs))
     data["speed"] = "tuning", speeds, data.speed.attrs
@@ -91,10 +99,10 @@ def stage_over_speed(
 
 
 def whole_box(file: str, load_case: str, damping_ratio: float, orders: int) -> xr.Dataset:
-    """Return modes, Campbell diagram, load shares and characteristic frequencies of the whole box.
+    """Compute modes, Campbell diagram, load shares and characteristic frequencies of a whole box.
 
-    They are those of the train of the box in a load case; `orders` is the highest multiple of each
-    mesh frequency.
+    The gearbox of a REXS file is computed as a gear train in a load case; `orders` is the highest
+    multiple of each mesh frequency.
     """
     box = read_gearbox(file)
     train = box.train(load_case, damping_ratio=damping_ratio)
@@ -113,39 +121,43 @@ def whole_box(file: str, load_case: str, damping_ratio: float, orders: int) -> x
         operating_speed=math.nan if speed is None else speed,
         mesh_rate=("mesh", [float(ratio) for ratio in train.frequency_ratios]),
     )
-    found = result("A gearbox", train, data, method="exact", load_case=load_case)
-    return found.assign_attrs(load_case=load_case)
+    dataset = result("A gearbox", train, data, method="exact", load_case=load_case)
+    return dataset.assign_attrs(load_case=load_case)
 
 
 def run_up(file: str, load_case: str, damping_ratio: float, revolutions: int) -> xr.Dataset:
-    """Return the order map of the force of the first mesh in a run-up of the whole box.
+    """Compute the order map of the force of the first mesh in a run-up of a whole box.
 
-    The speed goes from 10 to 100 % of the operating speed, or to the lowest natural frequency of
-    the box if the file states none.
+    The speed rises from 10 to 100 % of the operating speed within this number of `revolutions`. If
+    the file states no operating speed, the mesh frequency ends at the lowest natural frequency.
     """
     box = read_gearbox(file)
     train = box.train(load_case, damping_ratio=damping_ratio)
-    natural = float(train.modes().natural_frequency.values[train.free_motions.shape[1]])
-    top = _reference_speed(box, train, load_case) or natural * 60.0 / train.reference_pinion.teeth
-    start = SPEED_RANGE[0] * top
-    seconds = 60.0 * revolutions / (0.5 * (start + top))
-    run = run_up_of(train, start, top, duration=seconds, samples_per_period=_SAMPLES)
-    found = order_map(run, variable="dynamic_force", highest=3.0 * train.reference_pinion.teeth)
-    # CF has rules for coordinates called time, which seconds since the start do not keep.
-    found = found.isel(mesh=0).drop_vars("mesh").rename(time="block")
-    return found.assign_attrs(load_case=load_case)
+    teeth = train.reference_pinion.teeth
+    # The first natural frequencies, of the free motions, are zero.
+    lowest_frequency = float(train.modes().natural_frequency.values[train.free_motions.shape[1]])
+    stop_speed = _reference_speed(box, train, load_case) or lowest_frequency * 60.0 / teeth
+    start_speed = SPEED_RANGE[0] * stop_speed
+    seconds = 60.0 * revolutions / (0.5 * (start_speed + stop_speed))
+    run = run_up_of(train, start_speed, stop_speed, duration=seconds, samples_per_period=_SAMPLES)
+    dataset = order_map(run, variable="dynamic_force", highest=3.0 * teeth)
+    # In the CF conventions a coordinate called time has a reference date, which is missing here.
+    dataset = dataset.isel(mesh=0).drop_vars("mesh").rename(time="block")
+    return dataset.assign_attrs(load_case=load_case)
 
 
 def outline(file: str) -> xr.Dataset:
-    """Return the outline of a gearbox; see `Gearbox.outline`."""
+    """Return the outline of the gearbox in a REXS file, see `Gearbox.outline`."""
     return read_gearbox(file).outline()
 
 
 def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
-    """Yield the rows of the table of stages: each in each load case, then in all of them.
+    """Yield the rows of the table of stages: the names of the columns, then their values.
 
-    `stages` are results of `stage_over_speed`. A row of all cases has the largest values, and the
-    contact loss over the whole duration. The last column says what is missing, and why.
+    `stages` are results of `stage_over_speed` for the gearbox in `file`. Each stage has a row for
+    each load case and, if there are several, a row for all cases with the largest values and the
+    contact loss averaged over the load durations. Further rows tell in the last column why a stage
+    or load case was not computed.
     """
     box = read_gearbox(file)
     yield [
@@ -154,54 +166,70 @@ def stage_rows(stages: Sequence[xr.Dataset], file: str) -> Iterator[list]:
         *("peak_to_peak_error_um", "resonance_speed_rpm", "contact_loss_fraction", "jumps_rpm"),
         "note",
     ]
-    cells: dict[str, list] = {}  # stage -> (duration, values, jumps) of its load cases
+    # Stage -> (duration fraction, values, jump speeds) of each of its load cases.
+    cases_by_stage: dict[str, list] = {}
     for data in stages:
         case, name = data.attrs["load_case"], data.attrs["stage"]
-        fraction, speed = box.load_cases[case], float(data.operating_speed)
-        point = data.sel(tuning=_nearest(data, speed)) if np.isfinite(speed) else None
-        values, jumps = _stage_values(point, data)
-        texts = *map(_text, (fraction, data.torque, *values)), _jumps_text(jumps)
-        cells.setdefault(name, []).append((fraction, values, jumps))
-        yield [name, case, *texts, ""]
-    for name, found in cells.items():
-        if len(found) > 1:
-            fractions, rows, all_jumps = zip(*found, strict=True)
+        fraction = box.load_cases[case]
+        values = _stage_values(data)
+        jumps = np.concatenate([data.jump_up_speed.values, data.jump_down_speed.values])
+        cases_by_stage.setdefault(name, []).append((fraction, values, jumps))
+        texts = [_text(value) for value in (fraction, data.torque, *values)]
+        yield [name, case, *texts, _jumps_text(jumps), ""]
+    for name, cases in cases_by_stage.items():
+        if len(cases) > 1:
+            fractions = [fraction for fraction, _, _ in cases]
+            rows = [values for _, values, _ in cases]
+            all_jumps = np.concatenate([jumps for _, _, jumps in cases])
             largest = np.fmax.reduce(np.array(rows))
-            largest[4] = max(x[3:5] for x in rows)[1]  # the speed of the largest factor
-            losses = np.nan_to_num([x[-1] for x in rows])
+            largest[4] = max(values[3:5] for values in rows)[1]  # the speed of the largest factor
+            losses = np.nan_to_num([values[-1] for values in rows])
             largest[-1] = np.dot(fractions, losses) / np.sum(fractions)
-            texts = *map(_text, largest[1:]), _jumps_text(np.concatenate(all_jumps))
-            yield [name, "all", _text(np.sum(fractions)), "", "", *texts, ""]
-    for name, reason in jobs(file)[2].items():
+            texts = [_text(value) for value in largest[1:]]
+            duration = _text(np.sum(fractions))
+            yield [name, "all", duration, "", "", *texts, _jumps_text(all_jumps), ""]
+    _, _, reasons = jobs(file)
+    for name, reason in reasons.items():
         is_case = name in box.load_cases
         yield ["" if is_case else name, name if is_case else "", *[""] * 11, reason]
 
 
-def _nearest(data: xr.Dataset, speed: float) -> float:
-    return float(data.tuning[int(np.abs(data.speed.values - speed).argmin())])
+def _stage_values(data: xr.Dataset) -> list[float]:
+    """Return the values of a stage in the columns from speed_rpm to contact_loss_fraction.
 
-
-def _stage_values(point: xr.Dataset | None, data: xr.Dataset) -> tuple[list[float], np.ndarray]:
-    """Return the numbers of a row from operating point and curves, NaN where unknown, and jumps."""
+    `data` is a result of `stage_over_speed`. Values that are not known are NaN: those of the
+    operating point if the file states no operating speed, and the factor of ISO 6336 if the gears
+    have no quality.
+    """
     factors = data.dynamic_factor.max("direction")
-    at = int(factors.fillna(-np.inf).argmax("tuning"))
-    known = xr.Dataset() if point is None else point
+    largest_index = int(factors.fillna(-np.inf).argmax("tuning"))
+    point = xr.Dataset()  # the operating point
+    error = None
+    operating_speed = float(data.operating_speed)
+    if np.isfinite(operating_speed):
+        nearest_index = int(np.abs(data.speed.values - operating_speed).argmin())
+        point = data.isel(tuning=nearest_index)
+        error = 1e6 * point.error_peak_to_peak
     values = [
-        *(known.get("speed"), known.get("dynamic_factor"), known.get("iso_dynamic_factor")),
-        *(factors[at], data.speed[at]),
-        None if point is None else 1e6 * point.error_peak_to_peak,
-        *(data.resonance_speed, known.get("contact_loss_fraction")),
+        point.get("speed"),
+        point.get("dynamic_factor"),
+        point.get("iso_dynamic_factor"),
+        factors[largest_index],
+        data.speed[largest_index],
+        error,
+        data.resonance_speed,
+        point.get("contact_loss_fraction"),
     ]
-    jumps = np.concatenate([data.jump_up_speed.values, data.jump_down_speed.values])
-    return [math.nan if x is None else float(x.max()) for x in values], jumps
+    return [math.nan if value is None else float(value.max()) for value in values]
 
 
-def _jumps_text(jumps: np.ndarray) -> str:
-    return " ".join(map(_text, np.sort(jumps[np.isfinite(jumps)])))
+def _jumps_text(speeds: np.ndarray) -> str:
+    """Return jump speeds as a text, in increasing order and without NaN."""
+    return " ".join(map(_text, np.sort(speeds[np.isfinite(speeds)])))
 
 
 def _text(value: Any) -> str:
-    """Return a number with six digits, "" for one that is not known."""
+    """Return a number with six significant digits, "" for NaN."""
     return f"{float(value):.6g}" if np.isfinite(value) else ""
 
 
@@ -216,23 +244,29 @@ def box_rows(boxes: Sequence[xr.Dataset]) -> Iterator[list]:
         for i, frequency in enumerate(box.mode_frequency.values):
             yield [case, f"mode {i}", "natural frequency", _text(frequency), "Hz"]
             for name, dim in (("mode_strain_energy", "mesh"), ("mode_shaft_energy", "shaft")):
-                share = box[name].isel(natural_mode=i)
-                if share.size and float(share.max()) > 0.0:
-                    owner = str(box[dim].values[int(share.values.argmax())])
-                    largest = f"largest share of the energy in a {dim}, {owner}"
-                    yield [case, f"mode {i}", largest, _text(share.max()), ""]
+                shares = box[name].isel(natural_mode=i)
+                if shares.size and float(shares.max()) > 0.0:
+                    owner = str(box[dim].values[int(shares.values.argmax())])
+                    quantity = f"largest share of the energy in a {dim}, {owner}"
+                    yield [case, f"mode {i}", quantity, _text(shares.max()), ""]
         for name in box.mesh.values:
             mesh = box.sel(mesh=name)
             yield [case, name, "static mesh force", _text(mesh.mesh_force), "N"]
             yield [case, name, "static load sharing", _text(mesh.load_sharing), ""]
-        frequencies = box[[x for x in FREQUENCIES if x in box]].assign(speed=box.speed)
+        names = [name for name in FREQUENCIES if name in box]
+        frequencies = box[names].assign(speed=box.speed)
         for owner, kind, hertz, order in list(frequency_rows(frequencies))[1:]:
             yield [case, owner, f"{kind}, order {order}", hertz, "Hz"]
 
 
 def _reference_speed(box: Gearbox, train: Any, load_case: str) -> float | None:
-    """Return the operating speed of the reference pinion in the housing, rpm, or None."""
+    """Return the operating speed of the reference pinion relative to the housing, rpm.
+
+    Return None if the file states no speeds in this load case.
+    """
     speeds = box.loads(load_case).speeds
     if speeds is None:
         return None
-    return abs(speeds[box.shaft_of[box.stages[train.reference].pinion.id].id])
+    reference_stage = box.stages[train.reference]
+    shaft = box.shaft_of[reference_stage.pinion.id]
+    return abs(speeds[shaft.id])

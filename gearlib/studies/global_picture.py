@@ -28,9 +28,9 @@ _FILL_VALUES = {
 
 
 def _joined_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> xr.Dataset:
-    """Return the datasets of all cases joined along ``case``, with the attributes of the first.
+    """Join the datasets of several cases along ``case``, with the attributes of the first one.
 
-    Each case has a title; `options` are those of `xarray.concat`.
+    Each case has a title; `options` are further arguments of `xarray.concat`.
     """
     titles = xr.IndexVariable("case", [case["title"] for case in cases])
     data = xr.concat(datasets, titles, data_vars="all", combine_attrs="drop", **options)
@@ -38,11 +38,11 @@ def _joined_cases(datasets: Sequence, cases: Sequence[dict], **options: Any) -> 
 
 
 def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = None) -> xr.Dataset:
-    """Return the basins of attraction of several cases, along the dimension ``case``.
+    """Compute the basins of attraction of several cases, along the dimension ``case``.
 
     A case has title, tuning and pair. `settings` have the ranges displacement and velocity, each
-    (lowest, highest), the count of initial states along each, and periods, the mesh periods of a
-    run.
+    (lowest, highest), count, the number of initial states along each of them, and periods, the mesh
+    periods of a run.
     """
     grid = tuple((*settings[name], settings["count"]) for name in ("displacement", "velocity"))
     options = {"periods": settings["periods"], "threads": threads}
@@ -55,16 +55,16 @@ def basin_cases(cases: Sequence[dict], settings: dict, threads: int | None = Non
 def bifurcation(
     pair: GearPair, tunings: Sequence[float], coarse: Sequence[float], settings: dict, threads=None
 ) -> tuple[xr.Dataset, xr.Dataset]:
-    """Return a bifurcation diagram with Lyapunov exponents, and the basin stability.
+    """Compute a bifurcation diagram with Lyapunov exponents, and the basin stability.
 
     The diagram is over `tunings`, the basin stability over the fewer tunings `coarse`. Keys of
-    `settings`: settle (mesh periods before the record), strobes
-    (number of recorded states, one per mesh period), exponent_periods (mesh periods of the runs for
-    the Lyapunov exponent), starts (number of random initial states), displacement and velocity
-    (their ranges), samples and periods (number of initial states for the basin stability, and mesh
-    periods of their runs). In the directions "up" and "down" each run starts at the end of the
-    previous one; in a direction "cold n" all runs start at the n-th random state. ``settled`` is 1
-    for periodic motions whose orbit does not depend on rounding.
+    `settings` are settle (mesh periods before the record), strobes (number of recorded states, one
+    per mesh period), exponent_periods (mesh periods of the runs for the Lyapunov exponent), starts
+    (number of random initial states), displacement and velocity (their ranges), samples (number of
+    initial states for the basin stability) and periods (mesh periods of their runs). In the
+    directions "up" and "down" each run starts at the end of the previous one; in a direction
+    "cold n" all runs start at the n-th random state. ``settled`` is 1 for periodic motions whose
+    orbit does not depend on rounding.
     """
     region = settings["displacement"], settings["velocity"]
     names = [*WARM_STARTED, *(f"cold {i + 1}" for i in range(settings["starts"]))]
@@ -94,32 +94,40 @@ def bifurcation(
 
 
 def _random_states(region: Sequence[Sequence[float]], count: int) -> np.ndarray:
-    """Return seeded random states, shape (count, 2), in ranges of displacement and velocity."""
+    """Return seeded random states, (count, 2), in a region.
+
+    The region has the ranges (lowest, highest) of displacement and velocity.
+    """
     lowest, highest = np.array(region).T
     return lowest + np.random.default_rng(0).random((count, 2)) * (highest - lowest)
 
 
 def sections(cases: Sequence[dict], settings: dict) -> xr.Dataset:
-    """Return Poincare sections of motions from random initial states, along ``case``.
+    """Compute Poincare sections of motions from random initial states, along ``case``.
 
     A case has title, tuning, phase (degrees), settle (mesh periods before the record) and pair.
-    `settings` have the ranges displacement and velocity, orbits (number
-    of initial states) and periods. A motion is chaotic if rounding errors change it completely and
-    perturbations grow exponentially; it is undecided if only one of these is true.
+    `settings` have the ranges displacement and velocity, orbits (number of initial states) and
+    periods (mesh periods of the record). A motion is chaotic if rounding errors change it
+    completely and perturbations grow exponentially; it is undecided if only one of these is true.
     """
-    region, periods = (settings["displacement"], settings["velocity"]), settings["periods"]
-    states, datasets = _random_states(region, settings["orbits"]), []
+    periods = settings["periods"]
+    region = settings["displacement"], settings["velocity"]
+    states = _random_states(region, settings["orbits"])
+    starts = [tuple(state) for state in states]
+    datasets = []
     for case in cases:
         pair, tuning, settle = case["pair"], case["tuning"], case["settle"]
-        run, phase = {"periods": periods, "settle": settle}, math.radians(case["phase"])
+        run = {"periods": periods, "settle": settle}
+        phase = math.radians(case["phase"])
         section = poincare_section(pair, tuning, states, phase=phase, **run)
-        starts, total_periods = [*map(tuple, states)], settle + periods
         exponents = [largest_exponent(pair, tuning, state=start, **run) for start in starts]
-        growths = [rounding_grows(pair, [tuning], start, total_periods) for start in starts]
-        unpredictable = np.concatenate(growths)
+        growths = [rounding_grows(pair, [tuning], start, settle + periods) for start in starts]
+        depends_on_rounding = np.concatenate(growths)
         grows = np.array([exponent.exceeds_linear for exponent in exponents])
-        undecided = 2 * (unpredictable | grows)
-        chaotic = np.where(unpredictable & grows, 1, undecided).astype(np.int8)
+        # Codes of the flags: 0 regular, 1 chaotic, 2 undecided.
+        regular_or_undecided = 2 * (depends_on_rounding | grows)
+        is_chaotic = depends_on_rounding & grows
+        chaotic = np.where(is_chaotic, 1, regular_or_undecided).astype(np.int8)
         values = [exponent.value for exponent in exponents]
         section = section.assign(chaotic=("orbit", chaotic), exponent=("orbit", values))
         datasets.append(section.drop_vars("strobe"))

@@ -34,14 +34,14 @@ class Jump(NamedTuple):
     tuning: float  #: middle of the last interval; NaN: there is no jump
     below: float  #: peak-to-peak displacement below the jump in the scan, static deflections
     above: float  #: peak-to-peak displacement above the jump
-    large_steps: int  #: number of height steps in the scan of at least half of the largest one
+    large_steps: int  #: number of height steps in the scan that are at least half the largest step
     interval: float  #: width of the last interval; wide if rounding errors stopped the bisection
 
 
 def find_jump(
     model: Any, tunings: Sequence[float], resolution: float, direction: str = "cold", **run: Any
 ) -> Jump:
-    """Return the largest jump of the peak-to-peak displacement in a scan of increasing tunings.
+    """Find the largest jump of the peak-to-peak displacement in a scan of increasing tunings.
 
     `resolution` is the width to which the interval of the jump is bisected, `run` has arguments of
     `gearlib.sweep`. In the direction "cold" all runs have the same start, and tunings at which
@@ -49,12 +49,14 @@ def find_jump(
     starts from the last state on the side from which the sweep comes.
     """
     tunings = np.asarray(tunings, float)
-    # Only exact runs are checked for rounding errors: those of step methods are much larger.
-    start, is_exact = run.get("initial_state", (0.0, 0.0)), "method" not in run
+    start = run.get("initial_state", (0.0, 0.0))
+    # Only exact runs are checked for rounding errors; the errors of step methods are much larger.
+    is_exact = "method" not in run
     scan = sweep(model, tunings, direction=direction, **run)
     heights = orbit_heights(scan)
 
     def depends_on_rounding(tunings: Sequence[float]) -> np.ndarray:
+        """Return a mask of tunings at which rounding errors decide the motion."""
         return is_exact * rounding_grows(model, tunings, start, run["periods"])
 
     steps, is_large = height_steps(heights)
@@ -66,7 +68,8 @@ def find_jump(
         heights[i : i + 2][is_uncertain] = np.nan
         steps, is_large = height_steps(heights)
     i = int(np.argmax(steps))
-    (lower, upper), (below, above) = tunings[i : i + 2], heights[i : i + 2]
+    lower, upper = tunings[i : i + 2]
+    below, above = heights[i : i + 2]
     if direction != "cold":
         start = tuple(scan.final_state.values[i if direction == "up" else i + 1])
     while upper - lower > resolution:
@@ -80,7 +83,8 @@ def find_jump(
             lower, below = middle, height
         else:
             upper, above = middle, height
-        if direction == ("up" if is_below else "down"):
+        is_before_jump = is_below if direction == "up" else not is_below
+        if direction != "cold" and is_before_jump:
             start = tuple(point.final_state.values[0])
     if not abs(above - below) > SAME_HEIGHT:
         return Jump(np.nan, np.nan, np.nan, large_steps=0, interval=upper - lower)
@@ -95,9 +99,10 @@ def orbit_heights(curve: xr.Dataset) -> np.ndarray:
 
 
 def height_steps(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the steps between neighbouring orbit heights, and a mask of the large ones.
+    """Return the steps between neighbouring orbit heights, and a mask of the large steps.
 
-    A large step is at least half of the largest one. Steps from or to NaN are 0.
+    A large step is at least half the largest step, and at least `SAME_HEIGHT`. Steps from or to NaN
+    are 0.
     """
     steps = np.nan_to_num(np.abs(np.diff(heights)), nan=0.0)
     return steps, steps >= max(0.5 * steps.max(), SAME_HEIGHT)
@@ -106,8 +111,8 @@ def height_steps(heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any, dict]]:
     """Yield kind, value, model and further arguments of `sweep` for each variation of a run.
 
-    `settings` have the values: numbers of stiffness harmonics, factors of damping and backlash,
-    initial displacements and velocities.
+    `settings` have the values of the variations: harmonics (numbers of stiffness harmonics),
+    factors (of damping and backlash), displacements and velocities (of the initial state).
     """
     for count in settings["harmonics"]:
         yield "harmonics", count, OneDegreePair(pair=pair, profile=Fourier(count)), {}
@@ -126,11 +131,11 @@ def variations(pair: GearPair, settings: dict) -> Iterator[tuple[str, float, Any
 def jump_and_shifts(
     pair: GearPair, tunings: Sequence[float], settings: dict, run: dict
 ) -> xr.Dataset:
-    """Return the orbit height of the motion from rest, its jump, and the shift by each variation.
+    """Compute the jump of the motion from rest over tuning, and its shift by each variation.
 
-    `run` has arguments of `sweep`. `settings` have the values of
-    `variations`, tolerances of Runge-Kutta steps 4(5), the resolution of the jump, and starts, seed
-    and spread of the initial states for each tolerance. In the dataset, switches is the number of
+    `run` has arguments of `sweep`. `settings` have the keys of `variations`, tolerances (of
+    Runge-Kutta steps 4(5)), resolution (of the jump), and starts, seed and spread of the initial
+    states for each tolerance. In the dataset, height is the orbit height, switches the number of
     large height steps in the scan, and settled is 0 where the jump depends on the initial state, so
     that median and range over several states are given. Values are NaN without a jump in the scan.
     """
@@ -175,12 +180,12 @@ def jump_and_shifts(
 
 
 def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: dict) -> list:
-    """Return (kind, tolerance, shifts, large step count) for each tolerance of a step method.
+    """Compute how each tolerance of a step method shifts the jump from several initial states.
 
-    The shifts in tuning, one for each of several random initial states, are relative to the exact
-    jump from the same state; the count is the median number of large height steps. `settings` have
-    tolerances, resolution of the jump, and starts, seed and spread of the states; `run` has
-    arguments of `sweep`.
+    Return (kind, tolerance, shifts, large step count) for each tolerance. A shift in tuning is
+    relative to the exact jump from the same initial state; the count is the median number of large
+    height steps. `settings` have tolerances, resolution of the jump, and starts, seed and spread of
+    the states; `run` has arguments of `sweep`.
     """
     resolution = settings["resolution"]
     rest = run.get("initial_state", (0.0, 0.0))
@@ -194,12 +199,13 @@ def _tolerance_shifts(pair: GearPair, tunings: np.ndarray, settings: dict, run: 
         # The ratio of the tolerances is that of the defaults of ode45.
         method = {"method": "rk45", "options": {"rtol": rtol, "atol": 1e-3 * rtol}}
         jumps = []
-        for exact, tuning in zip(runs, exact_tunings, strict=True):
-            # The whole scan is used if there is no exact jump, a tuning of NaN.
-            nearby = tunings[~(np.abs(tunings - tuning) > max_distance)]
-            jumps.append(find_jump(pair, nearby, resolution, **exact | method))
-        pairs = zip(jumps, exact_tunings, strict=True)
-        shifts = [jump.tuning - exact_tuning for jump, exact_tuning in pairs]
+        shifts = []
+        for exact, exact_tuning in zip(runs, exact_tunings, strict=True):
+            # If there is no exact jump, its tuning is NaN and the whole scan is used.
+            nearby = tunings[~(np.abs(tunings - exact_tuning) > max_distance)]
+            jump = find_jump(pair, nearby, resolution, **exact | method)
+            jumps.append(jump)
+            shifts.append(jump.tuning - exact_tuning)
         large_step_count = np.median([jump.large_steps for jump in jumps])
         variations.append(("tolerance", rtol, shifts, large_step_count))
     return variations

@@ -30,37 +30,43 @@ SETTLED_FLAGS = status.flags_of(("unsettled", "all_starts_on_one_stable_orbit"))
 #: these orbits, fraction on the most frequent one, and mesh periods of the common orbit (0: none).
 DISTRIBUTION_VARIABLES = ["settled", "settled_share", "motion_count", "largest_share", "period"]
 SETTINGS = ("periods", "record_periods", "starts", "first_starts", "seed", "spread")
-#: Change of a state, static deflections: above rounding errors and below measurement errors.
+#: Small change of a state, static deflections, above rounding errors and below measurement errors.
 _TINY_DISPLACEMENT = 1e-9
-#: A motion that comes closer to an orbit, static deflections, ends on it.
+#: A motion whose distance from an orbit is smaller, static deflections, may end on it.
 _CAPTURE_DISTANCE = 0.3
-#: Limit on unsuccessful searches for an orbit at one tuning.
+#: Largest number of unsuccessful searches for an orbit at one tuning.
 _MAX_FAILED_SEARCHES = 3
 
 
 def seeded_states(model: Any, state: ArrayLike | str, settings: dict) -> np.ndarray:
     """Return copies of a state with random displacements, shape (starts, size of the state).
 
-    `state` may be the name of a start, "static" or "rest". `settings` have the keys starts, seed
-    and spread, the largest displacement in static deflections.
+    `state` may be the name of an initial state, "static" or "rest". `settings` have the keys starts
+    (number of copies), seed, and spread, the largest displacement in static deflections.
     """
-    state = np.asarray(model.start_state(state) if isinstance(state, str) else state, float)
-    coordinates = state.size // 2
+    if isinstance(state, str):
+        state = model.start_state(state)
+    state = np.asarray(state, float)
+    coordinate_count = state.size // 2
     states = np.tile(state, (settings["starts"], 1))
     # Coordinates are displaced instead of modes, whose shapes are not unique at equal frequencies.
     generator = np.random.default_rng(settings["seed"])
-    displacements = generator.uniform(-1.0, 1.0, (len(states), coordinates))
-    states[:, :coordinates] += settings["spread"] * displacements
+    displacements = generator.uniform(-1.0, 1.0, (len(states), coordinate_count))
+    states[:, :coordinate_count] += settings["spread"] * displacements
     return states
 
 
 def neighbouring_state(state: np.ndarray) -> np.ndarray:
-    """Return a state with changes above rounding errors and below any measurement error."""
+    """Return a copy of a state that is changed by more than rounding, less than can be measured."""
     return state + _TINY_DISPLACEMENT * np.cos(1.0 + np.arange(len(state)) ** 2.0)
 
 
 def ranges_over_starts(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, xr.DataArray]:
-    """Return the median of variables over the starts, and their range as name_low, name_high."""
+    """Return the median of each variable over the starts, and its range.
+
+    `names` are variables with the dimension "start". The median of a variable keeps its name, its
+    smallest and largest values are called <name>_low and <name>_high.
+    """
     ranges = {}
     with warnings.catch_warnings():
         # The median of no values is NaN.
@@ -73,7 +79,7 @@ def ranges_over_starts(dataset: xr.Dataset, names: Sequence[str]) -> dict[str, x
 
 
 class FinalMotion(NamedTuple):
-    """The motion on which a run from one start ends, or arrays of several of them."""
+    """The motion on which a run from one start ends; for several starts, arrays over the starts."""
 
     summary: np.ndarray  #: extrema and times as in `Model.empty_record`
     orbit: int | np.ndarray  #: index of the stable orbit in the order of discovery, -1: none
@@ -83,14 +89,16 @@ class FinalMotion(NamedTuple):
 
     @property
     def settled(self) -> bool:
-        """Return whether all motions end on the same orbit, which then has the index 0."""
+        """Return whether all motions end on the same orbit, the first one that was found."""
         return bool(np.all(self.orbit == 0))
 
 
 class _Orbit(NamedTuple):
+    """A stable periodic orbit on which motions end."""
+
     period: int  #: mesh periods
     states: list[np.ndarray]  #: at the start of each common period of the meshes
-    summary: np.ndarray
+    summary: np.ndarray  #: extrema and times as in `Model.empty_record`
 
 
 class _OrbitSearch:
@@ -101,7 +109,7 @@ class _OrbitSearch:
         self.model, self.tuning = model, tuning
         self.propagator = model.propagator(tuning)
         self.record_periods = settings["record_periods"]
-        self.start_distance = 2.0 * settings["spread"]  # largest distance of two starts
+        self.start_distance = 2.0 * settings["spread"]  # largest distance between two starts
         # Both halves of a run last a multiple of twice the common period of the meshes. An orbit
         # that repeats after one or two common periods then has the same state at both ends.
         double_period = 2 * model.repeats  # mesh periods
@@ -111,18 +119,18 @@ class _OrbitSearch:
         self.failed_searches = 0
         try:
             reduce, lift = model.reduction()
-            self.without_rotation = lift @ reduce  # removes the free rotation from states
+            self.without_rotation = lift @ reduce  # removes the rigid-body rotation from states
         except ValueError:
-            # A damped free rotation comes to rest, so it is treated as the other coordinates.
+            # A damped rigid-body rotation comes to rest, so it is treated like other coordinates.
             self.without_rotation = np.eye(model.size)
 
     def run(self, state: np.ndarray, periods: int, record_periods: int) -> Any:
-        """Return the run of the propagator from a state over mesh periods."""
+        """Run the model from a state over mesh periods; record the last `record_periods`."""
         span = Span(periods, record_periods, MAX_EVENTS)
         return self.propagator.run(state, span, keep_events=False)
 
     def final_motion(self, start: np.ndarray) -> FinalMotion:
-        """Return the motion on which the run from a start ends."""
+        """Return the motion on which the run from a start, a state, ends."""
         middle = end = self.run(np.array(start, float), self.half_periods, 1)
         if middle.status == status.OK:
             end = self.run(middle.state, self.half_periods, self.record_periods)
@@ -140,7 +148,7 @@ class _OrbitSearch:
         return FinalMotion(orbit.summary, index, orbit.period, orbit.states[0], end.status)
 
     def distance(self, state: np.ndarray, other: np.ndarray) -> float:
-        """Return the largest difference of two states apart from a free rotation."""
+        """Return the largest difference between two states, without rigid-body rotation."""
         return np.abs(self.without_rotation @ (state - other)).max()
 
     def index_of_approached_orbit(self, middle: np.ndarray, end: np.ndarray) -> int:
@@ -152,25 +160,27 @@ class _OrbitSearch:
             end_distance = min(self.distance(end, state) for state in orbit.states)
             middle_distance = min(self.distance(middle, state) for state in orbit.states)
             approaches = end_distance < middle_distance or end_distance < self.start_distance
-            if end_distance < _CAPTURE_DISTANCE and approaches:
+            if approaches and end_distance < _CAPTURE_DISTANCE:
                 return index
         return -1
 
     def add_orbit(self, middle: np.ndarray, end: Any) -> int:
-        """Find and store the stable orbit on which a run ends; return its index, -1 without any.
+        """Find and store the stable orbit on which a run ends; return its index, -1 if none.
 
         `middle` is the state after the first half of the run, `end` is the run of the second half.
         """
         common_period = self.model.repeats
         is_periodic = end.period and end.period % common_period == 0
-        for period in [end.period] if is_periodic else [common_period, 2 * common_period]:
+        periods = [end.period] if is_periodic else [common_period, 2 * common_period]
+        for period in periods:
             try:
                 orbit = periodic_orbit(self.model, self.tuning, guess=end.state, period=period)
                 is_stable, state, period = orbit.stable, orbit.state, orbit.period
             except NoOrbit:
                 continue
             except ValueError:
-                # Newton's method fails for a damped free rotation; a periodic run counts as stable.
+                # Newton's method fails for a damped rigid-body rotation. A run that repeats is then
+                # taken as a stable orbit.
                 is_stable, state = bool(is_periodic), end.state
             if not is_stable:
                 continue
@@ -186,20 +196,21 @@ class _OrbitSearch:
 
 
 def final_motions(model: Any, tuning: float, states: np.ndarray, settings: dict) -> FinalMotion:
-    """Return the motions on which runs from several states, shape (starts, size), end.
+    """Return the motions on which runs from several initial states, shape (starts, size), end.
 
     `settings` have periods and record_periods of the runs, spread (largest random displacement) of
     the states, and first_starts: if the runs from this number of states end on one orbit, the
-    others count as ending there too. Orbits have indices in the order of discovery, -1 if none.
+    others count as ending there, too. Orbits have indices in the order of discovery, -1 if none.
     """
-    search, first_starts = _OrbitSearch(model, tuning, settings), settings["first_starts"]
+    search = _OrbitSearch(model, tuning, settings)
+    first_starts = settings["first_starts"]
     motions = [search.final_motion(state) for state in states[:first_starts]]
     if all(motion.orbit == 0 for motion in motions):
         motions += motions[:1] * len(states[first_starts:])
     else:
         motions += [search.final_motion(state) for state in states[first_starts:]]
     if len(search.orbits) > 1:
-        # If a tiny change of the start leads to another orbit, the motion counts as not settled.
+        # A motion counts as not settled if a tiny change of its start leads to another orbit.
         for i, state in enumerate(states):
             if search.final_motion(neighbouring_state(state)).orbit != motions[i].orbit:
                 motions[i] = motions[i]._replace(orbit=-1, period=0)
@@ -212,8 +223,12 @@ def motions_from_equilibrium(model, tunings: Sequence[float], settings: dict) ->
     `settings` have the keys of `SETTINGS`: number, seed and spread of the starts, and mesh periods.
     """
     states = seeded_states(model, "static", settings)
+
+    def motions_at(tuning: float) -> FinalMotion:
+        return final_motions(model, float(tuning), states, settings)
+
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(lambda nu: final_motions(model, float(nu), states, settings), tunings))
+        return list(pool.map(motions_at, tunings))
 
 
 def warm_started_motions(model, tunings, settings: dict, direction: str) -> list[FinalMotion]:
@@ -224,9 +239,12 @@ def warm_started_motions(model, tunings, settings: dict, direction: str) -> list
     """
     start = seeded_states(model, "static", settings | {"starts": 1})
     displacement = start - model.start_state("static")
-    order, states = np.argsort(tunings), start
-    motions: list[Any] = [None] * len(order)
-    for i in order if direction == "up" else order[::-1]:
+    indices = np.argsort(tunings)
+    if direction == "down":
+        indices = indices[::-1]
+    motions: list[Any] = [None] * len(indices)
+    states = start
+    for i in indices:
         motions[i] = final_motions(model, float(tunings[i]), states, settings)
         states = motions[i].state + displacement if motions[i].settled else start
     return motions
@@ -237,25 +255,33 @@ def summarise(
 ) -> xr.Dataset:
     """Return variables of motions over start, tuning and mesh, and their distribution over orbits.
 
-    `motions` are the `FinalMotion`s of all starts at each tuning, `names` are variables of
-    `gearlib.sweep`, `settings` have record_periods (mesh periods). settled_share is the fraction of
-    starts that end on stable orbits, motion_count the number of these orbits, and largest_share the
-    fraction of starts that end on the most frequent one.
+    `motions` has a `FinalMotion` of all starts for each tuning, `names` are variables of
+    `gearlib.sweep`, `settings` have record_periods (mesh periods). In the dataset, settled_share is
+    the fraction of starts that end on stable orbits, motion_count the number of these orbits, and
+    largest_share the fraction of starts that end on the most frequent one.
     """
-    columns = (np.stack(column, axis=1) for column in zip(*motions, strict=True))
-    summaries, orbits, periods, states, codes = columns
+    # Arrays (starts, tunings, ...).
+    summaries = np.stack([motion.summary for motion in motions], axis=1)
+    orbits = np.stack([motion.orbit for motion in motions], axis=1)
+    periods = np.stack([motion.period for motion in motions], axis=1)
+    states = np.stack([motion.state for motion in motions], axis=1)
+    codes = np.stack([motion.status for motion in motions], axis=1)
     periods_and_codes = np.stack([periods, codes], axis=-1)
     variables = summary.summary_variables(
         model, ("start", "tuning"), summaries, states, periods_and_codes, settings["record_periods"]
     )
-    # Number of starts on each orbit, for each tuning; -1 is no orbit.
-    start_counts = [np.unique(row[row >= 0], return_counts=True)[1] for row in orbits.T]
+    # Number of starts on each orbit, for each tuning; the index -1 means no orbit.
+    start_counts = []
+    for indices in orbits.T:
+        _, counts = np.unique(indices[indices >= 0], return_counts=True)
+        start_counts.append(counts)
     settled = np.array([motion.settled for motion in motions])
     distribution = {
         "settled": settled.astype(np.int8),
         "settled_share": (orbits >= 0).mean(axis=0),
         "motion_count": np.array([len(counts) for counts in start_counts], np.int32),
-        "largest_share": np.array([max(n, default=0) for n in start_counts]) / len(orbits),
+        "largest_share": np.array([max(counts, default=0) for counts in start_counts])
+        / len(orbits),
         # All starts have the same period where the motion settles.
         "period": np.where(settled, periods[0], 0).astype(np.int32),
     }
@@ -268,14 +294,16 @@ def summarise(
 def sweep_with_seeded_starts(
     model: Any, tunings: Sequence[float], settings: dict, names: Sequence[str]
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
-    """Return a sweep with medians, ranges and fractions over the starts, and data of every start.
+    """Compute a sweep with medians, ranges and fractions over starts, and the data of each start.
 
     The sweep has the dimensions direction, tuning and mesh; the data are results of `summarise`,
-    one for each direction. "Cold" starts are random states around static equilibrium, "up" and
-    "down" have one start, the end of the previous motion, and NaN where it does not settle. `names`
-    are variables of `gearlib.sweep`, `settings` have the keys of `SETTINGS`.
+    one for each direction. In the direction "cold" the starts are random states around static
+    equilibrium. The directions "up" and "down" have a single start, the end of the previous motion,
+    and NaN where the motion does not settle. `names` are variables of `gearlib.sweep`, `settings`
+    have the keys of `SETTINGS`.
     """
-    motions_by_direction, directions = [], []
+    motions_by_direction = []
+    directions = []
     for direction in DIRECTIONS:
         if direction == "cold":
             motions = motions_from_equilibrium(model, tunings, settings)

@@ -41,7 +41,8 @@ _DISPLACEMENT_TOLERANCE = 1e-9
 def dissipation(coefficient: float, power: int, amplitude: float, frequency: float) -> float:
     """Return the work per period (N m) of the damping force D |v|^(n-1) v in a harmonic motion.
 
-    `coefficient` is D in N s^n/m^n, `power` is n >= 1, `amplitude` is in m, `frequency` in rad/s.
+    `coefficient` is D in N s^n/m^n, `power` is n >= 1; the motion has an `amplitude` in m and an
+    angular `frequency` in rad/s.
     """
     integral = 2.0 * math.sqrt(math.pi) * math.gamma(power / 2.0 + 1.0)
     integral /= math.gamma((power + 3.0) / 2.0)
@@ -51,22 +52,22 @@ def dissipation(coefficient: float, power: int, amplitude: float, frequency: flo
 def equivalent_coefficient(
     linear_coefficient: float, exponent: int, amplitude: float, frequency: float
 ) -> float:
-    """Return the coefficient D of D |v|^(n-1) v that dissipates as much work as linear damping.
+    """Return the coefficient D of the force D |v|^(n-1) v that is equivalent to linear damping.
 
-    The motion is harmonic with `amplitude` (m) and `frequency` (rad/s); `linear_coefficient` is in
-    N s/m, `exponent` is n >= 1, and D is in N s^n/m^n.
+    Both dissipate the same work in a harmonic motion with `amplitude` (m) and angular `frequency`
+    (rad/s). `linear_coefficient` is in N s/m, `exponent` is n >= 1, and D is in N s^n/m^n.
     """
     linear_work = dissipation(linear_coefficient, 1, amplitude, frequency)
     return linear_work / dissipation(1.0, exponent, amplitude, frequency)
 
 
 def damped_model(pair: GearPair, place: str, power: str, settings: dict) -> tuple[Any, float]:
-    """Return a model with linear, quadratic or cubic damping, and the damping coefficient.
+    """Return a model with linear, quadratic or cubic damping, and its damping coefficient.
 
-    `pair` is undamped. `place` is the location of the damping:
-    "material" (in contact) or "oil" (in free flight). `power` is the power of the velocity:
-    "linear", "quadratic" or "cubic". `settings` have the linear damping (N s/m), and amplitude
-    (static deflections) and tuning of the harmonic motion in which all dampings do equal work.
+    `pair` is undamped. `place` is the location of the damping, "material" (in contact) or "oil" (in
+    free flight); `power` is the power of the velocity, "linear", "quadratic" or "cubic". `settings`
+    have damping, the linear coefficient (N s/m), and amplitude (static deflections) and tuning of
+    the harmonic motion in which all dampings dissipate the same work.
     """
     exponent = [*POWERS].index(power) + 1
     amplitude = settings["amplitude"] * pair.static_deflection
@@ -87,28 +88,32 @@ def damping_study(
     run: dict,
     samples_per_period: int,
 ) -> xr.Dataset:
-    """Return the sweeps with one damping in all directions, their jumps, and phase portraits.
+    """Compute sweeps with one damping in all directions, their jumps, and phase portraits.
 
     `pair`, `place` (location of the damping, "material" or "oil"), `power` (of the velocity,
     "linear", "quadratic" or "cubic") and `settings` are arguments of `damped_model`. `settings`
     also have shown, the tunings of the phase portraits, which have `samples_per_period`. `run` has
-    arguments of `gearlib.sweep`. Values without a jump or without contact loss are NaN.
+    arguments of `gearlib.sweep`. Variables of jumps and contact loss are NaN if there are none.
     """
     damped, coefficient = damped_model(pair, place, power, settings)
     curves = {name: sweep(damped, tunings, direction=name, **run) for name in DIRECTIONS}
 
     def sweep_variables(direction: str) -> dict:
+        """Return the curves of the sweep in a direction, and its jump, peak and contact loss."""
         names = ("displacement_max", "displacement_min", "period")
         values = {name: curves[direction][name].values for name in names}
         return values | _curve_features(damped, curves[direction], direction, run)
 
     def phase_portrait(tuning: float) -> dict:
+        """Return displacement, velocity and phase of the motion at a tuning."""
         motion = simulate(damped, tuning, samples_per_period=samples_per_period, **run)
         return {name: motion[name].values for name in ("displacement", "velocity", "phase")}
 
     directions, shown = {"direction": list(DIRECTIONS)}, {"shown": list(settings["shown"])}
     data = stacked(directions, sweep_variables, "tuning") | stacked(shown, phase_portrait, "phase")
-    phase = data.pop("phase")[1][0]  # entries are (dimensions, values): take the first portrait
+    # An entry is (dimensions, values). All portraits have the phases of the first one.
+    _, phases = data.pop("phase")
+    phase = phases[0]
     curve = curves[DIRECTIONS[0]]
     attrs = {"units": POWERS[power], "long_name": "damping coefficient"}
     data |= {
@@ -125,14 +130,17 @@ def damping_study(
 def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -> dict[str, float]:
     """Return jump, peak and widest range of contact loss of a sweep, as variable -> value.
 
-    `curve` is the sweep of the model `damped` in this direction with the arguments `run`.
+    `curve` is the sweep of the model `damped` in this direction with the arguments `run`. The
+    range, from the tuning lost_from to lost_to, is NaN without contact loss.
     """
     tuning = curve.tuning.values
     largest_jump = jump.find_jump(damped, tuning, _JUMP_RESOLUTION, direction, **run)
     heights = curve.displacement_max.fillna(-np.inf)
     losses = true_intervals(curve.displacement_min.values < -_DISPLACEMENT_TOLERANCE)
     widest_loss = max(losses, key=lambda ends: ends[1] - ends[0], default=None)
-    lost_from, lost_to = (np.nan, np.nan) if widest_loss is None else tuning[list(widest_loss)]
+    lost_from = lost_to = np.nan
+    if widest_loss is not None:
+        lost_from, lost_to = tuning[list(widest_loss)]
     return {
         "jump": largest_jump.tuning,
         "jump_interval": largest_jump.interval,
@@ -147,9 +155,9 @@ def _curve_features(damped: Any, curve: xr.Dataset, direction: str, run: dict) -
 def rows(studies: Sequence[xr.Dataset]) -> Iterator[list]:
     """Yield the rows of the table of all dampings: the names of the columns, then their values.
 
-    `studies` are datasets from `damping_study`; each of their directions has a row. place is the
-    location of the damping, power that of the velocity, jump_interval the width of the interval of
-    tunings that contains the jump, jump_size the change of the orbit height.
+    `studies` are datasets from `damping_study`; each of their directions has a row. In the columns,
+    place is the location of the damping, power the power of the velocity, jump_interval the width
+    of the interval of tunings that contains the jump, jump_size the change of the orbit height.
     """
     features = ("jump", "jump_interval", "jump_size", "peak", "peak_tuning", "lost_from", "lost_to")
     yield ["place", "power", "coefficient", "unit", "direction", *features]

@@ -21,10 +21,10 @@ from gearlib.runs.simulation import simulate
 def phase_plane_run(
     model: Any, pair: GearPair, tuning: float, run: dict, damping: str
 ) -> xr.Dataset:
-    """Simulate the time history behind a phase portrait, labelled with the name of its damping.
+    """Simulate the time history of a phase portrait, labelled with the name of its damping.
 
-    The tuning is that of `pair`; `model` runs at the same speed. `run` has arguments of
-    `gearlib.simulate`.
+    `tuning` is a tuning of `pair`; `model` runs at the same speed. `run` has arguments of
+    `gearlib.simulate`, `damping` is the name of the damping.
     """
     tuning = model.tuning_from(pair, tuning)
     motion = simulate(model, tuning, until_settled=True, **run)
@@ -34,10 +34,10 @@ def phase_plane_run(
 def labels(
     model: Any, pair: GearPair, tunings: Sequence[float], settings: dict, damping: str
 ) -> xr.Dataset:
-    """Return labels of the motion from rest (periodic, chaotic, ...) over tuning.
+    """Classify the motion from rest (periodic, chaotic, ...) at each tuning.
 
-    The tunings are those of `pair`; `model` runs at the same speeds. `settings` are further
-    arguments of `gearlib.trust`, which classifies a motion and says how reliable that is; `damping`
+    `tunings` are tunings of `pair`; `model` runs at the same speeds. `settings` are further
+    arguments of `gearlib.trust`, which also tells how reliable the label of a motion is; `damping`
     is the name of the damping.
     """
     tunings = model.tuning_from(pair, np.asarray(tunings))
@@ -46,9 +46,10 @@ def labels(
 
 
 def harmonic_lags(motion: xr.Dataset, count: int) -> np.ndarray:
-    """Return the lags of the first `count` harmonics of a mesh period, degrees in [-90, 270).
+    """Return the lags of the first `count` mesh harmonics, degrees in [-90, 270).
 
-    `motion` is a result of `simulate`. Lags are NaN unless it repeats after one mesh period.
+    A lag is the phase by which the displacement follows the stiffness. `motion` is a result of
+    `simulate`. Lags are NaN unless it repeats after one mesh period.
     """
     if int(motion.period) != 1:
         return np.full(count, np.nan)
@@ -60,18 +61,20 @@ def harmonic_lags(motion: xr.Dataset, count: int) -> np.ndarray:
 def phase_lag(
     pair: GearPair, dampings, tuning, tunings, *, harmonics, periods, samples_per_period
 ) -> xr.Dataset:
-    """Return time histories and lags of all harmonics at one tuning, and the first lag over tuning.
+    """Compute time histories and lags of all harmonics at a tuning, and the first lag over tuning.
 
-    `dampings` are material dampings of the pair (N s/m), `harmonics` is
-    their number. Lags are NaN where the orbit does not repeat after one mesh period; lags and
-    histories are NaN where rounding errors decide on which orbit the motion ends.
+    `dampings` are material dampings of the pair (N s/m), `tunings` are the tunings of the first
+    lag, and `harmonics` is the number of harmonics. Lags are NaN where the orbit does not repeat
+    after one mesh period; lags and histories are NaN where rounding errors decide on which orbit
+    the motion ends.
     """
     run = {"periods": periods, "samples_per_period": samples_per_period, "until_settled": True}
     models = [pair.replace(material_damping=damping) for damping in dampings]
     motions = [simulate(model, tuning, **run) for model in models]
-    first_lags = [
-        [harmonic_lags(simulate(model, nu, **run), 1)[0] for nu in tunings] for model in models
-    ]
+    first_lags = []
+    for model in models:
+        motions_over_tuning = [simulate(model, nu, **run) for nu in tunings]
+        first_lags.append([harmonic_lags(motion, 1)[0] for motion in motions_over_tuning])
     rest = (0.0, 0.0)
     is_settled = ~np.array([rounding_grows(model, tunings, rest, periods) for model in models])
     is_reliable = ~np.array([rounding_grows(model, [tuning], rest, periods) for model in models])
