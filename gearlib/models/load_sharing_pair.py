@@ -3,15 +3,16 @@
     m x'' + k (x' - e') + sum_i F_i(x, tau) = F,
 
 with the forces F_i of `gearlib.models.geometry.load_sharing` at a displacement x: touching pairs
-satisfy Q F = x - g, the others have no force. The smallest gap e(tau) is the displacement at which
-flanks touch without load, its mean over the face of helical gears; x - e is the relative
+satisfy Q F = x - g, and the other pairs have no force. The smallest gap e(tau) is the displacement
+at which flanks touch without load, for helical gears its mean over the face; x - e is the relative
 displacement y of `OneDegreePair`. The coast side touches at x = -backlash, where all pairs on their
 path of contact carry load, without gaps.
 
-Forces and overlaps have parabolas between phases, ends of the path, starts of reliefs and points of
-tables, through their values at both ends and in the middle, so that linear and parabolic reliefs
-with constant stiffness are exact. Intervals are shorter where tip corners touch. They are straight
-lines between the phases at which slices of a helical face begin and end their contact.
+Over the phase, forces and overlaps are parabolas through their values at both ends and in the
+middle of intervals. The intervals end at equally spaced phases, the ends of the path, the starts of
+reliefs and the points of tables, so that linear and parabolic reliefs with constant stiffness are
+exact. They are shorter where tip corners touch. For helical gears, forces and overlaps are straight
+lines between the phases at which slices of the face begin and end their contact.
 """
 
 import math
@@ -46,7 +47,7 @@ from gearlib.parameters import (
 
 
 def _speed_course_propagator(model: Any) -> Any:
-    """Return the integrator of pairs of teeth along speed courses."""
+    """Return the integrator of a `LoadSharingPair` along speed courses."""
     from gearlib.engines.taylor.teeth_courses import propagator_of
 
     return propagator_of(model)
@@ -57,13 +58,13 @@ Method = Annotated[Literal["energy", "iso"], CHOICE]
 _MAX_STEP_ANGLE = 1.18
 #: Options of the stiffness methods.
 _STIFFNESS_OPTIONS = ("torque", "application_factor", "samples", "hertz", *PAIR_OPTIONS)
-#: Tuning at which inertia adds less than 1 % to the load if corners touch over this many base
-#: pitches; with a shorter corner contact it is lower by a factor, and with pitch errors higher.
+#: Tuning at which inertia adds less than 1 % to the load if corners touch over the typical length,
+#: in base pitches. It is lower for shorter corner contact and higher for pitch errors, by factors.
 _QUASI_STATIC_TUNING, _TYPICAL_CORNER_LENGTH = 2e-4, 0.05
 _MIN_CORNER_FACTOR, _PITCH_ERROR_FACTOR = 0.25, 10.0
-#: Phases of boundaries of segments closer than this, in rad, count as equal.
+#: Segment boundaries whose phases differ by less, in rad, count as equal.
 _PHASE_TOLERANCE = 1e-9
-#: Intervals between the phases at which a pair begins to touch and reaches its path of contact.
+#: Number of intervals from the first corner contact of a pair to the start of its path of contact.
 _CORNER_INTERVALS = 8
 
 
@@ -71,9 +72,9 @@ _CORNER_INTERVALS = 8
 class LoadSharingPair(WithPair):
     """A gear pair in which pairs of teeth with tip relief and errors share the load; immutable.
 
-    Stiffness, coupling, deviation and pitch_errors are those of
-    `gearlib.geometry.GearStage.transmission_error`. Helical gears are divided into slices, whose
-    forces are linearized at the displacement under the load.
+    `gearlib.geometry.GearStage.transmission_error` describes stiffness, coupling, deviation and
+    pitch_errors. Helical gears are divided into slices, whose forces are linearized at the
+    displacement under the load.
     """
 
     pair: Annotated[
@@ -133,7 +134,7 @@ class LoadSharingPair(WithPair):
         twist=True,
         **options: Any,
     ) -> "LoadSharingPair":
-        """Return the pair of two gears; its scales follow from the mean of this mesh stiffness.
+        """Return the pair of two gears, whose scales follow from the mean of this mesh stiffness.
 
         Parameters
         ----------
@@ -143,7 +144,7 @@ class LoadSharingPair(WithPair):
             Method of the mesh stiffness. For a table create the class with its fields instead.
         coupling : float, optional
             Fraction of the gear bodies' compliance that all pairs have in common, from 0 to 1; by
-            default what finite elements give, see `gearlib.models.geometry.mesh_stiffness`.
+            default a fit to finite elements, see `gearlib.models.geometry.mesh_stiffness`.
         twist : bool, default True
             Whether the bodies of gears with bores twist about them.
         **options
@@ -196,8 +197,10 @@ class LoadSharingPair(WithPair):
         unloaded, loaded = pairs.forces_under_loads([0.0, self.load]).displacement
         phase = math.tau * np.arange(phases) / phases
         profile = Tabulated(tuple(phase), tuple(self.load / (loaded - unloaded)))
-        names = ("max_stiffness", "stiffness_ratio", "contact_ratio")
-        pair = self.pair.replace(**dict(zip(names, profile.ratios(), strict=True)))
+        max_stiffness, kappa, epsilon = profile.ratios()
+        pair = self.pair.replace(
+            max_stiffness=max_stiffness, stiffness_ratio=kappa, contact_ratio=epsilon
+        )
         deviation = Harmonics.from_table(phase, -unloaded, harmonics)
         return OneDegreePair(pair=pair, profile=profile, deviation=deviation)
 
@@ -208,7 +211,7 @@ class LoadSharingPair(WithPair):
         return {name: getattr(self, name) for name in names} | {"corners": self.corner_contact}
 
     def _pairs(self, pitches: np.ndarray, *selection: np.ndarray) -> load_sharing.ToothPairs:
-        """Return the pairs of teeth in mesh; the arguments are those of `pairs_at`."""
+        """Return the pairs of teeth in mesh; `pairs_at` describes the arguments."""
         return load_sharing.pairs_at(self.stage, pitches, *selection, **self._options)
 
     def tooth_forces(self, phase: Any, displacement: Any) -> np.ndarray:
@@ -236,9 +239,11 @@ class LoadSharingPair(WithPair):
             pairs = self._pairs(np.array([self._phase_offset]))
             sharing = pairs.forces_under_loads([load * self.load])
             return float(sharing.displacement[0, 0]) / self.static_deflection, 0.0
+        if self.backlash == math.inf:
+            return 0.0, 0.0
         # On the coast side the force is stiffness * x - offset, negative below its flank line.
         stiffness, _, _, offset, _, _ = self.system_and_max_stiffness[0].force_laws[0, -1]
-        return (float((load + offset) / stiffness) if self.backlash < math.inf else 0.0), 0.0
+        return float((load + offset) / stiffness), 0.0
 
     @property
     def repeats(self) -> int:
@@ -253,63 +258,71 @@ class LoadSharingPair(WithPair):
         )
 
     def _breakpoints(self) -> np.ndarray:
-        """Return phases in [0, 1) base pitches between which gaps and compliances are linear."""
-        mesh = self.stage
-        count = load_sharing.face_slices(mesh, self.repeats).intervals_per_pitch
+        """Return the phases, in [0, 1) base pitches, that divide a mesh period into segments.
+
+        In a segment, gaps and compliances are smooth for spur gears and linear for helical gears.
+        The phases are not sorted.
+        """
+        stage = self.stage
+        count = load_sharing.face_slices(stage, self.repeats).intervals_per_pitch
         if count:  # The gears are helical.
             count *= math.ceil(self.phases / load_sharing.MIN_INTERVALS_PER_PITCH)
             return (self._phase_offset + np.arange(count) / count) % 1.0
-        start, end = mesh.path
+        start, end = stage.path
         kinks = [start, end]  # positions on the path of contact, m
-        for gear, tip in ((mesh.pinion, end), (mesh.wheel, start)):
-            if gear.tip_relief is not None:
-                inward = start + end - 2.0 * tip
-                kinks.append(tip + math.copysign(gear.tip_relief.length, inward))
+        if stage.pinion.tip_relief is not None:
+            kinks.append(end - stage.pinion.tip_relief.length)
+        if stage.wheel.tip_relief is not None:
+            kinks.append(start + stage.wheel.tip_relief.length)
         for table in (self.deviation, self.stiffness):
             if isinstance(table, PathTable):
                 kinks += [position for position in table.position if start < position < end]
         equal_intervals = np.arange(self.phases) / self.phases
-        breaks = [(np.array(kinks) - start) / mesh.base_pitch, equal_intervals]
+        breaks = [(np.array(kinks) - start) / stage.base_pitch, equal_intervals]
         if any(self._corner_lengths):
-            entry, exit_ = (
-                np.linspace(0.0, length, _CORNER_INTERVALS + 1) for length in self._corner_lengths
-            )
-            breaks += [0.0 - entry, mesh.contact_ratio + exit_]
+            entry_length, exit_length = self._corner_lengths
+            breaks.append(0.0 - np.linspace(0.0, entry_length, _CORNER_INTERVALS + 1))
+            exit_breaks = np.linspace(0.0, exit_length, _CORNER_INTERVALS + 1)
+            breaks.append(stage.contact_ratio + exit_breaks)
         return np.append(np.concatenate(breaks), self._phase_offset) % 1.0
 
     @property
     def _phase_offset(self) -> float:
-        """Base pitches from the start of contact of a pair to phase 0, where most pairs touch."""
+        """Base pitches from the start of contact of a pair to mesh phase 0.
+
+        Phase 0 is the middle of the segment with the most pairs in contact.
+        """
         return (self.stage.contact_ratio % 1.0) / 2.0
 
     def _pair_numbers(self, pitches: np.ndarray) -> np.ndarray:
-        """Return the number of the last pair of teeth in mesh at phases in base pitches."""
+        """Return the number of the pair that came into mesh last, at phases in base pitches."""
         half_overlap = load_sharing.face_slices(self.stage, self.repeats).half_overlap
         return np.floor(pitches + self._corner_lengths[0] + half_overlap)
 
     @cached_property
     def system_and_max_stiffness(self) -> tuple[ToothPairSystem, float]:
-        """The `ToothPairSystem` before `system` sets its tuning, damping and largest step.
+        """The `ToothPairSystem`, without a tuning, and its largest over its mean stiffness.
 
-        Its class describes the fields. The second entry is its largest stiffness over the mean
-        stiffness. Segments lie between neighbouring breakpoints of the whole period, which starts
-        at phase 0.
+        `system` sets its tuning, damping and largest step. Segments lie between neighbouring
+        breakpoints of the whole period, which is `repeats` mesh periods long and starts at phase 0.
         """
         repeats, offset = self.repeats, self._phase_offset
         pitches = np.sort((np.arange(repeats)[:, None] + self._breakpoints()).ravel())
         pitches = pitches[np.diff(pitches, prepend=-1.0) > load_sharing.SAME_POSITION_TOLERANCE]
         pitches = pitches[pitches < repeats - load_sharing.SAME_POSITION_TOLERANCE]
-        first = int(np.searchsorted(pitches, offset - load_sharing.SAME_POSITION_TOLERANCE))
-        pitches = np.concatenate([pitches[first:], pitches[:first] + repeats, [repeats + offset]])
+        start = int(np.searchsorted(pitches, offset - load_sharing.SAME_POSITION_TOLERANCE))
+        pitches = np.concatenate([pitches[start:], pitches[:start] + repeats, [repeats + offset]])
         left, right = pitches[:-1], pitches[1:]
         midpoints = (left + right) / 2.0
         can_touch, on_path, points = self._segments(left, midpoints, right)
         pair_numbers = self._pair_numbers(midpoints)
         lengths = math.tau * (right - left)
-        forces, overlaps = zip(
-            *(self._force_coefficients(pairs, on_path) for pairs in points), strict=True
-        )
-        smallest_gaps = [points[i].smallest_gap for i in (0, -1)]
+        forces, overlaps = [], []
+        for pairs in points:
+            force_coefficients, overlap_coefficients = self._force_coefficients(pairs, on_path)
+            forces.append(force_coefficients)
+            overlaps.append(overlap_coefficients)
+        smallest_gaps = points[0].smallest_gap, points[-1].smallest_gap  # at both ends
         # Bit i of a mask is set if pair i can touch.
         pair_masks = can_touch @ 2 ** np.arange(can_touch.shape[1])
         masks_change = pair_masks != np.roll(pair_masks, 1)
@@ -347,23 +360,25 @@ class LoadSharingPair(WithPair):
     ) -> tuple[np.ndarray, np.ndarray, list[load_sharing.ToothPairs]]:
         """Return the k pairs of teeth in mesh in p segments as (can_touch, on_path, points).
 
-        The segments are given by their ends and midpoints in base pitches, (p,) each. `can_touch`,
-        (p, k), is whether a pair can touch, `on_path`, (p, k), whether it also lies on its path of
-        contact, and `points` holds the `ToothPairs` at the left ends, of spur gears also in the
-        middle, and at the right ends.
+        The segments are given by their left ends, midpoints and right ends in base pitches, (p,)
+        each. `can_touch`, (p, k), is whether a pair can touch, and `on_path`, (p, k), whether it
+        also lies on its path of contact. `points` is a list of the `ToothPairs` at the left ends,
+        for spur gears at the midpoints, and at the right ends.
         """
-        mesh = self.stage
-        if mesh.overlap_ratio == 0.0:
+        stage = self.stage
+        if stage.overlap_ratio == 0.0:
             pairs = self._pairs(midpoints)
             can_touch = pairs.can_touch
-            on_path = pairs.position == np.clip(pairs.position, *mesh.path)
-            first, last = (self._pairs(end, midpoints, can_touch) for end in (left, right))
-            return can_touch, can_touch & on_path, [first, pairs, last]
-        # Most segments start with the pairs at the end of the one before, computed only once.
+            on_path = pairs.position == np.clip(pairs.position, *stage.path)
+            left_pairs = self._pairs(left, midpoints, can_touch)
+            right_pairs = self._pairs(right, midpoints, can_touch)
+            return can_touch, can_touch & on_path, [left_pairs, pairs, right_pairs]
+        # Most segments start with the pairs at the end of the segment before. Such pairs are
+        # computed only once.
         pitches, middles = np.concatenate([left, right]), np.concatenate([midpoints] * 2)
         phases = np.column_stack([pitches, self._pair_numbers(middles)])
-        _, first, indices = np.unique(phases, axis=0, return_index=True, return_inverse=True)
-        pairs = self._pairs(pitches[first], middles[first])
+        _, unique, indices = np.unique(phases, axis=0, return_index=True, return_inverse=True)
+        pairs = self._pairs(pitches[unique], middles[unique])
         ends = [pairs.at_phases(end_indices) for end_indices in np.split(indices.reshape(-1), 2)]
         can_touch = ends[0].can_touch | ends[1].can_touch
         return can_touch, can_touch, [replace(end, can_touch=can_touch) for end in ends]
@@ -371,11 +386,11 @@ class LoadSharingPair(WithPair):
     def _force_coefficients(self, pairs, on_path) -> tuple[np.ndarray, np.ndarray]:
         """Return dimensionless coefficients (forces, overlaps) for all sets of touching pairs.
 
-        There are k pairs of teeth at each of m phases and thus 2^k sets; bit i of the index of a
-        set is 1 if pair i touches. `on_path`, shape (m, k), is whether a pair lies on its path of
-        contact. The mesh force at a displacement x is a x - b with forces[phase, set] = (a, b),
-        and the last set, 2^k, is contact on the coast side. The overlap of the flanks of a pair is
-        p x - r with overlaps[phase, set, pair] = (p, r).
+        `pairs` are the k pairs of teeth at each of m phases, which have 2^k sets; bit i of the
+        index of a set is 1 if pair i touches. `on_path`, shape (m, k), is whether a pair lies on
+        its path of contact. The mesh force at a displacement x is a x - b with
+        forces[phase, set] = (a, b); the last set, with the index 2^k, is contact on the coast side.
+        The overlap of the flanks of a pair is p x - r with overlaps[phase, set, pair] = (p, r).
         """
         m, k = pairs.gap.shape
         forces, overlaps = np.zeros((m, 2**k + 1, 2)), np.zeros((m, 2**k, k, 2))
@@ -401,7 +416,7 @@ class LoadSharingPair(WithPair):
         return forces, overlaps
 
     def steps_per_period(self, tuning: float) -> float:
-        """Return the minimum number of integration steps per mesh period."""
+        """Return the minimum number of integration steps per mesh period at a tuning."""
         system = self.system(tuning)
         return max(len(system.force_laws) / self.repeats, math.tau / system.max_step)
 
@@ -409,27 +424,32 @@ class LoadSharingPair(WithPair):
     def slowest_tuning(self) -> float:
         """Tuning, mesh over natural frequency, below which a duty point counts as quasi-static."""
         relative_length = sum(self._corner_lengths) / _TYPICAL_CORNER_LENGTH
-        factor = min(max(relative_length, _MIN_CORNER_FACTOR), 1.0) if relative_length else 1.0
-        return _QUASI_STATIC_TUNING * factor * (1.0 if self.repeats == 1 else _PITCH_ERROR_FACTOR)
+        corner_factor, error_factor = 1.0, 1.0
+        if relative_length:
+            corner_factor = min(max(relative_length, _MIN_CORNER_FACTOR), 1.0)
+        if self.repeats > 1:
+            error_factor = _PITCH_ERROR_FACTOR
+        return _QUASI_STATIC_TUNING * corner_factor * error_factor
 
     def system(self, tuning: float) -> ToothPairSystem:
-        """Return the constants of the equation of motion from which `engines` compute motions.
+        """Return the constants of the equation of motion for the engines at a tuning.
 
         `tuning` is the mesh frequency over the mean natural frequency.
         """
         system, max_stiffness = self.system_and_max_stiffness
-        # In free flight and in contact, by mesh phase.
+        # Damping in free flight and in contact, with velocities by mesh phase.
         damping = 2.0 * np.array([self.backlash_damping_ratio, self.damping_ratio]) / tuning
         max_step = _MAX_STEP_ANGLE / (math.sqrt(max_stiffness) / tuning + damping.max())
         return system._replace(damping=damping, max_step=max_step, tuning=tuning)
 
 
 def _parabolas(values: Sequence[np.ndarray], lengths: np.ndarray) -> np.ndarray:
-    """Return the coefficients of parabolas a x - b on p segments, by powers of the phase.
+    """Return laws a x - b on p segments, whose coefficients a and b are parabolas in the phase.
 
-    `values` are the coefficients (a, b), (p, ..., 2), at the left ends, in the middle and at the
-    right ends of segments with these lengths in mesh phase, (p,); without those in the middle the
-    parabolas are straight lines. The last axis, of 6, has three coefficients of a, then of b.
+    `values` are arrays (p, ..., 2) of (a, b) at the left ends, the midpoints and the right ends of
+    the segments, whose `lengths` in mesh phase have the shape (p,). Without the midpoints the
+    parabolas are straight lines. The last axis of the result, of length 6, has the coefficients of
+    the powers 0, 1, 2 of the phase from the left end: three for a, then three for b.
     """
     left, right = values[0], values[-1]
     middle = values[1] if len(values) == 3 else 0.5 * (left + right)
@@ -440,12 +460,12 @@ def _parabolas(values: Sequence[np.ndarray], lengths: np.ndarray) -> np.ndarray:
 
 
 def default_load_sharing_pair(stage, *, stiffness=None, options=None, **arguments):
-    """Return the `LoadSharingPair` of a `gearlib.geometry.GearStage`, with a default stiffness
-    method.
+    """Return the `LoadSharingPair` of a gear stage, with a default stiffness method.
 
-    The default is the energy method or, if a bore is too large for it, ISO 6336. `options` are
-    those of `gearlib.geometry.mesh_stiffness`, of which only coupling and twist count;
-    `arguments` are those of `LoadSharingPair.from_geometry`, such as torque and damping_ratio.
+    `stage` is a `gearlib.geometry.GearStage`. If `stiffness` is None, the method is the energy
+    method or, if a bore is too large for it, ISO 6336. `options` is a dict of options of
+    `gearlib.geometry.mesh_stiffness`, of which only coupling and twist are used; `arguments`, such
+    as torque and damping_ratio, are passed to `LoadSharingPair.from_geometry`.
     """
     stiffness = stiffness or checks.gear_stage(stage).tooth_stiffness
     options = options or {}
