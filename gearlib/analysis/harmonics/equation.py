@@ -8,10 +8,10 @@ The solution has a period of n mesh periods: x = sum_k X_k exp(i k tau / n). For
 a grid of phases and transformed to harmonics by FFT (alternating frequency and time).
 
 The mesh stiffness has its exact Fourier coefficients up to the highest harmonic of the grid, so
-that without loss of contact the products are those of Galerkin's method, free of aliasing. At a
-flank line the contact is the fraction of the grid cell in which the flanks touch, with a motion
-that is linear within the cell: forces are continuous in (x, x') where damping jumps, Newton's
-method has a derivative, and the jump is an impulse in that derivative.
+that without loss of contact products are exact as in Galerkin's method, free of aliasing. At a
+flank line the contact is the fraction of the grid cell in which the flanks touch; the motion counts
+as linear within the cell. Forces are therefore continuous in (x, x') even where damping jumps,
+Newton's method has a derivative, and the jump is an impulse in this derivative.
 """
 
 from functools import cached_property
@@ -25,31 +25,36 @@ MIN_SAMPLES = 4
 _DEFAULT_SAMPLES = 16
 #: Smallest change of displacement in a grid cell, which avoids a division by zero.
 _MIN_CHANGE = 1e-300
-#: Signs of the six rows of `_contact` for the coast-side flank in the sum over both flanks: its
-#: displacement and velocity are reversed, and its deflection in the sum, too.
+#: Signs with which the six rows of `_contact` of the coast-side flank are added to those of the
+#: drive side: its displacement and velocity are reversed, and so is its deflection.
 _COAST_SIGNS = np.array([1.0, -1.0, -1.0, -1.0, 1.0, 1.0])[:, None]
 
 
 class Force(NamedTuple):
-    """Forces f on the grid of phases and their derivatives, shape (samples,)."""
+    """Forces f on the grid of phases and their derivatives, each of shape (samples,)."""
 
-    value: np.ndarray
+    value: np.ndarray  #: sum of mesh and damping force
     stiffness: np.ndarray  #: derivative of the mesh force with respect to displacement
-    impulse: np.ndarray  #: that of the damping force, which jumps at a flank line
-    damping: np.ndarray  #: derivative of the force with respect to velocity
+    impulse: np.ndarray  #: derivative of the damping force with respect to displacement
+    damping: np.ndarray  #: derivative of both forces with respect to velocity
     contact_fraction: np.ndarray  #: fraction of contact in the grid cell, 0 to 1
 
 
 class MeshEquation:
-    """Equation of motion of a gear pair at one tuning on harmonics 0 ... h of 1 / period."""
+    """Equation of motion of a gear pair at a tuning, for the harmonics 0 ... h of a motion.
+
+    Harmonics are complex coefficients X_k of exp(i k tau / period), k = 0 ... h, and displacements
+    are in static deflections.
+    """
 
     def __init__(
         self, model: Any, tuning, harmonics: int, samples=None, period: int = 1, added_damping=0.0
     ):
-        """Set up the equation for h = `harmonics` and a period in mesh periods.
+        """Set up the equation for motions with h = `harmonics` and a `period` in mesh periods.
 
         `samples` is the number of grid points over the period, by default a power of two, at least
-        16 per harmonic. `added_damping` is a coefficient of dx/dtau added to that of the model.
+        16 per harmonic. `added_damping` is added to the coefficient of dx/dtau of the model, with
+        and without contact.
         """
         self.model, self.tuning = model, tuning
         self.harmonics, self.period = harmonics, period
@@ -77,7 +82,7 @@ class MeshEquation:
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """Mesh stiffness c / nu^2 on the grid, truncated to the harmonics that it can represent."""
+        """Mesh stiffness c / nu^2 on the grid, of the harmonics that the grid can represent."""
         spectrum = np.zeros(self.samples // 2 + 1, complex)
         highest = (self.samples - 1) // 2 // self.period
         coefficients = _stiffness_coefficients(self.mesh, highest)
@@ -97,21 +102,23 @@ class MeshEquation:
         return self.to_grid(coefficients), self.to_grid(1j * self.orders * coefficients)
 
     def force(self, coefficients: np.ndarray) -> Force:
-        """Return damping and mesh force on the grid from the harmonics of a motion, (h + 1,)."""
-        mesh, (x, v) = self.mesh, self.motion(coefficients)
+        """Return mesh and damping `Force` on the grid from the harmonics of a motion, (h + 1,)."""
+        mesh = self.mesh
+        x, v = self.motion(coefficients)
         step = 2.0 * np.pi * self.period / self.samples
-        coast_deflection = -(x + mesh.backlash_ratio)  # of the coast-side flank, > 0 in contact
+        coast_deflection = -(x + mesh.backlash_ratio)  # positive in coast-side contact
         contact = _contact(x, v, step) + _COAST_SIGNS * _contact(coast_deflection, -v, step)
         # The suffixes _x and _v denote derivatives with respect to displacement and velocity.
         fraction, fraction_x, fraction_v, deflection, deflection_x, deflection_v = contact
-        # Damping forces in contact and without contact, in free flight.
+        # Damping forces in contact and in free flight, and their difference, the jump.
         contact_damping, contact_damping_v = _damping(mesh.drive_damping, v)
         free_damping, free_damping_v = _damping(mesh.backlash_damping, v)
         jump, jump_v = contact_damping - free_damping, contact_damping_v - free_damping_v
+        # The mesh force is c (d + p2 |d| d + p3 d^3) / nu^2 at the deflection d.
         p2, p3 = mesh.stiffness_powers
-        size = np.abs(deflection)
-        mesh_force = self.stiffness * (deflection * (1.0 + p2 * size + p3 * deflection**2))
-        tangent = self.stiffness * (1.0 + 2.0 * p2 * size + 3.0 * p3 * deflection**2)
+        magnitude = np.abs(deflection)
+        mesh_force = self.stiffness * (deflection * (1.0 + p2 * magnitude + p3 * deflection**2))
+        tangent = self.stiffness * (1.0 + 2.0 * p2 * magnitude + 3.0 * p3 * deflection**2)
         damping_v = free_damping_v + fraction * jump_v + fraction_v * jump
         return Force(
             value=free_damping + fraction * jump + mesh_force,
@@ -122,18 +129,20 @@ class MeshEquation:
         )
 
     def variational_coefficients(self, coefficients: np.ndarray) -> tuple:
-        """Return (a, h, b) on the grid for perturbations y'' + a y' + (h y)' + b y = 0 of a motion.
+        """Return the coefficients of the variational equation of a motion on the grid, (a, h, b).
 
-        The motion is given by its harmonics. Damping that jumps at a flank line would add an
-        impulse to b where y' jumps, a product that no grid can represent. Let j(v) = p(v) v be the
-        jump of the damping force and H the contact, 1 or 0: the identity
+        Perturbations y of the motion with the given harmonics obey y'' + a y' + (h y)' + b y = 0.
+        Damping that jumps at a flank line would add an impulse to b where y' jumps, a product that
+        no grid can represent. Let j(v) = p(v) v be the jump of the damping force and H the contact,
+        1 or 0: the identity
 
             H' j y / v + H j_v y' = (H p y)' - H p' y + H (j_v - p) y'
 
         avoids the impulse H'. Its right side adds H p to h, H (j_v - p) to a and -H p' to b.
         """
         force, mesh = self.force(coefficients), self.mesh
-        (_, v), contact = self.motion(coefficients), force.contact_fraction
+        contact = force.contact_fraction
+        _, v = self.motion(coefficients)
         # p = p1 + p2 |v| + p3 v^2
         p1, p2, p3 = mesh.drive_damping - mesh.backlash_damping
         acceleration = self.to_grid(self.excitation) - force.value
@@ -144,23 +153,32 @@ class MeshEquation:
         return a, h, b
 
     def residual(self, coefficients: np.ndarray, force: Force) -> np.ndarray:
-        """Return the harmonics of the residual x'' + f - e from those of a motion and its force."""
+        """Return the harmonics of the residual x'' + f - e, shape (h + 1,).
+
+        `coefficients` are the harmonics of the motion x, `force` is the force f along it; e is the
+        excitation.
+        """
         inertia = -(self.orders**2) * coefficients
         return inertia + self.to_harmonics(force.value) - self.excitation
 
     def max_residual(self, residual: np.ndarray) -> float:
-        """Return the largest magnitude over the period, relative to the load, from harmonics."""
+        """Return the largest residual over the period, relative to the load.
+
+        `residual` holds its harmonics, shape (h + 1,).
+        """
         return float(np.abs(self.to_grid(residual)).max() / self.mean_stiffness)
 
     def jacobian(self, force: Force) -> np.ndarray:
-        """Return the Jacobian matrix of the residual for the force of a motion, (2 h + 1, 2 h + 1).
+        """Return the derivatives of the residual by the harmonics, shape (2 h + 1, 2 h + 1).
 
-        Rows and columns are the real and imaginary parts of harmonics as in `real_vector`.
+        `force` is the force along the motion. Rows and columns are the real and imaginary parts of
+        harmonics in the order of `real_vector`.
         """
         k = np.arange(self.harmonics + 1)
         stiffness = np.fft.fft(force.stiffness + force.impulse, norm="forward")
         damping = np.fft.fft(force.damping, norm="forward")
-        derivative, differences, sums = 1j * self.orders, k[:, None] - k, k[:, None] + k
+        derivative = 1j * self.orders  # factors of the derivative by tau
+        differences, sums = k[:, None] - k, k[:, None] + k
         direct = stiffness[differences] + damping[differences] * derivative
         direct -= np.diag(self.orders**2)
         conjugate = stiffness[sums] - damping[sums] * derivative
@@ -169,12 +187,13 @@ class MeshEquation:
         return real_vector(columns.T).T
 
     def amplification_bounds(self, force: Force) -> np.ndarray:
-        """Return bounds of the amplification of errors in a fixed-point step, shape (h + 1,).
+        """Return bounds of the factors by which a fixed-point step changes errors, shape (h + 1,).
 
-        The step is the response of the mean oscillator, with receptance G, to the excess n of the
-        `force` of the motion over its own. On harmonic k the bound is |G_k| (sup |n_x| + k sup
-        |n_v|). Damping that jumps at a flank line contributes to n_v only: its perturbation is the
-        derivative of (jump of damping) times y. The bound is infinite without damping at resonance.
+        The step is the response of the oscillator with the mean stiffness, whose receptance is G,
+        to the excess n of the `force` along the motion over the force of the oscillator. With the
+        derivatives n_x and n_v by displacement and velocity the bound of harmonic k is |G_k| (sup
+        |n_x| + k sup |n_v|). Damping that jumps at a flank line only contributes to n_v. The bound
+        is infinite at resonance without damping.
         """
         excess_stiffness = np.abs(force.stiffness - self.mean_stiffness).max()
         excess_damping = np.abs(force.damping - self.damping).max()
@@ -202,14 +221,15 @@ def from_real_vector(vector: np.ndarray) -> np.ndarray:
 
 
 def _contact(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
-    """Return fraction of contact and deflection of a flank at x = 0, with derivatives, (6, n).
+    """Return contact fraction and deflection of a flank at x = 0, with derivatives, shape (6, n).
 
-    The rows are the fraction of contact (x > 0), its derivatives with respect to displacement x and
-    velocity v, the deflection and its derivatives. `step` is the width of a grid cell in rad. The
-    deflection is the mean over a grid cell. The fraction is weighted with a hat function over two
-    cells, so that its derivative, an impulse, has the right position between two grid points.
+    x and v are the displacement and velocity at n grid points; the flank touches where x > 0.
+    `step` is the width of a grid cell in rad. The rows are the fraction of contact, its derivatives
+    by x and v, the deflection and its derivatives by x and v. The deflection is the mean over a
+    grid cell. The fraction is a mean over two cells with a triangular weight, so that the impulse
+    of its derivative has the right position between two grid points.
     """
-    change = np.maximum(np.abs(v) * step, _MIN_CHANGE)  # of the displacement in a grid cell
+    change = np.maximum(np.abs(v) * step, _MIN_CHANGE)  # of the displacement within a grid cell
     change_v = np.sign(v) * step
     u = np.clip(x / change, -1.0, 1.0)
     fraction = np.where(u < 0.0, 0.5 * (1.0 + u) ** 2, 1.0 - 0.5 * (1.0 - u) ** 2)
@@ -223,20 +243,25 @@ def _contact(x: np.ndarray, v: np.ndarray, step: float) -> np.ndarray:
 
 
 def _damping(coefficients: np.ndarray, v: np.ndarray) -> tuple:
-    """Return (damping force d1 v + d2 |v| v + d3 v^3 at velocities v, its derivative)."""
+    """Return (damping force d1 v + d2 |v| v + d3 v^3, its derivative by v) at velocities v.
+
+    `coefficients` are (d1, d2, d3).
+    """
     d1, d2, d3 = coefficients
     speed = np.abs(v)
     return v * (d1 + d2 * speed + d3 * v**2), d1 + 2.0 * d2 * speed + 3.0 * d3 * v**2
 
 
 def _stiffness_coefficients(mesh: Any, highest: int) -> np.ndarray:
-    """Return the exact complex Fourier coefficients 0 ... `highest` of the stiffness c / nu^2.
+    """Return the exact complex Fourier coefficients 0 ... `highest` of a mesh stiffness c / nu^2.
 
-    They follow from the jumps of value and slope between the linear segments of the stiffness of a
-    `NonlinearMesh`, and from its harmonics.
+    The stiffness of the `NonlinearMesh` is the sum of a piecewise linear function of the phase and
+    of harmonics. The coefficients of the first follow from the jumps of value and slope between its
+    segments.
     """
     n, phases = np.arange(1, highest + 1), mesh.segment_bounds
-    lengths, (starts, slopes) = np.diff(phases), mesh.stiffness_lines.T
+    lengths = np.diff(phases)
+    starts, slopes = mesh.stiffness_lines.T
     ends = starts + slopes * lengths
     coefficients = np.zeros(highest + 1, complex)
     coefficients[0] = np.sum((starts + ends) / 2.0 * lengths) / (2.0 * np.pi)

@@ -1,8 +1,8 @@
 """`harmonic_balance`: all harmonics of a periodic motion at once by Newton's method.
 
-Newton's method solves for zero residual of x'' + f(tau, x, x') = e on the harmonics. Forces are
-evaluated on a grid of phases (`gearlib.analysis.harmonics.equation`); their Jacobian matrix follows
-from the FFT of f_x and f_v, without finite differences.
+Newton's method makes the harmonics of the residual of x'' + f(tau, x, x') = e zero. Forces are
+evaluated on a grid of phases (`gearlib.analysis.harmonics.equation`); the Jacobian matrix follows
+from the FFT of the derivatives of f by x and x', without finite differences.
 
 Cameron, Griffin, J. Appl. Mech. 56 (1989) 149-154 (alternating frequency/time); the stability
 follows from Hill's method.
@@ -26,10 +26,10 @@ from gearlib.models.model import is_model
 from gearlib.parameters import Count, checked
 from gearlib.runs.run_arguments import Tuning
 
-#: Largest residual of a solution, relative to the load or the inertia force if that is larger.
+#: Largest residual of a solution, relative to the load, or to the inertia force if it is larger.
 _MAX_RESIDUAL = 1e-11
 _MAX_NEWTON_STEPS, _MAX_HALVINGS = 60, 12
-#: Coefficients of the added damping in the continuation from a strongly damped motion.
+#: Damping coefficients added in turn, which continue a strongly damped motion to the actual one.
 _ADDED_DAMPINGS = (1.0, 0.3, 0.1, 0.03, 0.0)
 #: Harmonics and tolerance in this continuation: enough to distinguish contact states.
 _GUESS_HARMONICS, _GUESS_TOLERANCE = 32, 1e-3
@@ -53,8 +53,9 @@ def harmonic_balance(
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     harmonics : int, default 64
-        Highest harmonic, in units of 1 / period. With rectangular mesh stiffness x'' jumps, the
-        coefficients decay with their third power, and the error of x with the second (Gibbs).
+        Highest harmonic, in units of 1 / period. With rectangular mesh stiffness x'' jumps:
+        coefficients decay with the third power of the harmonic, the error of x with the second
+        power of the highest one (Gibbs).
     samples : int, optional
         Number of grid points over the period, more than 4 per harmonic. By default a power of two,
         at least 16 per harmonic.
@@ -63,7 +64,7 @@ def harmonic_balance(
         at equal steps of phase over the period. By default the motion of a strongly damped mesh is
         continued while the added damping is reduced.
     period : int, default 1
-        Mesh periods after which the motion repeats.
+        Number of mesh periods after which the motion repeats.
 
     Returns
     -------
@@ -72,16 +73,17 @@ def harmonic_balance(
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is invalid; the message states its value and what is allowed.
     gearlib.analysis.orbits.shooting.NoOrbit
         If Newton's method does not converge; the message says what to try.
     """
     equation = check_problem(model, tuning, harmonics, samples, period)
     coefficients = first_coefficients(equation, guess)
     steps, evaluations = 0, 0
-    for stage, tolerance in stages(equation, guess, _MAX_RESIDUAL):
-        start = resize_harmonics(coefficients, stage)
-        coefficients, residual, new_steps, new_evaluations = _newton(stage, start, tolerance)
+    for solved_equation, tolerance in equation_sequence(equation, guess, _MAX_RESIDUAL):
+        start = resize_harmonics(coefficients, solved_equation)
+        solution = _newton(solved_equation, start, tolerance)
+        coefficients, residual, new_steps, new_evaluations = solution
         steps, evaluations = steps + new_steps, evaluations + new_evaluations
     if not residual <= _max_residual(equation, coefficients, _MAX_RESIDUAL):
         raise NoOrbit(
@@ -104,15 +106,18 @@ def harmonic_balance(
 
 
 def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> tuple:
-    """Solve the mesh equation by Newton's method with step halving, from harmonics 0 ... h.
+    """Solve the mesh equation by damped Newton iteration from complex harmonics, shape (h + 1,).
 
-    Return (complex harmonics of the last iterate, its largest residual, number of steps, number of
-    evaluations of the force at a grid point).
+    A step is halved until the residual decreases. The iteration ends if the largest residual is
+    below the relative `tolerance`, or if no step decreases it. Return (harmonics of the last
+    iterate, its largest residual, number of steps, number of evaluations of the force at a grid
+    point).
     """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
-    size, steps, evaluations = equation.max_residual(residual), 0, equation.samples
-    while steps < _MAX_NEWTON_STEPS and size > _max_residual(equation, coefficients, tolerance):
+    norm = equation.max_residual(residual)
+    steps, evaluations = 0, equation.samples
+    while steps < _MAX_NEWTON_STEPS and norm > _max_residual(equation, coefficients, tolerance):
         try:
             step = np.linalg.solve(equation.jacobian(force), -real_vector(residual))
         except np.linalg.LinAlgError:
@@ -123,53 +128,65 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
             new = coefficients + step
             new_force = equation.force(new)
             new_residual = equation.residual(new, new_force)
-            new_size = equation.max_residual(new_residual)
+            new_norm = equation.max_residual(new_residual)
             evaluations += equation.samples
-            if new_size < size:
+            if new_norm < norm:
                 break
             step *= 0.5
         else:
+            # Not even the shortest step decreases the residual.
             break
-        coefficients, force, residual, size = new, new_force, new_residual, new_size
-    return coefficients, size, steps, evaluations
+        coefficients, force, residual, norm = new, new_force, new_residual, new_norm
+    return coefficients, norm, steps, evaluations
 
 
 def _max_residual(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) -> float:
-    """Return the residual below which a motion is a solution, for a relative tolerance."""
+    """Return the residual, relative to the load, below which a motion counts as a solution.
+
+    It is `tolerance` times the load or the inertia force of the motion with the given harmonics,
+    whichever is larger.
+    """
     inertia = np.abs(equation.orders**2 * coefficients).sum() / equation.mean_stiffness
     return tolerance * max(1.0, inertia)
 
 
 def check_problem(model: Any, tuning, harmonics, samples, period) -> MeshEquation:
-    """Return the `MeshEquation` for checked arguments of `harmonic_balance`."""
+    """Check the arguments of `harmonic_balance` and return their `MeshEquation`.
+
+    Raise ValueError if the model has several degrees of freedom, or if `harmonics` or `samples` is
+    too small; `samples` may be None.
+    """
     if not (is_model(model) and model.has_pair_equation):
         raise checks.refusal("model", model, "a GearPair or a OneDegreePair, one degree of freedom")
     checks.require(harmonics >= period, "harmonics", harmonics, f"an integer >= {period}")
-    least = MIN_SAMPLES * harmonics + 1
-    is_enough = samples is None or samples >= least
-    checks.require(is_enough, "samples", samples, f"an integer >= {least}")
+    min_samples = MIN_SAMPLES * harmonics + 1
+    is_enough = samples is None or samples >= min_samples
+    checks.require(is_enough, "samples", samples, f"an integer >= {min_samples}")
     return MeshEquation(model, tuning, harmonics, samples, period)
 
 
-def stages(equation: MeshEquation, guess: Any, tolerance: float) -> list:
-    """Return the mesh equations that are solved one after the other, as (equation, tolerance).
+def equation_sequence(equation: MeshEquation, guess: Any, tolerance: float) -> list:
+    """Return the mesh equations to be solved in turn, as a list of (equation, tolerance).
 
-    Without a guess, equations with added damping and few harmonics precede the actual one.
+    Each starts from the solution of the previous one, and the given `equation` and `tolerance` come
+    last. If `guess` is None, equations with decreasing added damping and few harmonics precede it.
     """
+    if guess is not None:
+        return [(equation, tolerance)]
     model, tuning, period = equation.model, equation.tuning, equation.period
     harmonics = min(equation.harmonics, _GUESS_HARMONICS * period)
-    damped_stages = [
-        (MeshEquation(model, tuning, harmonics, None, period, damping), _GUESS_TOLERANCE)
-        for damping in (_ADDED_DAMPINGS if guess is None else ())
-    ]
-    return [*damped_stages, (equation, tolerance)]
+    sequence = []
+    for damping in _ADDED_DAMPINGS:
+        damped_equation = MeshEquation(model, tuning, harmonics, None, period, damping)
+        sequence.append((damped_equation, _GUESS_TOLERANCE))
+    return [*sequence, (equation, tolerance)]
 
 
 def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
-    """Return the complex harmonics of an initial guess, shape (harmonics + 1,).
+    """Return the complex harmonics of the initial guess of an equation, shape (harmonics + 1,).
 
     The guess is a `PeriodicSolution` of the same period, an array of displacements at equal steps
-    of phase over the period, or None for the static deflection.
+    of phase over the period, or None for the static deflection. Raise ValueError for anything else.
     """
     if guess is None:
         return resize_harmonics(np.ones(1, complex), equation)
@@ -190,7 +207,7 @@ def first_coefficients(equation: MeshEquation, guess: Any) -> np.ndarray:
 
 
 def resize_harmonics(coefficients: np.ndarray, equation: MeshEquation) -> np.ndarray:
-    """Return harmonics truncated, or padded with zeros, to those of an equation."""
+    """Return harmonics 0 ... h truncated, or padded with zeros, to the h of an equation."""
     resized = np.zeros(equation.harmonics + 1, complex)
     count = min(coefficients.size, resized.size)
     resized[:count] = coefficients[:count]

@@ -5,15 +5,16 @@ coefficients are 1 / (1 / nu^2 - k^2 + 2 i beta k / nu), and periodic motions ob
 
     x(tau) = int G(tau - sigma) [e(sigma) - n(sigma, x, x')] dsigma.
 
-The excess force n is the force of the mesh less that of the oscillator: the variable part of the
+The excess force n is the mesh force minus the force of the oscillator: the variable part of the
 mesh stiffness, loss of contact, coast-side contact, nonlinear damping. The kernel is split into
 G = S + R, the degenerate kernel S on the near-resonant harmonics and the remainder R:
 
-* x_R = R [e - n(x_S + x_R)] by successive approximations, the Neumann series of R;
-* the degenerate part x_S from as many algebraic equations as S has terms, by Newton's method. Its
-  Jacobian matrix has the same Neumann series for the part of x_R that depends on x_S.
+* the remainder of the motion, x_R = R [e - n(x_S + x_R)], follows from successive approximations,
+  the Neumann series of R;
+* the degenerate part x_S follows from as many algebraic equations as S has terms, by Newton's
+  method. Their Jacobian matrix uses the same Neumann series for the dependence of x_R on x_S.
 
-The method converges if R n' is a contraction, which can be achieved by more degenerate terms.
+The method converges if R n' is a contraction, which can be achieved by more degenerate harmonics.
 Kernels are applied by FFT, so that an iteration takes O(samples log samples) operations.
 
 E. Schmidt, Math. Ann. 64 (1907) 161-174; Hortel, Skuderova (2007), references [1-4] there.
@@ -30,9 +31,9 @@ from gearlib import checks, parameters
 from gearlib.analysis.harmonics.equation import Force, MeshEquation, from_real_vector, real_vector
 from gearlib.analysis.harmonics.harmonic_balance import (
     check_problem,
+    equation_sequence,
     first_coefficients,
     resize_harmonics,
-    stages,
 )
 from gearlib.analysis.harmonics.solution import PeriodicSolution, hill_multipliers
 from gearlib.parameters import Count, Positive, Values, WholeNumber, checked
@@ -46,7 +47,8 @@ _REMAINDER_TOLERANCE = 0.01
 #: Relative accuracy of the Neumann series in the Jacobian matrix.
 _SERIES_TOLERANCE = 1e-6
 _MAX_SERIES_TERMS, _MAX_HALVINGS = 200, 8
-#: The iteration has diverged if the motion, in static deflections, exceeds this.
+#: The iteration has diverged if the root mean square of the motion, in static deflections, exceeds
+#: this.
 _MAX_SIZE = 1e6
 #: Number of steps of the power iteration for the spectral radius.
 _POWER_STEPS = 60
@@ -54,12 +56,12 @@ _POWER_STEPS = 60
 
 @dataclass(frozen=True)
 class SchmidtSolution(PeriodicSolution):
-    """Result of E. Schmidt's method: a periodic motion, or the last iterate."""
+    """Result of E. Schmidt's method: a periodic motion, or the last iterate if it diverged."""
 
     converged: bool
-    degenerate: tuple  #: harmonics of the degenerate part
-    norm_bound: float  #: bound of the norm (mean square) of the remainder along the motion
-    contraction: float  #: error reduction in each iteration: spectral radius of R n'
+    degenerate: tuple  #: numbers of the harmonics of the degenerate part
+    norm_bound: float  #: bound of the norm (mean square) of R n' along the motion
+    contraction: float  #: factor of the error in each iteration: spectral radius of R n'
 
     @property
     def status(self) -> str:
@@ -72,12 +74,12 @@ class SchmidtSolution(PeriodicSolution):
         return sum(1 if k == 0 else 2 for k in self.degenerate)
 
     def _method_variables(self) -> dict:
-        """Return the dataset variables of this method, {name: value or (dims, values)}."""
+        """Return the dataset variables of this method as {name: value or (dims, values)}."""
         return {
             "converged": np.int8(self.converged),
             "degenerate": ("degenerate_harmonic", np.array(self.degenerate, np.int32)),
             "terms": np.int32(self.terms),  # number of real unknowns of the degenerate part
-            # Bound and estimate of the factor by which an iteration changes errors.
+            # A bound and an estimate of the factor by which an iteration changes errors.
             "norm_bound": self.norm_bound,
             "contraction": self.contraction,
         }
@@ -96,7 +98,7 @@ def schmidt(
     guess=None,
     period: Count = 1,
 ):
-    """Find a periodic motion by E. Schmidt's splitting of the kernel of an integral equation.
+    """Find a periodic motion from an integral equation, whose kernel is split as by E. Schmidt.
 
     Parameters
     ----------
@@ -104,63 +106,67 @@ def schmidt(
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     degenerate : "auto", int or sequence of int
-        Harmonics of the degenerate kernel, in units of 1 / period: a list; or their number, those
-        nearest to resonance first; or as many as keep the bound of the norm of the remainder along
-        the motion below 0.5.
+        Harmonics of the degenerate kernel, in units of 1 / period: a list; or their number, where
+        harmonics nearest to resonance come first; or "auto" for as many as keep the bound of the
+        norm of the remainder along the motion below 0.5.
     harmonics : int, default 1024
         Highest harmonic of the kernel.
     samples : int, optional
         Number of grid points over the period, as in `gearlib.harmonic_balance`.
     tolerance : float, default 1e-10
-        Largest last correction in static deflections (root mean square over the period).
+        Largest correction in the last iteration, in static deflections (root mean square over the
+        period).
     max_iterations : int, default 2000
         Number of applications of the kernel after which the iteration counts as divergent.
     guess : PeriodicSolution or array_like of float, optional
         First iterate, as in `gearlib.harmonic_balance`.
     period : int, default 1
-        Mesh periods after which the motion repeats.
+        Number of mesh periods after which the motion repeats.
 
     Returns
     -------
     SchmidtSolution
-        Its ``status`` says whether the iteration converged; if not, it is the last iterate.
+        The motion. Its ``status`` says whether the iteration converged; if it did not, this is the
+        last iterate.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is invalid; the message states its value and what is allowed.
     """
     equation = check_problem(model, tuning, harmonics, samples, period)
     selected = degenerate_harmonics(equation, degenerate)
     coefficients = first_coefficients(equation, guess)
     iterations, evaluations = 0, 0
-    for stage, stage_tolerance in stages(equation, guess, tolerance):
-        coefficients, stage_selected, converged, applications = iterate_until_converged(
-            stage,
-            resize_harmonics(coefficients, stage),
-            selected[selected <= stage.harmonics],
-            stage_tolerance,
+    for solved_equation, max_correction in equation_sequence(equation, guess, tolerance):
+        coefficients, new_selected, converged, applications = iterate_until_converged(
+            solved_equation,
+            resize_harmonics(coefficients, solved_equation),
+            selected[selected <= solved_equation.harmonics],
+            max_correction,
             max_iterations - iterations,
             adapt_degenerate=isinstance(degenerate, str),
         )
-        selected = np.union1d(selected, stage_selected)
+        selected = np.union1d(selected, new_selected)
         iterations += applications
-        evaluations += applications * stage.samples
+        evaluations += applications * solved_equation.samples
     return _solution(equation, coefficients, selected, converged, iterations, evaluations)
 
 
 def iterate_until_converged(
     equation, coefficients, degenerate, tolerance, max_applications, *, adapt_degenerate: bool
 ) -> tuple:
-    """Iterate from complex harmonics 0 ... h until all harmonics of the motion converge.
+    """Iterate E. Schmidt's method from complex harmonics, shape (h + 1,), until it converges.
 
-    Newton's method solves for the harmonics with numbers in `degenerate`, successive approximations
-    for the others; with `adapt_degenerate`, those on which the latter may diverge are added to it.
-    `tolerance` limits the last change of either part, root mean square in static deflections.
-    Return (harmonics of the motion, degenerate harmonics, whether the iteration converged, number
-    of applications of the integral operator, at most about `max_applications`).
+    Newton's method solves for the harmonics whose numbers are in the array `degenerate`, successive
+    approximations for the others. With `adapt_degenerate`, harmonics on which the approximations
+    may diverge are added to the former. The iteration has converged if the last change of either
+    part is at most `tolerance`, root mean square in static deflections. Return (harmonics of the
+    motion, numbers of the degenerate harmonics, whether the iteration converged, number of
+    applications of the integral operator, at most about `max_applications`).
     """
-    count, iterates = 0, iterate(equation, coefficients, degenerate, tolerance)
+    count = 0
+    iterates = iterate(equation, coefficients, degenerate, tolerance)
     while count < max_applications:
         latest = next(iterates)
         coefficients = latest.coefficients
@@ -177,27 +183,27 @@ def iterate_until_converged(
 
 
 class Iterate(NamedTuple):
-    """Result of a step of the iteration."""
+    """Result of a step of `iterate`; norms are root mean squares in static deflections."""
 
-    coefficients: np.ndarray  #: harmonics after the step
-    force: Force  #: force before the step
-    correction: float  #: norm of the change of the remainder, static deflections
-    newton_step: float  #: norm of the last step of the degenerate part, static deflections
+    coefficients: np.ndarray  #: harmonics of the motion after the step
+    force: Force  #: force along the motion before the step
+    correction: float  #: norm of the change of the remainder
+    newton_step: float  #: norm of the last Newton step of the degenerate part
     applications: int  #: number of applications of the integral operator in this step
 
 
 def iterate(equation: MeshEquation, coefficients, degenerate, tolerance) -> Iterator[Iterate]:
-    """Yield an endless sequence of `Iterate`s from complex harmonics 0 ... h.
+    """Yield `Iterate`s of E. Schmidt's method without end, from complex harmonics 0 ... h.
 
-    The remainder, that is all but the `degenerate` harmonics, is corrected by successive
-    approximations until its change is below `tolerance`, static deflections, or small compared with
-    the residual of the `degenerate` harmonics. Then these take a Newton step. If their residual is
-    larger after the next corrections, the step is repeated with half its length.
+    The remainder, that is all harmonics but the `degenerate` ones, is corrected by successive
+    approximations until its change is below `tolerance`, in static deflections, or small compared
+    with the residual of the `degenerate` harmonics. Then these take a Newton step. If their
+    residual is larger after the next corrections, the step is repeated with half its length.
     """
     receptance = _remainder_receptance(equation, degenerate)
     step_norm = np.inf if len(degenerate) else 0.0
-    # The last Newton step, the harmonics and residual before it, the number of its halvings, and of
-    # applications of the integral operator for it.
+    # `start` and `start_residual` are the harmonics and the residual before the last Newton step,
+    # which took `applications` of the integral operator and was halved `halvings` times.
     start, step, start_residual = coefficients, np.zeros_like(coefficients), np.inf
     halvings = applications = 0
     while True:
@@ -207,7 +213,8 @@ def iterate(equation: MeshEquation, coefficients, degenerate, tolerance) -> Iter
         residual = _norm(algebraic_residual) / equation.mean_stiffness
         new = receptance * input_force
         new[degenerate] = coefficients[degenerate]
-        correction, coefficients = _norm(new - coefficients), new
+        correction = _norm(new - coefficients)
+        coefficients = new
         yield Iterate(coefficients, force, correction, step_norm, applications + 1)
         applications = 0
         if not len(degenerate) or correction > max(tolerance, _REMAINDER_TOLERANCE * residual):
@@ -221,7 +228,10 @@ def iterate(equation: MeshEquation, coefficients, degenerate, tolerance) -> Iter
 
 
 def _remainder_receptance(equation: MeshEquation, degenerate: np.ndarray) -> np.ndarray:
-    """Return 1 / dynamic stiffness on harmonics 0 ... h, or zero on the `degenerate` ones."""
+    """Return the receptance of the remainder kernel for harmonics 0 ... h, shape (h + 1,).
+
+    It is 1 / dynamic stiffness, and zero for the harmonics whose numbers are in `degenerate`.
+    """
     receptance = np.zeros(equation.harmonics + 1, complex)
     remainder = np.delete(np.arange(receptance.size), degenerate)
     receptance[remainder] = 1.0 / equation.dynamic_stiffness[remainder]
@@ -229,14 +239,15 @@ def _remainder_receptance(equation: MeshEquation, degenerate: np.ndarray) -> np.
 
 
 def _newton_step(equation: MeshEquation, coefficients, degenerate, receptance) -> tuple:
-    """Return (Newton step of harmonics 0 ... h, number of applications of the integral operator).
+    """Compute the Newton step for the degenerate harmonics of a motion.
 
-    The unknowns are the `degenerate` harmonics. The other harmonics depend on them: they respond to
-    the change of the excess force with the `receptance`.
+    The unknowns are the harmonics with numbers in `degenerate`. The other ones depend on them: they
+    respond to the change of the excess force with the `receptance` of `_remainder_receptance`.
+    Return (step of all harmonics 0 ... h, number of applications of the integral operator).
     """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
-    # Indices in the result of `real_vector`: real parts, then imaginary parts but of the mean.
+    # The indices are those of `real_vector`: real parts, then imaginary parts except of the mean.
     unknowns = np.concatenate([degenerate, equation.harmonics + degenerate[degenerate > 0]])
     # Each row changes one unknown by 1.
     real_changes = np.zeros((unknowns.size, 2 * equation.harmonics + 1))
@@ -260,18 +271,20 @@ def _newton_step(equation: MeshEquation, coefficients, degenerate, receptance) -
 
 
 def _excess_force(equation: MeshEquation, coefficients: np.ndarray, force: np.ndarray) -> Any:
-    """Return harmonics 0 ... h of the excess of a force over that of the mean-stiffness oscillator.
+    """Return the harmonics 0 ... h of the excess of a force over its linear part.
 
-    `force` is given on the grid of phases, `coefficients` are the harmonics of the motion.
+    The linear part is the force of the oscillator with the mean stiffness at a motion with the
+    harmonics `coefficients`. `force` holds values on the grid of phases, shape (..., samples).
     """
     linear = (equation.mean_stiffness + 1j * equation.damping * equation.orders) * coefficients
     return equation.to_harmonics(force) - linear
 
 
 def _excess_force_change(equation: MeshEquation, force: Force, changes: np.ndarray) -> np.ndarray:
-    """Return the linearised changes of `_excess_force` for changes of the motion, (m, h + 1).
+    """Return the linearised changes of `_excess_force` for `changes` of the motion.
 
-    `force` is the force along the motion with its derivatives.
+    Both have the shape (m, h + 1) or (h + 1,), the harmonics of each change. `force` is the force
+    along the motion with its derivatives.
     """
     x, v = equation.motion(changes)
     stiffness = force.stiffness + force.impulse
@@ -279,14 +292,15 @@ def _excess_force_change(equation: MeshEquation, force: Force, changes: np.ndarr
 
 
 def contraction_factor(equation: MeshEquation, coefficients, degenerate) -> float:
-    """Return the factor by which an iteration changes errors of a motion; it converges if < 1.
+    """Return the factor by which a successive approximation changes errors of the remainder.
 
-    It is the spectral radius of the map from a change of the motion to the response of the
-    remainder to the change of the excess force. `coefficients` are the harmonics of the motion,
-    `degenerate` the numbers of the harmonics that are not in the remainder. A power iteration
-    estimates the radius to about one percent.
+    The approximations converge if it is below 1. It is the spectral radius of the map from a change
+    of the motion to the response of the remainder to the change of the excess force, which a power
+    iteration estimates to about one percent. `coefficients` are the harmonics of the motion,
+    `degenerate` the numbers of the harmonics that are not in the remainder.
     """
-    force, receptance = equation.force(coefficients), _remainder_receptance(equation, degenerate)
+    force = equation.force(coefficients)
+    receptance = _remainder_receptance(equation, degenerate)
     # The start vector has all harmonics with two phases, hence no symmetry, and a real mean.
     change = np.where(np.arange(receptance.size) % 2, 1.0, 0.7 + 0.4j) * np.abs(receptance)
     change[0] = abs(change[0])
@@ -305,19 +319,19 @@ _Harmonics = Annotated[tuple[WholeNumber, ...], Values()]
 
 
 def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
-    """Return the sorted harmonics that `schmidt` solves by Newton's method for its argument.
+    """Check the argument `degenerate` of `schmidt`; return the sorted numbers of the harmonics.
 
-    `degenerate` is a list of harmonics, a number of harmonics nearest to resonance, or "auto".
+    It is a list of harmonics, the number of harmonics nearest to resonance, or "auto" for the
+    harmonics on which successive approximations may diverge at the static deflection.
     """
     if isinstance(degenerate, str):
         checks.one_of("degenerate", degenerate, ("auto",))
         return _resonant(equation, equation.force(first_coefficients(equation, None)))
     if isinstance(degenerate, Real):
-        count, most = (
-            parameters.check("degenerate", degenerate, WholeNumber),
-            equation.harmonics + 1,
-        )
-        checks.require(count <= most, "degenerate", degenerate, f"an integer from 0 to {most}")
+        count = parameters.check("degenerate", degenerate, WholeNumber)
+        max_count = equation.harmonics + 1
+        allowed = f"an integer from 0 to {max_count}"
+        checks.require(count <= max_count, "degenerate", degenerate, allowed)
         return np.sort(np.argsort(np.abs(equation.dynamic_stiffness), kind="stable")[:count])
     harmonics = parameters.check("degenerate", degenerate, _Harmonics)
     allowed = f"integers from 0 to {equation.harmonics}"
@@ -328,22 +342,27 @@ def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
 
 
 def _resonant(equation: MeshEquation, force: Force) -> np.ndarray:
-    """Return the numbers of the harmonics on which successive approximations may diverge."""
+    """Return the numbers of the harmonics on which successive approximations may diverge.
+
+    `force` is the force along the motion.
+    """
     return np.flatnonzero(equation.amplification_bounds(force) > _MAX_NORM)
 
 
 def _norm(coefficients: np.ndarray) -> float:
-    """Return the root mean square over the period of a motion given by its harmonics."""
+    """Return the root mean square over the period of a motion with harmonics 0 ... h."""
     squares = np.abs(coefficients) ** 2
     # Harmonics above the mean also represent their complex conjugates.
     return float(np.sqrt(2.0 * squares.sum() - squares[:1].sum()))
 
 
 def _solution(equation, coefficients, degenerate, converged, iterations, evaluations) -> Any:
-    """Return the `SchmidtSolution` for the last harmonics; multipliers are NaN if it diverged.
+    """Return the last iterate of E. Schmidt's method as a `SchmidtSolution`.
 
-    `iterations` are applications of the integral operator, `evaluations` those of the force or its
-    derivative at a grid point.
+    `coefficients` are its harmonics, `degenerate` the numbers of the degenerate ones, `converged`
+    is the result of the iteration. `iterations` is the number of applications of the integral
+    operator, `evaluations` the number of evaluations of the force or its derivative at a grid
+    point. Multipliers and bounds are NaN if the motion exceeds _MAX_SIZE.
     """
     force = equation.force(coefficients)
     multipliers, norm_bound, contraction = np.full(2, np.nan, complex), np.nan, np.nan

@@ -4,11 +4,11 @@ Floquet multipliers are computed by Hill's method. Small perturbations obey
 y'' + a(tau) y' + (h(tau) y)' + b(tau) y = 0 (`MeshEquation.variational_coefficients`). With
 y = exp(l tau) sum_k y_k exp(i k tau / n), truncated at |k| <= K, this is a quadratic eigenvalue
 problem in l with 2 (2 K + 1) eigenvalues, of which two are accurate: every exponent l has aliases
-l + i k / n, with an error that grows with |k|. The two with the most symmetric eigenvectors about
-k = 0 are chosen (Lazarus, Thomas, C. R. Mecanique 338 (2010) 510-517) such that the product of
-their multipliers is that of Liouville's formula: for a real negative multiplier an exponent and its
-conjugate are equally symmetric, and only the product distinguishes two multipliers from a double
-one.
+l + i k / n, with an error that grows with |k|. The two whose eigenvectors are most symmetric about
+k = 0 are chosen (Lazarus, Thomas, C. R. Mecanique 338 (2010) 510-517), provided that the product of
+their multipliers agrees with Liouville's formula: for a real negative multiplier an exponent and
+its conjugate are equally symmetric, and only the product distinguishes two multipliers from a
+double one.
 """
 
 from dataclasses import dataclass
@@ -30,13 +30,14 @@ _CROSSING_STEPS = 8
 #: Phases per mesh period at which time histories are compared: smallest number, and number per
 #: harmonic, which resolves the error next to a jump of the stiffness.
 _MIN_PHASES, _PHASES_PER_HARMONIC = 512, 16
-#: Largest harmonic of the perturbations; the cost is proportional to its third power.
+#: Highest harmonic of the perturbations; the cost is proportional to its third power.
 _MAX_PERTURBATION_HARMONICS = 100
 #: Number of computed exponents, from which two are chosen.
 _EXPONENT_COUNT = 8
 #: Largest number of ARPACK restarts; without strong damping four are enough.
 _MAX_RESTARTS = 10
-#: Offset of the shift from the mean exponent, where a double exponent makes the matrix singular.
+#: Offset of the ARPACK shift from the mean exponent, where a double exponent would make the matrix
+#: singular.
 _SHIFT_OFFSET = 1e-3 + 0.7e-3j
 
 
@@ -45,13 +46,13 @@ class PeriodicSolution:
     """Periodic motion x = X_0 + 2 Re sum_k X_k exp(i k tau / period)."""
 
     model: Any
-    tuning: float
+    tuning: float  #: mesh frequency over mean eigenfrequency
     period: int  #: mesh periods
     method: str  #: "harmonic balance" or "schmidt"
     coefficients: np.ndarray  #: X_0 ... X_harmonics, complex, static deflections
     samples: int  #: grid points on which forces were evaluated
-    residual: float  #: largest residual of the harmonics, relative to the load
-    iterations: int  #: number of Newton steps, or applications of the kernel
+    residual: float  #: largest residual of the equation of motion, relative to the load
+    iterations: int  #: number of Newton steps, or of applications of the kernel
     evaluations: int  #: number of evaluations of the force or its derivative at a grid point
     multipliers: np.ndarray  #: Floquet multipliers over the period by Hill's method
 
@@ -67,7 +68,7 @@ class PeriodicSolution:
 
     @property
     def stable(self) -> bool:
-        """Whether all multipliers lie inside the unit circle."""
+        """Whether all Floquet multipliers lie inside the unit circle."""
         return bool(np.abs(self.multipliers).max() < 1.0)
 
     @property
@@ -76,7 +77,10 @@ class PeriodicSolution:
         return np.array(self.at(0.0))
 
     def _one_sided_coefficients(self) -> tuple:
-        """Return the coefficients C_k of x = Re sum_k C_k exp(i k tau / period), and of dx/dtau."""
+        """Return the coefficients C_k of x = Re sum_k C_k exp(i k tau / period), then of dx/dtau.
+
+        Each of the two arrays has the shape (harmonics + 1,).
+        """
         displacement = np.where(self.orders == 0.0, 1.0, 2.0) * self.coefficients
         return displacement, 1j * self.orders * displacement
 
@@ -86,12 +90,12 @@ class PeriodicSolution:
         return tuple((waves @ factors).real for factors in self._one_sided_coefficients())
 
     def time_history(self, samples_per_period: int) -> tuple:
-        """Return (displacement, dx/dtau) at equal steps of phase over the whole period.
+        """Return (displacement, dx/dtau) at equal steps of phase over the period of the motion.
 
         `samples_per_period` is the number of steps in each mesh period.
         """
         points = samples_per_period * self.period
-        # The inverse FFT needs more than two points per harmonic.
+        # The inverse FFT needs more than two points per harmonic; surplus points are dropped.
         refinement = -(-(2 * self.harmonics + 1) // points)
         return tuple(
             np.fft.irfft(values, refinement * points, norm="forward")[::refinement]
@@ -99,14 +103,16 @@ class PeriodicSolution:
         )
 
     def crossings(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (sorted phases of the flank crossings in rad, contact codes before and after).
+        """Find the phases at which the motion crosses a flank line.
 
-        Crossings are bracketed on a grid and refined by Newton's method; two crossings within the
-        same grid cell are not detected.
+        Return (sorted phases in rad, shape (m,), contact codes before and after each crossing,
+        shape (m, 2)). Crossings are bracketed on a grid and refined by Newton's method; two
+        crossings within the same grid cell are not detected.
         """
         x, _ = self.time_history(-(-default_samples(self.harmonics) // self.period))
         length = 2.0 * np.pi * self.period
         crossings = []
+        # Displacement of each flank line, and contact codes of a downward crossing.
         flank_lines = ((0.0, (1, 0)), (-self.model.backlash_ratio, (0, -1)))
         for line, downward_codes in flank_lines:
             if not np.isfinite(line):
@@ -127,8 +133,8 @@ class PeriodicSolution:
     def dataset(self, samples_per_period: int = 256, orbit: Any = None) -> xr.Dataset:
         """Return time history, harmonics, multipliers and stability of the motion as a dataset.
 
-        The time history has `samples_per_period` points in each mesh period. With an exact `orbit`
-        of `gearlib.periodic_orbit` the differences from it are added.
+        The time history has `samples_per_period` points in each mesh period. If `orbit`, an exact
+        orbit of `gearlib.periodic_orbit`, is given, the differences from it are added.
         """
         x, v = self.time_history(samples_per_period)
         contact = [
@@ -167,22 +173,22 @@ class PeriodicSolution:
         )
 
     def _method_variables(self) -> dict:
-        """Return additional dataset variables of a method; subclasses override this."""
+        """Return additional dataset variables of the method: none unless a subclass has any."""
         return {}
 
 
 class Errors(NamedTuple):
-    """Largest differences of a periodic solution from the exact orbit."""
+    """Largest differences between a periodic solution and the exact orbit."""
 
     displacement: float  #: over the period, static deflections
     velocity: float  #: difference of dx/dtau over the period
     state: float  #: difference at tau = 0, the larger of displacement and dx/dtau
-    event: float  #: difference of phases of flank crossings, rad; NaN if there are none or others
+    event: float  #: difference of phases of flank crossings, rad; NaN without the same crossings
     multiplier: float  #: difference of the largest |Floquet multiplier|
 
 
 def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
-    """Return the differences of a `PeriodicSolution` from an exact `Orbit`.
+    """Return the `Errors` of a `PeriodicSolution` with respect to an exact `Orbit`.
 
     By default, the orbit is computed by shooting from the state of the solution.
     """
@@ -210,7 +216,8 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
 def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
     """Return (displacement, dx/dtau, phases of contact events, contact codes) of an exact `Orbit`.
 
-    The codes before and after each event have shape (events, 2).
+    Displacements and velocities cover the period with `samples_per_period` points in each mesh
+    period. The contact codes before and after each event have the shape (events, 2).
     """
     run = simulate(
         orbit.model,
@@ -225,20 +232,21 @@ def exact_motion(orbit: Any, samples_per_period: int) -> tuple:
 
 
 def hill_multipliers(equation: MeshEquation, coefficients: np.ndarray) -> np.ndarray:
-    """Return the two Floquet multipliers of a motion by Hill's method, largest magnitude first.
+    """Return the two Floquet multipliers of a motion by Hill's method, largest modulus first.
 
-    `coefficients` are the harmonics of the motion.
+    `coefficients` are the complex harmonics of the motion, shape (h + 1,). The exponents l of its
+    perturbations y follow from y'' + a y' + (h y)' + b y = 0.
     """
     highest = min(equation.harmonics, _MAX_PERTURBATION_HARMONICS)
     k = np.arange(-highest, highest + 1)
-    # Matrices that multiply the harmonics -K ... K of a function by those of a, h and b.
+    # Matrices by which the harmonics -K ... K of y become the harmonics of a y, h y and b y.
     functions = equation.variational_coefficients(coefficients)
     a, h, b = (np.fft.fft(values, norm="forward")[k[:, None] - k] for values in functions)
     # With u = (l + i k) y + h y the problem is linear in l for (y, u).
     derivative = np.diag(1j * k / equation.period)
     matrix = np.block([[-derivative - h, np.eye(k.size)], [a @ h - b, -derivative - a]])
     # By Liouville's formula the mean of the two exponents is minus half the mean damping. Their
-    # aliases, exponents plus i k / period, are farther away.
+    # aliases, which differ by i k / period, are farther away.
     mean_damping = np.mean(functions[0] + functions[1])
     start = np.exp(-np.abs(np.tile(k, 2))).astype(complex)
     shift = -mean_damping / 2.0 + _SHIFT_OFFSET
