@@ -56,7 +56,7 @@ def pair_of(settings, damping):
 
 
 @pytest.mark.parametrize(("settings", "damping"), [(CONFIG, "k1"), (RELIEVED, "d")])
-def test_the_initial_value_of_each_slider_is_within_its_limits(settings, damping):
+def test_each_slider_starts_within_its_limits(settings, damping):
     for name, slider in page.Sliders(settings, damping).sliders.items():
         initial = slider.initial / slider.unit
         assert slider.low <= initial <= slider.high - slider.step, name
@@ -103,7 +103,7 @@ def test_sliders_of_gear_geometry_change_the_gears_of_the_library():
     assert pair_of(configuration, "d").speed(tuning) == pytest.approx(5000.0)
 
 
-def test_reliefs_change_in_proportion_or_are_as_long_as_single_contact_allows():
+def test_sliders_scale_reliefs_or_limit_them_to_the_region_of_single_contact():
     mesh = config.load(moved(RELIEVED, "d", tip_relief=30e-6, module=5e-3)).gears.mesh()
     assert mesh.pinion.tip_relief.amount == pytest.approx(30e-6)
     assert mesh.pinion.tip_relief.length == pytest.approx(4e-3)
@@ -153,7 +153,7 @@ def test_a_view_of_gears_given_by_geometry_shows_the_load_sharing_model():
     assert quantities["peak-to-peak error"] == f"{1e6 * error.peak_to_peak_error.item():.2f} µm"
 
 
-def test_curves_over_the_speed_are_sweeps_of_pairs_of_teeth_with_iso_beside():
+def test_curves_over_speed_match_sweeps_and_show_the_iso_factor():
     quality = {"gears": {"pinion": {"quality": 6}, "wheel": {"quality": 6}}}
     settings = config.overlay(GEOMETRY, quality)
     shown, gears = page.Page(settings, "d"), config.load(settings).gears
@@ -174,7 +174,7 @@ def test_curves_over_the_speed_are_sweeps_of_pairs_of_teeth_with_iso_beside():
     assert 0.0 < np.nanmin(jumps) < np.nanmax(jumps) - 1000.0
 
 
-def test_sliders_of_gear_geometry_have_the_damping_ratio_of_pairs_of_teeth():
+def test_sliders_of_gear_geometry_show_the_damping_ratio_of_the_load_sharing_model():
     damping = {"material_damping": 500.0, "backlash_damping": 3.0}
     settings = GEOMETRY | {"dampings": {"d": damping}}
     pairs_of_teeth = model(config.load(settings).gears_model("d"))
@@ -188,7 +188,7 @@ def test_sliders_of_gear_geometry_have_the_damping_ratio_of_pairs_of_teeth():
 
 
 @pytest.mark.parametrize("settings", [GEOMETRY, RELIEVED])
-def test_a_pair_of_teeth_carries_what_its_neighbours_leave(settings):
+def test_shares_of_neighbouring_tooth_pairs_add_up_to_the_load(settings):
     shown, mesh = page.Page(settings, "d"), config.load(settings).gears.mesh()
     position, share = (shown.figures.sources["share"].data[axis] for axis in "xy")
     # 256 samples in a base pitch; the next pair of teeth is one base pitch behind.
@@ -238,7 +238,7 @@ def test_moving_a_slider_redraws_the_figures_or_shows_why_it_is_refused():
 
 
 @pytest.mark.parametrize(("name", "at"), [("tuning", 0.8312), ("speed", 9000.4)])
-def test_a_click_on_the_resonance_curve_moves_the_slider_there(name, at):
+def test_clicking_the_resonance_curve_moves_the_speed_slider(name, at):
     shown = page.Page(CONFIG, "k1") if name == "tuning" else page.Page(GEOMETRY, "d")
     widget = shown.widgets[name]
     for x in (at, 1e9):
@@ -254,7 +254,9 @@ def test_a_click_on_the_resonance_curve_moves_the_slider_there(name, at):
         (GEOMETRY, ("--model", "train"), "No such option"),
     ],
 )
-def test_what_the_page_cannot_show_is_refused(tmp_path, monkeypatch, settings, options, words):
+def test_a_configuration_that_the_page_cannot_show_is_refused(
+    tmp_path, monkeypatch, settings, options, words
+):
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(settings), encoding="utf-8")
     monkeypatch.setattr(page, "serve", lambda *_: pytest.fail("it was served"))
     command = ["explore", "--config", str(tmp_path / "mine.yaml"), *options]
@@ -293,7 +295,7 @@ def _reachable(driver, address):
 
 
 @pytest.mark.slow
-def test_the_page_in_a_browser_computes_a_moved_slider_fits_the_window_and_saves(browser, address):
+def test_the_page_in_a_browser_follows_sliders_fits_the_window_and_saves(browser, address):
     wait_for(lambda: _reachable(browser, address))
     first = wait_for(lambda: _note(browser))
     # The figures have a canvas or more each, each slider of GEOMETRY has a handle.

@@ -41,7 +41,7 @@ def frequencies(stiffness, mass):
     return np.sqrt(np.maximum(scipy.linalg.eigvalsh(stiffness, mass), 0.0)) / (2.0 * np.pi)
 
 
-def test_two_rotors_have_the_natural_frequencies_of_ross(names):
+def test_natural_frequencies_of_two_rotors_match_ross(names):
     modes = names["of_ross"].modes()
     assert modes.natural_frequency.values[3:14] == pytest.approx(OF_ROSS, rel=1e-6)
     joined = names["ross"].MultiRotor(
@@ -51,7 +51,7 @@ def test_two_rotors_have_the_natural_frequencies_of_ross(names):
     assert modes.natural_frequency.values[3:] == pytest.approx(expected, rel=1e-8)
 
 
-def test_two_rotors_have_the_frequencies_of_ross_at_a_speed(names):
+def test_whirl_frequencies_of_two_rotors_match_ross(names):
     modes = names["of_ross"].replace(modal_damping=None).modes()
     joined = names["ross"].MultiRotor(
         names["a"], names["b"], coupled_nodes=(3, 2), gear_mesh_stiffness=2e8, position="below"
@@ -61,7 +61,7 @@ def test_two_rotors_have_the_frequencies_of_ross_at_a_speed(names):
     assert found[found > 1.0][: expected.size] == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_drivetrain_has_the_natural_frequencies_of_opentorsion(names):
+def test_natural_frequencies_of_a_drivetrain_match_opentorsion(names):
     from opentorsion import Assembly, ElasticGear
 
     tool, found = names["tool"], names["drivetrain"].modes().natural_frequency.values
@@ -77,14 +77,14 @@ def test_a_drivetrain_has_the_natural_frequencies_of_opentorsion(names):
     assert found[1:] == pytest.approx(np.sqrt(squares[1:]) / (2.0 * np.pi), rel=1e-9)
 
 
-def test_a_profile_of_stiffness_gives_its_static_displacement(names):
+def test_static_displacement_follows_the_stiffness_profile(names):
     train = names["train"]
     for phase in (0.0, 1.0, 2.0, 3.0):
         approach = train.structure.lines[0] @ equilibrium(train, phase).q
         assert approach == pytest.approx(2000.0 / (3e8 + 6e7 * np.cos(phase)), rel=1e-9)
 
 
-def test_python_control_has_the_response_of_gearlib(names):
+def test_frequency_response_matches_python_control(names):
     import control
 
     system, response = names["system"], names["response"]

@@ -58,7 +58,7 @@ def hook(monkeypatch):
 
 
 @pytest.mark.parametrize("page", with_blocks("python"))
-def test_python_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch, capsys):
+def test_python_examples_print_the_output_shown_below_them(page, tmp_path, monkeypatch, capsys):
     plt.switch_backend("Agg")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_bytes((ROOT / "config.yaml").read_bytes())
@@ -77,7 +77,7 @@ def test_python_runs_and_prints_what_stands_below_it(page, tmp_path, monkeypatch
         assert (page.parent / shown).is_file()
 
 
-def test_numbers_in_the_worked_example_are_printed_ones():
+def test_numbers_in_the_worked_example_appear_in_printed_output():
     page = DOCS / "worked_example.md"
     prose = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
     quoted = re.findall(r"\*\*([^*]+)\*\*", prose)
@@ -86,7 +86,7 @@ def test_numbers_in_the_worked_example_are_printed_ones():
 
 
 @pytest.mark.parametrize("page", with_blocks("yaml"))
-def test_yaml_laid_over_the_configuration_is_accepted(page):
+def test_yaml_examples_are_accepted_as_changes_of_the_configuration(page):
     from gearlib import config
     from gearlib.config import overlay
 
@@ -100,7 +100,7 @@ def test_yaml_laid_over_the_configuration_is_accepted(page):
             assert config.load(settings)
 
 
-def test_commands_in_the_pages_succeed_and_print_at_most_eighty_columns(tmp_path, monkeypatch):
+def test_commands_in_the_pages_succeed_within_eighty_columns(tmp_path, monkeypatch):
     from click.testing import CliRunner
 
     from gearlib.cli.commands import main
@@ -166,7 +166,7 @@ def test_pages_opened_as_files_can_be_searched(site, browser, page):
 
 
 @needs_mkdocs
-def test_the_notebook_has_run_and_each_figure_shows_once(site):
+def test_the_notebook_is_executed_and_shows_each_figure_once(site):
     """A cell that fails ends the build; the notebook itself is kept without what it prints."""
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     nbformat.validate(notebook)
@@ -203,7 +203,7 @@ def test_every_public_name_and_declared_parameter_is_in_the_python_reference(sit
         assert description in text
 
 
-def test_claims_are_those_of_the_code_and_each_has_a_reason(hook):
+def test_documented_claims_match_the_code_and_give_a_reason(hook):
     evidence = hook("evidence")
     claims = evidence.read("claims")
     statements = claims[["id", "statement", "where", "figure"]].itertuples(index=False, name=None)
@@ -211,7 +211,7 @@ def test_claims_are_those_of_the_code_and_each_has_a_reason(hook):
     assert [*evidence.reasons()] == [*claims.id]
 
 
-def test_instability_in_the_reason_of_p4_is_what_the_library_computes(hook):
+def test_instability_quoted_for_claim_p4_matches_the_library(hook):
     from gearlib.analysis.tongues import meissner
     from tests.paper import PAPER
 
@@ -220,7 +220,7 @@ def test_instability_in_the_reason_of_p4_is_what_the_library_computes(hook):
     assert f"from {third.start:.4f} to {third.stop:.4f}" in reason
 
 
-def test_proven_ranges_end_where_the_branches_graze(hook):
+def test_quoted_proven_ranges_end_where_the_branches_graze(hook):
     """The reasons of P4 to P7; the word N of a certificate means contact without a loss."""
     tongue, branches, proven = hook("evidence").quoted_numbers().values()
     assert tongue["k1m"]["cause"] == "parametric instability"  # P10
@@ -235,7 +235,7 @@ def test_proven_ranges_end_where_the_branches_graze(hook):
         assert 0.0 < above["tuning"] - next_grazing < 2e-4
 
 
-def test_proven_stability_is_that_of_the_reasons(hook):
+def test_quoted_stability_matches_the_certificates(hook):
     proven = hook("evidence").quoted_numbers()["proven"]
     assert {row["stability"] for row in proven["k1"]["range D"]} == {"stable"}
     # P4, P7, P10: all orbits but the second have both multipliers on the unit circle.
@@ -251,7 +251,7 @@ def test_proven_stability_is_that_of_the_reasons(hook):
         assert (orbit["contacts"], orbit["stability"]) == ("D", "stable")
 
 
-def test_motions_from_rest_reach_the_orbits_of_the_reasons(hook):
+def test_motions_from_rest_reach_the_quoted_orbits(hook):
     evidence = hook("evidence")
     motions = evidence.read("labels").set_index(["damping", "tuning"])
     for nu in (0.6, 0.66, 0.78, 0.8, 0.81, 0.82, 1.14):
@@ -268,7 +268,7 @@ def test_motions_from_rest_reach_the_orbits_of_the_reasons(hook):
 
 
 @needs_mkdocs
-def test_every_key_of_the_configuration_is_on_its_page(hook):
+def test_every_configuration_key_is_documented(hook):
     from gearlib.config import schema
 
     page = hook("configuration").tables()
@@ -280,7 +280,7 @@ def test_every_key_of_the_configuration_is_on_its_page(hook):
     assert "None" not in page
 
 
-def test_the_picture_of_the_architecture_shows_the_subpackages_in_the_order_of_imports():
+def test_the_architecture_picture_orders_subpackages_by_their_imports():
     svg = (DOCS / "images/architecture.svg").read_text(encoding="utf-8")
     boxes = re.findall(r'class="room" x="\d+" y="(\d+)".*>(.+)<', svg)
     heights = {name: int(y) for y, name in boxes}
@@ -295,7 +295,7 @@ def test_the_picture_of_the_architecture_shows_the_subpackages_in_the_order_of_i
     assert order == sorted(order) and len(set(order)) <= 7
 
 
-def test_names_in_the_glossary_are_those_of_the_code():
+def test_names_in_the_glossary_exist_in_the_code():
     """Each is a public name, an attribute or argument of one, or a variable of datasets."""
     from gearlib.data.variables import DESCRIPTIONS
 
@@ -323,7 +323,7 @@ def test_the_glossary_has_at_most_60_terms():
     assert len(rows) <= 60
 
 
-def test_words_that_the_glossary_avoids_stand_in_no_public_text():
+def test_no_public_text_uses_words_that_the_glossary_avoids():
     """The paper's own words may stand on the pages about the paper."""
     glossary = (DOCS / "glossary.md").read_text(encoding="utf-8")
     avoided = re.findall(r'"([^"]+)"', glossary.split("\n## Words that gearlib avoids")[1])
@@ -336,4 +336,3 @@ def test_words_that_the_glossary_avoids_stand_in_no_public_text():
     pattern = re.compile("|".join(map(re.escape, avoided)), re.IGNORECASE)
     used = {name: pattern.findall(text) for name, text in texts.items() if pattern.search(text)}
     assert not used
-

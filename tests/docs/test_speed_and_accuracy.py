@@ -20,7 +20,7 @@ POINTS, FAILURES, MODELS = (
 )
 
 
-def test_the_default_is_the_fastest_method_and_heyoka_the_fastest_of_other_packages():
+def test_the_default_method_is_fastest_and_heyoka_leads_the_other_packages():
     rows, ratios = POINTS[POINTS.microseconds > 0.0].sort_values("microseconds"), []
     for limit in (1e-3, 1e-6, 1e-9, 1e-12):
         for _, able in rows[rows.state_error <= 1.001 * limit].groupby("problem"):
@@ -32,7 +32,7 @@ def test_the_default_is_the_fastest_method_and_heyoka_the_fastest_of_other_packa
     assert f"{min(ratios):.0f} to {max(ratios):.0f} times" in PAGE.read_text(encoding="utf-8")
 
 
-def test_methods_that_locate_events_are_always_right_and_fixed_steps_lose_their_order():
+def test_event_locating_methods_stay_exact_and_fixed_steps_lose_their_order():
     for method in ("exact", "taylor", "heyoka"):
         assert {*FAILURES[method]} <= {"right", "refused"}
     rk4 = POINTS[(POINTS.line == "rk4") & (POINTS.problem == "bouncing")]
@@ -40,7 +40,7 @@ def test_methods_that_locate_events_are_always_right_and_fixed_steps_lose_their_
     assert order == pytest.approx(1.0, abs=0.3)
 
 
-def test_problems_and_methods_are_those_of_the_code():
+def test_listed_problems_and_methods_match_the_code():
     names = list(difficult_problems.problems())
     assert [*FAILURES.problem] == names
     assert sorted(" ".join(evidence.DIFFICULTIES.values()).split()) == sorted(names)
@@ -53,7 +53,7 @@ def test_problems_and_methods_are_those_of_the_code():
             assert (variant.label, parameter) in measured_settings
 
 
-def test_verdicts_on_the_exact_method_are_the_golden_ones():
+def test_verdicts_on_the_exact_method_match_golden_data():
     with xr.open_dataset(GOLDEN / "failures.nc") as golden:
         meanings = golden.verdict.attrs["flag_meanings"].split()
         codes = golden.verdict.sel(trial="exact").values
@@ -61,7 +61,7 @@ def test_verdicts_on_the_exact_method_are_the_golden_ones():
 
 
 @pytest.mark.parametrize("scene", SETTINGS.scenes)
-def test_models_are_the_golden_ones(scene):
+def test_the_table_of_models_matches_golden_data(scene):
     with xr.open_dataset(GOLDEN / f"models/{scene}.nc") as golden:
         chosen = golden.chosen.item()
     rows = MODELS[(MODELS.scene == scene) & (MODELS.chosen == "yes")]

@@ -85,7 +85,7 @@ def distances(train, state):
         (two_gears().replace(forces=[RIPPLE, UNBALANCE]), 1.3),
     ],
 )
-def test_settled_motion_is_that_of_simulate(tmp_path, train, tuning, step):
+def test_settled_motion_matches_simulate(tmp_path, train, tuning, step):
     # 200 mesh periods with hundreds of contact events; 1e-9 is asked for, rounding is 1e-12.
     state = settled(train, tuning)
     run = {"periods": 200, "record_periods": 200, "samples_per_period": 1}
@@ -104,7 +104,7 @@ def test_settled_motion_is_that_of_simulate(tmp_path, train, tuning, step):
 @needs_compiler
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("kind", ["random_problem", "jamming_problem", "symmetric_problem"])
-def test_random_train_has_the_events_of_simulate(tmp_path, kind, seed):
+def test_events_of_a_random_train_match_simulate(tmp_path, kind, seed):
     train, tuning, state = getattr(random_trains, kind)(np.random.default_rng(seed))
     train = train.replace(meshes=[replace(mesh, friction=(0.0, 0.0)) for mesh in train.meshes])
     run = {"periods": 8, "record_periods": 8, "samples_per_period": 1}
@@ -147,7 +147,7 @@ def driving_torque(train, change, duration):
         (two_gears(), 0.0, 3000.0),
     ],
 )
-def test_accelerated_motion_is_that_of_run_up(tmp_path, train, start, stop, step):
+def test_accelerated_motion_matches_run_up(tmp_path, train, start, stop, step):
     expected = gearlib.run_up(train, start, stop, duration=0.05, samples_per_period=4)
     name, torque = driving_torque(train, stop - start, 0.05)
     fmu = fmu_of(tmp_path, train, speed=start).start(**{f"torque.{name}": torque})
@@ -166,7 +166,7 @@ def test_accelerated_motion_is_that_of_run_up(tmp_path, train, start, stop, step
 
 
 @needs_compiler
-def test_reversal_is_that_of_the_differential_equations(tmp_path):
+def test_reversing_motion_matches_integration_by_scipy(tmp_path):
     # The wheel brakes the train to a standstill, after 11 ms, and turns it back.
     train = two_gears(rigid=True, deviation=Harmonics(), backlash=math.inf)
     (mesh,), gears, radii = train.meshes, train.bodies, np.array([0.045, 0.0675])
@@ -198,7 +198,7 @@ def test_reversal_is_that_of_the_differential_equations(tmp_path):
 
 
 @needs_compiler
-def test_event_mode_changes_contacts_at_each_event(tmp_path):
+def test_each_event_changes_a_contact_in_event_mode(tmp_path):
     train = two_gears()
     options = {"prescribed_speed": True, "speed": 1.3 * train.speed(1.0)}
     events, contact, times = 0, [], []
@@ -226,7 +226,7 @@ def test_event_mode_changes_contacts_at_each_event(tmp_path):
 
 
 @needs_compiler
-def test_state_is_set_and_serialised(tmp_path):
+def test_a_saved_state_is_restored_and_serialised(tmp_path):
     train = two_gears()
     fmu = fmu_of(tmp_path, train, speed=0.9 * train.speed(1.0)).start().run(0.005, 1e-3)
     state = fmu.serialised()
@@ -291,7 +291,7 @@ def test_bearing_forces_balance_the_mesh_force(tmp_path):
 
 
 @needs_compiler
-def test_binary_needs_no_python(tmp_path):
+def test_the_binary_runs_without_python(tmp_path):
     gearlib.write_fmu(two_gears(), tmp_path / "train.fmu")
     binary = Instance(tmp_path / "train.fmu").binary
     if shutil.which("ldd"):
@@ -323,7 +323,7 @@ int main(void) {
 
 
 @needs_compiler
-def test_sources_run_in_a_program_without_warnings(tmp_path):
+def test_the_sources_compile_without_warnings_and_run(tmp_path):
     train = two_gears()
     path = tmp_path / "train.fmu"
     gearlib.write_fmu(train, path, prescribed_speed=True, speed=1.3 * train.speed(1.0))
@@ -347,7 +347,7 @@ def test_sources_run_in_a_program_without_warnings(tmp_path):
     assert int(events) == expected.event.size
 
 
-def test_without_a_compiler_there_are_sources(tmp_path, monkeypatch):
+def test_without_a_compiler_the_fmu_holds_sources_only(tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     with pytest.warns(UserWarning, match="sources but no binary, because there is no C compiler"):
         gearlib.write_fmu(two_gears(), tmp_path / "train.fmu")
@@ -429,7 +429,7 @@ def test_fmpy_compiles_the_sources(tmp_path):
 
 
 @needs_compiler
-def test_six_degrees_are_two_gears_with_a_moving_backlash(tmp_path):
+def test_six_degree_model_is_exported_as_two_gears_with_moving_backlash(tmp_path):
     pair = gearlib.GearPair(
         max_stiffness=4e8,
         stiffness_ratio=0.7,
@@ -462,7 +462,7 @@ def test_six_degrees_are_two_gears_with_a_moving_backlash(tmp_path):
 
 
 @needs_compiler
-def test_fmu_of_given_matrices_with_gyroscopic_forces(tmp_path):
+def test_a_train_of_matrices_with_gyroscopic_forces_is_exported(tmp_path):
     train = two_rotors(speed=300.0, damping=1e-5 * ROSS["stiffness"]).reduce(1000.0)
     mesh = replace(train.meshes[0], stiffness_ratio=0.8, deviation=Harmonics((2e-6,)))
     train, tuning = train.replace(meshes=[mesh]), 1.1

@@ -34,7 +34,7 @@ def mixed(**options):
     return planetary_set(SUN, PLANET, RING, torque=300.0, **options)
 
 
-def test_speeds_and_mesh_frequencies_are_those_of_willis():
+def test_speeds_and_mesh_frequencies_satisfy_willis_equation():
     train = mixed()
     in_housing = {name: float(speed) for name, speed in train.speeds.in_housing.items()}
     sun = in_housing["sun"]
@@ -64,7 +64,7 @@ def test_the_reference_mesh_may_be_one_in_the_housing():
     assert abs(other.speeds.in_housing["pinion 1"]) == pytest.approx(1 / 23)
 
 
-def test_torques_balance_and_load_the_drive_sides():
+def test_torques_balance_and_press_the_drive_sides():
     train = mixed()
     forces = train.static().mesh_force.values
     assert forces.min() > 0.0
@@ -86,7 +86,7 @@ def test_a_moving_axis_in_the_housing_beside_a_turning_carrier_is_refused():
         train.replace(bodies=bodies)
 
 
-def test_the_configuration_makes_the_same_train():
+def test_a_configuration_gives_the_same_train_as_python():
     gear = {"module": 0.004, "width": 0.05}
     section = {
         "kind": "planetary_set",
@@ -148,7 +148,7 @@ def test_planets_pass_central_gears():
 
 
 @pytest.mark.parametrize("suffix", [".yaml", ".nc"])
-def test_trains_come_back_from_files(suffix, tmp_path):
+def test_a_train_read_from_a_file_equals_the_one_written(suffix, tmp_path):
     force = gearlib.HarmonicForce(body="sun", amplitude=3.0, order=2, of="sun", phase=0.1)
     train = mixed(model="teeth").replace(forces=[force], modal_damping=[0.02])
     gearlib.write_train(train, tmp_path / f"train{suffix}")
@@ -168,7 +168,7 @@ def test_a_wrong_value_in_a_train_file_is_named(tmp_path):
         gearlib.read_train(path)
 
 
-def test_command_prints_and_begins_a_project(tmp_path):
+def test_the_command_prints_a_gearbox_and_starts_a_project(tmp_path):
     path = two_stages().write(tmp_path / "box.rexs")
     printed = CliRunner().invoke(main, ["gearbox", str(path)])
     assert printed.exit_code == 0 and "Stufe 2  19/39" in printed.output
@@ -183,7 +183,7 @@ def test_command_prints_and_begins_a_project(tmp_path):
     assert wrong.exit_code == 2 and "version" in wrong.output
 
 
-def test_studies_of_a_box_with_two_load_cases(tmp_path):
+def test_studies_cover_both_load_cases_of_a_gearbox(tmp_path):
     path = str(two_stages().write(tmp_path / "box.rexs"))
     stages, boxes, reasons = gearboxes.jobs(path)
     assert len(stages) == 4 and boxes == ["1", "2"] and not reasons
@@ -213,7 +213,7 @@ def test_the_page_of_a_gearbox_has_its_pictures_and_tables():
     assert page.count("<img ") == 6 and page.count("<table") == 3
 
 
-def test_the_row_of_all_load_cases_has_all_jumps_and_the_speed_of_the_largest_factor():
+def test_the_summary_row_lists_all_jumps_and_the_speed_of_the_largest_factor():
     path, stages = "gallery/two_stage.rexs", []
     for case, factor, jumps in (("1", 2.0, [900.0, 1100.0]), ("2", 3.0, [1000.0])):
         data = gearboxes.stage_over_speed(path, "Stufe 1", case, 0.05, 3)

@@ -17,7 +17,7 @@ def read(file, tmp_path, name="box.rexs"):
 
 
 @pytest.mark.parametrize("version", [f"1.{i}" for i in range(8)])
-def test_every_version(version, tmp_path):
+def test_every_rexs_version_is_read(version, tmp_path):
     box = read(two_stages(version), tmp_path)
     assert box.load_cases == {"1": 0.75, "2": 0.25}
     assert box.load("Stufe 2") == pytest.approx(
@@ -26,12 +26,12 @@ def test_every_version(version, tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".rexsj", ".rexsz", ".rexs.zip"])
-def test_every_form_gives_the_same_box(suffix, tmp_path):
+def test_every_file_format_gives_the_same_gearbox(suffix, tmp_path):
     boxes = [read(planetary(), tmp_path, f"box{x}") for x in (".rexs", suffix)]
     assert str(boxes[0]) == str(boxes[1])
 
 
-def test_the_table_has_what_the_owner_knows(tmp_path):
+def test_the_table_shows_the_known_data_of_the_gearbox(tmp_path):
     box = read(two_stages(), tmp_path)
     header, first, second = box.rows()
     row = dict(zip(header, second, strict=True))
@@ -44,7 +44,7 @@ def test_the_table_has_what_the_owner_knows(tmp_path):
     assert "load case 2, 25 % of the duration" in str(box)
 
 
-def test_a_planetary_set_turns_by_willis(tmp_path):
+def test_speeds_of_a_planetary_set_satisfy_willis_equation(tmp_path):
     loads = read(planetary(), tmp_path).loads()
     ids = {part.name: key for key, part in read(planetary(), tmp_path).model.components.items()}
     speed = 1200.0 / (1.0 + 60 / 18)
@@ -56,7 +56,7 @@ def test_a_planetary_set_turns_by_willis(tmp_path):
     assert loads.pinion_torques["Sonne-Planet 1"] == pytest.approx(20.0)
 
 
-def test_the_train_of_a_planetary_set_has_the_frequencies_of_its_loads(tmp_path):
+def test_mesh_frequencies_of_a_planetary_train_match_its_load_case(tmp_path):
     box = read(planetary(), tmp_path)
     train = box.train(model="rectangle", stiffness="iso")
     found = gearlib.characteristic_frequencies(train, 1200.0)
@@ -68,7 +68,7 @@ def test_the_train_of_a_planetary_set_has_the_frequencies_of_its_loads(tmp_path)
     assert float(train.layout().misfit) < 1e-9
 
 
-def test_a_reversed_torque_takes_the_other_flank_and_its_relief(tmp_path):
+def test_a_reversed_torque_loads_the_other_flank_with_its_relief(tmp_path):
     file = two_stages()
     for side, depth in (("left", 0.02), ("right", 0.03)):
         file.add(
@@ -87,7 +87,7 @@ def test_a_reversed_torque_takes_the_other_flank_and_its_relief(tmp_path):
     assert box.stage("Stufe 1").wheel.tip_relief is None
 
 
-def test_relief_from_its_start_diameter(tmp_path):
+def test_relief_length_follows_from_the_start_diameter(tmp_path):
     file = two_stages()
     gear = read(file, tmp_path).stage("Stufe 1").pinion
     start = gear.tip_diameter - 0.002
@@ -105,7 +105,7 @@ def test_relief_from_its_start_diameter(tmp_path):
     assert relief.amount == pytest.approx(2e-5)
 
 
-def test_the_coordinate_of_a_gear_is_its_begin_in_version_1_0_and_its_middle_later(tmp_path):
+def test_gear_positions_mean_the_face_in_version_1_0_and_the_centre_later(tmp_path):
     faces = []
     for version, coordinate in (("1.0", 67.0), ("1.1", 80.0)):
         file = two_stages(version)
@@ -143,7 +143,7 @@ REFUSED_STAGES = [
 
 
 @pytest.mark.parametrize("name, changes, sentence", REFUSED_STAGES, ids=lambda x: str(x)[:40])
-def test_a_stage_that_cannot_be_computed_does_not_hide_the_other(name, changes, sentence, tmp_path):
+def test_a_refused_stage_leaves_the_other_stage_in_the_table(name, changes, sentence, tmp_path):
     file = two_stages()
     file.change(name, **changes)
     box = read(file, tmp_path)
@@ -155,7 +155,7 @@ def test_a_stage_that_cannot_be_computed_does_not_hide_the_other(name, changes, 
 
 
 @pytest.mark.parametrize("kind", ["worm", "bevel"])
-def test_other_kinds_of_stages_are_refused_by_name(kind, tmp_path):
+def test_unsupported_kinds_of_stages_are_refused_by_name(kind, tmp_path):
     file = two_stages()
     file.add(f"{kind}_stage", "Schneckenstufe")
     reason = read(file, tmp_path).refused["Schneckenstufe"]
@@ -178,12 +178,12 @@ def test_damaged_files_are_refused(content, tmp_path):
 
 
 @pytest.mark.parametrize("version", ["2.0.0", "0.9", "", "new"])
-def test_other_versions_are_refused_by_their_number(version, tmp_path):
+def test_unsupported_versions_are_refused_by_number(version, tmp_path):
     with pytest.raises(ValueError, match="version"):
         read(two_stages(version), tmp_path)
 
 
-def test_missing_torques_are_asked_for_by_name(tmp_path):
+def test_missing_torques_are_reported_by_name(tmp_path):
     file = two_stages()
     file.cases = []
     box = read(file, tmp_path)
@@ -194,7 +194,7 @@ def test_missing_torques_are_asked_for_by_name(tmp_path):
         box.train()
 
 
-def test_without_a_speed_there_are_torques(tmp_path):
+def test_torques_are_read_without_a_speed(tmp_path):
     file = two_stages()
     file.cases = []
     file.change("Motor", torque_around_u_axis=(40.0, "N m"))
@@ -214,7 +214,7 @@ def test_stated_torques_are_balanced(tmp_path):
     assert "torque of external_load Last is -150 N m, but by balance -187.669 N m" in box.notes
 
 
-def test_an_idler_shaft_without_a_load_turns_along(tmp_path):
+def test_an_idler_shaft_without_a_load_turns_with_the_others(tmp_path):
     file = two_stages()
     add_gear(file, "z5", "Antrieb", (95.0, 0.0, 0.0), 20, 2.5, 0.0, 8.0, 0.0)
     add_gear(file, "z6", "Zwischenwelle", (95.0, 0.0, 90.0), 52, 2.5, 0.0, 8.0, 0.0)

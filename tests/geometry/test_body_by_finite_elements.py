@@ -101,7 +101,7 @@ SLENDER = Rack(addendum=1.35, dedendum=1.6, tip_radius=0.2)
         ((50, 50), 4e-3, 60e-3, SLENDER, 2),
     ],
 )
-def test_shared_compliance_is_that_of_finite_elements(teeth, module, bore, rack, distance):
+def test_shared_compliance_matches_finite_elements(teeth, module, bore, rack, distance):
     """Both teeth touch on one line of action; the mean over the path of contact.
 
     The twist of the body, which it contains, is the closed form of a ring.

@@ -31,7 +31,7 @@ def by_hand(ratio, contact, pitch, form, relief):
 @pytest.mark.parametrize(
     ("mesh", "torque", "relief"), [(fzg_c(), 302.0, 5.0), (iso_example(), 9000.0, 70.0)]
 )
-def test_all_ranges_of_speed(mesh, torque, relief):
+def test_dynamic_factors_of_all_speed_ranges_match_the_standard(mesh, torque, relief):
     # In N, mm, um, kg/mm as the standard writes it.
     load = mesh.tangential_force(torque) / (1e3 * mesh.width)
     stiffness = iso_stiffness(mesh, torque)
@@ -70,7 +70,7 @@ def test_at_low_load_teeth_are_softer_and_the_main_resonance_begins_earlier():
         assert found.lower_limit == pytest.approx(lower_limit, rel=1e-12)
 
 
-def test_deviations_by_quality():
+def test_deviations_of_an_accuracy_class_match_the_standard():
     # ISO 1328-1:2013, class 5: 0.001 d + 0.4 m_n + 5 and 0.55 m_n + 5, um; two classes double them.
     fine, coarse = (SpurGear(teeth=50, module=4e-3, width=0.02, quality=n) for n in (5, 9))
     assert fine.pitch_deviation == pytest.approx(6.8e-6, rel=1e-12)

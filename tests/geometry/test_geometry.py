@@ -52,14 +52,14 @@ RING = ring().wheel
         (RING, [RING.mean_diameter, 0.44], [0.03]),
     ],
 )
-def test_mass_and_inertia_are_those_of_hub_web_and_rim(gear, diameters, widths):
+def test_mass_and_inertia_add_up_hub_web_and_rim(gear, diameters, widths):
     mass, inertia = (np.diff(np.power(diameters, n)) @ widths for n in (2, 4))
     assert gear.mass == pytest.approx(7850.0 * math.pi / 4.0 * mass, rel=1e-12)
     assert gear.inertia == pytest.approx(7850.0 * math.pi / 32.0 * inertia, rel=1e-12)
 
 
 @pytest.mark.parametrize("hands", [(-1, -1), (1, -1), (-1, 1)])
-def test_the_mirror_image_of_gears_moves_as_they_do(hands):
+def test_mirrored_gears_have_the_same_motion(hands):
     systems = [
         LoadSharingPair.from_geometry(
             short_teeth(signs), torque=300.0, stiffness="energy", damping_ratio=0.05

@@ -98,7 +98,7 @@ def test_no_relief_of_a_grid_is_better_than_the_optimum(length, spans):
         ((40, 60), 3e-3, 0.02, 200.0, "parabolic", 0.2813),
     ],
 )
-def test_optimum_relief_is_the_best_of_its_family(teeth, module, width, torque, shape, least):
+def test_optimum_relief_is_better_than_its_neighbours(teeth, module, width, torque, shape, least):
     rack = Rack(addendum=1.3, dedendum=1.55, tip_radius=0.1) if teeth[0] == 40 else "A"
     common = {"module": module, "width": width, "rack": rack}
     mesh = GearStage(*(SpurGear(teeth=abs(z), internal=z < 0, **common) for z in teeth))
@@ -107,7 +107,7 @@ def test_optimum_relief_is_the_best_of_its_family(teeth, module, width, torque, 
     assert found.peak_to_peak_error.item() <= 1.02e-6 * least
 
 
-def test_no_load_is_the_least_gap():
+def test_unloaded_transmission_error_is_the_least_gap():
     relief = TipRelief(amount=2e-5, length=fzg_c().longest_relief, shape="parabolic")
     mesh = fzg_c().with_reliefs(relief, None)
     found = mesh.transmission_error(0.0, deviation=PathTable((0.0,), (3e-6,)))
@@ -132,7 +132,7 @@ def random_pairs(count, coupled):
 
 
 @pytest.mark.parametrize(("count", "coupled"), [(2, True), (3, False), (4, True)])
-def test_equilibrium_is_that_of_root_finding_by_scipy(count, coupled):
+def test_equilibrium_matches_root_finding_by_scipy(count, coupled):
     """Forces at a displacement by non-negative least squares, the displacement by Brent."""
     pairs, loads = random_pairs(count, coupled), [0.1, 1.0, 4.0]
     found = pairs.forces_under_loads(loads)
@@ -168,7 +168,7 @@ def test_relief_of_a_gear_begins_at_its_own_tip(mesh):
     np.testing.assert_allclose(parabola.gap([0.0, length / 2, length]), [2e-5, 5e-6, 0.0])
 
 
-def test_each_pair_has_the_pitch_errors_of_both_gears():
+def test_pitch_errors_of_both_gears_add_up_in_each_pair():
     """Teeth meet again after the least common multiple of 16 and 24 mesh periods."""
     mesh, rng = fzg_c(), np.random.default_rng(0)
     pinion, wheel = (tuple(rng.uniform(0.0, 5e-6, z)) for z in (16, 24))
@@ -188,7 +188,7 @@ def test_each_pair_has_the_pitch_errors_of_both_gears():
 
 
 @pytest.mark.parametrize("load_ratio", [0.0, 0.2, 1.0])
-def test_helical_gears_are_slices_of_spur_gears(load_ratio):
+def test_helical_gears_match_a_stack_of_spur_slices(load_ratio):
     """The forces c (x - g) of 4000 separate slices add up to the load; relief as in a table."""
     bare, torque = iso_example(), 9000.0 * load_ratio
     (start, end), length = bare.path, bare.longest_relief
@@ -211,7 +211,7 @@ def test_helical_gears_are_slices_of_spur_gears(load_ratio):
         assert found.transmission_error[0, phase].item() == pytest.approx(x, rel=3e-3, abs=1e-10)
 
 
-def test_a_small_helix_changes_nothing():
+def test_a_tiny_helix_angle_gives_the_spur_gear_results():
     """Spur gears are the limit of helical ones, with relief and pitch errors."""
     relief = TipRelief(amount=2e-5, length=2e-3)
     spur, helical = (

@@ -33,7 +33,7 @@ FAR = 5e-3  #: m of backlash, which no motion crosses
     "mesh",
     [fzg_c(), replace(gears_of_20_teeth(), backlash=2e-6), high_contact_ratio_mesh(), ring()],
 )
-def test_without_relief_it_is_the_gear_pair_of_the_standard(mesh):
+def test_without_relief_the_load_sharing_pair_matches_the_rectangular_pair(mesh):
     """The closed forms of `GearPair`, both flanks included."""
     model = LoadSharingPair.from_geometry(mesh, stiffness="iso", **ON_PATH, **OPTIONS)
     run = {"periods": 60, "record_periods": 2, "samples_per_period": 64}
@@ -51,7 +51,7 @@ def test_without_relief_it_is_the_gear_pair_of_the_standard(mesh):
 
 
 @pytest.mark.parametrize("corners", [False, True])
-def test_pairs_that_share_a_body_against_scipy(corners):
+def test_tooth_pairs_coupled_by_the_body_move_as_integrated_by_scipy(corners):
     """Forces by non-negative least squares, the motion by steps that end where a pair may enter."""
     torque = TORQUE / (8.0 if corners else 2.0)
     mesh = optimum_relief(replace(fzg_c(), backlash=FAR), torque, length="long", stiffness="iso")
@@ -100,7 +100,7 @@ def spur(helix_angle=0.0, relief=None, width=32e-3):
 
 @pytest.mark.parametrize("mesh", [fzg_c(), ring()])
 @pytest.mark.parametrize("end", [0, 1])
-def test_a_corner_leaves_the_flank_by_the_gap(mesh, end):
+def test_corner_contact_opens_by_the_geometric_gap(mesh, end):
     """Both gears turn 0.04 base pitches past an end of the path; complex points of the plane.
 
     At the first end the tip corner of the wheel leaves the flank of the pinion, at the second the
@@ -165,7 +165,7 @@ def test_slow_teeth_carry_their_static_share(name):
 
 
 @pytest.mark.parametrize("helix_angle", [0.02, 0.3])
-def test_slices_of_a_face_excite_nothing(monkeypatch, helix_angle):
+def test_slices_across_the_face_excite_no_vibration(monkeypatch, helix_angle):
     """With pitch errors and at a speed where slices come into mesh as fast as the gears ring."""
     errors = tuple(np.random.default_rng(1).uniform(-2e-6, 2e-6, 19))
     mesh = spur(helix_angle=helix_angle)
@@ -185,7 +185,7 @@ def test_slices_of_a_face_excite_nothing(monkeypatch, helix_angle):
 
 
 @pytest.mark.parametrize("tuning", [0.5, 0.93])
-def test_maps_are_the_derivatives_of_the_motion(tuning):
+def test_period_maps_match_difference_quotients(tuning):
     mesh = optimum_relief(replace(fzg_c(), backlash=3e-5), TORQUE / 2.0, length="long")
     propagator = LoadSharingPair.from_geometry(mesh, **OPTIONS).propagator(tuning)
     z, step = np.array([-0.3, 0.4]), 1e-6
@@ -200,7 +200,7 @@ def test_maps_are_the_derivatives_of_the_motion(tuning):
     np.testing.assert_allclose(maps[1] @ maps[0], np.transpose(columns), atol=1e-4)
 
 
-def test_the_pair_at_its_load_has_the_static_error_of_its_stage():
+def test_static_error_of_the_pair_matches_its_stage():
     """At rest under the load it is F / C more than without, where it is minus the deviation."""
     mesh, n = optimum_relief(fzg_c(), TORQUE / 2.0, length="long"), 65
     model = LoadSharingPair.from_geometry(mesh, **ON_PATH, **OPTIONS)

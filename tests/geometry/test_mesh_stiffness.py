@@ -52,7 +52,7 @@ def compliance_by_quadrature(tooth, phi):
 
 
 @pytest.mark.parametrize("mesh", [iso_example(), fzg_c(), gears_of_20_teeth(), ring()])
-def test_compliance_of_a_tooth_is_the_quadrature_of_its_energies(mesh):
+def test_tooth_compliance_matches_quadrature_of_the_strain_energy(mesh):
     for position in np.interp([0.05, 0.5, 1.0], [0.0, 1.0], mesh.path):
         rolls = (position, mesh.wheel_roll_length(position))
         for gear, roll in zip((mesh.pinion, mesh.wheel), rolls, strict=True):
@@ -65,7 +65,7 @@ def test_compliance_of_a_tooth_is_the_quadrature_of_its_energies(mesh):
             assert tooth.compliance(phi) == pytest.approx(expected, rel=1e-7)
 
 
-def test_hertz_contact_logarithmic_in_the_load():
+def test_hertzian_deflection_is_logarithmic_in_the_load():
     """Weber & Banaschek, equal gears at the pitch point.
 
     4 (1 - nu^2) / (pi E b) (ln(2 h / a) - nu / (2 (1 - nu))), with half the width of contact by
@@ -125,7 +125,7 @@ def test_below_a_contact_ratio_of_1_a_slice_has_one_pair_or_none():
         mesh.stiffness("iso")
 
 
-def test_the_pair_of_a_stage_has_its_load_and_damping():
+def test_a_pair_from_a_stage_keeps_load_and_damping():
     """docs/worked_example.md prints what a pair has by its torque and damping ratio."""
     mesh = fzg_c()
 
@@ -157,7 +157,7 @@ def test_the_pair_of_a_stage_has_its_load_and_damping():
         ((42, 62), 3e-3, (40e-3, 40e-3), 0.794, 0.724),
     ],
 )
-def test_bodies_share_the_compliance_of_finite_elements(
+def test_compliance_coupling_through_the_body_matches_finite_elements(
     teeth, module, bores, expected, without_twist
 ):
     """The ratio of the stiffness of one and of two pairs, against a finite-element computation."""
@@ -178,7 +178,7 @@ def test_bodies_share_the_compliance_of_finite_elements(
     assert single == pytest.approx(added, rel=1e-3)
 
 
-def test_pairs_far_apart_share_less_and_never_more_than_a_body_gives():
+def test_coupling_of_tooth_pairs_decreases_with_their_distance():
     pair = PairCompliance(short_teeth())
     near, far = pair.shared_compliances(3)
     assert 0.0 < far < near
@@ -186,7 +186,7 @@ def test_pairs_far_apart_share_less_and_never_more_than_a_body_gives():
     assert near <= ends.min(axis=1).sum() * (1.0 + 1e-12)
 
 
-def test_the_twist_of_each_gear_counts_by_itself():
+def test_torsional_compliances_of_both_gears_add_up():
     gears = [SpurGear(teeth=z, module=3e-3, width=0.02, bore=b) for z, b in ((30, 0.03), (40, 0.0))]
     pinion, none, wheel, both = (
         mesh_stiffness(GearStage(*gears), "energy", twist=twist).mean_stiffness

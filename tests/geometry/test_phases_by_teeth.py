@@ -142,7 +142,7 @@ def exchanged(meshes):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_phases_are_those_of_teeth_placed_one_by_one(seed):
+def test_mesh_phases_match_teeth_placed_one_by_one(seed):
     rng = np.random.default_rng(seed)
     gears, meshes, shafts, sense = random_machine(rng)
     machine = Machine(gears, meshes, shafts, sense)
@@ -177,7 +177,7 @@ SETS = {
 
 @pytest.mark.parametrize("driving", ["sun", "ring"])
 @pytest.mark.parametrize("name", SETS)
-def test_planetary_set_driven_by_sun_or_ring(name, driving):
+def test_phases_of_a_planetary_set_match_parkers_formulas_for_either_drive(name, driving):
     teeth, shifts, positions = SETS[name]
     sun, planet, ring = map(Gear, teeth, shifts, (False, False, True))
     distance = axis_distance(sun, planet)
@@ -233,7 +233,7 @@ def test_keyings_add_up_through_a_body_without_teeth():
     assert joined.phases == pytest.approx(train.phases, abs=1e-12)
 
 
-def test_tie_of_two_teeth_is_broken_alike_in_a_mirror():
+def test_mirrored_trains_break_a_tie_between_two_teeth_alike():
     """At the start two teeth of the second gear are equally near to the line of centres."""
     teeth, angles, pitch_phase = (24, 36, 20, 40), (0.3, 1.1), 1.5 * math.pi
     train = two_stages(teeth, angles, pitch_phase=pitch_phase)
@@ -246,7 +246,7 @@ def test_tie_of_two_teeth_is_broken_alike_in_a_mirror():
     assert phase_difference(train.phases["c-d"], expected) < 1e-12
 
 
-def test_keying_in_a_loop_has_to_agree_with_the_positions():
+def test_a_keying_that_contradicts_a_closed_loop_is_refused():
     """Two branches, each with a shaft, at an angle at which keyings of 0 exclude each other."""
     pair = gearlib.GearPair(**FLANK, reduced_mass=3.0, load=3e3, backlash=4e-5)
     train = gearlib.split_power_reducer(pair, branches=2, teeth=(24, 36, 24, 36))
@@ -271,7 +271,7 @@ def test_keying_in_a_loop_has_to_agree_with_the_positions():
     assert phases(None, 0.0) != phases(None, None)
 
 
-def test_given_phase_decouples_the_phases_on_both_sides_of_a_mesh():
+def test_a_prescribed_mesh_phase_decouples_both_sides_of_the_mesh():
     """Beyond a mesh whose phase is given no tooth is known; a given first phase shifts all."""
     bodies = [Body(name=name, teeth=24, inertia=1e-3, base_radius=0.045) for name in "abcd"]
     meshes = [
@@ -294,7 +294,7 @@ def test_given_phase_decouples_the_phases_on_both_sides_of_a_mesh():
     assert coast.coast_phases == train.phases | {"a-b": 0.25}
 
 
-def test_driving_gear_of_one_mesh_decides_for_all():
+def test_the_driving_gear_of_the_reference_mesh_sets_all_drive_sides():
     train = two_stages((24, 36, 20, 40), pitch_phase=0.7)
     first, second = (dataclasses.replace(mesh, driving=mesh.wheel) for mesh in train.meshes)
     backwards = train.replace(meshes=[first, second])

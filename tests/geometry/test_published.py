@@ -49,7 +49,7 @@ def planetary_meshes():
     return GearStage(sun, planet, 0.863), GearStage(planet, ring, 0.863)
 
 
-def test_example_1_of_the_standard():
+def test_example_1_of_the_standard_is_reproduced():
     """ISO/TR 6336-30:2017, 9 kN m, 360 rpm, class 5, C_a 70 um."""
     mesh = iso_example(quality=5)
     assert mesh.tangential_force(9000.0) == pytest.approx(127352.0, abs=0.5)
@@ -70,7 +70,7 @@ def form_diameter(gear):
     return 2e3 * math.hypot(gear.form_roll_length, gear.base_diameter / 2.0)
 
 
-def test_where_the_involute_begins():
+def test_form_diameters_match_published_values():
     """Root form diameters d_Ff of KISSsoft, mm; the rack tip is round in its normal section."""
     mesh = third_stage()
     assert form_diameter(mesh.pinion) == pytest.approx(328.991, abs=1e-3)
@@ -81,7 +81,7 @@ def test_where_the_involute_begins():
     assert form_diameter(outer.pinion) == pytest.approx(748.795, abs=5e-3)
 
 
-def test_the_fillet_of_a_helical_gear_is_that_of_its_rack():
+def test_the_fillet_of_a_helical_gear_is_generated_by_its_rack():
     """Points of the rack's tip, carried along by the rolling of the rack, never cut the fillet."""
     gear = third_stage().pinion
     tooth, beta = Tooth(gear, gear.width), gear.helix_angle
@@ -112,14 +112,14 @@ def test_the_fillet_of_a_helical_gear_is_that_of_its_rack():
     ("allowances", "shifted", "expected"),
     [((-130e-6, -240e-6), -28e-6, 0.359), ((-190e-6, -340e-6), 28e-6, 0.571)],
 )
-def test_backlash_of_toleranced_gears(allowances, shifted, expected):
+def test_backlash_of_toleranced_gears_matches_published_values(allowances, shifted, expected):
     """Circumferential backlash j_tw on the working circle, mm."""
     mesh = third_stage(allowances, 0.861 + shifted)
     found = 1e3 * mesh.line_backlash / math.cos(mesh.working_pressure_angle)
     assert found == pytest.approx(expected, abs=5e-4)
 
 
-def test_stiffness_after_iso_6336():
+def test_stiffness_after_iso_6336_matches_published_values():
     """c', c_gamma_alpha of a helical pair with webs, and of a planet with sun and ring."""
     found = iso_stiffness(third_stage_with_web())
     assert found.blank_factor == pytest.approx(0.898, abs=5e-4)
@@ -135,7 +135,7 @@ def test_stiffness_after_iso_6336():
     assert iso_stiffness(GearStage(*equal)) == iso_stiffness(GearStage(*equal[::-1]))
 
 
-def test_from_class_6_on_relief_does_not_count_in_the_dynamic_factor():
+def test_the_dynamic_factor_ignores_relief_from_accuracy_class_6_on():
     """Grade 6: K_v 1.092 at N 0.410, with a relief of 2 um by running in; if it counted, 1.091."""
     load = {"pitch_deviation": 17e-6, "form_deviation": 22e-6, "application_factor": 1.25}
     for quality, factor in ((5, 1.091), (6, 1.092)):
@@ -146,7 +146,7 @@ def test_from_class_6_on_relief_does_not_count_in_the_dynamic_factor():
         assert round(found.factor, 3) == factor
 
 
-def test_masses():
+def test_masses_match_published_values():
     """Reduced masses of bored discs, kg/mm: a pair; sun with three planets; planet in a ring."""
     assert third_stage().reduced_mass / 360.0 == pytest.approx(0.36503, abs=1e-5)
     mesh, _ = planetary_meshes()
@@ -157,7 +157,7 @@ def test_masses():
     assert planet / radii[1] ** 2 == pytest.approx(2.4597, abs=5e-5)
 
 
-def test_energy_method_of_ross():
+def test_stiffness_by_the_energy_method_matches_ross():
     """Its first three stiffnesses of two pairs, with its readings of the formula of the body.
 
     ROSS measures u to the height of the point of contact, takes the angle of the root from a
@@ -248,7 +248,7 @@ PROGRAMS = {
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_geometry_of_other_programs(name):
+def test_geometry_matches_other_programs(name):
     mesh, printed = PROGRAMS[name]
     found, words = geometry_of(mesh), printed.split()
     for quantity, text in zip(words[::2], words[1::2], strict=True):

@@ -13,7 +13,7 @@ from gearlib.models.geometry.gear import inv
 COMMON = {"module": 3e-3, "width": 0.025}
 
 
-def test_a_planetary_set_has_the_numbers_of_its_gears():
+def test_a_planetary_set_takes_its_parameters_from_its_gears():
     sun, planet = (SpurGear(teeth=z, **COMMON) for z in (27, 36))
     ring = SpurGear(teeth=99, internal=True, outer_diameter=0.34, **COMMON)
     damping = {"damping_ratio": 0.05, "backlash_damping_ratio": 0.01}
@@ -91,14 +91,14 @@ def test_the_mesh_force_at_low_speed_is_the_static_force(name):
     np.testing.assert_allclose(factors, 1.0, atol=0.002)
 
 
-def test_the_rectangle_has_two_levels_whose_force_jumps_at_any_speed():
+def test_the_mesh_force_of_rectangular_stiffness_jumps_at_any_speed():
     train = pair_train(spur(23, 61), model="rectangle")
     assert train.meshes[0].transmission_error == gearlib.Harmonics()
     factor = gearlib.duty_point(train, 10.0).peak_force_ratio
     assert factor == pytest.approx(1.0 / train.meshes[0].stiffness_ratio, rel=0.05)
 
 
-def test_the_transmission_error_is_that_of_a_separate_sum():
+def test_the_transmission_error_matches_a_separate_sum_over_tooth_pairs():
     """Bodies of ISO 6336 share q / (1 + 3 n), so that each pair adds a spring of its own."""
     relief, load = TipRelief(amount=12e-6, length=1.5e-3), 3000.0
     pinion, wheel = spur(23, tip_relief=relief)[0], spur(61)[0]
@@ -157,7 +157,7 @@ def test_gears_at_rest_follow_the_transmission_error_of_pairs_of_teeth(torque):
     )
 
 
-def test_teeth_that_the_wheel_drives_are_those_of_exchanged_gears():
+def test_teeth_driven_by_the_wheel_match_exchanged_gears():
     gears = spur(23, 61)
     trains = [
         pair_train(gears, driving="wheel"),
@@ -207,7 +207,7 @@ def test_a_mirror_image_of_two_meshes_has_the_same_dynamic_factors():
     assert not np.allclose(factors(85.0, "a"), factors(85.0, "b"), rtol=1e-2)
 
 
-def test_phasing_is_that_of_the_transmission_error():
+def test_phasing_follows_the_transmission_error():
     """Planets in phase excite rotational modes only, others by (order z_s) mod 3; Parker (2000)."""
     error = pair_train(spur(23, 61)).meshes[0].transmission_error
     amplitudes = np.hypot(error.cosines, error.sines)[:12]
@@ -220,6 +220,6 @@ def test_phasing_is_that_of_the_transmission_error():
         assert {*phasing.mode_kind.values[phasing.excites.values]} == {kind}
 
 
-def test_teeth_need_a_torque():
+def test_tooth_pairs_without_a_torque_are_refused():
     with pytest.raises(ValueError, match=r"^torque is missing: it must be given in N m for the"):
         gearlib.Mesh.from_geometry(GearStage(*spur(23, 61)), "pinion", "wheel")

@@ -10,6 +10,6 @@ def test_each_stored_picture_belongs_to_a_plot():
 
 
 @pytest.mark.parametrize("name", plots.PLOTS)
-def test_plot_is_the_stored_one(name, tmp_path):
+def test_each_plot_matches_its_stored_picture(name, tmp_path):
     plots.draw(name, tmp_path)
     assert figures.difference(name, tmp_path, plots.FOLDER) is None

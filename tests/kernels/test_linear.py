@@ -52,7 +52,7 @@ def distances_along(matrix, z, times):
 
 
 @pytest.mark.parametrize("n", range(10))
-def test_unrolled_sums_are_products(n):
+def test_unrolled_sums_match_matrix_products(n):
     rng, image = np.random.default_rng(n), np.empty(16)
     a, b, matrix = *rng.normal(size=(2, 10)), rng.normal(size=(n, 16))
     assert distances._dot_of_first(a, b, n) == pytest.approx(a[:n] @ b[:n], abs=1e-14)
@@ -62,7 +62,7 @@ def test_unrolled_sums_are_products(n):
 
 
 @pytest.mark.parametrize("codes", CODES)
-def test_modes_and_series_advance_a_state_as_the_exponential(codes):
+def test_modes_and_series_match_the_matrix_exponential(codes):
     effects, expected, z, tables, work = problem(codes)
     matrix = np.empty((N, N))
     train_system.fill_system_matrix(SYSTEM, effects, matrix)
@@ -81,7 +81,7 @@ def test_modes_and_series_advance_a_state_as_the_exponential(codes):
 
 
 @pytest.mark.parametrize("codes", CODES)
-def test_distances_are_polynomials_within_their_bounds(codes):
+def test_polynomials_of_distances_stay_within_their_bounds(codes):
     effects, matrix, z, tables, work = problem(codes)
     unit = sparse_series.fill_taylor_series(SYSTEM, CONSTANTS, effects, z, work.series)
     sparse_series.fill_distance_series(SYSTEM, CONSTANTS, work.series, work.distance_series)
@@ -104,13 +104,13 @@ def test_distances_are_polynomials_within_their_bounds(codes):
         assert swing <= amplitude or not tables.is_bounded[0, side, j]
 
 
-def test_a_series_that_reaches_zero_is_not_taken_for_one_that_does_not():
+def test_a_series_that_reaches_zero_is_never_excluded():
     # 0.5 - s + 0.6 s^2 and 0.5 - 0.3 s + 0.1 s^2, then the magnitude of the first coefficient.
     curves = np.array([[0.5, -1.0, 0.6, 0.5], [0.5, -0.3, 0.1, 0.5]])
     assert [sparse_series.series_may_reach_zero(c, 1.0, 2) for c in curves] == [True, False]
 
 
-def test_first_events_are_the_first_sign_changes():
+def test_first_events_match_the_first_sign_changes():
     found, fractions = 0, np.linspace(0.0, 1.0, 1001)
     for scale in np.cos(np.linspace(0.0, math.pi, 13)):
         z = problem(CODES[0], scale)[2]
@@ -134,7 +134,7 @@ def test_first_events_are_the_first_sign_changes():
     assert found > 5
 
 
-def test_contact_after_a_flank_line():
+def test_crossing_a_flank_line_changes_the_contact():
     after = {(1, 1): 0, (0, 1): 1, (-1, 1): BOTH, (1, -1): BOTH, (0, -1): -1, (-1, -1): 0}
     for (code, line), code_after in after.items():
         assert train_system.next_contact(code, line) == code_after
@@ -142,7 +142,7 @@ def test_contact_after_a_flank_line():
     assert [train_system.is_past_coast_line(line, z) for z in states] == [False, True]
 
 
-def test_every_combination_has_its_hash_slot():
+def test_every_combination_of_contacts_gets_its_own_hash_slot():
     keys, slots = np.array(list(product(range(3), repeat=5)), np.int8), np.full(512, -1)
     for row, key in enumerate(keys):
         slot = modal_arcs.find_slot(slots, keys, key.astype(np.int64))

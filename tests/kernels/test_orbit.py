@@ -57,7 +57,7 @@ def test_events_at_one_phase_are_sorted_by_mesh():
 
 
 @pytest.mark.parametrize("component", [0, 1])
-def test_a_motion_repeats_if_both_displacement_and_velocity_do(component):
+def test_a_motion_repeats_only_if_displacement_and_velocity_both_repeat(component):
     tuning, displacement_range = 0.9, 1.0
     for period in (1, 2, 3, 5, 16):
         strobes = np.zeros((32, 2))  # displacement and velocity once in a mesh period

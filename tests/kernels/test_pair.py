@@ -20,7 +20,7 @@ CASES = list(product(LEVELS, STARTS))
 MESH = motion.mesh_at_tuning(np.array([1.2, 0.7, 1.8, 2.7, 0.06, 0.03, 1.4]), TUNING)
 
 
-def test_arithmetic_is_that_of_the_c_library():
+def test_elementary_functions_match_the_c_library():
     for z in (0.0, 1e-9, 0.34, 1.0, 17.3, 650.0):
         assert decay(z) == pytest.approx(math.exp(-z), rel=5e-16)
         assert cos_sin(-z) == pytest.approx((math.cos(z), -math.sin(z)), abs=5e-16)
@@ -44,7 +44,7 @@ def test_contact_follows_its_equation_and_turns_where_its_velocity_is_zero(level
     ("level", "start", "line"),
     [(*case, line) for case in CASES for line in (-1.1, -0.5, 0.2) if case[1][0] > line],
 )
-def test_a_descent_is_the_first_crossing_of_a_dense_curve(level, start, line):
+def test_a_descent_is_found_at_the_first_crossing_of_a_dense_curve(level, start, line):
     assert events.descent_time(level, line, -1.0, line, 6.0) == 0.0
     times = np.linspace(0.0, 6.0, 601)
     heights = np.array([motion.evolve(level, *start, t)[0] for t in times]) - line
@@ -84,7 +84,7 @@ def marched(x, v):
     return end, arcs[:count]
 
 
-def test_arcs_of_a_period_join_and_change_contact_at_the_lines():
+def test_arcs_of_a_period_join_and_change_contact_at_the_flank_lines():
     codes = set()
     for start in [(-0.5, -3.0), (0.3, -2.0), (2.0, 1.0)]:
         (_, *end), arcs = marched(*start)
@@ -103,7 +103,7 @@ def test_arcs_of_a_period_join_and_change_contact_at_the_lines():
     assert codes == {DRIVE, NO_CONTACT, COAST}
 
 
-def test_the_map_of_a_period_is_its_difference_quotient():
+def test_the_period_map_matches_difference_quotients():
     start, found = np.array([-0.5, -3.0]), np.eye(2)
     arcs, h = marched(*start)[1], 1e-6
     first_code = int(arcs[0, events.CONTACT])
@@ -113,7 +113,7 @@ def test_the_map_of_a_period_is_its_difference_quotient():
     np.testing.assert_allclose(found, np.transpose(quotients), rtol=0, atol=1e-7)
 
 
-def test_the_bound_of_powers_of_a_map_holds():
+def test_powers_of_a_map_stay_within_their_bound():
     rows = (0.5, 0.3, -0.4, 0.6)
     matrix, scale = np.reshape(rows, (2, 2)), np.array([[1.0, 1.0 / TUNING], [TUNING, 1.0]])
     np.testing.assert_allclose(settling.matrix_product(rows, rows), (matrix @ matrix).ravel())
@@ -123,7 +123,7 @@ def test_the_bound_of_powers_of_a_map_holds():
     assert settling.power_sum_bound(MESH, (1.0, 0.0, 0.0, 1.0)) == math.inf
 
 
-def test_tabulated_motions_are_those_of_the_closed_forms():
+def test_tabulated_motions_match_closed_forms():
     level, length = MESH.low_level, 2.7
     levels = np.zeros((1, contact_table.LEVEL_COLUMNS))
     tables = np.zeros((1, contact_table.ENTRIES, 2))

@@ -63,7 +63,7 @@ def test_crossings_of_curves_that_touch_or_start_at_zero():
     assert first_crossing(-1.0, 4.0, -3.2) == pytest.approx(0.625 + math.sqrt(0.078125))
 
 
-def test_the_largest_value_is_that_between_the_ends_too():
+def test_the_largest_value_may_lie_between_the_ends():
     for values in np.random.default_rng(0).normal(size=(20, 6)):
         curve = Polynomial(values)
         tops = [s.real for s in curve.deriv().roots() if abs(s.imag) < 1e-12 and 0 < s.real < 1]

@@ -65,7 +65,7 @@ def test_a_series_satisfies_the_equation_of_motion(name, code, sign):
 
 
 @pytest.mark.parametrize(("name", "code", "sign"), CASES)
-def test_the_map_of_a_step_is_its_difference_quotient(name, code, sign):
+def test_the_map_of_a_step_matches_difference_quotients(name, code, sign):
     (constants, terms), h = motion_of(name, code, sign), 1e-5
     row, found, storage = constants[code + 1, SEGMENT], np.empty((2, 2)), np.zeros((6, ORDER + 1))
     bound, state = perturbations.stiffness_bound(MESHES[name]), terms[[DISPLACEMENT, VELOCITY], 0]
@@ -80,7 +80,7 @@ def test_the_map_of_a_step_is_its_difference_quotient(name, code, sign):
     np.testing.assert_allclose(found, quotients.T, rtol=0, atol=1e-8)
 
 
-def test_a_map_jumps_with_the_damping():
+def test_a_map_includes_the_jump_of_the_damping():
     mesh, found, v = MESHES["everything"], np.eye(2), -0.8
     constants, _ = series.tabulate_mesh(mesh)
     perturbations.map_crossing(constants, SEGMENT, DRIVE, NO_CONTACT, v, found)
@@ -89,7 +89,7 @@ def test_a_map_jumps_with_the_damping():
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_crossing_is_a_fraction_of_the_step(direction):
+def test_a_crossing_is_located_as_a_fraction_of_the_step(direction):
     tables = bernstein_matrix(ORDER), np.empty((WORK_ROWS, ORDER + 2))
     terms = np.zeros((series.ROWS, ORDER + 1))
     terms[0, :3] = 0.5, direction * 0.3, -direction * 0.5  # the line is reached again at 0.6
@@ -112,7 +112,7 @@ def teeth_motion(x, v):
     return law, terms, np.array([x + dx, v + dv]), tail
 
 
-def test_a_law_over_time_is_that_over_phase():
+def test_a_force_law_over_time_matches_the_law_over_phase():
     factor, offset = map(Polynomial, teeth._expand_law(LAW, 0.4, 0.9, -0.3))
     for time in (0.0, 0.6, 1.5):
         phase = 0.4 + 0.9 * time - 0.15 * time**2
@@ -121,7 +121,7 @@ def test_a_law_over_time_is_that_over_phase():
         assert factor(time) * 0.7 - offset(time) == pytest.approx(expected, abs=1e-14)
 
 
-def test_a_motion_of_pairs_of_teeth_satisfies_its_equation_and_its_map():
+def test_a_motion_of_tooth_pairs_satisfies_its_equation_and_its_map():
     law, terms, end, tail = teeth_motion(0.7, -0.3)
     displacement, velocity = Polynomial(terms[DISPLACEMENT]), Polynomial(terms[VELOCITY])
     assert end == pytest.approx([displacement(STEP), velocity(STEP)])
@@ -146,7 +146,7 @@ def test_a_motion_of_pairs_of_teeth_satisfies_its_equation_and_its_map():
     assert kept > 8
 
 
-def test_the_pairs_that_touch_are_those_that_overlap():
+def test_tooth_pairs_touch_where_they_overlap():
     # The overlap of each pair is x less its gap. Bits are pairs, 4 is the coast side.
     overlaps = np.zeros((4, 2, 6))
     overlaps[:, :, teeth.FACTOR], overlaps[:, :, teeth.OFFSET] = 1.0, (0.1, 0.3)

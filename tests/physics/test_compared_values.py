@@ -15,7 +15,7 @@ from tests.physics.test_fits import TRUTH
 CLOSE = 1e-9
 
 
-def test_statistics_of_an_orbit_are_those_of_the_independent_program_in_fifty_digits():
+def test_statistics_of_an_orbit_match_the_independent_program_in_50_digits():
     # On the upper branch, where contact is lost.
     tunings = np.linspace(0.7, 1.0, 8)
     run = gearlib.sweep(TRUTH, tunings, periods=300, record_periods=1, direction="down")
@@ -38,7 +38,7 @@ def test_statistics_of_an_orbit_are_those_of_the_independent_program_in_fifty_di
 
 @pytest.mark.parametrize("gain", [False, True])
 @pytest.mark.parametrize("offset", [False, True])
-def test_gain_and_offset_of_a_sensor_are_those_of_least_squares(gain, offset):
+def test_gain_and_offset_of_a_sensor_match_least_squares_of_numpy(gain, offset):
     rng = np.random.default_rng(5)
     measured, predicted = rng.normal(size=(2, 12))
     deviations = rng.uniform(0.5, 2.0, 12)

@@ -38,7 +38,7 @@ def up():
     return continue_orbit(periodic_orbit(MATERIAL, 0.52), to=1.2)
 
 
-def test_an_orbit_that_repeats_after_two_periods_has_period_two_if_six_are_asked_for():
+def test_a_search_over_six_periods_reports_the_least_period_two():
     pair = GearPair.from_ratios(
         contact_ratio=1.6, stiffness_ratio=0.6, damping=0.02, backlash_ratio=math.inf
     )
@@ -61,7 +61,7 @@ def test_an_orbit_labelled_grazing_just_touches_the_flank_line(start, to):
     assert periodic_orbit(PAPER, tuning, guess=state).grazing
 
 
-def test_doublings_are_the_edges_of_the_tongue():
+def test_period_doublings_lie_at_the_edges_of_the_tongue():
     branch = undamped_branch(0.64, 0.69)
     tongue = meissner.tongue(meissner.equation_of(PAPER), order=3)
     edges = tongue.start, tongue.stop
@@ -91,7 +91,7 @@ def test_a_branch_from_a_period_doubling_repeats_after_two_periods():
         switch_branch(pair, branch, 0)
 
 
-def test_at_a_fold_a_multiplier_is_one_and_beyond_it_no_orbit_is_left(up):
+def test_a_multiplier_is_one_at_a_fold_and_no_orbit_exists_beyond_it(up):
     point = int(np.flatnonzero(up.label == FOLD)[0])
     fold, state = float(up.tuning[point]), up.state.values[point]
     assert abs(up.multiplier_real.values[point] - 1.0).min() < 1e-7
@@ -107,7 +107,7 @@ def test_at_a_fold_a_multiplier_is_one_and_beyond_it_no_orbit_is_left(up):
 @pytest.mark.parametrize(
     ("name", "end"), [("damping", 0.0), ("backlash_ratio", 2.0), ("contact_ratio", 1.4)]
 )
-def test_a_branch_over_another_parameter_ends_at_the_orbit_of_the_changed_pair(name, end):
+def test_a_branch_over_another_parameter_ends_at_an_orbit_of_the_changed_pair(name, end):
     branch = continue_orbit(periodic_orbit(DAMPED, 0.95), name, to=end)
     assert float(branch[name][-1]) == end
     assert float(branch[name][0]) == pytest.approx(value_of(DAMPED, 0.95, name), rel=1e-12)
@@ -117,7 +117,7 @@ def test_a_branch_over_another_parameter_ends_at_the_orbit_of_the_changed_pair(n
 
 
 @pytest.mark.parametrize("label", [FOLD, GRAZING])
-def test_the_end_of_a_locus_is_a_labelled_point_of_the_branch_of_the_changed_pair(up, label):
+def test_a_locus_ends_at_a_special_point_of_the_changed_pair(up, label):
     # The locus of the second grazing ends at a tuning between 0.76 and 0.84.
     point = int(np.flatnonzero(up.label == label)[1 if label == GRAZING else 0])
     # The locus starts at 0, the lower bound of the damping in free flight.

@@ -5,7 +5,7 @@ import numpy as np
 from gearlib import DeadZoneOscillator, simulate
 
 
-def test_a_start_at_rest_without_backlash_or_damping_is_a_cosine():
+def test_undamped_motion_from_rest_without_backlash_is_a_cosine():
     # Rounding hides in which order the mesh leaves one flank and meets the other: many cases.
     rng = np.random.default_rng(5)
     for _ in range(100):

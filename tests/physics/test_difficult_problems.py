@@ -18,7 +18,7 @@ LINEAR = [
 
 
 @pytest.mark.parametrize("name", LINEAR)
-def test_both_exact_methods_have_the_state_and_the_events_of_50_digits(name):
+def test_state_and_events_of_both_exact_methods_match_50_digits(name):
     model, tuning = PROBLEMS[name].model, PROBLEMS[name].tuning
     periods, state = PROBLEMS[name].periods, PROBLEMS[name].state
     (x, v), *events = propagate_pair(model, tuning, periods, state)

@@ -32,7 +32,7 @@ def three_stages(damping):
     return GearTrain(bodies=bodies, meshes=meshes, shafts=shafts, reference="p0-w0")
 
 
-def test_a_train_of_coprime_stages_is_recorded_over_its_whole_cycle_without_the_transient():
+def test_a_duty_point_of_coprime_stages_records_one_cycle_after_the_transient():
     train = three_stages(damping=3e4)
     assert train.repeats == 71 * 73
     duty = duty_point(train, 1500.0)
@@ -44,7 +44,7 @@ def test_a_train_of_coprime_stages_is_recorded_over_its_whole_cycle_without_the_
     assert duty.static_force[1] < 0.0 and (duty.contact_loss_fraction == 0.0).all()
 
 
-def test_a_transient_that_is_cut_off_is_named_with_what_is_left_of_it():
+def test_a_truncated_transient_is_reported_with_its_remaining_amplitude():
     train = three_stages(damping=3e4)
     shafts = [
         Shaft(bodies=s.bodies, stiffness=s.stiffness, damping=1e-9 * s.stiffness)
@@ -77,7 +77,7 @@ def test_pitch_errors_of_both_gears_are_recorded_until_the_same_teeth_meet_again
     assert duty.settled == 1 and duty.record_periods == cycle and str(cycle) in duty.comment
 
 
-def test_a_cycle_too_long_to_compute_is_sampled_and_says_so():
+def test_a_cycle_too_long_to_compute_is_sampled_with_a_comment():
     duty = duty_point(stage(89, 131), 6000.0, torque=300.0, damping_ratio=0.05)
     assert duty.settled == 0 and "sample" in duty.comment and str(89 * 131) in duty.comment
 

@@ -30,7 +30,7 @@ def course(pair):
     return [(0.0, low), (0.5, high), (1.0, low)]
 
 
-def test_a_lower_bound_of_the_backlash_is_found_where_the_far_flank_is_never_struck():
+def test_a_fit_without_coast_contact_reports_a_lower_bound_of_the_backlash():
     data = synthetic_rig(TRUTH, course(TRUTH), seed=3)
     free = {"material_damping": (1000.0, 9000.0), "backlash": (1e-5, 9e-5)}
     fit = gearlib.fit(TRUTH.replace(backlash=6e-5), data, free)
@@ -44,7 +44,7 @@ def test_a_lower_bound_of_the_backlash_is_found_where_the_far_flank_is_never_str
     assert fit.params["material_damping"].identifiable
 
 
-def test_backlash_is_found_where_the_far_flank_is_struck():
+def test_a_fit_with_coast_contact_recovers_the_backlash():
     truth = TRUTH.replace(backlash=1e-5)
     data = synthetic_rig(truth, course(truth), seed=0)
     fit = gearlib.fit(truth.replace(backlash=1.2e-5), data, {"backlash": (2e-6, 6e-5)})
@@ -94,7 +94,7 @@ def noisy_orbit(model, speed, names):
     return data
 
 
-def test_a_stiffness_and_a_pin_error_are_found_from_load_sharing_and_orders():
+def test_load_sharing_and_orders_determine_a_stiffness_and_a_pin_error():
     # Ring and carrier do not move sideways.
     truth = planetary_set(support_stiffness=(1e8, math.inf, math.inf, 1e8))
     names = [*(f"load_sharing_sun_{i}" for i in (1, 2, 3)), "order_amplitude_1_sun_1"]
@@ -110,7 +110,7 @@ def test_a_stiffness_and_a_pin_error_are_found_from_load_sharing_and_orders():
     assert fit.params[PIN].stderr < 2e-6 and fit.params[SUN].stderr < 2e7
 
 
-def test_every_settable_parameter_is_read_as_it_was_set():
+def test_every_settable_parameter_reads_back_the_value_set():
     # Two axes that share no value have no name together.
     train = planetary_set().with_values({"support_damping of body sun, y": 7.0})
     assert "support_damping of body sun" not in train.settable
@@ -138,7 +138,7 @@ def test_every_settable_parameter_is_read_as_it_was_set():
         ({"free": FREE}, "2 observations for 3 parameters; there must be at least"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused_in_a_sentence(changes, words):
+def test_a_fit_without_usable_data_or_parameters_is_refused_in_one_sentence(changes, words):
     settings = {"model": TRUTH, "data": jump_speeds(TRUTH)}
     settings["free"] = {"reduced_mass": FREE["reduced_mass"]}
     with pytest.raises(ValueError, match="not allowed") as refusal:

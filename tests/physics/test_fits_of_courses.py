@@ -56,7 +56,7 @@ def test_too_few_samples_in_a_mesh_period_are_refused():
         residuals(TRUTH, run_up(0.0, seed=1, rate=7e3))
 
 
-def test_orders_of_a_wave_that_grows_are_its_fourier_integrals():
+def test_orders_of_a_growing_wave_match_its_fourier_integrals():
     turns = (np.arange(3 * 500 + 2) + 0.3) / 500.0
     grown = 1.0 + 0.2 * turns
     result = regress_mesh_orders(
@@ -74,7 +74,7 @@ def assert_found(result):
         assert abs(parameter.value - getattr(TRUTH, name)) < 4.0 * parameter.stderr, name
 
 
-def test_parameters_are_found_from_a_run_up_that_begins_at_a_known_phase():
+def test_a_run_up_from_a_known_phase_determines_the_parameters():
     phase = 4.0
     result = gearlib.fit(GUESS, run_up(phase, seed=2, gain=2.0, phase=phase), FREE)
     assert_found(result)
@@ -88,7 +88,7 @@ def test_parameters_are_found_from_a_run_up_that_begins_at_a_known_phase():
     assert wrong @ wrong > 100.0 * (right @ right) and 0.6 < right @ right / right.size < 1.4
 
 
-def test_revolutions_with_gaps_are_left_out_of_a_run_up():
+def test_a_fit_omits_revolutions_with_gaps():
     data = run_up(0.0, seed=2)
     gap = (data.time > 0.25) & (data.time < 0.27)
     for part in (data.isel(sample=~gap.values), data.where(~gap)):
@@ -103,7 +103,7 @@ def test_revolutions_with_gaps_are_left_out_of_a_run_up():
     # A reduced chi-square of 1.5, and one of 0.35 where the noise is stated six times too large.
     [(1.565, 1.0, "a chi-square of .* with 167 degrees"), (1.55, 6.0, "it changes sign 41 times")],
 )
-def test_a_fit_says_that_a_model_does_not_describe_data_of_known_noise(
+def test_a_fit_reports_a_model_that_does_not_describe_data_of_known_noise(
     contact_ratio, stated_noise, words
 ):
     data = run_up(0.0, seed=2)
@@ -114,14 +114,14 @@ def test_a_fit_says_that_a_model_does_not_describe_data_of_known_noise(
     assert result.redchi < 2.0 and re.search(words, message)
 
 
-def test_a_run_up_without_a_revolution_outside_of_its_jumps_is_refused():
+def test_a_run_up_whose_jumps_leave_no_whole_revolution_is_refused():
     data = run_up(0.0, seed=2)
     data["displacement"] = data.displacement.where(data.time < 0.24, 3.0 * data.displacement)
     with pytest.raises(ValueError, match="time = 'of 27 rev.* jumps in 10' is.* 24 after a jump"):
         residuals(TRUTH, data)
 
 
-def test_step_in_the_first_revolutions_hides_no_later_jump():
+def test_a_step_in_the_first_revolutions_hides_no_later_jump():
     orders = np.ones((160, 3), complex)
     # A transient, larger than the jump, in the revolutions that are not compared.
     orders[3:] *= 20.0

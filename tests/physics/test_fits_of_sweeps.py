@@ -39,7 +39,7 @@ def resonance(pair, seed, names=(*HEIGHT, "contact_loss_fraction"), gain=1.0, co
     return data
 
 
-def test_exact_curves_of_unknown_noise_give_the_truth():
+def test_a_fit_to_exact_curves_of_unknown_noise_recovers_the_damping():
     # Jumps are known to half a step only: with one scale for all they would pull damping by 12 %.
     guess, free = TRUTH.replace(material_damping=4200.0), FREE["material_damping"]
     fit = gearlib.fit(guess, resonance(TRUTH, None), {"material_damping": free})
@@ -48,7 +48,7 @@ def test_exact_curves_of_unknown_noise_give_the_truth():
     assert found == pytest.approx(TRUTH.material_damping, rel=1e-7) and not fit.unknown
 
 
-def test_an_unknown_gain_hides_the_load():
+def test_the_load_is_not_identifiable_with_an_unknown_gain():
     # While the coast-side flank is not struck, lengths are proportional to the load, and shares of
     # time do not depend on it.
     data = resonance(TRUTH, 1, gain=2.5)
@@ -58,7 +58,7 @@ def test_an_unknown_gain_hides_the_load():
     assert any(sentence.startswith("load is not ident") for sentence in fit.unknown)
 
 
-def test_a_speed_that_is_measured_twice_has_the_same_motion_twice():
+def test_a_speed_measured_twice_counts_twice():
     single = resonance(TRUTH, 3).isel(sample=slice(12))
     residuals = observations_of(TRUTH, single)[0].residuals(TRUTH)
     double = xr.concat([single, single], "sample", combine_attrs="override")
@@ -89,7 +89,7 @@ def test_points_are_compared_with_the_branch_on_their_side_of_the_jump():
         assert np.abs(differences).max() < 0.5 * largest
 
 
-def test_gears_on_rigid_bearings_have_the_jumps_and_the_onset_of_their_pair():
+def test_jumps_and_onset_of_gears_on_rigid_bearings_match_their_pair():
     # Found near the measured speeds, in sweeps and on branches of all coordinates.
     model = gears(math.inf, 3953.7, 3953.7)
     tunings = {"jump_down": 0.7, "jump_up": 0.82, "onset_of_contact_loss": 0.8}
@@ -99,7 +99,7 @@ def test_gears_on_rigid_bearings_have_the_jumps_and_the_onset_of_their_pair():
 
 
 @pytest.mark.parametrize("name", ["speed", "displacement_max"])
-def test_gaps_are_refused(name):
+def test_missing_values_are_refused(name):
     data = resonance(TRUTH, 1, HEIGHT)
     data[name].values[3] = np.nan
     words = f"^{name} = .*NaN.* not allowed: it must be finite in each"

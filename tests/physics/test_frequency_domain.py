@@ -18,7 +18,7 @@ CONSTANT = gearlib.GearPair.from_ratios(
 )
 
 
-def test_motion_at_constant_stiffness_is_the_closed_form():
+def test_motion_at_constant_stiffness_matches_the_closed_form():
     # Linear, one harmonic: x = 1 + amplitude / symbol.
     pair = OneDegreePair(pair=CONSTANT, excitation=gearlib.Harmonics(cosines=(0.0, 0.3)))
     nu = 0.8
@@ -39,7 +39,7 @@ def test_motion_at_constant_stiffness_is_the_closed_form():
 
 @pytest.mark.parametrize("solve", [harmonic_balance, schmidt])
 @pytest.mark.parametrize(("pair", "nu"), [(BOTH, 0.7), (MATERIAL, 1.0), (CUBIC, 0.9)])
-def test_orbits_events_and_multipliers_are_those_of_exact_orbits(solve, pair, nu):
+def test_orbits_events_and_multipliers_match_exact_orbits(solve, pair, nu):
     result = solve(pair, nu, harmonics=64)
     error = errors(result)
     # Gibbs: 0.25 / h^2 of the displacement, 0.5 / h of dx/dtau, with room of about two; phases
@@ -51,7 +51,7 @@ def test_orbits_events_and_multipliers_are_those_of_exact_orbits(solve, pair, nu
     assert result.residual < 1e-8 and result.stable
 
 
-def test_orbits_that_reach_the_far_flank_are_those_of_exact_orbits():
+def test_orbits_that_reach_the_coast_flank_match_exact_orbits():
     # The upper branch at 0.66, followed down from 1, has contact with both flanks, 1 and -1.
     curve = gearlib.sweep(
         MATERIAL, np.linspace(0.66, 1.0, 18), periods=120, record_periods=1, direction="down"
@@ -71,7 +71,7 @@ def ordered(multipliers):
 
 # At the larger damping only the product of the multipliers shows whether one is found twice.
 @pytest.mark.parametrize(("nu", "damping"), [(1.5, 800), (2.0, 800), (2.0, 4000)])
-def test_multipliers_without_loss_of_contact_are_those_of_the_exact_orbit(nu, damping):
+def test_multipliers_without_contact_loss_match_the_exact_orbit(nu, damping):
     # Inside the tongue around nu = 2 they are real and negative, one beyond -1.
     pair = FREE.replace(backlash=0.0, material_damping=damping, backlash_damping=damping)
     orbit, result = periodic_orbit(pair, nu, guess=(1.0, 0.0)), harmonic_balance(pair, nu)
@@ -84,7 +84,7 @@ def test_multipliers_without_loss_of_contact_are_those_of_the_exact_orbit(nu, da
         assert orbit.multipliers[0].real < -1.0 and abs(orbit.multipliers[1]) < 1.0
 
 
-def test_an_iteration_that_diverges_has_no_multipliers():
+def test_a_diverging_iteration_reports_no_multipliers():
     # Without degenerate harmonics the successive approximations diverge here.
     start = 5.0 * np.cos(np.arange(16) * np.pi / 8)
     result = schmidt(CUBIC, 0.95, harmonics=8, degenerate=0, guess=start, max_iterations=200)
@@ -93,7 +93,7 @@ def test_an_iteration_that_diverges_has_no_multipliers():
     assert np.isnan([result.norm_bound, result.contraction]).all()
 
 
-def test_an_orbit_of_one_period_is_found_as_one_of_two_periods():
+def test_a_period_1_orbit_is_also_found_over_two_periods():
     # The orbit of one period is one of two as well, its multipliers squared.
     one = harmonic_balance(MATERIAL, 1.0, harmonics=32)
     two = harmonic_balance(MATERIAL, 1.0, harmonics=64, samples=1024, period=2)

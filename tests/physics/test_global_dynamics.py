@@ -38,7 +38,7 @@ def grid(count):
 @pytest.mark.parametrize(
     ("pair", "tuning", "periods"), [(MATERIAL, 0.72, 1), (BOTH, 1.75, 2), (LIGHT, 2.05, 3)]
 )
-def test_basins_have_the_attractors_of_runs_event_by_event(pair, tuning, periods):
+def test_basins_match_runs_event_by_event(pair, tuning, periods):
     result = basins(pair, tuning, grid(17))
     states = np.stack(np.meshgrid(result.displacement, result.velocity, indexing="ij"), axis=-1)
     # All are settled by then: the slowest orbit here decays by exp(-0.03) per period.
@@ -60,7 +60,7 @@ def test_basins_have_the_attractors_of_runs_event_by_event(pair, tuning, periods
     np.testing.assert_allclose(ends, np.roll(points, -1, axis=0), atol=1e-11)
 
 
-def test_chaotic_and_unbounded_motions_have_their_kinds():
+def test_chaotic_and_unbounded_motions_are_classified():
     soft = gear_pair(damping=0.0164, backlash_ratio=7.2, contact_ratio=1.6, stiffness_ratio=0.35)
     result = basins(soft, 0.44, grid(4), periods=200)
     assert result.attractor_kind.values.tolist() == [CHAOTIC] and result.exponent[0] > 0.5
@@ -78,7 +78,7 @@ def test_contact_without_damping_has_no_attractor():
     assert data.attractor_kind.values.tolist() == [UNDECIDED]
 
 
-def test_exponents_are_those_of_the_multipliers():
+def test_lyapunov_exponents_match_the_multipliers():
     tunings = np.array([0.62, 0.66, 0.7, 1.0, 1.2])
     diagram = gearlib.bifurcation_diagram(LIGHT, tunings)
     rates = gearlib.lyapunov_exponents(
@@ -93,7 +93,7 @@ def test_exponents_are_those_of_the_multipliers():
         assert float(rate) == pytest.approx(expected, abs=3.0 / 4000)
 
 
-def test_sections_are_samples_of_the_time_course():
+def test_poincare_sections_match_samples_of_the_time_course():
     state, nu = (0.3, 0.2), 0.9
     run = simulate(
         BOTH, nu, periods=30, record_periods=10, samples_per_period=8, initial_state=state
@@ -107,7 +107,7 @@ def test_sections_are_samples_of_the_time_course():
             np.testing.assert_allclose(cut.final_state[0], run.final_state, atol=1e-10)
 
 
-def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
+def test_a_bifurcation_diagram_matches_the_sweep():
     tunings = np.linspace(0.6, 1.0, 41)
     for direction in ("up", "down"):
         diagram = gearlib.bifurcation_diagram(
@@ -118,7 +118,7 @@ def test_a_diagram_has_the_periods_and_the_hysteresis_of_the_sweep():
         np.testing.assert_allclose(diagram.final_state, curve.final_state, atol=1e-9)
 
 
-def test_shares_of_random_states_are_those_of_a_fine_grid():
+def test_basin_stability_matches_a_fine_grid():
     tunings = [0.74, 0.75, 0.76, 1.2]
     shares = gearlib.basin_stability(BOTH, tunings, (BOX, BOX), samples=400, seed=1)
     np.testing.assert_allclose(shares.share.sum("attractor_family"), 1.0)

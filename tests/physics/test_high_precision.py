@@ -30,7 +30,7 @@ def digits_of(value):
         ({"backlash_ratio": 2.0, "contact_ratio": 2.0, "stiffness_ratio": 1.0}, 0.9, (2.0, -2.0)),
     ],
 )
-def test_linear_runs_in_many_digits_are_those_of_closed_forms(changes, tuning, state):
+def test_linear_high_precision_runs_match_closed_forms(changes, tuning, state):
     pair = GearPair.from_ratios(**(RATIOS | changes))
     end, phases, contacts = references.precise_run(pair, tuning, periods=6, digits=50, state=state)
     (x, v), *events = propagate_pair(pair, tuning, periods=6, state=state)
@@ -53,7 +53,7 @@ PAIR = GearPair(
 )
 
 
-def test_runs_with_cubic_damping_are_those_of_the_independent_program():
+def test_high_precision_runs_with_cubic_damping_match_the_independent_program():
     model = OneDegreePair(pair=PAIR, cubic_damping=0.75, backlash_cubic_damping=0.1875)
     with mpmath.workdps(40):
         # `move` integrates the equations with the code of `tests.independent`.

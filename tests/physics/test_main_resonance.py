@@ -31,7 +31,7 @@ def search():
     return DesignQuantities(DAMPED, NAMES, speed=float(DAMPED.speed(0.9)))
 
 
-def test_jumps_and_onset_are_those_of_a_whole_branch(search):
+def test_jumps_onset_and_peak_match_a_whole_branch(search):
     # Numbers of the design are a little off.
     changes = {"max_stiffness": 1.02, "contact_ratio": 0.97, "load": 1.03, "backlash": 0.98}
     model = DAMPED.replace(**{name: x * getattr(DAMPED, name) for name, x in changes.items()})
@@ -86,7 +86,7 @@ def test_the_branch_is_followed_to_its_fold_though_the_period_doubles_before():
     assert branch.tuning.values[fold] == pytest.approx(fall, rel=1e-9)
 
 
-def test_a_design_without_jumps_has_none_and_the_peak_of_its_linear_resonance(search):
+def test_a_design_without_jumps_reports_no_jump_and_the_linear_peak(search):
     model = DAMPED.replace(material_damping=1.1e4)
     results = dict(zip(NAMES, zip(*search.evaluate(model), strict=True), strict=True))
     for name in (*JUMPS, "onset_of_contact_loss"):
@@ -97,7 +97,7 @@ def test_a_design_without_jumps_has_none_and_the_peak_of_its_linear_resonance(se
     assert code == FOUND and peak == pytest.approx(top, rel=1e-4)
 
 
-def test_the_duty_point_is_that_of_a_settled_run(search):
+def test_quantities_at_the_duty_point_match_duty_point(search):
     values = dict(zip(NAMES, search.nominal, strict=True))
     point = gearlib.duty_point(DAMPED, float(DAMPED.speed(0.9)))
     assert values["peak_force_ratio"] == pytest.approx(float(point.peak_force_ratio), rel=1e-9)
@@ -106,7 +106,7 @@ def test_the_duty_point_is_that_of_a_settled_run(search):
     assert values["contact_margin"] < 0.0 < float(point.contact_loss_fraction)
 
 
-def test_six_degrees_of_freedom_have_the_special_points_of_their_branch():
+def test_jump_and_onset_of_a_six_degree_model_match_its_branch():
     model = gears(5e8, material=4.5e3, oil=300.0)
     names = ("onset_of_contact_loss", *JUMPS)
     values, codes = DesignQuantities(model, names).evaluate(model)
@@ -135,7 +135,7 @@ def test_a_train_loses_contact_and_jumps_where_a_sweep_does():
     assert height[4] > 1.3 * height[3] and height[3] < 1.1 * height[2]
 
 
-def test_sobol_indices_are_those_of_a_product():
+def test_sobol_indices_of_a_quotient_match_its_moments():
     # At constant stiffness the mesh rests at load / stiffness: indices of a product, by moments.
     model = PAPER.replace(stiffness_ratio=1.0, material_damping=4e3)
     tolerances = {"load": {"min": 1e3, "max": 6e3}, "max_stiffness": {"min": 2e8, "max": 7.5e8}}

@@ -68,7 +68,7 @@ def settings_mapping(gears):
 
 
 @pytest.mark.parametrize("gears", [SPUR, HELICAL, RING])
-def test_every_way_to_ask_gives_the_same_dynamic_factor(gears, tmp_path, monkeypatch):
+def test_library_commands_and_explorer_give_the_same_dynamic_factor(gears, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     mapping = settings_mapping(gears)
     (tmp_path / "gears.yaml").write_text(yaml.safe_dump(mapping), encoding="utf-8")

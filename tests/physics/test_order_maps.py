@@ -57,7 +57,7 @@ def by_quadrature(model, run, speed, load, orders):
 
 
 @pytest.mark.parametrize(("name", "tuning"), [("pair", 0.45), *((name, 0.85) for name in OTHERS)])
-def test_orders_of_a_speed_ramp_are_integrals_of_the_independent_motion(name, tuning):
+def test_orders_of_a_speed_ramp_match_integrals_of_the_independent_motion(name, tuning):
     model = OTHERS[name]
     rpm = float(model.speed(tuning))
     # The time of 2.2 revolutions at the first speed; with the ramp this is less than three.
@@ -89,7 +89,7 @@ def assert_block_has(block, amplitudes, rpm):
 @pytest.mark.parametrize(
     ("variable", "name"), [("displacement", "error"), ("dynamic_force", "force")]
 )
-def test_blocks_at_constant_speed_have_the_spectrum_of_their_revolutions(variable, name):
+def test_blocks_at_constant_speed_match_the_spectrum(variable, name):
     pair = PAPER.replace(material_damping=3953.7, backlash_damping=3953.7)
     once = gearlib.simulate(pair, 0.9, periods=240, record_periods=24, samples_per_period=256)
     rpm = float(once.speed)
@@ -151,7 +151,7 @@ def assert_orders(found, tolerance=1e-4):
 
 @pytest.mark.parametrize("missing", ["rows", "time", "acceleration", "speed"])
 @pytest.mark.parametrize("begin", [0.0, 2.0, 5.93])
-def test_a_gap_costs_the_revolutions_that_it_touches(begin, missing):
+def test_a_gap_removes_only_the_revolutions_that_it_touches(begin, missing):
     data, turns = ramp(600.0, 1800.0)
     is_gap = (data.time > begin) & (data.time < begin + 0.05)
     whole = data.drop_isel(sample=np.flatnonzero(is_gap)) if missing == "rows" else data.copy()
@@ -197,7 +197,7 @@ def test_ramps_have_the_same_orders_from_standstill_and_backwards(first, last, b
 
 @pytest.mark.parametrize("per_turn", [1, 2, 60])
 @pytest.mark.parametrize("speeds", [(600.0, 1800.0), (1800.0, 600.0), (0.0, 1800.0)])
-def test_single_irregular_pulses_of_a_tacho_are_repaired_and_told(per_turn, speeds):
+def test_single_irregular_tacho_pulses_are_repaired_and_reported(per_turn, speeds):
     data, turns = ramp(*speeds)
     grid = np.linspace(0.0, 6.0, 2_000_001)
     pulses = np.interp(np.arange(int(turns(6.0) * per_turn)), turns(grid) * per_turn, grid)

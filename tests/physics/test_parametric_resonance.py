@@ -43,7 +43,7 @@ def determinant(ratios, multiplier, nu):
 
 
 @pytest.mark.parametrize("ratios", MESHES)
-def test_edges_of_tongues_are_those_in_50_digits(ratios):
+def test_edges_of_tongues_match_50_digits(ratios):
     result = [tongue for tongue in find_tongues(mesh(*ratios), 0.3, 6.0) if tongue.growth > 0.0]
     assert result
     with mpmath.workdps(50):
@@ -57,7 +57,7 @@ def test_edges_of_tongues_are_those_in_50_digits(ratios):
 
 
 @pytest.mark.parametrize("ratios", MESHES)
-def test_the_map_of_one_period_is_that_in_50_digits(ratios):
+def test_the_period_map_matches_50_digits(ratios):
     nu = 0.66
     result, _ = meissner.period_map(mesh(*ratios), nu)
     with mpmath.workdps(50):
@@ -69,7 +69,7 @@ def test_the_map_of_one_period_is_that_in_50_digits(ratios):
     assert meissner.growth(*ratios, nu) == pytest.approx(math.log(radius), abs=1e-7)
 
 
-def test_every_tongue_is_found_and_is_one_interval():
+def test_growing_motions_lie_inside_the_tongues_found():
     random = np.random.default_rng(7)
     for _ in range(20):
         ratios = 1.0 + random.random(), 10.0 ** random.uniform(-4.0, 0.0)
@@ -85,7 +85,7 @@ def test_every_tongue_is_found_and_is_one_interval():
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_the_damping_that_closes_a_tongue_makes_both_edges_one(order):
+def test_both_edges_of_a_tongue_merge_at_its_closing_damping(order):
     result = meissner.closing_damping(*PAPER, order)
     below, above = (
         meissner.tongue(meissner.meissner_equation(*PAPER, result * (1.0 + side * 1e-9)), order)
@@ -113,7 +113,7 @@ def test_damping_may_open_a_closed_tongue_again():
     assert meissner.closing_damping(*ratios, order) > 0.3
 
 
-def test_tongues_of_one_harmonic_are_those_of_mathieus_equation():
+def test_tongues_of_a_single_harmonic_match_mathieus_equation():
     model = OneDegreePair(pair=mesh(contact_ratio=1.5, stiffness_ratio=0.9), profile=Fourier(1))
     ripple = abs(model.profile.pieces(model.pair).harmonics[0, 1])
     result = {tongue.order: tongue for tongue in find_tongues(model, 0.5, 3.0)}
@@ -127,7 +127,7 @@ def test_tongues_of_one_harmonic_are_those_of_mathieus_equation():
             assert error < 1e-14 / (tongue.stop - tongue.start)
 
 
-def test_tongues_of_a_table_have_the_multiplier_minus_one_at_edges_and_close_with_damping():
+def test_tongues_of_a_table_have_multiplier_minus_one_at_edges_and_close_with_damping():
     phase = tuple(np.linspace(0.0, 2.0 * math.pi, 8, endpoint=False).tolist())
     table = Tabulated(phase, (4.0, 3.8, 3.0, 2.4, 2.6, 2.2, 3.1, 3.6))
     high, kappa, ratio = table.ratios()
@@ -148,7 +148,7 @@ def test_tongues_of_a_table_have_the_multiplier_minus_one_at_edges_and_close_wit
         assert (near.growth > 0.0) == is_open
 
 
-def test_rigid_bearings_have_the_tongues_of_one_degree():
+def test_tongues_on_rigid_bearings_match_the_one_degree_model():
     pair = gears(bearing=math.inf, material=80.0)
     six = tongues(pair, start=0.45, stop=1.2, step=0.01)
     one = tongues(pair.pair, start=0.45, stop=1.2)
@@ -165,7 +165,7 @@ def test_rigid_bearings_have_the_tongues_of_one_degree():
     np.testing.assert_allclose(sorted(six.closing_damping.values), closings, rtol=0, atol=1e-10)
 
 
-def test_bearings_bring_combination_resonance():
+def test_soft_bearings_cause_combination_resonance():
     pair = gears(bearing=1e8, **EVERYTHING)
     result = tongues(pair, start=1.3, stop=1.45, step=0.005)
     # Edges of combination resonances have complex multipliers, which 0 stands for.

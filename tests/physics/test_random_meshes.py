@@ -41,7 +41,7 @@ def random_mesh(rng):
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))
-def test_no_event_missed_or_invented(seed):
+def test_no_event_of_a_random_mesh_is_missed_or_invented(seed):
     rng = np.random.default_rng(seed)
     compared = 0
     for _ in range(CASES_PER_SEED):
@@ -77,7 +77,7 @@ def test_no_event_missed_or_invented(seed):
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_a_mesh_that_just_misses_the_far_flank_is_distinguished_from_one_that_hits_it(side):
+def test_near_misses_of_the_coast_flank_are_told_from_hits(side):
     tuning, damping, gap = 0.8, 0.05, 2.0
     ratios = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "backlash_ratio": gap}
     pair = GearPair.from_ratios(damping=damping, backlash_damping=damping, **ratios)

@@ -48,7 +48,7 @@ def repeating_period(displacement, velocity, repeats):
     return orbit.orbit_period(states, tuning=1.0, displacement_range=1.0, repeats=repeats)
 
 
-def test_the_period_of_a_motion_is_judged_over_a_whole_repeat_of_the_run_out():
+def test_the_period_is_judged_over_a_whole_repeat_of_the_run_out():
     repeats = 30
     phase = 2.0 * math.pi * np.arange(4 * repeats + 40) / repeats
     x, v = np.sin(phase), np.cos(phase)
@@ -64,7 +64,7 @@ def test_the_period_of_a_motion_is_judged_over_a_whole_repeat_of_the_run_out():
     assert repeating_period(slow, np.zeros_like(slow), 1_000_000) == 1_000_000
 
 
-def test_the_gears_turn_on_from_one_tuning_of_a_sweep_to_the_next():
+def test_a_sweep_carries_the_run_out_phase_from_one_tuning_to_the_next():
     # The tunings are equal up to rounding: the sweep, from the last one down, is a single run.
     pair, nu = damped(UNEQUAL), 0.9
     tunings = nu + 1e-13 * np.arange(5)

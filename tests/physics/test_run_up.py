@@ -55,7 +55,7 @@ PINS = [(0.0, 5e-6), (0.0, 0.0), (2e-6, 0.0)]
         (TEETH, 0.9, (2.0, -0.5)),
     ],
 )
-def test_a_run_up_without_acceleration_is_a_run_at_constant_speed(model, tuning, start):
+def test_a_run_up_without_acceleration_matches_a_run_at_constant_speed(model, tuning, start):
     periods, options = 24, {"samples_per_period": 16, "initial_state": start}
     run = gearlib.simulate(model, tuning, periods=periods, record_periods=periods, **options)
     speed, length = float(run.speed), float(run.static_deflection)
@@ -114,7 +114,7 @@ def assert_moves_as_the_reference(run, code, state, room, frequency):
 
 @pytest.mark.parametrize("model", [WAVY, DAMPED, DAMPED.replace(contact_ratio=1.2)])
 @pytest.mark.parametrize("standstill", [False, True])
-def test_pairs_that_drive_a_mass_move_as_in_the_independent_program(model, standstill):
+def test_run_ups_of_pairs_that_drive_a_mass_match_the_independent_program(model, standstill):
     speed, load = random_course(np.random.default_rng(3), model, 0.7, 20, swing=0.6)
     if standstill:
         speed[0] = 0.0, 0.0
@@ -127,7 +127,7 @@ def test_pairs_that_drive_a_mass_move_as_in_the_independent_program(model, stand
 
 
 @pytest.mark.parametrize("standstill", [0, 3])
-def test_pairs_of_teeth_of_the_standard_move_as_their_gear_pair(standstill):
+def test_run_ups_of_tooth_pairs_without_relief_match_their_gear_pair(standstill):
     """Without relief pairs of teeth of constant stiffness are the rectangle of closed forms."""
     iso = {"stiffness": "iso", "corner_contact": False, "torque": 300.0, "damping_ratio": 0.05}
     mesh = replace(fzg_c(), backlash=2e-6)
@@ -149,7 +149,7 @@ def test_pairs_of_teeth_of_the_standard_move_as_their_gear_pair(standstill):
         assert int(different.sum()) <= allowed, name
 
 
-def test_pairs_of_teeth_run_up_as_by_scipy():
+def test_run_ups_of_tooth_pairs_match_scipy():
     """The parabolas of teeth with relief and errors, integrated over time from one to the next."""
     system, turn = TEETH.system(1.0), float(TEETH.mesh_frequency(1.0))
     first, last = 0.5, 0.9
@@ -197,7 +197,7 @@ def test_pairs_of_teeth_run_up_as_by_scipy():
         (chain_with_everything(np.random.default_rng(1)), 0.8),
     ],
 )
-def test_models_of_many_coordinates_move_as_in_the_independent_program(model, tuning):
+def test_run_ups_with_many_coordinates_match_the_independent_program(model, tuning):
     rng = np.random.default_rng(0)
     speed, load = random_course(rng, model, tuning, 8, swing=0.2)
     start = "static" if model.mesh_names else tuple(rng.normal(0.0, 1.0, model.size))
@@ -226,7 +226,7 @@ def test_gears_of_constant_stiffness_stay_in_the_static_state(model, load):
 
 
 @pytest.mark.parametrize("model", [PAPER.replace(material_damping=3953.7), TRAIN])
-def test_statistics_of_a_revolution_are_those_of_its_time_course(model):
+def test_statistics_of_a_revolution_match_its_time_course(model):
     # So slow that vibrations die out between two switches of the stiffness.
     speeds = (1000.0, 1500.0) if model is TRAIN else (300.0, 700.0)
     steps = {"load": [(0.21, 1.0), (0.21, 0.6)], "samples_per_period": 512}

@@ -46,7 +46,7 @@ def plain_sweeps(designs, count):
     return np.array(rows).reshape(count, 3, 3, NU.size).transpose(2, 0, 1, 3)
 
 
-def test_bands_are_quantiles_of_plain_sweeps():
+def test_bands_match_quantiles_of_plain_sweeps():
     designs = Designs(PAIR, MANY)
     height, factor, lost = plain_sweeps(designs, 24)
     result = scatter(PAIR, MANY, n=24, **RUNS)
@@ -59,7 +59,7 @@ def test_bands_are_quantiles_of_plain_sweeps():
     assert two.any() and np.allclose(result.two_motions_probability, two.mean(axis=0))
 
 
-def test_any_shards_give_the_same_bytes(whole, tmp_path):
+def test_any_division_into_shards_gives_the_same_bytes(whole, tmp_path):
     cuts = [(50, 100), (0, 3), (3, 50)]
     for i, ends in enumerate(cuts):
         part = shard(PAIR, MANY, 100, *ends, threads=i + 1, **RUNS)
@@ -88,7 +88,7 @@ def test_random_starts_lead_to_both_motions_where_sweeps_up_and_down_differ(whol
     assert int(whole.failed_runs.sum()) == 0 and (whole.run_count == 100).all()
 
 
-def test_samples_that_cannot_be_built_are_counted_and_told():
+def test_samples_that_cannot_be_built_are_counted_and_reported():
     options = {"contact_ratio": {"mean": 1.9, "std": 0.1}}
     result = scatter(PAIR, options, n=128, tunings=[0.9], quantities=())
     count = int((result.refusal != "").sum())
@@ -98,7 +98,7 @@ def test_samples_that_cannot_be_built_are_counted_and_told():
     assert text.startswith(f"{count} of 128 samples cannot be built, such as: contact_ratio = 2.")
 
 
-def test_jump_and_onset_speeds_of_samples_are_those_of_their_models():
+def test_jump_and_onset_speeds_of_samples_match_their_models():
     options = {"max_stiffness": {"std": "1 %"}, "contact_ratio": {"mean": 1.9, "std": 0.06}}
     names = ("jump_up", "onset_of_contact_loss")
     result = scatter(PAIR, options, names, n=16)

@@ -39,7 +39,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_derivatives_of_runs_against_many_digits(name):
+def test_derivatives_of_runs_match_differences_in_50_digits(name):
     (model, tuning, state, periods), names = CASES[name]
     options = {"periods": periods, "initial_state": state, "samples_per_period": 1}
 
@@ -63,7 +63,7 @@ def test_derivatives_of_runs_against_many_digits(name):
             assert np.abs(values - expected).max(initial=0.0) <= room, (parameter, variable)
 
 
-def test_derivatives_of_an_orbit_and_its_multipliers_are_those_in_many_digits():
+def test_derivatives_of_an_orbit_and_its_multipliers_match_50_digits():
     def orbit(model, tuning):
         result = periodic_orbit(model, tuning, guess=(0.096, -2.833))
         return np.concatenate([result.state, result.multipliers.real, result.multipliers.imag])
@@ -78,7 +78,7 @@ def test_derivatives_of_an_orbit_and_its_multipliers_are_those_in_many_digits():
         assert difference <= 1e-8 * np.abs(expected).max(), name
 
 
-def test_the_derivative_of_a_run_up_by_the_load_is_the_displacement_over_the_load():
+def test_the_derivative_of_a_run_up_with_respect_to_the_load_matches_the_closed_form():
     # Without contact loss the displacement is proportional to the load.
     def largest(model, start):
         return gearlib.run_up(model, start, start * 1.2, duration=0.05).displacement_max
@@ -110,7 +110,7 @@ def test_sensitivities_at_a_grazing_warn_that_events_appear_or_vanish():
         sensitivities(largest, pair, "tuning", tuning=grazing)
 
 
-def test_the_end_of_a_range_has_a_one_sided_derivative():
+def test_a_parameter_at_the_end_of_its_range_gets_a_one_sided_derivative():
     def last(model):
         return simulate(model, 0.6, periods=3).final_state
 

@@ -23,7 +23,7 @@ def state_on_far_flank(model, speed):
 
 
 @pytest.mark.parametrize(("material", "oil"), [(0.0, 4e4), (3953.7, 4e4), (4e4, 0.0)])
-def test_the_far_flank_is_grazed_without_chatter(material, oil):
+def test_the_coast_flank_is_grazed_without_chatter(material, oil):
     # If oil damps far more than the material, it drives the flanks together.
     model = gears(1e9, material, oil, backlash=200e-6)
     ends = []

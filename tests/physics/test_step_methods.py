@@ -47,7 +47,7 @@ def test_every_method_is_listed_with_the_meanings_of_its_options():
         ("generalised_alpha", {"contact": "frozen", "spectral_radius": 1.0}, 2, 160),
     ],
 )
-def test_errors_fall_with_the_order_of_the_method_where_contact_lasts(
+def test_errors_decrease_with_the_order_of_the_method_in_permanent_contact(
     method, options, order, steps
 ):
     # Contact ratio 1.5: switches at pi / 2 and 3 pi / 2, step ends of 4 n steps.
@@ -176,7 +176,7 @@ def test_samples_satisfy_the_equation_of_motion(method, options):
 
 
 @pytest.mark.parametrize(("method", "options"), VARIANTS)
-def test_a_motion_that_grows_for_ever_is_an_overflow(method, options):
+def test_an_unbounded_motion_ends_with_the_status_overflow(method, options):
     # From rest the steps of scipy would take minutes.
     late = {"periods": 50, "initial_state": (9e149, 0.0)}
     span = late if method == "scipy" else {"periods": 5000}
@@ -192,7 +192,7 @@ def test_iterations_that_do_not_converge_end_the_run_with_a_status():
     assert run.displacement.isnull().all()
 
 
-def test_a_package_that_is_missing_is_named(monkeypatch):
+def test_a_missing_package_is_named_in_the_refusal(monkeypatch):
     package, find = integrators.METHODS["heyoka"].PACKAGE, importlib.util.find_spec
     monkeypatch.setattr(
         "gearlib.integrators.method.find_spec",

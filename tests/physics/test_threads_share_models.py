@@ -23,7 +23,7 @@ def frequent_switches():
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_threads_that_share_a_model_record_the_bytes_of_one_thread(model):
+def test_threads_that_share_a_model_record_the_same_bytes_as_one_thread(model):
     rng, tunings = np.random.default_rng(1), (0.7, 0.9, 1.1)
     for _ in range(2):
         # Copies, whose bases and tables are still to be computed.

@@ -26,7 +26,7 @@ CUBIC = OneDegreePair(pair=PAPER, cubic_damping=4e5, backlash_cubic_damping=4e5)
         (PAPER, 0.9, "chaotic"),
     ],
 )
-def test_motions_get_their_labels(pair, nu, label):
+def test_known_motions_get_the_right_label(pair, nu, label):
     result = trust(pair, nu, periods=1500, exponent_periods=2000)
     assert result.label == label, result.message
     if label == "periodic":
@@ -75,7 +75,7 @@ def test_an_exponent_of_linear_growth_is_not_positive():
     assert not Exponent(0.02, uncertainty=0.02, growth=80.0, periods=4000).positive
 
 
-def test_a_scan_has_the_results_of_trust_at_its_tunings():
+def test_a_scan_over_tunings_matches_trust_at_each_tuning():
     options = {"periods": 100, "exponent_periods": 500}
     result = classify_at_tunings(PAPER, [0.7, 0.9], **options)
     # The conventions CF ask for one word for each value of a flag.

@@ -24,7 +24,7 @@ def reference_data():
 
 
 @pytest.mark.parametrize("method", ["exact", "taylor"])
-def test_errors_of_exact_methods_are_rounding(reference_data, method):
+def test_errors_of_exact_methods_are_rounding_errors(reference_data, method):
     finest = work_precision.errors(method, reference_data, PAIR, SIX, SETTINGS).isel(rung=-1)
     built = [problems.build(name, PAIR, SIX, SETTINGS) for name in problems.CASES]
     supported = [integrators.METHODS[method].supports(problem.model) for problem in built]
@@ -43,7 +43,7 @@ def test_errors_of_exact_methods_are_rounding(reference_data, method):
     assert finest.multiplier_error.notnull().sum() == 4 - (method == "exact")
 
 
-def test_the_error_of_rk45_follows_its_tolerance(reference_data):
+def test_the_error_of_rk45_is_proportional_to_its_tolerance(reference_data):
     bouncing_and_cubic = reference_data.sel(problem=["bouncing", "cubic"])
     data = work_precision.errors("rk45", bouncing_and_cubic, PAIR, SIX, SETTINGS)
     rtol = np.array([options["rtol"] for _, _, options in work_precision.method_settings("rk45")])

@@ -107,7 +107,7 @@ def test_constant_stiffness_rests_at_the_static_deflection():
 
 
 @pytest.mark.parametrize("digits", [10, 80])
-def test_enclosures_have_the_digits_that_are_asked_for(digits):
+def test_enclosures_have_the_requested_number_of_digits(digits):
     proven = gearlib.certify(bouncing(), digits=digits)
     names = ("displacement", "velocity", "trace", "determinant")
     for name in (*names, "displacement_min", "displacement_max"):
@@ -141,7 +141,7 @@ def random_orbit(rng):
 
 
 @pytest.mark.parametrize("seed", range(COUNT))
-def test_random_orbits_and_wrong_candidates(seed):
+def test_random_orbits_are_proven_and_wrong_candidates_refused(seed):
     rng = np.random.default_rng(seed)
     orbit = random_orbit(rng)
     if orbit is None:
@@ -170,17 +170,17 @@ def test_random_orbits_and_wrong_candidates(seed):
         ({"model": gearlib.OneDegreePair(pair=MATERIAL, cubic_damping=1.0)}, "model"),
     ],
 )
-def test_wrong_candidate_is_refused(change, status):
+def test_a_wrong_candidate_is_refused(change, status):
     refused = gearlib.certify(replace(bouncing(), **change))
     assert not refused and refused.status == status
 
 
-def test_orbit_that_repeats_earlier_is_refused():
+def test_an_orbit_with_a_smaller_period_is_refused():
     refused = gearlib.certify(replace(bouncing(), period=3, pattern=(0, *(1, 0) * 3)))
     assert refused.status == "period" and "after 1 mesh period already" in refused.message
 
 
-def test_orbit_that_touches_the_flank_line_is_refused():
+def test_an_orbit_that_touches_a_flank_line_is_refused():
     """Undamped, from rest on the flank line: x = 0 and x' = 0 once in every mesh period."""
     orbit = gearlib.periodic_orbit(pair(contact_ratio=2.0), 0.5, guess=(0.3, 0.0))
     # Constant stiffness c = 1 without damping, nu = 1/2: every motion repeats, this one touches.
@@ -190,7 +190,7 @@ def test_orbit_that_touches_the_flank_line_is_refused():
     assert not gearlib.certify(replace(touching, model=tilted))
 
 
-def test_without_flint_the_message_says_what_to_install(monkeypatch):
+def test_without_flint_the_message_names_the_package_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "flint", None)
     with pytest.raises(ImportError, match=r"python-flint.*gearlib\[proof\]"):
         gearlib.certify(bouncing())

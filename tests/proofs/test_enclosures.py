@@ -24,7 +24,7 @@ def test_multiple_eigenvalues_are_enclosed():
         assert stability_verdict(values[first:], matrix, None)[0] == stability
 
 
-def test_eigenvalues_of_all_matrices_of_a_ball():
+def test_eigenvalues_of_all_matrices_of_a_ball_are_enclosed():
     with precision(128):
         values = eigenvalues(arb_mat([[1, arb(0, 0.1)], [arb(0, 0.1), 2]]))
         for off in (-0.1, 0.0, 0.1):

@@ -20,7 +20,7 @@ from tests.proofs.claims import MATERIAL, claim_of
         (PAPER, 0.64, 0.66, (0.5, 0.0), "stability", 0.6556243338),
     ],
 )
-def test_a_range_ends_where_the_orbit_does(pair, start, to, guess, status, at):
+def test_a_proven_range_ends_where_the_orbit_grazes(pair, start, to, guess, status, at):
     """At a grazing, a fold, an edge of a tongue."""
     orbit = gearlib.periodic_orbit(pair, start, guess=guess)
     refused = gearlib.certify_range(orbit, to=to)
@@ -35,14 +35,14 @@ def test_a_range_ends_where_the_orbit_does(pair, start, to, guess, status, at):
         assert (one.pattern, one.stability) == (proven.pattern, proven.stability)
 
 
-def test_range_towards_lower_tuning_has_its_ends_in_rising_order():
+def test_a_range_towards_lower_tuning_has_ascending_ends():
     proven = gearlib.certify_range(gearlib.periodic_orbit(MATERIAL, 0.9), to=0.895)
     assert (proven.start, proven.stop, proven.stability) == (0.895, 0.9, "stable")
     assert proven.pattern == (1, 0, 1) and "Proven" in repr(proven)
     assert claim_of(proven)["start"] == (0.895).hex()
 
 
-def test_range_without_length_or_orbit_or_proof_is_refused():
+def test_a_range_without_length_orbit_or_proof_is_refused():
     orbit = gearlib.periodic_orbit(MATERIAL, 0.7)
     with pytest.raises(ValueError, match="another tuning"):
         gearlib.certify_range(orbit, to=0.7)
@@ -53,7 +53,7 @@ def test_range_without_length_or_orbit_or_proof_is_refused():
     assert refused.status == "model"
 
 
-def test_range_of_a_mesh_at_rest():
+def test_a_range_of_a_mesh_at_rest_is_proven():
     """At constant stiffness the mesh rests, whatever the tuning."""
     resting = gearlib.GearPair.from_ratios(contact_ratio=2.0, stiffness_ratio=0.6, damping=0.05)
     assert gearlib.certify_range(gearlib.periodic_orbit(resting, 0.6), to=0.9).pattern == (1,)
@@ -67,7 +67,7 @@ def test_range_of_a_mesh_at_rest():
         (PAPER, 0.66, 0.6601, "unstable"),
     ],
 )
-def test_orbits_in_50_digits_lie_in_a_range(pair, start, to, stability):
+def test_orbits_in_50_digits_lie_in_the_proven_range(pair, start, to, stability):
     orbit = gearlib.periodic_orbit(pair, start, guess=(0.5, 0.0))
     claim = claim_of(gearlib.certify_range(orbit, to=to))
     assert claim["stability"] == stability
@@ -77,7 +77,7 @@ def test_orbits_in_50_digits_lie_in_a_range(pair, start, to, stability):
     assert faults(claim | last) == []
 
 
-def test_range_of_a_train():
+def test_a_range_of_a_train_is_proven():
     orbit = gearlib.periodic_orbit(gearlib.idler(PAPER.replace(material_damping=1500.0)), 0.7)
     proven = gearlib.certify_range(orbit, to=0.701)
     assert proven and proven.stability == "stable" and proven.train.contacts == (1, 1)

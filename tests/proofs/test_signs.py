@@ -45,12 +45,12 @@ def is_proven_free_of_grazing(load, x, w, t, *crossed, code=1):
 @pytest.mark.parametrize(
     "lowest, proven", [(1e-9, True), (-1e-9, False), (0.0, False), (0.3, True)]
 )
-def test_dip_between_the_ends(lowest, proven):
+def test_a_dip_between_the_ends_is_noticed(lowest, proven):
     # From the highest point over the lowest to the next highest point.
     assert is_proven_free_of_grazing(1.0, 2.0 - lowest, 0.0, 2.0 * math.pi) == proven
 
 
-def test_arc_that_starts_or_ends_on_the_line():
+def test_an_arc_that_starts_or_ends_on_the_flank_line_has_one_sign():
     # From the line with speed 1 to the line again, over the top.
     back = 2.0 * math.pi - 2.0 * math.atan(1.0)
     assert is_proven_free_of_grazing(1.0, 0.0, 1.0, 0.5 * back, True, False)

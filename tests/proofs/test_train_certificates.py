@@ -116,7 +116,7 @@ def test_orbits_that_cannot_be_proven_are_refused(monkeypatch):
 
 
 @pytest.mark.parametrize("tuning", [0.6, 0.651837])
-def test_contacts_that_are_not_listed_are_seen(tuning):
+def test_unlisted_contacts_are_noticed(tuning):
     """The orbit of the equations without loss of contact dips below the flank lines, by 2 and 1e-3.
 
     The lower dip lies within a piece, at whose ends nothing is seen of it.

@@ -107,7 +107,7 @@ def fully_recorded_run(case, **options):
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_a_motion_is_that_of_the_reference(name):
+def test_a_motion_matches_the_reference(name):
     case = KNOWN[name]
     motion, run = reference_motion(case), fully_recorded_run(case)
     for method in case.model.propagators:
@@ -120,7 +120,7 @@ def test_a_motion_is_that_of_the_reference(name):
 @pytest.mark.parametrize("kind", [name for name in CASES if name != "pairs of teeth"])
 @given(data=st.data())
 @settings(FEW, phases=[Phase.generate])
-def test_a_random_motion_is_that_of_the_reference(kind, data):
+def test_a_random_motion_matches_the_reference(kind, data):
     assert_run_is_that_of_the_reference(data.draw(CASES[kind]))
 
 

@@ -62,7 +62,7 @@ INSTALLED = {method for method in METHODS if integrators.describe_method(method)
 
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("method", sorted(INSTALLED))
-def test_a_motion_is_that_of_the_exact_method(method, name):
+def test_a_motion_matches_the_exact_method(method, name):
     accuracy, case = METHODS[method], MOTIONS[name]
     span = {"periods": case.periods, "record_periods": case.periods, "samples_per_period": 64}
     span["initial_state"] = case.state
@@ -94,7 +94,7 @@ RUNS += [(KNOWN[name].model, "exact", {}) for name in ("gear_rattle", "unequal g
 
 
 @pytest.mark.parametrize(("model", "method", "options"), RUNS)
-def test_a_sweep_holds_its_single_runs(model, method, options):
+def test_a_sweep_matches_its_single_runs(model, method, options):
     span = {"periods": 10, "record_periods": 4, "method": method, "options": options}
     table = sweep(model, [0.9, 0.7], **span)
     assert ("mesh" in table.dynamic_force_max.dims) == bool(model.mesh_names)

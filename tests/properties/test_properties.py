@@ -72,7 +72,7 @@ def compare(case, found, other, state=None, displacement=None):
 @pytest.mark.parametrize("kind", sorted(CASES.keys() - {"oscillator", "pairs of teeth"}))
 @given(data=st.data())
 @FEW
-def test_units_do_not_matter(kind, data):
+def test_results_do_not_depend_on_units(kind, data):
     case = data.draw(CASES[kind])
     found = run(case)
     # Powers of two leave every digit of a product alone.
@@ -95,7 +95,7 @@ def end_of(case, periods):
 @pytest.mark.parametrize("kind", CASES)
 @given(data=st.data())
 @MANY
-def test_a_run_goes_on_where_another_ends(kind, data):
+def test_a_run_continues_where_another_ends(kind, data):
     case = data.draw(CASES[kind])
     half = case.model.repeats
     state = end_of(case, half) if half <= 24 else None
@@ -113,7 +113,7 @@ def test_a_run_goes_on_where_another_ends(kind, data):
 @pytest.mark.parametrize("describe", [changes.mirrored, changes.renamed, changes.exchanged])
 @given(data=st.data())
 @MANY
-def test_a_machine_has_one_motion_however_it_is_described(describe, data):
+def test_equivalent_models_of_a_machine_have_the_same_motion(describe, data):
     case = data.draw(CASES["train"])
     other, key_of = describe(case.model)
     places = {where: i for i, where in enumerate(other.structure.coordinates)}

@@ -91,7 +91,7 @@ def test_reversed_loads_have_the_same_quantities_of_designs():
         np.testing.assert_allclose(coast, drive, rtol=1e-7)
 
 
-def test_coast_sides_under_load_have_their_own_phases_in_tongues_and_phasing():
+def test_tongues_and_phasing_use_the_phases_of_loaded_coast_sides():
     train = with_equal_flanks(gearlib.idler(PAPER.replace(material_damping=100.0)))
     shift = {"phase": 0.1, "coast_phase": 0.35}
     meshes = [train.meshes[0], replace(train.meshes[1], **shift)]
@@ -105,7 +105,7 @@ def test_coast_sides_under_load_have_their_own_phases_in_tongues_and_phasing():
     np.testing.assert_allclose(widths[0].tuning_from, widths[1].tuning_from, rtol=1e-9)
 
 
-def test_a_run_up_on_the_coast_side_shows_its_largest_forces():
+def test_a_run_up_on_the_coast_side_reports_its_largest_forces():
     train = MODELS["planetary"]
     drive, coast = (
         gearlib.run_up(t, 2000.0, 2000.0001, duration=0.1) for t in (train, reversed_loads(train))

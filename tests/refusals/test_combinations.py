@@ -118,7 +118,7 @@ def test_impossible_models_and_calls_are_refused_in_one_sentence(call, sentence)
 
 
 @pytest.mark.parametrize("call", ROWS["undeclared"].splitlines())
-def test_what_no_parameter_takes_is_refused_by_its_name(call):
+def test_values_of_a_wrong_type_are_refused_with_the_parameter_name(call):
     function, given, names = undeclared(call)
     assert names
     for name, value in product(names, TAKEN_BY_NONE):

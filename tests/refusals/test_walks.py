@@ -75,7 +75,7 @@ def test_each_wrong_value_is_refused_in_one_sentence(annotation, place, refusals
 
 
 @cases
-def test_values_just_inside_are_not_refused_for_their_range(annotation, place, refusals, text_of):
+def test_values_just_inside_a_range_are_not_refused_for_it(annotation, place, refusals, text_of):
     words = p.requirement(annotation, text_of is validation.as_text).rpartition("each ")[2]
     for value in inside(annotation, text_of is validation.as_text):
         # Other sentences are allowed: values of several parameters may not go together.

@@ -130,7 +130,7 @@ HARM = {
 
 
 @pytest.mark.parametrize("name", HARM)
-def test_results_that_no_job_has_left_so_are_computed_anew(project, undisturbed, name):
+def test_damaged_results_are_computed_again(project, undisturbed, name):
     harm, rules = HARM[name]
     harm(project)
     assert project.rules("-j2") == rules or rules is None
@@ -138,7 +138,7 @@ def test_results_that_no_job_has_left_so_are_computed_anew(project, undisturbed,
     assert project.rules("-j2") == set()
 
 
-def test_damaged_file_of_the_same_date_is_named_when_it_is_read(project):
+def test_a_damaged_file_with_its_old_date_is_named_when_read(project):
     times, content = os.stat(project / SHARD), (project / SHARD).read_bytes()
     (project / SHARD).write_bytes(content[: len(content) // 2])
     os.utime(project / SHARD, ns=(times.st_atime_ns, times.st_mtime_ns))
@@ -169,7 +169,7 @@ def small_disk(folder, size):
         backup.rename(folder)
 
 
-def test_full_disk(project, undisturbed):
+def test_a_full_disk_is_reported_in_one_sentence(project, undisturbed):
     for path in project.results():
         if "phase_planes" in path:
             (project / path).unlink()
@@ -182,7 +182,7 @@ def test_full_disk(project, undisturbed):
     assert project.results() == undisturbed.results()
 
 
-def test_read_only_results(project):
+def test_read_only_results_are_reported_in_one_sentence(project):
     for path in (project / "results/figures").glob("fig2_phase_shift.*"):
         path.unlink()
     with small_disk(project / "results", "50m"):
@@ -205,7 +205,7 @@ def test_a_second_workflow_is_refused_and_ctrl_c_ends_the_jobs_of_the_first(proj
     assert "Traceback" not in (project / "printed.txt").read_text(encoding="utf-8")
 
 
-def test_nothing_is_lost_by_kills(undisturbed, tmp_path):
+def test_killed_workflows_lose_no_results(undisturbed, tmp_path):
     """Kill a job, Snakemake alone (its jobs go on) or everything, and start again."""
     project, dice = tiny_project(tmp_path / "project"), random.Random(20070414)
     for number in range(KILLS):

@@ -72,7 +72,7 @@ def run_without_jamming_check(train, tuning, state, periods):
         (1e-6, 1e-6, 0.5, False),
     ],
 )
-def test_two_gears_whose_backlash_closes(start, drive, coast, tuning, jams):
+def test_two_gears_jam_where_their_backlash_closes(start, drive, coast, tuning, jams):
     train = two_gears(drive, coast)
     run = gearlib.simulate(train, tuning, periods=20, initial_state=start)
     assert int(run.status) == (status.JAMMED if jams else status.OK)

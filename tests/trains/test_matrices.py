@@ -65,7 +65,7 @@ def as_matrices(train):
     return GearTrain.from_matrices(*arrays, train.meshes, gears, **options)
 
 
-def test_natural_frequencies_are_those_of_ross():
+def test_natural_frequencies_match_ross():
     modes = two_rotors().modes()
     found = np.sort(modes.natural_frequency.values)
     assert found[:3] == pytest.approx(0.0, abs=1e-3)
@@ -93,7 +93,7 @@ def test_a_reduction_keeps_frequencies_damping_and_response():
     assert responses[1] == pytest.approx(responses[0], rel=1e-3)
 
 
-def test_a_reduced_rotor_moves_as_the_whole():
+def test_a_reduced_rotor_moves_as_the_full_one():
     whole = two_rotors()
     results = [
         gearlib.sweep(train, [0.02, 0.05], periods=200, record_periods=2).dynamic_force_max.values
@@ -110,7 +110,7 @@ def test_a_planetary_train_as_its_own_matrices_moves_the_same():
     assert runs[1] == pytest.approx(runs[0], abs=1e-11)
 
 
-def test_studies_of_matrices_find_what_they_find_for_bodies():
+def test_studies_of_a_train_of_matrices_match_those_of_bodies():
     trains = pair(stiffness_ratio=0.7), pair_of_matrices()
     orbits = [gearlib.periodic_orbit(train, 0.7) for train in trains]
     assert np.abs(orbits[1].multipliers) == pytest.approx(np.abs(orbits[0].multipliers), rel=1e-9)
@@ -158,7 +158,7 @@ def test_a_harmonic_force_acts_on_a_coordinate_of_matrices():
     assert np.array_equal(*runs)
 
 
-def test_a_harmonic_torque_moves_a_linear_pair_as_the_closed_form():
+def test_a_harmonic_torque_on_a_linear_pair_matches_the_closed_form():
     force = HarmonicForce(body="a", amplitude=20.0, order=2, of="m", phase=0.4)
     train = pair(forces=[force])
     result = gearlib.simulate(train, 0.6, periods=400, record_periods=1, samples_per_period=64)
@@ -173,14 +173,14 @@ def test_a_harmonic_torque_moves_a_linear_pair_as_the_closed_form():
     assert result.displacement.values.ravel() == pytest.approx(expected, rel=1e-9)
 
 
-def test_modes_have_the_damping_of_the_complex_eigenvalues():
+def test_modal_damping_matches_the_complex_eigenvalues():
     modes = pair().modes()
     mass, stiffness, damping = 1.0 / (0.1**2 / 0.01 + 0.2**2 / 0.04), 3e8, 3000.0
     ratio = damping / 2.0 / math.sqrt(stiffness * mass)
     assert modes.modal_damping_ratio.values[-1] == pytest.approx(ratio, rel=1e-9)
 
 
-def test_a_ratio_for_each_mode_adds_to_the_dampings_of_meshes():
+def test_modal_damping_ratios_add_to_the_damping_of_the_meshes():
     ratios = [
         train.modes().modal_damping_ratio.values[-1]
         for train in (pair(), pair(modal_damping=[0.07]))
@@ -188,7 +188,7 @@ def test_a_ratio_for_each_mode_adds_to_the_dampings_of_meshes():
     assert ratios[1] - ratios[0] == pytest.approx(0.07, rel=1e-9)
 
 
-def test_state_space_steps_to_the_static_state():
+def test_a_step_response_of_the_state_space_ends_in_the_static_state():
     system = pair().state_space(
         inputs=["rotation of a", "rotation of b"],
         outputs=["mesh force of m", "acceleration rotation of a"],
@@ -202,7 +202,7 @@ def test_state_space_steps_to_the_static_state():
     assert found[-1] == pytest.approx([1000.0, 0.0], rel=1e-6, abs=1e-3)
 
 
-def test_a_state_space_needs_bodies_and_knows_its_names():
+def test_state_space_refuses_unknown_names_and_trains_without_bodies():
     with pytest.raises(ValueError, match="model of type GearPair is not allowed"):
         gearlib.state_space(gearlib.GearPair.from_ratios(contact_ratio=1.6, stiffness_ratio=0.7))
     with pytest.raises(ValueError, match="inputs = 'torque' is not allowed"):
@@ -246,7 +246,7 @@ def test_wrong_matrices_are_refused_in_one_sentence(changes, message):
     assert "\n" not in str(error.value)
 
 
-def test_a_train_of_matrices_is_not_written_without_them(tmp_path):
+def test_writing_a_train_without_its_matrices_is_refused(tmp_path):
     with pytest.raises(ValueError, match="train of given matrices cannot be written"):
         gearlib.write_train(pair_of_matrices(), tmp_path / "train.yaml")
 

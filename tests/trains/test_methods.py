@@ -59,7 +59,7 @@ def test_runs_that_diverge_or_exceed_max_events_have_a_status_and_no_final_state
 
 
 @pytest.mark.parametrize(("state", "code"), [("static", status.STALLED), (1e160, status.OVERFLOW)])
-def test_a_solver_that_gives_up_ends_the_run(state, code, monkeypatch):
+def test_a_failing_solver_ends_the_run_with_a_status(state, code, monkeypatch):
     solve = scipy.integrate.solve_ivp
 
     def gives_up(*arguments, **options):

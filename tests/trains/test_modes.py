@@ -17,14 +17,14 @@ def of_kind(modes, *kinds):
     return modes.natural_frequency.values[np.isin(modes.mode_kind.values, kinds)]
 
 
-def test_frequencies_are_those_printed_by_lin_and_parker():
+def test_frequencies_match_lin_and_parker():
     modes, double = planetary().modes(), np.repeat(TRANSLATIONAL, 2)
     # Four to six printed digits.
     np.testing.assert_allclose(of_kind(modes, "rigid", "rotational"), ROTATIONAL, rtol=5e-4)
     np.testing.assert_allclose(of_kind(modes, "translational"), double, rtol=5e-4)
 
 
-def test_torsional_train_has_kahramans_frequencies():
+def test_frequencies_of_a_torsional_train_match_kahraman():
     rng, n = np.random.default_rng(4), 4
     m_s, m_ring, m_c, m_p = rng.uniform(0.3, 5.0, 4)
     pins = rng.uniform(0.1, 1.0)
@@ -70,7 +70,7 @@ def test_phasing_follows_parkers_rule(teeth, planets):
 
 
 @pytest.mark.parametrize("unit", [1e-30, 1e12])
-def test_which_springs_are_too_soft_to_count_is_no_matter_of_units(unit):
+def test_the_choice_of_negligible_springs_does_not_depend_on_units(unit):
     # Two masses on springs of their own; the third one is held by 1e-20 of the stiffest.
     springs = np.eye(3), unit * np.array([1.0, 4.0, 1e-20])
     result = free_motions_and_modes(springs, (np.eye(3), unit * np.ones(3)))

@@ -44,7 +44,7 @@ def many_planets():
 
 
 @pytest.mark.parametrize("seed", [None, *range(4)])
-def test_the_series_propagates_a_train_as_its_modes_do(seed, monkeypatch):
+def test_the_series_propagates_a_train_as_the_modes_do(seed, monkeypatch):
     # Random trains with friction, deviations, run-out, narrow and infinite backlashes have few
     # meshes: the series would leave them to the modes.
     if seed is not None:

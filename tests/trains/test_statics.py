@@ -56,7 +56,7 @@ def test_forces_of_random_trains_are_in_balance_where_flanks_touch():
 
 
 @pytest.mark.parametrize("internal", [False, True])
-def test_branches_with_a_displaced_pin_share_the_load_as_by_hand_calculation(internal):
+def test_load_sharing_with_a_displaced_pin_matches_hand_calculation(internal):
     """Each of three branches has two meshes and a shaft in series; one pin is displaced."""
     pair, delta, k = PAPER.replace(backlash=math.inf), 10e-6, 1e6
     train = split_power_reducer(
@@ -79,7 +79,7 @@ def test_branches_with_a_displaced_pin_share_the_load_as_by_hand_calculation(int
     np.testing.assert_allclose(static.load_sharing, np.tile(force / pair.load, 2), atol=1e-11)
 
 
-def test_torques_and_speeds_of_a_planetary_train_are_those_of_willis():
+def test_torques_and_speeds_of_a_planetary_train_satisfy_willis_equation():
     """Sun, ring and carrier held or free: T_r = T_s z_r / z_s, T_c = -T_s (1 + z_r / z_s)."""
     train, ratio = planetary(torsional_stiffness=(0.0, 1e9, 2e9)), 99 / 27
     static, torque = train.static(), train.by_name["sun"].torque
@@ -99,7 +99,7 @@ def test_torques_and_speeds_of_a_planetary_train_are_those_of_willis():
     assert (1.0 + train.carrier_ratio) / train.carrier_ratio == pytest.approx(1.0 + ratio)
 
 
-def test_a_load_against_the_drive_sides_is_refused_with_infinite_backlash():
+def test_a_load_on_missing_coast_sides_is_refused():
     train = idler(PAPER.replace(backlash=math.inf))
     bodies = [replace(body, torque=-body.torque) for body in train.bodies]
     with pytest.raises(ValueError, match="no static equilibrium"):

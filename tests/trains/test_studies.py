@@ -27,7 +27,7 @@ MANY |= {"spread": 0.02}
         (planetary(turning=True, stiffness_ratio=(0.7, 0.7)), [1.0, 2.0]),
     ],
 )
-def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train, orders):
+def test_mesh_frequencies_equal_natural_frequencies_at_critical_speeds(train, orders):
     result = train.campbell(2)
     np.testing.assert_allclose(result.stiffness_order, orders, rtol=1e-12)
     assert result.excites.any()
@@ -38,7 +38,7 @@ def test_mesh_frequencies_meet_natural_ones_at_critical_speeds(train, orders):
     np.testing.assert_allclose(found, natural, rtol=1e-12)
 
 
-def test_the_table_of_critical_speeds_has_every_intersection_once(tmp_path):
+def test_the_table_lists_each_critical_speed_once(tmp_path):
     # Sweeps are made up: contact is lost at case 0, direction 2 (down), tuning 1.0 and mesh 4 only.
     tunings = np.array([0.8, 1.0, 1.2])
     lost = np.zeros((1, 3, 3, len(TRAIN.meshes)))
@@ -79,7 +79,7 @@ def test_the_table_of_the_reducer_holds_a_row_for_each_mesh(tmp_path):
         assert row["contact_lost_in_its_branch_only_at"] == ("0.84" if error else "")
 
 
-def test_settled_motions_are_the_periodic_orbit():
+def test_settled_motions_match_the_periodic_orbit():
     (result,) = many_starts.motions_from_equilibrium(TRAIN, [1.2], MANY)
     assert result.settled and (result.period == TRAIN.repeats).all()
     orbit = periodic_orbit(TRAIN, 1.2, guess=result.state[0], period=TRAIN.repeats)
@@ -102,7 +102,7 @@ def test_motions_that_do_not_settle_are_summarised_by_a_range():
     assert (ranges["peak_force_ratio_high"] > 1.1 * ranges["peak_force_ratio_low"]).all()
 
 
-def test_shares_of_motions_are_those_of_the_starts_that_lead_to_them():
+def test_shares_of_motions_match_the_counts_of_starts_that_lead_to_them():
     # Between the two jumps of the main resonance one motion keeps contact, another loses it.
     keeps, loses = (simulate(PAIR, nu, periods=400, record_periods=1) for nu in (0.80, 0.82))
     assert float(keeps.fraction_drive) == 1.0 > float(loses.fraction_drive)

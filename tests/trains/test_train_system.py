@@ -27,7 +27,7 @@ def test_the_excitation_repeats_after_the_least_common_period(eccentric, repeats
     assert train.system(1.0).starts[-1] == pytest.approx(math.tau * repeats, rel=1e-15)
 
 
-def test_slow_harmonics_stay_beside_free_motions():
+def test_slow_harmonics_are_kept_in_models_with_rigid_body_motion():
     # Three gears with run-out turn in 18 to 32 mesh periods, the first of them free of its mesh.
     train, tuning, _ = random_trains.jamming_problem(np.random.default_rng(107))
     train = train.replace(meshes=[replace(mesh, friction=(0.0, 0.0)) for mesh in train.meshes])
@@ -39,7 +39,7 @@ def test_slow_harmonics_stay_beside_free_motions():
 
 
 @pytest.mark.parametrize("detuning", [0.0, 1e-10, 1e-4])
-def test_deviations_at_an_undamped_resonance_cause_the_motion_of_taylor_steps(detuning):
+def test_motion_by_deviations_at_an_undamped_resonance_matches_taylor_steps(detuning):
     pair, wave = PAPER.replace(backlash=math.inf), Harmonics((1e-6,), (2e-6,))
     train = pairs_as_train(pair)
     train = train.replace(meshes=[replace(train.meshes[0], deviation=wave)])

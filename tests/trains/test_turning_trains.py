@@ -60,7 +60,7 @@ def test_rotating_damping_destabilises_a_rotor_above_its_critical_speed(outer, i
 
 
 @pytest.mark.parametrize("planets", [3, 4])
-def test_an_orbit_leaves_out_the_two_multipliers_1_of_the_free_rotation_alone(planets):
+def test_an_orbit_omits_only_the_two_multipliers_of_the_rigid_body_rotation(planets):
     # Coriolis forces exchange angular momentum between the planets and the free rotation.
     train = planetary(
         planets=planets, teeth=(24, 72), stiffness_ratio=(0.8, 0.8), turning=True, gyroscopic=True
@@ -74,7 +74,7 @@ def test_an_orbit_leaves_out_the_two_multipliers_1_of_the_free_rotation_alone(pl
     np.testing.assert_allclose(np.poly(orbit.multipliers), np.poly(expected[2:]), atol=1e-11)
 
 
-def test_friction_on_the_free_rotation_of_a_turning_frame_has_no_orbit():
+def test_friction_on_the_rigid_body_rotation_of_a_turning_train_leaves_no_orbit():
     train = planetary(turning=True, gyroscopic=True)
     train = train.replace(meshes=[replace(mesh, friction=0.05) for mesh in train.meshes])
     with pytest.raises(ValueError, match="gyroscopic = True.*friction"):

@@ -129,7 +129,7 @@ def test_missing_data_are_named_not_guessed(data):
     assert verdicts(table) == expected and all(claim.computed for claim in table)
 
 
-def test_the_table_of_certificates_is_that_of_the_documentation(tmp_path, monkeypatch):
+def test_the_table_of_certificates_matches_the_documentation(tmp_path, monkeypatch):
     # Those of the reducer take a minute.
     monkeypatch.setattr(certificates, "REDUCER_TUNINGS", ())
     pair, step = PAPER.replace(**DAMPINGS["k1"]), {"step": 0.2, "max_height": 20.0}
@@ -141,7 +141,7 @@ def test_the_table_of_certificates_is_that_of_the_documentation(tmp_path, monkey
     assert (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines() == expected
 
 
-def test_numbers_that_rounding_decides_are_left_out_of_the_table_of_models(tmp_path):
+def test_the_table_of_models_omits_numbers_decided_by_rounding(tmp_path):
     names = ["fig7_damping", "fig8_six_degrees"]
     comparisons = [golden.read(f"models/{name}.nc") for name in names]
     table = [[*row.values()] for row in read_back(scenes.rows(comparisons, names), tmp_path)]
@@ -157,7 +157,7 @@ def test_numbers_that_rounding_decides_are_left_out_of_the_table_of_models(tmp_p
     ]
 
 
-def test_the_table_of_lost_contact_is_that_of_the_documentation(tmp_path):
+def test_the_table_of_lost_contact_matches_the_documentation(tmp_path):
     write_table(stability.rows(golden.read("tongues.nc")), tmp_path / "table.csv")
     expected = Path("docs/claims/parametric_resonance.csv").read_text(encoding="utf-8")
     assert (tmp_path / "table.csv").read_text(encoding="utf-8") == expected
@@ -175,7 +175,7 @@ def motion(phases, *codes):
     return problems.Motion(np.zeros(2), np.array(phases, float), codes)
 
 
-def test_the_error_of_events_is_that_of_their_phases_or_nan():
+def test_the_event_error_is_the_largest_phase_error_or_nan():
     exact = motion([1.0, 2.0], (1, 0), (0, 1))
     assert event_error(motion([1.1, 1.7], (1, 0), (0, 1)), exact) == pytest.approx(0.3)
     # Events that differ in number or kind, or no events, cannot be compared.

@@ -86,7 +86,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_files_hold_what_the_library_computes_in_the_format_of_their_suffix(run, command):
+def test_output_files_match_the_library_in_the_format_of_their_suffix(run, command):
     run(f"{command} PAIR -o data.nc --plot picture.png")
     run(f"{command} PAIR -o data.csv")
     data, expected = xr.load_dataset("data.nc"), COMMANDS[command]()
@@ -119,7 +119,7 @@ def test_a_left_hand_helix_is_a_negative_angle(run):
     assert "-15" in left[0] and right[1:] == left[1:]
 
 
-def test_the_name_of_gears_says_what_their_model_takes_of_them(run):
+def test_gears_are_described_by_the_properties_their_model_uses(run):
     write("relieved.yaml", relieved())
     line = "simulate --config relieved.yaml --speed 4000rpm"
     rectangle = "tip relief left out; rectangle, kappa 0.5714, epsilon 1.689, ISO 6336-1"
@@ -169,7 +169,7 @@ def test_gears_given_by_geometry_come_from_options_or_a_saved_file(run):
     assert "has not settled" in run(f"gears {UNDAMPED} --damping-ratio 0 --speed 4000", code=1)
 
 
-def test_optional_keys_of_a_new_project_stand_in_their_place_as_comments(run):
+def test_optional_keys_of_a_new_project_are_shown_as_comments(run):
     run("init mine")
     assert "mine/config.yaml exists: choose another folder" in run("init mine", code=2)
     text = Path("mine/config.yaml").read_text(encoding="utf-8")
@@ -267,20 +267,20 @@ def test_a_closed_pipe_ends_a_command_in_silence(line):
     assert "Error" not in process.stderr and "Traceback" not in process.stderr
 
 
-def test_speeds_and_durations_have_units(run):
+def test_speeds_and_durations_are_given_with_units(run):
     expected = run("run-up PAIR --start 2000 --stop 2500 --duration 0.5")
     line = "run-up PAIR --start '2000 1/min' --stop '2500 U/min' --duration '500 ms'"
     assert run(line) == expected
 
 
-def test_explore_without_panel_names_the_extra(run, monkeypatch):
+def test_explore_without_panel_names_the_extra_to_install(run, monkeypatch):
     monkeypatch.setitem(sys.modules, "panel", None)
     monkeypatch.delitem(sys.modules, "gearlib.explorer.page", raising=False)
     monkeypatch.delattr("gearlib.explorer.page", raising=False)
     assert "gearlib[explore]" in run("explore PAIR --no-show", code=1)
 
 
-def test_no_file_is_replaced_unasked_and_what_cannot_be_written_ends_with_code_1(run, monkeypatch):
+def test_existing_files_are_kept_and_failed_writes_exit_with_code_1(run, monkeypatch):
     Path("run.nc").write_text("mine", encoding="utf-8")
     run("simulate PAIR --tuning 0.7 -o run.nc", code=2)
     assert Path("run.nc").read_text(encoding="utf-8") == "mine"

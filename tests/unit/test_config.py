@@ -41,7 +41,7 @@ def test_numbers_strings_and_booleans_are_converted():
     assert [type(value) for value in values.values()] == [int, float, bool, str, float]
 
 
-def test_a_configuration_in_other_units_is_the_same():
+def test_a_configuration_in_other_units_gives_the_same_settings():
     paper = load(CONFIG)
     pair = {"max_stiffness": "4e5 N/mm", "reduced_mass": "3123 g", "backlash": "40 um"}
     dampings = paper.model_dump()["dampings"]["k1"]
@@ -201,7 +201,7 @@ def test_the_schema_refuses_what_is_missing_unknown_or_out_of_range(schema, chan
         *((text, "rpm/s", 60.0) for text in ("60 1/min/s", "60 min^-1/s", "1 Hz/s")),
     ],
 )
-def test_a_text_is_the_number_that_it_says(text, unit, value):
+def test_a_text_with_a_unit_is_converted_to_si(text, unit, value):
     assert units.read(text, unit) == value
 
 
@@ -232,7 +232,7 @@ def test_texts_of_another_kind_are_refused(text):
     "key, likely",
     [("module", "2.5 mm"), ("width", "18 mm"), ("bore", "30 mm"), ("pressure_angle", "20 deg")],
 )
-def test_a_bare_number_too_large_is_asked_about(key, likely):
+def test_a_bare_number_that_is_too_large_is_refused_with_a_hint(key, likely):
     gear = {"teeth": 23, "module": 2.5e-3, "width": 0.018} | {key: float(likely.split()[0])}
     with pytest.raises(ValueError, match=f"did you mean {likely}"):
         SpurGear(**gear)
@@ -243,12 +243,12 @@ def test_a_bare_number_too_large_is_asked_about(key, likely):
 @pytest.mark.parametrize(
     ("tuning", "text"), [(0.66, "0.6600"), (1, "1.0000"), (0.81505, "0.81505"), (1e-6, "0.000001")]
 )
-def test_a_name_holds_the_tuning_exactly(tuning, text):
+def test_a_file_name_holds_the_tuning_exactly(tuning, text):
     assert name_of(tuning) == text
     assert values_of(name_of(tuning, 2.5)) == [tuning, 2.5]
 
 
-def test_windows_hold_the_grid_once_in_the_floats_that_a_reader_would_type():
+def test_windows_cover_each_tuning_of_the_grid_once_in_short_decimals():
     assert grid(0.5, 0.6, 0.01) == [float(f"0.{i}") for i in range(50, 60)] + [0.6]
     parts = windows(0.5, 1.4, 0.0005, 0.1)
     joined = [tuning for ends in parts for tuning in grid(*ends, 0.0005)]

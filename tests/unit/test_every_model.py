@@ -145,7 +145,7 @@ OTHERS |= {"read_train", "write_train", "characteristic_frequencies", "write_fmu
 OTHERS |= {"state_space", "frequency_response"}
 
 
-def test_no_public_call_is_left_out():
+def test_every_public_function_is_listed():
     functions = {name for name in gearlib.__all__ if inspect.isfunction(getattr(gearlib, name))}
     # tests/proofs tries the proofs with all models.
     proofs = {name for name in functions if name.startswith("certify")}
@@ -155,7 +155,7 @@ def test_no_public_call_is_left_out():
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("call", CALLS)
-def test_a_call_works_or_names_the_model_that_it_refuses(call, model):
+def test_every_function_accepts_a_model_or_refuses_it_by_name(call, model):
     pair = MODELS[model]
     if any(model in models and call in calls.split() for models, calls in REFUSED):
         with pytest.raises(ValueError, match="not allowed") as error:
@@ -189,7 +189,7 @@ LOADED += [(reversed_load(MODELS[name]), -1) for name in ("six degrees", "train"
 
 
 @pytest.mark.parametrize(("model", "side"), LOADED)
-def test_no_force_accelerates_the_static_state(model, side):
+def test_the_static_state_has_no_acceleration(model, side):
     run = simulate(model, NU, periods=1, initial_state=model.static_state(NU))
     assert (run.contact[0] == side).all()
     np.testing.assert_allclose(run.acceleration[0], 0.0, atol=1e-13)
@@ -204,13 +204,13 @@ def test_a_negative_load_rests_on_the_coast_side(model):
 
 
 @pytest.mark.parametrize("model", ["gear pair", "six degrees"])
-def test_flanks_just_touch_without_an_equilibrium(model):
+def test_without_load_the_flanks_just_touch(model):
     assert not any(MODELS[model].static_state(NU, 0.0))
     assert not any(MODELS[model].replace(backlash=math.inf).static_state(NU, -1.0))
 
 
 @pytest.mark.parametrize("model", [name for name in MODELS if name not in NO_GEARS])
-def test_a_locus_from_a_point_that_is_not_special_ends_in_a_sentence(model):
+def test_a_locus_from_an_ordinary_point_is_refused_in_one_sentence(model):
     pair = MODELS[model]
     branch = continue_orbit(orbit(pair), to=NU + 0.01, max_points=3)
     for label in (special_points.FOLD, special_points.DOUBLING, special_points.GRAZING):

@@ -95,7 +95,7 @@ def test_rules_give_verdicts_on_constructed_outcomes(quantity, reference, change
     [((), 2), (CONTACTS[:1], 1), (CONTACTS[::-1], 2), ((*CONTACTS, (1, 0)), 1)]
     + [(((1, 0), (0, -1)), 1), (((1, 0), (0, -1), (-1, 0)), 2), (CONTACTS, 0)],
 )
-def test_wrong_events_are_missed_events_if_the_state_is_off(contacts, wrong_count):
+def test_wrong_events_count_as_missed_only_if_the_state_is_wrong(contacts, wrong_count):
     assert verdict("state", contacts=contacts)[0] == "right"
     expected = "missed_event" if wrong_count else "inaccurate"
     assert verdict("state", contacts=contacts, state=(1.5, 0.0))[0] == expected
@@ -103,7 +103,7 @@ def test_wrong_events_are_missed_events_if_the_state_is_off(contacts, wrong_coun
     assert verdict("contacts", tolerance=0.0, contacts=contacts) == (expected, wrong_count)
 
 
-def test_no_method_is_its_own_reference_but_scipy_at_its_least_tolerance():
+def test_only_scipy_at_its_least_tolerance_is_its_own_reference():
     for key, problem in difficult_problems.problems().items():
         for method, module in integrators.METHODS.items():
             if module.supports(problem.model):

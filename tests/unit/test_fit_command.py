@@ -44,7 +44,7 @@ def run(tmp_path, monkeypatch):
     return call
 
 
-def test_the_settings_of_the_file_are_fitted(run):
+def test_the_command_fits_with_the_settings_of_its_file(run):
     result = run("-o", "fit.nc", "--plot", "fit.png")
     assert result.exit_code == 0 and "drawn in fit.png" in result.output, result.output
     lines = result.output.splitlines()
@@ -86,7 +86,7 @@ WRONG_CALLS = [
 
 
 @pytest.mark.parametrize(("options", "changes", "words"), WRONG_CALLS)
-def test_what_is_not_in_order_is_refused_in_a_sentence(run, options, changes, words):
+def test_invalid_settings_of_a_fit_are_refused_in_one_sentence(run, options, changes, words):
     result = run(*options, "-o", "fit.nc", **changes)
     assert result.exit_code == 2, result.output
     assert words in " ".join(result.output.partition("Error: ")[2].split()), result.output
@@ -152,7 +152,7 @@ WRONG_DATA = {
 
 
 @pytest.mark.parametrize("sentence", WRONG_DATA)
-def test_data_that_cannot_be_fitted_are_refused_in_a_sentence(sentence):
+def test_data_that_cannot_be_fitted_are_refused_in_one_sentence(sentence):
     with pytest.raises(ValueError, match="is not allowed") as error:
         gearlib.fit(PAPER, WRONG_DATA[sentence], {"reduced_mass": (2.6, 3.7)})
     assert_sentence(error.value, sentence)

@@ -19,7 +19,7 @@ def window(damping, direction, tunings, periods=20):
     return shard.assign_coords(damping=damping, direction=direction)
 
 
-def test_bytes_do_not_depend_on_the_windows_of_a_sweep(tmp_path):
+def test_results_do_not_depend_on_the_windows_of_a_sweep(tmp_path):
     # The motion jumps and bounces in this range. The narrowest windows hold one tuning.
     start, stop, step = 0.5, 1.4, 0.05
     files = []
@@ -53,7 +53,7 @@ def test_shards_that_do_not_match_are_refused():
         gather_resonance(windows[1:])
 
 
-def test_other_directions_are_empty_at_tunings_that_only_a_downward_sweep_reaches():
+def test_upward_runs_are_nan_at_tunings_reached_only_downwards():
     shards = [window("a", "cold", TUNINGS[2:]), window("a", "down", TUNINGS)]
     whole = gather_resonance(shards)
     cold = whole.sel(damping="a", direction="cold")
@@ -67,7 +67,7 @@ def test_other_directions_are_empty_at_tunings_that_only_a_downward_sweep_reache
             gather_resonance([window("a", "cold", other), shards[1]])
 
 
-def test_a_file_appears_whole_or_stays_as_it_was(tmp_path):
+def test_a_failed_write_leaves_the_old_file_unchanged(tmp_path):
     path = tmp_path / "new folder/result.txt"
     with replacing(path) as temporary:
         temporary.write_text("first")
@@ -84,7 +84,7 @@ def test_a_file_appears_whole_or_stays_as_it_was(tmp_path):
 
 
 @pytest.mark.parametrize("cell", ["a, b", "x < 1 & y", "line\nbreak"])
-def test_a_table_shows_what_the_csv_holds(tmp_path, cell):
+def test_a_printed_table_matches_its_csv_file(tmp_path, cell):
     source, path = tmp_path / "some_table.csv", tmp_path / "some_table.html"
     source.write_text(f'first_column,second\n"{cell}",2\n', encoding="utf-8")
     write_table_page(source, path)

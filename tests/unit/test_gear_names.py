@@ -45,7 +45,7 @@ def relieved():
         ("train_sweep", "train.split_power_reducer.teeth is missing"),
     ],
 )
-def test_targets_that_cannot_take_gears_given_by_geometry_are_refused(target, words):
+def test_targets_that_do_not_support_gear_geometry_are_refused(target, words):
     with pytest.raises(ConfigError) as refusal:
         load(OWN | {"targets": [target]})
     assert str(refusal.value).startswith(words) and target in str(refusal.value)
@@ -86,7 +86,7 @@ def test_default_targets_of_a_train_given_by_geometry_with_and_without_a_pair():
     assert words.endswith(", for the target reducer")
 
 
-def test_names_of_gears_say_what_geometry_they_have():
+def test_descriptions_of_gears_name_their_geometry():
     helical = overlay(OWN, {"gears": {"pinion": {"helix_angle": "15 deg"}}})
     pairs = (OWN, NAME), (helical, f"{NAME}, β 15°"), (relieved(), f"{NAME}, tip relief")
     for settings, name in pairs:

@@ -46,7 +46,7 @@ def fzg():
     return GearStage(gears.pinion, gears.wheel, gears.centre_distance, backlash=160.5e-6)
 
 
-def test_the_pair_is_that_of_the_library():
+def test_the_pair_of_the_configuration_matches_the_library():
     gears = {key: value for key, value in FZG["gears"].items() if key != "torque"}
     gears |= {"power": "60 kW", "speed": "2170 rpm", "stiffness": "energy"}
     gears["stiffness_options"] = {"hertz": "logarithmic"}
@@ -102,7 +102,7 @@ def values(rows):
     return {row["name"]: row["values"] for row in rows}
 
 
-def test_published_numbers_stand_in_the_table():
+def test_the_table_shows_published_numbers():
     mesh = fzg()
     table = values([row._asdict() for row in gear_table.gear_quantities(mesh, torque=302.0)])
     # docs/worked_example.md has the sources.
@@ -121,7 +121,7 @@ def test_published_numbers_stand_in_the_table():
         assert table["resonance_speed"][method] == pair.speed(1.0)
 
 
-def test_a_body_that_the_energy_method_does_not_take_has_no_values_of_it():
+def test_a_gear_body_unsuitable_for_the_energy_method_has_no_energy_values():
     gear = SpurGear(teeth=20, module=0.01, width=0.03, bore=0.15)
     assert list(gear_table.gear_quantities(GearStage(gear, gear), torque=100.0)[-1].values) == [
         "iso"
@@ -145,7 +145,7 @@ def test_command_line_options_override_the_configuration(tmp_path):
 
 
 @pytest.mark.parametrize("damping", [{"damping_ratio": 0.05}, {"material_damping": 800.0}])
-def test_table_has_the_duty_point_of_pairs_of_teeth_with_its_damping_and_large_orders(damping):
+def test_the_table_shows_the_duty_point_of_the_load_sharing_model(damping):
     mesh, load = fzg(), {"torque": 302.0, **damping}
     model = LoadSharingPair.from_geometry(mesh, **load)
     rows = gear_table.duty_rows(model, 2170.0, 302.0, model.stiffness_model)
@@ -161,7 +161,7 @@ def test_table_has_the_duty_point_of_pairs_of_teeth_with_its_damping_and_large_o
 
 
 @pytest.mark.parametrize("helix_angle", [0.0, 0.3])
-def test_harris_map_has_the_own_relief_without_pitch_errors(helix_angle):
+def test_the_harris_map_shows_the_relief_of_the_gears_without_pitch_errors(helix_angle):
     gear = {"teeth": 24, "module": 4e-3, "width": 0.03, "helix_angle": helix_angle}
     relief = {"amount": 1e-5, "length": 2e-3}
     gears = {

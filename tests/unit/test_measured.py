@@ -88,7 +88,7 @@ def test_a_wide_table_is_read_in_si(rig, tmp_path):
         ("percent", "contact_loss_fraction", 1e-2, "1"),
     ],
 )
-def test_units_are_those_of_the_library(rig, unit, observable, factor, units):
+def test_units_of_measured_data_match_the_library(rig, unit, observable, factor, units):
     more = {"c": {"observableId": observable, "unit": unit}, "x": CHANNELS["x"]}
     column = rig("c,x\n1,1\n2,1\n", channels=more)[observable]
     assert column.values == pytest.approx([factor, 2.0 * factor], rel=1e-15)
@@ -124,13 +124,13 @@ def test_sorting_by_time_within_conditions_is_recorded_as_a_repair(rig):
     assert data.displacement.values == pytest.approx([0.0, 1e-5, 2e-5] * 2, rel=1e-15)
 
 
-def test_empty_cells_may_be_gaps_and_that_is_said(rig):
+def test_empty_cells_are_read_as_gaps_and_reported(rig):
     data = rig("t,x,F\n0,1,1\n1,,1\n2,3,1\n", **channels(x={"gaps": True}))
     assert data.repairs == "displacement: 1 empty cells are not measured"
     assert np.isnan(data.displacement.values).tolist() == [False, True, False]
 
 
-def test_tables_in_other_encodings_separators_and_dates(rig):
+def test_tables_in_other_encodings_separators_and_date_formats_are_read(rig):
     german = 'Prüfstand "7"\nt;x;F\n# Pause\n0;1,5;2\n1;2,5;2,5\n'
     how = {"separator": ";", "decimal": ",", "comment": "#", "skip": 1}
     for encoding in ("utf-8", "latin-1", "utf-16"):
@@ -192,7 +192,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("sentence", REFUSED)
-def test_what_is_not_in_order_is_refused_in_one_sentence(rig, tmp_path, sentence):
+def test_invalid_measured_data_are_refused_in_one_sentence(rig, tmp_path, sentence):
     table, changes = REFUSED[sentence]
     with pytest.raises(ValueError) as refusal:
         rig(table, **changes)
@@ -255,7 +255,7 @@ def test_a_universal_file_ends_at_its_stated_number_of_points(rig, tmp_path, cha
         ("displacement", "um", "V", None),
     ],
 )
-def test_the_unit_of_an_axis_is_that_of_its_channel(rig, tmp_path, observable, unit, label, factor):
+def test_each_axis_takes_the_unit_of_its_channel(rig, tmp_path, observable, unit, label, factor):
     _, signals = universal_file(tmp_path / "rig.uff", ordinate_axis_units_lab=label)
     channels = {"x": {"observableId": observable, "unit": unit}}
     if factor:
@@ -354,7 +354,7 @@ def test_scores_that_need_no_calibration_do_not_change_with_gain_and_offset(curv
     assert np.allclose(points[0].get_ydata(), points[2].get_ydata(), rtol=1e-9)
 
 
-def test_differences_are_told_in_standard_deviations_where_the_noise_is_known(curve, resonance):
+def test_differences_are_reported_in_standard_deviations_where_the_noise_is_known(curve, resonance):
     other = resonance.assign(displacement_max=resonance.displacement_max**1.1)
     row = scores([curve(noise=2.0)], other)["highest displacement_max down over up"]
     difference = row["computed"] - row["measured"]
@@ -362,7 +362,7 @@ def test_differences_are_told_in_standard_deviations_where_the_noise_is_known(cu
     assert row["deviations"] == pytest.approx(difference / row["standard_deviation"], rel=1e-4)
 
 
-def test_a_jump_is_a_step_that_stands_alone():
+def test_a_jump_is_a_single_large_step():
     speed = np.linspace(1000.0, 2000.0, 101)
     step = np.where(speed < 1503.0, 1.0, 3.0) + 0.3 * np.sin(speed / 100.0)
     mixed = np.random.default_rng(2).permutation(speed.size)
@@ -373,7 +373,7 @@ def test_a_jump_is_a_step_that_stands_alone():
     assert math.isnan(study.jump(speed[:3], step[:3])[0])
 
 
-def test_harmonics_of_a_time_history_are_those_it_was_made_of(written):
+def test_harmonics_of_a_synthetic_time_history_are_recovered(written):
     amplitudes, phases = np.array([5.0, 2.0, 1.0, 0.5, 0.25]), np.array([0.4, 1.0, -0.7, 2.0, 0.1])
     orders, rate = np.arange(1, 6), 2.0 * np.pi * 3333.0 / 60.0 * 24
     time = np.sort(np.random.default_rng(3).uniform(0.0, 1.0, 3000))

@@ -35,7 +35,7 @@ PAIR = GearPair.from_ratios(
 
 
 @pytest.mark.parametrize("model", [ONE, SIX])
-def test_scales_and_ratios_of_the_pair_are_those_of_the_model(model):
+def test_a_model_takes_scales_and_ratios_from_its_pair(model):
     # Models lack some attributes, and define others themselves.
     excepted = {"from_geometry", "from_ratios", "RATIOS", "ratio_slopes"}
     excepted |= {*vars(Model), *vars(model)}
@@ -85,7 +85,7 @@ def test_a_copy_computes_derived_defaults_anew_and_keeps_explicit_values():
     assert (unequal.upper_damping, unequal.lower_damping) == (0.2, 0.0)
 
 
-def test_the_reduced_mass_of_two_gears_is_that_of_two_bodies():
+def test_the_reduced_mass_of_two_gears_matches_the_formula_of_two_bodies():
     # A force accelerates free bodies in translation and in rotation: inverse masses add up.
     turning = (np.square(SIX.base_radii) / SIX.inertias).sum()
     assert SIX.reduced_mass_torsional == pytest.approx(1.0 / turning, rel=1e-14)
@@ -94,7 +94,7 @@ def test_the_reduced_mass_of_two_gears_is_that_of_two_bodies():
 
 
 @pytest.mark.parametrize(("model", "teeth"), [(PAPER, 24), (UNEQUAL, 30), (TRAIN, 24)])
-def test_a_run_at_a_speed_is_that_at_its_tuning_and_has_torques_where_radii_are_known(model, teeth):
+def test_a_run_at_a_speed_matches_its_tuning_and_reports_torques_if_radii_are_known(model, teeth):
     run = simulate(model, speed=2000.0, **RUN)
     # So many mesh periods in a second.
     per_second = float(run.mesh_frequency) / (2.0 * math.pi)
@@ -128,7 +128,7 @@ UNREADABLE_TABLES = {
 
 
 @pytest.mark.parametrize("sentence", UNREADABLE_TABLES)
-def test_a_table_that_cannot_be_read_is_refused_in_a_sentence(tmp_path, sentence):
+def test_an_unreadable_table_is_refused_in_one_sentence(tmp_path, sentence):
     rows = UNREADABLE_TABLES[sentence]
     header = f"phase{';' if ';' in rows[0] else ','}stiffness"
     (tmp_path / "table.csv").write_text("\n".join([header, *rows]))
@@ -137,7 +137,7 @@ def test_a_table_that_cannot_be_read_is_refused_in_a_sentence(tmp_path, sentence
     assert_sentence(refusal.value, f"table.csv: ... {sentence}")
 
 
-def test_tables_are_read_and_steps_go_on_periodically(tmp_path):
+def test_stiffness_tables_are_read_and_continued_periodically(tmp_path):
     path = tmp_path / "table.csv"
     rows = zip(TABLE.phase, TABLE.stiffness, strict=True)
     path.write_text("phase,stiffness\n" + "".join(f"{p},{c}\n" for p, c in rows), encoding="utf-8")
@@ -158,7 +158,7 @@ def test_tables_are_read_and_steps_go_on_periodically(tmp_path):
     np.testing.assert_array_equal(pieces.low, [True, False, True])
 
 
-def test_harmonics_of_a_table_are_those_it_was_made_of():
+def test_harmonics_of_a_tabulated_profile_are_recovered():
     phase = 0.3 + 2 * math.pi * np.arange(16) / 16
     values = np.cos(phase) - 0.5 * np.cos(2 * phase) + 0.25 * np.sin(phase)
     fitted = Harmonics.from_table(phase, values, 2).table()
@@ -168,7 +168,7 @@ def test_harmonics_of_a_table_are_those_it_was_made_of():
 @pytest.mark.parametrize(
     "call", [lambda pair: simulate(pair, 0.9, **SPAN), lambda pair: sweep(pair, [0.7, 0.9], **SPAN)]
 )
-def test_units_tell_what_scales_with_load_and_size(call):
+def test_units_of_variables_show_their_scaling(call):
     # The same pair in other units of length, mass and time: powers of two change no digit.
     length, mass, time = 2.0, 4.0, 2.0
     pair = PAPER.replace(material_damping=3953.7, backlash_damping=500.0)
@@ -182,7 +182,7 @@ def test_units_tell_what_scales_with_load_and_size(call):
             np.testing.assert_array_equal(second[name], factor * variable, err_msg=name)
 
 
-def test_event_limit_is_a_status_not_a_number():
+def test_exceeding_the_event_limit_gives_a_status_and_nan():
     chaotic = PAIR.replace(material_damping=0.0, backlash_damping=0.0)
     stuck = simulate(chaotic, 0.05, periods=3, max_events=5)
     assert int(stuck.status) == 1 and "raise max_events" in stuck.status.attrs["message"]
@@ -204,14 +204,14 @@ STEEP = PAPER.replace(stiffness_ratio=0.2)
         (16, 0.01, 2.0, "repeats every 16 mesh periods; it strikes both flanks"),
     ],
 )
-def test_a_motion_in_words(period, inverse, bounces, words):
+def test_a_summary_describes_a_motion_in_words(period, inverse, bounces, words):
     run = simulate(PAPER, 0.7, periods=2)
     run = run.assign(period=period, fraction_coast=inverse, bounces=bounces)
     assert describe(run) == f"The motion from rest {words}."
 
 
 @pytest.mark.parametrize("model", [STEEP, pairs_as_train(STEEP)])
-def test_curves_end_where_motions_grow(model):
+def test_resonance_curves_end_where_motions_grow(model):
     # Without damping it grows in wide tongues, to some millions and beyond 1e8.
     curve = sweep(model, np.linspace(0.5, 1.4, 60), periods=70, record_periods=1)
     reach = np.abs(curve.displacement_max.values.reshape(60, -1)).max(axis=1)

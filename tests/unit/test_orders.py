@@ -36,7 +36,7 @@ def test_the_balance_of_every_order_holds():
     assert spectrum.force_amplitude.values[0] == pytest.approx(1.0, abs=1e-8)
 
 
-def test_errors_fall_with_the_samples_and_are_estimated():
+def test_errors_decrease_with_the_samples_and_are_estimated():
     few, more, many = (orders(run(samples_per_period=n), count=4) for n in (64, 256, 4096))
     for name in ("force", "error"):
         exact = many[f"{name}_amplitude"].values
@@ -48,7 +48,7 @@ def test_errors_fall_with_the_samples_and_are_estimated():
         orders(run(samples_per_period=32), count=4)
 
 
-def test_what_has_no_revolutions_is_refused():
+def test_runs_without_whole_revolutions_are_refused():
     with pytest.raises(ValueError, match="multiple of 24"):
         orders(run(periods=3, record_periods=3))
     with pytest.raises(ValueError, match="with rotating bodies"):
@@ -57,7 +57,7 @@ def test_what_has_no_revolutions_is_refused():
     assert orders(run(record_periods=2)).order.values[1] == 12.0
 
 
-def test_a_signal_of_known_orders_has_them_by_its_speed_or_a_tacho():
+def test_orders_of_a_known_signal_are_recovered_by_speed_or_tacho():
     data, turns = ramp(600.0, 1800.0, jitter=0.0)
     revolutions = turns(data.time.values)
     data = data.assign_coords(time=data.time + 2.0)
@@ -102,7 +102,7 @@ def test_the_last_revolution_counts_and_powers_have_squared_units():
         ({"speed": None}, {}, "tacho = None is not allowed for a dataset without"),
     ],
 )
-def test_what_has_no_orders_is_refused(change, options, words):
+def test_signals_without_orders_are_refused(change, options, words):
     data, _ = ramp(600.0, 1800.0)
     for name, value in change.items():
         data = data.drop_vars(name) if value is None else data.copy(deep=True)
@@ -115,7 +115,7 @@ def test_what_has_no_orders_is_refused(change, options, words):
 MESH = own(quality=5)
 
 
-def test_a_duty_point_is_the_settled_run_in_si_units():
+def test_a_duty_point_matches_the_settled_run_in_si_units():
     duty = duty_point(MESH, 6000.0, torque=85.0, damping_ratio=0.05)
     pair = LoadSharingPair.from_geometry(MESH, torque=85.0, damping_ratio=0.05)
     run = simulate(pair, speed=6000.0, periods=1000)
@@ -133,7 +133,7 @@ def test_a_duty_point_is_the_settled_run_in_si_units():
     assert all({"units", "long_name"} <= value.attrs.keys() for value in duty.data_vars.values())
 
 
-def test_mesh_orders_that_cannot_be_told_from_free_vibrations_are_nan():
+def test_mesh_orders_hidden_by_free_vibrations_are_nan():
     # Undamped free vibrations go on; at low speeds they are too fast for the samples of a period.
     mesh = GearStage(*(SpurGear(teeth=z, module=4e-3, width=0.032) for z in (19, 47)), backlash=0.0)
     options = {"damping_ratio": 0.0, "initial_state": (0.0, 0.0), "options": {"coupling": 1.0}}

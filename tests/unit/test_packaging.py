@@ -46,17 +46,17 @@ def test_conda_environments_have_what_pip_installs_and_everything_is_pinned():
     assert {name.replace("_", "-") for name in required} - pinned == {"gearlib"}
 
 
-def test_the_citation_has_the_version():
+def test_the_citation_file_states_the_version():
     assert load("CITATION.cff")["version"] == __version__
 
 
-def test_every_folder_of_tests_is_run():
+def test_make_runs_every_folder_of_tests():
     run = SETTINGS["tool"]["pytest"]["ini_options"]["testpaths"]
     paths = (ROOT / "tests").rglob("test_*.py")
     assert {str(path.parent.relative_to(ROOT)) for path in paths} == set(run)
 
 
-def test_every_file_on_the_page_of_the_architecture_is_there():
+def test_every_file_named_on_the_architecture_page_exists():
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     names = {name for name in re.findall(r"`([\w./-]+/[\w./-]+)`", page) if "results/" not in name}
     assert len(names) > 15 and {name for name in names if not (ROOT / name).exists()} == set()

@@ -44,7 +44,7 @@ def test_plots_are_drawn_into_given_axes():
         (lambda run: plot.phase_plane(run, axes=3), "^axes = 3 is not allowed: it must be axes"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(call, words):
+def test_data_that_cannot_be_drawn_are_refused(call, words):
     with pytest.raises(ValueError, match=words):
         call(simulate(PAPER, 0.85, periods=4))
 
@@ -90,12 +90,12 @@ ODD = {
 
 
 @pytest.mark.parametrize(("draw", "data"), ODD.values(), ids=ODD)
-def test_limits_are_numbers(draw, data):
+def test_axis_limits_that_are_not_numbers_are_refused(draw, data):
     for axes in draw(data).axes:
         assert np.isfinite([*axes.get_xlim(), *axes.get_ylim()]).all()
 
 
-def test_rows_of_phase_planes_say_their_tuning_as_given_and_the_speed_that_was_asked():
+def test_phase_plane_rows_are_labelled_with_the_requested_tuning_or_speed():
     tunings = [0.332, 0.334, 0.735, float(PAPER.tuning_at(3600.0))]
     planes = PLANES.isel(tuning=[0] * 4).assign_coords(tuning=tunings)
     planes["speed"] = "tuning", PAPER.speed(np.array(tunings))
@@ -105,7 +105,7 @@ def test_rows_of_phase_planes_say_their_tuning_as_given_and_the_speed_that_was_a
     assert labels[3][1] == "(3600 rpm)"
 
 
-def test_numbers_read_as_different_where_they_are():
+def test_different_numbers_are_printed_differently():
     numbers = np.array([1.0, 1.0 + 1e-8, 2.0]) / 3.0
     assert style.number_texts(numbers, 3) == ["0.33333333", "0.33333334", "0.66666667"]
     assert style.number_texts([0.3, 0.25, 1e-12], 2, "f", 2) == ["0.30", "0.25", "1e-12"]
@@ -114,12 +114,12 @@ def test_numbers_read_as_different_where_they_are():
 
 
 @pytest.mark.parametrize("given", [{}, {3: "#0072B2"}])
-def test_categories_have_colours_of_their_own_and_none_of_a_motion(given):
+def test_categories_use_distinct_colours_not_used_for_motions(given):
     chosen = [curve.colour for curve in style.curve_styles(range(40), given).values()]
     assert len({*chosen, *colours.MOTIONS.values()}) == 40 + len(colours.MOTIONS)
 
 
-def test_same_data_same_bytes(tmp_path):
+def test_the_same_data_give_the_same_picture_bytes(tmp_path):
     # tests/robustness compares those of png and pdf.
     paths = [tmp_path / f"{name}.svg" for name in "ab"]
     for path in paths:

@@ -7,7 +7,7 @@ from gearlib import processor
 V3 = processor.V3_FEATURES | {"fpu", "sse2"}
 
 
-def test_processors_of_x86_64_v3_or_above_get_the_same_settings_and_others_none():
+def test_only_processors_of_x86_64_v3_or_above_get_common_settings():
     settings = processor.settings({}, V3)
     assert settings == processor.settings({}, V3 | {"avx512f", "avx512vl"})
     assert settings["OPENBLAS_CORETYPE"] == "Haswell"

@@ -36,7 +36,7 @@ CALLS = {
 
 
 @pytest.mark.parametrize(("call", "dim"), CALLS.values(), ids=CALLS)
-def test_a_call_out_of_time_returns_what_a_whole_call_begins_with(call, dim):
+def test_an_interrupted_call_returns_the_beginning_of_the_full_result(call, dim):
     whole, part = call(), call(max_seconds=AT_ONCE)
     assert call(max_seconds=NEVER).drop_vars("complete").identical(whole.assign_attrs(missing="[]"))
     assert not part.complete and 0 < part.sizes[dim] < whole.sizes[dim]
@@ -46,7 +46,7 @@ def test_a_call_out_of_time_returns_what_a_whole_call_begins_with(call, dim):
             np.testing.assert_array_equal(part[name].values[..., :1], begin.values[..., :1])
 
 
-def test_what_is_missing_is_named():
+def test_missing_results_are_named():
     part = gearlib.sweep(PAIR, GRID, direction="down", **RUN, max_seconds=AT_ONCE)
     assert json.loads(part.missing) == [0.6, 0.7]
     branch = gearlib.continue_orbit(ORBIT, to=1.2, max_seconds=AT_ONCE)
@@ -58,14 +58,14 @@ def test_what_is_missing_is_named():
     assert run.revolution_time[-1] < left[0] < left[1] == 3.0
 
 
-def test_the_rest_of_the_basins_and_of_the_runs_is_undecided():
+def test_starts_not_reached_in_time_are_undecided():
     basins = gearlib.basins(PAIR, 0.8, ((-3, 3, 9), (-3, 3, 9)), max_seconds=AT_ONCE)
     assert basins.missing == '["undecided"]' and basins.share[-1] > 0.5
     verdict = gearlib.trust(PAIR, 0.8, periods=50, exponent_periods=20, max_seconds=AT_ONCE)
     assert verdict.label == "undecided" and "exponent" in verdict.message
 
 
-def test_a_range_out_of_time_is_certified_up_to_where_the_missing_one_begins():
+def test_an_interrupted_proof_certifies_the_range_up_to_the_missing_one():
     pytest.importorskip("flint")
     part = gearlib.certify_range(ORBIT, to=1.4, max_seconds=AT_ONCE)
     whole = gearlib.certify_range(ORBIT, to=1.4, max_seconds=NEVER)
@@ -75,7 +75,7 @@ def test_a_range_out_of_time_is_certified_up_to_where_the_missing_one_begins():
 
 
 @pytest.mark.parametrize("place", ["terminal", "notebook", "file"])
-def test_a_bar_is_shown_where_somebody_watches_and_only_one(place, monkeypatch):
+def test_one_progress_bar_is_shown_on_a_terminal(place, monkeypatch):
     stream = io.StringIO()
     stream.isatty = lambda: place == "terminal"
     shell = SimpleNamespace(kernel=1) if place == "notebook" else None
@@ -88,7 +88,7 @@ def test_a_bar_is_shown_where_somebody_watches_and_only_one(place, monkeypatch):
     assert ("things/s" in shown) == (place != "file") and "inner" not in shown
 
 
-def test_a_train_with_more_contacts_than_modes_runs_on_whatever_ran_before(monkeypatch):
+def test_a_train_with_more_contacts_than_cached_modes_runs_after_any_other_run(monkeypatch):
     """Beyond the modes that are kept, series take over; both are exact to rounding."""
     pair = PAPER.replace(material_damping=0.0)
     reducer = gearlib.split_power_reducer(pair, branches=2, structural_damping=0.0)

@@ -29,7 +29,7 @@ def test_the_independent_program_shares_nothing_with_the_library():
     assert not [text for text in sources if "import gearlib" in text or "from gearlib" in text]
 
 
-def test_stored_references_of_random_meshes_are_those_of_50_digits():
+def test_stored_references_of_random_meshes_match_50_digits():
     rng, stored = np.random.default_rng(0), test_random_meshes.REFERENCES.entries
     count, compared = 8, 0
     for _ in range(count):
@@ -43,7 +43,7 @@ def test_stored_references_of_random_meshes_are_those_of_50_digits():
     assert compared > count // 2
 
 
-def test_stored_derivatives_are_those_of_the_independent_program():
+def test_stored_derivatives_match_the_independent_program():
     (model, tuning, state, periods), names = derivatives.CASES["no backlash"]
     arguments = describe(model), tuning, periods, state
     stored = derivatives.REFERENCES.entries[key_of(differences.of_run, *arguments, list(names))]

@@ -15,7 +15,7 @@ GEARS = {
 RUN = {"periods": 200, "record_periods": 10}
 
 
-def test_jumps_lie_where_bisection_finds_them_and_not_at_the_ends_of_the_sweep():
+def test_jumps_match_bisection_and_exclude_the_ends_of_the_sweep():
     model = pairs_of_teeth(GEARS, {"damping_ratio": 0.05}, pitch_errors=False)
     tunings = np.linspace(0.36, 1.1, 149)
     step = float(model.speed(tunings[1] - tunings[0]))

@@ -38,7 +38,7 @@ def draw(tolerances, count=4096):
         ({"distribution": "lognorm", "s": 0.2, "scale": 3.0}, stats.lognorm(0.2, scale=3.0)),
     ],
 )
-def test_a_tolerance_has_the_distribution_of_scipy(tolerance, law):
+def test_tolerance_distributions_match_scipy(tolerance, law):
     joint, values = draw({"free": tolerance})
     (marginal,) = joint.marginals.values()
     u = np.linspace(0.01, 0.99, 99)
@@ -57,7 +57,7 @@ def test_a_tolerance_has_the_distribution_of_scipy(tolerance, law):
         ({"mean": 9.0, "std": 2.0}, 0.6),
     ],
 )
-def test_a_gaussian_copula_has_the_correlations_of_closed_forms(tolerance, expected):
+def test_correlations_of_a_gaussian_copula_match_closed_forms(tolerance, expected):
     correlations = [["free", "load", 0.6]]
     _, values = draw({"free": tolerance, "load": tolerance, "correlations": correlations})
     assert abs(np.corrcoef(values.T)[0, 1] - expected) < 2e-3
@@ -88,7 +88,7 @@ REFUSED = """
 
 
 @pytest.mark.parametrize("row", REFUSED.strip().splitlines())
-def test_what_is_no_tolerance_is_refused_in_a_sentence(row):
+def test_invalid_tolerances_are_refused_in_one_sentence(row):
     tolerances, words = row.split(" | ")
     with pytest.raises(ValueError, match=words):
         distributions.read(yaml.safe_load(tolerances), PARAMETERS)
@@ -109,12 +109,12 @@ LOADS = {"load": {"min": 3000.0, "max": 3100.0}}
         (7, LOADS, "model = 7 is not allowed"),
     ],
 )
-def test_what_gives_no_designs_is_refused_in_a_sentence(model, tolerances, words):
+def test_tolerances_without_designs_are_refused_in_one_sentence(model, tolerances, words):
     with pytest.raises(ValueError, match=words):
         Designs(model, tolerances)
 
 
-def test_each_sample_without_a_model_says_why():
+def test_each_invalid_sample_reports_its_reason():
     def model(load):
         if load <= 3030.0:
             raise ZeroDivisionError
@@ -138,7 +138,7 @@ def test_each_sample_without_a_model_says_why():
         (0.3, "26bc", (-290, -190)),
     ],
 )
-def test_allowances_of_the_thickness_are_those_of_din_3967(diameter, designation, limits):
+def test_thickness_allowances_match_din_3967(diameter, designation, limits):
     assert np.allclose(thickness_limits(diameter, designation), np.array(limits) * 1e-6, rtol=1e-12)
 
 

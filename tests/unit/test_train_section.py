@@ -63,7 +63,7 @@ def read(kind, section):
 
 
 @pytest.mark.parametrize("kind", ["split_power_reducer", "planetary", "idler", "two_stage"])
-def test_a_ready_made_train_is_that_of_the_library(kind):
+def test_a_predefined_train_matches_the_library(kind):
     settings = load(CONFIG | {"train": EVERY | {"kind": kind}})
     section = getattr(settings.train, kind)
     assert section.model_dump().keys() == EVERY[kind].keys() == type(section).model_fields.keys()
@@ -80,7 +80,7 @@ def test_texts_are_read_in_si_units():
         assert fields.keys() - EVERY["own"][keys][0].keys() <= geometry
 
 
-def test_a_planetary_set_is_that_of_the_library():
+def test_a_configured_planetary_set_matches_the_library():
     keys = set(train_section.PlanetarySet.model_fields)
     instead = {"power", "speed", "logarithmic_decrement", "material_damping"}
     assert keys - set(SET) == instead | {"stiffness", "stiffness_options", "stages"}
@@ -102,7 +102,7 @@ def test_a_planetary_set_is_that_of_the_library():
     assert train.by_name["sun"].torque == pytest.approx(expected.by_name["sun"].torque, rel=1e-11)
 
 
-def test_a_train_of_gears_given_by_geometry_is_that_of_the_library():
+def test_a_configured_train_of_gear_geometry_matches_the_library():
     pinion, idler, wheel = (
         SpurGear(teeth=z, shift=x, module=4e-3, width=0.03, bore=bore)
         for z, x, bore in ((21, 0.2, 0.025), (37, 0.0, 0.0), (42, 0.0, 0.0))
@@ -133,7 +133,7 @@ def test_a_train_of_gears_given_by_geometry_is_that_of_the_library():
     assert found.replace(meshes=(found.meshes[0], second)) == expected
 
 
-def test_teeth_without_a_load_need_a_torque():
+def test_tooth_pairs_without_a_load_need_a_torque():
     gear = {"teeth": 30, "module": "3 mm", "width": "20 mm"}
     bodies = [{"name": name, "gear": gear} for name in "ab"]
     with pytest.raises(ValueError, match=r"^torque of mesh a-b is missing: .* do not load"):

@@ -41,7 +41,7 @@ def whole_periods(mesh, x, v, periods):
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_whole_periods_equal_events_one_by_one(seed):
+def test_whole_period_steps_match_events_one_by_one(seed):
     rng, periods = np.random.default_rng(seed), 8
     for _ in range(2000):
         values, tuning, (x, v) = random_mesh(rng)
@@ -73,7 +73,7 @@ def test_a_motion_that_creeps_past_a_vanished_orbit_is_not_settled(distance):
     assert creeping_runs > 1 and x > 0.28
 
 
-def test_the_record_of_a_settled_orbit_is_that_of_another_engine_that_computes_all_periods():
+def test_the_record_of_a_settled_orbit_matches_an_engine_without_shortcut():
     # Damping, first and last tuning: the last ranges have motions of three and five mesh periods.
     cases = (0.0617, 0.5, 1.4), (0.02, 0.9, 2.2), (0.01, 0.508, 0.511), (0.005, 1.124, 1.126)
     span = {"periods": 3000, "record_periods": 24, "samples_per_period": 8}
@@ -94,7 +94,7 @@ def test_the_record_of_a_settled_orbit_is_that_of_another_engine_that_computes_a
 
 
 @pytest.mark.parametrize("damping", [0.01, 0.03])
-def test_a_period_is_that_of_the_settled_motion(damping):
+def test_the_reported_period_matches_the_settled_motion(damping):
     # After five revolutions, 115 mesh periods, many motions still differ from one period to the
     # next by more than the tolerance, but less over two: a period of 2 would be wrong.
     pair = GearPair.from_geometry(own(), torque=85.0, damping_ratio=damping)

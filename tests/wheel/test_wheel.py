@@ -94,7 +94,7 @@ def call(tmp_path):
     return lambda *words: run(*words, cwd=tmp_path, env=environment)
 
 
-def test_the_wheel_works_in_an_empty_environment(call, python, tmp_path):
+def test_the_wheel_runs_in_a_fresh_environment(call, python, tmp_path):
     command = python.with_name("gearlib")
     assert __version__ in call(command, "--version") and "simulate" in call(command, "--help")
     where = call(python, "-c", "import gearlib; print(gearlib.__file__)")

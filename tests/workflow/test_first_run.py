@@ -36,7 +36,7 @@ def test_one_command_runs_every_rule(first_run):
     assert run == rules - named - measured
 
 
-def test_sources_of_a_job_are_all_it_loads(first_run, records):
+def test_the_sources_of_a_job_include_every_module_it_loads(first_run, records):
     folder = f"{first_run[0].folder}/"
     missing = set()
     for job in records:
@@ -49,7 +49,7 @@ def test_sources_of_a_job_are_all_it_loads(first_run, records):
     assert missing == set()
 
 
-def test_code_that_draws_is_no_source_of_a_computation(records):
+def test_computations_do_not_depend_on_drawing_code(records):
     figures = "gearlib/figures/"
     for job in records:
         if not any(figures in path for path in job["loaded"]):
@@ -63,7 +63,7 @@ def test_every_job_starts_with_the_settings_of_the_processor(records):
     assert all(settings.items() <= job["environment"].items() for job in records)
 
 
-def test_numbers_behind_the_figures_are_the_golden_ones(first_run):
+def test_numbers_behind_the_figures_match_golden_data(first_run):
     results = first_run[0] / "results"
     names = golden.datasets(results)
     stored = sorted(str(path.relative_to(golden.FOLDER)) for path in golden.FOLDER.rglob("*.nc"))
@@ -82,7 +82,7 @@ def pictures(records, tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", figures.stored())
-def test_figure_is_the_stored_one(pictures, name):
+def test_each_figure_matches_its_stored_picture(pictures, name):
     assert figures.difference(name, pictures) is None
 
 
@@ -100,7 +100,7 @@ def report(first_run, tmp_path_factory):
     return path, json.loads(entries)
 
 
-def test_the_report_holds_every_figure_and_table(first_run, report):
+def test_the_report_contains_every_figure_and_table(first_run, report):
     project, (_, entries) = first_run[0], report
     results = project / "results"
     pictures = {str(path.relative_to(results)) for path in results.rglob("figures/**/*.png")}
@@ -126,7 +126,7 @@ def kinds(first_run):
     return {str(path.relative_to(first_run[0] / "results")): path for path in paths.values()}
 
 
-def test_every_dataset_keeps_to_cf(kinds, monkeypatch):
+def test_every_dataset_follows_the_cf_conventions(kinds, monkeypatch):
     runner = pytest.importorskip("compliance_checker.runner", reason="no CF checker installed")
     from compliance_checker.cf import util as cf_util
 
@@ -152,7 +152,7 @@ def test_every_variable_is_described(kinds):
             assert "units" in variable.attrs or variable.dtype.kind not in "fi", (name, key)
 
 
-def test_every_dataset_says_how_it_was_made(kinds):
+def test_every_dataset_states_how_it_was_made(kinds):
     for name, path in kinds.items():
         attributes = storage.read(path).attrs
         if "times" in name:
@@ -165,7 +165,7 @@ def test_every_dataset_says_how_it_was_made(kinds):
             assert attributes[key] == text, name
 
 
-def test_source_hash_is_that_of_the_job_that_computed_the_data(first_run):
+def test_the_stored_source_hash_matches_the_job(first_run):
     project, _ = first_run
 
     def source_hash(path):
@@ -177,7 +177,7 @@ def test_source_hash_is_that_of_the_job_that_computed_the_data(first_run):
     assert source_hash("phase_lag.nc") != source_hash(shard)
 
 
-def test_provenance_says_where_and_when_the_run_was_made(first_run):
+def test_provenance_states_where_and_when_the_run_was_made(first_run):
     record = json.loads((first_run[0] / "results/provenance.json").read_bytes())
     assert set(record) == {"finished", "commit", "changed_files", "versions", "machine", "jobs"}
     assert record["versions"]["numpy"] == metadata.version("numpy")

@@ -60,7 +60,7 @@ load(CONFIG | {"profile": {"kind": "trapezoid", "ramp": -0.2}})
 """
 
 
-def test_a_stiffness_profile(copy):
+def test_a_new_stiffness_profile_works_by_the_recipe(copy):
     follow(copy, "A stiffness profile")
     process = python(copy, "-c", PROFILE)
     assert process.stdout == "trapezoid with ramps of 0.2 rad  False\n"
@@ -83,7 +83,7 @@ gearlib.Stop(stiffness=-1.0)
 """
 
 
-def test_a_model(copy):
+def test_a_new_model_works_by_the_recipe(copy):
     follow(copy, "A model")
     process = python(copy, "-c", MODEL)
     assert process.stdout.startswith("exact taylor ") and "a mass at a stop" in process.stdout
@@ -103,7 +103,7 @@ load(CONFIG | {"failures": {"trials": trials}})
 """
 
 
-def test_a_method(copy):
+def test_a_new_method_works_by_the_recipe(copy):
     follow(copy, "A method")
     process = python(copy, "-c", METHOD)
     first, second, *events = map(float, process.stdout.split())
@@ -113,7 +113,7 @@ def test_a_method(copy):
 
 
 @pytest.mark.slow
-def test_a_quantity_in_summaries(copy):
+def test_a_new_summary_quantity_works_by_the_recipe(copy):
     follow(copy, "A quantity in summaries")
     tests, orbit = copy / "tests/properties/test_summaries.py", copy / "gearlib/engines/orbit.py"
     # Runs that strike both flanks, by engines and steps.
@@ -137,7 +137,7 @@ def report_after(project, target):
 
 
 @pytest.mark.slow
-def test_a_figure_of_data_that_exist(tmp_path):
+def test_a_new_figure_of_existing_data_works_by_the_recipe(tmp_path):
     project = small_project(tmp_path / "project")
     follow(project, "A figure of data that exist")
     rules, report = report_after(project, "harris_map")
@@ -150,7 +150,7 @@ def test_a_figure_of_data_that_exist(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_study(tmp_path):
+def test_a_new_study_works_by_the_recipe(tmp_path):
     project = small_project(tmp_path / "project")
     follow(project, "A study")
     run, report = report_after(project, "load_study")

@@ -42,7 +42,7 @@ def planned_with(project, change):
     return planned_after(project, "config.yaml", edit)
 
 
-def test_second_run_does_nothing(project):
+def test_a_second_run_starts_no_job(project):
     provenance = (project / "results/provenance.json").read_bytes()
     # New dates of equal files, other order and spelling in the configuration.
     for path in project.folder.rglob("*"):
@@ -70,7 +70,7 @@ EDITS = {
 
 
 @pytest.mark.parametrize("path", EDITS)
-def test_edited_module_reruns_the_jobs_that_use_it(shared, first_run, path):
+def test_an_edited_module_reruns_the_jobs_that_use_it(shared, first_run, path):
     rules = EDITS[path]
     if rules in ("all", "draw"):
         run = rules_in(first_run[1])
@@ -97,12 +97,12 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_changed_configuration_reruns_the_jobs_that_use_the_key(shared, name):
+def test_a_changed_configuration_key_reruns_the_jobs_that_use_it(shared, name):
     change, expected = CHANGES[name]
     assert planned_with(shared, change) == expected
 
 
-def test_a_larger_stop_leaves_the_computed_window(shared):
+def test_a_larger_stop_keeps_the_computed_windows(shared):
     printed = shared.snakemake("-n", "--config", "resonance={stop: 2.3}")
     planned = {*re.findall(r"^    output: results/resonance/k1/(.*).nc$", printed, re.M)}
     # Sweeps up and down go through the whole range.
@@ -111,7 +111,7 @@ def test_a_larger_stop_leaves_the_computed_window(shared):
     assert rules_in(printed) == rules
 
 
-def test_another_damping_reruns_the_jobs_with_this_damping(shared):
+def test_a_changed_damping_reruns_only_the_jobs_with_this_damping(shared):
     planned = planned_with(shared, lambda c: c["dampings"]["k1"].update(material_damping=4000))
     assert {"sweep_window", "label", "phase_plane", "compute_branches"} <= planned
     unaffected = {"compute_basins", "compute_stability_chart", "compute_phase_lag", "trial"}
@@ -129,7 +129,7 @@ def test_targets_and_the_command_line_choose_the_jobs(shared, tmp_path):
     assert not {"compute_basins", "work_precision_errors", "draw_branches"} & paper
 
 
-def test_new_scene_runs_beside_the_others(project):
+def test_a_new_scene_runs_without_repeating_the_others(project):
     before = {path: (project / path).stat().st_mtime_ns for path in project.results()}
     case = {"title": "mine", "damping": "k1", "tuning": 0.9, "change": {"contact_ratio": 1.3}}
     scene = {
@@ -148,7 +148,7 @@ def test_new_scene_runs_beside_the_others(project):
         assert (project / path).stat().st_mtime_ns == modified, path
 
 
-def test_each_project_has_a_folder(project, tmp_path):
+def test_each_project_writes_to_its_own_folder(project, tmp_path):
     arguments = ("--directory", tmp_path / "mine", "phase_lag", "-j2")
     gears = {"gear_pair": {"max_stiffness": 3e8}, "targets": ["phase_lag"]}
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(gears), encoding="utf-8")
@@ -162,7 +162,7 @@ def test_each_project_has_a_folder(project, tmp_path):
     assert project.planned(*arguments) == rules - {"compile_kernels"}
 
 
-def test_a_failed_job_shows_where_the_library_beside_the_snakefile_failed(project):
+def test_a_failed_job_reports_the_failing_line_of_the_library(project):
     module = project / "gearlib/studies/claims.py"
     with module.open("a") as source:
         source.write("\nraise RuntimeError(f'claims are broken in {__file__}')\n")
@@ -171,11 +171,11 @@ def test_a_failed_job_shows_where_the_library_beside_the_snakefile_failed(projec
     assert not (project / "results/claims.csv").exists()
 
 
-def test_lint_finds_nothing(shared):
+def test_the_linter_of_snakemake_reports_nothing(shared):
     assert "good condition" in shared.snakemake("--lint")
 
 
-def test_wrong_configuration_is_refused_in_one_sentence(project):
+def test_a_wrong_configuration_is_refused_in_one_sentence(project):
     def refusal(*arguments):
         printed = project.snakemake("-n", *arguments, succeed=False)
         assert "Traceback" not in printed and ".smk" not in printed

@@ -43,7 +43,7 @@ def test_each_target_has_a_rule_and_each_figure_and_table_a_caption(paper):
     assert rendered >= 40
 
 
-def test_gears_of_the_user_reach_the_studies_of_gears_given_by_geometry(project, paper):
+def test_gears_of_the_user_reach_the_studies_of_gear_geometry(project, paper):
     quality = {"pinion": {**OWN["gears"]["pinion"], "quality": 6}}
     quality["wheel"] = {"teeth": 61, "quality": 6}
     mine = rules_of(project, OWN | {"gears": OWN["gears"] | quality})
@@ -57,7 +57,7 @@ def test_gears_of_the_user_reach_the_studies_of_gears_given_by_geometry(project,
         assert "FZG type C" in paper.rules[f"draw_{name}"]["params"]["gears"]
 
 
-def test_the_report_of_the_gears_of_a_user_has_their_table_and_no_figures_of_the_paper(project):
+def test_the_report_on_gears_of_a_user_has_their_table_and_no_paper_figures(project):
     mine = rules_of(project, OWN)
     table = mine.rules["gears_table"]
     rows = [row[:3] for row in gear_table.rows(**with_models(table["params"]["settings"]))]
@@ -67,7 +67,7 @@ def test_the_report_of_the_gears_of_a_user_has_their_table_and_no_figures_of_the
     assert not [part for part in parts if "paper's figures" in part]
 
 
-def test_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
+def test_a_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
     damped = {"train": {"planetary_set": {"damping_ratio": 0.03}}}
     mine = rules_of(project, overlay(PLANETS, damped))
     for name in TRAIN_TARGETS:
@@ -78,7 +78,7 @@ def test_train_of_the_user_reaches_its_sweep_and_its_diagram(project):
     assert "planetary set" in mine.caption("campbell")
 
 
-def test_captions_of_relieved_gears_name_the_limits_of_the_model(project):
+def test_captions_of_gears_with_relief_name_the_limits_of_the_model(project):
     errors = {"gears": {"pinion": {"pitch_errors": ["1 um"] * 23}}}
     mine = rules_of(project, overlay(relieved(), errors))
     assert "pitch errors of the gears are left out" in mine.caption("harris_map")

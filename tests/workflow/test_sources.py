@@ -36,7 +36,7 @@ def test_imports_are_followed():
     assert sources("scripts/run.py", package="lib") == IMPORTED + SCRIPTS
 
 
-def test_modules_that_the_rule_names_are_sources():
+def test_modules_named_by_a_rule_are_sources():
     paths = sources("scripts/run.py", ["lib.loaded"], package="lib")
     assert paths == sorted([*IMPORTED, "lib/loaded.py", "lib/storage.py", *SCRIPTS])
 
