@@ -193,7 +193,7 @@ class Mesh:
     line_of_action: Annotated[
         Angle | None,
         described(
-            "Direction of the mesh force on the pinion, or on the wheel of an internal mesh; an "
+            "Direction of the mesh force on the wheel, or on the pinion of an internal mesh; an "
             "alternative to `position`"
         ),
     ] = None

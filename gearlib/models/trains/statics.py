@@ -4,9 +4,10 @@ In every mesh either the drive side or the coast side can carry a force,
 
     P >= 0, d <= P / C, P (d - P / C) = 0        and the same for Q on the coast side,
 
-which is a linear complementarity problem. Its solutions are the minima of a convex, piecewise
-quadratic energy, so the forces are unique. Newton's method with an exact line search ends after
-finitely many steps, and the result is checked against all conditions.
+which is a linear complementarity problem for the mesh force P, the distance d of the flanks and the
+stiffness C. Its solutions are the minima of a convex, piecewise quadratic energy, so the forces are
+unique. Newton's method with an exact line search ends after finitely many steps, and the result is
+checked against all conditions.
 """
 
 import math
@@ -29,23 +30,28 @@ if TYPE_CHECKING:
     from gearlib.models.trains.train import GearTrain
 
 _MAX_NEWTON_STEPS = 200
-#: Largest residual of a solution over its forces; loose gears can have a large rounding error.
+#: Largest residual over the forces; the rounding errors of loose gears can be large.
 _RESIDUAL_TOLERANCE = 1e-9
 
 
 def _balancing_torques(train: "GearTrain") -> str:
-    """Return the torques, on the last loaded bodies, that would balance those on the others."""
+    """Return a suggestion of torques that balance a train, as in "-20 N m on wheel".
+
+    It changes as few torques as possible: it keeps the first torque, which drives, and prefers
+    loaded bodies without a carrier, the last ones first.
+    """
     radii, torques = np.array([(body.base_radius, body.torque) for body in train.bodies]).T
-    # The work of 1 N m on each body in each free motion, and what counts as none.
+    # Work of 1 N m on each body in each free motion, and the rounding error of a work.
     works = (train.structure.motions[:, 2] @ train.free_motions).T / radii
-    least = 1e-6 * abs(works).max()
-    # The first torque drives, and stays; a carried body is changed only if no other can be.
-    ranks = [(body.carrier is None, body.torque != 0.0) for body in train.bodies]
+    work_tolerance = 1e-6 * abs(works).max()
+    # Bodies with the highest preference are changed first.
+    preferences = [(body.carrier is None, body.torque != 0.0) for body in train.bodies]
     if torques.any():
-        ranks[int(torques.nonzero()[0][0])] = (False, False)
+        first_loaded = int(torques.nonzero()[0][0])
+        preferences[first_loaded] = (False, False)
     changed: list[int] = []
-    for i in sorted(range(len(ranks)), key=lambda i: (*ranks[i], i), reverse=True):
-        if np.linalg.matrix_rank(works[:, [*changed, i]], least) > len(changed):
+    for i in sorted(range(len(torques)), key=lambda i: (*preferences[i], i), reverse=True):
+        if np.linalg.matrix_rank(works[:, [*changed, i]], work_tolerance) > len(changed):
             changed.append(i)
     torques[changed] = 0.0
     balancing = np.linalg.lstsq(works[:, changed], -works @ torques)[0]
@@ -54,37 +60,30 @@ def _balancing_torques(train: "GearTrain") -> str:
 
 
 def check_balance(train: "GearTrain") -> None:
-    """Raise ValueError for a `GearTrain` without coordinates, masses or balanced torques.
+    """Raise ValueError if a `GearTrain` cannot move, lacks a mass or has unbalanced torques.
 
-    Harmonic forces must act along a direction in which their body can move.
-
-    A moving backlash is not possible where the axis of a gear moves freely.
+    Also raise it if a harmonic force acts along a direction in which its body cannot move, or has
+    the frequency 0, or if the axis of a gear with moving backlash moves freely.
     """
     if not train.structure.coordinates:
         raise ValueError("bodies is not allowed: at least one of them must be able to move")
     if train.structure.mass.diagonal().min() <= 0.0:
         raise ValueError("bodies is not allowed: every motion must have a mass")
     for force in train.forces:
-        moves = force_row(train, force, train.structure.motions).any()
-        owner, allowed = f"a force on body {force.body}", "a direction in which this body can move"
-        checks.require(moves, "axis", force.axis, allowed, owner)
-        turns, allowed = force_frequency(train, force) != 0, "a mesh, or a body that turns"
-        checks.require(turns, "reference", force.of, allowed, owner)
+        owner = f"a force on body {force.body}"
+        can_move = force_row(train, force, train.structure.motions).any()
+        checks.require(
+            can_move, "axis", force.axis, "a direction in which this body can move", owner
+        )
+        has_frequency = force_frequency(train, force) != 0
+        checks.require(has_frequency, "reference", force.of, "a mesh, or a body that turns", owner)
     load = train.structure.load
     for motion in train.free_motions.T:
-        power = motion * load
-        if abs(power.sum()) > 1e-9 * abs(power).sum():
-            if train.matrices is not None:
-                names = [name for name, _ in train.structure.coordinates]
-                largest = max(abs(motion))
-                pairs = zip(names, motion, strict=True)
-                moving = [name for name, x in pairs if abs(x) > 1e-6 * largest]
-                changed = np.flatnonzero(load * motion)[-1]
-                balancing = load[changed] - (load @ motion) / motion[changed]
-                raise ValueError(
-                    f"forces are not allowed: no spring resists a motion of {', '.join(moving[:8])}"
-                    f", on which they must do no work, as with {balancing:.12g} on {names[changed]}"
-                )
+        works = motion * load
+        is_unbalanced = abs(works.sum()) > 1e-9 * abs(works).sum()
+        if is_unbalanced and train.matrices is not None:
+            raise _unbalanced_forces(train, motion)
+        if is_unbalanced:
             moving_bodies = [
                 body.name
                 for body, rows in zip(train.bodies, train.structure.motions, strict=True)
@@ -99,9 +98,26 @@ def check_balance(train: "GearTrain") -> None:
     scale = abs(train.coast_lines) @ abs(train.free_motions)
     changes_distance = (changes > 1e-9 * scale).any(axis=1)
     for mesh, moves_freely in zip(train.meshes, changes_distance, strict=True):
-        name, allowed = f"moving_backlash of mesh {mesh.name}", "False where an axis of its gears "
         valid = not (mesh.moving_backlash and moves_freely)
-        checks.require(valid, name, True, allowed + "moves freely")
+        allowed = "False where an axis of its gears moves freely"
+        checks.require(valid, f"moving_backlash of mesh {mesh.name}", True, allowed)
+
+
+def _unbalanced_forces(train: "GearTrain", motion: np.ndarray) -> ValueError:
+    """Return the error for forces that do work on a free motion, shape (n,), of given matrices.
+
+    It names the coordinates that move, at most eight, and a force that would balance the others.
+    """
+    names, load = [name for name, _ in train.structure.coordinates], train.structure.load
+    least_motion = 1e-6 * max(abs(motion))
+    pairs = zip(names, motion, strict=True)
+    moving = [name for name, amplitude in pairs if abs(amplitude) > least_motion]
+    changed = np.flatnonzero(load * motion)[-1]
+    balancing = load[changed] - (load @ motion) / motion[changed]
+    return ValueError(
+        f"forces are not allowed: no spring resists a motion of {', '.join(moving[:8])}, on which "
+        f"they must do no work, as with {balancing:.12g} on {names[changed]}"
+    )
 
 
 class Equilibrium(NamedTuple):
@@ -121,33 +137,34 @@ def equilibrium(train: "GearTrain", phase: float = 0.0, load_ratio: float = 1.0)
     """
     frequencies, amplitudes, constants = train.excitation
     harmonics = np.stack([np.cos(frequencies * phase), np.sin(frequencies * phase)], axis=1)
-    # Distances of (coast, drive) flanks without motion.
+    # Distances of (coast, drive) flanks while all coordinates are 0.
     gaps = constants + amplitudes @ harmonics.ravel()
     gaps[0] += [mesh.backlash for mesh in train.meshes]
     stiffness = _stiffness_levels(train, phase)
-    # Amplitudes of modes in which the linear train has unit stiffness exclude free motions.
+    # The unknowns are amplitudes of elastic modes, scaled to unit stiffness of the linear train.
+    # They exclude free motions.
     squares, shapes = train.linear_modes
     basis = shapes / np.sqrt(squares)
     drive_lines = train.modal_mesh_displacements / np.sqrt(squares)
-    moves = np.array([[mesh.moving_backlash] for mesh in train.meshes])
-    coast_lines = np.where(moves, train.coast_lines @ basis, drive_lines)
+    has_moving_backlash = np.array([[mesh.moving_backlash] for mesh in train.meshes])
+    coast_lines = np.where(has_moving_backlash, train.coast_lines @ basis, drive_lines)
     lines = np.stack([coast_lines, drive_lines])
     strains = train.strains[: -len(train.meshes)]
     load = load_ratio * (basis.T @ train.structure.load)
     energy = _Energy(strains.T @ strains, lines, stiffness, gaps, load)
-    skew = (train.structure.stiffness - train.structure.stiffness.T) / 2.0
-    is_symmetric = train.matrices is None or train.matrices.is_symmetric
-    if not is_symmetric:
+    # Rounding errors of the gaps cause forces of this size, even without a load.
+    gap_sizes = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
+    force_scale = (np.abs(drive_lines.T) @ (stiffness * gap_sizes).max(axis=0)).max(initial=0.0)
+    if train.matrices is None or train.matrices.is_symmetric:
+        modal_amplitudes = _minimize(energy, force_scale)
+    else:
+        skew = (train.structure.stiffness - train.structure.stiffness.T) / 2.0
         allowed = "without forces that free motions feel or cause"
         free_forces = np.abs(skew @ train.free_motions).max(initial=0.0)
         valid = free_forces <= _RESIDUAL_TOLERANCE * np.abs(skew).max()
         checks.require(valid, "stiffness", "an unsymmetric matrix", allowed)
         energy = energy._replace(elastic=energy.elastic + basis.T @ skew @ basis)
-    # Rounding errors of the gaps cause forces of this size, even without a load.
-    gap_sizes = np.where(np.isfinite(gaps), np.abs(gaps), 0.0)
-    force_scale = (np.abs(drive_lines.T) @ (stiffness * gap_sizes).max(axis=0)).max(initial=0.0)
-    solve = _minimize if is_symmetric else _balance
-    modal_amplitudes = solve(energy, force_scale)
+        modal_amplitudes = _balance(energy, force_scale)
     if modal_amplitudes is None:
         raise ValueError(
             "the train has no static equilibrium: its torques or errors open a mesh with infinite "
@@ -189,10 +206,10 @@ def static(train: "GearTrain", phase: float = 0.0) -> xr.Dataset:
 
 
 def mesh_groups(train: "GearTrain") -> list[tuple[str, str]]:
-    """Return the group of each mesh, which shares the load of a central gear with other meshes.
+    """Return the load-sharing group of each mesh, as a pair of strings.
 
-    It is ("pinion" or "wheel", name of the central gear), or ("mesh", name of the mesh) if no other
-    mesh loads its gears in the same way.
+    A group is ("pinion", name) for the meshes that share a pinion, else ("wheel", name) for those
+    that share a wheel, else ("mesh", name) for a mesh by itself.
     """
     pinions = [mesh.pinion for mesh in train.meshes]
     wheels = [mesh.wheel for mesh in train.meshes]
@@ -208,9 +225,10 @@ def mesh_groups(train: "GearTrain") -> list[tuple[str, str]]:
 
 
 def load_shares(train: "GearTrain", forces: np.ndarray) -> np.ndarray:
-    """Return the forces of m meshes, (..., m), over the mean force in the group of each mesh.
+    """Return the force of each mesh over the mean force in its group of `mesh_groups`.
 
-    They are NaN where all forces of a group are 0.
+    `forces` of m meshes, in N, and the result have the shape (..., m). The result is NaN where the
+    forces of a group sum to 0.
     """
     groups = np.array(["/".join(group) for group in mesh_groups(train)])
     shares = np.empty_like(forces)
@@ -224,7 +242,10 @@ def load_shares(train: "GearTrain", forces: np.ndarray) -> np.ndarray:
 
 
 def _stiffness_levels(train: "GearTrain", phase: float) -> np.ndarray:
-    """Return the stiffness of (coast, drive) sides just after a reference phase, N/m, (2, m)."""
+    """Return the mesh stiffness of the (coast, drive) sides just after a phase, N/m, (2, m).
+
+    `phase` is the reference mesh phase in rad.
+    """
     # All stiffnesses repeat after `train.repeats` periods of the reference mesh.
     period, phase_in_period = divmod(phase % (math.tau * train.repeats), math.tau)
     levels = np.empty((2, len(train.meshes)))
@@ -239,43 +260,61 @@ def _stiffness_levels(train: "GearTrain", phase: float) -> np.ndarray:
 
 
 class _Energy(NamedTuple):
-    """Potential energy as a convex, piecewise quadratic function of p modal amplitudes."""
+    """Potential energy of a train, a convex, piecewise quadratic function of p modal amplitudes.
+
+    Drive-side flanks touch at distances >= 0, coast-side flanks at distances <= 0. Forces are
+    positive on the drive side and negative on the coast side.
+    """
 
     elastic: np.ndarray  #: stiffness without the meshes, shape (p, p)
     lines: np.ndarray  #: distances of (coast, drive) flanks per amplitude, shape (2, m, p)
-    stiffness: np.ndarray  #: stiffness of (coast, drive) flanks, shape (2, m)
-    gaps: np.ndarray  #: distances of (coast, drive) flanks without motion, shape (2, m)
+    stiffness: np.ndarray  #: stiffness of (coast, drive) flanks, N/m, shape (2, m)
+    gaps: np.ndarray  #: distances of (coast, drive) flanks at amplitudes 0, m, shape (2, m)
     load: np.ndarray  #: modal load, shape (p,)
 
     def forces(self, distances: np.ndarray) -> np.ndarray:
-        """Return the forces of (coast, drive) flanks at given distances, shape (2, m)."""
+        """Return the forces in N at distances of (coast, drive) flanks in m, shape (2, m)."""
         coast, drive = distances
         return self.stiffness * np.stack([np.minimum(coast, 0.0), np.maximum(drive, 0.0)])
 
     def gradient(self, amplitudes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the gradient of the energy, (p,), and the size of the mesh forces in it, (p,)."""
+        """Return the gradient of the energy and the magnitude of the mesh forces in it.
+
+        `amplitudes` and both results have the shape (p,).
+        """
         forces = self.forces(self.lines @ amplitudes + self.gaps)
         gradient = self.elastic @ amplitudes + _modal_forces(self.lines, forces) - self.load
         return gradient, _modal_forces(np.abs(self.lines), np.abs(forces))
 
     def hessian(self, distances: np.ndarray) -> np.ndarray:
-        """Return the stiffness matrix, (p, p), with the flanks that touch at given distances."""
+        """Return the Hessian matrix, (p, p), at distances of (coast, drive) flanks, shape (2, m).
+
+        It is the stiffness matrix with the flanks that touch at these distances.
+        """
         touching = np.stack([distances[0] <= 0.0, distances[1] >= 0.0])
         sides = zip(self.lines, self.stiffness * touching, strict=True)
-        return self.elastic + sum(line.T @ (c[:, None] * line) for line, c in sides)
+        return self.elastic + sum(
+            lines.T @ (stiffness[:, None] * lines) for lines, stiffness in sides
+        )
 
 
 def _modal_forces(lines: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Return the modal forces, (p,), of the forces of (coast, drive) flanks, (2, m)."""
+    """Return the sum of the flank forces in modal coordinates, shape (p,).
+
+    `lines`, shape (2, m, p), are distances of (coast, drive) flanks per modal amplitude, and
+    `forces`, shape (2, m), are the forces of the flanks.
+    """
     return lines[0].T @ forces[0] + lines[1].T @ forces[1]
 
 
 def _minimize(energy: _Energy, force_scale: float) -> np.ndarray | None:
-    """Return the modal amplitudes of least energy by Newton's method, None if there is no minimum.
+    """Minimize the energy by Newton's method and return the modal amplitudes, shape (p,).
 
-    `force_scale` is the size of additional forces whose rounding errors are tolerated.
+    Returns None if the energy has no minimum. `force_scale` is the magnitude of forces beside those
+    of the energy whose rounding errors are tolerated.
     """
-    amplitudes, load, gaps = energy.load.copy(), energy.load, energy.gaps
+    load, gaps = energy.load, energy.gaps
+    amplitudes = load.copy()
     # Larger distances mean that a body moves away under its load without limit.
     largest_gap = np.abs(gaps[np.isfinite(gaps)]).max(initial=0.0)
     deflection = np.abs(energy.lines @ load).max(initial=0.0)
@@ -286,10 +325,10 @@ def _minimize(energy: _Energy, force_scale: float) -> np.ndarray | None:
             # A body is loose: a small stiffness makes a long step, which the line search shortens.
             hessian = hessian + 1e-9 * np.eye(amplitudes.size)
         step = -np.linalg.solve(hessian, energy.gradient(amplitudes)[0])
-        length = _line_search(energy, amplitudes, step)
-        if length is None:
+        step_length = _line_search(energy, amplitudes, step)
+        if step_length is None:
             return None
-        amplitudes = amplitudes + length * step
+        amplitudes = amplitudes + step_length * step
         if -(energy.lines[1] @ amplitudes + gaps[1]).min() > max_distance:
             return None
         gradient, mesh_forces = energy.gradient(amplitudes)
@@ -301,47 +340,54 @@ def _minimize(energy: _Energy, force_scale: float) -> np.ndarray | None:
 
 
 def _balance(energy: _Energy, force_scale: float) -> np.ndarray | None:
-    """Return the modal amplitudes at which forces of an unsymmetric stiffness balance.
+    """Return the modal amplitudes at which all forces balance, shape (p,), or None.
 
-    Newton's method shortens its steps until the remaining forces decrease; None if they do not.
-    `force_scale` is the size of additional forces whose rounding errors are tolerated.
+    Suits an unsymmetric stiffness, for which the "gradient" is the residual of the forces. Newton's
+    method halves each step until the residual decreases; None means that it did not converge.
+    `force_scale` is the magnitude of forces beside those of the energy whose rounding errors are
+    tolerated.
     """
     amplitudes = energy.load.copy()
     for _ in range(_MAX_NEWTON_STEPS):
-        forces, sizes = energy.gradient(amplitudes)
-        scale = force_scale + np.abs(energy.load).max(initial=0.0) + sizes.max(initial=0.0)
-        if np.abs(forces).max(initial=0.0) <= 1e-14 * amplitudes.size * scale:
+        residual, mesh_forces = energy.gradient(amplitudes)
+        scale = force_scale + np.abs(energy.load).max(initial=0.0) + mesh_forces.max(initial=0.0)
+        if np.abs(residual).max(initial=0.0) <= 1e-14 * amplitudes.size * scale:
             return amplitudes
-        hessian = energy.hessian(energy.lines @ amplitudes + energy.gaps)
-        step = -np.linalg.lstsq(hessian, forces)[0]
-        length, norm = 1.0, np.linalg.norm(forces)
-        while np.linalg.norm(energy.gradient(amplitudes + length * step)[0]) >= norm:
-            length /= 2.0
-            if length < 1e-12:  # Only rounding errors are left, which the caller judges.
+        jacobian = energy.hessian(energy.lines @ amplitudes + energy.gaps)
+        step = -np.linalg.lstsq(jacobian, residual)[0]
+        step_length, residual_norm = 1.0, np.linalg.norm(residual)
+        while np.linalg.norm(energy.gradient(amplitudes + step_length * step)[0]) >= residual_norm:
+            step_length /= 2.0
+            if step_length < 1e-12:
+                # Only rounding errors are left, and the caller checks their size.
                 return amplitudes
-        amplitudes = amplitudes + length * step
+        amplitudes = amplitudes + step_length * step
     return None
 
 
 def _line_search(energy: _Energy, amplitudes: np.ndarray, step: np.ndarray) -> float | None:
-    """Return the step length of least energy, None if the energy decreases without limit.
+    """Return the length at which the energy is least along a step from the amplitudes.
 
-    The slope of the energy along the step increases and is linear between contacts of flanks.
+    Both arrays have the shape (p,), and the length is a factor on the step. Returns None if the
+    energy decreases without limit. The slope of the energy along the step increases and is linear
+    between the lengths at which flanks touch or part.
     """
     distances, rates = energy.lines @ amplitudes + energy.gaps, energy.lines @ step
     with np.errstate(divide="ignore", invalid="ignore"):
-        contacts = -distances / rates
-    contacts = np.sort(contacts[np.isfinite(contacts) & (contacts > 0.0)])
+        contact_lengths = -distances / rates
+    is_ahead = np.isfinite(contact_lengths) & (contact_lengths > 0.0)
+    contact_lengths = np.sort(contact_lengths[is_ahead])
 
     def slope(length: float) -> float:
+        """Return the derivative of the energy with respect to the step length."""
         forces = energy.forces(distances + length * rates)
-        elastic = energy.elastic @ (amplitudes + length * step)
-        return step @ (elastic - energy.load) + (rates * forces).sum()
+        elastic_forces = energy.elastic @ (amplitudes + length * step)
+        return step @ (elastic_forces - energy.load) + (rates * forces).sum()
 
     start, start_slope = 0.0, slope(0.0)
     if start_slope >= 0.0:
         return 0.0
-    for end in contacts:
+    for end in contact_lengths:
         end_slope = slope(end)
         if end_slope >= 0.0:
             return start + (end - start) * start_slope / (start_slope - end_slope)

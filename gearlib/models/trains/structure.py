@@ -1,8 +1,9 @@
 """Mass, stiffness and damping matrices of a gear train in SI units.
 
-The axis of a body moves by (x, y) and the body turns by u = r theta. Each of these motions is a row
-vector that is multiplied by the coordinates q, so that rigid supports and rigid pins of a carrier
-need no coordinates. With the row vectors f of supports, pins and shafts and b of the meshes
+The axis of a body moves by (x, y) and the body turns by u = r theta, an arc length on the base
+circle with the radius r. Each of these motions is the product of a row vector and the coordinates
+q, so that rigid supports and rigid pins of a carrier need no coordinates. With the row vectors f of
+supports, pins and shafts and b of the meshes
 
     K = sum k f f^T,   D = sum d f f^T,   M = sum m (x x^T + y y^T) + I / r^2 u u^T,
     d_j = b_j q + e_j(t),   b_j = e . (x, y)_pinion - e . (x, y)_wheel + u_pinion + u_wheel
@@ -26,27 +27,28 @@ import numpy as np
 
 
 class Arithmetic(NamedTuple):
-    """Arithmetic with which the matrices of a train are assembled: floats or balls.
+    """Number type in which the matrices of a train are assembled: floats or balls.
 
     A ball is an interval, a midpoint with an error bound, which encloses a number.
     """
 
-    dtype: type
-    convert: Any  #: function from a float to a number of this arithmetic
-    cos_sin: Any  #: function from an angle to its cosine and sine
-    polar: Any  #: function from a vector to its length and angle
+    dtype: type  #: data type of arrays, `object` for balls
+    convert: Any  #: function from a float to a number of this type
+    cos_sin: Any  #: function from an angle in rad to its cosine and sine
+    polar: Any  #: function from components x, y of a vector to its length and angle in rad
     pi: Any
 
     def zeros(self, *shape: int) -> np.ndarray:
-        """Return an array of zeros with a shape."""
+        """Return an array of zeros of this number type with the given shape."""
         if self.dtype is not object:
             return np.zeros(shape, self.dtype)
         return np.array([self.convert(0.0)] * math.prod(shape), object).reshape(shape)
 
     def rotated(self, rows: Any, angle: Any) -> np.ndarray:
-        """Return the row vectors, (2, n), of a motion along x and y.
+        """Transform the row vectors of a motion from rotated axes to the axes x and y.
 
-        `rows`, (2, n), are its row vectors along axes that are rotated by an angle in rad.
+        `rows`, shape (2, n), refer to axes that are rotated counterclockwise by an angle in rad;
+        the result has the same shape.
         """
         cosine, sine = self.cos_sin(angle)
         return np.stack([cosine * rows[0] - sine * rows[1], sine * rows[0] + cosine * rows[1]])
@@ -60,23 +62,26 @@ FLOAT_ARITHMETIC = Arithmetic(
     math.pi,
 )
 
-#: Smaller pivots of a stiffness matrix with unit diagonal are rounding errors of free motions.
+#: Pivots of a stiffness matrix with unit diagonal below this are rounding errors of free motions.
 RELATIVE_ZERO = 1e-11
 #: How a body moves: its axis along x and y, its rotation as arc length on the base circle.
 AXES = ("x", "y", "rotation")
 
 
 class Structure(NamedTuple):
-    """Matrices of the linear elements of a train: n coordinates, m meshes, b bodies."""
+    """Matrices of the linear elements of a train: n coordinates, m meshes, b bodies.
 
-    coordinates: tuple  #: names, (body, "x", "y" or "u")
-    motions: np.ndarray  #: rows of x, y, u of every body, along fixed axes, (b, 3, n)
+    A row is a row vector that maps the n coordinates to a motion.
+    """
+
+    coordinates: tuple  #: pairs (name of a body, "x", "y" or "u")
+    motions: np.ndarray  #: rows of x, y, u of all bodies, along fixed axes, (b, 3, n)
     mass: np.ndarray  #: kg, shape (n, n)
     stiffness: np.ndarray  #: stiffness without the meshes, N/m, shape (n, n)
     damping: np.ndarray  #: N s/m, shape (n, n)
     lines: np.ndarray  #: rows b_j of the distances along the lines of action, shape (m, n)
     sliding: np.ndarray  #: rows of the sliding of the axes across the lines of action, (m, n)
-    line_vectors: np.ndarray  #: e or -e, with which pinion and wheel axes enter d_j, (m, 2, 2)
+    line_vectors: np.ndarray  #: e or -e, the signs of pinion and wheel axes in d_j, (m, 2, 2)
     load: np.ndarray  #: N, shape (n,)
     coriolis: np.ndarray  #: damping per frame speed by Coriolis forces, kg, shape (n, n)
     centrifugal: np.ndarray  #: stiffness per square of the frame speed, kg, shape (n, n)
@@ -87,21 +92,24 @@ class Structure(NamedTuple):
 
 
 def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Structure:
-    """Return the matrices of a train of bodies (name -> `Body`), meshes and shafts in SI units.
+    """Assemble the matrices of a train in SI units.
 
-    They are computed in an `Arithmetic`, floats or balls (intervals that enclose the numbers). If
-    `rotations_first` is set, coordinates of rotations precede the others.
+    `bodies` maps names to `Body`; `meshes` and `shafts` are lists. The matrices are computed in an
+    `Arithmetic`, floats or balls. If `rotations_first` is True, rotations are the first
+    coordinates; otherwise coordinates are in the order of the bodies.
     """
     coordinates = _coordinates(bodies, rotations_first)
     n, convert = len(coordinates), arithmetic.convert
     rows, supports = _motions(bodies, coordinates, arithmetic)
+    # Masses are pairs (row vector, mass), springs triples (row vector, stiffness k, damping d).
     motions, springs, masses = {}, [], []
     coriolis, centrifugal, circulatory = arithmetic.zeros(3, n, n)
     load, centrifugal_load = arithmetic.zeros(2, n)
     for name, body in bodies.items():
-        # Row vectors of the motion along x and y and of the rotation u, as arc length on the base
-        # circle with the radius r; mass m; of springs, stiffness k and damping d.
-        (x, y, u), r, m = rows[name], convert(body.base_radius), convert(body.mass or 0.0)
+        # x, y and u are the row vectors of the axis and of the rotation as arc length on the base
+        # circle with the radius r; m is the mass.
+        x, y, u = rows[name]
+        r, m = convert(body.base_radius), convert(body.mass or 0.0)
         masses += [(x, m), (y, m), (u, convert(body.inertia) / r**2)]
         elements = zip(supports[name], body.support_stiffness, body.support_damping, strict=True)
         springs += [(row, k, d) for row, k, d in elements if math.isfinite(k)]
@@ -146,10 +154,11 @@ def structure(bodies, meshes, shafts, arithmetic, rotations_first=False) -> Stru
 
 
 def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
-    """Return the structure of `Matrices` with n coordinates, which replaces bodies and shafts.
+    """Return the `Structure` of a train with given `Matrices` in place of bodies and shafts.
 
-    Springs are the rows of a triangular factor of the symmetric part of the stiffness, masses
-    those of the mass.
+    `bodies` maps the names of the gears to `Body`, and `meshes` is a list. The structure has
+    springs, which are the rows of a triangular factor of the symmetric part of the stiffness
+    matrix, and masses, which are the rows of a triangular factor of the mass matrix.
     """
     n = len(matrices.coordinates)
     convert = np.vectorize(arithmetic.convert, otypes=[arithmetic.dtype])
@@ -161,8 +170,9 @@ def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
         motions[name] = convert([matrices.motion(gear.x), matrices.motion(gear.y), rotation])
     for j, mesh in enumerate(meshes):
         pinion, wheel = gears[mesh.pinion], gears[mesh.wheel]
-        slope = np.tan(pinion.base_helix_angle) * mesh.direction
-        axial[j] = slope * (matrices.motion(pinion.axial) - matrices.motion(wheel.axial))
+        # Share of the axial motion in the approach along the line of action.
+        axial_share = np.tan(pinion.base_helix_angle) * mesh.direction
+        axial[j] = axial_share * (matrices.motion(pinion.axial) - matrices.motion(wheel.axial))
     lines, sliding, line_vectors = _lines(meshes, motions, n, arithmetic)
     lines = lines + convert(axial)
     for j, mesh in enumerate(meshes):
@@ -189,9 +199,11 @@ def structure_of_matrices(matrices, bodies, meshes, arithmetic) -> Structure:
 
 
 def _springs_of(stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and values of springs with a symmetric stiffness matrix of shape (n, n).
+    """Return springs that have a given symmetric stiffness matrix, shape (n, n).
 
-    Elimination with diagonal pivots keeps motions that no spring resists to rounding.
+    The result is (rows, stiffnesses), shapes (s, n) and (s,), with rows.T @ rows equal to the
+    matrix and all stiffnesses 1. Cholesky factorisation with diagonal pivoting keeps free motions,
+    which no spring resists, accurate to rounding.
     """
     from scipy.linalg.lapack import dpstrf
 
@@ -204,10 +216,11 @@ def _springs_of(stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _coordinates(bodies: dict, rotations_first: bool) -> list:
-    """Return the coordinates of a train, a list of (body, "x", "y" or "u").
+    """Return the coordinates of a train as pairs (name of a body, "x", "y" or "u").
 
-    They are the motions of axes along x and y and the rotations u, as arc length on the base
-    circle, whose supports have a finite stiffness, 0 included.
+    `bodies` maps names to `Body`. A motion of an axis along x or y, or a rotation u as arc length
+    on the base circle, is a coordinate if its support has a finite stiffness, 0 included. If
+    `rotations_first` is True, rotations are the first coordinates.
     """
     coordinates = []
     for body in bodies.values():
@@ -220,18 +233,21 @@ def _coordinates(bodies: dict, rotations_first: bool) -> list:
 
 
 def _motions(bodies: dict, coordinates: list, arithmetic: Arithmetic) -> tuple[dict, dict]:
-    """Return the row vectors of body motions and of support deflections as dicts by body name.
+    """Return the row vectors of body motions and of support deflections as (rows, supports).
 
-    They are those of (x, y, u), shape (3, n), and of both directions of a support, shape (2, n).
+    Both are dicts by body name. An entry of `rows`, shape (3, n), maps the n coordinates to the
+    displacements x and y of the axis and the rotation u as arc length; axes of a carried body are
+    radial and tangential. An entry of `supports`, shape (2, n), maps them to the deflections of the
+    support in both directions. `coordinates` is the result of `_coordinates`.
     """
     n = len(coordinates)
-    rows = {body: arithmetic.zeros(3, n) for body in bodies}
+    rows = {name: arithmetic.zeros(3, n) for name in bodies}
     for i, (name, axis) in enumerate(coordinates):
         rows[name]["xyu".index(axis), i] = arithmetic.convert(1.0)
     supports = {name: rows[name][:2].copy() for name in bodies}
     for name, body in bodies.items():
         if body.carrier:
-            # The motion of the pin along its radius and across it.
+            # `pin` is the motion of the pin along its radius and across it.
             x, y, rotation = rows[body.carrier]
             radial, tangential = arithmetic.rotated([x, y], -body.angle)
             pin = np.stack([radial, tangential + rotation])
@@ -243,7 +259,10 @@ def _motions(bodies: dict, coordinates: list, arithmetic: Arithmetic) -> tuple[d
 
 
 def _sum_of_squares(arithmetic: Arithmetic, n: int, terms: list) -> np.ndarray:
-    """Return the matrix (n, n) that is the sum of value * row^T row over terms (row, value)."""
+    """Return the sum of value row^T row over all terms, shape (n, n).
+
+    `terms` is a list of pairs (row vector of shape (n,), value), such as springs or masses.
+    """
     total = arithmetic.zeros(n, n)
     for row, value in terms:
         total += value * np.outer(row, row)
@@ -251,51 +270,61 @@ def _sum_of_squares(arithmetic: Arithmetic, n: int, terms: list) -> np.ndarray:
 
 
 def _lines(meshes, motions, n, arithmetic) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the fields (lines, sliding, line_vectors) of the `Structure` of m meshes.
+    """Return the row vectors of m meshes as (lines, sliding, line_vectors), fields of `Structure`.
 
-    They are the row vectors of the approach of the flanks along the line of action and of the
-    sliding of the axes across it, (m, n) each, and the unit vectors of the line of action with the
-    signs of pinion and wheel, (m, 2, 2). `motions` maps a body to its row vectors of the axis along
-    x and y and of the rotation as arc length on the base circle, shape (3, n).
+    `lines` and `sliding`, (m, n) each, map the n coordinates to the approach of the flanks along
+    the line of action and to the sliding of the axes across it. `line_vectors`, (m, 2, 2), are unit
+    vectors of the line of action with the signs of pinion and wheel. `motions` maps the name of a
+    body to the row vectors of its axis along x and y and of its rotation as arc length on the base
+    circle, shape (3, n).
     """
     lines, sliding = arithmetic.zeros(2, len(meshes), n)
     line_vectors = arithmetic.zeros(len(meshes), 2, 2)
     for j, mesh in enumerate(meshes):
-        pinion, wheel = motions[mesh.pinion], motions[mesh.wheel]
-        first, second = (wheel, pinion) if mesh.internal else (pinion, wheel)
-        # The unit vector e of the line of action.
+        # With the unit vector e of the line of action, flanks approach each other if the axis of
+        # the gear `plus` moves along e, or the axis of the gear `minus` against it.
         e = np.array(arithmetic.cos_sin(mesh.line_angle(arithmetic.pi)))
-        line_vectors[j] = (-e, e) if mesh.internal else (e, -e)
-        sign = -1.0 if mesh.internal else 1.0
-        lines[j] = e @ (first[:2] - second[:2]) + mesh.direction * (first[2] + sign * second[2])
+        if mesh.internal:
+            plus, minus = motions[mesh.wheel], motions[mesh.pinion]
+            line_vectors[j] = (-e, e)
+            sign = -1.0
+        else:
+            plus, minus = motions[mesh.pinion], motions[mesh.wheel]
+            line_vectors[j] = (e, -e)
+            sign = 1.0
+        lines[j] = e @ (plus[:2] - minus[:2]) + mesh.direction * (plus[2] + sign * minus[2])
         # At direction 1 a pinion slides past the pitch point a quarter turn counterclockwise of e.
         # Its mirror image and a ring gear, slower than its pinion, slide clockwise.
         across = np.array([-e[1], e[0]])
-        sliding[j] = mesh.direction * sign * (across @ (first[:2] - second[:2]))
+        sliding[j] = mesh.direction * sign * (across @ (plus[:2] - minus[:2]))
     return lines, sliding, line_vectors
 
 
 def coast_lines(structure, bodies, meshes, arithmetic=FLOAT_ARITHMETIC) -> np.ndarray:
     """Return the row vectors that map n coordinates to the coast-side distances of meshes, (m, n).
 
-    In a mesh with moving backlash, the coast-side flanks follow the axes, so that deflections of
-    the supports do not change the distance. `bodies` maps names to `Body`.
+    `structure` is the `Structure` of the train, and `bodies` maps names to `Body`. In a mesh with
+    moving backlash, the coast-side flanks follow the axes, so that deflections of the supports do
+    not change the distance.
     """
-    lines, motions = structure.lines.copy(), dict(zip(bodies, structure.motions, strict=True))
+    lines = structure.lines.copy()
+    motions = dict(zip(bodies, structure.motions, strict=True))
     for j, mesh in enumerate(meshes):
+        if not mesh.moving_backlash:
+            continue
         gears = zip((mesh.pinion, mesh.wheel), structure.line_vectors[j], strict=True)
         for name, line_vector in gears:
-            if mesh.moving_backlash:
-                body, deflection = bodies[name], motions[name][:2].copy()
-                if body.carrier:
-                    cosine, sine = arithmetic.cos_sin(body.angle)
-                    x, y, rotation = motions[body.carrier]
-                    deflection -= np.stack([x - sine * rotation, y + cosine * rotation])
-                lines[j] -= line_vector @ deflection
+            body, deflection = bodies[name], motions[name][:2].copy()
+            if body.carrier:
+                # The deflection of a planet is its motion relative to its pin.
+                cosine, sine = arithmetic.cos_sin(body.angle)
+                x, y, rotation = motions[body.carrier]
+                deflection -= np.stack([x - sine * rotation, y + cosine * rotation])
+            lines[j] -= line_vector @ deflection
     return lines
 
 
 def _as_arrays(terms: list, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the row vectors, shape (s, n), and the values, (s,), of terms (row, value)."""
+    """Return a list of s pairs (row vector, value) as arrays of shapes (s, n) and (s,)."""
     rows = np.array([row for row, _ in terms]).reshape(len(terms), n)
     return rows, np.array([value for _, value in terms])
