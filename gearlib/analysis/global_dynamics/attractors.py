@@ -2,11 +2,12 @@
 
 Every point of a stable periodic orbit lies in a *trapping ellipse* that no sampled motion leaves.
 The ellipses are level lines of a quadratic form that the linearised map contracts. Nested rings
-show how far the nonlinear map does so, too: it maps 32 states of each ring (with more than two
-coordinates, 128 states of each ellipsoid, in random directions) into the next smaller one. If this
-held for all states of the rings, all states inside would converge to the orbit, at least with two
-coordinates, because the map is one-to-one and continuous; it is not proved between the samples. A
-run ends in a trapping ellipse, except in `gearlib.basins` with ``stop_early=False``.
+show how far from the orbit the nonlinear map also contracts it: the map takes 32 states of each
+ring (with more than two coordinates, 128 states of each ellipsoid, in random directions) into the
+next smaller one. If this held for all states of the rings, all states inside would converge to the
+orbit, at least with two coordinates, because the map is one-to-one and continuous; between the
+samples it is not proved. A run ends in a trapping ellipse, except in `gearlib.basins` with
+``stop_early=False``.
 """
 
 from dataclasses import dataclass, field
@@ -25,7 +26,7 @@ PERIODIC, CHAOTIC, UNBOUNDED, UNDECIDED = range(4)
 
 #: Longest period of an orbit in the search, in cycles.
 MAX_CYCLES = 32
-#: Shooting starts if states one period apart are closer than this, relative to the motion's size.
+#: Shooting is tried if states one period apart are closer than this, relative to the motion's size.
 _GUESS_TOLERANCE = 1e-2
 #: Points closer than this are equal, in static deflections (relative for larger motions).
 _SAME_POINT_TOLERANCE = 1e-6
@@ -33,7 +34,8 @@ _SAME_POINT_TOLERANCE = 1e-6
 _MIN_DECAY = 1e-6
 #: Factor by which the linearised map contracts the radius of an ellipse.
 _CONTRACTION = 0.5
-#: Ratio of the radii of successive rings, and number of rings; the first has the motion's size.
+#: Ratio of the radii of successive rings, and number of rings; the first ring is as large as the
+#: orbit.
 _RING_RATIO, _RING_COUNT = 0.7, 40
 #: Number of sampled directions of ellipses with two coordinates, and with more.
 _PLANE_DIRECTIONS, _SPACE_DIRECTIONS = 32, 128
@@ -64,36 +66,43 @@ class Attractor:
     kind: int  #: index in `KINDS`
     displacement_max: float = np.nan
     displacement_min: float = np.nan
-    orbit: Orbit | None = None
+    orbit: Orbit | None = None  #: None unless periodic
     ellipses: TrappingEllipses | None = field(default=None, repr=False)
-    points: np.ndarray | None = field(default=None, repr=False)  #: full states, shape (m, n)
+    #: Full states of the orbit one cycle apart, shape (m, n); None unless periodic.
+    points: np.ndarray | None = field(default=None, repr=False)
     exponent: float = np.nan  #: largest Lyapunov exponent per mesh period
     uncertainty: float = np.nan  #: standard error of the exponent
 
     @property
     def period(self) -> int:
-        """Mesh periods; 0 unless periodic."""
+        """Period of the orbit in mesh periods; 0 unless periodic."""
         return self.orbit.period if self.orbit else 0
 
     @property
     def sort_key(self) -> tuple:
-        """Key for sorting attractors by kind, period and height; infinite heights come last."""
-        height = self.displacement_max - self.displacement_min
-        return self.kind, self.period, height if np.isfinite(height) else np.inf
+        """Key that sorts attractors by kind, period and displacement range, NaN last."""
+        displacement_range = self.displacement_max - self.displacement_min
+        if not np.isfinite(displacement_range):
+            displacement_range = np.inf
+        return self.kind, self.period, displacement_range
 
 
-def find_attractors(stroboscope, states: np.ndarray, known_attractors: list, limit: Limit) -> list:
-    """Return the periodic attractors near settled states (k, n) that are not yet known.
+def find_attractors(
+    stroboscope, states: np.ndarray, known_attractors: list, time_limit: Limit
+) -> list:
+    """Return the new periodic attractors near settled full states, shape (k, n).
 
-    Each state is propagated over 64 more cycles of the excitation. `limit` is that of the time.
+    New ones are not among the periodic `known_attractors`. Each state is propagated over 64 more
+    cycles; the search ends when the time limit is over.
     """
     series = [states]
     for _ in range(2 * MAX_CYCLES):
         series.append(stroboscope(series[-1], 1)[0])
-    # The last states come first, because they have settled best.
+    # The latest states come first, because they have settled best.
     series = np.array(series[::-1])
-    scaled_series, attractors = stroboscope.scaled(series), list(known_attractors)
-    for k in limit.each(range(len(states))):
+    scaled_series = stroboscope.scaled(series)
+    attractors = list(known_attractors)
+    for k in time_limit.each(range(len(states))):
         if not np.isfinite(scaled_series[:, k]).all():
             continue
         if any(attractor.ellipses.contain(scaled_series[:1, k])[0] for attractor in attractors):
@@ -105,7 +114,7 @@ def find_attractors(stroboscope, states: np.ndarray, known_attractors: list, lim
 
 
 def _are_same_orbit(first: Any, second: Any) -> bool:
-    """Return whether two periodic attractors are the same orbit."""
+    """Return whether two periodic attractors are the same orbit, up to the choice of its start."""
     points = first.ellipses.points
     size = max(1.0, np.abs(points).max())
     distances = np.abs(second.ellipses.points - points[0]).max(axis=1)
@@ -113,9 +122,10 @@ def _are_same_orbit(first: Any, second: Any) -> bool:
 
 
 def _attractor_at(stroboscope, state: np.ndarray, scaled_series: np.ndarray) -> Attractor | None:
-    """Return the periodic attractor at a settled state, or None.
+    """Return the periodic attractor near a settled full state, or None if there is none.
 
-    `scaled_series` are the scaled states of successive cycles that end in this state, last first.
+    `scaled_series`, shape (cycles, n), are the scaled states of the motion one cycle apart that
+    lead to this state, latest first.
     """
     size = max(1.0, np.ptp(scaled_series, axis=0).max())
     for n in range(1, MAX_CYCLES + 1):
@@ -135,13 +145,13 @@ def _attractor_at(stroboscope, state: np.ndarray, scaled_series: np.ndarray) -> 
         if largest_multiplier < 1.0 - _MIN_DECAY:
             return attractor_of(stroboscope, orbit)
         if largest_multiplier <= 1.0 + _MIN_DECAY:
-            # Without damping in contact neither this orbit nor its neighbours are attractors.
+            # Without damping in contact neither this orbit nor neighbouring ones are attractors.
             return None
     return None
 
 
 def attractor_of(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
-    """Return the attractor of a stable periodic orbit, with its trapping ellipses."""
+    """Return a stable periodic orbit as an `Attractor` with its trapping ellipses."""
     points = [orbit.state]
     for _ in range(orbit.period // stroboscope.mesh_periods_per_cycle - 1):
         next_states, _ = stroboscope(points[-1][None], 1)
@@ -164,7 +174,9 @@ def attractor_of(stroboscope: Stroboscope, orbit: Orbit) -> Attractor:
 def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> TrappingEllipses:
     """Return the largest ellipses around the points of an orbit that no sampled motion leaves.
 
-    `points` are the full states of the orbit one cycle apart, shape (m, n).
+    `points` are the full states of the orbit one cycle apart, shape (m, n). An ellipse is the
+    largest of nested rings from which all sampled motions end inside the next smaller ring, as they
+    do from all rings inside it.
     """
     centres = stroboscope.scaled(points)
     size = max(1.0, np.abs(centres).max())
@@ -176,7 +188,7 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
     to_ellipse = np.array([np.linalg.inv(np.linalg.cholesky(form).T) for form in forms])
     # Shape (points, rings, directions, n).
     offsets = np.einsum("jab,db->jda", to_ellipse, directions)[:, None] * radii[:, None, None]
-    # The weights scale velocities to displacements, `lift` returns from reduced to full states.
+    # The weights scale velocities to displacements; `lift` maps reduced states to full states.
     samples = (centres[:, None, None] + offsets).reshape(-1, n) / stroboscope.weights
     orbit_states = np.repeat(points, radii.size * len(directions), axis=0)
     perturbations = samples - stroboscope.scaled(orbit_states) / stroboscope.weights
@@ -190,18 +202,20 @@ def _trapping_ellipses(stroboscope: Stroboscope, points: np.ndarray) -> Trapping
     for j in range(count):
         failed_rings = np.flatnonzero(~is_inside[j])
         largest_trapping = failed_rings[-1] + 1 if failed_rings.size else 0
-        # Rounding errors dominate inside the smallest ring: only the orbit itself remains.
-        is_ring = largest_trapping < radii.size
-        trapping_radii[j] = radii[largest_trapping] if is_ring else _SAME_POINT_TOLERANCE * size
+        if largest_trapping < radii.size:
+            trapping_radii[j] = radii[largest_trapping]
+        else:
+            # Inside the smallest ring rounding errors dominate: only the orbit itself remains.
+            trapping_radii[j] = _SAME_POINT_TOLERANCE * size
     return TrappingEllipses(centres, forms, trapping_radii)
 
 
 def _lyapunov_functions(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
     """Return (quadratic Lyapunov functions at the points of a stable orbit, number of cycles).
 
-    `cycle_maps`, shape (m, n, n), are the Jacobian matrices of its m cycles. The matrices of the
-    functions have the same shape; after the number of cycles the functions of linearised motions
-    are at most `_CONTRACTION`^2 of their initial values.
+    `cycle_maps`, shape (m, n, n), are the Jacobian matrices of the m cycles of the orbit. The
+    functions are given by symmetric matrices, shape (m, n, n). After the number of cycles, the
+    functions of linearised motions are at most `_CONTRACTION`^2 of their initial values.
     """
     count, n = cycle_maps.shape[:2]
     spectral_radius = np.abs(np.linalg.eigvals(compose(cycle_maps))).max()
@@ -217,7 +231,7 @@ def _lyapunov_functions(cycle_maps: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def _unit_vectors(n: int) -> np.ndarray:
-    """Return unit vectors in n dimensions, shape (k, n): equally spaced for n = 2, else random."""
+    """Return unit vectors, shape (k, n), equally spaced for n = 2, else in random directions."""
     if n == 2:
         angles = 2.0 * np.pi * np.arange(_PLANE_DIRECTIONS) / _PLANE_DIRECTIONS
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)

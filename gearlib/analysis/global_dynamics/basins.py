@@ -1,4 +1,4 @@
-"""`basins`: attractors of initial states on a grid; `basin_stability`: their shares by tuning."""
+"""`basins`: attractors of a grid of initial states; `basin_stability`: their shares by tuning."""
 
 import math
 from typing import Annotated
@@ -26,7 +26,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Threads, Tuning, 
 
 #: Attributes of `Attractor` that are dataset variables of the same name.
 _ATTRACTOR_VARIABLES = ("displacement_max", "displacement_min", "exponent", "uncertainty")
-#: CF attributes of the variable attractor_kind.
+#: CF flag attributes of the variable attractor_kind.
 KIND_FLAGS = flags_of(KINDS)
 #: Attractors at neighbouring tunings belong to a family if their extrema differ by less than this,
 #: relative to the displacement range or one static deflection, whichever is larger.
@@ -49,56 +49,57 @@ def basins(
     """Find the attractors of a damped mesh and the basin of each on a grid of initial states.
 
     States are compared n cycles apart for n = 1, 2, ... (a cycle is one mesh period, or the period
-    of the run-out), a candidate is refined by `gearlib.periodic_orbit`, and all n points of a
+    of the run-out), and candidates are refined by `gearlib.periodic_orbit`. All n points of a
     period-n orbit are the same attractor, whichever of them a motion approaches. Each point lies in
-    a trapping ellipse that no sampled motion leaves (in 32 directions, or 128 with more than two
-    coordinates; this is no proof for other directions): a run ends when it enters one of them.
-    See `gearlib.analysis.global_dynamics.attractors`.
+    a trapping ellipse that no sampled motion leaves; a run ends when it enters one of the ellipses.
+    Motions are sampled in 32 directions, or 128 with more than two coordinates, which proves
+    nothing for other directions. See `gearlib.analysis.global_dynamics.attractors`.
 
     Parameters
     ----------
     model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
-        A model with damping. A `GearPair` allows millions of states, the others thousands; a
-        `DeadZoneOscillator` has its own unit of length instead of the static deflection. With six
-        degrees of freedom the bearings start with the same deflection as in `gearlib.simulate`.
+        A model with damping. A `GearPair` is fast enough for millions of states, the others for
+        thousands; a `DeadZoneOscillator` has its own unit of length instead of the static
+        deflection. With six degrees of freedom the bearings start with the same deflection as in
+        `gearlib.simulate`.
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     grid : tuple
         Initial displacements in static deflections, and dx/dtau, at tau = 0: each a tuple (first,
         last, count) or an array of different values.
     periods : int, default 500
-        Mesh periods of a run, rounded up to cycles; a motion that has not reached an attractor by
-        then gets as many again.
+        Number of mesh periods of a run, rounded up to cycles; a motion that has not reached an
+        attractor by then is continued for as many again.
     stop_early : bool, default True
-        Whether a run ends in a trapping ellipse. False always runs all periods, as a check.
+        Whether a run ends in a trapping ellipse. If False, all periods are run, as a check.
     seed : int, default 0
         Seed of the random choice of the states that are examined first.
     max_events : int
         Largest number of contact events in one mesh period.
     threads : int, optional
-        Number of processors; all by default.
+        Number of threads; by default one for each processor.
     max_seconds : float, optional
-        Seconds after which the states without an attractor are left undecided, see
-        `gearlib.progress`; what is `missing` is then the attractor of these.
+        Time limit in seconds, after which the states without an attractor are undecided, see
+        `gearlib.progress`; the attribute `missing` is then ["undecided"].
 
     Returns
     -------
     xarray.Dataset
-        basin (displacement, velocity), the number of the attractor. Over ``attractor``, sorted by
+        basin (displacement, velocity), the index of the attractor. Over ``attractor``, sorted by
         kind, period and displacement range: attractor_kind (CF flags: periodic, chaotic, unbounded,
         undecided; the last three are classes, not single attractors), period (mesh periods, 0 if
         none), share of the grid and share_error, the standard error for as many random states;
-        displacement_max and displacement_min (for aperiodic motions those of a few samples over 256
-        periods); exponent, uncertainty (largest Lyapunov exponent per mesh period, for a periodic
-        orbit from its multipliers); state (attractor, point, coordinate), the successive points of
-        the orbit at tau = 0 of each cycle; multiplier_real, multiplier_imaginary; contact_pattern,
-        the sequence of contact codes; grazing; trap_radius, the smallest radius of its trapping
-        ellipses in static deflections. Missing values are NaN.
+        displacement_max and displacement_min (for aperiodic motions the extrema of a few samples
+        over 256 periods); exponent, uncertainty (largest Lyapunov exponent per mesh period, for a
+        periodic orbit from its multipliers); state (attractor, point, coordinate), the successive
+        points of the orbit at the start of each cycle; multiplier_real, multiplier_imaginary;
+        contact_pattern, the sequence of contact codes; grazing; trap_radius, the smallest radius of
+        its trapping ellipses in static deflections. Missing values are NaN.
 
     Raises
     ------
     ValueError
-        If an argument is invalid, or if the model has no damping and so no attractors.
+        If an argument is invalid, or if the model has no damping and therefore no attractors.
     RuntimeError
         If a run has more than `max_events` contact events in a mesh period.
 
@@ -111,10 +112,10 @@ def basins(
     x, v = grid_axes(grid)
     cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
     states = grid_states(x, v)
-    limit = Limit(max_seconds)
-    attractors, labels = classify(stroboscope, states, cycles, limit, stop_early, seed)
+    time_limit = Limit(max_seconds)
+    attractors, labels = classify(stroboscope, states, cycles, time_limit, stop_early, seed)
     is_undecided = any(attractor.kind == UNDECIDED for attractor in attractors)
-    missing = [KINDS[UNDECIDED]] if is_undecided and not limit.complete else []
+    missing = [KINDS[UNDECIDED]] if is_undecided and not time_limit.complete else []
     share = np.bincount(labels, minlength=len(attractors)) / labels.size
     data = {
         "basin": (("displacement", "velocity"), labels.reshape(x.size, v.size).astype(np.int16)),
@@ -137,28 +138,30 @@ def basins(
         seed=seed,
     )
     dataset["attractor_kind"].attrs |= KIND_FLAGS
-    return limit.mark(dataset, missing)
+    return time_limit.mark(dataset, missing)
 
 
 def _attractor_variables(attractors: list[Attractor]) -> dict:
     """Return the properties of attractors as dataset variables {name: (dims, values)}.
 
-    Attractors have different numbers of points; missing entries are NaN.
+    The attractors have different numbers of points; missing points and multipliers are NaN.
     """
     count = len(attractors)
-    orbits = [attractor.orbit for attractor in attractors]
-    points = max((len(attractor.points) for attractor in attractors if attractor.orbit), default=1)
-    coordinates = max((orbit.state.size for orbit in orbits if orbit), default=2)
-    multipliers = max((orbit.multipliers.size for orbit in orbits if orbit), default=2)
-    states = np.full((count, points, coordinates), math.nan)
-    real, imaginary = np.full((2, count, multipliers), math.nan)
-    for i, (attractor, orbit) in enumerate(zip(attractors, orbits, strict=True)):
+    periodic = [attractor for attractor in attractors if attractor.orbit]
+    orbits = [attractor.orbit for attractor in periodic]
+    point_count = max((len(attractor.points) for attractor in periodic), default=1)
+    state_size = max((orbit.state.size for orbit in orbits), default=2)
+    multiplier_count = max((orbit.multipliers.size for orbit in orbits), default=2)
+    states = np.full((count, point_count, state_size), math.nan)
+    real, imaginary = np.full((2, count, multiplier_count), math.nan)
+    for i, attractor in enumerate(attractors):
+        orbit = attractor.orbit
         if orbit:
             states[i, : len(attractor.points)] = attractor.points
             real[i], imaginary[i] = orbit.multipliers.real, orbit.multipliers.imag
 
     def scalar_variables(attractor: Attractor) -> dict:
-        """Return the scalar variables of an attractor: name -> value."""
+        """Return the scalar variables of an attractor as {name: value}."""
         orbit = attractor.orbit
         return {
             "attractor_kind": np.int8(attractor.kind),
@@ -189,7 +192,7 @@ def basin_stability(
     threads: Threads = None,
     max_seconds: MaxSeconds = None,
 ):
-    """Compute which share of a region of initial states leads to each attractor, by tuning.
+    """Compute the share of a region of initial states that leads to each attractor, by tuning.
 
     Parameters
     ----------
@@ -200,14 +203,16 @@ def basin_stability(
     region : tuple
         ((lowest, highest displacement), (lowest, highest dx/dtau)) of the initial states.
     samples : int, default 400
-        Number of initial states at each tuning, rounded up to a square number: one random state in
-        each of as many equal cells (stratified sampling), so that shares are more accurate.
+        Number of initial states at each tuning, rounded up to a square number. Each of as many
+        equal cells of the region contains one random state (stratified sampling), so that shares
+        are more accurate.
     periods, max_events, threads
         As in `gearlib.basins`.
     seed : int, default 0
         Seed of the random initial states.
     max_seconds : float, optional
-        Seconds after which the call returns what is done, see `gearlib.progress`.
+        Time limit in seconds, after which the tunings computed so far are returned, see
+        `gearlib.progress`.
 
     Returns
     -------
@@ -221,27 +226,30 @@ def basin_stability(
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is invalid; the message states its value and what is allowed.
     """
     values = distinct_values("tunings", tunings)
     values = np.array([check_tuning(f"tunings[{i}]", v) for i, v in enumerate(values.tolist())])
+    # This raises ValueError if no method supports the model.
     Stroboscope(model, values[0])
     check_model(model)
     low, high = np.transpose(region)
     checks.require((low < high).all(), "region", region, "increasing limits")
-    cells = int(np.ceil(np.sqrt(samples)))
-    attractors_and_shares, limit = [], Limit(max_seconds)
-    for i, tuning in limit.each(with_bar("tunings", enumerate(values), values.size)):
+    cells_per_axis = int(np.ceil(np.sqrt(samples)))
+    state_count = cells_per_axis * cells_per_axis
+    attractors_and_shares = []
+    time_limit = Limit(max_seconds)
+    for i, tuning in time_limit.each(with_bar("tunings", enumerate(values), values.size)):
         stroboscope = Stroboscope(model, tuning, max_events=max_events, threads=threads)
         rng = np.random.default_rng([seed, i])
-        corners = grid_states(np.arange(cells), np.arange(cells))
-        states = low + (corners + rng.random(corners.shape)) / cells * (high - low)
+        corners = grid_states(np.arange(cells_per_axis), np.arange(cells_per_axis))
+        states = low + (corners + rng.random(corners.shape)) / cells_per_axis * (high - low)
         cycles = -(-periods // stroboscope.mesh_periods_per_cycle)
         attractors, labels = classify(stroboscope, states, cycles, Limit(None), seed=seed)
         shares = np.bincount(labels, minlength=len(attractors)) / labels.size
         attractors_and_shares.append((attractors, shares))
-    done = len(attractors_and_shares)
-    data, coords = _family_variables(values[:done], attractors_and_shares, cells * cells)
+    count_done = len(attractors_and_shares)
+    data, coords = _family_variables(values[:count_done], attractors_and_shares, state_count)
     dataset = result(
         "Basin stability of a gear mesh",
         model,
@@ -249,26 +257,28 @@ def basin_stability(
         coords,
         method="stratified initial states",
         region=[list(limits) for limits in region],
-        samples=cells * cells,
+        samples=state_count,
         periods=periods,
         seed=seed,
     )
     dataset["attractor_kind"].attrs |= KIND_FLAGS
-    return limit.mark(dataset, values[done:].tolist())
+    return time_limit.mark(dataset, values[count_done:].tolist())
 
 
 def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[list, list]:
     """Group the attractors at several tunings into families that change little with the tuning.
 
-    `order` are the indices of the tunings in increasing order. Return (last attractor of each
-    family, arrays of the family numbers of the attractors at each tuning).
+    `attractors_by_tuning` has a list of attractors for each tuning, `order` the indices of the
+    tunings by increasing tuning. Return (attractor of each family at the highest tuning where it
+    exists, arrays of the family numbers of the attractors at each tuning).
     """
     latest: list[Attractor] = []
     family_numbers = [np.zeros(0, int)] * len(attractors_by_tuning)
     for i in order:
         attractors = attractors_by_tuning[i]
-        distances = np.array([[_distance(a, family) for family in latest] for a in attractors])
-        distances = distances.reshape(len(attractors), len(latest))
+        distances = np.empty((len(attractors), len(latest)))
+        for k, attractor in enumerate(attractors):
+            distances[k] = [_distance(attractor, family) for family in latest]
         matched_attractors, matched_families = linear_sum_assignment(np.minimum(distances, 1e9))
         numbers = np.full(len(attractors), -1)
         for k, family in zip(matched_attractors, matched_families, strict=True):
@@ -284,10 +294,10 @@ def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[lis
 
 
 def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples: int) -> tuple:
-    """Return (variables, coordinates) of the families of attractors over the tuning.
+    """Return (variables, coordinates) of a dataset of families of attractors over the tuning.
 
-    `attractors_and_shares` holds (attractors, their shares of the initial states) for each tuning;
-    `samples` is the number of initial states at a tuning.
+    `attractors_and_shares` holds (attractors, their shares of the initial states) for each of the
+    tunings, shape (t,); `samples` is the number of initial states at each tuning.
     """
     attractors_by_tuning = [attractors for attractors, _ in attractors_and_shares]
     families, numbers = _assign_families(attractors_by_tuning, np.argsort(tunings))
@@ -313,17 +323,19 @@ def _family_variables(tunings: np.ndarray, attractors_and_shares: list, samples:
 
 
 def _distance(first: Attractor, second: Attractor) -> float:
-    """Return the largest difference of the extrema of two attractors, relative to the first range.
+    """Return the largest difference between the displacement extrema of two attractors.
 
-    It is infinite for different kinds or periods, and 0 for two attractors that are not periodic.
+    It is relative to the displacement range of the first one, or to one static deflection if that
+    is larger. It is infinite for different kinds or periods, and 0 for two aperiodic attractors of
+    the same kind.
     """
     if (first.kind, first.period) != (second.kind, second.period):
         return np.inf
     if first.kind != PERIODIC:
         return 0.0
-    size = max(1.0, first.displacement_max - first.displacement_min)
+    displacement_range = max(1.0, first.displacement_max - first.displacement_min)
     difference = max(
         abs(first.displacement_max - second.displacement_max),
         abs(first.displacement_min - second.displacement_min),
     )
-    return difference / size
+    return difference / displacement_range

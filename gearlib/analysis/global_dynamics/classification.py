@@ -13,24 +13,24 @@ from gearlib.engines import orbit as columns
 from gearlib.models.model import UNBOUNDED_FACTOR
 from gearlib.progress import Limit, with_bar
 
-#: Number of random states near whose final states attractors are searched for first.
+#: Number of random initial states that are propagated first, in search of attractors.
 _FIRST_SAMPLE_SIZE = 128
-#: Number of unclassified states in a sample, and largest number of samples.
+#: Number of unlabelled states in a sample, and largest number of samples.
 _SAMPLE_SIZE, _MAX_SAMPLES = 8, 6
 #: Cycles after which states are compared with the trapping ellipses for the first time.
 _FIRST_CYCLES = 24
-#: States that are propagated at a time by each thread, in chunks of the engine or one by one.
-_PARTS_PER_THREAD = 16
-#: Mesh periods over which exponents and extrema of aperiodic motions are computed.
+#: Number of chunks of states that each thread propagates between two checks of the time limit.
+_CHUNKS_PER_THREAD = 16
+#: Mesh periods over which Lyapunov exponents and extrema of aperiodic motions are computed.
 _EXPONENT_PERIODS, _EXTREMA_PERIODS = 2000, 256
-#: Mesh periods of the transient before an exponent is computed.
+#: Mesh periods of the transient before a Lyapunov exponent is computed.
 _TRANSIENT_PERIODS = 500
-#: Labels of states that are not yet classified, and of those that grow beyond their bounds.
+#: Labels of states that are not yet classified, and of states whose motions exceed their bounds.
 _NO_LABEL, _UNBOUNDED_LABEL = -1, -2
 
 
 def check_model(model: Any) -> None:
-    """Raise ValueError if a model has several meshes, or no damping and so no attractors."""
+    """Raise ValueError if a model has several meshes, or no damping and therefore no attractors."""
     check_one_mesh(model)
     if model.has_damping():
         return
@@ -41,18 +41,24 @@ def check_model(model: Any) -> None:
 
 
 def classify(
-    stroboscope: Stroboscope, states: np.ndarray, cycles: int, limit: Limit, stop_early=True, seed=0
+    stroboscope: Stroboscope,
+    states: np.ndarray,
+    cycles: int,
+    time_limit: Limit,
+    stop_early=True,
+    seed=0,
 ) -> tuple[list[Attractor], np.ndarray]:
-    """Return (attractors, index of the attractor of each initial state, shape (k,)).
+    """Find the attractors of a model and the attractor that each initial state approaches.
 
-    `states` are displacements and velocities, shape (k, 2). Attractors are sorted by kind, period
-    and displacement range; each kind except periodic occurs at most once. A run takes `cycles`
-    cycles, twice as many if it has not reached an attractor by then; with `stop_early` it ends in a
-    trapping ellipse. `seed` is that of the random choice of the states that are examined first.
-    States that have no label when the time of the `Limit` ends are undecided.
+    `states` are initial displacements and velocities, shape (k, 2). A run lasts `cycles` cycles,
+    and as many again if it has not reached an attractor by then; with `stop_early` it ends in a
+    trapping ellipse. `seed` is the seed of the random choice of states that are examined first.
+    States without a label when the time limit is over are undecided. Return (attractors, index of
+    the attractor of each initial state, shape (k,)); attractors are sorted by kind, period and
+    displacement range, and each kind except periodic occurs at most once.
     """
     rng = np.random.default_rng(seed)
-    motions = _Motions(stroboscope, states, rng, limit)
+    motions = _Motions(stroboscope, states, rng, time_limit)
     # A sample of the states is propagated first; most of the others end near the same attractors.
     sample = rng.choice(len(states), min(_FIRST_SAMPLE_SIZE, len(states)), replace=False)
     final_states, _ = motions.advance(stroboscope.start(states[np.sort(sample)]), cycles)
@@ -73,39 +79,52 @@ def classify(
 
 
 class _Motions:
-    """Motions from all initial states, with the attractors that are known so far."""
+    """Motions from all initial states, with the attractors that are known so far.
 
-    def __init__(self, stroboscope, states: np.ndarray, rng: np.random.Generator, limit: Limit):
-        """Start a motion at each state (displacement, velocity), shape (k, 2)."""
-        self.stroboscope, self.states, self.rng, self.limit = stroboscope, states, rng, limit
+    The label of an initial state is the index of its attractor, or _NO_LABEL, _UNBOUNDED_LABEL.
+    """
+
+    def __init__(self, stroboscope, states: np.ndarray, rng: np.random.Generator, time_limit):
+        """Start a motion at each of the initial `states` (displacement, velocity), shape (k, 2).
+
+        `rng` chooses the samples of the motions; `time_limit` is a `Limit`.
+        """
+        self.stroboscope, self.states, self.rng, self.time_limit = (
+            stroboscope,
+            states,
+            rng,
+            time_limit,
+        )
         self.attractors: list = []
         self.labels = np.full(len(states), _NO_LABEL)
-        #: Indices of the initial states without a label, and their current full states.
+        #: Indices of the initial states without a label, and the current full states of these.
         self.remaining, self.current = np.arange(len(states)), stroboscope.start(states)
         #: Size of each motion above which it is unbounded, as in `Model.bound`.
         sizes = stroboscope.size(self.current)
         self.bounds = UNBOUNDED_FACTOR * np.maximum(stroboscope.model.extent, sizes)
 
     def add_attractors(self, states: np.ndarray) -> bool:
-        """Add new attractors near full states, shape (m, n); return whether there are any."""
-        count_before, stroboscope = len(self.attractors), self.stroboscope
+        """Search for attractors near full states, shape (m, n); return whether any is new."""
+        stroboscope = self.stroboscope
+        count_before = len(self.attractors)
         states = states[np.isfinite(states).all(axis=1)]
-        while len(states) and not self.limit.is_over():
-            # After a few states, most of the others lie in the ellipses of known attractors.
+        while len(states) and not self.time_limit.is_over():
             sample, states = states[:_SAMPLE_SIZE], states[_SAMPLE_SIZE:]
-            arguments = sample, self.attractors, self.limit
-            self.attractors += attractors.find_attractors(stroboscope, *arguments)
+            self.attractors += attractors.find_attractors(
+                stroboscope, sample, self.attractors, self.time_limit
+            )
+            # Most of the other states lie in the trapping ellipses of the attractors found so far.
             for attractor in self.attractors:
                 states = states[~attractor.ellipses.contain(stroboscope.scaled(states))]
         return len(self.attractors) > count_before
 
     def set_label(self, mask: np.ndarray, label: int) -> None:
-        """Give a label, such as the index of an attractor, to a mask of the remaining states."""
+        """Give a label to the motions in a mask of the remaining ones, which no longer remain."""
         self.labels[self.remaining[mask]] = label
         self.remaining, self.current = self.remaining[~mask], self.current[~mask]
 
     def label_classified(self) -> None:
-        """Label the remaining states that lie in a trapping ellipse or exceed their bounds."""
+        """Label the remaining motions that are in a trapping ellipse or exceed their bounds."""
         sizes = self.stroboscope.size(self.current)
         self.set_label(sizes > self.bounds[self.remaining], _UNBOUNDED_LABEL)
         for i, attractor in enumerate(self.attractors):
@@ -113,55 +132,63 @@ class _Motions:
             self.set_label(attractor.ellipses.contain(scaled_states), i)
 
     def propagate(self, cycles: int, stop_early: bool) -> None:
-        """Propagate the states without a label over cycles and label those near an attractor.
+        """Propagate the motions without a label over a number of cycles, then label them.
 
-        With `stop_early` they are also labelled after 24, 48, 96 ... cycles.
+        With `stop_early` they are also labelled, and thereby end, after 24, 48, 96 ... cycles.
         """
-        total, step = 0, _FIRST_CYCLES if stop_early else cycles
-        while total < cycles and self.remaining.size and not self.limit.is_over():
-            step = min(step, cycles - total)
+        cycles_done = 0
+        step = _FIRST_CYCLES if stop_early else cycles
+        while cycles_done < cycles and self.remaining.size and not self.time_limit.is_over():
+            step = min(step, cycles - cycles_done)
             self.current, codes = self.advance(self.current, step)
             errors = codes[(codes != status.OK) & (codes != status.OVERFLOW)]
             if errors.size:
                 raise RuntimeError(status.MESSAGES[int(errors[0])])
             self.label_classified()
-            total += step
-            step = total
+            cycles_done += step
+            step = cycles_done
 
     def advance(self, states: np.ndarray, cycles: int) -> tuple:
-        """Propagate full states over cycles in parts; return (states, status codes).
+        """Propagate full states, shape (m, n), over cycles; return (states, status codes).
 
-        States stay where they are if the time ends before.
+        The states are propagated in parts. The remaining parts do not change if the time limit is
+        over.
         """
         states, codes = states.copy(), np.zeros(len(states), np.int64)
-        chunk_size = 1 if self.limit.is_set else self.stroboscope.propagator.chunk_size
-        size = _PARTS_PER_THREAD * self.stroboscope.threads * chunk_size
-        starts = range(0, len(states), size)
-        for i in self.limit.each(with_bar("parts of the states", starts, len(starts))):
-            part = slice(i, i + size)
+        chunk_size = 1 if self.time_limit.is_set else self.stroboscope.propagator.chunk_size
+        part_size = _CHUNKS_PER_THREAD * self.stroboscope.threads * chunk_size
+        part_starts = range(0, len(states), part_size)
+        for i in self.time_limit.each(
+            with_bar("parts of the states", part_starts, len(part_starts))
+        ):
+            part = slice(i, i + part_size)
             states[part], codes[part] = self.stroboscope(states[part], cycles)
         return states, codes
 
     def sample(self) -> np.ndarray:
-        """Return random sorted indices of at most 8 of the remaining states."""
+        """Return at most 8 random indices in `remaining`, sorted."""
         count = min(_SAMPLE_SIZE, self.remaining.size)
         return np.sort(self.rng.choice(self.remaining.size, count, replace=False))
 
     def examine_samples(self) -> None:
-        """Search for attractors near random samples of the remaining states until none is new."""
+        """Label the remaining motions by attractors near random samples of them.
+
+        Stop after _MAX_SAMPLES samples, or after the first one without a new attractor.
+        """
         for _ in range(_MAX_SAMPLES):
             if not self.remaining.size or not self.add_attractors(self.current[self.sample()]):
                 return
             self.label_classified()
 
     def chaotic_attractor(self) -> Attractor | None:
-        """Return the chaotic attractor of the remaining states, or None.
+        """Return the chaotic attractor of the remaining motions, None if they are not chaotic.
 
-        Perturbations must grow in each sampled motion, and the mean exponent must be significantly
-        positive.
+        They are chaotic if perturbations grow in each motion of a sample and the mean of their
+        largest Lyapunov exponents is significantly positive.
         """
-        stroboscope, exponents = self.stroboscope, []
-        if not self.remaining.size or self.limit.is_over():
+        stroboscope = self.stroboscope
+        exponents = []
+        if not self.remaining.size or self.time_limit.is_over():
             return None
         for i in self.remaining[self.sample()]:
             exponent = lyapunov.largest_exponent(
@@ -184,9 +211,10 @@ class _Motions:
         return self.aperiodic_attractor(attractors.CHAOTIC, exponent=mean.value, uncertainty=error)
 
     def aperiodic_attractor(self, kind: int, exponent=np.nan, uncertainty=np.nan) -> Attractor:
-        """Return an attractor of an aperiodic kind (index in `KINDS`) with extrema of samples.
+        """Return an attractor of an aperiodic kind, with the extrema of some remaining motions.
 
-        `exponent` is its largest Lyapunov exponent and `uncertainty` the standard error, if known.
+        `kind` is the index in `KINDS`. `exponent` is the largest Lyapunov exponent and
+        `uncertainty` its standard error, NaN if unknown.
         """
         record, max_events = self.stroboscope.propagator.record, self.stroboscope.max_events
         samples = self.current[self.sample()]
@@ -204,7 +232,8 @@ class _Motions:
     def sorted_attractors(self, chaos: Attractor | None) -> tuple[list[Attractor], np.ndarray]:
         """Return (sorted attractors, index of the attractor of each initial state).
 
-        The remaining states belong to the chaotic attractor `chaos`, or are undecided without one.
+        The remaining motions belong to the chaotic attractor `chaos`, or are undecided if it is
+        None.
         """
         unsorted = list(self.attractors)
         if self.remaining.size:

@@ -1,4 +1,4 @@
-"""`poincare_section`: states at a fixed mesh phase; `bifurcation_diagram`: by a parameter."""
+"""`poincare_section`: states at a fixed mesh phase; `bifurcation_diagram`: over a parameter."""
 
 import math
 from typing import Annotated
@@ -18,11 +18,11 @@ from gearlib.parameters import Count, State, Unit, WholeNumber, checked
 from gearlib.progress import Limit, with_bar
 from gearlib.runs.run_arguments import MAX_EVENTS, Direction, MaxSeconds, Tuning, check_memory
 
-#: Largest number of states in one section.
+#: Largest number of recorded states of a section.
 MAX_POINTS = 50_000_000
-#: Largest number of states whose sections are computed at a time.
-_MAX_PART = 1024
-#: Mesh phase.
+#: Largest number of motions whose sections are computed at a time.
+_MAX_PART_SIZE = 1024
+#: Type of a mesh phase.
 Phase = Annotated[float, Ge(0), Lt(2.0 * math.pi), Unit("rad")]
 
 
@@ -38,7 +38,7 @@ def poincare_section(
     max_events: Count = MAX_EVENTS,
     max_seconds: MaxSeconds = None,
 ):
-    """Record the states of motions at a fixed mesh phase of every mesh period.
+    """Record the states of motions at a fixed phase of each mesh period.
 
     Parameters
     ----------
@@ -50,14 +50,15 @@ def poincare_section(
     periods : int
         Number of recorded mesh periods.
     settle : int, default 0
-        Number of mesh periods before the record.
+        Number of mesh periods of the transient, which is not recorded.
     phase : float, default 0
         Mesh phase of the section, from 0 to less than 2 pi; for models other than a `GearPair` a
         multiple of one degree.
     max_events : int
         Largest number of contact events in one mesh period.
     max_seconds : float, optional
-        Seconds after which the call returns what is done, see `gearlib.progress`.
+        Time limit in seconds, after which the motions computed so far are returned, see
+        `gearlib.progress`.
 
     Returns
     -------
@@ -69,10 +70,11 @@ def poincare_section(
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is invalid; the message states its value and what is allowed.
     """
     starts = np.atleast_2d(float_array(states))
-    if starts.ndim != 2 or starts.shape[1] != 2 or not len(starts) or not np.isfinite(starts).all():
+    has_shape = starts.ndim == 2 and starts.shape[1] == 2 and len(starts)
+    if not has_shape or not np.isfinite(starts).all():
         raise checks.refusal(
             "states",
             states,
@@ -83,18 +85,21 @@ def poincare_section(
             f"states x periods = {len(starts):,} x {periods:,} is not allowed: there must be at "
             f"most {MAX_POINTS:,} states in a section"
         )
-    limit, method = Limit(max_seconds), choose_method(model, None, None)[0]
-    # Parts of many starts cost no time; single ones do.
-    size = 1 if limit.is_set else _MAX_PART
-    parts = [starts[i : i + size] for i in range(0, len(starts), size)]
+    time_limit = Limit(max_seconds)
+    method = choose_method(model, None, None)[0]
+    # The time limit is checked between parts; without a limit, large parts are faster.
+    part_size = 1 if time_limit.is_set else _MAX_PART_SIZE
+    parts = [starts[i : i + part_size] for i in range(0, len(starts), part_size)]
     sections = [
         _section(model, tuning, part, settle, periods, phase, max_events)
-        for part in limit.each(with_bar("parts of the states", parts, len(parts)))
+        for part in time_limit.each(with_bar("parts of the states", parts, len(parts)))
     ]
-    table, ends, codes = map(np.concatenate, zip(*sections, strict=True))
+    recorded = np.concatenate([section[0] for section in sections])
+    ends = np.concatenate([section[1] for section in sections])
+    codes = np.concatenate([section[2] for section in sections])
     data = {
-        "displacement": (("orbit", "strobe"), table[..., 0]),
-        "velocity": (("orbit", "strobe"), table[..., 1]),
+        "displacement": (("orbit", "strobe"), recorded[..., 0]),
+        "velocity": (("orbit", "strobe"), recorded[..., 1]),
         "final_state": (("orbit", "component"), ends),
         "status": ("orbit", codes.astype(np.int8)),
         "tuning": tuning,
@@ -109,20 +114,21 @@ def poincare_section(
     settings = {"tuning": tuning, "phase": phase, "periods": periods, "settle": settle}
     title = "Poincare section of a gear mesh"
     dataset = result(title, model, data, coords, method=method, **settings)
-    return limit.mark(dataset, list(range(len(codes), len(starts))))
+    return time_limit.mark(dataset, list(range(len(codes), len(starts))))
 
 
 def _section(model, tuning, starts, settle, periods, phase, max_events) -> tuple:
-    """Return (recorded states, final states, status codes) of motions from initial states.
+    """Compute the Poincare section of motions from the initial states `starts`, shape (n, 2).
 
-    `starts` has shape (n, 2), the results (n, periods, 2), (n, 2), (n,). States are recorded at the
-    mesh phase `phase` (rad) of each of `periods` mesh periods after a transient of `settle`. A run
-    stops if a mesh period has more than `max_events` contact events.
+    States (displacement, dx/dtau) are recorded at the mesh phase `phase`, in rad, of each of
+    `periods` mesh periods after a transient of `settle` mesh periods. A run fails if a mesh period
+    has more than `max_events` contact events. Return (recorded states, shape (n, periods, 2), final
+    states, (n, 2), status codes, (n,)); states after a failure are NaN.
     """
     check_one_mesh(model)
     states = np.full((len(starts), periods, 2), math.nan)
     ends, codes = np.empty((len(starts), 2)), np.zeros(len(starts), np.int64)
-    # This fills the last three arrays.
+    # This call fills its last three arguments.
     model.propagator(tuning).sections(starts, settle, phase, max_events, states, ends, codes)
     for i, start in enumerate(starts):
         limit = model.displacement_limit(tuning, start)
@@ -147,7 +153,7 @@ def bifurcation_diagram(
     max_events: Count = MAX_EVENTS,
     max_seconds: MaxSeconds = None,
 ):
-    """Record the stroboscopic states of the steady state for each value of a parameter.
+    """Record states of the steady motion at a fixed mesh phase for each value of a parameter.
 
     Parameters
     ----------
@@ -163,7 +169,7 @@ def bifurcation_diagram(
         Whether each run starts from the initial state, or from the final state of the previous one
         for increasing or decreasing values; six degrees of freedom allow "cold" only.
     settle, strobes : int
-        Number of mesh periods before the record, and in the record.
+        Number of mesh periods of the transient, and of recorded mesh periods.
     phase : float, default 0
         Mesh phase at which states are recorded, as in `gearlib.poincare_section`.
     initial_state : tuple of float
@@ -171,7 +177,8 @@ def bifurcation_diagram(
     max_events : int
         Largest number of contact events in one mesh period.
     max_seconds : float, optional
-        Seconds after which the call returns what is done, see `gearlib.progress`.
+        Time limit in seconds, after which the values computed so far are returned, see
+        `gearlib.progress`.
 
     Returns
     -------
@@ -182,7 +189,7 @@ def bifurcation_diagram(
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is invalid; the message states its value and what is allowed.
     """
     method = choose_method(model, None, None)[0]
     values = distinct_values("values", values)
@@ -192,8 +199,10 @@ def bifurcation_diagram(
     check_memory(description, strobes * values.size, 2, "in all")
     cases = parameter_cases(model, tuning, parameter, values)
     section_arguments = settle, strobes, phase, max_events
-    limit, arguments = Limit(max_seconds), (section_arguments, initial_state)
-    states, ends, table = _diagram(cases, values, direction, *arguments, limit)
+    time_limit = Limit(max_seconds)
+    states, ends, table = _diagram(
+        cases, values, direction, section_arguments, initial_state, time_limit
+    )
     data = {
         "displacement": ((parameter, "strobe"), states[..., 0]),
         "velocity": ((parameter, "strobe"), states[..., 1]),
@@ -210,16 +219,18 @@ def bifurcation_diagram(
     settings |= {"strobes": strobes, "phase": phase, "initial_state": initial_state}
     title = "Bifurcation diagram of a gear mesh"
     dataset = result(title, model, data, coords, method=method, **settings)
-    return limit.mark(dataset, **{parameter: table[:, 1] >= 0})
+    return time_limit.mark(dataset, **{parameter: table[:, 1] >= 0})
 
 
-def _diagram(cases, values, direction, section_arguments, initial_state, limit) -> tuple:
-    """Return (states, final states, [orbit period, status code]) of the section at each value.
+def _diagram(cases, values, direction, section_arguments, initial_state, time_limit) -> tuple:
+    """Compute the Poincare section at each of the values of a parameter, shape (v,).
 
-    `cases` are the (model, tuning) at each value of the parameter, `section_arguments` are (settle,
-    periods, phase, max_events) of `_section`. With the direction "up" or "down" a run starts from
-    the final state of the previous one, with "cold" from the initial (displacement, velocity). The
-    status is -1 where the time of the `Limit` was over.
+    `cases` has a (model, tuning) for each value; `section_arguments` are the arguments (settle,
+    periods, phase, max_events) of `_section`. With the direction "up" or "down", a run starts from
+    the final state of the previous one for increasing or decreasing values, with "cold" from the
+    `initial_state`. Return (recorded states, shape (v, periods, 2), final states, (v, 2), table of
+    the orbit period and the status code, (v, 2)). The status is -1 at the values that are not
+    reached before the time limit.
     """
     _, periods, *_ = section_arguments
     states = np.full((values.size, periods, 2), math.nan)
@@ -228,12 +239,14 @@ def _diagram(cases, values, direction, section_arguments, initial_state, limit) 
     if direction == "down":
         order = order[::-1]
     state = initial_state
-    for i in limit.each(with_bar("values", order, order.size)):
+    for i in time_limit.each(with_bar("values", order, order.size)):
         model, tuning = cases[i]
         section = _section(model, tuning, np.array([state]), *section_arguments)
         states[i], ends[i], code = (array[0] for array in section)
-        scale = float(np.ptp(states[i, :, 0]))
-        period = 0 if code else orbit.orbit_period(states[i], tuning, scale, model.repeats)
+        displacement_range = float(np.ptp(states[i, :, 0]))
+        period = 0
+        if code == status.OK:
+            period = orbit.orbit_period(states[i], tuning, displacement_range, model.repeats)
         table[i] = period, code
         is_warm_started = direction != "cold" and code == status.OK
         state = tuple(ends[i]) if is_warm_started else initial_state

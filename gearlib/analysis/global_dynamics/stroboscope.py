@@ -1,7 +1,7 @@
 """Stroboscopic map of a model for many states at once, and grids of initial states.
 
-One *cycle* is the period of the equations of motion: one mesh period, with run-out as many as it
-takes until the same teeth meet again. A periodic orbit of n cycles is n points of the map.
+One *cycle* is the period of the equations of motion: one mesh period, or with run-out the number of
+mesh periods until the same teeth meet again. A periodic orbit of n cycles has n points in the map.
 """
 
 import math
@@ -21,11 +21,11 @@ from gearlib.runs.run_arguments import MAX_EVENTS
 
 #: Motions larger than this, relative to the extent of the model, may grow without bound.
 _MIN_RELATIVE_SIZE = 1e2
-#: Factor by which such a motion must grow repeatedly, up to `Model.bound`.
+#: Factor by which such a motion must grow between two checks, until it exceeds `Model.bound`.
 _MIN_GROWTH = 1.5
 #: Largest number of initial states in a call: all of them are held in memory.
 MAX_STATES = 50_000_000
-#: Bytes of memory for a state during a run: initial and final state, labels.
+#: Bytes of memory per state during a run: initial and final state, labels.
 _BYTES_PER_STATE = 120
 
 
@@ -44,31 +44,35 @@ class Stroboscope:
         self.propagator = model.propagator(tuning)
         self.threads = threads or os.cpu_count() or 1
         self.mesh_periods_per_cycle = model.repeats
-        #: Matrices from full states to states without the free rotation (rigid-body motion) of all
+        #: Matrices from full states to reduced states, without the rigid-body rotation of all
         #: shafts, and back.
         self._reduction, self.lift = model.reduction()
         #: Factors by which velocities become comparable with displacements.
         self.weights = np.repeat([1.0, self.tuning], len(self._reduction) // 2)
 
     def start(self, states: np.ndarray) -> np.ndarray:
-        """Return the full states, shape (k, n), of displacements and velocities, shape (k, 2)."""
+        """Return the full states, shape (k, n), for displacements and velocities, shape (k, 2)."""
         return np.array([self.propagator.initial_state(state) for state in states])
 
     def scaled(self, states: np.ndarray) -> np.ndarray:
-        """Return states without the free rotation, with velocities scaled to displacements."""
+        """Return reduced states, without the rigid-body rotation, for full states, shape (..., n).
+
+        Velocities are multiplied by the tuning, so that they are comparable with displacements.
+        """
         return states @ self._reduction.T * self.weights
 
     def size(self, states: np.ndarray) -> np.ndarray:
-        """Return the largest scaled coordinate of each state, shape (k,); infinite for NaN."""
-        size = np.abs(self.scaled(states)).max(axis=-1)
-        return np.where(np.isnan(size), np.inf, size)
+        """Return the largest scaled component of each full state, shape (k,); infinite for NaN."""
+        largest = np.abs(self.scaled(states)).max(axis=-1)
+        return np.where(np.isnan(largest), np.inf, largest)
 
     def follow_growth(self, states, previous_sizes, bounds: np.ndarray, periods: int) -> tuple:
-        """Propagate large growing states, shape (k, n), until they stop growing or exceed a bound.
+        """Propagate large growing motions until they stop growing or exceed a bound.
 
-        `previous_sizes` are their sizes some mesh periods earlier (0: all have grown), `bounds`
-        their limits, shape (k,). Growth is checked again every `periods` mesh periods,
-        rounded up to whole cycles. Return (mask of the states above their bounds, states).
+        `states` are their full states, shape (k, n); `previous_sizes` are their sizes, as returned
+        by `size`, some mesh periods earlier, or 0 if all have grown; `bounds` are the sizes, shape
+        (k,), above which motions count as unbounded. Growth is checked every `periods` mesh
+        periods, rounded up to whole cycles. Return (mask of the states above their bounds, states).
         """
         states, sizes = states.copy(), self.size(states)
         is_growing = sizes > _MIN_RELATIVE_SIZE * self.model.extent
@@ -85,9 +89,9 @@ class Stroboscope:
         return sizes > bounds, states
 
     def cycle_maps(self, state: np.ndarray, cycles: int) -> np.ndarray:
-        """Return the Jacobian matrices of the cycles after a full state, shape (cycles, n, n).
+        """Return the Jacobian matrices of the map over the cycles that start at a full state.
 
-        They refer to the coordinates of `scaled`.
+        They have the shape (cycles, n, n) and refer to the coordinates of `scaled`.
         """
         periods = cycles * self.mesh_periods_per_cycle
         _, period_maps, code = self.propagator.maps(state, periods, self.max_events)
@@ -99,15 +103,18 @@ class Stroboscope:
         return np.array([compose(maps_of_cycle) for maps_of_cycle in by_cycle])
 
     def __call__(self, states: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray]:
-        """Propagate full states, shape (k, n), over cycles; return (final states, status codes)."""
+        """Propagate full states, shape (k, n), over a number of cycles in parallel.
+
+        Return (final states, status codes); the final state of a failed run is NaN.
+        """
         ends = np.full(states.shape, np.nan)
         codes = np.zeros(len(states), np.int64)
         periods = cycles * self.mesh_periods_per_cycle
-        size = max(1, min(self.propagator.chunk_size, -(-len(states) // self.threads)))
-        chunks = [slice(i, i + size) for i in range(0, len(states), size)]
+        chunk_size = max(1, min(self.propagator.chunk_size, -(-len(states) // self.threads)))
+        chunks = [slice(i, i + chunk_size) for i in range(0, len(states), chunk_size)]
 
         def propagate(chunk: slice) -> None:
-            """Fill the final states and status codes of a chunk of the states."""
+            """Fill `ends` and `codes` with the final states and status codes of a chunk."""
             ends[chunk], codes[chunk] = self.propagator.propagate_many(
                 states[chunk], periods, self.max_events
             )
@@ -120,19 +127,19 @@ class Stroboscope:
 
 
 def check_one_mesh(model: Any) -> None:
-    """Raise ValueError if a model has several meshes: its state has more than two components.
+    """Raise ValueError if a model has several meshes; the message refers to the argument `model`.
 
-    The message refers to the model by the name `model` of the argument of the callers.
+    The displacement and velocity of one mesh do not define the state of such a model.
     """
     allowed = "of one mesh, whose displacement and velocity are the initial state"
     checks.require(not model.mesh_names, "model", type(model).__name__, allowed)
 
 
 def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
-    """Return the (displacements, velocities) of a grid of initial states as float arrays.
+    """Check a grid of initial states and return its (displacements, velocities) as arrays.
 
-    Each of the two axes of `grid` is a tuple (first, last, count) or an array of values; invalid
-    ones raise ValueError.
+    `grid` is a pair of axes, each a tuple (first, last, count) or an array of values. Raise
+    ValueError if an axis is invalid, or if the grid has more than `MAX_STATES` states.
     """
     try:
         displacement_axis, velocity_axis = grid
@@ -141,12 +148,12 @@ def grid_axes(grid: Any) -> tuple[np.ndarray, ...]:
             "grid", grid, "two, displacements and velocities, each (first, last, count) or an array"
         ) from None
     axes = {"grid displacements": displacement_axis, "grid velocities": velocity_axis}
-    counts = [
-        parameters.check(f"count of the {name}", axis[2], Count)
-        if _is_range(axis)
-        else float_array(axis).size
-        for name, axis in axes.items()
-    ]
+    counts = []
+    for name, axis in axes.items():
+        if _is_range(axis):
+            counts.append(parameters.check(f"count of the {name}", axis[2], Count))
+        else:
+            counts.append(float_array(axis).size)
     # The number of states is checked before arrays are allocated.
     state_count = math.prod(counts)
     if state_count > MAX_STATES:
@@ -165,9 +172,10 @@ def _is_range(axis: Any) -> bool:
 
 
 def _axis_values(name: str, axis: Any) -> np.ndarray:
-    """Return the values of a grid axis that is a tuple (first, last, count) or distinct numbers.
+    """Check an axis of a grid and return its values as a float array.
 
-    `name` is the name of the axis in error messages.
+    The axis is a tuple (first, last, count) or a sequence of distinct numbers; `name` is its name
+    in error messages.
     """
     if not _is_range(axis):
         return distinct_values(name, axis)
@@ -175,29 +183,29 @@ def _axis_values(name: str, axis: Any) -> np.ndarray:
     last = parameters.check(f"last of the {name}", axis[1], Finite)
     if last < first or (last == first) != (axis[2] == 1):
         raise ValueError(
-            f"{name} = {axis!r} is not allowed: the last must be greater than the first, or "
-            "equal to it with count 1"
+            f"{name} = {axis!r} is not allowed: last must be greater than first, or equal to it "
+            "with count = 1"
         )
     return np.linspace(first, last, axis[2])
 
 
 def distinct_values(name: str, values: Any) -> np.ndarray:
-    """Return a sequence of distinct finite numbers as an array; otherwise raise ValueError.
+    """Check that a sequence holds distinct finite numbers, and return it as an array, shape (n,).
 
-    `name` is the name of the argument in error messages.
+    Raise ValueError otherwise; `name` is the name of the sequence in the message.
     """
     array = np.atleast_1d(float_array(values))
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():
         raise checks.refusal(name, values, "a non-empty sequence of finite numbers")
     if np.unique(array).size < array.size:
-        raise ValueError(f"{name} = {values!r} is not allowed: its values must be all different")
+        raise ValueError(f"{name} = {values!r} is not allowed: its values must all be different")
     return array
 
 
 def grid_states(displacements: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """Return all states (displacement, velocity) of a grid, shape (n m, 2).
+    """Return the states (displacement, velocity) of a grid, one per row, shape (n m, 2).
 
-    The velocity varies fastest.
+    The axes have n displacements and m velocities; the velocity varies fastest.
     """
     axes = np.meshgrid(displacements, velocities, indexing="ij")
     return np.stack([axis.ravel() for axis in axes], axis=1)
