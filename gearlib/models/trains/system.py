@@ -1,13 +1,19 @@
 """Conversion of a train in SI units to the dimensionless `TrainSystem` of the engines.
 
-With lengths in static deflections, forces over the load, stiffness over C_s of the reference mesh
-and the time theta = Omega t the equation of motion is
+With lengths in static deflections, forces over the load, stiffness over the mean stiffness C_s of
+the reference mesh and the time theta = Omega t, where Omega is the reference natural frequency, the
+equation of motion is
 
     M~ q'' + D~ q' + K~ q = f~ - sum_j (b_j P_j + b_j Q_j) - friction across the lines of action,
 
-M~ = M Omega^2 / C_s, D~ = D Omega / C_s, with the forces of `gearlib.models.six_degrees`
+M~ = M Omega^2 / C_s, D~ = D Omega / C_s, with the forces of `gearlib.models.six_degrees` on the
+drive side, P, and on the coast side, Q:
 
     P = k_m d' + H1 (C d + (k - k_m) d'),    Q = H2 (C (d - s) + (k - k_m) (d - s)').
+
+Here d is the distance of the drive-side flanks, s its value where coast-side flanks touch, C the
+stiffness, k the damping in contact and k_m in free flight; H1 and H2 are 1 in drive-side and
+coast-side contact and 0 otherwise.
 """
 
 import math
@@ -28,11 +34,11 @@ _MAX_REPEATS = 2**50
 
 
 class _Flanks(NamedTuple):
-    """One side, drive or coast, of m meshes: rows for states or for n coordinates."""
+    """Row vectors of the flanks on one side, drive or coast, of m meshes."""
 
-    distances: np.ndarray  #: row vectors that map a state to the distances of the flanks
-    rates: np.ndarray  #: row vectors that map a state to the rates of these distances
-    lines: np.ndarray  #: row vectors (m, n) along which the mesh forces act on the coordinates
+    distances: np.ndarray  #: rows that map a state to the distances of the flanks, (m, state size)
+    rates: np.ndarray  #: rows that map a state to the rates of these distances, (m, state size)
+    lines: np.ndarray  #: rows along which the mesh forces act on the n coordinates, shape (m, n)
 
 
 class DimensionlessMatrices(NamedTuple):
@@ -48,8 +54,8 @@ class DimensionlessMatrices(NamedTuple):
 def dimensionless_matrices(train: "GearTrain", tuning: float) -> DimensionlessMatrices:
     """Return the dimensionless matrices of a train without its meshes.
 
-    `tuning` is the reference mesh frequency over the reference natural frequency; with it grow the
-    forces of the frame that rotates with the carrier.
+    `tuning` is the reference mesh frequency over the reference natural frequency. It sets the speed
+    of the frame that rotates with the carrier, and so the gyroscopic forces.
     """
     structure, stiffness_scale = train.structure, train.stiffness_scale
     omega = train.reference_angular_frequency
@@ -70,17 +76,17 @@ def dimensionless_matrices(train: "GearTrain", tuning: float) -> DimensionlessMa
 
 
 def _distance_rows(train: "GearTrain") -> tuple[np.ndarray, np.ndarray]:
-    """Return row vectors that map states to the distances of (drive, coast) flanks of m meshes.
+    """Return the row vectors that map a state to the distances of (drive, coast) flanks.
 
-    A state holds n coordinates, their n rates, the constant 1 and h pairs of cosine and sine, so
-    that both arrays have the shape (m, 2 n + 1 + 2 h).
+    A state holds n coordinates, their n rates, the constant 1, and the cosine and sine of each of h
+    excitation frequencies, so that both arrays have the shape (m, 2 n + 1 + 2 h) for m meshes.
     """
     frequencies, amplitudes, constants = train.excitation
     per_metre = 1.0 / train.static_deflection
     m, n = train.structure.lines.shape
     drive, coast = np.zeros((2, m, 2 * n + 1 + 2 * frequencies.size))
-    for side, rows, lines in ((1, drive, train.structure.lines), (0, coast, train.coast_lines)):
-        rows[:, :n] = lines
+    drive[:, :n], coast[:, :n] = train.structure.lines, train.coast_lines
+    for side, rows in enumerate((coast, drive)):
         rows[:, 2 * n] = constants[side] * per_metre
         rows[:, 2 * n + 1 :] = amplitudes[side] * per_metre
     for j, mesh in enumerate(train.meshes):
@@ -94,32 +100,37 @@ def _distance_rows(train: "GearTrain") -> tuple[np.ndarray, np.ndarray]:
 def train_system(train: "GearTrain", tuning: float, segments: Segments) -> TrainSystem:
     """Return the state-space matrices of a train over segments of constant stiffness.
 
-    `tuning` is the reference mesh frequency over the reference natural frequency.
+    `tuning` is the reference mesh frequency over the reference natural frequency, and `segments`
+    are computed by `waves.segments`.
     """
     frequencies, lines = train.excitation[0], train.structure.lines
     matrices = dimensionless_matrices(train, tuning)
     inverse_mass, n = np.linalg.inv(matrices.mass), lines.shape[1]
     drive, coast = _distance_rows(train)
-    # The matrix of dz/dtheta in free flight of all meshes.
-    free = single_mesh_system.harmonic_oscillators(drive.shape[1], 2 * n + 1, tuning * frequencies)
-    free[:n, n : 2 * n] = np.eye(n)
-    free[n : 2 * n, :n] = -inverse_mass @ matrices.stiffness
-    free[n : 2 * n, n : 2 * n] = -inverse_mass @ matrices.damping
-    free[n : 2 * n, 2 * n] = inverse_mass @ matrices.load
-    free[n : 2 * n, 2 * n + 1 :] = inverse_mass @ (train.harmonic_forces / train.load)
+    # The state z obeys dz/dtheta = free_flight z while no flanks touch. The rows n to 2 n are the
+    # accelerations.
+    free_flight = single_mesh_system.harmonic_oscillators(
+        drive.shape[1], 2 * n + 1, tuning * frequencies
+    )
+    free_flight[:n, n : 2 * n] = np.eye(n)
+    free_flight[n : 2 * n, :n] = -inverse_mass @ matrices.stiffness
+    free_flight[n : 2 * n, n : 2 * n] = -inverse_mass @ matrices.damping
+    free_flight[n : 2 * n, 2 * n] = inverse_mass @ matrices.load
+    free_flight[n : 2 * n, 2 * n + 1 :] = inverse_mass @ (train.harmonic_forces / train.load)
     damping_scale = train.reference_angular_frequency / train.stiffness_scale
-    # The rates of distances do not contain accelerations.
-    drive_rates, coast_rates = drive @ free, coast @ free
+    # The rates of distances do not contain accelerations, so that they are complete before the
+    # damping in free flight is added.
+    drive_rates, coast_rates = drive @ free_flight, coast @ free_flight
     for j, mesh in enumerate(train.meshes):
         damping_force = mesh.backlash_damping * damping_scale * drive_rates[j]
-        free[n : 2 * n] -= np.outer(inverse_mass @ lines[j], damping_force)
+        free_flight[n : 2 * n] -= np.outer(inverse_mass @ lines[j], damping_force)
     drive_flanks = _Flanks(drive, drive_rates, lines)
     coast_flanks = _Flanks(coast, coast_rates, train.coast_lines)
     contact_forces = _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass)
     norm = largest_norm(train, matrices) if train.gyroscopic else train.norm_at_rest
     highest_rate = max(norm, np.abs(frequencies * tuning).max(initial=0.0))
     return TrainSystem(
-        base_matrix=free,
+        base_matrix=free_flight,
         drive_lines=drive,
         coast_lines=coast,
         **contact_forces,
@@ -133,21 +144,23 @@ def train_system(train: "GearTrain", tuning: float, segments: Segments) -> Train
 
 
 def _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass) -> dict[str, Any]:
-    """Return the fields of a `TrainSystem` on the contact forces of m meshes in p segments.
+    """Return the fields of a `TrainSystem` that describe contact forces, name -> array.
 
-    They are the inputs and outputs of the forces, the index of the force in each contact state and
-    segment, the stiffness, and whether it is at the lower level. Both sides of the meshes are
-    `_Flanks`; `inverse_mass`, shape (n, n), is dimensionless.
+    For m meshes and p segments they are the input and output vectors of the forces, the index of
+    the force in each contact state and segment, the stiffness, and whether it is at the lower
+    level. `drive_flanks` and `coast_flanks` are `_Flanks`; `inverse_mass`, shape (n, n), is the
+    inverse of the dimensionless mass matrix.
     """
-    (m, n), p = drive_flanks.lines.shape, segments.starts.size - 1
+    m, n = drive_flanks.lines.shape
+    p = segments.starts.size - 1
+    # The first axis is the contact state: coast side, no contact, drive side.
     low = np.stack([segments.low[0], segments.low[1], segments.low[1]])
-    # Segments of one kind, a number of two bits, have the same stiffness level (0: upper, 1: lower)
-    # in the higher bit and the same direction of sliding (0: positive, 1: negative) in the lower.
+    # The kind of a segment is 2 at the lower stiffness level, else 0, plus 1 if the sliding is
+    # negative. Segments of one kind have the same force.
     segment_kinds = 2 * segments.low + (segments.sliding_signs < 0.0)
-    kinds = [
-        ([] if math.isinf(mesh.backlash) else mesh_kinds, mesh_kinds)
-        for mesh, mesh_kinds in zip(train.meshes, segments.kinds, strict=True)
-    ]
+    kinds = []  # for each mesh, the kinds on the (coast, drive) side
+    for mesh, mesh_kinds in zip(train.meshes, segments.kinds, strict=True):
+        kinds.append(([] if math.isinf(mesh.backlash) else mesh_kinds, mesh_kinds))
     force_count = 1 + max(len(coast) + len(drive) for coast, drive in kinds)
     state_size = drive_flanks.distances.shape[1]
     force_inputs, force_outputs = np.zeros((2, m, force_count, 2, state_size))
@@ -159,13 +172,15 @@ def _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass) -
         stiffness[:, :, j] = levels[low[:, :, j].astype(int)]
         added_damping = (mesh.known_damping - mesh.backlash_damping) * damping_scale
         index = 0  # Index 0 means that no force acts.
-        # Sides are 0, coast, and 1, drive; the friction coefficients are those of (drive, coast).
+        # Sides are 0, coast, and 1, drive, but friction coefficients are in the order drive, coast.
         for side, flanks in ((1, drive_flanks), (0, coast_flanks)):
             for kind in kinds[j][side]:
                 level, slides_negatively = divmod(kind, 2)
+                sliding_sign = 1 - 2 * slides_negatively
                 index += 1
                 elastic_force = levels[level] * flanks.distances[j]
-                friction = mesh.friction[1 - side] * (1 - 2 * slides_negatively)
+                friction = mesh.friction[1 - side] * sliding_sign
+                # Entry 0 acts along the line of action, and entry 1, the friction, across it.
                 force_inputs[j, index, 0, n : 2 * n] = -inverse_mass @ flanks.lines[j]
                 force_outputs[j, index, 0] = elastic_force + added_damping * flanks.rates[j]
                 force_inputs[j, index, 1, n : 2 * n] = -inverse_mass @ train.structure.sliding[j]
@@ -183,9 +198,9 @@ def _contact_forces(train, segments, drive_flanks, coast_flanks, inverse_mass) -
 def largest_norm(train: "GearTrain", matrices: DimensionlessMatrices) -> float:
     """Return an upper bound of the norms of the state matrices in all contact states of a train.
 
-    `matrices` are those without the meshes. With coordinates of unit mass and velocities over the
-    highest natural frequency, stiffness and damping are symmetric and largest with all meshes in
-    contact.
+    `matrices` are the dimensionless matrices without the meshes. Coordinates are scaled to unit
+    mass, and velocities are divided by the highest natural frequency. Then stiffness and damping
+    are symmetric, and largest with all meshes in contact.
     """
     structure, stiffness_scale = train.structure, train.stiffness_scale
     stiffness, damping = matrices.stiffness.copy(), matrices.damping.copy()
@@ -198,13 +213,15 @@ def largest_norm(train: "GearTrain", matrices: DimensionlessMatrices) -> float:
         mesh_damping = max(mesh.known_damping, mesh.backlash_damping)
         stiffness += mesh_stiffness * flanks
         damping += mesh_damping * train.reference_angular_frequency / stiffness_scale * flanks
-        across_by_line = np.abs(np.outer(structure.sliding[j], line))
-        friction += max(mesh.friction) * mesh_stiffness * across_by_line
+        sliding_by_line = np.abs(np.outer(structure.sliding[j], line))
+        friction += max(mesh.friction) * mesh_stiffness * sliding_by_line
     root = np.linalg.inv(np.linalg.cholesky(matrices.mass))
-    k, d, f = (root @ matrix @ root.T for matrix in (stiffness, damping, friction))
+    k = root @ stiffness @ root.T
+    d = root @ damping @ root.T
+    scaled_friction = root @ friction @ root.T
     frequency = math.sqrt(max(np.linalg.norm(k, 2), 1e-300))
     state_matrix = np.block([[np.zeros_like(k), frequency * np.eye(len(k))], [-k / frequency, -d]])
     # An unsymmetric stiffness could be larger without a contact than with it.
     skew = (k - k.T) / 2.0
-    added = (np.linalg.norm(f, 2) + np.linalg.norm(skew, 2)) / frequency
-    return float(np.linalg.norm(state_matrix, 2) + added)
+    added_norm = (np.linalg.norm(scaled_friction, 2) + np.linalg.norm(skew, 2)) / frequency
+    return float(np.linalg.norm(state_matrix, 2) + added_norm)

@@ -1,8 +1,8 @@
-"""Named numbers of a train, which can be read and changed.
+"""Numbers of a train that can be read and changed by name.
 
-The name of a number of one element is that of error messages, such as ``inertia of body sun``. The
-name of a mesh field alone means all meshes, if they share one value; the name of a support without
-an axis means both axes.
+A number of one element has a name as in error messages, such as ``inertia of body sun``. The name
+of a mesh field alone, such as ``backlash``, refers to all meshes, if they share one value. The name
+of a support without an axis refers to both axes.
 """
 
 import dataclasses
@@ -58,40 +58,44 @@ FIELDS: dict = {
 def shared_value(train: "GearTrain", name: str) -> float:
     """Return the value of a parameter in `PARAMETERS` that all meshes of a train share.
 
-    Raises ValueError if the meshes have different values.
+    `name` is the name of the parameter. Raises ValueError if the meshes have different values.
     """
-    is_backlash = name == "backlash_ratio"
-    values = {mesh.backlash if is_backlash else getattr(mesh, name) for mesh in train.meshes}
+    field = "backlash" if name == "backlash_ratio" else name
+    values = {getattr(mesh, field) for mesh in train.meshes}
     if len(values) > 1:
         raise ValueError(
             f"parameter = {name!r} is not allowed for this train: its meshes must share one value, "
             f"not {', '.join(map(repr, sorted(values)))}"
         )
     value = values.pop()
-    return value / train.static_deflection if is_backlash else value
+    return value / train.static_deflection if name == "backlash_ratio" else value
 
 
 def with_shared_value(train: "GearTrain", name: str, value: float) -> "GearTrain":
-    """Return a checked copy of a train with a new value of a parameter of all its meshes.
+    """Return a checked copy of a train with a new value of a parameter for all its meshes.
 
-    The mean stiffness does not change, nor do natural frequencies and static deflection.
+    `name` is the name of the parameter in `PARAMETERS`. The maximum stiffness is adapted so that
+    mean stiffness, natural frequencies and static deflection do not change.
     """
     if name == "backlash_ratio":
         value = parameters.check(name, value, Backlash) * train.static_deflection
         name = "backlash"
     meshes = []
     for mesh in train.meshes:
-        changed = dataclasses.replace(mesh, **{name: value})
-        ratio = mesh.mean_stiffness / changed.mean_stiffness
+        changed_mesh = dataclasses.replace(mesh, **{name: value})
+        ratio = mesh.mean_stiffness / changed_mesh.mean_stiffness
         if not math.isclose(ratio, 1.0):
-            stiffness = changed.max_stiffness * ratio
-            changed = dataclasses.replace(changed, max_stiffness=stiffness)
-        meshes.append(changed)
+            max_stiffness = changed_mesh.max_stiffness * ratio
+            changed_mesh = dataclasses.replace(changed_mesh, max_stiffness=max_stiffness)
+        meshes.append(changed_mesh)
     return dataclasses.replace(train, meshes=tuple(meshes))
 
 
 def _elements(train: "GearTrain") -> dict[tuple, Any]:
-    """Return the elements of a train, (kind, name) -> `Body`, `Shaft` or `Mesh`."""
+    """Return the elements of a train: (kind, name) -> `Body`, `Shaft` or `Mesh`.
+
+    The kind is "body", "shaft" or "mesh". Matrices of the structure replace bodies, if given.
+    """
     bodies = () if train.matrices is not None else train.bodies
     return (
         {("body", body.name): body for body in bodies}
@@ -101,7 +105,7 @@ def _elements(train: "GearTrain") -> dict[tuple, Any]:
 
 
 def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
-    """Return where the finite numbers of a train are stored, name -> [(element, field, axes)].
+    """Return the locations of the finite numbers of a train: name -> [(element, field, axes)].
 
     An element is (kind, name), such as ("body", "sun"); axes is "x", "y" or "xy" for fields with a
     value for x and y, else "". Stiffness and damping of rigid supports are left out.
@@ -110,17 +114,20 @@ def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
     for element_key, element in _elements(train).items():
         for field in FIELDS[element_key[0]]:
             value, name = getattr(element, field), f"{field} of {' '.join(element_key)}"
-            # Of a spring such as "support", "torsional" or "bending", its stiffness; else None.
+            # "support", "torsional" or "bending" if the field belongs to such a spring.
             spring = field.removesuffix("_stiffness").removesuffix("_damping")
-            stiffness = getattr(element, f"{spring}_stiffness", None) if spring != field else None
+            stiffness = None
+            if spring != field:
+                stiffness = getattr(element, f"{spring}_stiffness", None)
             if not isinstance(value, tuple):
-                if value is not None and not (spring == "torsional" and math.isinf(stiffness)):
+                is_rigid = spring == "torsional" and math.isinf(stiffness)
+                if value is not None and not is_rigid:
                     locations[name] = [(element_key, field, "")]
                 continue
             stiffness_xy = stiffness or (0.0, 0.0)  # The offset, a pair too, has no stiffness.
             axes = [axis for axis, k in zip("xy", stiffness_xy, strict=True) if math.isfinite(k)]
             values = {value["xy".index(axis)] for axis in axes}
-            # An equal stiffness along x and y also has a common name; an offset is a vector.
+            # Equal values along x and y also have a common name, except for an offset, a vector.
             if field != "offset" and len(values) == 1:
                 locations[name] = [(element_key, field, "".join(axes))]
             for axis in axes:
@@ -129,7 +136,10 @@ def _locations(train: "GearTrain") -> dict[str, list[tuple]]:
 
 
 def _shared_locations(train: "GearTrain") -> dict[str, list[tuple]]:
-    """Return where the fields with the same value in all meshes are stored, like `_locations`."""
+    """Return the locations of the mesh fields that have the same value in all meshes.
+
+    The result has the form of `_locations`: name of a field -> [(element, field, ""), ...].
+    """
     return {
         field: [(("mesh", mesh.name), field, "") for mesh in train.meshes]
         for field in FIELDS["mesh"]
@@ -138,9 +148,9 @@ def _shared_locations(train: "GearTrain") -> dict[str, list[tuple]]:
 
 
 def settable(train: "GearTrain") -> dict[str, tuple[str, str]]:
-    """Return the numbers of a train that can be changed, name -> (CF units, description).
+    """Return the numbers of a train that can be changed: name -> (CF units, description).
 
-    The number ``load`` changes all torques in proportion.
+    A change of the number ``load`` changes all torques in proportion.
     """
     descriptions = {"load": ("N", "load, all torques in proportion")}
     for field in _shared_locations(train):
@@ -162,9 +172,9 @@ def value(train: "GearTrain", name: str) -> float:
 
 
 def with_values(train: "GearTrain", new_values: dict[str, float]) -> "GearTrain":
-    """Return a checked copy of a train with new values of numbers in `settable`, name -> value."""
+    """Return a checked copy of a train with new values of numbers in `settable`: name -> value."""
     locations, elements = _shared_locations(train) | _locations(train), _elements(train)
-    fields: dict = {element_key: {} for element_key in elements}
+    new_fields: dict = {element_key: {} for element_key in elements}  # element -> field -> value
     for name, new_value in new_values.items():
         if name == "load" and train.matrices is not None:
             load = train.matrices.load * (new_value / train.load)
@@ -172,18 +182,22 @@ def with_values(train: "GearTrain", new_values: dict[str, float]) -> "GearTrain"
             continue
         if name == "load":
             for body in train.bodies:
-                fields["body", body.name]["torque"] = body.torque * (new_value / train.load)
+                new_fields["body", body.name]["torque"] = body.torque * (new_value / train.load)
             continue
         for element_key, field, axes in locations[name]:
             new_entry: Any = new_value
             if axes:
-                x, y = fields[element_key].get(field, getattr(elements[element_key], field))
-                new_entry = new_value if "x" in axes else x, new_value if "y" in axes else y
-            fields[element_key][field] = new_entry
-    changed: dict = {"body": (), "shaft": (), "mesh": ()}
+                x, y = new_fields[element_key].get(field, getattr(elements[element_key], field))
+                if "x" in axes:
+                    x = new_value
+                if "y" in axes:
+                    y = new_value
+                new_entry = x, y
+            new_fields[element_key][field] = new_entry
+    new_elements: dict = {"body": (), "shaft": (), "mesh": ()}
     for element_key, element in elements.items():
-        changes = fields[element_key]
-        copy = dataclasses.replace(element, **changes) if changes else element
-        changed[element_key[0]] += (copy,)
-    bodies = changed["body"] or train.bodies
-    return train.replace(bodies=bodies, shafts=changed["shaft"], meshes=changed["mesh"])
+        if new_fields[element_key]:
+            element = dataclasses.replace(element, **new_fields[element_key])
+        new_elements[element_key[0]] += (element,)
+    bodies = new_elements["body"] or train.bodies
+    return train.replace(bodies=bodies, shafts=new_elements["shaft"], meshes=new_elements["mesh"])

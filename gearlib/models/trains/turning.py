@@ -2,8 +2,8 @@
 
 The drive-side flanks of a mesh and the sense of rotation determine which gear drives through these
 flanks. At the start, the middle of a tooth of a gear with z teeth lies o tooth pitches from angle
-0. Its drive-side flank, half a tooth thickness s (in pitches) to the side f, reaches a pitch point
-at the angle alpha after
+0. Its drive-side flank, half the tooth thickness s (in pitches) to the side f, reaches a pitch
+point at the angle alpha after
 
     t = sign(w) (z alpha / 2 pi - o - f s / 2)   mesh periods, modulo 1,
 
@@ -28,16 +28,16 @@ from typing import NamedTuple
 from gearlib import checks
 from gearlib.models.trains.elements import Mesh, lies_in_housing
 
-#: Largest misfit of teeth in pitches: positions are angles, often rounded to few digits.
+#: Largest misfit of teeth in pitches, which allows for positions rounded to few digits.
 _POSITION_TOLERANCE = 1e-6
-#: Largest denominator of the speed of a frame, whose ratio of speeds is a float.
+#: Largest denominator of the fraction that replaces the ratio of the frame speed, a float.
 MAX_DENOMINATOR = 10_000_000
 
 
 class Speeds(NamedTuple):
-    """Signed speeds of the bodies of a train per radian of reference mesh phase."""
+    """Signed speeds of the bodies of a train, in radians per radian of reference mesh phase."""
 
-    in_frame: dict  #: body -> speed relative to the frame of the positions, a Fraction
+    in_frame: dict  #: body name -> speed relative to the frame of the positions, a `Fraction`
     frame: Fraction  #: speed of this frame in the housing
 
     @property
@@ -46,17 +46,20 @@ class Speeds(NamedTuple):
         return {name: speed + self.frame for name, speed in self.in_frame.items()}
 
     def at(self, mesh: Mesh, bodies: dict) -> dict[str, Fraction]:
-        """Return the speeds of the bodies relative to the line of centres of a mesh."""
+        """Return the speeds of all bodies relative to the line of centres of a mesh.
+
+        `bodies` maps names to `Body`, and the result maps names to speeds.
+        """
         return self.in_housing if lies_in_housing(mesh, bodies) else self.in_frame
 
 
 def speeds(bodies, meshes, shafts, reference, carrier_ratio) -> Speeds:
-    """Return the `Speeds` of the bodies of a train.
+    """Compute the `Speeds` of the bodies of a train from the tooth numbers.
 
     `bodies` maps names to `Body`, and `reference` is the name of the reference mesh.
-    `carrier_ratio` is the speed of the frame over that of the reference pinion in it. Bodies
-    without a mesh or shaft have speed 0 in the frame. Raises ValueError for a locked train or a
-    mesh without connection to the reference mesh.
+    `carrier_ratio` is the speed of the frame over the speed of the reference pinion in this frame.
+    Bodies without a mesh or shaft have speed 0 in the frame. Raises ValueError for a locked train
+    or a mesh without connection to the reference mesh.
     """
     reference_mesh = next(mesh for mesh in meshes if mesh.name == reference)
     frame_ratio = Fraction(carrier_ratio).limit_denominator(MAX_DENOMINATOR)
@@ -64,31 +67,34 @@ def speeds(bodies, meshes, shafts, reference, carrier_ratio) -> Speeds:
     if lies_in_housing(reference_mesh, bodies):
         reference_speed /= 1 + frame_ratio
     frame_speed = reference_speed * frame_ratio
-    # (first body, second body, ratio of their speeds, speed of the axes, description)
-    ratios = []
+    # Tuples (body 1, body 2, speed of body 2 over that of body 1 relative to their axes, speed of
+    # the axes in the frame, name of the mesh or shaft).
+    connections = []
     for mesh in meshes:
         ratio = Fraction(bodies[mesh.pinion].teeth, bodies[mesh.wheel].teeth)
         ratio *= 1 if mesh.internal else -1
         axes_speed = -frame_speed if lies_in_housing(mesh, bodies) else Fraction(0)
-        ratios.append((mesh.pinion, mesh.wheel, ratio, axes_speed, f"mesh {mesh.name}"))
+        connections.append((mesh.pinion, mesh.wheel, ratio, axes_speed, f"mesh {mesh.name}"))
     for shaft in shafts:
-        ratios.append((*shaft.bodies, Fraction(1), Fraction(0), f"shaft {'-'.join(shaft.bodies)}"))
+        shaft_name = f"shaft {'-'.join(shaft.bodies)}"
+        connections.append((*shaft.bodies, Fraction(1), Fraction(0), shaft_name))
     # Carriers stand still in the frame of the positions.
-    speed_of = dict.fromkeys([x.carrier for x in bodies.values() if x.carrier], Fraction(0))
+    speed_of = {body.carrier: Fraction(0) for body in bodies.values() if body.carrier}
     speed_of[reference_mesh.pinion] = reference_speed
-    count = 0
-    while len(speed_of) > count:
-        count = len(speed_of)
-        for body, other, ratio, axes_speed, connection in ratios:
-            if body in speed_of:
-                speed = (speed_of[body] - axes_speed) * ratio + axes_speed
-                if speed_of.setdefault(other, speed) != speed:
+    known_count = 0
+    while len(speed_of) > known_count:
+        known_count = len(speed_of)
+        for body_1, body_2, ratio, axes_speed, connection_name in connections:
+            if body_1 in speed_of:
+                speed_2 = (speed_of[body_1] - axes_speed) * ratio + axes_speed
+                if speed_of.setdefault(body_2, speed_2) != speed_2:
                     raise ValueError(
-                        f"teeth of body {other} = {bodies[other].teeth!r} is not allowed: by "
-                        f"{connection} the train is locked; speeds must agree around every loop"
+                        f"teeth of body {body_2} = {bodies[body_2].teeth!r} is not allowed: by "
+                        f"{connection_name} the train is locked; speeds must agree around every "
+                        "loop"
                     )
-            elif other in speed_of:
-                speed_of[body] = (speed_of[other] - axes_speed) / ratio + axes_speed
+            elif body_2 in speed_of:
+                speed_of[body_1] = (speed_of[body_2] - axes_speed) / ratio + axes_speed
     for mesh in meshes:
         if mesh.pinion not in speed_of:
             raise ValueError(
@@ -101,21 +107,25 @@ def speeds(bodies, meshes, shafts, reference, carrier_ratio) -> Speeds:
 
 
 def _rotation_sign(meshes, reference_mesh: Mesh, speeds: Speeds, bodies: dict) -> int:
-    """Return the factor, 1 or -1, of the speeds for which the given driving gears drive.
+    """Return the sign of the speeds, 1 or -1, with which the gears that should drive do drive.
 
-    If no mesh has a given driving gear, the pinion drives in the reference mesh.
+    These are the gears named by `Mesh.driving` or, if no mesh names one, the pinion of the
+    reference mesh. `speeds` and `bodies`, name -> `Body`, belong to the whole train. Raises
+    ValueError if meshes contradict each other.
     """
     meshes = [mesh for mesh in meshes if mesh.driving]
-    drivers = [driving_gear(mesh, speeds.at(mesh, bodies)) for mesh in meshes]
-    signs = [1 if name == mesh.driving else -1 for name, mesh in zip(drivers, meshes, strict=True)]
+    signs = []
+    for mesh in meshes:
+        driver = driving_gear(mesh, speeds.at(mesh, bodies))
+        signs.append(1 if driver == mesh.driving else -1)
     for sign, mesh in zip(signs, meshes, strict=True):
-        allowed = mesh.wheel if mesh.driving == mesh.pinion else mesh.pinion
+        other_gear = mesh.wheel if mesh.driving == mesh.pinion else mesh.pinion
         checks.require(
             sign == signs[0],
             f"driving of mesh {mesh.name}",
             mesh.driving,
-            f"{allowed!r} as the gears turn and press where {meshes[0].driving!r} drives in mesh "
-            f"{meshes[0].name}",
+            f"{other_gear!r} as the gears turn and press where {meshes[0].driving!r} drives in "
+            f"mesh {meshes[0].name}",
         )
     if signs:
         return signs[0]
@@ -124,29 +134,39 @@ def _rotation_sign(meshes, reference_mesh: Mesh, speeds: Speeds, bodies: dict) -
 
 
 def driving_gear(mesh: Mesh, speed: dict[str, Fraction]) -> str:
-    """Return the gear that drives a mesh through its drive-side flanks, from body speeds."""
+    """Return the name of the gear that drives a mesh through the drive-side flanks.
+
+    `speed` maps the name of a body to its signed speed relative to the line of centres.
+    """
     pinion_drives = speed[mesh.pinion] * _drive_side_sign(mesh, mesh.pinion) > 0
     return mesh.pinion if pinion_drives else mesh.wheel
 
 
 def pitch_phase(mesh: Mesh, speed: dict[str, Fraction]) -> float:
-    """Return the mesh phase at which drive-side flanks touch at the pitch point, rad."""
+    """Return the mesh phase at which drive-side flanks touch at the pitch point, rad.
+
+    `speed` maps the name of a body to its signed speed.
+    """
     return mesh.pitch_phase if driving_gear(mesh, speed) == mesh.pinion else -mesh.pitch_phase
 
 
 def sliding_phases(mesh: Mesh, speed: dict[str, Fraction]) -> tuple[float, float]:
     """Return the phases at which the sliding becomes positive on the (coast, drive) side.
 
-    They are in mesh periods after the middle of the upper stiffness level of the drive side.
-    `speed` maps a body to its signed speed. Coast-side flanks touch at the pitch point half a
-    period later, because their force has the opposite sign.
+    Phases are in mesh periods after the middle of the upper stiffness level of the drive side.
+    `speed` maps the name of a body to its signed speed. Drive-side flanks touch at the pitch point
+    at their phase, but coast-side flanks half a period later, because their force has the opposite
+    sign.
     """
     drive = pitch_phase(mesh, speed) / math.tau
     return drive + float(thickness_difference(mesh, speed)) / 2.0, drive
 
 
 def thickness_difference(mesh: Mesh, speed: dict[str, Fraction]) -> Fraction:
-    """Return the tooth thickness of the driving minus that of the driven gear in pitches."""
+    """Return the tooth thickness of the driving gear minus that of the driven gear, in pitches.
+
+    `speed` maps the name of a body to its signed speed.
+    """
     if mesh.tooth_thickness is None:
         return Fraction(0)
     pinion, wheel = map(Fraction, mesh.tooth_thickness)
@@ -154,9 +174,9 @@ def thickness_difference(mesh: Mesh, speed: dict[str, Fraction]) -> Fraction:
 
 
 def coast_side_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> float:
-    """Return the stiffness phase of the coast side of a mesh from that of its drive side.
+    """Return the stiffness phase of the coast side of a mesh, given `phase` of its drive side.
 
-    Phases are in mesh periods; `speed` maps a body to its signed speed.
+    Both phases are in mesh periods; `speed` maps the name of a body to its signed speed.
     """
     if mesh.coast_phase is not None:
         return mesh.coast_phase % 1.0
@@ -169,11 +189,11 @@ def coast_side_phase(mesh: Mesh, speed: dict[str, Fraction], phase: float) -> fl
 
 
 def phases(bodies, meshes, shafts, reference, speeds) -> dict:
-    """Return the phase of each mesh in mesh periods, in [0, 1), by the name of the mesh.
+    """Return the phase of each mesh in mesh periods, in [0, 1): name of the mesh -> phase.
 
-    `bodies` maps names to `Body`, `reference` is the name of the reference mesh, and `speeds` are
-    the `Speeds` of the bodies. Raises ValueError if the teeth do not fit together, so that the
-    train cannot be assembled.
+    A phase follows from the teeth unless the mesh has its own. `bodies` maps names to `Body`,
+    `reference` is the name of the reference mesh, and `speeds` are the `Speeds` of the bodies.
+    Raises ValueError if the teeth do not fit together, so that the train cannot be assembled.
     """
     meshes_by_teeth = [mesh for mesh in meshes if mesh.phase is None or mesh.name == reference]
     # Given keyings come before those that follow from the loops of meshes.
@@ -181,6 +201,7 @@ def phases(bodies, meshes, shafts, reference, speeds) -> dict:
     teeth = _ToothPositions(bodies, shafts, speeds)
     teeth.place_pinion(next(mesh for mesh in meshes if mesh.name == reference))
     while len(teeth.phases) < len(meshes_by_teeth):
+        # Follow meshes first, then shafts; start anew at a mesh that neither of them reaches.
         while any([teeth.place_by_mesh(mesh) for mesh in meshes_by_teeth]):
             pass
         if not teeth.place_by_shaft() and len(teeth.phases) < len(meshes_by_teeth):
@@ -188,25 +209,34 @@ def phases(bodies, meshes, shafts, reference, speeds) -> dict:
                 next(mesh for mesh in meshes_by_teeth if mesh.name not in teeth.phases)
             )
     for shaft in shafts:
-        if shaft.keying is None or not set(shaft.bodies) <= set(teeth.positions):
-            continue
-        tooth_counts = [bodies[name].teeth or 1 for name in shaft.bodies]
-        first, second = (
-            teeth.positions[name] / z for name, z in zip(shaft.bodies, tooth_counts, strict=True)
-        )
-        # Any two teeth may be in line, so that keying angles are equal modulo 2 pi / count.
-        count = math.lcm(*tooth_counts)
-        misfit = count * (second - first - shaft.keying / math.tau)
-        if abs(misfit - round(misfit)) > count * _POSITION_TOLERANCE / max(tooth_counts):
-            required = math.tau / count * ((count * (second - first)) % 1.0)
-            raise ValueError(
-                f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: "
-                f"around the loops of meshes it must be {required:.9g}, or a whole multiple of "
-                f"2 pi / {count} from there"
-            )
+        if shaft.keying is not None and set(shaft.bodies) <= set(teeth.positions):
+            _check_keying(shaft, bodies, teeth.positions)
     given_phases = {mesh.name: mesh.phase for mesh in meshes if mesh.phase is not None}
     phase_of = teeth.phases | given_phases
     return {mesh.name: _rounded_phase(phase_of[mesh.name]) for mesh in meshes}
+
+
+def _check_keying(shaft, bodies: dict, positions: dict) -> None:
+    """Raise ValueError if the keying of a shaft contradicts the positions of its gears.
+
+    `bodies` maps names to `Body`, and `positions` maps names to tooth pitches from angle 0 to the
+    middle of a tooth.
+    """
+    tooth_counts = [bodies[name].teeth or 1 for name in shaft.bodies]
+    # Angles of the middle of a tooth of both bodies, in revolutions.
+    angle_1, angle_2 = (
+        positions[name] / z for name, z in zip(shaft.bodies, tooth_counts, strict=True)
+    )
+    # Any two teeth may be in line, so that keying angles are equal modulo 2 pi / count.
+    count = math.lcm(*tooth_counts)
+    misfit = count * (angle_2 - angle_1 - shaft.keying / math.tau)
+    if abs(misfit - round(misfit)) > count * _POSITION_TOLERANCE / max(tooth_counts):
+        required = math.tau / count * ((count * (angle_2 - angle_1)) % 1.0)
+        raise ValueError(
+            f"keying of shaft {'-'.join(shaft.bodies)} = {shaft.keying!r} is not allowed: "
+            f"around the loops of meshes it must be {required:.9g}, or a whole multiple of "
+            f"2 pi / {count} from there"
+        )
 
 
 class _ToothPositions:
@@ -214,16 +244,20 @@ class _ToothPositions:
 
     def __init__(self, bodies: dict, shafts: list, speeds: Speeds):
         self.bodies, self.shafts, self.speeds = bodies, shafts, speeds
-        self.positions: dict = {}  #: gear -> tooth pitches from angle 0 to the middle of a tooth
-        self.phases: dict = {}  #: name of a mesh -> its phase in mesh periods
+        self.positions: dict = {}  #: body name -> tooth pitches from angle 0 to a tooth middle
+        self.phases: dict = {}  #: mesh name -> phase in mesh periods
 
     def place_pinion(self, mesh: Mesh) -> None:
-        """Place the pinion of a mesh so that the mesh has its given phase, by default 0."""
+        """Set the position of the pinion of a mesh so that the mesh has its given phase, or 0."""
         sliding_phase = sliding_phases(mesh, self.speeds.at(mesh, self.bodies))[1]
         self._place(mesh, mesh.pinion, (mesh.phase or 0.0) + sliding_phase)
 
     def place_by_mesh(self, mesh: Mesh) -> bool:
-        """Place a gear by the gear that it meshes with; return True if the mesh gets its phase."""
+        """Set the position of a gear from the gear that it meshes with, and the phase of the mesh.
+
+        Returns False if neither gear has a position yet, or the mesh already has its phase. Raises
+        ValueError if the teeth of two placed gears do not fit together.
+        """
         placed_gears = [name for name in (mesh.pinion, mesh.wheel) if name in self.positions]
         if not placed_gears or mesh.name in self.phases:
             return False
@@ -242,21 +276,25 @@ class _ToothPositions:
         return True
 
     def place_by_shaft(self) -> bool:
-        """Place a gear by another gear on the same shaft; return whether there was one to place."""
+        """Set the position of one body from another body on the same shaft.
+
+        Returns False if no shaft joins a body that has a position to one without.
+        """
         for shaft in self.shafts:
-            for (body, other), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
-                if body in self.positions and other not in self.positions:
-                    revolutions = self.positions[body] / (self.bodies[body].teeth or 1)
+            for (placed, unplaced), sign in ((shaft.bodies, 1.0), (shaft.bodies[::-1], -1.0)):
+                if placed in self.positions and unplaced not in self.positions:
+                    revolutions = self.positions[placed] / (self.bodies[placed].teeth or 1)
                     revolutions += sign * ((shaft.keying or 0.0) / math.tau)
-                    self.positions[other] = revolutions * (self.bodies[other].teeth or 1)
+                    self.positions[unplaced] = revolutions * (self.bodies[unplaced].teeth or 1)
                     return True
         return False
 
     def _place(self, mesh: Mesh, name: str, periods: float) -> float:
-        """Place a gear whose drive-side flank is at the pitch point of a mesh after some periods.
+        """Set the position of a gear from the time at which it touches the other gear of a mesh.
 
-        `name` is that of the gear. Returns the misfit in pitches if the gear was placed before,
-        else 0.
+        The drive-side flank of the gear called `name` is at the pitch point after a number of mesh
+        `periods`. If the gear already has a position, keep it and return the misfit in pitches;
+        otherwise return 0.
         """
         contact, side = _contact_position(mesh, name, self.bodies), _drive_side_sign(mesh, name)
         speed = self.speeds.at(mesh, self.bodies)[name]
@@ -272,12 +310,15 @@ class _ToothPositions:
 
 
 def _drive_side_sign(mesh: Mesh, name: str) -> int:
-    """Return 1 if the drive-side flanks of a gear are on the counterclockwise side, else -1."""
+    """Return 1 if the drive-side flanks of a gear are on the counterclockwise side, else -1.
+
+    `name` is the name of a gear of the mesh.
+    """
     return -mesh.direction if mesh.internal and name == mesh.pinion else mesh.direction
 
 
 def _thickness(mesh: Mesh, name: str) -> float:
-    """Return the tooth thickness of a gear of a mesh in pitches."""
+    """Return the tooth thickness in pitches of the gear called `name`, half a pitch by default."""
     if mesh.tooth_thickness is None:
         return 0.5
     return mesh.tooth_thickness[1 if name == mesh.wheel else 0]
@@ -286,14 +327,17 @@ def _thickness(mesh: Mesh, name: str) -> float:
 def _contact_position(mesh: Mesh, name: str, bodies: dict) -> float:
     """Return the angle of the middle of a tooth whose drive-side flank is at the pitch point.
 
-    The tooth is one of the gear with this name; the angle is in its tooth pitches.
+    `name` is the name of a gear of the mesh, and `bodies` maps names to `Body`. The angle is in
+    tooth pitches of this gear, counterclockwise from angle 0.
     """
-    along_centres = mesh.internal or name == mesh.pinion
-    angle = mesh.centre_line_angle + (0.0 if along_centres else math.pi)
+    angle = mesh.centre_line_angle
+    if not mesh.internal and name == mesh.wheel:
+        # The pitch point lies opposite to the direction from the pinion to the wheel.
+        angle = angle + math.pi
     pitches = bodies[name].teeth * angle / math.tau
     return pitches - _drive_side_sign(mesh, name) * _thickness(mesh, name) / 2.0
 
 
 def _rounded_phase(phase: float) -> float:
-    """Return a phase modulo 1, rounded to 13 digits, so that phases of equal meshes are equal."""
+    """Return a phase in periods, modulo 1 and rounded so that equal meshes have equal phases."""
     return round(phase % 1.0, 13) % 1.0
