@@ -1,4 +1,4 @@
-"""The commands: each calls the library, prints results and draws them."""
+"""The commands: each calls the library, prints the results and draws them."""
 
 import json
 import math
@@ -53,17 +53,19 @@ def main():
 def gear_command(
     name, option_names, dimension, motion="sweep", arguments=(), prepare=None, rectangle=False
 ):
-    """Return a decorator that makes a command of a function of gears, their model and options.
+    """Return a decorator that makes the command `name` of a function.
 
-    The function returns a dataset, whose table has a row for each entry of `dimension`, and a
-    function that plots it. `motion` is "one speed", "sweep" over speeds or, for trains at rest,
-    "none". `option_names` has spaces between the names, `arguments` are further parameters of the
-    command; `prepare` changes the dict of all their values. With `rectangle` the analysis needs a
-    rectangular stiffness.
+    The function is called with gears (`cli.gears.Gears`), their model, and the values of the
+    options. It returns a dataset and a function that plots it with `gearlib.plot`. A table written
+    to a file has a row for each entry of `dimension`. `motion` is "one speed", "sweep" or, for
+    trains at rest, "none". `option_names` is a text with the names of the options, separated by
+    spaces; `arguments` are additional click parameters. `prepare` is a function that changes the
+    dict of option values in place. With `rectangle` pairs of teeth are replaced by a rectangular
+    stiffness.
     """
 
     def run(function, values):
-        """Call `function` for gears and model of the option `values`; write and draw its result."""
+        """Take the gears from the option `values`, call `function`, write and draw its result."""
         from gearlib.runs.run_arguments import tuning_of
 
         data_path, plot_path, force = (values.pop(key) for key in ("output", "plot", "force"))
@@ -73,8 +75,9 @@ def gear_command(
             prepare(values)
         if motion == "none":
             values["model"] = "train"
-        given = take_gears(values, moves=motion != "none")
-        gears, section = given.rectangle() if rectangle else given, given.settings.gears
+        configured_gears = take_gears(values, moves=motion != "none")
+        gears = configured_gears.rectangle() if rectangle else configured_gears
+        section = configured_gears.settings.gears
         # Whole cycles of pitch errors are too long for each speed of a sweep.
         model = gears.model(pitch_errors=motion != "sweep")
         description = gears.description(model)
@@ -89,8 +92,9 @@ def gear_command(
         notes = [model.force_note] if motion != "none" and section else []
         if gears.kind == "teeth" and motion == "sweep" and section.modification_key("pitch_errors"):
             notes.append("Pitch errors are left out: `gearlib simulate` has them, at one speed.")
-        if gears is not given:
-            notes.append(_note_on_teeth(given, model, in_rpm("speed", values.get("speed"))))
+        if gears is not configured_gears:
+            speed = in_rpm("speed", values.get("speed"))
+            notes.append(_note_on_teeth(configured_gears, model, speed))
         for note in filter(None, notes):
             click.echo(click.wrap_text(note, output.WIDTH))
         dataset, draw = function(gears, model, **values)
@@ -109,10 +113,10 @@ def gear_command(
 
 
 def _note_on_teeth(gears, model, speed):
-    """Return a sentence on what pairs of teeth do where an analysis needs a rectangle.
+    """Return a sentence on the motion of pairs of teeth, for an analysis that needs a rectangle.
 
-    `gears` are those with pairs of teeth, `model` is that of the analysis. The speed is in rpm, by
-    default that of the gears, else the resonance speed of the model.
+    `gears` have pairs of teeth, `model` has the rectangle. The `speed` is in rpm; with None it is
+    the speed of the gears or, if they have none, the resonance speed of the model.
     """
     from gearlib.analysis.duty_point import duty_point
 
@@ -127,7 +131,10 @@ def _note_on_teeth(gears, model, speed):
 
 
 def _tuning_range(model, start, stop):
-    """Return (first, last) tuning; an end may be a text such as "1500rpm", None for 0.5 and 1.4."""
+    """Return the first and last tuning of a sweep from the options `start` and `stop`.
+
+    Both are tunings, speeds such as "1500rpm", or None for the defaults 0.5 and 1.4.
+    """
     from gearlib.runs.run_arguments import check_tuning, tuning_at_speed
 
     ends = {"start": 0.5 if start is None else start, "stop": 1.4 if stop is None else stop}
@@ -140,7 +147,10 @@ def _tuning_range(model, start, stop):
 
 
 def _at_largest(dataset, values, dimension):
-    """Return the dataset at the position in `dimension` where the `values` are largest."""
+    """Return the dataset at the position along `dimension` where the array `values` is largest.
+
+    If `values` has the dimension "mesh", the largest over all meshes counts.
+    """
     values = values.max("mesh") if "mesh" in values.dims else values
     return dataset.isel({dimension: int(values.fillna(-math.inf).argmax(dimension))})
 
@@ -177,12 +187,13 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
 
     both_ways = direction is None and gears.kind == "teeth"
     direction = direction or "cold"
-    first, last = _tuning_range(model, 0.1 if both_ways and start is None else start, stop)
+    default_start = 0.1 if both_ways else None
+    first, last = _tuning_range(model, default_start if start is None else start, stop)
     checks.require(first != last, "stop", stop, "another tuning than start")
     is_default_range = gears.geometry and start is None and stop is None
     speed = in_rpm("speed", speed)
-    if is_default_range and (speed := speed or gears.geometry.speed):
-        tuning = run_arguments.tuning_at_speed(model, "speed", speed)
+    if is_default_range and (speed or gears.geometry.speed):
+        tuning = run_arguments.tuning_at_speed(model, "speed", speed or gears.geometry.speed)
         first, last = min(first, tuning), max(last, tuning)
     grid = np.linspace(first, last, points)
     if both_ways:
@@ -205,7 +216,10 @@ def sweep(gears, model, start, stop, speed, points, direction, **settings):
 
 
 def _sweep_up_and_down(gears, model, tunings, **settings):
-    """Print dynamic factor and transmission error of pairs of teeth over the speed, up and down."""
+    """Sweep pairs of teeth up and down, and print dynamic factor and transmission error over speed.
+
+    Return the dataset and the function that plots it. `settings` are arguments of `over_speed`.
+    """
     import numpy as np
     import pandas
 
@@ -217,21 +231,23 @@ def _sweep_up_and_down(gears, model, tunings, **settings):
     if not curves.get("complete", True):
         click.echo("The sweeps were stopped after --max-seconds.")
     rows = np.unique(np.linspace(0, curves.tuning.size - 1, _SPEEDS_IN_TABLE).round().astype(int))
-    shown = curves.isel(tuning=rows)
-    columns = {"rpm": shown.speed}
-    for direction in shown.direction.values:
-        curve = shown.sel(direction=direction)
+    selected_speeds = curves.isel(tuning=rows)
+    columns = {"rpm": selected_speeds.speed}
+    for direction in selected_speeds.direction.values:
+        curve = selected_speeds.sel(direction=direction)
         columns[f"K_v {direction}"] = curve.dynamic_factor
         columns[f"error {direction}, um"] = 1e6 * curve.error_peak_to_peak
-    if "iso_dynamic_factor" in shown:
-        columns["K_v ISO 6336"] = shown.iso_dynamic_factor
+    if "iso_dynamic_factor" in selected_speeds:
+        columns["K_v ISO 6336"] = selected_speeds.iso_dynamic_factor
     output.frame(pandas.DataFrame({name: x.values for name, x in columns.items()}).set_index("rpm"))
     jumps = zip(curves.jump_up_speed.values, curves.jump_down_speed.values, strict=True)
     for up, down in jumps:
-        speeds = {"up": up, "down": down}
-        known = [f"at {x:.0f} rpm going {to}" for to, x in speeds.items() if math.isfinite(x)]
-        if known:
-            click.echo(f"The motion jumps {' and '.join(known)}.")
+        jump_texts = []
+        for direction, speed in (("up", up), ("down", down)):
+            if math.isfinite(speed):
+                jump_texts.append(f"at {speed:.0f} rpm going {direction}")
+        if jump_texts:
+            click.echo(f"The motion jumps {' and '.join(jump_texts)}.")
     click.echo(click.wrap_text(motions.describe_contact_loss(curves), output.WIDTH))
     return curves, lambda plot: gear_geometry_figure.draw_dynamic_factor(curves).axes[0]
 
@@ -247,7 +263,7 @@ def run_up(gears, model, start, stop, duration, acceleration, back, **settings):
     if back:
         speed_points.append([2.0 * speed_points[-1][0], start])
     run = gearlib.run_up(model, speed=speed_points, **settings)
-    click.echo(f"{run.revolution.size} revolutions; that of the largest force:")
+    click.echo(f"{run.revolution.size} revolutions; the revolution of the largest force:")
     output.show(_at_largest(run, largest_force(run), "revolution"))
     return run, lambda plot: plot.run_up(run)
 
@@ -331,10 +347,8 @@ def frequencies(speed, **values):
         raise click.UsageError("--speed is missing: it must be given, as in --speed 1500rpm")
     if gears.kind != "train" and gears.geometry is None:
         raise click.UsageError("gears is missing: give their geometry, or --model train")
-    found = gearlib.characteristic_frequencies(
-        gears.model() if gears.kind == "train" else gears.geometry.mesh(), float(speed)
-    )
-    header, *rows = frequency_rows(found)
+    model = gears.model() if gears.kind == "train" else gears.geometry.mesh()
+    header, *rows = frequency_rows(gearlib.characteristic_frequencies(model, float(speed)))
     output.frame(pandas.DataFrame(rows, columns=header).set_index("of"))
 
 
@@ -357,12 +371,14 @@ def fmu(path, prescribed_speed, speed, force, **values):
 
 
 def _tolerance(text):
-    """Return the `ToleratedParameter` section for the value of an option, such as "load std=5%"."""
+    """Return the section `ToleratedParameter` for a text such as "load std=5%"."""
     name, *assignments = text.split() or [""]
-    texts = dict(x.split("=") for x in assignments if x.count("=") == 1)
-    if not texts or len(texts) < len(assignments) or not all(texts.values()):
+    value_texts = dict(x.split("=") for x in assignments if x.count("=") == 1)
+    # Repeated keys, and assignments without a single "=", leave fewer texts than assignments.
+    is_complete = len(value_texts) == len(assignments) and all(value_texts.values())
+    if not value_texts or not is_complete:
         raise click.UsageError(f"--tolerance {text!r} must have keys, each once, as 'load std=5%'")
-    values = {key: options.number_or_text(value) for key, value in texts.items()}
+    values = {key: options.number_or_text(value) for key, value in value_texts.items()}
     # Unknown keys are parameters of a distribution.
     section = tolerances_section.ToleratedParameter
     shape = {key: values.pop(key) for key in values.keys() - section.model_fields.keys()}
@@ -389,9 +405,10 @@ def scatter(gears, model, quantity, samples, points, **settings):
     settings["speed"] = in_rpm("speed", settings["speed"])
     names = ("tolerance", "thickness_class", "distance_class", "quality")
     source, tolerances = _source_and_tolerances(gears, model, *map(settings.pop, names))
-    if model.size == 2:  # displacement and velocity: a model of one degree of freedom
+    # A model with two state variables has one degree of freedom.
+    if model.size == 2:
         quantity = quantity or tolerances_section.Tolerances.model_fields["quantities"].default
-        settings["directions"] = ("up", "down", "seeded")  # seeded: from random states
+        settings["directions"] = ("up", "down", "seeded")
     designs = gearlib.scatter(source, tolerances, quantity, samples, **settings)
     for text in refused(designs):
         click.echo(click.wrap_text(text, output.WIDTH))
@@ -407,24 +424,27 @@ def scatter(gears, model, quantity, samples, points, **settings):
 
 
 def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, distance_class, quality):
-    """Return (source, tolerances) for `gearlib.scatter`.
+    """Return the arguments `source` and `tolerances` of `gearlib.scatter`.
 
-    The source is `model`, or a `StageDesign` if a tolerance is one of the geometry.
-    `tolerance_texts`, such as ["load std=5%"], replace the section `tolerances`; the last three
-    arguments are classes of DIN 3967 (one or two), DIN 3964 and ISO 1328-1, or None.
+    The source is `model`, or a `StageDesign` if the geometry has tolerances. `tolerance_texts`,
+    such as ["load std=5%"], replace the section `tolerances`. `thickness_class` is a class of DIN
+    3967, or two as in "26cd 25cd"; `distance_class` is a class of DIN 3964, `quality` a class of
+    ISO 1328-1. None means no class.
     """
-    thickness = None if thickness_class is None else thickness_class.split()
-    if thickness is not None:
+    thickness = None
+    if thickness_class is not None:
+        thickness = thickness_class.split()
         allowed = "one class of DIN 3967 for both gears such as 26cd, or two"
         checks.require(len(thickness) in (1, 2), "--thickness-class", thickness_class, allowed)
         thickness = (thickness * 2)[:2]
-    section, given = gears.settings.tolerances, list(map(_tolerance, tolerance_texts))
-    has_section = not given and "tolerances" in gears.mapping
+    section = gears.settings.tolerances
+    option_parameters = list(map(_tolerance, tolerance_texts))
+    has_section = not option_parameters and "tolerances" in gears.mapping
     has_classes = any(x is not None for x in (thickness, distance_class, quality))
-    if not (given or has_section or has_classes):
+    if not (option_parameters or has_section or has_classes):
         raise click.UsageError("--tolerance is missing: give one, such as -t 'load std=5%'")
     tolerances, known_parameters = {}, tolerances_section.known_parameters()
-    for toleranced in section.parameters if has_section else given:
+    for toleranced in section.parameters if has_section else option_parameters:
         name = toleranced.parameter
         unit = known_parameters[name].number if name in known_parameters else None
         tolerances[name] = toleranced.distribution_dict(f"tolerances.{name}", unit)
@@ -446,13 +466,18 @@ def _source_and_tolerances(gears, model, tolerance_texts, thickness_class, dista
     for gear in ("pinion", "wheel") if quality else ():
         stage[gear] = stage[gear] | {"quality": quality}
     source = nominal_design(model.as_dict(), stage)
-    # With a quality, the form of the flanks scatters.
+    # If a quality is given, the form of the flanks scatters.
     classes = {"thickness": thickness, "centre_distance": distance_class, "form": bool(quality)}
     return source, by_class(source.stage, **classes) | tolerances
 
 
 def _read_measured(values):
-    """In the dict `values`, replace `path` by the set `data`, and texts in `free` by SI ranges."""
+    """Complete the dict of option `values` of the command `fit` in place.
+
+    The file `path` is replaced by its measured set `data`, the texts in `free`, NAME or
+    NAME=LOW,HIGH, by a dict of ranges in SI units. Parameters of the gears without an option get
+    the value that the measured set states.
+    """
     path = values.pop("path")
     values["data"] = data = gearlib.read_measured(path)
     section = measured_description.read(path).fit or measured_description.FitSection()
@@ -468,7 +493,6 @@ def _read_measured(values):
     if values["config"] is None and not DEFAULT_CONFIG.exists():
         # Without a configuration the fit starts from the middle of the free ranges.
         known = {name: sum(limits) / 2.0 for name, limits in values["free"].items()} | known
-    # Parameters without an option have the value that the set states.
     for name in (*GearPairSection.model_fields, *DAMPINGS):
         if values[name] is None and isinstance(known.get(name), int | float):
             values[name] = known[name]
@@ -507,7 +531,7 @@ def gears(format, save, plot, force, **values):
 
         output.write_text(save, yaml.safe_dump(gears.mapping, sort_keys=False, allow_unicode=True))
     section, damping = gears.settings.gears, gears.settings.dampings[gears.damping].given()
-    # The table has all methods; the options belong to the configured one, by default iso.
+    # The table has all methods; the options belong to the configured method, by default iso.
     options_by_method = {section.stiffness or "iso": section.stiffness_options}
     load = section.load() | {"damping": damping}
     rows = gear_table.gear_quantities(section.mesh(), options=options_by_method, **load)
@@ -524,13 +548,13 @@ def gears(format, save, plot, force, **values):
         from gearlib.figures import gear_geometry_figure
         from gearlib.studies.gear_geometry import mesh_stiffness
 
-        # This is a `PublishedPair` without published values.
+        # These are the keys of a `PublishedPair` without published values.
         pair_dict = section.model_dump() | {"torque": section.driving_torque(), "published": {}}
         curves = mesh_stiffness({"mesh stiffness": pair_dict}, samples=_CURVE_PHASES)
         output.save_picture(
             plot, gears.name, lambda _: gear_geometry_figure.draw_mesh_stiffness(curves)
         )
-    # The values of this row tell by method whether the motion repeats.
+    # The row "settled" says for each method whether the motion repeats.
     if any(row.name == "settled" and not all(row.values.values()) for row in rows):
         raise click.ClickException("the motion at the duty point has not settled")
 
@@ -637,10 +661,11 @@ def compare(folders, picture, force):
         curves.append(storage.read(path))
         scalars = [value for value in curves[-1].data_vars.values() if not value.ndim]
         rows = [(x.name, "", WRITTEN_UNITS.get(x.units, x.units), float(x)) for x in scalars]
-        if (table := path.with_name("gears.csv")).is_file():
-            cells = pandas.read_csv(table, keep_default_na=False)
+        table_path = path.with_name("gears.csv")
+        if table_path.is_file():
+            cells = pandas.read_csv(table_path, keep_default_na=False)
             rows = cells[["name", "of", "unit", "value"]].values.tolist()
-        columns[name] = {" ".join(filter(None, row[:3])): row[3] for row in rows}
+        columns[name] = {" ".join(filter(None, label)): value for *label, value in rows}
     output.frame(pandas.DataFrame(columns))
     if picture:
         from gearlib.figures import resonance_figure, style
@@ -664,12 +689,14 @@ def workflow(arguments):
         # Snakemake's own --config takes pairs KEY=VALUE.
         if argument == "--config" and "=" not in next_argument:
             arguments[i] = "--configfile"
+    # "--configfile=mine.yaml" is divided into the option and its value.
+    parts = [part for x in arguments for part in re.split("(?<=^--configfile)=", x)]
     is_file = False
-    for argument in (part for x in arguments for part in re.split("(?<=^--configfile)=", x)):
+    for argument in parts:
         if argument.startswith("-"):
             is_file = argument in ("--configfile", "--configfiles")
         elif is_file:
-            # Unlike Snakemake, this reports a missing file, and the line of an error.
+            # Unlike Snakemake, these checks report a missing file, and the line of an error.
             allowed = "a file; targets stand before this option"
             checks.require(Path(argument).is_file(), "--configfile", argument, allowed)
             validation.read_yaml(argument)
@@ -677,21 +704,21 @@ def workflow(arguments):
 
 
 def _run_snakemake(folder, arguments):
-    """Run Snakemake in `folder`, and exit with its exit code."""
+    """Run Snakemake with these arguments in a folder, and exit with its exit code."""
     if find_spec("snakemake") is None:
         raise ModuleNotFoundError("Snakemake is not installed", name="snakemake")
     command = [sys.executable, "-m", "snakemake", "--snakefile", _ROOT / "Snakefile"]
     command += ["--workflow-profile", _ROOT / "profiles/default", "--directory", folder]
     command += ["--report-stylesheet", _ROOT / "workflow/report/report.css", *arguments]
-    # It is None where standard output, descriptor 1, is closed.
+    # `sys.__stdout__` is None if standard output, descriptor 1, is closed.
     is_pipe = sys.__stdout__ is not None and not os.isatty(1)
     process = subprocess.Popen(command, stdout=subprocess.PIPE if is_pipe else None)
-    # Leave Ctrl-C to Snakemake, which stops its jobs first.
+    # Ctrl-C is left to Snakemake, which stops its jobs first.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         for line in process.stdout or ():
             os.write(1, line)
     finally:
-        # Where nobody reads on, as behind `| head`, Snakemake goes on undisturbed.
+        # If the reader of the output ends, as `| head` does, Snakemake goes on undisturbed.
         process.communicate()
     sys.exit(process.returncode)

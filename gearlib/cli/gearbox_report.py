@@ -26,23 +26,28 @@ img {{ max-width: 100%; }}
 
 
 def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolutions=60) -> str:
-    """Return the HTML page of a gearbox; `text` is its printed table, others as in `gearboxes`."""
+    """Return the HTML page of a gearbox, with its tables and pictures.
+
+    `file` is the path of the REXS file, `text` the printed table of the gearbox. `damping_ratio` is
+    the damping ratio of each mesh, `points` the number of speeds of a stage, `orders` the highest
+    multiple of a mesh frequency in the Campbell diagram, `revolutions` the length of the run-up.
+    """
     stages, boxes, _ = gearboxes.jobs(file)
     body = [f"<pre>{escape(text)}</pre>"]
     view = gearboxes.outline(file)
     if view.sizes["part"]:
         body += ["<h2>From the side</h2>", _image(gearbox_figure.draw_view(view))]
-    # The kernels release the interpreter lock.
+
+    def sweep_stage(job):
+        """Return the sweep over speed of a job, which starts with stage and load case."""
+        return gearboxes.stage_over_speed(file, job[0], job[1], damping_ratio, points)
+
+    # Threads run in parallel, because the kernels release the interpreter lock.
     with ThreadPoolExecutor(2) as pool:
-        found = list(
-            pool.map(
-                lambda job: gearboxes.stage_over_speed(file, job[0], job[1], damping_ratio, points),
-                stages,
-            )
-        )
-    body += ["<h2>Stages</h2>", _table(gearboxes.stage_rows(found, file))]
-    if found:
-        body.append(_image(gearbox_figure.draw_stages(found)))
+        sweeps = list(pool.map(sweep_stage, stages))
+    body += ["<h2>Stages</h2>", _table(gearboxes.stage_rows(sweeps, file))]
+    if sweeps:
+        body.append(_image(gearbox_figure.draw_stages(sweeps)))
     for case in boxes:
         box = gearboxes.whole_box(file, case, damping_ratio, orders)
         run = gearboxes.run_up(file, case, damping_ratio, revolutions)
@@ -54,7 +59,7 @@ def page(file: str, text: str, damping_ratio=0.05, points=101, orders=3, revolut
 
 
 def _image(figure) -> str:
-    """Return a figure as an image in HTML."""
+    """Return a figure as an HTML image that contains its data."""
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=150, metadata={"Software": None})
     data = base64.b64encode(content.getvalue()).decode("ascii")
@@ -62,8 +67,11 @@ def _image(figure) -> str:
 
 
 def _table(rows) -> str:
-    """Return rows of cells, the names of the columns first, as a table in HTML."""
-    header, *others = rows
-    cells = [f"<tr>{''.join(f'<th>{escape(x)}</th>' for x in header)}</tr>"]
-    cells += [f"<tr>{''.join(f'<td>{escape(str(x))}</td>' for x in row)}</tr>" for row in others]
-    return f"<table>{''.join(cells)}</table>"
+    """Return an HTML table of rows of cells; the first row has the names of the columns."""
+    header, *value_rows = rows
+    names = "".join(f"<th>{escape(name)}</th>" for name in header)
+    lines = [f"<tr>{names}</tr>"]
+    for row in value_rows:
+        cells = "".join(f"<td>{escape(str(value))}</td>" for value in row)
+        lines.append(f"<tr>{cells}</tr>")
+    return f"<table>{''.join(lines)}</table>"

@@ -10,7 +10,7 @@ from gearlib.checks import refusal
 from gearlib.cli import options
 from gearlib.config import gear_names, overlay, validation
 from gearlib.config.gear_pair_section import MISSING_BEARINGS
-from gearlib.config.targets import NO_TRAIN, NOT_GIVEN, missing_mesh_damping
+from gearlib.config.targets import NO_TRAIN, NOT_GIVEN, mesh_damping_error
 from gearlib.config.train_section import PAIR_TRAINS
 from gearlib.models.geometry.iso import METHOD_NAMES
 from gearlib.models.pair_parameters import PAPER
@@ -140,7 +140,7 @@ def take_gears(values: dict, moves: bool = True, needs_geometry: bool = False) -
     settings = config.load(_select(mapping, *_NEEDED_SECTIONS) if stage or changes else mapping)
     if damping not in settings.dampings:
         raise refusal("damping", damping, f"one of {', '.join(settings.dampings)}")
-    if moves and kind == "train" and (message := missing_mesh_damping(settings)):
+    if moves and kind == "train" and (message := mesh_damping_error(settings)):
         raise click.UsageError(message)
     kind = kind or ("teeth" if settings.gears else "rectangle")
     if kind == "teeth" and not settings.gears:

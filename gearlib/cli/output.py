@@ -1,4 +1,4 @@
-"""Print, write and draw the results of commands."""
+"""Printing, writing and drawing of the results of commands."""
 
 import csv
 import io
@@ -11,7 +11,7 @@ import click
 from gearlib.units import WRITTEN_UNITS
 
 WIDTH = 80
-#: Variables of datasets that are printed.
+#: Variables of datasets that are printed, in this order.
 _SHOWN = (
     *("tuning", "speed", "revolution_speed", "revolution_time", "static_deflection", "period"),
     *("displacement_max", "displacement_min", "dynamic_force_max", "dynamic_force_min"),
@@ -26,12 +26,15 @@ _SHOWN = (
 _TABLE_DIMENSIONS = ("mesh", "mode", "coordinate", "contact_phase", "multiplier")
 
 
-def check(option, path, force, endings):
-    """Raise an error if the file of an option cannot be written, or exists without `force`."""
+def check(option, path, force, suffixes):
+    """Raise an error if the output file of an option cannot be written, or exists without `force`.
+
+    `path` is None if the option is not given; its suffix must be one of `suffixes`.
+    """
     if path is None:
         return
-    if path.suffix not in endings:
-        raise click.UsageError(f"{option} {path}: it must end with one of {', '.join(endings)}")
+    if path.suffix not in suffixes:
+        raise click.UsageError(f"{option} {path}: it must end with one of {', '.join(suffixes)}")
     try:
         tempfile.TemporaryFile(dir=path.parent).close()
         exists = path.exists()
@@ -42,7 +45,10 @@ def check(option, path, force, endings):
 
 
 def write(path, dataset, dimension):
-    """Write a dataset as netCDF, or as a CSV table with a row for each entry of a dimension."""
+    """Write a dataset as netCDF or, if the suffix is .csv, as a table.
+
+    The table has a row for each entry of `dimension`.
+    """
     from gearlib.data import storage
 
     if path.suffix == ".csv":
@@ -60,7 +66,12 @@ def write_text(path, text):
 
 
 def save_picture(path, name, draw, model=None, dataset=None):
-    """Save the axes that `draw` makes with `gearlib.plot`; `name` is that of the gears."""
+    """Draw a picture of a result and save it, with the name of the gears below it.
+
+    `draw` is a function that is called with the module `gearlib.plot` and returns axes. Results on
+    meshes or modes of a train are drawn beside the train itself; they need `model`, the train, and
+    `dataset`, the result.
+    """
     import matplotlib
 
     matplotlib.use("agg")
@@ -69,7 +80,6 @@ def save_picture(path, name, draw, model=None, dataset=None):
 
     axes = draw(plot)
     if model is not None and model.mesh_names and {"mesh", "mode"} & {*dataset.dims}:
-        # Results on meshes or modes of a train stand beside its scheme, with contacts if known.
         schematic.draw_beside(axes, model, dataset if "contact" in dataset else None)
     style.name_gears(axes.figure, name)
     style.save(axes.figure, path)
@@ -77,13 +87,15 @@ def save_picture(path, name, draw, model=None, dataset=None):
 
 
 def show(dataset):
-    """Print the main variables of a dataset, or raise an error if its computation failed."""
+    """Print the main variables of a dataset, or raise an error if its computation has failed."""
     if "status" in dataset and dataset.status != 0:
         raise click.ClickException(dataset.status.attrs.get("message", "all runs have failed"))
     import pandas
 
     rows, tables = [], {}
-    for name in filter(dataset.__contains__, _SHOWN):
+    for name in _SHOWN:
+        if name not in dataset:
+            continue
         variable = dataset[name]
         unit = variable.attrs.get("units", "1")
         unit = WRITTEN_UNITS.get(unit, unit)
@@ -100,7 +112,7 @@ def show(dataset):
 
 
 def frame(table):
-    """Print a pandas table; columns that do not fit on the line follow below."""
+    """Print a pandas table; columns that do not fit on a line follow below the others."""
     table = table.rename_axis(index=None, columns=table.index.name)
     click.echo(table.to_string(line_width=WIDTH, float_format="{:.6g}".format))
 
@@ -113,7 +125,10 @@ def definitions(rows):
 
 
 def gear_table(rows, file_format):
-    """Print the rows of the table of gears given by geometry as "text", "json" or "csv"."""
+    """Print the table of gears given by geometry in the format "text", "json" or "csv".
+
+    `rows` are results of `gearlib.studies.gear_table`, with a value for each method.
+    """
     if file_format == "json":
         click.echo(json.dumps([row._asdict() for row in rows], indent=2))
     elif file_format == "csv":
@@ -123,7 +138,7 @@ def gear_table(rows, file_format):
         csv.writer(text, lineterminator="\n").writerows(cells(rows))
         click.echo(text.getvalue(), nl=False)
     else:
-        # Mesh orders have a row each.
+        # Amplitudes of mesh orders are printed as a table of their own.
         amplitudes = [row for row in rows if row.name.startswith("mesh_order")]
         others = [row for row in rows if row not in amplitudes]
         for columns, block in itertools.groupby(others, lambda row: tuple(row.values)):

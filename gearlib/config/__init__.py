@@ -4,7 +4,7 @@
 error messages, `defaults` derives defaults from the gears. ``gear_pair`` (or ``gears`` instead) and
 ``dampings`` have no defaults. The JSON schema for editors is made from the model.
 
-This package does not import the numerical stack, because every start of the workflow reads it.
+This package does not import the numerical stack, because each start of the workflow loads it.
 """
 
 import json
@@ -27,7 +27,10 @@ class ConfigError(ValueError):
 
 
 def load(mapping: dict) -> Any:
-    """Return the validated configuration for the content of a YAML file, or raise ConfigError."""
+    """Return the validated `Config` for the content of a YAML file, or raise ConfigError.
+
+    `mapping` is the content as a dict, without defaults. The message has a line for each problem.
+    """
     # pydantic is imported here so that `gearlib --help` starts quickly.
     from pydantic import ValidationError
 
@@ -50,7 +53,10 @@ def load(mapping: dict) -> Any:
 
 
 def _with_unused_pair(mapping: dict) -> dict:
-    """Return a configuration with a gearbox; a pair of no use is added if it has no gears."""
+    """Return a configuration that has a gearbox, with a gear pair added if it has none.
+
+    The added pair, its damping and targets only make the configuration valid; nothing uses them.
+    """
     from gearlib.config.targets import NOT_GIVEN
     from gearlib.models.pair_parameters import PAPER
 
@@ -62,7 +68,7 @@ def _with_unused_pair(mapping: dict) -> dict:
 
 
 def unknown_sections(mapping: dict) -> list[str]:
-    """Return an error message for each top-level key of `mapping` that is not in the schema."""
+    """Return an error message for each top-level key of `mapping` that no section has."""
     from gearlib.config.configuration import Config
 
     unknown_keys = [key for key in mapping if key not in Config.model_fields]
@@ -72,10 +78,13 @@ def unknown_sections(mapping: dict) -> list[str]:
 def overlay(base: dict, changes: dict) -> dict:
     """Return a copy of the configuration `base` updated with `changes`, section by section.
 
-    A key of `changes` also removes alternative keys of `base` that set the same quantity, such as
-    `gear_pair` where `changes` has `gears`.
+    A key of `changes` also removes the alternative keys of `base` that set the same quantity:
+    `gears` removes `gear_pair`, for example.
     """
-    alternatives = {key for group in _ALTERNATIVES if group & changes.keys() for key in group}
+    alternatives = set()
+    for group in _ALTERNATIVES:
+        if group & changes.keys():
+            alternatives |= group
     merged = {
         key: value for key, value in base.items() if key in changes or key not in alternatives
     }
@@ -88,9 +97,10 @@ def overlay(base: dict, changes: dict) -> dict:
 def overlay_gears(base: dict, changes: dict) -> dict:
     """Return the configuration `base` updated with `changes`, without keys that no longer fit.
 
-    Gears given by geometry replace a `base` with a `gear_pair`, because its dampings, bearings and
-    scenes belong to that pair. Another `gear_pair` drops the scenes of `base`. A train alone asks
-    for the targets of trains.
+    If `changes` has gears given by geometry or a gearbox, and `base` has a `gear_pair`, nothing of
+    `base` is kept, because its dampings, bearings and scenes belong to that pair. If `changes` has
+    another `gear_pair`, the scenes of `base` are removed. If `changes` has a train without gears,
+    the targets become the targets of trains.
     """
     from gearlib.config import gear_names
     from gearlib.config.targets import TRAIN_TARGETS
@@ -117,7 +127,10 @@ def schema() -> dict:
 
 
 def _drop_null_defaults(node: object) -> None:
-    """Remove the default null from a node and those in it: the key may be missing, but not null."""
+    """Remove each default null from a node of a JSON schema and from all nodes below it.
+
+    Such a key may be missing, but its value cannot be null.
+    """
     if isinstance(node, dict):
         if "default" in node and node["default"] is None:
             del node["default"]

@@ -1,4 +1,4 @@
-"""The whole configuration: its sections, and what must agree between them."""
+"""The whole configuration: its sections, and checks of values that must agree between them."""
 
 from typing import Any, Literal, get_args
 
@@ -55,7 +55,7 @@ class Config(Section):
     measured: list[_Path] = field(
         "YAML files of measured data sets, drawn over Fig. 3 and time histories, and scored.", []
     )
-    # `gear_pair` is derived from `gears` where it is given; only `gear_pair` is dumped.
+    # If `gears` is given, `gear_pair` is derived from it, and only `gear_pair` is dumped.
     gears: Gears = Field(default=None, exclude=True)
     gear_pair: GearPairSection
     profile: Profile = field(
@@ -111,15 +111,16 @@ class Config(Section):
         if self.profile and self.gears:
             allowed = "left out where gears are given: their stiffness is that of their teeth"
             raise checks.refusal("profile", self.profile.kind, allowed)
-        measured_description.read_sets(self.measured)  # Raises the errors of their files.
-        # Only the workflow computes targets, and it calls `target_errors` itself. With
-        # `gears` these errors are raised here as well, so that commands report them.
-        if self.gears and (messages := self.target_errors()):
+        measured_description.read_sets(self.measured)  # This raises the errors of these files.
+        # Only the workflow computes targets, and it calls `target_errors` itself. With `gears`
+        # these errors are raised here as well, so that commands report them.
+        messages = self.target_errors() if self.gears else []
+        if messages:
             raise ValueError("\n".join(messages))
         return self
 
     def _check_sizes(self) -> None:
-        """Raise ValueError if numbers of jobs, runs or samples are too large to be intended."""
+        """Raise ValueError if the numbers of jobs, runs or samples are too large to be intended."""
         damping_count, resonance, run = len(self.dampings), self.resonance, self.run
         tuning_range = resonance.stop - resonance.start
         runs = damping_count * len(resonance.directions) * tuning_range / resonance.step
@@ -140,28 +141,38 @@ class Config(Section):
         checks.require(count <= MAX_SAMPLES, key, samples_per_period, allowed)
 
     def target_errors(self) -> list[str]:
-        """Return an error message for each reason why requested targets do not fit the gears."""
+        """Return an error message for each reason why requested targets cannot be computed.
+
+        Without the key `targets` only the tolerances are checked, and only if they are not the
+        default ones.
+        """
         target_names = self.targets
         if "targets" not in self.model_fields_set:
-            # Tolerances other than the default ones are taken as a request.
-            default = type(self.tolerances).model_fields["parameters"].default
+            # A user who states tolerances wants them to be computed.
+            default_parameters = type(self.tolerances).model_fields["parameters"].default
             tolerances = self.tolerances.model_dump(include={"parameters", "correlations"})
-            is_default = tolerances == {"parameters": default, "correlations": []}
+            is_default = tolerances == {"parameters": default_parameters, "correlations": []}
             target_names = [] if is_default else ["tolerances"]
         targets_by_reason: dict[str, list[str]] = {}
         for name in target_names:
-            if reason := targets.refusal(name, self):
+            reason = targets.refusal(name, self)
+            if reason:
                 targets_by_reason.setdefault(reason, []).append(name)
-        return [targets.with_target_names(*item) for item in targets_by_reason.items()]
+        return [
+            targets.with_target_names(reason, names) for reason, names in targets_by_reason.items()
+        ]
 
     def train_damping_errors(self) -> list[str]:
-        """Return an error message if targets need the damping of a train that has none, else []."""
+        """Return a list with an error message if targets need a missing mesh damping of the train.
+
+        Otherwise the list is empty.
+        """
         names = [name for name in self.computed_targets() if name in targets.TRAIN_TARGETS]
-        reason = targets.missing_mesh_damping(self)
+        reason = targets.mesh_damping_error(self)
         return [targets.with_target_names(reason, names)] if reason and names else []
 
     def computed_targets(self) -> list[str]:
-        """Return the names of the targets to compute, without those that do not fit these gears."""
+        """Return the names of the targets to compute, without targets that do not fit the gears."""
         names = list(self.targets)
         if "targets" not in self.model_fields_set and targets.has_custom_train(self):
             names.append("train_sweep")
@@ -180,25 +191,28 @@ class Config(Section):
         return self.run.recorded_revolutions * self.gear_pair.teeth
 
     def pair(self, damping: str | Damping | None = None, change: Any = None) -> dict:
-        """Return the description of the gear pair with a damping or its name, None for undamped.
+        """Return the description of the gear pair, from which `from_values.model` makes its model.
 
-        `change` is a section with other values of its parameters. A description is a dict of plain
-        values, from which `gearlib.models.from_values.model` makes the model.
+        A description is a dict of plain values. `damping` is the section of a damping, or its name;
+        None means no damping. `change` is a section with other values for parameters of the pair,
+        or None.
         """
-        section = self.dampings[damping] if isinstance(damping, str) else damping
-        changes = [x.model_dump() for x in (section, change) if x is not None]
+        if isinstance(damping, str):
+            damping = self.dampings[damping]
         description = {"model": "pair"} | self.gear_pair.model_dump()
         if self.profile:
             description["profile"] = self.profile.model_dump()
-        for values in changes:
-            description |= values
+        for section in (damping, change):
+            if section is not None:
+                description |= section.model_dump()
         return description
 
     def gears_model(self, damping: str, kind: str = "", pitch_errors: bool = False) -> dict:
-        """Return the description of the model of the gears with a damping.
+        """Return the description of a model of the gears, see `pair`, with the named damping.
 
-        `kind` is teeth, rectangle, six_degrees or train; by default teeth of gears given by
-        geometry, which may have their pitch errors, and the pair of other gears.
+        `kind` is "teeth", "rectangle", "six_degrees" or "train"; by default "teeth" if the gears
+        are given by geometry, else "rectangle". With `pitch_errors` pairs of teeth have their pitch
+        errors.
         """
         kind = kind or ("teeth" if self.gears else "rectangle")
         if kind == "teeth":
@@ -223,9 +237,10 @@ class Config(Section):
         return arguments
 
     def candidate_models(self, scene: Any) -> list[str]:
-        """Return the models that have all time histories of a scene, its key `courses`.
+        """Return the names of the models that have all time histories `courses` of a scene.
 
-        The smallest model comes first; "six_degrees_plain" has neither run-out nor friction.
+        The smallest model comes first; "six_degrees_plain" has neither run-out nor friction. If the
+        scene names a model, this is the only one.
         """
         if scene.model != "smallest":
             return [scene.model]
@@ -235,9 +250,9 @@ class Config(Section):
         return models if SIX_DEGREE_HISTORIES & {*scene.courses} else ["pair", *models]
 
     def tolerance_distributions(self) -> dict:
-        """Return the distributions of `tolerances` as a dict for `gearlib.scatter`.
+        """Return the section `tolerances` as a dict of distributions for `gearlib.scatter`.
 
-        Raise ValueError if they are not valid for the gears of the configuration.
+        Raise ValueError if a tolerance is not valid for the gears of the configuration.
         """
         coefficients = self.dampings[self.tolerances.damping].model_dump()
         parameters = self.gear_pair.model_dump() | coefficients

@@ -35,8 +35,9 @@ _BODY_KEYS = ("base_radii", "inertias", "masses")
 def add_defaults(mapping: object) -> tuple[object, dict]:
     """Return the content of a YAML file with defaults added, and the context of its validation.
 
-    The context is a dict: `pair` and `dampings` are the validated sections, None if invalid;
-    `by_geometry` says whether the gears are given by geometry, the section `gears`.
+    The context is a dict with three keys: `pair` and `dampings` are the validated sections, None if
+    invalid; `by_geometry` says whether the gears are given by geometry, in the section `gears`. A
+    content that is not a mapping is returned unchanged, with an empty context.
     """
     if not isinstance(mapping, dict):
         return mapping, {}
@@ -65,7 +66,10 @@ def add_defaults(mapping: object) -> tuple[object, dict]:
 
 
 def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | None]:
-    """Return the `GearPairSection`, its geometry and the dampings, None where they are invalid."""
+    """Return the sections (gear pair, gears, dampings) of a configuration, None where invalid.
+
+    If the gears are given by geometry, the gear pair is derived from it; else `gears` is None.
+    """
     pair, gears = None, None
     try:
         if "gears" in mapping:
@@ -80,18 +84,19 @@ def _read_gears(mapping: dict) -> tuple[Any, Gears | None, dict[str, Damping] | 
 
 
 def _resonance_range(resonance: Any, pair: Any, speed: float | None) -> dict[str, float]:
-    """Return the defaults of `start`, `stop` and `lowest` of the resonance sweep with `gears`.
+    """Return the default range of the resonance sweep for gears given by geometry.
 
-    The range, 0.5 to 1.4, is extended to the speed (rpm) of the gears, in steps of the section
-    `resonance`; `lowest`, a fifth of start, limits the extension of a downward sweep that has not
-    jumped. The dict is empty if the section has a start or stop.
+    The dict has the keys `start`, `stop` and `lowest`; it is empty if the section `resonance` has a
+    start or stop, or an invalid step. The range of tunings, 0.5 to 1.4, is extended by whole steps
+    to the `speed` of the gears, rpm, unless this is None. Down to `lowest`, a fifth of start, a
+    downward sweep is extended until the motion has jumped.
     """
     section = resonance if isinstance(resonance, dict) else {}
     step = section.get("step", Resonance.model_fields["step"].default)
     if {"start", "stop"} & section.keys() or not isinstance(step, (int, float)) or not step > 0.0:
         return {}
     start, stop = Decimal("0.5"), Decimal("1.4")
-    # A tuning above 100 is not allowed: the speed itself must be wrong.
+    # A tuning above 100 is not allowed, so that the speed itself must be wrong.
     if speed is not None and speed * tuning_per_rpm(pair) <= 100.0:
         tuning, step = Decimal(speed * tuning_per_rpm(pair)), Decimal(repr(step))
         steps_below, steps_above = (start - tuning) / step, (tuning - stop) / step
@@ -102,19 +107,21 @@ def _resonance_range(resonance: Any, pair: Any, speed: float | None) -> dict[str
 
 
 def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[str, dict]:
-    """Return the defaults that depend on the gears, section name -> key -> default value."""
-    damping_sums = {name: x.material_damping + x.backlash_damping for name, x in dampings.items()}
+    """Return the defaults that depend on the gears, as a dict: section -> key -> default value."""
+    damping_sums = {}
+    for name, damping in dampings.items():
+        damping_sums[name] = damping.material_damping + damping.backlash_damping
     damped_names = [name for name, damping_sum in damping_sums.items() if damping_sum > 0.0]
     first_damped = {"damping": next(iter(damped_names or damping_sums))}
     frequency, deflection = pair.mean_eigenfrequency, pair.static_deflection
     moderate_damping = 2.0 * _DAMPING_RATIO * pair.reduced_mass * frequency
-    max_damping = max(max(x.material_damping, x.backlash_damping) for x in dampings.values())
-    max_damping = max_damping or moderate_damping
+    coefficients = [(x.material_damping, x.backlash_damping) for x in dampings.values()]
+    max_damping = max(map(max, coefficients)) or moderate_damping
     # Only motions with damping in contact settle from every initial state.
     settling = {name: x for name, x in dampings.items() if x.material_damping > 0.0}
     if not settling:
-        coefficients = dict.fromkeys(("material_damping", "backlash_damping"), moderate_damping)
-        settling = {f"damping ratio {_DAMPING_RATIO:g}": Damping(**coefficients)}
+        damping = Damping(material_damping=moderate_damping, backlash_damping=moderate_damping)
+        settling = {f"damping ratio {_DAMPING_RATIO:g}": damping}
     # Linear and cubic damping have the same force at the velocity deflection * frequency.
     cubic_damping = max_damping / (deflection * frequency) ** 2
     poincare_cases = _panel_cases(dampings, _POINCARE_TUNING)
@@ -122,12 +129,12 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
         # The section is at mesh phase 0. Undamped motions do not settle, so no period is skipped.
         case |= {"phase": 0.0, "settle": _SETTLING_PERIODS if damping_sums[name] else 0}
     return {
-        "phase_lag": {"material_dampings": [max_damping, max_damping / 100.0]},  # two curves
+        "phase_lag": {"material_dampings": [max_damping, max_damping / 100.0]},
         "nonlinear_damping": {"damping": max_damping},
         "six_degrees": _six_degree_defaults(pair),
         **{key: first_damped for key in ("jump", "analytic_method", "run_ups", "tolerances")},
         "train_sweep": first_damped,
-        "branches": {"loci": first_damped},  # curves of bifurcations
+        "branches": {"loci": first_damped},
         "stability_chart": {"damping": min(damping_sums, key=damping_sums.__getitem__)},
         "work_precision": {
             "damping": max_damping,
@@ -135,10 +142,10 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
         },
         "reducer": {
             **first_damped,
-            "support_stiffness": 2.5 * pair.max_stiffness,  # of the axes; stiffer than a mesh
-            "pin_error": [deflection, 0.0],  # radial and tangential error of an axis
-            # A quarter of the backlash in the first of the three branches: the load is not shared
-            # equally.
+            "support_stiffness": 2.5 * pair.max_stiffness,
+            "pin_error": [deflection, 0.0],  # radial and tangential
+            # The first of the three branches has less backlash, so that they share the load
+            # unequally.
             "backlashes": [0.25 * pair.backlash, pair.backlash, pair.backlash],
         },
         "basins": {"cases": _panel_cases(settling, _BASINS_TUNING)},
@@ -149,12 +156,12 @@ def _gear_defaults(pair: GearPairSection, dampings: dict[str, Damping]) -> dict[
 
 
 def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
-    """Return bodies and bearings of two equal gears that have the reduced mass of `pair`.
+    """Return bodies and bearings of two equal gears that have the reduced mass of `pair`, in SI.
 
-    The pinion (index 3 in the paper) and the wheel (index 2) satisfy
-    1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2. The four bearings, along y and z of the
-    pinion, then of the wheel, have 1/40 of the mesh stiffness and 2 % of the critical damping. The
-    run-out is small.
+    The pinion (index 3 in the paper) and the wheel (index 2) with base radii Rb, inertias J and
+    masses m satisfy 1 / m_red = Rb3^2 / J3 + Rb2^2 / J2 + 1 / m3 + 1 / m2. The four bearings, along
+    y and z of the pinion, then of the wheel, have 1/40 of the mesh stiffness and 2 % of critical
+    damping. The run-out is small.
     """
     mass = 6.0 * pair.reduced_mass
     bearing_stiffness = pair.max_stiffness / 40.0
@@ -169,7 +176,7 @@ def _six_degree_defaults(pair: GearPairSection) -> dict[str, list[float]]:
 
 
 def _panel_cases(dampings: dict[str, Damping], tuning: float) -> list[dict]:
-    """Return a list for the key `cases`: one panel for each of the first dampings, at a tuning."""
+    """Return the value of a key `cases`: a panel at this tuning for each of the first dampings."""
     cases = []
     for name, damping in list(dampings.items())[:_MAX_PANELS]:
         title = f"tuning {tuning:.2f}, {name}"[:_MAX_TITLE_LENGTH]
@@ -177,8 +184,14 @@ def _panel_cases(dampings: dict[str, Damping], tuning: float) -> list[dict]:
     return cases
 
 
-def _damping_colours(dampings: Iterable[str], given: dict[str, str]) -> dict[str, str]:
-    """Return `given` colours by damping, and others of their own for the dampings without one."""
-    valid = [colour for colour in map(str, given.values()) if re.fullmatch(COLOUR_PATTERN, colour)]
-    without_colour = (name for name in dampings if name not in given)
-    return given | dict(zip(without_colour, colours.of_categories(valid), strict=False))
+def _damping_colours(dampings: Iterable[str], configured: dict[str, str]) -> dict[str, str]:
+    """Return a colour for each damping: the one in `configured`, else a new one.
+
+    `configured` maps names of dampings to colours; colours that are not valid are kept, so that the
+    validation reports them.
+    """
+    used_colours = [
+        colour for colour in map(str, configured.values()) if re.fullmatch(COLOUR_PATTERN, colour)
+    ]
+    names = [name for name in dampings if name not in configured]
+    return configured | dict(zip(names, colours.of_categories(used_colours), strict=False))

@@ -1,4 +1,4 @@
-"""Sections of the studies of gear pairs: experiments, scenes, basins, trials of the methods."""
+"""Sections of studies of gear pairs: experiments, scenes, basins, trials of the methods."""
 
 from typing import Annotated, Literal, get_args
 
@@ -35,7 +35,7 @@ class Resonance(grid_base(0.5, 1.4, 0.0005)):
 
     @model_validator(mode="after")
     def _check_grid(self):
-        """Raise ValueError if range or window are no multiples of the step."""
+        """Raise ValueError unless range and window are whole multiples of the step."""
         self.check_steps("step", MAX_TUNINGS)
         is_multiple = tunings.steps(0.0, self.window, self.step) % 1 == 0
         allowed = f"a whole multiple of step = {self.step:.12g}"
@@ -43,13 +43,15 @@ class Resonance(grid_base(0.5, 1.4, 0.0005)):
         return self
 
     def windows(self, direction):
-        """Return the (first, last) tunings of the jobs of a sweep "cold", "up" or "down".
+        """Return a list of (first, last) tuning of each job of a sweep "cold", "up" or "down".
 
-        In a "cold" sweep all runs start from the same initial state, so that jobs are independent.
+        In a "cold" sweep all runs start from the same initial state, so that it is divided into
+        independent jobs. Sweeps up and down are a single job, because each run starts from the
+        final state of the previous one.
         """
         if direction == "cold":
             return tunings.windows(self.start, self.stop, self.step, self.window)
-        return [(self.start, self.stop)]  # Each run starts where the previous one ended.
+        return [(self.start, self.stop)]
 
 
 class PhasePlanes(Section):
@@ -148,7 +150,7 @@ class Labels(grid_base(0.5, 1.4, 0.01)):
 
 
 def check_increasing(section, low_key, high_key):
-    """Raise ValueError unless the value of `high_key` is greater than that of `low_key`."""
+    """Raise ValueError unless the value of the key `high_key` exceeds the value of `low_key`."""
     low, high = getattr(section, low_key), getattr(section, high_key)
     checks.require(high > low, high_key, high, f"greater than {low_key} = {low!r}")
 
@@ -261,9 +263,10 @@ class Scene(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError if titles are not unique, or if the model lacks one of the `courses`.
+        """Raise ValueError if titles are not unique, or if the model lacks a time history.
 
-        `courses` are the names of time histories; friction and bearing forces need six degrees.
+        `courses` has the names of the time histories. Only models with six degrees of freedom have
+        bearing forces, and the plain one has no friction.
         """
         check_unique("cases", self.cases, "title")
         missing_histories = {
@@ -298,7 +301,7 @@ class _InitialStates(Section):
 
     @model_validator(mode="after")
     def _check_states(self):
-        """Raise ValueError if a range is not increasing or titles are not unique."""
+        """Raise ValueError if a range of initial values is empty or titles are not unique."""
         for key in ("displacement", "velocity"):
             low, high = getattr(self, key)
             checks.require(low < high, key, [low, high], "a lower value and a higher one")
@@ -307,9 +310,10 @@ class _InitialStates(Section):
 
 
 def _check_damped(key, damping):
-    """Raise ValueError if `damping` is zero, because undamped motions have no attractors."""
+    """Raise ValueError, which names the config key, if both coefficients of `damping` are zero."""
     allowed = "> 0 for material or backlash, because a mesh without damping has no attractors"
-    checks.require(not damping.material_damping == damping.backlash_damping == 0.0, key, 0, allowed)
+    is_undamped = damping.material_damping == damping.backlash_damping == 0.0
+    checks.require(not is_undamped, key, 0, allowed)
 
 
 class Basins(_InitialStates):
@@ -343,9 +347,9 @@ class Bifurcation(_InitialStates, grid_base(0.45, 0.95, 0.001)):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise ValueError without damping, or if the range is no multiple of a step."""
+        """Raise ValueError without damping, or unless the range is a multiple of `share_step`."""
         _check_damped("damping", self.damping)
-        self.check_steps("share_step")  # of the tunings at which shares of basins are computed
+        self.check_steps("share_step")
         return self
 
 

@@ -17,29 +17,34 @@ _TRAIN_NAMES = {"idler": "idler train", "two_stage": "two-stage train"}
 def name_of_stage(pair: Any, modified: bool = True, pitch_errors: bool = True) -> str:
     """Return the name of gears given by geometry: "gear pair z 23/61, m 2.5 mm, tip relief".
 
-    If what the name stands below has no modified flanks, `modified` is False; if it has tip reliefs
-    but no pitch errors, `pitch_errors` is False. The name says what is left out.
+    `pair` is a `StageSection`. `modified` is False where tip reliefs and pitch errors of the gears
+    are left out of the computation, `pitch_errors` where only pitch errors are; the name says so.
     """
     pinion, wheel = pair.pinion, pair.wheel
     is_fzg = all(getattr(pair, gear).model_dump() == FZG_C[gear] for gear in ("pinion", "wheel"))
     teeth = f"z {pinion.teeth}/{'-' if wheel.internal else ''}{wheel.teeth}"
     name = f"{'FZG type C' if is_fzg else 'gear pair'} {teeth}, {_module_and_helix(pinion)}"
     is_used = {"tip_relief": modified, "pitch_errors": modified and pitch_errors}
-    for used, suffix in ((True, ""), (False, " left out")):
-        keys = [key for key in is_used if is_used[key] == used and pair.modification_key(key)]
+    for is_included, suffix in ((True, ""), (False, " left out")):
+        keys = [
+            key for key in is_used if is_used[key] == is_included and pair.modification_key(key)
+        ]
         if keys:
             name += f", {' and '.join(keys).replace('_', ' ')}{suffix}"
     return name
 
 
 def _module_and_helix(gear: Any) -> str:
-    """Return normal module and helix angle of a gear given by geometry as text."""
+    """Return the normal module, and the helix angle if not zero, of a gear as text."""
     helix = f", β {math.degrees(gear.helix_angle):.6g}°" if gear.helix_angle else ""
     return f"m {1e3 * gear.module:.6g} mm{helix}"
 
 
 def parameters_differ(base: dict, changed: dict) -> bool:
-    """Return whether two configurations, each content of YAML, have different valid gear pairs."""
+    """Return whether two configurations have valid gear pairs that are different.
+
+    Both are contents of YAML files. If a gear pair is not valid, return False.
+    """
     try:
         pairs = [GearPairSection.model_validate(x.get("gear_pair")) for x in (base, changed)]
     except ValidationError:
@@ -48,16 +53,20 @@ def parameters_differ(base: dict, changed: dict) -> bool:
 
 
 def name_of_pair(config: Any, modified: bool = True, pitch_errors: bool = True) -> str:
-    """Return the name of the gear pair of a configuration; options as in `name_of_stage`."""
+    """Return the name of the gear pair of a configuration.
+
+    The name says if modified flanks or only pitch errors are left out, see `name_of_stage`.
+    """
     if config.gears:
         return name_of_stage(config.gears, modified, pitch_errors)
     return config.gear_pair.name
 
 
 def name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) -> str:
-    """Return the name of the gear pair with its model: pairs of teeth or rectangle.
+    """Return the name of the gear pair of a configuration with its model of stiffness.
 
-    Gears without geometry are named by their rectangle.
+    The model is pairs of teeth if `teeth`, else the rectangle; the name of gears that are not given
+    by geometry has no model. `pitch_errors` is False where pitch errors are left out.
     """
     gears, name = config.gears, name_of_pair(config, modified=teeth, pitch_errors=pitch_errors)
     if config.profile:
@@ -70,25 +79,28 @@ def name_with_stiffness(config: Any, teeth: bool, pitch_errors: bool = False) ->
 
 
 def unused_options(gears: Any) -> str:
-    """Return a text on stiffness options that concern the rectangle only, "" if there are none."""
+    """Return a text on configured stiffness options that pairs of teeth do not use, else ""."""
     names = {*(gears.stiffness_options or ())} & {"hertz", "application_factor"}
     return f", without {' and '.join(sorted(names))}" if names else ""
 
 
 def name_of_reducer(config: Any) -> str:
-    """Return the name of the reducer of the section `reducer`, every mesh of which is the pair."""
+    """Return the name of the reducer of the section `reducer`, whose meshes are the gear pair."""
     return _reducer_name(config, config.reducer.teeth)
 
 
 def _reducer_name(config: Any, teeth: Sequence[int] | None) -> str:
-    """Return the name of a reducer with these numbers of teeth; None: the paper's numbers."""
+    """Return the name of a reducer with these numbers of teeth; None means the paper's numbers."""
     is_paper = not teeth or list(teeth) == type(config.reducer).model_fields["teeth"].default
     name = "paper's reducer (Fig. 1 a)" if is_paper else f"reducer z {'/'.join(map(str, teeth))}"
     return f"{name}, every mesh: {name_of_pair(config, modified=False)}"
 
 
 def name_of_train(config: Any) -> str:
-    """Return the name of the gear train of a configuration; the kind "own" is user-defined."""
+    """Return the name of the gear train of a configuration.
+
+    The kind "own" is a train of the user's bodies and meshes.
+    """
     kind, section = config.train.kind, getattr(config.train, config.train.kind)
     if kind == "planetary":
         is_default = not section.model_dump()
@@ -107,5 +119,5 @@ def name_of_train(config: Any) -> str:
 
 
 def is_paper(config: Any) -> bool:
-    """Return whether the gear pair of a configuration is the paper's."""
+    """Return whether the gear pair of a configuration is the paper's, with its rectangle."""
     return name_of_pair(config) == "paper's pair" and config.profile is None

@@ -19,14 +19,14 @@ from gearlib.models.profiles import PROFILES
 from gearlib.parameters import Allowed, RunOut
 
 DAMPINGS = tuple(RATIO_KEYS)
-#: Digits of derived values; rounding makes them independent of the units of the geometry.
+#: Digits of derived values; rounded values do not depend on the units of the geometry.
 _DIGITS = 12
 _DampingRatio = t.number(ge=0, le=1000)
 _Pair = create_section("_Pair", "", PairParameters, exclude=DAMPINGS, required=("teeth",))
 
 
 def rounded(value: Any) -> Any:
-    """Return a float, or a list of floats, with 12 digits; other values are returned unchanged."""
+    """Return a float, or a list of floats, rounded to 12 digits; return other values unchanged."""
     if isinstance(value, list):
         return [rounded(item) for item in value]
     return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
@@ -57,35 +57,39 @@ class Damping(_Coefficients):
     damping_ratio: _DampingRatio = field("beta: material_damping is 2 beta m_red Omega_s.", None)
     logarithmic_decrement: _DampingRatio = field("delta = 2 pi beta / sqrt(1 - beta^2).", None)
     backlash_damping_ratio: _DampingRatio = field("beta_m: backlash_damping likewise.", None)
-    #: The coefficients or ratios as they are given; a ratio holds for every model of the gears.
+    #: The coefficients or ratios of the configuration; a ratio holds for each model of the gears.
     _given: dict = PrivateAttr({})
 
     @model_validator(mode="after")
     def _to_coefficients(self, info: ValidationInfo) -> "Damping":
-        """Return the damping with coefficients, N s/m, in place of their ratios in `RATIO_KEYS`.
+        """Return the damping with ratios replaced by their coefficients, N s/m.
 
-        `info` is the validation context; without a valid gear pair in it nothing is converted.
+        `RATIO_KEYS` has the ratios that may replace a coefficient. `info` has the validation
+        context with the gear pair; without a valid pair nothing is converted.
         """
-        pair, coefficients, given = from_context(info, "pair"), {}, {}
+        pair = from_context(info, "pair")
+        coefficients: dict[str, float] = {}
+        given: dict[str, float] = {}
         for coefficient_key, ratio_keys in RATIO_KEYS.items():
             keys = [coefficient_key, *ratio_keys]
             values = {key: getattr(self, key) for key in keys if getattr(self, key) is not None}
             if not values:
                 raise self.missing(coefficient_key)
             if len(values) > 1:
-                first, *others = values
+                first_key, *other_keys = values
                 problem = (
-                    f"and {' and '.join(others)} are not allowed together: it must be one of them"
+                    f"and {' and '.join(other_keys)} are not allowed together: it must be one of "
+                    "them"
                 )
-                raise checks.InputError(first, problem=problem)
+                raise checks.InputError(first_key, problem=problem)
             ((key, value),) = values.items()
             if pair and from_context(info, "by_geometry"):
-                # Less than critical damping is needed; only the check matters here.
+                # This raises an error unless the damping is below critical.
                 checked_damping(key, value, pair.mean_stiffness, pair.reduced_mass)
             given[key] = value
             if pair and key != coefficient_key:
                 if key == "logarithmic_decrement":
-                    value /= math.hypot(math.tau, value)
+                    value /= math.hypot(math.tau, value)  # the damping ratio
                 value = damping_coefficient(value, pair.mean_stiffness, pair.reduced_mass)
                 value = rounded(value)
             coefficients[coefficient_key] = value
@@ -94,9 +98,9 @@ class Damping(_Coefficients):
         return damping
 
     def given(self) -> dict[str, float]:
-        """Return the coefficients, N s/m, or ratios by which the damping is given, by their keys.
+        """Return the coefficients, N s/m, or ratios that the configuration states, by their keys.
 
-        A damping without a ratio and without a configuration has its coefficients.
+        A damping that comes from no configuration has its coefficients.
         """
         return dict(self._given) or self.model_dump(include=set(DAMPINGS))
 
@@ -198,7 +202,7 @@ class SixDegrees(Section):
     def _check(self) -> "SixDegrees":
         """Raise an error if radii, inertias or masses are missing.
 
-        `defaults.add_defaults` sets all of them if none is given, and none of them if one is given.
+        They have common defaults, which `defaults.add_defaults` leaves out if one of them is given.
         """
         for key in ("base_radii", "inertias", "masses"):
             if getattr(self, key) is None:

@@ -63,12 +63,13 @@ _Placed = create_section(
 
 
 def spur_gear(section_key: str, gear: Any, pinion: Any = None, **defaults: Any) -> SpurGear:
-    """Return the `SpurGear` described by the section `gear`, whose key is `section_key`.
+    """Return the `SpurGear` that the section `gear` describes; error messages name `section_key`.
 
-    Missing values are those of the section `pinion` or of `defaults`.
+    Values that the section lacks are taken from the section `pinion`, if given, or from `defaults`.
     """
+    pinion_values = None if pinion is None else pinion.model_dump()
     with checks.below(section_key):
-        return gear_from_dict(gear.model_dump(), pinion and pinion.model_dump(), **defaults)
+        return gear_from_dict(gear.model_dump(), pinion_values, **defaults)
 
 
 class MethodSection(Section):
@@ -86,8 +87,10 @@ class MethodSection(Section):
     )
 
     def stiffness_arguments(self) -> dict:
-        """Return the arguments `stiffness` and `options` of `GearStage.pair_parameters`, if
-        given."""
+        """Return the arguments `stiffness` and `options` of `GearStage.pair_parameters`.
+
+        Arguments that the configuration does not state are left out.
+        """
         arguments = self.model_dump(include={"stiffness", "stiffness_options"})
         if "stiffness_options" in arguments:
             arguments["options"] = arguments.pop("stiffness_options")
@@ -97,7 +100,10 @@ class MethodSection(Section):
         return arguments
 
     def option_keys(self, section: str = "") -> dict[str, str]:
-        """Return name of an option -> its key, for errors of the stiffness method."""
+        """Return a dict: name of each stiffness option -> its key, for error messages.
+
+        `section` is the start of the key, such as "meshes[0].".
+        """
         return {name: f"{section}stiffness_options.{name}" for name in self.stiffness_options or ()}
 
 
@@ -115,12 +121,12 @@ class StageSection(_Placed):
         return GearStage(pinion, wheel, self.centre_distance, self.backlash)
 
     def check(self, stiffness_methods: Iterable[str]) -> None:
-        """Raise an error if the gears are impossible or one of the methods fails for them.
+        """Raise an error if the gears are impossible or a stiffness method fails for them.
 
-        The methods are "iso" and "energy".
+        The methods to try are "iso" and "energy", or none.
         """
         values = self.model_dump(include={"pinion", "wheel", "centre_distance"})
-        # The default gears are known to be valid. Computing them would slow the workflow's start.
+        # The default gears are known to be valid; computing them would slow the workflow's start.
         if any(values.items() <= pair.items() for pair in (FZG_C, Z20_PAIR)):
             return
         mesh = self.mesh()
@@ -128,9 +134,9 @@ class StageSection(_Placed):
             mesh.pair_parameters(torque=self.torque, stiffness=method)
 
     def modification_key(self, *keys: str) -> str:
-        """Return the first key that is given for one of the gears, else "": "pinion.tip_relief".
+        """Return the first of the `keys` that pinion or wheel has, as "pinion.tip_relief", else "".
 
-        `keys` are the keys of a gear to look for, by default those that modify involute flanks.
+        By default the keys are tip_relief and pitch_errors, which modify the involute flanks.
         """
         for gear_name in ("pinion", "wheel"):
             for key in keys or ("tip_relief", "pitch_errors"):
@@ -153,7 +159,7 @@ class Gears(MethodSection, StageSection):
         return self
 
     def load(self) -> dict[str, float]:
-        """Return torque (N m), power (W) and speed (rpm) of the pinion, as far as given."""
+        """Return those of torque (N m), power (W) and speed (rpm) of the pinion that are given."""
         return self.model_dump(include={"torque", "power", "speed"})
 
     def driving_torque(self) -> float:
@@ -253,27 +259,27 @@ class DynamicFactor(Section):
 
 
 def takes_configured_gears(config: Any, section_name: str) -> bool:
-    """Return whether a section in `GEARS_KEYS` has no gears and uses the configured ones."""
+    """Return whether a section in `GEARS_KEYS` has no gears and uses the section `gears`."""
     section = getattr(config, section_name)
     return config.gears is not None and GEARS_KEYS[section_name] not in section.model_fields_set
 
 
 def stage_sections(config: Any, section_name: str) -> dict[str, StageSection]:
-    """Return name -> gears of a section in `GEARS_KEYS`.
+    """Return a dict with the gears of a section in `GEARS_KEYS`, by name.
 
-    If the section has no gears, these are the section `gears` of the configuration.
+    If the section has no gears, they are the gears of the section `gears`.
     """
     if not takes_configured_gears(config, section_name):
         pairs = getattr(getattr(config, section_name), GEARS_KEYS[section_name])
         return pairs if isinstance(pairs, dict) else {section_name: pairs}
     torque = config.gears.driving_torque()
-    # The class of the pairs of "mesh_stiffness"; `published` keeps its default, no values.
+    # `PublishedPair` is the class in the section mesh_stiffness; this pair has no published values.
     pair = PublishedPair.model_construct(**dict(config.gears) | {"torque": torque})
     return {f"z{pair.pinion.teeth}-{pair.wheel.teeth}": pair}
 
 
-def unsuitable_gears(config: Any, section_name: str) -> str:
-    """Return why a section in `GEARS_KEYS` cannot use the configured gears, else ""."""
+def configured_gears_error(config: Any, section_name: str) -> str:
+    """Return the reason why a section in `GEARS_KEYS` cannot use the configured gears, else ""."""
     if not takes_configured_gears(config, section_name):
         return ""
     methods = {"mesh_stiffness": ["iso", "energy"], "harris_map": [config.harris_map.stiffness]}

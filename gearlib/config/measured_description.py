@@ -1,6 +1,6 @@
-"""The YAML file beside a measured table: where it comes from, and what its columns are.
+"""The YAML file beside a measured table: origin of the data, and meaning of the columns.
 
-Names are those of PEtab: observableId, simulationConditionId, measurement, time, noiseParameters.
+Names come from PEtab: observableId, simulationConditionId, measurement, time, noiseParameters.
 """
 
 import re
@@ -21,7 +21,7 @@ from gearlib.data import measured_names
 from gearlib.models.pair_parameters import PairParameters
 from gearlib.parameters import Finite, Load, numeric_parameters, requirement
 
-#: Units of channels with the raw values of a converter, and with dates and times of day.
+#: Unit of channels with raw counts of a converter; unit of channels with dates and times of day.
 COUNTS, DATES = "counts", "ISO 8601"
 #: Property of the test rig that should be known -> keys that state it.
 _EXPECTED_FACTS = {
@@ -34,7 +34,7 @@ _EXPECTED_FACTS = {
     "transmission_error": {"transmission_error"},
     "ramp_rate": {"ramp_rate", "acceleration"},
 }
-#: Endings of files that include the times, and of all files.
+#: Suffixes of files that include the times; suffixes of all files.
 _TIMED_FORMATS = (".uff", ".unv")
 _FORMATS = (".csv", *_TIMED_FORMATS)
 #: Observables that are compared as time histories.
@@ -50,7 +50,7 @@ def _text(max_length):
 
 
 def _read_facts(value):
-    """Return the section `known`, a dict with text keys; raise ValueError if it is not one."""
+    """Return `value`, the section `known`, or raise ValueError unless it is a dict of text keys."""
     if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
         raise ValueError
     return value
@@ -72,7 +72,10 @@ class FitSection(Section):
 
 
 def free_range(name, limits):
-    """Return [low, high] in SI of a parameter to fit; `limits` are numbers or texts with units."""
+    """Return [low, high], in SI units, of the parameter `name` of a fit.
+
+    `limits` has two numbers or texts with units. Raise ValueError if one is not allowed.
+    """
     parameter = numeric_parameters(PairParameters).get(name)
     annotation = list_of(parameter.annotation if parameter else Finite, 2)
     try:
@@ -95,13 +98,16 @@ class Channel(Section):
     gaps: p.Boolean = field("Whether empty cells are points that were not measured.", None)
 
     def check(self, key):
-        """Raise ValueError if the keys of the channel named `key` are not compatible."""
+        """Raise ValueError if the keys of this channel are not compatible.
+
+        `key` is its key in the section `channels`.
+        """
         name, channel_key = self.observableId or key, f"channels.{key}"
-        known = measured_names.units_and_description(name)
+        known_unit = measured_names.units_and_description(name)
         names = ", ".join(measured_names.KNOWN_QUANTITIES)
         allowed = f"one of {names}, which may be followed by _ and a name"
-        require(known, f"{channel_key}.observableId", name, allowed)
-        cf_unit, _ = known
+        require(known_unit, f"{channel_key}.observableId", name, allowed)
+        cf_unit, _ = known_unit
         if self.unit is None:
             (_, example), *_ = measured_names.allowed_units(cf_unit)
             raise ValueError(f"{channel_key}.unit is missing: it must be one such as {example}")
@@ -116,12 +122,18 @@ class Channel(Section):
             require(self.unit == COUNTS, f"{channel_key}.{other_key}", value, allowed)
             allowed = f"one of {' and '.join(count_keys)}"
             require(len(count_keys) == 1, f"{channel_key}.{other_key}", value, allowed)
-        if name not in ("condition", "direction"):  # These are labels without a unit.
-            self.noise_std(key)  # raises the errors of noise and unit
+        # Conditions and directions are labels, which have no unit.
+        if name not in ("condition", "direction"):
+            self.noise_std(key)  # This raises the errors of noise and unit.
 
     def scale(self, key):
-        """Return (factor, CF unit): a value of the channel `key` times the factor has this unit."""
-        name, unit_key, text = self.observableId or key, "unit", f"1 {self.unit}"
+        """Return the factor that converts values of this channel to a CF unit, and this unit.
+
+        `key` is the key of the channel in the section `channels`. Raise ValueError if the unit does
+        not fit the observable.
+        """
+        name = self.observableId or key
+        unit_key, text = "unit", f"1 {self.unit}"
         # Pairs (CF unit, usual notation), one for each dimension that the observable may have.
         unit_pairs = measured_names.allowed_units(measured_names.units_and_description(name)[0])
         if self.unit == DATES and name == "time":
@@ -131,21 +143,25 @@ class Channel(Section):
         elif self.unit == COUNTS and self.count is not None:
             unit_key, text = "count", self.count
         elif self.unit == COUNTS:
-            return 1.0, "1" if unit_pairs[0] == ("1", "1") else "count"  # of unknown value
+            # The value of a count is not known.
+            return 1.0, "1" if unit_pairs[0] == ("1", "1") else "count"
         for cf_unit, written_unit in unit_pairs:
             if cf_unit == "1" and self.unit in _RATIOS:
                 return _RATIOS[self.unit], cf_unit
             with suppress(ValueError):
                 if cf_unit != "1":
-                    # Only a turn has to be divided into counts.
+                    # Counts per turn are given only if `text` is a turn.
                     return units.read(text, written_unit) / (self.counts_per_turn or 1), cf_unit
         unit_names = " or ".join(written_unit for _, written_unit in unit_pairs)
-        zero = ", from absolute zero" * (unit_names == "K")
+        zero = ", from absolute zero" if unit_names == "K" else ""
         allowed = f"a value in, or a unit of the dimension of {unit_names}{zero}, for {name}"
         raise refusal(f"channels.{key}.{unit_key}", getattr(self, unit_key), allowed)
 
     def noise_std(self, key):
-        """Return the standard deviation of the channel `key` in CF units, 0 if it is not given."""
+        """Return the standard deviation of this channel in CF units, 0 if it is not given.
+
+        `key` is the key of the channel in the section `channels`.
+        """
         factor, cf_unit = self.scale(key)
         noise = None
         if isinstance(self.noise, str):
@@ -222,25 +238,27 @@ class Description(Section):
             if not self.channels:
                 raise ValueError("channels is missing: it must describe each column by its name")
         for name, limits in (self.fit.free if self.fit else {}).items():
-            free_range(name, limits)  # Raises the error of wrong limits.
+            free_range(name, limits)  # This raises the error of wrong limits.
         return self
 
     def files(self, path):
-        """Return the path of the table, if any, in a list; `path` is that of the YAML file."""
+        """Return a list with the path of the table, if any; `path` is the path of the YAML file."""
         return [] if self.data is None else [str(Path(path).parent / self.data)]
 
     def _observables(self):
-        """Return the set of the names of the observables of all channels."""
+        """Return the names of the observables of all channels as a set."""
         return {channel.observableId or key for key, channel in self.channels.items()}
 
     def has_courses(self):
         """Return whether there are time histories at constant speeds."""
-        names, has_speed = self._observables(), any(x.speed for x in self.conditions.values())
+        names = self._observables()
+        has_speed = any(condition.speed for condition in self.conditions.values())
         return has_speed and "speed" not in names and bool(names & _TIME_HISTORIES)
 
     def has_run_ups(self):
         """Return whether there are time histories in which the speed is a channel."""
-        names, suffix = self._observables(), Path(self.data or "").suffix.lower()
+        names = self._observables()
+        suffix = Path(self.data or "").suffix.lower()
         has_times = "time" in names or suffix in _TIMED_FORMATS
         return has_times and "speed" in names and bool(names & _TIME_HISTORIES)
 
@@ -252,14 +270,18 @@ class Description(Section):
 
 
 def read_sets(paths):
-    """Return file name -> (path, `Description`) of measured sets; raise ValueError if invalid."""
+    """Return a dict: file name without suffix -> (path, `Description`) of each measured set.
+
+    `paths` are paths of YAML files. Raise ValueError if one is not valid, if its table is missing,
+    or if two files have the same name.
+    """
     descriptions = {}
     for i, path in enumerate(paths):
         name, key = Path(path).stem, f"measured[{i}]"
         allowed = "a path whose name has letters, digits, +, _ and - only, at most 60"
         require(re.fullmatch("[A-Za-z0-9+_-]{1,60}", name), key, path, allowed)
         other_path, _ = descriptions.get(name, ("", None))
-        require(name not in descriptions, key, path, f"another name than that of {other_path}")
+        require(name not in descriptions, key, path, f"a file with another name than {other_path}")
         require(Path(path).is_file(), key, path, "a path of a YAML file")
         description = read(path)
         for table_path in description.files(path):

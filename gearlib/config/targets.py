@@ -1,6 +1,6 @@
-"""Reasons why some targets of the workflow cannot be computed for the gears of a configuration.
+"""Reasons why targets of the workflow cannot be computed for the gears of a configuration.
 
-Each reason is a sentence without a full stop, or "" where the target can be computed.
+A reason is a sentence without a full stop, or "" where the target can be computed.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ WITH_PROFILE = ("resonance", "phase_planes", "run_ups", "labels", "measured")
 
 
 def refusal(target: str, config: Any) -> str:
-    """Return why a target cannot be computed for the gears of a configuration, else ""."""
+    """Return the reason why a target cannot be computed for a configuration, "" if it can."""
     if NOT_GIVEN in config.dampings and target != "gearbox":
         return "gears or gear_pair is missing: it must be given beside gearbox"
     if config.profile and target not in WITH_PROFILE:
@@ -48,13 +48,13 @@ def refusal(target: str, config: Any) -> str:
 
 
 def with_target_names(reason: str, target_names: Sequence[str]) -> str:
-    """Return an error message: a reason, followed by the targets that are refused for it."""
+    """Return an error message: a reason, followed by the targets that it excludes."""
     plural = "s" if len(target_names) > 1 else ""
     return f"{reason}, for the target{plural} {', '.join(target_names)}"
 
 
 def installed(method: str) -> bool:
-    """Return whether the package of an integration method is installed."""
+    """Return whether the package that an integration method needs, if any, is installed."""
     return method not in METHOD_PACKAGES or find_spec(METHOD_PACKAGES[method]) is not None
 
 
@@ -64,30 +64,30 @@ def has_custom_train(config: Any) -> bool:
     return train.kind != "split_power_reducer" or bool(train.split_power_reducer.model_dump())
 
 
-def missing_mesh_damping(config: Any) -> str:
-    """Return the error message for a train that has a mesh without damping, else ""."""
+def mesh_damping_error(config: Any) -> str:
+    """Return an error message if the train has a mesh whose damping is missing, else ""."""
     train, meshes = config.train, {}
     if train.kind == "planetary_set":
         meshes["planetary_set"] = train.planetary_set
     elif train.kind == "own":
         meshes = {f"own.meshes[{i}]": mesh for i, mesh in enumerate(train.own.meshes)}
     for mesh_key, mesh in meshes.items():
-        given_keys = mesh.model_dump().keys()
-        if not given_keys & {"damping_ratio", "logarithmic_decrement", "material_damping"}:
-            key = "material_damping" if "max_stiffness" in given_keys else "damping_ratio"
+        keys = mesh.model_dump().keys()
+        if not keys & {"damping_ratio", "logarithmic_decrement", "material_damping"}:
+            key = "material_damping" if "max_stiffness" in keys else "damping_ratio"
             return (
                 f"train.{mesh_key}.{key} is missing: it must be given where gears move, 0 included"
             )
     return ""
 
 
-def _missing_bearings(config: Any) -> str:
-    """Return the error message for gears without bearing stiffness, else ""."""
+def _bearings_error(config: Any) -> str:
+    """Return an error message if the bearing stiffness is missing, else ""."""
     return MISSING_BEARINGS if config.six_degrees.bearing_stiffness is None else ""
 
 
 def _scenes_error(config: Any) -> str:
-    """Return why the scenes, and the models that suffice for them, cannot be computed, else ""."""
+    """Return the reason why scenes, and the comparison of their models, cannot be computed."""
     if not config.scenes:
         return (
             "scenes = {} is not allowed: the paper's scenes suit the paper's pair only, at least "
@@ -95,33 +95,33 @@ def _scenes_error(config: Any) -> str:
         )
     scenes = config.scenes.values()
     models = {model for scene in scenes for model in config.candidate_models(scene)}
-    return _missing_bearings(config) if models - {"pair"} else ""
+    return _bearings_error(config) if models - {"pair"} else ""
 
 
 def _geometry_error(reason: str, config: Any) -> str:
-    """Return the error message, with its reason, if the configuration has `gears`, else ""."""
+    """Return an error message with its reason if the configuration has `gears`, else ""."""
     return f"gears is not allowed: {reason}, it must be left out" if config.gears else ""
 
 
 def _claims_error(config: Any) -> str:
-    """Return the error message if the gears are not the paper's, else ""."""
+    """Return an error message if the gears are not the paper's, else ""."""
     if config.gears is None and not gear_names.is_paper(config):
         values = ", ".join(f"{key} {value:g}" for key, value in PAPER.items())
         return f"gear_pair is not allowed: the statements are about the paper's pair, {values}"
     return _geometry_error("its statements are about the paper's pair", config)
 
 
-def _missing_gears(section_name: str, config: Any) -> str:
-    """Return why a section of gears given by geometry has none, else ""."""
+def _gears_error(section_name: str, config: Any) -> str:
+    """Return the reason why a section in `GEARS_KEYS` has no suitable gears, else ""."""
     key = gears_section.GEARS_KEYS[section_name]
-    is_given = config.gears or key in getattr(config, section_name).model_fields_set
-    if not is_given and not gear_names.is_paper(config):
+    has_gears = config.gears or key in getattr(config, section_name).model_fields_set
+    if not has_gears and not gear_names.is_paper(config):
         return f"gears is missing: it must be the geometry of the gears, or {section_name}.{key}"
-    return gears_section.unsuitable_gears(config, section_name)
+    return gears_section.configured_gears_error(config, section_name)
 
 
 def _reducer_error(config: Any) -> str:
-    """Return why the paper's reducer cannot be computed for the configuration, else ""."""
+    """Return the reason why the paper's reducer cannot be computed, else ""."""
     train = config.train
     if train.kind != "split_power_reducer":
         return f"train.kind = {train.kind!r} is not allowed: it must be split_power_reducer"
@@ -135,8 +135,8 @@ def _reducer_error(config: Any) -> str:
     return ""
 
 
-def _missing_teeth(config: Any) -> str:
-    """Return the error message if a train with `gears` has no numbers of teeth, else ""."""
+def _teeth_error(config: Any) -> str:
+    """Return an error message if a train of `gears` has no numbers of teeth, else ""."""
     kind = config.train.kind
     if config.gears and kind in PAIR_TRAINS and getattr(config.train, kind).teeth is None:
         return f"train.{kind}.teeth is missing: it must be given beside gears"
@@ -144,14 +144,14 @@ def _missing_teeth(config: Any) -> str:
 
 
 def _train_sweep_error(config: Any) -> str:
-    """Return why the train cannot be swept over speed, else ""."""
-    reason = _missing_teeth(config)
+    """Return the reason why the train cannot be swept over speed, else ""."""
+    reason = _teeth_error(config)
     return NO_TRAIN if not reason and "train" not in config.model_fields_set else reason
 
 
 def _tolerances_error(config: Any) -> str:
-    """Return why the gears cannot have the tolerances of the configuration, else ""."""
-    # All parameters belong either to the geometry or to the gear pair; the message has the first.
+    """Return the reason why the tolerances do not fit the gears, else ""."""
+    # All parameters belong either to the geometry or to the gear pair; the message names the first.
     if config.tolerances.concern_geometry() and config.gears is None:
         name = config.tolerances.parameters[0].parameter
         return (
@@ -165,22 +165,26 @@ def _tolerances_error(config: Any) -> str:
     return ""
 
 
-#: Target -> function of the configuration that returns why the target is refused, or "".
+#: Target -> function of the configuration that returns the reason why it is refused, or "".
 _REFUSALS = {
     "scenes": _scenes_error,
     "claims": _claims_error,
     "models": _scenes_error,
     "failures": partial(_geometry_error, "its problems have gears of their own"),
-    "work_precision": lambda x: (
-        _missing_bearings(x) if "six_degrees" in x.work_precision.problems else ""
+    "work_precision": lambda config: (
+        _bearings_error(config) if "six_degrees" in config.work_precision.problems else ""
     ),
     "reducer": _reducer_error,
-    "campbell": lambda x: _missing_teeth(x) if has_custom_train(x) else _reducer_error(x),
+    "campbell": lambda config: (
+        _teeth_error(config) if has_custom_train(config) else _reducer_error(config)
+    ),
     "train_sweep": _train_sweep_error,
-    "mesh_stiffness": partial(_missing_gears, "mesh_stiffness"),
-    "harris_map": partial(_missing_gears, "harris_map"),
-    "dynamic_factor": partial(_missing_gears, "dynamic_factor"),
-    "gearbox": lambda x: "" if x.gearbox else "gearbox is missing: it must have the key file",
-    "measured": lambda x: "" if x.measured else NO_MEASURED_SETS,
+    "mesh_stiffness": partial(_gears_error, "mesh_stiffness"),
+    "harris_map": partial(_gears_error, "harris_map"),
+    "dynamic_factor": partial(_gears_error, "dynamic_factor"),
+    "gearbox": lambda config: (
+        "" if config.gearbox else "gearbox is missing: it must have the key file"
+    ),
+    "measured": lambda config: "" if config.measured else NO_MEASURED_SETS,
     "tolerances": _tolerances_error,
 }

@@ -1,4 +1,4 @@
-"""The section `tolerances`: what of the gears scatters, and how far."""
+"""The section `tolerances`: which parameters of the gears scatter, and how far."""
 
 import math
 from typing import Literal
@@ -38,25 +38,27 @@ class ToleratedParameter(Section):
     def distribution_dict(self, key, unit):
         """Return the probability distribution as a dict for `gearlib.scatter`, in SI units.
 
-        `key` is the config key of this section, `unit` the `gearlib.parameters.Unit` of its values.
-        Either `distribution` is given, a name in scipy.stats, with its parameters `shape`, or keys
-        such as mean and std.
+        `key` is the config key of this section, for error messages; `unit` is the
+        `gearlib.parameters.Unit` of the parameter, None if it is not known. The section has either
+        `distribution`, a name in scipy.stats, with its parameters `shape`, or keys such as mean and
+        std.
         """
         values = self.model_dump(include={*_VALUES, *_DEVIATIONS})
         if self.distribution is None:
             allowed = "left out without a distribution"
             checks.require(self.shape is None, f"{key}.shape", self.shape, allowed)
             return {name: _to_si(f"{key}.{name}", x, unit) for name, x in values.items()}
-        for name, value in values.items():  # The first of them, if any, is refused.
+        if values:
+            name, value = next(iter(values.items()))
             raise checks.refusal(f"{key}.{name}", value, "left out beside a distribution")
         return {"distribution": self.distribution, **(self.shape or {})}
 
 
 def _to_si(key, value, unit):
-    """Return a value such as "40 um" in SI units; numbers and percentages stay unchanged.
+    """Return a value such as "40 um" in SI units; return numbers and percentages unchanged.
 
-    `key` is its config key; only deviations, such as "std", may be percentages. `unit` is the
-    `gearlib.parameters.Unit` of the parameter; None converts nothing.
+    `key` is its config key, for error messages. `unit` is the `gearlib.parameters.Unit` of the
+    parameter; with None nothing is converted.
     """
     if not isinstance(value, str) or value.strip().endswith("%") or unit is None:
         return value
@@ -113,7 +115,7 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
     @model_validator(mode="after")
     def _check(self):
         """Raise ValueError if jobs, parameters or correlations of the section are invalid."""
-        min_shard = math.ceil(self.samples / MAX_JOBS)  # smallest number of samples of a job
+        min_shard = math.ceil(self.samples / MAX_JOBS)
         allowed = f"an integer >= {min_shard} to stay within {MAX_JOBS:,} jobs"
         checks.require(self.shard >= min_shard, "shard", self.shard, allowed)
         check_unique("parameters", self.parameters, "parameter")
@@ -139,24 +141,26 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         return self
 
     def concern_geometry(self):
-        """Return whether the tolerances are about the gear geometry.
+        """Return whether the tolerances are tolerances of the gear geometry.
 
-        All parameters are then parameters of the geometry, and not all also of a gear pair.
+        All parameters are then parameters of the geometry, and at least one is not a parameter of
+        the gear pair as well.
         """
         names = {tolerance.parameter for tolerance in self.parameters}
         are_of_pair = names <= tolerated.pair_parameters().keys()
         return names <= tolerated.geometry_parameters().keys() and not are_of_pair
 
     def _known_parameters(self):
-        """Return name -> `Parameter` of the geometry or the gear pair, whichever is toleranced."""
+        """Return the `Parameter`s by name: of the geometry if it has tolerances, else of the pair."""
         is_geometry = self.concern_geometry()
         return tolerated.geometry_parameters() if is_geometry else tolerated.pair_parameters()
 
     def distributions(self, nominal_values):
-        """Return parameter name -> distribution, a dict, for `gearlib.scatter`.
+        """Return the distributions for `gearlib.scatter`, as a dict: parameter name -> dict.
 
-        `nominal_values` are name -> SI value. If parameters are correlated, the further key
-        "correlations" has a list of [name, name, correlation].
+        `nominal_values` maps parameter names to SI values. If parameters are correlated, the
+        additional key "correlations" has a list of [name, name, correlation]. Raise ValueError if a
+        distribution leaves the range of its parameter.
         """
         tolerances = self._complete_tolerances("tolerances.", nominal_values)
         for name, key in self.config_keys().items():
@@ -169,7 +173,11 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         return tolerances
 
     def _complete_tolerances(self, section_key, nominal_values):
-        """Return parameter name -> tolerance as a dict; nominal values replace missing means."""
+        """Return a dict: parameter name -> tolerance, completed by nominal values where needed.
+
+        Error messages have keys that start with `section_key`. `nominal_values` maps parameter
+        names to SI values.
+        """
         tolerances = {}
         for i, section in enumerate(self.parameters):
             key, name = f"{section_key}parameters[{i}]", section.parameter
@@ -185,15 +193,15 @@ class Tolerances(t.grid_base(0.5, 1.4, 0.01), t.RecordedPeriods):
         return bool(self.correlations) or any(x.distribution for x in self.parameters)
 
     def config_keys(self):
-        """Return parameter name -> config key of its tolerance, for error messages."""
+        """Return a dict: parameter name -> config key of its tolerance, for error messages."""
         return {x.parameter: f"tolerances.parameters[{i}]" for i, x in enumerate(self.parameters)}
 
     def shards(self):
-        """Return the names of the shards, such as "0-256", which are ranges of samples."""
-        firsts = range(0, self.samples, self.shard)
-        return [f"{first}-{min(first + self.shard, self.samples)}" for first in firsts]
+        """Return the names of the shards, ranges of samples such as "0-256" without its end."""
+        starts = range(0, self.samples, self.shard)
+        return [f"{start}-{min(start + self.shard, self.samples)}" for start in starts]
 
 
 def known_parameters():
-    """Return name -> `Parameter` of all parameters that can have a tolerance."""
+    """Return a dict: name -> `Parameter` of all parameters that can have a tolerance."""
     return tolerated.geometry_parameters() | tolerated.pair_parameters()

@@ -1,4 +1,4 @@
-"""Sections of gear trains: ready-made, by geometry or of own parts; sweep, reducer, Campbell."""
+"""Sections of gear trains: ready-made, by geometry or of user-defined parts; sweep, reducer."""
 
 import math
 from typing import Any, Literal
@@ -38,17 +38,18 @@ _Set = create_section(
     "_Set", "", planetary_set, base=GeometryMesh, exclude=("torque", "stages", *_MESH_KEYS)
 )
 _Stage = create_section("_Stage", "", planetary.ParallelStage, exclude=("stage",))
-#: Keys of a mesh that are for gears given by geometry only, and the coefficient in place of ratios.
+#: Keys of a mesh for gears given by geometry, and material_damping, which may replace ratios.
 GEOMETRY_KEYS = {*GeometryMesh.model_fields, "torque", "centre_distance"}
 
 
 def _rectangle(arguments: dict) -> dict:
-    """Return the arguments of `GearStage.train_parameters` of the rectangle, which checks them
-    quickly.
+    """Return `arguments` of `GearStage.train_parameters` with the rectangle in place of teeth.
 
-    It needs no transmission error and, with the stiffness of ISO 6336, no numpy.
+    The rectangle checks the other arguments faster: it needs no transmission error and, with the
+    stiffness of ISO 6336, no numpy.
     """
     has_teeth = arguments.get("model", "teeth") == "teeth"
+    # Options of pairs of teeth are options of the energy method.
     method = {"stiffness": "energy"} if has_teeth and arguments.get("options") else {}
     return method | arguments | {"model": "rectangle"}
 
@@ -90,12 +91,12 @@ class PlanetarySet(_Set):
                 # Both meshes of a planet transmit the same force.
                 pinion_torque = sun_mesh_torque * mesh.pinion.teeth / sun.teeth
                 mesh_arguments["torque"] = pinion_torque
-                # Only the errors matter; they shall name the torque that the user gave.
+                # Only the errors matter; they name the torque that the user gave.
                 mesh.train_parameters(load_argument=("torque", torque, "N m"), **mesh_arguments)
         return self
 
     def arguments(self):
-        """Return the arguments of `planetary_set` as a dict, with gears as dicts."""
+        """Return the arguments of `planetary_set` as a dict, in which gears are dicts as well."""
         torque = rounded(torque_of(self.torque, self.power, self.speed))
         arguments = self.model_dump(exclude={"power", "speed", "stiffness_options"})
         return arguments | self.stiffness_arguments() | {"torque": torque}
@@ -130,7 +131,7 @@ class BodyPart(_Body):
 
     @model_validator(mode="after")
     def _check(self):
-        """Require inertia and base radius of a body without gear geometry."""
+        """Raise an error if a body without gear geometry lacks inertia or base radius."""
         for key in ("inertia", "base_radius"):
             if self.gear is None and getattr(self, key) is None:
                 raise self.missing(key)
@@ -179,35 +180,42 @@ class Own(Section):
     @model_validator(mode="after")
     def _check(self):
         """Raise ValueError if a gear given by geometry or a mesh is impossible."""
-        keys = {body.name: f"bodies[{i}].gear" for i, body in enumerate(self.bodies) if body.gear}
-        gears = {x.name: spur_gear(keys[x.name], x.gear) for x in self.bodies if x.gear}
+        keys, gears = {}, {}
+        for i, body in enumerate(self.bodies):
+            if body.gear:
+                keys[body.name] = f"bodies[{i}].gear"
+                gears[body.name] = spur_gear(keys[body.name], body.gear)
         meshes: list[Any] = self.meshes
         for i, mesh in enumerate(meshes):
             key, pinion, wheel = f"meshes[{i}]", mesh.pinion, mesh.wheel
             if mesh.max_stiffness is not None or not {pinion, wheel} <= gears.keys():
                 _check_mesh_without_geometry(key, mesh)
                 continue
-            # Torque and dampings; the keys of the stiffness method have other names as arguments.
+            # The keys of the stiffness method have other names as arguments, and are added below.
             arguments = mesh.model_dump(include=GEOMETRY_KEYS - MethodSection.model_fields.keys())
             distance = arguments.pop("centre_distance", None)
             arguments = _rectangle(arguments | mesh.stiffness_arguments())
             places = {"pinion": keys[pinion], "wheel": keys[wheel]} | mesh.option_keys(f"{key}.")
             places["outer_diameter"] = f"{keys[wheel]}.outer_diameter"
             with checks.below(key, **places):
-                # Only the errors matter; the train itself computes the parameters again.
+                # Only the errors matter, because the train computes the parameters again.
                 GearStage(gears[pinion], gears[wheel], distance).train_parameters(**arguments)
         return self
 
 
 def _check_mesh_without_geometry(mesh_key: str, mesh: Any) -> None:
-    """Raise ValueError if `mesh` has no stiffness, or keys that need both gears."""
+    """Raise ValueError if a mesh lacks its stiffness, or has keys that need the geometry of gears.
+
+    `mesh_key` is the config key of the section `mesh`.
+    """
     for key in ("max_stiffness", "stiffness_ratio", "contact_ratio"):
         if getattr(mesh, key) is None:
             problem = "is missing: it must be given unless both gears have geometry"
             raise checks.InputError(f"{mesh_key}.{key}", problem=problem)
     allowed = "left out where the stiffness is given or a gear has no geometry"
-    for key, value in mesh.model_dump(include=GEOMETRY_KEYS - {"material_damping"}).items():
-        # The first of these keys, if any, is refused.
+    geometry_values = mesh.model_dump(include=GEOMETRY_KEYS - {"material_damping"})
+    if geometry_values:
+        key, value = next(iter(geometry_values.items()))
         raise checks.refusal(f"{mesh_key}.{key}", value, allowed)
 
 
@@ -239,19 +247,25 @@ class Train(Section):
 
     @model_validator(mode="after")
     def _check(self):
-        """Raise an error if the section of the train's kind is missing; "own" is user-defined."""
+        """Raise an error if the section of the train's kind is missing or lacks its parts.
+
+        The kind "own" is a train of the user's bodies and meshes.
+        """
         if self.kind == "planetary_set" and self.planetary_set is None:
             raise self.missing("planetary_set")
-        allowed = "a list of at least one entry where train.kind is own"
-        for key in ("bodies", "meshes") if self.kind == "own" else ():
-            checks.require(getattr(self.own, key), f"own.{key}", [], allowed)
+        if self.kind == "own":
+            allowed = "a list of at least one entry where train.kind is own"
+            for key in ("bodies", "meshes"):
+                checks.require(getattr(self.own, key), f"own.{key}", [], allowed)
         return self
 
     def description(self):
-        """Return the kind of the train, and arguments of the function or class for this kind."""
+        """Return a dict with `kind`, and `arguments` of the function or class for this kind.
+
+        Among them are the name of the reference mesh and the reference frequency, Hz, if given.
+        """
         section = getattr(self, self.kind)
         arguments = section.arguments() if self.kind == "planetary_set" else section.model_dump()
-        # The name of the mesh that sets the scales, and the frequency, Hz, of the tuning 1.
         arguments |= self.model_dump(include={"reference", "reference_frequency"})
         return {"kind": self.kind, "arguments": arguments}
 
@@ -314,13 +328,14 @@ class Reducer(t.IncreasingStarts, grid_base(0.74, 1.84, 0.02, t.NumericGrid), t.
     def _check(self):
         """Raise ValueError if the two stages have different centre distances."""
         teeth, (first_module, second_module) = self.teeth, self.modules
-        first = first_module * (teeth[0] + teeth[1]) / 2.0
-        second = second_module * (teeth[2] + teeth[3]) / 2.0
+        first_distance = first_module * (teeth[0] + teeth[1]) / 2.0
+        second_distance = second_module * (teeth[2] + teeth[3]) / 2.0
         allowed = (
             f"of stages with one centre distance, and with modules = {self.modules!r} it is "
-            f"{first:.6g} m in the first, {second:.6g} m in the second"
+            f"{first_distance:.6g} m in the first, {second_distance:.6g} m in the second"
         )
-        checks.require(math.isclose(first, second, rel_tol=1e-9), "teeth", teeth, allowed)
+        are_equal = math.isclose(first_distance, second_distance, rel_tol=1e-9)
+        checks.require(are_equal, "teeth", teeth, allowed)
         return self
 
 

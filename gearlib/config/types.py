@@ -7,7 +7,7 @@ except for a backlash, infinity. A number with a dimension is in SI units; a str
 unit of that dimension: ``"4e5 N/mm"``.
 
 The validation context holds the gear pair (``pair``), which converts speeds to tunings, and the
-names of the ``dampings``. The path of an `InputError` is that below the section which raises it.
+``dampings`` by name. The path of an `InputError` is relative to the section that raises it.
 """
 
 import dataclasses
@@ -32,7 +32,7 @@ MAX_JOBS = 10_000
 _TUNING_RESOLUTION = Decimal("1e-12")
 #: Upper bounds of speeds in rpm and of numbers of steps.
 _MAX_RPM, _MAX_STEPS = 10**9, 10**9
-#: Defaults that the schema does not show.
+#: Default values that the schema does not show.
 NO_VALUES = {parameters.MISSING, None, math.inf}
 _BOUNDS = {"gt": Gt, "ge": Ge, "lt": Lt, "le": Le}
 #: Pattern of names, which are short enough for titles.
@@ -41,7 +41,11 @@ _T = TypeVar("_T")
 
 
 def field(description, default=..., **constraints):
-    """Return the pydantic field of a key: required without a default, optional if it is None."""
+    """Return the pydantic field of a config key.
+
+    Without a `default` the key is required; with None it may be missing. Other defaults are
+    validated like values of a file. `constraints` are other arguments of `pydantic.Field`.
+    """
     validate = default not in (..., None)
     return Field(default=default, description=description, validate_default=validate, **constraints)
 
@@ -51,7 +55,10 @@ SECTION: Any = Field(default={}, validate_default=True)
 
 
 def check_unique(list_key, sections, attribute):
-    """Raise an error if two sections of a list have the same `attribute`, such as "title"."""
+    """Raise an error if two sections of the list `list_key` have the same value of an attribute.
+
+    `attribute` is its name, such as "title".
+    """
     values = [getattr(section, attribute) for section in sections]
     for i, value in enumerate(values):
         allowed = f"another one: {attribute}s must be all different"
@@ -59,7 +66,10 @@ def check_unique(list_key, sections, attribute):
 
 
 def _read_option(value):
-    """Return the option of a method as boolean, number or text, converted from its text in YAML."""
+    """Return the value of a method's option as boolean, number or text.
+
+    Texts that spell a number, true or false are converted. Raise ValueError for other types.
+    """
     if isinstance(value, str):
         if re.fullmatch(r"[-+]?\d+", value):
             return int(value)
@@ -72,6 +82,7 @@ def _read_option(value):
 
 
 def _read_amount(value):
+    """Return a number or a text such as "5 %", or raise ValueError for other values."""
     value = _read_option(value)
     if isinstance(value, bool):
         raise ValueError
@@ -79,7 +90,7 @@ def _read_amount(value):
 
 
 def _require_distinct(values):
-    """Return `values`, or raise an error if two of them are equal."""
+    """Return the list `values`, or raise an error if two of its entries are equal."""
     for value in values:
         if values.count(value) > 1:
             problem = f"lists {value!r} twice: its entries must be all different"
@@ -93,15 +104,21 @@ def from_context(info, key):
 
 
 def _require_known_damping(name, info):
-    """Return the name of a damping, or raise an error for another."""
-    # Invalid dampings have an error message of their own, so any name is accepted.
+    """Return `name` if a damping has this name, else raise an error.
+
+    `info` has the validation context with the dampings.
+    """
+    # If the dampings are not valid, another error reports them, and each name is accepted.
     names = from_context(info, "dampings") or [name]
     require(name in names, "", name, f"one of {', '.join(names)}")
     return name
 
 
 def _read_tuning(value, info):
-    """Return a tuning as number, converted if it is a speed such as "1500 rpm"."""
+    """Return a speed such as "1500 rpm" as a tuning; return other values unchanged.
+
+    `info` has the validation context with the gear pair.
+    """
     rpm = units.rpm(value)
     if rpm is None:
         return value
@@ -110,18 +127,24 @@ def _read_tuning(value, info):
 
 
 def tuning_per_rpm(pair, change=None):
-    """Return the tuning of a gear pair at 1 rpm; `change` holds other values of its parameters."""
-    if pair is None:  # An invalid pair is reported anyway, and any number serves.
-        return 1e-4
+    """Return the tuning of a gear pair at 1 rpm of the pinion.
+
+    `pair` is a `GearPairSection`, `change` a section with other values of its parameters, or None.
+    """
+    if pair is None:
+        return 1e-4  # Another error reports the invalid pair, so that any number serves.
     pair = pair.model_copy(update=change.model_dump()) if change else pair
     return 2.0 * math.pi * pair.teeth / (60.0 * pair.mean_eigenfrequency)
 
 
 def quantity(unit, example="", infinite="", **bounds):
-    """Return the type of a number in a unit, with bounds such as gt=0."""
-    return Annotated[
-        (float, *(_BOUNDS[x](bounds[x]) for x in bounds), Unit(unit, example, infinite))
-    ]
+    """Return the type of a number in the SI unit `unit`, with bounds such as gt=0.
+
+    `example` is a value in another unit, for error messages. `infinite` says what infinity means,
+    "" if it is not allowed.
+    """
+    limits = [_BOUNDS[name](bound) for name, bound in bounds.items()]
+    return Annotated[(float, *limits, Unit(unit, example, infinite))]
 
 
 def number(**bounds):
@@ -130,17 +153,27 @@ def number(**bounds):
 
 
 def integer(minimum, maximum=None):
-    """Return the type of an integer from `minimum` to `maximum`, both included."""
-    return Annotated[(int, Ge(minimum), *([] if maximum is None else [Le(maximum)]), INTEGER)]
+    """Return the type of an integer from `minimum` to `maximum`, both included; None: no limit."""
+    limits = [Ge(minimum)]
+    if maximum is not None:
+        limits.append(Le(maximum))
+    return Annotated[(int, *limits, INTEGER)]
 
 
 def text(words, **constraints):
-    """Return the type of a text; `words` describe the allowed ones in error messages."""
+    """Return the type of a text; `words` describe the allowed texts in error messages.
+
+    `constraints` are arguments of `pydantic.Field`, such as a pattern.
+    """
     return Annotated[str, Allowed(words), Field(**constraints)]
 
 
 def custom_type(read, json_types, words):
-    """Return the type of values that `read` converts; `words` describe the allowed ones."""
+    """Return the type of values that the function `read` converts, or refuses by ValueError.
+
+    `json_types` are the types of the values in the JSON schema; `words` describe the allowed values
+    in error messages.
+    """
     return Annotated[
         Any, PlainValidator(read), Allowed(words), WithJsonSchema({"type": json_types})
     ]
@@ -167,11 +200,11 @@ DampingName = Annotated[
     ),
     AfterValidator(_require_known_damping),
 ]
-#: Option of a method, which only the method can check; integers stay integers.
+#: Option of a method, which only the method itself can check; integers stay integers.
 Option = custom_type(
     _read_option, ["boolean", "number", "string"], "a finite number, true, false or a text"
 )
-#: Number or text whose unit follows from another key; that checks the text.
+#: Number or text with a unit; a later check converts it, when the parameter and its unit are known.
 Amount = custom_type(
     _read_amount,
     ["number", "string"],
@@ -182,12 +215,12 @@ Amount = custom_type(
 class Section(pydantic.BaseModel):
     """Base class of all sections: immutable, without unknown keys and implicit conversions."""
 
-    # Building the validators once, with the whole configuration, is faster.
+    # It is faster to build the validators once, with the whole configuration.
     model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
     @classmethod
     def model_validate(cls, obj, *, context=None, **options):
-        """Return the section for the content of a YAML file, in which texts stand for numbers."""
+        """Return the section for its content in a YAML file, where texts may stand for numbers."""
         return super().model_validate(obj, context=context or {}, **options)
 
     def model_dump(self, **options):
@@ -195,7 +228,7 @@ class Section(pydantic.BaseModel):
         return super().model_dump(exclude_none=True, **options)
 
     def missing(self, key):
-        """Return the error for a missing key."""
+        """Return the error that says that `key` is missing, and which values are allowed."""
         annotation = parameters.place_of(type(self), (key,))[1]
         return refusal(key, None, parameters.requirement(annotation, in_file=True))
 
@@ -205,10 +238,10 @@ def create_section(
 ):
     """Return a section class with a key for each declared parameter of `constructor`.
 
-    `constructor` is a class or function. If `keys` are given, other parameters have no key, and
-    neither have those in `exclude`. Keys in `required` must be given although they have a default,
-    keys in `optional` may be missing although they have none. The class is derived from `base`, has
-    the docstring `doc` and the `extra` keys, each a pair (type, field).
+    `constructor` is a class or function. If `keys` are given, only these parameters get a key;
+    parameters in `exclude` get none. Keys in `required` must be given although they have a default,
+    keys in `optional` may be missing although they have no default. The class has the name `name`,
+    the docstring `doc`, the base class `base` and the `extra` keys, each a pair (type, field).
     """
     fields = {}
     for key, parameter in parameters.declared_parameters(constructor).items():
@@ -219,8 +252,8 @@ def create_section(
         default, options = parameter.default, {}
         is_required = key in required or (default is parameters.MISSING and key not in optional)
         values = list(default) if isinstance(default, tuple) else [default]
-        is_part = any(map(dataclasses.is_dataclass, values))
-        if not (is_part or is_required or key in optional or NO_VALUES & {*values}):
+        has_parts = any(map(dataclasses.is_dataclass, values))
+        if not (has_parts or is_required or key in optional or NO_VALUES & {*values}):
             # Only the schema has the default, because the constructor itself applies it.
             default = values if isinstance(default, tuple) else default
             options = {"json_schema_extra": {"default": default}}
@@ -231,7 +264,7 @@ def create_section(
 
 @cache
 def _section_of(part):
-    """Return the section of a class such as `gearlib.geometry.TipRelief`."""
+    """Return the section class for a part of a model, a class such as `TipRelief`."""
     return create_section(f"{part.__name__}Section", inspect.getdoc(part).partition("\n")[0], part)
 
 
@@ -239,7 +272,7 @@ PositiveDamping = quantity("N s/m", "3.95 N s/mm", gt=0)
 
 
 def tuning(**bounds):
-    """Return the type of a tuning of the gear pair, which may be given as a speed."""
+    """Return the type of a tuning of the gear pair, or a speed, with bounds such as gt=0."""
     words = f"{parameters.requirement(number(**bounds))} or a speed such as '1500 rpm'"
     schema = {"type": ["number", "string"], "pattern": f"^{units.RPM.pattern}$"}
     return Annotated[
@@ -287,7 +320,10 @@ class NumericGrid(Section):
         return self
 
     def check_steps(self, step_key, max_tunings=MAX_JOBS):
-        """Raise ValueError if the step of this key is too small or does not divide the range."""
+        """Raise ValueError if a step is too small or does not divide the range of tunings.
+
+        `step_key` is the key of the step; more than `max_tunings` tunings are not allowed.
+        """
         step, tuning_range = getattr(self, step_key), self.stop - self.start
         step_count = tunings.steps(self.start, self.stop, step)
         allowed = f">= {tuning_range / max_tunings:.2g} to stay within {max_tunings:,} tunings"
@@ -306,9 +342,11 @@ class Grid(NumericGrid):
     @pydantic.model_validator(mode="before")
     @classmethod
     def _read_speeds(cls, values, info):
-        """Convert a range of speeds to one of tunings, so that it stays a multiple of its step.
+        """Return the section with speeds converted to tunings.
 
-        `values` is the section, `info` the validation context; all keys or none are in rpm.
+        `values` is the content of the section in the file, in which all keys of the grid or none
+        are in rpm; `info` has the validation context with the gear pair. The range of tunings is a
+        whole multiple of its step, like the range of speeds.
         """
         keys = ("start", "stop", "step", "window", "fine_step", "share_step")
         section = dict(values) if isinstance(values, dict) else {}
@@ -325,16 +363,20 @@ class Grid(NumericGrid):
         is_valid = stop < _MAX_RPM and 0 < step_count < _MAX_STEPS and step_count % 1 == 0
         allowed = f"start = {section['start']!r} plus a whole multiple of step = "
         require(is_valid, "stop", section["stop"], f"{allowed}{section['step']!r}")
-        # The others follow from the rounded start and step, and stay whole multiples of the step.
+        # All values follow from the rounded start and step, and stay whole multiples of the step.
         factor = Decimal(tuning_per_rpm(from_context(info, "pair")))
-        first, distance = ((factor * x).quantize(_TUNING_RESOLUTION) for x in (start, step))
-        tuning_values = {key: speed / step * distance for key, speed in speeds.items()}
-        tuning_values |= {"start": first, "stop": first + step_count * distance}
+        first_tuning = (factor * start).quantize(_TUNING_RESOLUTION)
+        tuning_step = (factor * step).quantize(_TUNING_RESOLUTION)
+        tuning_values = {key: speed / step * tuning_step for key, speed in speeds.items()}
+        tuning_values |= {"start": first_tuning, "stop": first_tuning + step_count * tuning_step}
         return values | {key: float(value) for key, value in tuning_values.items()}
 
 
 def grid_base(start, stop, step, base=Grid):
-    """Return a base class of sections: `base`, the grid of tunings, with these defaults."""
+    """Return a base class of sections with a grid of tunings, which has these defaults.
+
+    It is derived from `base`: `Grid`, or `NumericGrid` if tunings must be numbers.
+    """
     types = (NumericStart, NumericStop, NumericStep) if base is NumericGrid else (Start, Stop, Step)
     fields = {"start": (types[0], start), "stop": (types[1], stop), "step": (types[2], step)}
     return pydantic.create_model("GridWithDefaults", __base__=base, **fields)
@@ -348,7 +390,7 @@ class RecordedPeriods(Section):
 
     @pydantic.model_validator(mode="after")
     def _check_record(self):
-        """Refuse more recorded than computed mesh periods."""
+        """Raise ValueError if more mesh periods are recorded than computed."""
         recorded, allowed = self.record_periods, f"an integer from 1 to periods = {self.periods}"
         require(recorded <= self.periods, "record_periods", recorded, allowed)
         return self

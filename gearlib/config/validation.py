@@ -1,6 +1,6 @@
-"""YAML files, and sentences about wrong values in them: key, value as in the file, allowed values.
+"""Reading of YAML files, and sentences about wrong values in them: key, value, allowed values.
 
-Of keys that are given twice YAML keeps the last silently, so that they are reported.
+Keys that a mapping repeats are reported, because YAML silently keeps the last one.
 """
 
 import difflib
@@ -18,16 +18,20 @@ _MAX_CHARACTERS, _MAX_SECTIONS = 60, 3
 
 
 def sentences(error: ValidationError, root: type, content: Any) -> list[str]:
-    """Return a sentence for each of pydantic's errors about the `content` of a YAML file.
+    """Return a sentence for each problem that pydantic found in the `content` of a YAML file.
 
-    `root` is the class of the section that has the whole content.
+    `root` is the section class of the whole content.
     """
     return [_sentence(details, root, content) for details in error.errors(include_url=False)]
 
 
 def _sentence(details: Any, root: type, content: Any) -> str:
-    """Return the sentence about one of pydantic's errors."""
-    location, kind, cause = details["loc"], details["type"], details.get("ctx", {}).get("error")
+    """Return the sentence about one of pydantic's errors.
+
+    `details` is an entry of `ValidationError.errors`; `root` and `content` as in `sentences`.
+    """
+    location, kind = details["loc"], details["type"]
+    cause = details.get("ctx", {}).get("error")
     # Pydantic marks an error of the key itself, not of its value, by a last "[key]".
     names = tuple(name for name in location if name != "[key]")
     path, annotation = parameters.place_of(root, names)
@@ -54,9 +58,10 @@ def _sentence(details: Any, root: type, content: Any) -> str:
 
 
 def sentence(error: InputError, section: str, content: Any) -> str:
-    """Return the sentence about an error with its path below a section, such as "gears.wheel".
+    """Return the sentence about an error in a section of a file, such as "gears.wheel".
 
-    Values are those of the `content` of the file; a value that it does not have is shortened.
+    The path of the error is relative to the section. The sentence quotes the value in the `content`
+    of the file; a value that is not in the file is rounded to six digits.
     """
     separator = "." if section and error.path and not error.path.startswith("[") else ""
     path = f"{section}{separator}{error.path}"
@@ -72,7 +77,10 @@ def sentence(error: InputError, section: str, content: Any) -> str:
 
 
 def _value_at(content: Any, path: Any, default: Any) -> Any:
-    """Return the value at a path of names and indices in nested mappings and lists."""
+    """Return the value at a path of names and indices in nested mappings and lists.
+
+    If the content has no such path, return `default`.
+    """
     for name in path:
         if isinstance(content, list | tuple) and str(name).isdigit() and int(name) < len(content):
             content = content[int(name)]
@@ -84,14 +92,20 @@ def _value_at(content: Any, path: Any, default: Any) -> Any:
 
 
 def _hint(value: Any, annotation: Any) -> str:
-    """Return "; did you mean 3 mm?" or a similar choice, "" if there is nothing to ask."""
+    """Return a hint such as "; did you mean 3 mm?" for a wrong value, "" if there is none.
+
+    `annotation` is the type of the value, which has its choices or its unit.
+    """
     choices = [str(choice) for choice in get_args(parameters.parts(annotation)[0])]
     similar = difflib.get_close_matches(str(value), choices, 1)
     return f"; did you mean {similar[0]}?" if similar else parameters.unit_hint(value, annotation)
 
 
 def _wrong_name(mapping: Any, path: tuple, cause: Any) -> str:
-    """Return the sentence about a name that a mapping may not have, at the end of a path."""
+    """Return the sentence about a name, the end of `path`, that a mapping may not have.
+
+    `mapping` is the type of the mapping, `cause` the error of the name, if it has one.
+    """
     if not isinstance(path[-1], str):
         # YAML reads the keys ``4:``, ``on:`` and ``null:`` as a number, a boolean and null.
         path = (*path[:-1], as_text(path[-1]))
@@ -104,11 +118,17 @@ def _wrong_name(mapping: Any, path: tuple, cause: Any) -> str:
 
 
 def unknown_key(root: type, section: Any, path: tuple, value: Any) -> str:
-    """Return the sentence about an unknown key, the end of a path, in a section below `root`."""
+    """Return the sentence about an unknown key, with a similar key or the sections that have it.
+
+    The key is the end of `path`; `value` is its value, `section` the type of its section, `root`
+    the class of the whole configuration.
+    """
     fields, key = parameters.parts(section)[0].__pydantic_fields__, str(path[-1])
-    if similar_names := difflib.get_close_matches(key, fields, 1):
+    similar_names = difflib.get_close_matches(key, fields, 1)
+    sections = sorted(_sections_with(key, root), key=lambda name: name.count("."))
+    if similar_names:
         advice = f"did you mean {similar_names[0]}?"
-    elif sections := sorted(_sections_with(key, root), key=lambda name: name.count(".")):
+    elif sections:
         advice = f"{key} belongs in {' or '.join(sections[:_MAX_SECTIONS])}"
     else:
         name = parameters.dotted(path[:-1]) or "the configuration"
@@ -117,7 +137,10 @@ def unknown_key(root: type, section: Any, path: tuple, value: Any) -> str:
 
 
 def _sections_with(key: str, annotation: Any, section: str = "") -> Iterator[str]:
-    """Yield the names of the sections that have a key, in an annotation and below it."""
+    """Yield the names of the sections that have `key`, in a type `annotation` and below it.
+
+    `section` is the name of the section of the annotation, "" for the whole configuration.
+    """
     base, _ = parameters.parts(annotation)
     if isinstance(base, type) and issubclass(base, BaseModel):
         if key in base.__pydantic_fields__:
@@ -131,7 +154,7 @@ def _sections_with(key: str, annotation: Any, section: str = "") -> Iterator[str
 
 
 def as_text(value: Any) -> str:
-    """Return a value as text in the style of YAML, shortened to one line."""
+    """Return a value as text in the style of YAML, shortened to `_MAX_CHARACTERS`."""
     if value is None:
         return "null (empty)"
     text = str(value).lower() if isinstance(value, bool) else repr(value)
@@ -155,9 +178,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
 
 
 def read_yaml(path):
-    """Return the mapping in a YAML file, and an error message for each repeated key.
+    """Return the mapping in a YAML file, and a list with an error message for each repeated key.
 
-    Raise ValueError, with file and line, if it cannot be read_yaml or is not a mapping in YAML.
+    Raise ValueError, which names file and line, if the file cannot be read or has no mapping.
     """
     try:
         with open(path, encoding="utf-8") as file:
@@ -165,7 +188,7 @@ def read_yaml(path):
         loader.repetitions = []
         content = loader.get_single_data()
     except OSError as error:
-        raise ValueError(f"{path} cannot be read_yaml: {error.strerror}") from None
+        raise ValueError(f"{path} cannot be read: {error.strerror}") from None
     except (UnicodeDecodeError, yaml.reader.ReaderError):
         raise ValueError(f"{path} is not YAML but binary: it must be a text in UTF-8") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
@@ -180,11 +203,11 @@ def read_yaml(path):
 
 
 def _position_and_problem(error):
-    """Return the end of an error message: line and column of an error of YAML, and its message."""
+    """Return line and column of an error of the YAML parser, and its message, as one text."""
     mark = getattr(error, "problem_mark", None)
     position = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-    parts = [getattr(error, "context", None), getattr(error, "problem", None)]
-    text = ", ".join(filter(None, parts)) or " ".join(str(error).split())
-    is_colon = "mapping values" in text or "':'" in text
-    hint = "; a line without a colon, or with a wrong indentation?" if is_colon else ""
+    messages = [getattr(error, "context", None), getattr(error, "problem", None)]
+    text = ", ".join(filter(None, messages)) or " ".join(str(error).split())
+    is_about_colons = "mapping values" in text or "':'" in text
+    hint = "; a line without a colon, or with a wrong indentation?" if is_about_colons else ""
     return f"{position}: {text}{hint}"

@@ -227,7 +227,7 @@ def target_files(target, *files):
     """Return the files of a target, or an input function that exits if the gears do not allow it."""
     reason = targets.refusal(target, CONFIG)
     if target in targets.TRAIN_TARGETS:
-        reason = reason or targets.missing_mesh_damping(CONFIG)
+        reason = reason or targets.mesh_damping_error(CONFIG)
     if not reason:
         return list(files)
     message = f"The configuration is refused.\n{targets.with_target_names(reason, [target])}"
