@@ -1,10 +1,11 @@
 """Distances of meshes from their flank lines along a piece: bounds and first crossings.
 
-The amplitudes of the modes bound a distance while the contacts stay. Mostly this proves that no
-line is reached. Otherwise the distance is a polynomial in Bernstein form, whose first fall through
-zero is isolated: nothing is sampled. In all functions `tables` are the `Modes` of a run, `work` is
-its `RunStorage`, `constants` are its `RunConstants`, and a `combination` of contacts is a row of
-`tables`, or SERIES. Contact codes are DRIVE 1 (drive side), NO_CONTACT 0, COAST -1 (coast side).
+The amplitudes of the modes bound a distance until a contact changes. In most cases this proves that
+no line is reached. Otherwise the distance is a polynomial in Bernstein form, whose first fall
+through zero is isolated without sampling. In all functions `tables` are the `Modes` of a run,
+`work` is its `RunStorage`, `constants` are its `RunConstants`, and a `combination` of contacts is a
+row of `tables`, or SERIES. Contact codes are DRIVE 1 (drive side), NO_CONTACT 0, COAST -1 (coast
+side).
 """
 
 import math
@@ -18,15 +19,16 @@ from gearlib.engines.polynomial import BINOMIALS, first_bernstein_crossing
 
 #: Largest rounding error of a distance, as a fraction of the sum of its terms' magnitudes.
 _ROUNDING = 1e-15
-#: Instants, as fractions of a piece of time, of no event and of an event hidden by rounding.
+#: Codes in place of an instant: there is no event, or rounding hides whether there is one.
 _NO_EVENT, _HIDDEN_EVENT = 2.0, -1.0
 
 
 @inlined_without_refcounts
 def fill_amplitudes(tables, combination, y, amplitudes):
-    """Fill `amplitudes` with the magnitudes of the modes in the modal state y; return their number.
+    """Fill `amplitudes` with the magnitudes of the modes in a modal state; return their number.
 
-    `combination` is a row of `tables`, the `Modes`. Oscillating pairs come before real modes.
+    y is the modal state of a `combination` of contacts, a row of `tables` (`Modes`). Oscillating
+    pairs come before real modes.
     """
     pair_count = tables.pair_counts[combination]
     for k in range(pair_count):
@@ -41,8 +43,9 @@ def fill_amplitudes(tables, combination, y, amplitudes):
 def _can_reach(constants, j, contact_code, line):
     """Return whether mesh j may reach a flank line, 1 for the drive and -1 for the coast side.
 
-    `contact_code` is 1 or -1 in contact on that side, else 0. A mesh in contact on one side reaches
-    the other only if it may jam. `constants` (`RunConstants`) have the properties of all meshes.
+    `contact_code` is 1 or -1 in contact on the drive or coast side, else 0. A mesh in contact on
+    one side can reach the other side only if it may jam. `constants` (`RunConstants`) says which
+    meshes may jam and which have no coast side.
     """
     may_reach_other_side = contact_code != -line or constants.may_jam[j]
     return may_reach_other_side and not (line == -1 and constants.no_coast_side[j])
@@ -50,9 +53,10 @@ def _can_reach(constants, j, contact_code, line):
 
 @inlined_without_refcounts
 def _distance_sign(contact_code, line):
-    """Return the sign of the distance of a mesh from a flank line, 1 drive or -1 coast side.
+    """Return the sign, 1 or -1, of the displacement of a mesh from a flank line.
 
-    The contact code is DRIVE (drive side in contact), COAST (coast side) or NO_CONTACT (neither).
+    `line` is 1 for the drive-side and -1 for the coast-side line; `contact_code` is DRIVE, COAST or
+    NO_CONTACT. The sign is constant until the mesh crosses the line.
     """
     if line == 1:
         return 1.0 if contact_code == DRIVE else -1.0
@@ -61,9 +65,9 @@ def _distance_sign(contact_code, line):
 
 @inlined_without_refcounts
 def _dot_of_first(a, b, count):
-    """Return the scalar product of the first `count` entries of a and b.
+    """Return the scalar product of the first `count` entries of the vectors a and b.
 
-    Four independent partial sums let the processor compute them in parallel.
+    The processor computes four independent partial sums in parallel.
     """
     sum_0, sum_1, sum_2, sum_3 = 0.0, 0.0, 0.0, 0.0
     k = 0
@@ -83,8 +87,9 @@ def _dot_of_first(a, b, count):
 def distance_amplitude(tables, combination, side, j, work, count):
     """Return a bound on the oscillation of mesh j's distance from a flank line about its mean.
 
-    It holds until a contact changes, for a row `combination` of `tables` (`Modes`) and the first
-    `count` mode amplitudes in `work` (`RunStorage`). `side` is 0 for the coast and 1 for the drive.
+    The bound holds until a contact changes. `combination` is a row of `tables` (`Modes`), `count`
+    is the number of mode amplitudes in `work` (`RunStorage`), and `side` is 0 for the coast-side
+    and 1 for the drive-side line.
     """
     factors = tables.mode_amplitude_factors[combination, side, j]
     amplitude = _dot_of_first(factors, work.amplitudes, count)
@@ -124,10 +129,11 @@ def stays_off_lines(tables, combination, j, constants, work, count):
 
 @inlined_without_refcounts
 def fill_curve(curves, y, bernstein):
-    """Fill `bernstein`, (degree + 1,), with the coefficients of a distance over a piece of time.
+    """Fill `bernstein`, (degree + 1,), with the Bernstein coefficients of a distance over a piece.
 
-    They are the sum over the components of the modal state y, shape (n,), times the rows of
-    `curves`, shape (n, degree + 1).
+    They are y @ curves: y, shape (n,), is the modal state at the start of the piece of time, or the
+    Taylor series of the distance, and row i of `curves`, shape (n, degree + 1), is the contribution
+    of entry i.
     """
     # The compiler unrolls loops of constant length.
     if bernstein.shape[0] == LOW_DEGREE + 1:
@@ -138,7 +144,7 @@ def fill_curve(curves, y, bernstein):
 
 @inlined_without_refcounts
 def _fill_signed_distance(curve, offset, sign, b, count):
-    """Fill b with the first `count` values of sign * (curve + offset); return the smallest."""
+    """Fill b with sign * (curve + offset), of `count` entries, and return the smallest entry."""
     lowest = math.inf
     for k in range(count):
         b[k] = sign * (curve[k] + offset)
@@ -150,7 +156,7 @@ def _fill_signed_distance(curve, offset, sign, b, count):
 def distance_rounding(curves, y):
     """Return the largest rounding error of a distance with Bernstein coefficients y @ curves."""
     magnitude, last = 0.0, curves.shape[1] - 1
-    # A mode oscillates about once in a piece at most, so three coefficients show its magnitude.
+    # In a piece of time a mode oscillates at most about once, so three coefficients suffice.
     for i in range(curves.shape[0]):
         largest = max(abs(curves[i, 0]), abs(curves[i, last]), abs(curves[i, last // 2]))
         magnitude += largest * abs(y[i])
@@ -159,7 +165,10 @@ def distance_rounding(curves, y):
 
 @kernel_without_refcounts
 def restrict_to_start(b, fraction, n):
-    """Change n + 1 Bernstein coefficients b from [0, 1] to those on [0, fraction], in place."""
+    """Replace the Bernstein coefficients b on [0, 1] by the coefficients on [0, fraction].
+
+    b has n + 1 entries, of a polynomial of degree n, and changes in place.
+    """
     if fraction == 1.0:
         return
     for j in range(1, n + 1):
@@ -171,8 +180,8 @@ def restrict_to_start(b, fraction, n):
 def _falls_from_rest(b, order, rounding):
     """Return whether a distance that starts at zero with zero slope decreases from there.
 
-    The sign of its first derivative that is not zero, of the given order, decides. b has its
-    Bernstein coefficients, and `rounding` is their rounding error.
+    The sign of its first nonzero derivative, which has this `order`, decides. b holds the Bernstein
+    coefficients of the distance, and `rounding` is their rounding error.
     """
     derivative, weight_sum = 0.0, 0.0
     for i in range(order + 1):

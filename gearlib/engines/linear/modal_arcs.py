@@ -1,13 +1,13 @@
 """Tables of the modes of each combination of contacts and stiffness levels, filled on first use.
 
-A motion visits few of the combinations that m meshes may form. In the modes of one of them the
-state is y: oscillating pairs first, whose complex amplitudes turn, real modes, then a block of
-slow components (free motions, the constant) whose power series is summed. With z of
-`TrainSystem`, z = from_modes y and y = to_modes z.
+A motion visits few of the combinations that m meshes may form. In the modes of a combination the
+state is y: first oscillating pairs of modes, whose complex amplitudes rotate, then real modes, then
+a block of slow components (rigid-body motions, the constant) whose power series is summed. With the
+state z of `TrainSystem`, z = from_modes y and y = to_modes z.
 
-The distances of the meshes from their flank lines are products of rows with y. Over a piece of
-theta they are polynomials to rounding, whose Bernstein coefficients are products of `curves` with
-y. The magnitudes of the modes bound them for all time.
+The distances of the meshes from their flank lines are products of row vectors with y. Over a piece
+of theta they are polynomials to within rounding, whose Bernstein coefficients are products of y
+with `curves`. The magnitudes of the modes bound the distances until a contact changes.
 
 `gearlib.engines.linear.modal_frame` fills the tables. Tables are stored by columns, padded to
 multiples of eight, so that the compiler can add columns with vector instructions.
@@ -21,23 +21,23 @@ import numpy as np
 from gearlib.engines.jit import inlined_without_refcounts, kernel_without_refcounts
 from gearlib.engines.linear.sparse_series import mode_cost_in_steps
 
-#: Degree of the polynomials of distances over a piece. Long pieces of high degree pay for many
-#: components, where a change of modes costs more than the search for roots.
+#: Degrees of the polynomials of distances over a piece. Long pieces of high degree are faster with
+#: many components, where a change of modes costs more than the search for roots.
 LOW_DEGREE, HIGH_DEGREE = 15, 23
-#: Number of components from which the high degree is taken.
+#: Smallest number of components for which the high degree is used.
 _HIGH_DEGREE_COMPONENTS = 20
 #: Largest size in bytes of the tables of one thread; full tables are emptied and filled again.
 MAX_TABLE_BYTES = 2**28
-#: Largest number of combinations in the tables where a run begins with modes and where it begins
-#: with the series, and of lengths of segments for each.
+#: Largest number of combinations in the tables of a run that begins with modes, and of a run that
+#: begins with Taylor series; largest number of lengths of segments for each combination.
 MAX_COMBINATIONS, _MAX_COMBINATIONS_BESIDE_SERIES, MAX_SEGMENT_LENGTHS = 512, 1024, 64
-#: Smallest number of rows of tables, and of hash slots if combinations may go by the series.
+#: Smallest number of rows of tables, and of hash slots if Taylor series are used as well.
 _MIN_ROWS, _MIN_SERIES_SLOTS = 16, 2**14
 #: Largest |lambda| of a mode times the length of a piece, by degree. The Chebyshev series of
-#: e^(lambda t), cut behind the degree, is exact to 2 (2.4 / 4)^16 / 16! = 3e-17
+#: e^(lambda t), truncated after the degree, is exact to 2 (2.4 / 4)^16 / 16! = 3e-17
 #: and 2 (7.2 / 4)^24 / 24! = 4e-18.
 MAX_PIECE_RATES = {LOW_DEGREE: 2.4, HIGH_DEGREE: 7.2}
-#: A series ends with a term below this fraction of the state, or after so many terms.
+#: A series ends with a term below this fraction of the state, or after this number of terms.
 _LAST_TERM, _MAX_TERMS = 1e-30, 60
 
 
@@ -50,21 +50,21 @@ class Modes(NamedTuple):
     combination_count: np.ndarray  #: int, number of rows in use, shape (1,)
     segment_factor_count: np.ndarray  #: int, rows of `segment_factors` in use, shape (1,)
     hash_slots: np.ndarray  #: int, hash table: row of a combination, or -1
-    series_steps: np.ndarray  #: int, steps by the power series, by hash slot
-    mode_cost: np.ndarray  #: int, number of series steps that cost as much as modes, shape (1,)
+    series_steps: np.ndarray  #: int, number of Taylor steps taken, by hash slot
+    mode_cost: np.ndarray  #: int, number of Taylor steps that cost as much as modes, shape (1,)
     keys: np.ndarray  #: int8, effects of all meshes, shape (c, m)
     pair_counts: np.ndarray  #: int, number of oscillating pairs, shape (c,)
-    real_counts: np.ndarray  #: int, number of real modes behind them, shape (c,)
+    real_counts: np.ndarray  #: int, number of real modes, which follow the pairs, shape (c,)
     rates: np.ndarray  #: (growth, angular frequency) by theta of pairs and real modes, (c, n, 2)
-    slow_matrix: np.ndarray  #: matrix of the slow components behind these, shape (c, n, n)
-    slow_rate: np.ndarray  #: estimated rate of their fastest motion, shape (c,)
+    slow_matrix: np.ndarray  #: matrix of the slow components, which come last, shape (c, n, n)
+    slow_rate: np.ndarray  #: estimated rate of the fastest slow component, shape (c,)
     piece_lengths: np.ndarray  #: theta over which `curves` hold, shape (c,)
     to_modes: np.ndarray  #: matrix from z to y, by columns, shape (c, n, n padded)
     from_modes: np.ndarray  #: matrix from y to z, by columns, shape (c, n, n padded)
     curves: np.ndarray  #: Bernstein coefficients of the distances, (c, 2, m, n, degree + 1)
     mode_amplitude_factors: np.ndarray  #: distance for each mode of magnitude 1, (c, 2, m, n)
     constant_distance: np.ndarray  #: constant part of the distances, shape (c, 2, m)
-    is_bounded: np.ndarray  #: bool, whether these two bound the distances, shape (c, 2, m)
+    is_bounded: np.ndarray  #: bool, whether constant and amplitudes bound a distance, (c, 2, m)
     segment_factor_rows: (
         np.ndarray
     )  #: int, row of `segment_factors` by length of segment, or -1, (c, k)
@@ -74,19 +74,19 @@ class Modes(NamedTuple):
 def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS):
     """Return empty `Modes` for n state components and m meshes, of at most MAX_TABLE_BYTES.
 
-    The state may have `combinations` combinations of contacts and stiffness levels; `length_count`
+    There may be up to `combinations` combinations of contacts and stiffness levels; `length_count`
     is the number of different lengths of segments.
     """
     length_count = min(length_count, MAX_SEGMENT_LENGTHS)
     padded = (n + 7) // 8 * 8  # The next multiple of eight.
     degree = HIGH_DEGREE if n >= _HIGH_DEGREE_COMPONENTS else LOW_DEGREE
-    # Both transformations, the slow matrix, then curves and amplitude factors of two lines a mesh.
+    # Both transformations, the slow matrix, then curves and amplitude factors for both flank lines.
     numbers_per_combination = 2 * n * padded + n * n + 2 * m * n * (degree + 2)
     rows = max(MAX_TABLE_BYTES // (8 * numbers_per_combination), 2)
     cost = mode_cost_in_steps(n)
-    most = _MAX_COMBINATIONS_BESIDE_SERIES if cost else MAX_COMBINATIONS
-    rows = int(min(rows, most, max(combinations, _MIN_ROWS)))
-    # Combinations that go by the series take hash slots as well.
+    max_rows = _MAX_COMBINATIONS_BESIDE_SERIES if cost else MAX_COMBINATIONS
+    rows = int(min(rows, max_rows, max(combinations, _MIN_ROWS)))
+    # Combinations that are integrated by Taylor series take hash slots as well.
     slots = _MIN_SERIES_SLOTS if cost else 1
     while slots < 4 * rows:
         slots *= 2
@@ -116,9 +116,10 @@ def allocate_modes(n, m, length_count, combinations=MAX_COMBINATIONS):
 
 @kernel_without_refcounts
 def find_slot(slots, keys, effects):
-    """Return the hash slot of a combination of mesh effects, or the free slot for it.
+    """Return the hash slot of a combination of contact effects, or the free slot for it.
 
-    `slots` has the row in `keys`, shape (c, m), by slot, or -1; `effects`, int, has the shape (m,).
+    `effects`, int, shape (m,), has the effect of each mesh. A slot in `slots` holds the row of its
+    combination in `keys`, shape (c, m), or -1 if it is free.
     """
     mask, hashed, m = slots.shape[0] - 1, 0, effects.shape[0]
     for j in range(m):
@@ -171,16 +172,20 @@ def fill_product(matrix, y, product, width):
 
 @inlined_without_refcounts
 def apply_stored_matrix(matrices, row, z, product):
-    """Fill `product`, shape (w,), with matrices[row].T @ z; `matrices` has the shape (c, n, w)."""
+    """Fill `product`, shape (w,), with the product of a stored matrix and z.
+
+    The matrix is ``matrices[row].T``; `matrices`, shape (c, n, w), is stored by columns.
+    """
     fill_product(matrices[row], z, product, matrices.shape[2])
 
 
 @inlined_without_refcounts
 def fill_mode_factors(tables, combination, t, factors):
-    """Fill `factors`, shape (n,), by which modes change in a time t, from a row of the `Modes`.
+    """Fill `factors`, shape (n,), with the factors by which modes change in a time t.
 
-    An oscillating pair has the real and the imaginary part of exp(lambda t), a real mode has
-    exp(lambda t). `combination` is the row of `tables`.
+    With the rate lambda of a mode they are the real and the imaginary part of exp(lambda t) for an
+    oscillating pair and exp(lambda t) for a real mode. `combination` is a row of `tables`
+    (`Modes`).
     """
     pair_count = tables.pair_counts[combination]
     for k in range(pair_count):
@@ -195,8 +200,8 @@ def fill_mode_factors(tables, combination, t, factors):
 def find_segment_factors(tables, combination, length_index, t):
     """Return the row of ``tables.segment_factors`` with the mode factors over a whole segment.
 
-    They are computed at first use. `combination` is a row of `tables` (`Modes`); t is the duration
-    of the segment and `length_index` its index among the different durations.
+    The factors are computed at first use. `combination` is a row of `tables` (`Modes`); t is the
+    duration of the segment and `length_index` its index among the different durations.
     """
     if tables.segment_factor_rows[combination, length_index] < 0:
         row = tables.segment_factor_count[0]
@@ -210,8 +215,8 @@ def find_segment_factors(tables, combination, length_index, t):
 def advance_modes(tables, combination, factors, t, y, term, image):
     """Advance the modal state y, shape (n,) or longer, by the time t, in place.
 
-    `combination` is a row of `tables` (`Modes`), `factors` are those of `fill_mode_factors` for t;
-    `term` and `image`, shape (n,), are overwritten.
+    `combination` is a row of `tables` (`Modes`), and `factors` comes from `fill_mode_factors` for
+    t; `term` and `image`, shape (n,), are overwritten.
     """
     pair_count = tables.pair_counts[combination]
     real_count = tables.real_counts[combination]
@@ -219,18 +224,18 @@ def advance_modes(tables, combination, factors, t, y, term, image):
     for k in range(pair_count):
         u, v, p, q = y[2 * k], y[2 * k + 1], factors[2 * k], factors[2 * k + 1]
         y[2 * k], y[2 * k + 1] = p * u - q * v, q * u + p * v
-    first = 2 * pair_count + real_count
-    for k in range(2 * pair_count, first):
+    first_slow = 2 * pair_count + real_count
+    for k in range(2 * pair_count, first_slow):
         y[k] *= factors[k]
     matrix, rate = tables.slow_matrix[combination], tables.slow_rate[combination]
-    _advance_block(matrix, n - first, rate, t, y[first:], term, image)
+    _advance_block(matrix, n - first_slow, rate, t, y[first_slow:], term, image)
 
 
 @inlined_without_refcounts
 def advance_modes_in_time(tables, combination, work, t, y):
-    """Advance the modal state y by the time t, in place, with temporary arrays of `work`.
+    """Advance the modal state y by the time t, in place.
 
-    `combination` is a row of `tables` (`Modes`).
+    `combination` is a row of `tables` (`Modes`). Arrays of `work` (`RunStorage`) are overwritten.
     """
     fill_mode_factors(tables, combination, t, work.mode_factors)
     advance_modes(tables, combination, work.mode_factors, t, y, work.term, work.image)
@@ -238,9 +243,10 @@ def advance_modes_in_time(tables, combination, work, t, y):
 
 @kernel_without_refcounts
 def _advance_block(matrix, size, rate, t, y, term, image):
-    """Advance the slow components y, shape (size,), by the time t with the series of exp(matrix t).
+    """Advance the slow components y, shape (size,), by the time t, in place.
 
-    The time is split into steps of at most 1 / `rate`, so that the series converges quickly; `term`
+    The power series of exp(matrix * t) is summed, with `matrix` of shape (size, size) or larger.
+    The time is split into steps of at most 1 / `rate`, so that the series converges quickly. `term`
     and `image`, shape (size,), are overwritten.
     """
     # A block of one component holds the constant, which does not change.

@@ -1,10 +1,10 @@
 """Modes of a combination of contacts, for the kernels of gear trains.
 
-The state obeys z' = A z with z = (q, q', 1, cos, sin, ...). In coordinates of the linear modes of
-the train, with its free rotations behind them, A has a basis in which fast motions turn or shrink
-one by one. The slowest motions stay together in a block whose power series the kernels sum: free
-rotations, flights, the constant, modes near a critical damping or an undamped resonance. The block
-is as large as a well-conditioned basis needs.
+The state obeys z' = A z with z = (q, q', 1, cos, sin, ...). It is transformed to the linear modes
+of the train and its rigid-body motions. There A has a basis in which fast motions are decoupled:
+each oscillates or decays on its own. The slowest motions stay together in a block, and the kernels
+sum its power series: rigid-body motions, free flights, the constant, modes near critical damping or
+an undamped resonance. The block is as large as a well-conditioned basis needs.
 """
 
 import math
@@ -19,41 +19,41 @@ from scipy.special import factorial
 from gearlib.engines.linear.modal_arcs import MAX_PIECE_RATES, Modes, clear_tables, find_slot
 from gearlib.engines.linear.train_system import TrainSystem, fill_system_matrix
 
-#: Number of terms of the series of e^z, |z| <= 3.6: the next is 3.6^36 / 36! = 3e-22.
+#: Number of terms of the series of e^z for |z| <= 3.6; the next term is 3.6^36 / 36! = 3e-22.
 _TERM_COUNT = 36
 #: Largest condition number of a basis.
 _MAX_CONDITION = 100.0
-#: Largest rate of a slow motion, over that of the reference mode, and over the fastest rate.
+#: Largest rate of a slow motion, over the rate of the reference mode and over the fastest rate.
 _MAX_SLOW_RATE, _MAX_SLOW_SHARE = 1e-5, 1e-9
-#: Largest deflection, in static deflections, for which the rounding of a basis does not matter.
+#: Largest deflection, in static deflections, for which a basis needs no refinement.
 _MAX_UNREFINED_DEFLECTION = 8.0
-#: Largest number of bases in memory.
+#: Largest number of bases that a frame keeps.
 _MAX_BASES = 64
 #: Largest growth rate of a mode that counts as rounding.
 _MAX_GROWTH = 1e-12
-#: Largest part of an unobservable motion in the distances, as a fraction of their coefficients.
+#: Largest effect of an unobservable motion on the distances, as a fraction of their coefficients.
 _MAX_UNOBSERVED = 1e-9
 
 
 class Basis(NamedTuple):
-    """A basis of a combination of contacts: z = from_basis y, y = to_basis z, n components.
+    """Basis of the state space for a combination of contacts: z = from_basis y, y = to_basis z.
 
     Oscillating pairs come first, then real modes, then the slow motions with the constant last.
     """
 
     from_basis: np.ndarray  #: shape (n, n)
     to_basis: np.ndarray  #: shape (n, n)
-    rates: np.ndarray  #: complex, of pairs and real modes, (growth + i angular frequency)
+    rates: np.ndarray  #: complex, growth + i * angular frequency of pairs and real modes
     n_pairs: int  #: number of oscillating pairs
     block: np.ndarray  #: matrix of the slow motions, dy/dtheta = block y
-    rows: np.ndarray  #: row vectors of coast-side and drive-side distances in y, (2, m, n)
+    rows: np.ndarray  #: row vectors from y to coast-side and drive-side distances, (2, m, n)
 
 
 @cache
 def _bernstein_of_powers(degree):
     """Return the Bernstein coefficients of the powers x^k on [-1, 1], (_TERM_COUNT, degree + 1).
 
-    Powers above `degree` are replaced by their Chebyshev expansion, cut behind that degree.
+    Powers above `degree` are replaced by their Chebyshev expansions, truncated after that degree.
     """
     chebyshev = []  # Bernstein coefficients of T_0, T_1, ... on [-1, 1]
     for n in range(degree + 1):
@@ -61,7 +61,7 @@ def _bernstein_of_powers(degree):
             Fraction((-1) ** (n - j) * math.comb(2 * n, 2 * j), math.comb(n, j))
             for j in range(n + 1)
         ]
-        for d in range(n, degree):  # Raise the degree of the Bernstein form from d to d + 1.
+        for d in range(n, degree):  # Elevate the degree of the Bernstein form from d to d + 1.
             coefficients = [
                 (Fraction(j, d + 1) * coefficients[j - 1] if j else Fraction(0))
                 + (Fraction(d + 1 - j, d + 1) * coefficients[j] if j <= d else Fraction(0))
@@ -82,21 +82,22 @@ def _bernstein_of_powers(degree):
 
 
 class ModalFrame:
-    """Coordinates in which bases are computed: linear modes of a train, then free rotations.
+    """Coordinates in which bases are computed: linear modes of a train, then rigid-body motions.
 
-    The modes are those with all meshes at their mean stiffness, scaled by their frequencies. They
+    The modes belong to the mean stiffness of all meshes and are scaled by their frequencies. They
     separate springs of very different stiffness, so that slow modes stay accurate beside shafts a
     million times as stiff as a mesh. `from_frame` and `to_frame`, shape (2 N, 2 N), transform
-    states; `base_matrix` is the matrix of the motion while no flanks touch.
+    states; `base_matrix` is the matrix A in these coordinates while no flanks touch.
     """
 
     def __init__(self, frequencies, shapes, rigid, mass):
-        """Set up the transformation between coordinates of the train and of its modes.
+        """Set up the transformation between the coordinates of a train and its modes.
 
-        Columns of `shapes`, (n, r), are mass-normalised elastic modes with angular `frequencies`,
-        (r,), over the reference frequency; those of `rigid`, (n, n - r), are free rotations, and
-        `mass`, (n, n), is the mass matrix, all dimensionless. A state has modal displacements times
-        their frequencies and modal velocities, then angles and velocities of the free rotations.
+        The columns of `shapes`, (n, r), are mass-normalised elastic modes with angular
+        `frequencies`, (r,), over the reference frequency. The columns of `rigid`, (n, n - r), are
+        rigid-body motions, and `mass`, (n, n), is the mass matrix, all dimensionless. A state has
+        modal displacements times their frequencies and modal velocities, then displacements and
+        velocities of the rigid-body motions.
         """
         (n, r), rigid_count = shapes.shape, rigid.shape[1]
         #: Number of state components of the elastic modes, which come first.
@@ -104,12 +105,12 @@ class ModalFrame:
         velocities, angles = slice(r, 2 * r), slice(2 * r, 2 * r + rigid_count)
         rigid_velocities = slice(2 * r + rigid_count, None)
         self._known_bases: dict[bytes, Basis] = {}
-        #: Mode tables that no run uses at present, see `propagator.Propagator`.
+        #: Mode tables that no run is using, see `propagator.Propagator`.
         self.unused_tables: list[tuple] = []
         self.from_frame, self.to_frame, self.base_matrix = np.zeros((3, 2 * n, 2 * n))
         self.from_frame[:n, :r], self.from_frame[n:, velocities] = shapes / frequencies, shapes
         self.from_frame[:n, angles], self.from_frame[n:, rigid_velocities] = rigid, rigid
-        # The modes are orthonormal with respect to the mass, so that this is the inverse.
+        # The modes are orthonormal with respect to the mass matrix, so that this is the inverse.
         self.to_frame[:r, :n] = frequencies[:, None] * (shapes.T @ mass)
         self.to_frame[velocities, n:] = shapes.T @ mass
         self.to_frame[angles, :n] = self.to_frame[rigid_velocities, n:] = rigid.T @ mass
@@ -117,16 +118,16 @@ class ModalFrame:
         self.base_matrix[angles, rigid_velocities] = np.eye(rigid_count)
 
     def __getstate__(self):
-        # Tables and bases are large, and another process computes its own.
+        """Return the attributes to be pickled, without the tables and bases, which are large."""
         return vars(self) | {"_known_bases": {}, "unused_tables": []}
 
     @classmethod
     def for_mesh(cls, model: Any, system: TrainSystem) -> "ModalFrame":
-        """Return the frame of a `Model` with one mesh and its `TrainSystem`."""
+        """Return the frame of a model with one mesh, whose `TrainSystem` is `system`."""
         frame = cls(*model.contact_modes(system))
         size, elastic_size = len(frame.from_frame), frame.elastic_size
         mode_count = elastic_size // 2
-        # A state has displacements and velocities of the modes, then those of free rotations.
+        # A state has displacements and velocities of the modes, then of the rigid-body motions.
         rigid_velocities = range(elastic_size + size // 2 - mode_count, size)
         velocities = [*range(mode_count, elastic_size), *rigid_velocities]
         # The angles of free rotations cause no forces.
@@ -176,13 +177,17 @@ class ModalFrame:
         for j, effect in enumerate(effects):
             if effect:
                 force_output = system.force_output[j, effect, :, :size] @ self.from_frame
-                # The angles of free rotations cause no forces.
+                # The displacements of rigid-body motions cause no forces.
                 force_output[:, rigid_angles] = 0.0
                 matrix += (self.to_frame @ system.force_input[j, effect, :, :size].T) @ force_output
         return matrix
 
     def basis_of(self, system: TrainSystem, effects: np.ndarray) -> Basis:
-        """Return the `Basis` for the meshes' `effects`, int, (m,); equal matrices share a basis."""
+        """Return the `Basis` for a combination of contact effects.
+
+        `effects`, int, shape (m,), has the effect of each mesh. Combinations with equal matrices
+        share a basis.
+        """
         matrix = np.empty_like(system.base_matrix)
         fill_system_matrix(system, effects, matrix)
         matrix_bytes = matrix.tobytes()
@@ -195,17 +200,19 @@ class ModalFrame:
         return basis
 
     def _new_basis(self, system, effects, state_matrix):
-        """Return the `Basis` of `state_matrix`, (n, n), the matrix A of the meshes' `effects`.
+        """Compute the `Basis` for a combination of contact effects.
 
-        A state has 2 N displacements and velocities, which the frame transforms, other driven
-        components, the constant 1, then cosine and sine of each harmonic.
+        `effects`, int, shape (m,), has the effect of each mesh, and `state_matrix`, (n, n), is
+        their matrix A. A state has 2 N displacements and velocities, which the frame transforms,
+        other driven components, the constant 1, then cosine and sine of each harmonic.
         """
         n, n_moving, mode_count = len(state_matrix), len(self.from_frame), self.elastic_size // 2
         matrix, from_basis, to_basis = np.zeros((n, n)), np.eye(n), np.eye(n)
         matrix[:n_moving, :n_moving] = self.system_matrix(system, effects)
         matrix[:n_moving, n_moving:] = self.to_frame @ state_matrix[:n_moving, n_moving:]
         matrix[n_moving:, n_moving:] = state_matrix[n_moving:, n_moving:]
-        # The constant and the harmonics are scaled by the deflections that they cause.
+        # The constant and the harmonics are scaled by the largest force, over frequency, that they
+        # cause.
         frequencies = self.base_matrix[range(mode_count), range(mode_count, 2 * mode_count)]
         forces = matrix[mode_count : 2 * mode_count, n_moving:] / frequencies[:, None]
         deflections = self.from_frame[: n_moving // 2, :mode_count] @ forces
@@ -245,10 +252,11 @@ class ModalFrame:
 def _separate_modes(matrix):
     """Return (eigenvalues, number of oscillating pairs, P, inverse of P) of a matrix, (n, n).
 
-    P block-diagonalizes the matrix. Its columns are the real and the negative imaginary part of
-    each pair, real modes, and a basis of the slow motions, orthogonal to the left eigenvectors of
-    the fast modes. The slowest modes, and so defective ones, join the slow motions until P is well
-    conditioned. The eigenvalues are those of pairs and real modes.
+    P block-diagonalises the matrix. Its columns are the real and the negative imaginary part of
+    each oscillating pair, the real modes, and a basis of the slow motions, orthogonal to the left
+    eigenvectors of the fast modes. The slowest modes, which include defective ones, are moved to
+    the slow motions one by one until P is well conditioned. The eigenvalues belong to one mode of
+    each pair and to the real modes.
     """
     rates, left, right = scipy.linalg.eig(matrix, left=True, right=True)
     n, order = len(matrix), np.argsort(np.abs(rates), kind="stable")
@@ -274,10 +282,11 @@ def _separate_modes(matrix):
 
 
 def _slow_components(matrix, rates, modes, slow_motions):
-    """Return the components of slow motions that rounding has left in the eigenvectors `modes`.
+    """Return the components of slow motions that rounding has left in computed eigenvectors.
 
-    `slow_motions` and `modes` are columns, the modes with the complex eigenvalues `rates` of
-    `matrix`.
+    The columns of `modes`, (n, k), are eigenvectors of `matrix`, (n, n), with the complex
+    eigenvalues `rates`, (k,). The columns of `slow_motions`, (n, s), are orthonormal. The result
+    has the shape (s, k).
     """
     block = slow_motions.T @ matrix @ slow_motions
     residuals = (slow_motions.T @ (matrix @ modes - modes * rates)).T[..., None]
@@ -285,21 +294,22 @@ def _slow_components(matrix, rates, modes, slow_motions):
     try:
         return np.linalg.solve(difference, residuals)[..., 0].T
     except np.linalg.LinAlgError:
-        # Modes of equal rates need no correction: any vectors of their subspace are valid.
+        # A mode with the rate of a slow motion needs no correction within their common subspace.
         return (np.linalg.pinv(difference, 1e-6) @ residuals)[..., 0].T
 
 
 def _refined_basis(matrix, from_basis, to_basis, rates, n_pairs, block):
     """Return (from_basis, to_basis, rates, block) after a Newton step with long double residuals.
 
-    The arguments are those of a `Basis` of the `matrix` A, (n, n): P with modes as columns, (n, n),
-    its inverse, eigenvalues, one of each of the `n_pairs` oscillating pairs and then those of real
-    modes, and the matrix of the slow motions, (s, s). With the block-diagonal matrix M of these and
-    the residual R = P^-1 A P - M, the new basis is P + P X, where X M - M X = R off the blocks.
+    The arguments describe a `Basis` of `matrix`, A, shape (n, n): `from_basis`, P, has modes as
+    columns, `to_basis` is its inverse, `rates` has one eigenvalue for each of the `n_pairs`
+    oscillating pairs and one for each real mode, and `block`, shape (s, s), is the matrix of the
+    slow motions. M is the block-diagonal matrix of these eigenvalues and this block. With the
+    residual R = P^-1 A P - M the new basis is P + P X, where X M - M X = R off the diagonal blocks.
     """
     n, n_fast = len(matrix), n_pairs + rates.size
     a, p, p_inverse = (x.astype(np.longdouble) for x in (matrix, from_basis, to_basis))
-    # In complex coordinates a pair is an eigenvector and its conjugate.
+    # In complex coordinates a pair is an eigenvector and its complex conjugate.
     to_complex = np.eye(n, dtype=complex)
     order = np.concatenate([np.arange(0, 2 * n_pairs, 2), np.arange(2 * n_pairs, n_fast)])
     eigenvalues = np.zeros(n_fast, complex)
@@ -335,42 +345,42 @@ def _refined_basis(matrix, from_basis, to_basis, rates, n_pairs, block):
 
 
 def _slow_coordinates(rows, block, constant_row, distance_scale):
-    """Return (new basis of s slow motions as columns, (s, s), number of unobservable motions).
+    """Return (basis of s slow motions as columns, shape (s, s), number of unobservable motions).
 
-    The last column is the motion that is constant, for which the product with `constant_row`, (s,),
-    is 1. Before it come the unobservable motions: they have no influence on any distance. The k
-    distances are `rows`, (k, s), times the slow motions, which `block`, (s, s), maps to their time
-    derivatives; `distance_scale` is the largest coefficient of a distance in all motions.
+    The last column is the constant motion, whose product with `constant_row`, (s,), is 1. The
+    unobservable motions come before it: they have no influence on any distance. The k distances are
+    `rows`, (k, s), times the slow motions, and `block`, (s, s), times the slow motions is their
+    derivative. `distance_scale` is the largest coefficient of a distance in all motions.
     """
-    length = np.linalg.norm(constant_row)
+    constant_norm = np.linalg.norm(constant_row)
     complement = scipy.linalg.null_space(constant_row[None])
     inner_block = complement.T @ block @ complement
     unobserved, observations = np.eye(len(inner_block)), rows @ complement
-    largest = _MAX_UNOBSERVED * distance_scale
-    # Motions leave that act on a distance, then those that act on a motion which has left. Powers
-    # of the block would not do: those of a slow harmonic vanish.
+    threshold = _MAX_UNOBSERVED * distance_scale
+    # Motions that act on a distance are removed first, then motions that act on a removed motion.
+    # Powers of the block cannot show this, because the powers of a slow harmonic vanish.
     while unobserved.shape[1]:
         _, singular_values, right_vectors = np.linalg.svd(observations)
-        observed_count = int((singular_values > largest).sum())
+        observed_count = int((singular_values > threshold).sum())
         if observed_count == 0:
             break
         unobserved = unobserved @ right_vectors[observed_count:].T
         image = inner_block @ unobserved
         observations = image - unobserved @ (unobserved.T @ image)
-        largest = _MAX_UNOBSERVED * np.linalg.norm(inner_block, 2)
+        threshold = _MAX_UNOBSERVED * np.linalg.norm(inner_block, 2)
     observed = (
         scipy.linalg.null_space(unobserved.T) if unobserved.size else np.eye(len(inner_block))
     )
     basis = np.hstack([complement @ observed, complement @ unobserved])
-    basis = np.hstack([basis, constant_row[:, None] / length**2])
+    basis = np.hstack([basis, constant_row[:, None] / constant_norm**2])
     return basis, unobserved.shape[1]
 
 
 def add_modes(tables: Modes, system: TrainSystem, frame: ModalFrame, effects: np.ndarray) -> int:
-    """Add the modes of a combination of mesh effects to the `Modes` in `tables`; return its row.
+    """Add the modes of a combination of contact effects to mode tables and return its row.
 
-    `frame` is the `ModalFrame` of the `TrainSystem`, `effects`, int, shape (m,), has the effect of
-    each mesh. Full tables are emptied first.
+    `effects`, int, shape (m,), has the effect of each mesh, and `frame` is the `ModalFrame` of the
+    `TrainSystem`. Full tables are emptied first.
     """
     if tables.combination_count[0] == len(tables.keys):
         clear_tables(tables)
@@ -387,14 +397,14 @@ def add_modes(tables: Modes, system: TrainSystem, frame: ModalFrame, effects: np
 
 
 def _fill_distance_tables(tables, combination, rates, n_pairs, block, rows):
-    """Fill a row of the `Modes` in `tables` with the polynomials and limits of the distances.
+    """Fill a row of mode tables with the polynomials and the bounds of the distances.
 
-    `combination` is the row. `rates` are the complex eigenvalues of `n_pairs` oscillating pairs,
-    one of each, and of real modes; `block`, (s, s), is the matrix of the s slow motions behind
-    them, the constant last; `rows`, (2, m, n), are the row vectors of coast-side and drive-side
-    distances in these coordinates.
+    `combination` is the row of `tables` (`Modes`). `rates` has one complex eigenvalue for each of
+    the `n_pairs` oscillating pairs and one for each real mode. `block`, (s, s), is the matrix of
+    the s slow motions, which come after the modes, the constant last. `rows`, (2, m, n), has the
+    row vectors of the coast-side and drive-side distances in these coordinates.
     """
-    size, n_fast = 2 * n_pairs, n_pairs + rates.size
+    pair_components, n_fast = 2 * n_pairs, n_pairs + rates.size
     degree = tables.curves.shape[4] - 1
     # The 16th root of the norm of the 16th power does not depend on the scales of components.
     slow_rate = np.linalg.norm(np.linalg.matrix_power(block, 16)) ** (1.0 / 16.0)
@@ -406,13 +416,17 @@ def _fill_distance_tables(tables, combination, rates, n_pairs, block, rows):
     exponents = half_length * rates[:, None]
     terms = np.exp(exponents) * exponents**orders / factorial(orders)
     mode_rows = np.concatenate(
-        [rows[..., 0:size:2] - 1j * rows[..., 1:size:2], rows[..., size:n_fast]], axis=-1
+        [
+            rows[..., 0:pair_components:2] - 1j * rows[..., 1:pair_components:2],
+            rows[..., pair_components:n_fast],
+        ],
+        axis=-1,
     )
     mode_curves = mode_rows[..., None] * (terms @ power_curves)
     curves = tables.curves[combination]
-    curves[:, :, 0:size:2] = mode_curves[:, :, :n_pairs].real
-    curves[:, :, 1:size:2] = -mode_curves[:, :, :n_pairs].imag
-    curves[:, :, size:n_fast] = mode_curves[:, :, n_pairs:].real
+    curves[:, :, 0:pair_components:2] = mode_curves[:, :, :n_pairs].real
+    curves[:, :, 1:pair_components:2] = -mode_curves[:, :, :n_pairs].imag
+    curves[:, :, pair_components:n_fast] = mode_curves[:, :, n_pairs:].real
     curves[:, :, n_fast:] = 0.0
     slow_rows = rows[..., n_fast:] @ scipy.linalg.expm(half_length * block)
     for i, power in enumerate(power_curves):

@@ -37,13 +37,13 @@ from gearlib.engines.linear.train_system import (
 #: Largest time between simultaneous crossings, as a fraction of a piece. The bound is needed near
 #: grazing, where the rounding of an instant has no bound.
 _MAX_SIMULTANEOUS_STEP = 1e-13
-#: Rounding error of the states of equal meshes, as a multiple of that of one distance.
+#: Rounding error of the states of equal meshes, as a multiple of the rounding error of a distance.
 _STATE_ROUNDING = 8.0
-#: Requests to the caller, no statuses of a run: the tables lack the combination of the effects of
-#: `RunStorage`, the event table has no room, the system has no further segments.
+#: Requests to the caller in place of a status: the tables lack the modes of the combination
+#: `RunStorage.effects`, the event table is full, the system has no further segments.
 COMBINATION_MISSING, EVENTS_FULL, SEGMENTS_MISSING = -1, -2, -3
 
-#: Columns of the event table: those of `orbit` and the number of the mesh.
+#: The event table has the columns of `orbit` and then the number of the mesh.
 EVENT_MESH = orbit.EVENT_COLUMNS
 EVENT_COLUMNS = orbit.EVENT_COLUMNS + 1
 
@@ -53,8 +53,8 @@ def _cross_flank_line(system, constants, work, j, segment, vectors):
     """Change the contact of mesh j in `work` (`RunStorage`), which has reached a flank line.
 
     Small perturbations of the state, `vectors`, shape (k, n or more), are multiplied by the
-    saltation matrix. `segment` is the index of a segment, with constant effects of contacts, in the
-    `TrainSystem`; `constants` (`RunConstants`) have the rates of the distances from flank lines.
+    saltation matrix. `segment` is the index of the present stiffness segment in the `TrainSystem`
+    `system`; `constants` (`RunConstants`) holds the rates of the distances from flank lines.
     """
     n = system.drive_lines.shape[1]
     line = 1 if DRIVE in (work.contact[j], work.contact_after[j]) else -1
@@ -94,7 +94,7 @@ def _cross_flank_line(system, constants, work, j, segment, vectors):
 
 @kernel_without_refcounts
 def sort_last_event(events, row, first_row):
-    """Move the last event of a table, in `row`, before events of equal phase and later meshes.
+    """Sort the last event of a table, in `row`, among events at the same phase by mesh number.
 
     `events` has the columns EVENT_*; `first_row` is the first row to which the event may move.
     """
@@ -110,28 +110,31 @@ def sort_last_event(events, row, first_row):
 
 @inlined_without_refcounts
 def run_period(
-    system, constants, tables, work, number, limit, vectors, recorded, summary, samples, events
+    system, constants, tables, work, number, max_events, vectors, recorded, summary, samples, events
 ):
     """Run through one mesh period from contact event to contact event; return a status.
 
-    The state in `work`, and small perturbations of it, `vectors`, shape (k, n or more), change in
-    place. `number` is the index of the mesh period in the excitation, `limit` the largest number of
-    events. If `recorded`, `summary`, a row a mesh, `samples` as in `sampling.sample_motion` and
-    `events`, shape (k, 6), are filled; an event table without rows stays empty. The status
-    COMBINATION_MISSING asks for the modes of ``work.effects`` in `tables`, EVENTS_FULL for a larger
-    event table; the next call then continues from there.
+    The state in `work` (`RunStorage`), and small perturbations of it, `vectors`, shape (k, n or
+    more), change in place. `number` is the index of the mesh period in the excitation, `max_events`
+    the largest number of its events. If `recorded`, the `summary` with a row for each mesh, the
+    `samples`, see `sampling.sample_motion`, and the `events`, shape (k, 6), are filled; an event
+    table without rows stays empty. The status COMBINATION_MISSING asks for the modes of
+    ``work.effects`` in `tables` (`Modes`), EVENTS_FULL for a larger event table; the next call
+    continues from there.
     """
     (m, n), phase, piece = system.drive_lines.shape, 0.0, 0.0
-    first, last = system.first_segment[number], system.first_segment[number + 1]
+    first_segment, end_segment = system.first_segment[number], system.first_segment[number + 1]
     if work.counters[SEGMENT] < 0:
-        work.counters[SEGMENT], work.counters[PERIOD_EVENTS] = first, 0
+        work.counters[SEGMENT], work.counters[PERIOD_EVENTS] = first_segment, 0
         work.counters[FIRST_EVENT_ROW] = work.counters[EVENT_ROWS]
         work.counters[SAMPLES_TAKEN] = 0
-        work.progress[0] = constants.lengths[first]
+        work.progress[0] = constants.lengths[first_segment]
         work.progress[1] = 0.0
         if constants.sample_starts.shape[0] == 0:
-            orbit.fill_sample_phases(samples, n + m, system.starts[last] - system.starts[first])
-    while work.counters[SEGMENT] < last:
+            orbit.fill_sample_phases(
+                samples, n + m, system.starts[end_segment] - system.starts[first_segment]
+            )
+    while work.counters[SEGMENT] < end_segment:
         segment, combination, remaining = work.counters[SEGMENT], -1, work.progress[0]
         while remaining > 0.0:
             if combination < 0:
@@ -175,7 +178,7 @@ def run_period(
                 if instant <= 1.0:
                     step = instant * piece
             if recorded:
-                phase = system.starts[segment] - system.starts[first]
+                phase = system.starts[segment] - system.starts[first_segment]
                 phase += (constants.lengths[segment] - remaining) * system.tuning
                 sample_motion(
                     system, tables, combination, work, segment, phase, step, piece, summary, samples
@@ -188,7 +191,7 @@ def run_period(
                         system, constants, work.effects, step, vectors[i], work.series
                     )
                 if instant > 1.0 and remaining > 0.0:
-                    # After many series steps modes may cost less, so the method is chosen again.
+                    # After many Taylor steps modes may cost less, so the method is chosen again.
                     combination = -1
                     continue
             else:
@@ -237,7 +240,7 @@ def run_period(
                     code_after = work.contact[j]
                     orbit.count_event(contact_before, code_after, velocity, summary[j])
                     if events.shape[0] > 0:
-                        # The sum of lengths may round to less than the phase of the last event.
+                        # Rounding of the sum must not put the event before the previous one.
                         work.progress[1] = max(phase + step * system.tuning, work.progress[1])
                         row, instant_phase = work.counters[EVENT_ROWS], work.progress[1]
                         orbit.fill_event(
@@ -246,11 +249,11 @@ def run_period(
                         events[row, EVENT_MESH] = j
                         work.counters[EVENT_ROWS] = row + 1
                         sort_last_event(events, row, work.counters[FIRST_EVENT_ROW])
-            if work.counters[PERIOD_EVENTS] > limit:
+            if work.counters[PERIOD_EVENTS] > max_events:
                 return EVENT_LIMIT
             combination = -1
         work.counters[SEGMENT] = segment + 1
-        if segment + 1 < last:
+        if segment + 1 < end_segment:
             work.progress[0] = constants.lengths[segment + 1]
     work.counters[SEGMENT] = -1
     return OK

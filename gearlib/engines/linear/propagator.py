@@ -1,6 +1,6 @@
 """Exact runs of gear trains, and of piecewise-linear models with one mesh by the same kernels.
 
-Between events the motion is that of the modes of each combination of contacts.
+Between events the motion is a sum of the modes of the present combination of contacts.
 """
 
 import math
@@ -39,41 +39,46 @@ from gearlib.engines.protocol import Base
 
 #: Number of mesh periods for which segments are computed at a time, if they repeat after more.
 _PERIODS_AT_A_TIME = 512
-#: Number of samples that get their forces at a time.
+#: Number of samples whose forces are computed at a time.
 _SAMPLES_AT_A_TIME = 1024
-#: Largest tables in bytes that a model keeps when its propagators are gone.
+#: Largest size in bytes of tables that a model keeps when its propagators are deleted.
 _MAX_KEPT_BYTES = 2**25
-#: Largest rate of the fastest motion, over that of the mesh; a mesh period takes minutes beyond.
+#: Largest rate of the fastest motion, over the rate of the fastest harmonic of the excitation. With
+#: faster motions a mesh period would take minutes.
 _MAX_RATE = 20_000.0
 
 
 def _check_rates(model: Any, system: TrainSystem) -> None:
     """Raise ValueError if a model is so stiff that each mesh period would take minutes to compute.
 
-    The `TrainSystem` of the model limits the steps of its fastest motion.
+    The rate of its fastest motion follows from `max_step` of its `TrainSystem` `system`.
     """
     fastest_harmonic = np.abs(system.harmonics * system.tuning).max(initial=1.0)
     rate = matrices.MAX_NORM / system.max_step
     if model.size > 2 and rate > _MAX_RATE * fastest_harmonic:
         raise ValueError(
             "support_stiffness, shaft_stiffness or damping of this model is not allowed in a run: "
-            f"its fastest motion is {rate:.2g} times as fast as that of the mesh, it must be at "
-            f"most {_MAX_RATE:,.0f} times; stiffer parts must be rigid (infinity)"
+            f"its fastest motion is {rate:.2g} times as fast as the motion of the mesh, and at "
+            f"most {_MAX_RATE:,.0f} times are allowed; stiffer parts must be rigid (infinity)"
         )
 
 
 class Propagator(Base):
-    """Run a gear train at one tuning.
+    """Engine of a gear train at one tuning.
 
     A run fills tables of modes for the combinations of contacts that occur, and the next run reuses
-    them.
+    the tables.
     """
 
     description = "modes of every combination of contacts"
     chunk_size = 1
 
     def __init__(self, model, tuning, other=None):
-        """Build the system of a model at a tuning; reuse tables of the propagator `other`."""
+        """Build the system of a model at a tuning.
+
+        `other` is a propagator of the same model at another tuning, whose tables are reused, or
+        None.
+        """
         super().__init__(model, tuning)
         self.long_run_out = model.repeats > _PERIODS_AT_A_TIME and hasattr(model, "segments_of")
         period_range = (0, _PERIODS_AT_A_TIME) if self.long_run_out else ()
@@ -83,15 +88,19 @@ class Propagator(Base):
         self.constants = run_constants(system)
         self.components, self.pieces = len(system.base_matrix), len(self.constants.lengths)
         self.frame = other.frame if other and not self.depends_on_tuning else self.find_frame()
-        # The kernels take velocities by theta, all other code takes velocities by phase.
+        # The kernels use velocities by theta, all other code uses velocities by phase.
         self.scale = np.repeat([1.0, tuning], model.size // 2)
-        #: Pairs of a system and tables that no run uses at present. Runs pop and append them, which
-        #: needs no lock in a list. Small tables are shared by all propagators of the frame.
+        #: Pairs (system, tables) of tables that no run is using. Runs pop and append them, which
+        #: needs no lock in a list. All propagators of the frame share small tables.
         self.unused_tables: list[tuple] = other.unused_tables if other else self.frame.unused_tables
         self.unused_large_tables: list[tuple] = other.unused_large_tables if other else []
 
     def take_tables(self):
-        """Return mode tables for a run, new ones or valid rows of those of an earlier run."""
+        """Return mode tables for a run.
+
+        Tables of an earlier run are reused where they are still valid; otherwise new tables are
+        allocated.
+        """
         (m, n), system = self.system.drive_lines.shape, self.system
         length_count = min(int(self.constants.length_index.max()) + 1, MAX_SEGMENT_LENGTHS)
         combinations = combination_count(system)
@@ -113,7 +122,7 @@ class Propagator(Base):
     create_frame = ModalFrame.for_train
 
     def find_frame(self) -> ModalFrame:
-        """Return the `ModalFrame` of the model; the model keeps it if it is that of all tunings."""
+        """Return the `ModalFrame` of the model; the model keeps it if it holds at all tunings."""
         if self.depends_on_tuning:
             return self.create_frame(self.model, self.system)
         attributes = vars(self.model)
@@ -134,11 +143,11 @@ class Propagator(Base):
         return system, run_constants(system)
 
     def next_segments(self, first_period, periods_done, period_counts):
-        """Return (system, constants, number of mesh periods from the start for which they hold).
+        """Return (system, constants, end): the segments of a run up to its mesh period `end`.
 
         The run began in mesh period `first_period` of the excitation, `periods_done` mesh periods
         ago; `period_counts` are its numbers of all and of recorded mesh periods. All recorded
-        periods get one system, because samples have its segment numbers.
+        periods share one `TrainSystem`, because samples hold its segment numbers.
         """
         periods, unrecorded = period_counts[0], period_counts[0] - period_counts[1]
         if not self.long_run_out:
@@ -151,11 +160,11 @@ class Propagator(Base):
         return system, run_constants(system), end
 
     def at(self, tuning: float) -> "Propagator":
-        """Return the propagator of the model at another tuning, which reuses the tables."""
+        """Return the propagator of the same model at another tuning, which reuses the tables."""
         return type(self)(self.model, tuning, self)
 
     def initial_state(self, state):
-        """Return the state z, shape (2 N,), for a state or 'static'; see `Base.initial_state`."""
+        """Return the state z, shape (2 N,), for a `state` or "static", the static deflection."""
         return self.model.start_state(state)
 
     def run_system(
@@ -165,9 +174,10 @@ class Propagator(Base):
 
         z changes in place. `period_counts` are the numbers of all and of recorded mesh periods,
         each with at most `max_events` events; the run begins in period `first_period` of the
-        excitation. Samples have the columns of `sampling.sample_motion`, `summary` has a row a
-        mesh, and `maps`, shape (periods, 2 N, 2 N), get the derivatives of the period maps. Returns
-        (period of the motion, events, number of events, status, system of the samples' segments).
+        excitation. `samples` has the columns of `sampling.sample_motion`, `summary` a row for each
+        mesh; `maps`, shape (periods, 2 N, 2 N), or None, is filled with the derivatives of the
+        period maps. Returns (period of the motion, events, number of events, status, `TrainSystem`
+        with the segments of the samples).
         """
         system, constants, end = self.next_segments(first_period, 0, period_counts)
         (periods, record_periods), size = period_counts, z.size
@@ -185,21 +195,21 @@ class Propagator(Base):
         vectors = np.empty((size if len(maps) else 0, work.state.size))
         work.counters[KNOWN_PERIODS] = end
         status = start_run(system, constants, work)
-        # Some statuses are requests of the kernel, which then continues from where it stopped.
+        # Some statuses are requests of the kernel. It continues from where it stopped.
         while status == OK:
             record = samples, events, max_events, summary, strobes, vectors, maps
             status = run_train(system, constants, tables, work, periods, record_periods, *record)
             if status == COMBINATION_MISSING:
                 is_full = with_series and tables.combination_count[0] == len(tables.keys)
                 if by_modes and is_full and rows_before:
-                    # What other runs left takes room. The run starts anew without it, so that its
-                    # result does not depend on them.
+                    # Rows of earlier runs take room in the tables. The run starts again without
+                    # them, so that its result does not depend on other runs.
                     clear_tables(tables)
                     self.unused_large_tables.append((self.system, tables))
                     arguments = samples, events, max_events, summary, period_counts, maps
                     return self.run_system(z, *arguments, first_period=first_period)
                 if by_modes and is_full and not tables.mode_cost[0]:
-                    # Most combinations come once or twice, which is no use for modes.
+                    # Most combinations occur once or twice, so that their modes do not pay off.
                     tables.mode_cost[0] = mode_cost_in_steps(n, fewest=0)
                 else:
                     add_modes(tables, system, self.frame, work.effects)
@@ -230,7 +240,10 @@ class Propagator(Base):
         return np.empty((count, n + m + 1))
 
     def fill_record(self, z, span, samples, events, summary, first_period):
-        """Run from the state z and fill the tables of `GearTrain.empty_record`; see `Base`."""
+        """Run from the state z, fill the tables and return the `Record`; see `Base.fill_record`.
+
+        The tables come from `GearTrain.empty_record`.
+        """
         raw = self.empty_raw_samples(len(samples))
         arguments = events, span.max_events, summary, span[:2]
         result = self.run_system(z, raw, *arguments, first_period=first_period)
@@ -240,23 +253,28 @@ class Propagator(Base):
         return Record(z, z, period, samples, events[:event_count], summary, status)
 
     def fill_samples(self, raw: np.ndarray, samples: np.ndarray, system: TrainSystem) -> None:
-        """Fill samples, shape (k, 6 m + N), from the `raw` samples, (k, n + m + 1), of a run.
+        """Fill `samples`, shape (k, 6 m + N), from the raw samples of a run.
 
-        Raw samples have the columns: state, contact codes, segment of the `TrainSystem` `system`.
+        They hold six columns for each of m meshes, then N coordinates. The columns of `raw`, shape
+        (k, n + m + 1), are the state, the contact codes, and the segment of the `TrainSystem`
+        `system`.
         """
         m, count = len(self.system.drive_lines), orbit.SAMPLE_COLUMNS
         self.fill_mesh_samples(raw, samples[:, : m * count].reshape(-1, m, count), system)
         samples[:, m * count :] = raw[:, : self.model.size // 2]
 
     def fill_mesh_samples(self, raw: np.ndarray, columns: np.ndarray, system: TrainSystem) -> None:
-        """Fill the mesh samples `columns`, (k, m, 6), from `raw` samples as in `fill_samples`."""
+        """Fill the samples of m meshes, `columns`, shape (k, m, 6), from the raw samples of a run.
+
+        See `fill_samples` for `raw` and `system`.
+        """
         nu = system.tuning
         m, n = system.drive_lines.shape
         state, code, segment = raw[:, :n], raw[:, n : n + m].astype(int), raw[:, -1].astype(int)
         effect = np.take_along_axis(system.effect[:, segment, :], code[None] + 1, axis=0)[0]
         meshes = np.arange(m)
         rate = state @ system.base_matrix.T
-        # The matrices of all samples at once would take gigabytes.
+        # The force vectors of all samples at once would take gigabytes.
         for i in range(0, len(raw), _SAMPLES_AT_A_TIME):
             rows = slice(i, i + _SAMPLES_AT_A_TIME)
             matrices = system.force_output[meshes, effect[rows]]
@@ -276,10 +294,10 @@ class Propagator(Base):
         columns[..., orbit.SAMPLE_FORCE] = stiffness * distance
 
     def fill_maps(self, z, periods, max_events, maps, first_period):
-        """Fill the derivatives of the period maps, move z to the end and return the status.
+        """Fill the derivatives of the period maps of a run from z and return its status.
 
-        `maps` has the shape (periods, 2 N, 2 N); the run begins at z in mesh period `first_period`
-        and has at most `max_events` events in each period.
+        z becomes the final state. `maps` has the shape (periods, 2 N, 2 N). The run begins in mesh
+        period `first_period` of the excitation and has at most `max_events` events in each period.
         """
         tables = self.empty_raw_samples(0), np.empty((0, EVENT_COLUMNS)), max_events
         summary = np.empty((len(self.system.drive_lines), orbit.SUMMARY_COLUMNS))
@@ -290,21 +308,21 @@ class Propagator(Base):
 
 
 class SingleMeshPropagator(Propagator):
-    """Run a piecewise-linear model with one mesh at one tuning."""
+    """Engine of a piecewise-linear model with one mesh at one tuning."""
 
     description, chunk_size, depends_on_tuning = "closed forms", 16, False
     create_frame = ModalFrame.for_mesh
 
     def __init__(self, model, tuning, other=None):
-        """Build the system of a model at a tuning; reuse tables of the propagator `other`."""
+        """Build the system of a model at a tuning; see `Propagator` for `other`."""
         super().__init__(model, tuning, other)
         self.pieces = 0
         # Kernels count displacements from the drive-side flank line.
         self.drive_line = model.flank_lines[0]
-        #: Displacement and dx/dtau of the mesh less those of the coordinate, both at the start of a
-        #: mesh period: the deviation of the flanks from the involute there.
+        #: Displacement and dx/dtau of the mesh less displacement and dx/dtau of the coordinate, at
+        #: the start of a mesh period: the deviation of the flanks from the involute there.
         self.flank_deviation = np.zeros(model.size)
-        # In a model that is given by an equation, a state z is that of the mesh.
+        # If a model is given by an equation, its state z is the state of the mesh.
         if model.equation is not None:
             # At the start of a mesh period all cosines of the state are 1 and all sines are 0.
             cosines = slice(model.size + 1, None, 2)
@@ -313,13 +331,13 @@ class SingleMeshPropagator(Propagator):
             self.flank_deviation[1] = rate[cosines].sum() / self.system.tuning
 
     def initial_state(self, state):
-        """Return the state z for a state of the mesh, (2,), or of all coordinates, (2 N,)."""
+        """Return the state z, shape (2 N,), for a `state` of the mesh, (2,), or a state z."""
         if len(state) == self.model.size > 2:
             return np.array(state, float)
         return self.model.full_state(self.system, state)[: self.model.size]
 
     def fill_record(self, z, span, samples, events, summary, first_period):
-        """Run from the state z, shape (2 N,), and fill the tables; see `Base.fill_record`."""
+        """Run from the state z, (2 N,), fill the tables and return the `Record`; see `Base`."""
         z -= self.flank_deviation
         raw = self.empty_raw_samples(len(samples))
         event_rows = np.empty((len(events), EVENT_COLUMNS))
@@ -340,14 +358,17 @@ class SingleMeshPropagator(Propagator):
         return Record(z, np.array([x, v]), period, samples, events, summary, status)
 
     def fill_maps(self, z, *arguments):
-        """Fill the derivatives of period maps and move z to the end; see `Base.fill_maps`."""
+        """Fill the derivatives of the period maps of a run from z; see `Propagator.fill_maps`."""
         z -= self.flank_deviation
         status = super().fill_maps(z, *arguments)
         z += self.flank_deviation
         return status
 
     def fill_samples(self, raw, samples, system):
-        """Fill samples, (k, 6 + e), with the mesh and e model outputs, from `raw` samples."""
+        """Fill `samples`, (k, 6 + e), with mesh samples and e outputs of the model, from `raw`.
+
+        See `Propagator.fill_samples` for `raw` and `system`.
+        """
         n, count = self.components, orbit.SAMPLE_COLUMNS
         self.fill_mesh_samples(raw, samples[:, :count].reshape(-1, 1, count), system)
         samples[:, orbit.SAMPLE_X] += self.drive_line

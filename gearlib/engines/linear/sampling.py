@@ -1,4 +1,4 @@
-"""Summary and samples of a gear train: extrema and contact times of every mesh."""
+"""Summary and samples of a gear train: extrema and contact times of each mesh."""
 
 import math
 
@@ -20,11 +20,11 @@ from gearlib.engines.polynomial import bernstein_maximum
 
 @kernel_without_refcounts
 def _add_extrema(curve, is_displacement, stiffness, work, row):
-    """Widen the extrema in the summary `row` of a mesh by those of a distance from a flank line.
+    """Update the extrema in the summary `row` of a mesh by a distance from a flank line.
 
-    `curve` has the Bernstein coefficients of the distance. If `is_displacement`, it counts as the
-    displacement of the mesh; a `stiffness` > 0 times the distance is the mesh force. `work` is the
-    `RunStorage` in which the polynomial is searched.
+    `curve` has the Bernstein coefficients of the distance. If `is_displacement`, the distance is
+    the displacement of the mesh. If `stiffness` is positive, it times the distance is the mesh
+    force. `work` is the `RunStorage` in which the polynomial is searched.
     """
     degree = curve.shape[0] - 1
     for sign, displacement_column, force_column in (
@@ -50,7 +50,7 @@ def _add_extrema(curve, is_displacement, stiffness, work, row):
 
 @inlined_without_refcounts
 def _fill_distance(tables, combination, side, j, work):
-    """Fill `work.curve` with the distance of mesh j from the flank line of a side.
+    """Fill `work.curve` with the Bernstein coefficients of mesh j's distance from a flank line.
 
     `combination` is a row of `tables` (`Modes`), or SERIES; `side` is 0 (coast) or 1 (drive).
     """
@@ -62,10 +62,11 @@ def _fill_distance(tables, combination, side, j, work):
 
 @inlined_without_refcounts
 def _extrema_stay_within_summary(system, tables, combination, work, segment, summary, mode_count):
-    """Return whether no mesh provably exceeds the extrema in `summary` until a contact changes.
+    """Return whether all meshes provably stay within their extrema until a contact changes.
 
-    `summary` has a row a mesh; `combination` is a row of `tables` (`Modes`), `segment` one of the
-    `TrainSystem`, and `mode_count` the number of mode amplitudes in `work` (`RunStorage`).
+    `summary` holds the extrema, with a row for each mesh. `combination` is a row of `tables`
+    (`Modes`), `segment` the index of a stiffness segment of the `TrainSystem` `system`, and
+    `mode_count` the number of mode amplitudes in `work` (`RunStorage`).
     """
     for j in range(work.contact.shape[0]):
         row, code = summary[j], work.contact[j]
@@ -87,10 +88,10 @@ def _extrema_stay_within_summary(system, tables, combination, work, segment, sum
 
 @inlined_without_refcounts
 def _distance_integral(tables, combination, side, j, start, end, t):
-    """Return the time integral of the distance of mesh j from a flank line over the time t.
+    """Return the integral over the time t of mesh j's distance from a flank line.
 
-    `start` and `end` are the modal states, and `combination` is a row of `tables` (`Modes`); `side`
-    is 0 for the coast and 1 for the drive side.
+    `start` and `end` are the modal states at the ends of this time, and `combination` is a row of
+    `tables` (`Modes`); `side` is 0 for the coast and 1 for the drive side.
     """
     pair_count = tables.pair_counts[combination]
     total = tables.constant_distance[combination, side, j] * t
@@ -115,18 +116,19 @@ def _distance_integral(tables, combination, side, j, start, end, t):
 def sample_motion(
     system, tables, combination, work, segment, phase, length, piece_length, summary, samples
 ):
-    """Record a motion without contact changes in the summary, a row a mesh, and the samples.
+    """Record a motion without contact changes in the summary and the samples of all meshes.
 
-    It begins at `phase`, in a segment, with the modal state in `work` and lasts `length` in theta;
-    polynomials of distances hold over `piece_length`. `combination` is a row of `tables` or SERIES.
-    Samples have the columns: state, shape (n,), contact codes, shape (m,), segment; the last column
-    has the phase of the sample until it is filled. After a failed search for the largest
-    displacement of the first mesh, which is then NaN, there are no further searches.
+    The motion begins at `phase`, in a segment, with the modal state in `work` and lasts `length` in
+    theta; polynomials of distances hold over `piece_length`. `combination` is a row of `tables` or
+    SERIES. The summary has a row for each mesh. Samples have the columns: state, shape (n,),
+    contact codes, shape (m,), segment; the last column has the phase of a sample until it is
+    filled. After a failed search for the largest displacement of the first mesh, which is then NaN,
+    there are no further searches.
     """
     m, n = system.drive_lines.shape
     tuning, elapsed, curve = system.tuning, 0.0, work.curve
     degree = curve.shape[0] - 1
-    with_extrema = summary[0, orbit.X_MAX] < math.inf
+    records_extrema = summary[0, orbit.X_MAX] < math.inf
     copy(work.modal_state, work.mode_buffer)
     for j in range(m):
         orbit.add_contact_time(
@@ -136,14 +138,14 @@ def sample_motion(
             summary[j],
         )
     while elapsed < length:
-        step = min(piece_length, length - elapsed) if with_extrema else length
-        search_step = with_extrema
-        if with_extrema and step < length - elapsed:
+        step = min(piece_length, length - elapsed) if records_extrema else length
+        searches_extrema = records_extrema
+        if records_extrema and step < length - elapsed:
             mode_count = fill_amplitudes(tables, combination, work.mode_buffer, work.amplitudes)
             if _extrema_stay_within_summary(
                 system, tables, combination, work, segment, summary, mode_count
             ):
-                step, search_step = length - elapsed, False
+                step, searches_extrema = length - elapsed, False
                 copy(work.mode_buffer, work.sampled_modes)
                 advance_modes_in_time(tables, combination, work, step, work.sampled_modes)
                 for j in range(m):
@@ -155,7 +157,7 @@ def sample_motion(
                         )
                         impulse *= tuning * system.stiffness[code + 1, segment, j]
                         summary[j, orbit.FORCE_SUM] += impulse
-        for j in range(m if search_step else 0):
+        for j in range(m if searches_extrema else 0):
             row, code = summary[j], work.contact[j]
             _fill_distance(tables, combination, 1, j, work)
             restrict_to_start(curve, step / piece_length, degree)

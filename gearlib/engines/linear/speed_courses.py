@@ -1,7 +1,7 @@
 """Runs along a speed and a load course: run-ups, run-downs, steps and ramps of torque.
 
 Between switches of stiffness the equations of motion in theta, the time of the model, do not depend
-on the speed: a piece of constant acceleration has the matrices of a run at constant speed and
+on the speed: a piece of constant acceleration has the same matrices as a run at constant speed, but
 switches at other instants. With the mesh phase tau = tau_0 + nu_0 theta + a theta^2 / 2 the time
 between two switches is 2 dtau / (nu_1 + nu_2), nu^2 = nu_0^2 + 2 a (tau - tau_0): no digits cancel,
 and a = 0 gives the segments of a run at constant speed. The inertia of the acceleration and steps
@@ -26,19 +26,19 @@ from gearlib.engines.linear.train_system import TrainSystem
 _PERIODS_AT_A_TIME = 512
 #: Phases closer than this fraction of the whole phase count as equal.
 _SAME_PHASE_TOLERANCE = 1e-12
-#: Fraction of a mesh period far from all ratios of small integers: the golden section.
+#: The golden section, a fraction of a mesh period far from all ratios of small integers.
 _GOLDEN_SECTION = 0.3819660112501051
-#: Cost of modes, in steps of the series, that no run reaches.
+#: Cost of modes, in Taylor steps, that no run reaches.
 _UNREACHABLE_COST = 2**62
 
 
 class CoursePiece(NamedTuple):
-    """An interval of a speed and load course in which both are linear in theta."""
+    """A piece of a speed and load course on which both are linear in theta."""
 
     start: float  #: theta at its start
     length: float  #: its duration in theta
     phase: float  #: mesh phase tau at its start, rad
-    speed: float  #: tuning nu at its start
+    speed: float  #: tuning nu = dtau/dtheta at its start
     acceleration: float  #: dnu/dtheta, constant
     load: float  #: load at its start, as a fraction of the nominal load
     slope: float  #: derivative of the load by theta
@@ -57,16 +57,16 @@ class CoursePiece(NamedTuple):
 
 
 class IntervalRecord(NamedTuple):
-    """Record of k intervals of a run: mesh periods, cut where pieces of the courses end."""
+    """Record of k intervals of a run: mesh periods that are cut where pieces of the courses end."""
 
     piece: CoursePiece
     phase: np.ndarray  #: tau at the bounds of the intervals, shape (k + 1,)
     theta: np.ndarray  #: theta at the bounds of the intervals, shape (k + 1,)
     samples: np.ndarray  #: columns of `orbit`, shape (j, m, 6)
-    states: np.ndarray  #: coordinates and their rates by theta, shape (j, 2 N)
-    block: np.ndarray  #: int, number of the block of each interval, shape (k,)
+    states: np.ndarray  #: coordinates and their derivatives by theta, shape (j, 2 N)
+    block: np.ndarray  #: int, number of the summary block of each interval, shape (k,)
     summary: np.ndarray  #: extrema and contact times of each block, shape (b, m, 10)
-    #: (theta, mesh, from, to, velocity by theta, interval, theta in it), shape (i, 7)
+    #: theta, mesh, codes before and after, velocity by theta, interval, theta in it; shape (i, 7)
     events: np.ndarray
     status: int
 
@@ -74,11 +74,12 @@ class IntervalRecord(NamedTuple):
 def pieces_of(model: Any, speeds: np.ndarray, loads: np.ndarray) -> list[CoursePiece]:
     """Split a speed and a load course of a model into pieces on which both are linear.
 
-    `speeds`, shape (j, 2), has the columns time in s and speed in rpm; `loads`, shape (k, 2), time
-    in s and fraction of the nominal load. Two loads at one time are a step; the last load holds to
-    the end of the speeds.
+    `speeds`, shape (j, 2), has the columns time in s and speed in rpm; `loads`, shape (k, 2), has
+    the columns time in s and fraction of the nominal load. Two loads at the same time are a step.
+    The last load lasts until the end of `speeds`.
     """
-    scales = np.array([float(model.mesh_frequency(1.0)), 1.0])  # theta for one second, and 1
+    # One second is this much theta; speeds and loads are not scaled.
+    scales = np.array([float(model.mesh_frequency(1.0)), 1.0])
     speeds, loads = speeds * scales, loads * scales
     speeds[:, 1] = [model.tuning_at(rpm) if rpm else 0.0 for rpm in speeds[:, 1]]
     times = np.union1d(speeds[:, 0], loads[:, 0])
@@ -96,8 +97,8 @@ def pieces_of(model: Any, speeds: np.ndarray, loads: np.ndarray) -> list[CourseP
 def start_course_run(model, speeds, loads, state):
     """Return (propagator, list of `CoursePiece`, state z) at the start of speed and load courses.
 
-    `speeds` and `loads` are those of `pieces_of`; the velocities in `state`, by phase, become
-    velocities by theta in z.
+    See `pieces_of` for `speeds` and `loads`. Velocities are derivatives by phase in `state` and by
+    theta in z.
     """
     runner, pieces = model.speed_course_propagator(model), pieces_of(model, speeds, loads)
     z = np.array(runner.initial_state(state), float)
@@ -106,7 +107,10 @@ def start_course_run(model, speeds, loads, state):
 
 
 def _value_and_slope(course: np.ndarray, time: float) -> tuple[float, float]:
-    """Return value and slope, just after `time`, of a piecewise linear course of (time, value)."""
+    """Return (value, slope) of a piecewise linear course just after a time.
+
+    `course`, shape (k, 2), has the columns time and value; outside its times the value is constant.
+    """
     i = int(np.searchsorted(course[:, 0], time, side="right")) - 1
     if i < 0:
         return float(course[0, 1]), 0.0
@@ -120,12 +124,13 @@ def _value_and_slope(course: np.ndarray, time: float) -> tuple[float, float]:
 def run_courses(
     runner, pieces, state, samples_per_period, max_events, base_acceleration, periods_per_block
 ):
-    """Run the propagator `runner` through a list of `CoursePiece`; yield records up to a failure.
+    """Run a propagator through a list of `CoursePiece`; yield an `IntervalRecord` at a time.
 
-    `state`, shape (2 N,), has velocities by theta and changes in place. Each mesh period has
-    samples at equal steps of time and at most `max_events` contact events. `base_acceleration`,
-    shape (N,), is the acceleration of the coordinates, by theta, that d2tau/dtheta2 = 1 causes.
-    Each `IntervalRecord` has a summary for every block of `periods_per_block` mesh periods.
+    `runner` is the propagator; a failed run ends after its record. `state`, shape (2 N,), has
+    velocities by theta and changes in place. Each mesh period has `samples_per_period` samples at
+    equal steps of time and at most `max_events` contact events. `base_acceleration`, shape (N,), is
+    the acceleration of the coordinates by theta due to d2tau/dtheta2 = 1. A record has a summary
+    for each block of `periods_per_block` mesh periods.
     """
     for piece in pieces:
         runner.set_piece(piece, base_acceleration)
@@ -137,14 +142,14 @@ def run_courses(
 
 
 class PieceIntervals(NamedTuple):
-    """Intervals of a piece: mesh periods, of which the first and last end with the piece."""
+    """Intervals of a piece: mesh periods, of which the first and the last are cut by the piece."""
 
     phase: np.ndarray  #: tau - offset at the bounds of segments, shape (p + 1,)
     offset: float  #: tau from which `phase` counts
     first_segments: np.ndarray  #: int, first segment of each interval, shape (k + 1,)
     segments: np.ndarray  #: int, numbers of the segments in `source`, shape (p,)
-    source: Any  #: the `TrainSystem` that has their stiffness
-    block: np.ndarray  #: int, numbers of the blocks of the intervals, shape (k,)
+    source: Any  #: the `TrainSystem` that holds the stiffness of the segments
+    block: np.ndarray  #: int, number of the summary block of each interval, shape (k,)
     begins: bool  #: whether the first interval begins with the piece
     ends: bool  #: whether the last interval ends with the piece
 
@@ -167,69 +172,85 @@ class PieceIntervals(NamedTuple):
             return 2.0 * np.diff(self.phase) / speed_sums
         return np.array([piece.length])
 
-    def end_times(self, length: np.ndarray) -> np.ndarray:
-        """Return the ends of all segments in theta since the start of their interval.
+    def end_times(self, lengths: np.ndarray) -> np.ndarray:
+        """Return the ends of all p segments in theta since the start of their interval, (p,).
 
-        `length`, shape (p,), has the durations of the segments. Each interval is summed on its own,
-        so that rounding does not grow with the run.
+        `lengths`, shape (p,), has the durations of the segments. Each interval is summed
+        separately, so that rounding does not grow with the run.
         """
         segment_counts = np.diff(self.first_segments)
         interval = np.repeat(np.arange(segment_counts.size), segment_counts)
-        position = np.arange(length.size) - self.first_segments[interval]
+        position = np.arange(lengths.size) - self.first_segments[interval]
         padded_lengths = np.zeros((segment_counts.size, segment_counts.max()))
-        padded_lengths[interval, position] = length
+        padded_lengths[interval, position] = lengths
         return np.cumsum(padded_lengths, axis=1)[interval, position]
 
-    def bounds(self, piece: CoursePiece, length: np.ndarray) -> np.ndarray:
-        """Return theta at the bounds of the k intervals, from the segments' `length`s, (k + 1,)."""
+    def bounds(self, piece: CoursePiece, lengths: np.ndarray) -> np.ndarray:
+        """Return theta at the bounds of the k intervals, shape (k + 1,).
+
+        `lengths`, shape (p,), has the durations of the segments.
+        """
         start = piece.start
         if not self.begins:
             phase = self.offset + self.phase[0]
             start += 2.0 * (phase - piece.phase) / (piece.speed + float(piece.speed_at(phase)))
-        return start + np.concatenate([[0.0], np.cumsum(length)])[self.first_segments]
+        return start + np.concatenate([[0.0], np.cumsum(lengths)])[self.first_segments]
 
 
 def _piece_intervals(runner, piece, periods_per_block):
-    """Yield `PieceIntervals` of a `CoursePiece`, a limited number of mesh periods at a time.
+    """Yield the `PieceIntervals` of a `CoursePiece` for a limited number of mesh periods at a time.
 
     `runner` is the propagator; a block of the summary lasts `periods_per_block` mesh periods.
     """
     base, is_long = runner.base_system, runner.long_run_out
     end = piece.phase + piece.length * (piece.speed + 0.5 * piece.acceleration * piece.length)
     repeats, tolerance = len(base.first_segment) - 1, _SAME_PHASE_TOLERANCE * max(end, 1.0)
-    count = _PERIODS_AT_A_TIME if is_long else max(_PERIODS_AT_A_TIME // repeats, 1) * repeats
-    first_period, is_first = int((piece.phase + tolerance) / math.tau) // count * count, True
+    period_count = (
+        _PERIODS_AT_A_TIME if is_long else max(_PERIODS_AT_A_TIME // repeats, 1) * repeats
+    )
+    first_period, is_first = (
+        int((piece.phase + tolerance) / math.tau) // period_count * period_count,
+        True,
+    )
     while True:
         # The segments of the next `count` mesh periods, as copies of the segments of `source`.
-        source = runner.model.system(1.0, first_period, count) if is_long else base
-        copy_count, segment_count = 1 if is_long else count // repeats, source.starts.size - 1
+        source = runner.model.system(1.0, first_period, period_count) if is_long else base
+        copy_count, segment_count = (
+            1 if is_long else period_count // repeats,
+            source.starts.size - 1,
+        )
         segment_numbers = np.tile(np.arange(segment_count), copy_count)
         copies, offset = np.arange(copy_count)[:, None], math.tau * first_period
         bounds = (copies * source.starts[-1] + source.starts[:-1]).ravel()
-        bounds = np.append(bounds, math.tau * count)
+        bounds = np.append(bounds, math.tau * period_count)
         period_starts = (copies * segment_count + source.first_segment[:-1]).ravel()
         start_phase, end_phase = piece.phase - offset, end - offset
-        # The piece lies in the segments `first` to `last` - 1 and cuts the first and last of them.
-        first = max(int(np.searchsorted(bounds, start_phase + tolerance, side="right")) - 1, 0)
-        last = min(int(np.searchsorted(bounds, end_phase - tolerance)), segment_numbers.size)
-        last = max(last, first + 1)
-        phase = bounds[first : last + 1].copy()
+        # The piece lies in the segments from `first_segment` to before `end_segment`; it cuts the
+        # first and the last of them.
+        first_segment = max(
+            int(np.searchsorted(bounds, start_phase + tolerance, side="right")) - 1, 0
+        )
+        end_segment = min(int(np.searchsorted(bounds, end_phase - tolerance)), segment_numbers.size)
+        end_segment = max(end_segment, first_segment + 1)
+        phase = bounds[first_segment : end_segment + 1].copy()
         phase[0], last_phase = max(phase[0], start_phase), min(phase[-1], end_phase)
         phase[-1] = max(last_phase, start_phase)
         # Intervals begin with the piece and with each mesh period in it.
-        is_inside = (period_starts > first) & (period_starts < last)
-        first_segments = np.array([0, *(period_starts[is_inside] - first), last - first])
+        is_inside = (period_starts > first_segment) & (period_starts < end_segment)
+        first_segments = np.array(
+            [0, *(period_starts[is_inside] - first_segment), end_segment - first_segment]
+        )
         middles = (phase[first_segments[:-1]] + phase[first_segments[1:]]) / 2.0 + offset
         # A mesh period belongs to the block that contains its phase at the golden section, where no
         # block begins for any ratio of tooth numbers, so that rounding does not decide.
         period_numbers = np.floor(middles / math.tau)
         block = ((period_numbers + _GOLDEN_SECTION) / periods_per_block).astype(int)
-        is_last = math.tau * (first_period + count) >= end - tolerance
-        segments = segment_numbers[first:last]
+        is_last = math.tau * (first_period + period_count) >= end - tolerance
+        segments = segment_numbers[first_segment:end_segment]
         yield PieceIntervals(
             phase, offset, first_segments, segments, source, block, begins=is_first, ends=is_last
         )
-        first_period, is_first = first_period + count, False
+        first_period, is_first = first_period + period_count, False
         if is_last:
             return
 
@@ -251,17 +272,18 @@ class _CourseRunMixin:
         return len(self.base_system.drive_lines)
 
     def next_segments(self, first_period, periods_done, period_counts):
-        """Return (system, constants, number of periods) of the present `PieceIntervals`."""
+        """Return (system, constants, number of periods) for the present `PieceIntervals`."""
         return self.system, self.constants, period_counts[0]
 
     def set_piece(self, piece: CoursePiece, base_acceleration: np.ndarray) -> None:
         """Set the loads and the acceleration of a `CoursePiece`.
 
-        `base_acceleration`, shape (N,), is the acceleration that d2tau/dtheta2 = 1 causes.
+        `base_acceleration`, shape (N,), is the acceleration of the coordinates by theta due to
+        d2tau/dtheta2 = 1.
         """
         self.loaded_system = _system_with_load(self.unloaded_system, piece, base_acceleration)
         if self.base_system.harmonics.size:
-            # The speed, behind the displacements and velocities, grows by the constant component.
+            # The speed comes after displacements and velocities; its derivative is a constant.
             speed, constant = self.model.size, -1
             self.loaded_system.base_matrix[speed, constant] = piece.acceleration
         # The old tables may have another number of state components.
@@ -269,32 +291,33 @@ class _CourseRunMixin:
 
     @cached_property
     def base_system(self):
-        """`TrainSystem` of the model before loads and segments of the courses are set."""
+        """The `TrainSystem` of the model, without the loads and segments of the courses."""
         return self.system
 
     @cached_property
     def unloaded_system(self):
-        """`base_system`, whose harmonics, if any, follow a phase that is quadratic in theta."""
+        """The `base_system`, with the phase of harmonics, if there are any, quadratic in theta."""
         if not self.base_system.harmonics.size:
             return self.base_system
         period_range = (0, self.base_system.first_segment.size - 1) if self.long_run_out else ()
-        # The base system is at tuning 1. Another tuning tells terms of the harmonics from terms of
-        # their derivatives, which are proportional to the tuning.
+        # The base system is at tuning 1. At another tuning, terms of the harmonics are the same,
+        # but terms of their derivatives are proportional to the tuning.
         system_at_tuning_2 = self.model.system(2.0, *period_range)
         return _system_with_chirps(self.base_system, system_at_tuning_2, self.model.size)
 
     def take_tables(self):
-        """Return mode tables for one run; while harmonics change speed, only series apply."""
+        """Return mode tables for a run. Without constant speed, harmonics need Taylor series."""
         tables = super().take_tables()  # type: ignore[misc]
         if self.base_system.harmonics.size:
             tables.mode_cost[0] = _UNREACHABLE_COST
         return tables
 
     def _driven_components(self, piece, intervals, theta) -> list[float]:
-        """Return the state components between velocities and constant at the start of intervals.
+        """Return the state components between the velocities and the constant.
 
-        These are the speed and the harmonics, if there are any, and the change of the load since
-        the start of the `CoursePiece`, if it has a slope; `theta` is the time there.
+        They are the values at the start of the `PieceIntervals`, at time `theta`: the speed and the
+        harmonics, if there are any, and the change of the load since the start of the
+        `CoursePiece`, if the load has a slope.
         """
         mesh_period = round(intervals.offset / math.tau) % self.model.repeats
         values, phase = [], intervals.phase[0] + math.tau * mesh_period
@@ -308,13 +331,13 @@ class _CourseRunMixin:
             values.append(piece.slope * (theta - piece.start))
         return values
 
-    def _set_segments(self, intervals, length, sample_starts) -> None:
-        """Set system and constants to the p segments of `PieceIntervals` with durations `length`.
+    def _set_segments(self, intervals, lengths, sample_starts) -> None:
+        """Set system and constants for the p segments of `PieceIntervals`.
 
-        The durations are in theta; `sample_starts` has the index of the first sample of each
-        interval.
+        `lengths`, shape (p,), has the durations of the segments in theta, and `sample_starts`,
+        shape (k + 1,), has the index of the first sample of each of the k intervals.
         """
-        system, starts = self.loaded_system, np.concatenate([[0.0], np.cumsum(length)])
+        system, starts = self.loaded_system, np.concatenate([[0.0], np.cumsum(lengths)])
         tables = {
             name: np.ascontiguousarray(getattr(intervals.source, name)[:, intervals.segments])
             for name in ("effect", "stiffness", "below_mean")
@@ -323,8 +346,8 @@ class _CourseRunMixin:
         tables |= {"starts": starts, "first_segment": segments, "repeats": repeats}
         self.system = system._replace(**tables)
         self.constants = self.constants._replace(
-            lengths=length,
-            length_index=np.full(length.size, -1),  # No length occurs twice.
+            lengths=lengths,
+            length_index=np.full(lengths.size, -1),  # No length occurs twice.
             drive_rates=system.drive_lines @ system.base_matrix,
             coast_rates=system.coast_lines @ system.base_matrix,
             summary_blocks=intervals.block - intervals.block[0],
@@ -336,7 +359,10 @@ class _CourseRunMixin:
         self.components = len(system.base_matrix)
 
     def _add_chirp_accelerations(self, raw, piece, columns):
-        """Add the accelerations due to harmonics to mesh samples `columns`, (k, m, 6)."""
+        """Add the accelerations due to harmonics to the mesh samples `columns`, shape (k, m, 6).
+
+        `raw` holds the states of the samples; the speed changes as in the `CoursePiece` `piece`.
+        """
         speed_index, rate = self.model.size, self.constants.drive_rates
         for j, w in enumerate(self.base_system.harmonics):
             i = speed_index + 1 + 4 * j
@@ -348,22 +374,26 @@ class _CourseRunMixin:
             columns[..., orbit.SAMPLE_A] += sine_term[:, None] * rate[:, i + 3]
 
     def run_intervals(self, piece, state, intervals, samples_per_period, max_events):
-        """Run through `PieceIntervals` of a piece; return their record, an `IntervalRecord`.
+        """Run through the `PieceIntervals` of a `CoursePiece` and return an `IntervalRecord`.
 
-        `state`, shape (2 N,), has velocities by theta and changes in place. Each interval has
-        `samples_per_period` samples and at most `max_events` contact events.
+        `state`, shape (2 N,), holds displacements and velocities by theta; it becomes the final
+        state. Each interval has `samples_per_period` samples and at most `max_events` events.
         """
-        length, count = intervals.lengths(piece), len(intervals.block)
-        interval_lengths = intervals.end_times(length)[intervals.first_segments[1:] - 1]
+        lengths, count = intervals.lengths(piece), len(intervals.block)
+        interval_lengths = intervals.end_times(lengths)[intervals.first_segments[1:] - 1]
         sample_times = interval_lengths[:, None] * np.arange(samples_per_period)
         sample_times = (sample_times / max(samples_per_period, 1)).ravel()
-        self._set_segments(intervals, length, samples_per_period * np.arange(count + 1))
-        bounds, system, half = intervals.bounds(piece, length), self.system, state.size // 2
+        self._set_segments(intervals, lengths, samples_per_period * np.arange(count + 1))
+        bounds, system, coordinate_count = (
+            intervals.bounds(piece, lengths),
+            self.system,
+            state.size // 2,
+        )
         m = len(system.drive_lines)
         raw = self.empty_raw_samples(len(sample_times))
         raw[:, -1] = sample_times
         summary = np.empty(((self.constants.summary_blocks[-1] + 1) * m, orbit.SUMMARY_COLUMNS))
-        # The run enlarges the event table if there are more than four events a mesh and interval.
+        # The run enlarges the event table if it needs more than four rows for a mesh and interval.
         events, period_counts = np.empty((4 * count * m, EVENT_COLUMNS)), (count, count)
         all_components = np.append(state, self._driven_components(piece, intervals, bounds[0]))
         self.scale = np.ones(all_components.size)
@@ -381,25 +411,25 @@ class _CourseRunMixin:
         # At tuning 1 phases are times. The first column counts from the start of the courses.
         event_rows[:, 0] += bounds[events[:, orbit.EVENT_PERIOD].astype(int)]
         summary = summary.reshape(-1, m, orbit.SUMMARY_COLUMNS)
-        record = columns, raw[:, : 2 * half], intervals.block, summary, event_rows
+        record = columns, raw[:, : 2 * coordinate_count], intervals.block, summary, event_rows
         phases = intervals.offset + intervals.phase[intervals.first_segments]
         return IntervalRecord(piece, phases, bounds, *record, status)
 
 
 class _CourseTrain(_CourseRunMixin, propagator.Propagator):
-    """A gear train along a speed and load course."""
+    """Engine of a gear train along a speed and load course."""
 
 
 class CourseMesh(_CourseRunMixin, propagator.SingleMeshPropagator):
-    """A model with one mesh along a speed and load course."""
+    """Engine of a model with one mesh along a speed and load course."""
 
     def initial_state(self, state):
-        """Return the state z for a `state`, see `Base.initial_state`, less the flank deviations."""
+        """Return the state z for a `state` of the mesh, less the deviation of its flanks."""
         return super().initial_state(state) - self.flank_deviation
 
 
 def propagator_of(model: Any) -> Any:
-    """Return the propagator, with time theta, of a model along speed and load courses."""
+    """Return the engine of a model along speed and load courses, with time theta."""
     runner = (_CourseTrain if model.mesh_names else CourseMesh)(model, 1.0)
     runner.description = "Taylor steps" if runner.system.harmonics.size else "closed forms"
     return runner
@@ -411,21 +441,22 @@ def _system_with_load(
     """Return a `TrainSystem` with the load and the acceleration of a `CoursePiece`.
 
     A changing load adds one component to the state. `base_acceleration`, shape (N,), is the
-    acceleration by theta that d2tau/dtheta2 = 1 causes.
+    acceleration of the coordinates by theta due to d2tau/dtheta2 = 1.
     """
-    n, half = len(system.base_matrix), base_acceleration.size
-    constant, rows = n - 1, slice(half, 2 * half)
+    n, coordinate_count = len(system.base_matrix), base_acceleration.size
+    constant, velocities = n - 1, slice(coordinate_count, 2 * coordinate_count)
     matrix = system.base_matrix.copy()
-    load = matrix[rows, constant].copy()
-    matrix[rows, constant] = load * piece.load + base_acceleration * piece.acceleration
+    load = matrix[velocities, constant].copy()
+    matrix[velocities, constant] = load * piece.load + base_acceleration * piece.acceleration
     if piece.slope == 0.0:
         return system._replace(base_matrix=matrix)
 
     def with_zero_column(array):
+        """Return an array of row vectors with an entry 0 for the new component."""
         return np.insert(array, constant, 0.0, axis=-1)
 
     matrix = np.insert(with_zero_column(matrix), constant, 0.0, axis=0)
-    matrix[constant, constant + 1], matrix[rows, constant] = piece.slope, load
+    matrix[constant, constant + 1], matrix[velocities, constant] = piece.slope, load
     names = "drive_lines", "coast_lines", "force_input", "force_output"
     widened = {name: with_zero_column(getattr(system, name)) for name in names}
     return system._replace(base_matrix=matrix, **widened)
@@ -436,30 +467,34 @@ def _system_with_chirps(
 ) -> TrainSystem:
     """Return a `TrainSystem` whose harmonics have a phase that is quadratic in theta.
 
-    Behind `size` displacements and velocities come dtau/dtheta and, for each harmonic, cosine, sine
-    and their derivatives by theta, on which damping acts. Their coefficients follow from the
-    difference between `system_at_tuning_2` and `system`, which is at tuning 1. `sparse_series`
-    computes the derivatives of the new components.
+    After `size` displacements and velocities, the state holds dtau/dtheta and, for each harmonic,
+    cosine, sine and their derivatives by theta, on which damping forces depend. The coefficients of
+    the derivatives follow from the difference between `system_at_tuning_2` and `system`, which is
+    at tuning 1. `sparse_series` computes the derivatives of the new components.
     """
     h = system.harmonics.size
     size_after = size + 2 + 4 * h  # speed, four components a harmonic, constant
-    # Each harmonic has the columns cosine, sine, derivative of the cosine, that of the sine.
+    # Each harmonic has four columns: cosine, sine, derivative of the cosine, derivative of the
+    # sine.
     first_columns = [size + 1 + 4 * j for j in range(h)]
 
     def with_chirps(array, array_at_tuning_2):
-        """Return an array of row vectors, (..., size + 1 + 2 h), for the state with chirps.
+        """Return row vectors, (..., size + 1 + 2 h), converted to the state with chirps.
 
-        A harmonic's derivative is the tuning times its frequency w times the other harmonic. So the
-        difference of the arrays at tunings 1 and 2 is the part that multiplies the derivatives.
+        The derivative of a harmonic is the tuning times its frequency w times the other harmonic.
+        So the difference between the arrays at tunings 2 and 1 belongs to the derivatives.
         """
         result = np.zeros((*array.shape[:-1], size_after))
         result[..., :size], result[..., -1] = array[..., :size], array[..., size]
         for j, (i, w) in enumerate(zip(first_columns, system.harmonics, strict=True)):
             cosine, sine = (size + 1 + 2 * j + k for k in range(2))
-            rate = array_at_tuning_2 - array
-            result[..., i] = array[..., cosine] - rate[..., cosine]
-            result[..., i + 1] = array[..., sine] - rate[..., sine]
-            result[..., i + 2], result[..., i + 3] = -rate[..., sine] / w, rate[..., cosine] / w
+            derivative_part = array_at_tuning_2 - array
+            result[..., i] = array[..., cosine] - derivative_part[..., cosine]
+            result[..., i + 1] = array[..., sine] - derivative_part[..., sine]
+            result[..., i + 2], result[..., i + 3] = (
+                -derivative_part[..., sine] / w,
+                derivative_part[..., cosine] / w,
+            )
         return result
 
     names = "drive_lines", "coast_lines", "force_input", "force_output"

@@ -28,7 +28,7 @@ _MAX_DERIVATIVES = 10
 
 @kernel_without_refcounts
 def _sign_or_zero(row_vector, z):
-    """Return the sign of the product of a row vector and z, 0.0 if it is zero to rounding."""
+    """Return the sign of the scalar product of a row vector and z, 0.0 if it is below rounding."""
     value, magnitude = 0.0, 0.0
     for r in range(z.shape[0]):
         value += row_vector[r] * z[r]
@@ -42,10 +42,11 @@ def _sign_or_zero(row_vector, z):
 def set_initial_contacts(system, no_coast_side, work, segment):
     """Set contact, start_line and zero_order in `work` for its state at the start of a segment.
 
-    For a mesh on a flank line, the first nonzero derivative of its distance decides the contact
-    just after. Until that derivative is reached, the mesh exerts no force. zero_order is its order,
-    start_line the line, 1 drive side or -1 coast side; both are 0 off the lines. `system` is the
-    `TrainSystem`; `no_coast_side`, bool, shape (m,), says whether a mesh has no coast side.
+    If a mesh is on a flank line, the first nonzero derivative of its distance decides the contact
+    just after; in derivatives of lower order the mesh exerts no force. zero_order is the order of
+    this derivative, start_line the line, 1 drive side or -1 coast side; both are 0 off the lines.
+    `system` is the `TrainSystem`, `work` its `RunStorage`, and `segment` the index of the segment.
+    `no_coast_side`, bool, shape (m,), marks the meshes without a coast side.
     """
     m, n = system.drive_lines.shape
     z = work.state[:n]
@@ -85,7 +86,7 @@ def set_initial_contacts(system, no_coast_side, work, segment):
                     work.contact[j] = work.start_line[j]
     for j in range(m):
         if is_undecided[j]:
-            # A mesh that stays on its line counts as in contact on the drive side only.
+            # A mesh that stays on a line counts as in contact if the line is the drive-side line.
             work.zero_order[j] = _MAX_DERIVATIVES
             work.contact[j] = max(work.start_line[j], 0)
 
@@ -101,9 +102,10 @@ def _exceeds_range(z):
 
 @kernel
 def start_run(system, constants, work):
-    """Set the contacts in `work` for the state at the start of a run; return a status.
+    """Set the harmonics and the contacts in `work` at the start of a run; return a status.
 
-    It is OK, or JAMMED if both flanks of a mesh overlap; `constants` are those of the system.
+    The status is JAMMED if both flanks of a mesh touch, else OK. `work` is the `RunStorage`, and
+    `constants` are the `RunConstants` of the `TrainSystem` `system`.
     """
     n = system.drive_lines.shape[1]
     set_harmonics(system.harmonics, work.state[:n], 2.0 * math.pi * system.first_period)
@@ -127,7 +129,7 @@ def run_train(
     record_periods,
     samples,
     events,
-    limit,
+    max_events,
     summary,
     strobes,
     vectors,
@@ -139,20 +141,21 @@ def run_train(
     tables, a larger event table, or the next segments; the next call then continues from there. The
     last `record_periods` are recorded in samples and events, see `periods.run_period`, in a summary
     for each block of `constants`, and in `strobes`, shape (m, k + 1, 2): displacement and velocity
-    of the meshes at the bounds of the last k periods. `limit` is the most events of a period.
-    `maps`, shape (periods, 2 N, 2 N) or (0, 2 N, 2 N), are filled with the derivative of the state
-    after each period by the state before it, for which `vectors`, shape (2 N, n or more), are
-    storage.
+    of the meshes at the bounds of the last k periods. A period has at most `max_events` events.
+    `maps`, shape (periods, 2 N, 2 N) or (0, 2 N, 2 N), is filled with the derivative of the state
+    after each period with respect to the state before it; `vectors`, shape (2 N, n or more), is
+    overwritten.
     """
     m, n = system.drive_lines.shape
     size, strobe_count = maps.shape[1], strobes.shape[1] - 1
     first_recorded = periods - record_periods
-    per_period = samples.shape[0] // max(record_periods, 1)
+    samples_per_period = samples.shape[0] // max(record_periods, 1)
     for period in range(work.counters[PERIOD], periods):
         if period >= work.counters[KNOWN_PERIODS]:
             return SEGMENTS_MISSING
         if work.counters[SEGMENT] < 0:
-            # The harmonics are set anew, so that their rounding does not grow with the run.
+            # The harmonics are set in each period, so that their rounding does not grow with the
+            # run.
             phase = 2.0 * math.pi * (system.first_period + period)
             set_harmonics(system.harmonics, work.state[:n], phase)
             row = period - (periods - strobe_count)
@@ -163,15 +166,25 @@ def run_train(
                     vectors[r, k] = 1.0 if r == k else 0.0
         recorded = period >= first_recorded
         number = (system.first_period + period) % (system.first_segment.shape[0] - 1)
-        first_sample = max(period - first_recorded, 0) * per_period
-        last_sample = first_sample + per_period if recorded else first_sample
+        first_sample = max(period - first_recorded, 0) * samples_per_period
+        end_sample = first_sample + samples_per_period if recorded else first_sample
         if constants.sample_starts.shape[0] > 0:
             first_sample = constants.sample_starts[number]
-            last_sample = constants.sample_starts[number + 1]
-        rows = summary[constants.summary_blocks[number] * m :]
-        table = samples[first_sample:last_sample]
+            end_sample = constants.sample_starts[number + 1]
+        mesh_summaries = summary[constants.summary_blocks[number] * m :]
+        period_samples = samples[first_sample:end_sample]
         status = run_period(
-            system, constants, tables, work, number, limit, vectors, recorded, rows, table, events
+            system,
+            constants,
+            tables,
+            work,
+            number,
+            max_events,
+            vectors,
+            recorded,
+            mesh_summaries,
+            period_samples,
+            events,
         )
         if status < 0:
             return status
@@ -181,7 +194,7 @@ def run_train(
             status = OVERFLOW
         if recorded and status == OK:
             for j in range(m):
-                if orbit.has_unresolved_extremum(rows[j]):
+                if orbit.has_unresolved_extremum(mesh_summaries[j]):
                     status = UNRESOLVED
         if status != OK:
             return status
@@ -198,8 +211,9 @@ def run_train(
 def motion_period(system, strobes, summary):
     """Return the number of mesh periods after which the motion of all meshes repeats, or 0.
 
-    `strobes`, shape (m, k + 1, 2), has displacements and velocities at k + 1 successive bounds of
-    mesh periods; `summary`, a row a mesh, has the extrema that scale their difference.
+    `strobes`, shape (m, k + 1, 2), has displacements and velocities of m meshes at k + 1 successive
+    bounds of mesh periods. `summary`, with a row for each mesh, holds the extrema of the
+    displacement, which scale the tolerance.
     """
     period = 1
     for j in range(strobes.shape[0]):
@@ -213,7 +227,10 @@ def motion_period(system, strobes, summary):
 
 @inlined_without_refcounts
 def _record_strobe(system, constants, z, strobes, row):
-    """Write displacement and velocity of all meshes in the state z to strobes[:, row]."""
+    """Write displacement and velocity of all meshes in the state z to ``strobes[:, row]``.
+
+    `constants` (`RunConstants`) holds the rates of the displacements in the `TrainSystem` `system`.
+    """
     state = z[: system.drive_lines.shape[1]]
     for j in range(strobes.shape[0]):
         strobes[j, row, 0] = dot(system.drive_lines[j], state)

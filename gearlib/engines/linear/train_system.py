@@ -1,10 +1,10 @@
-"""Gear trains as the kernels see them: rank-one forces on a linear system, and storage of a run.
+"""Gear trains in the form that kernels take: a linear system with rank-one forces, and run storage.
 
 With N coordinates q in static deflections and the time theta (reference frequency times time), the
-state is z = (q, dq/dtheta, 1, cos, sin, ...), of n = 2 N + 1 + 2 h components: the constant and h
-pairs of harmonics make loads, deviations and run-out part of the state. Between events z' = A z,
-and every mesh in contact adds outer products to A: a force is a functional of the state
-(`force_output`), and it accelerates the state along a vector (`force_input`):
+state is z = (q, dq/dtheta, 1, cos, sin, ...), of n = 2 N + 1 + 2 h components: through the constant
+and h pairs of harmonics, loads, deviations and run-out are part of the state. Between events z' = A
+z, and each mesh in contact adds outer products to A: a force is a linear function of the state
+(`force_output`), and it changes the derivative of the state along a vector (`force_input`):
 
     A = base_matrix + sum over j, k of outer(force_input[j, d, k], force_output[j, d, k])
 
@@ -34,18 +34,18 @@ ZERO_TOLERANCE = 1e-14
 
 
 class TrainSystem(NamedTuple):
-    """One train at one tuning: n components, m meshes, p segments, e effects of a mesh at most."""
+    """A train at one tuning: n state components, m meshes, p segments, up to e effects of a mesh."""
 
     base_matrix: np.ndarray  #: A while no flanks touch, shape (n, n)
-    drive_lines: np.ndarray  #: row vectors: displacement over the drive-side flank, shape (m, n)
-    coast_lines: np.ndarray  #: row vectors: over the coast-side flank, contact where < 0, (m, n)
+    drive_lines: np.ndarray  #: row vectors: distance from the drive-side line, contact > 0, (m, n)
+    coast_lines: np.ndarray  #: row vectors: distance from the coast-side line, contact < 0, (m, n)
     force_input: np.ndarray  #: dz/dtheta for a unit of each force, shape (m, e, 2, n)
     force_output: np.ndarray  #: row vectors: mesh and friction force, shape (m, e, 2, n)
     effect: np.ndarray  #: int, effect by contact code + 1, segment and mesh, shape (3, p, m)
-    stiffness: np.ndarray  #: over the mean of the reference mesh (0: as drive side), (3, p, m)
+    stiffness: np.ndarray  #: over the mean of the reference mesh, (3, p, m); 0: same as drive side
     below_mean: np.ndarray  #: bool, whether the stiffness is at its lower level, shape (3, p, m)
     starts: np.ndarray  #: phases tau of the reference mesh that bound segments, shape (p + 1,)
-    first_segment: np.ndarray  #: where each reference mesh period begins, shape (repeats + 1,)
+    first_segment: np.ndarray  #: first segment of each reference mesh period, shape (repeats + 1,)
     max_step: float  #: longest step in theta: |A| theta <= matrices.MAX_NORM for every A
     harmonics: np.ndarray  #: frequencies of the harmonics by tau, shape (h,)
     tuning: float  #: dtau/dtheta
@@ -55,9 +55,10 @@ class TrainSystem(NamedTuple):
 
 @kernel_without_refcounts
 def fill_system_matrix(system, effects, matrix):
-    """Fill `matrix`, (n, n), with A of z' = A z for a `TrainSystem` and the meshes' `effects`.
+    """Fill `matrix`, shape (n, n), with the matrix A of the equation of motion z' = A z.
 
-    `effects`, int, shape (m,), has the number of the contact effect of each mesh.
+    `system` is the `TrainSystem`; `effects`, int, shape (m,), has the number of the contact effect
+    of each mesh.
     """
     for r in range(matrix.shape[0]):
         for i in range(matrix.shape[0]):
@@ -76,7 +77,8 @@ def fill_system_matrix(system, effects, matrix):
 def set_harmonics(frequencies, z, phase):
     """Set the constant and the harmonics of the state z, shape (n,), at a mesh phase in rad.
 
-    They are its last components: 1, then cos(w phase), sin(w phase) for each of the `frequencies`.
+    They are its last components: 1, then cos(w * phase) and sin(w * phase) for each frequency w in
+    `frequencies`, shape (h,).
     """
     n, m = z.shape[0], frequencies.shape[0]
     z[n - 2 * m - 1] = 1.0
@@ -87,7 +89,7 @@ def set_harmonics(frequencies, z, phase):
 
 @kernel
 def matrix_vector_product(matrix, z):
-    """Return the product of a small matrix and the vector z, without a linear algebra library."""
+    """Return the product of a small matrix and a vector z, without a linear algebra library."""
     product = np.zeros(matrix.shape[0])
     for r in range(matrix.shape[0]):
         for i in range(matrix.shape[1]):
@@ -108,9 +110,9 @@ def dot(row_vector, z):
 def next_contact(contact, line):
     """Return the contact code of a mesh after it has crossed a flank line.
 
-    `contact` is the code before: 1 drive-side contact, 0 contact loss, -1 coast-side contact;
-    `line` is 1 for the drive side and -1 for the coast side. A mesh in contact there loses it; a
-    mesh in contact on the other side would touch on `BOTH`.
+    `contact` is the code before: 1 drive-side contact, 0 no contact, -1 coast-side contact; `line`
+    is 1 for the drive-side and -1 for the coast-side line. A mesh in contact on this side loses
+    contact; a mesh in contact on the other side would touch on both sides, with the code BOTH.
     """
     if contact == line:
         return NO_CONTACT
@@ -121,9 +123,10 @@ def flanks_may_overlap(drive_lines, coast_lines, constant_index):
     """Return whether both flanks of each mesh may touch at once, a bool array of shape (...).
 
     The lines, shape (..., n), are row vectors of the distances from the drive-side and the
-    coast-side line; both flanks touch where drive distance >= 0 >= coast distance. Their clearance
-    is provably positive if it contains no coordinates and its constant, at index `constant_index`,
-    exceeds the amplitudes of the harmonics behind it. Otherwise the run has to check it.
+    coast-side line; both flanks touch where drive distance >= 0 >= coast distance. The clearance,
+    coast distance less drive distance, is provably positive if it does not depend on coordinates
+    and its constant, at `constant_index`, exceeds the sum of the amplitudes of its harmonics, which
+    follow the constant. Otherwise a run has to check it.
     """
     clearance = (coast_lines - drive_lines).real
     cosines = clearance[..., constant_index + 1 :: 2]
@@ -148,35 +151,35 @@ def is_past_coast_line(coast_line, z):
     return distance < -_MAX_OVERLAP * magnitude
 
 
-# Entries of `RunStorage.counters`: rows in use of the event table, mesh period, segment (-1: at the
-# start of a period), events and samples of this period so far, first row of its events, and the
-# number of mesh periods that the segments of the system last for.
+# Entries of `RunStorage.counters`: number of rows of the event table in use, mesh period, segment
+# (-1 at the start of a period), numbers of events and samples of this period so far, first row of
+# its events, and number of mesh periods that the segments of the system cover.
 EVENT_ROWS, PERIOD, SEGMENT, PERIOD_EVENTS, SAMPLES_TAKEN, FIRST_EVENT_ROW, KNOWN_PERIODS = range(7)
-#: Largest relative difference of lengths of segments that is rounding.
+#: Largest relative difference between lengths of segments that counts as rounding.
 _SAME_LENGTH_TOLERANCE = 1e-13
 
 
 class RunConstants(NamedTuple):
-    """Quantities that the kernels need of a `TrainSystem`: p segments, m meshes, n components."""
+    """Constants derived from a `TrainSystem`: p segments, m meshes, n state components."""
 
-    lengths: np.ndarray  #: theta of the segments, shape (p,)
-    length_index: np.ndarray  #: int, number of that length, -1: it comes once, shape (p,)
+    lengths: np.ndarray  #: durations of the segments in theta, shape (p,)
+    length_index: np.ndarray  #: int, index among different lengths, -1: occurs once, shape (p,)
     drive_rates: np.ndarray  #: row vectors: derivatives of `drive_lines` by theta, shape (m, n)
     coast_rates: np.ndarray  #: row vectors: derivatives of `coast_lines` by theta, shape (m, n)
     no_coast_side: np.ndarray  #: bool, whether a mesh has no coast side, shape (m,)
-    may_jam: np.ndarray  #: bool, whether both of its flanks may touch at once, shape (m,)
-    constant_gap: np.ndarray  #: bool, whether its flanks are a constant apart, shape (m,)
-    has_backlash: np.ndarray  #: bool, whether there is a backlash between them, shape (m,)
+    may_jam: np.ndarray  #: bool, whether both flanks may touch at once, shape (m,)
+    constant_gap: np.ndarray  #: bool, whether the backlash is constant, shape (m,)
+    has_backlash: np.ndarray  #: bool, whether the backlash is not zero, shape (m,)
     harmonic_frequencies: np.ndarray  #: frequencies of the harmonics by theta, shape (h,)
     summary_blocks: np.ndarray  #: int, block of the summary of each mesh period, shape (repeats,)
     sample_starts: np.ndarray  #: int, first sample of each period, shape (repeats + 1,) or (0,)
-    nonzero_columns: np.ndarray  #: int, columns of the non-zeros of `base_matrix`, by rows
-    nonzero_counts: np.ndarray  #: int, number of non-zeros in each row, shape (n,)
+    nonzero_columns: np.ndarray  #: int, columns of the nonzero entries of `base_matrix`, by rows
+    nonzero_counts: np.ndarray  #: int, number of nonzero entries in each row, shape (n,)
     nonzero_values: np.ndarray  #: their values, by rows
     mesh_components: np.ndarray  #: int, components that a mesh depends on or acts on, by meshes
     mesh_component_counts: np.ndarray  #: int, number of these components, shape (m,)
-    chirp_frequencies: np.ndarray  #: by tau, of harmonics while the speed changes, shape (h,)
-    speed_component: int  #: the component that is dtau/dtheta while the speed changes
+    chirp_frequencies: np.ndarray  #: frequencies by tau of harmonics at changing speed, shape (h,)
+    speed_component: int  #: index of the state component dtau/dtheta at changing speed
 
 
 class RunStorage(NamedTuple):
@@ -184,32 +187,36 @@ class RunStorage(NamedTuple):
 
     contact: np.ndarray  #: int, contact codes, shape (m,)
     zero_order: np.ndarray  #: int, 0: off the lines; k: on one, first k derivatives zero, (m,)
-    start_line: np.ndarray  #: int, that line: 1 drive side, -1 coast side, shape (m,)
+    start_line: np.ndarray  #: int, line of `zero_order`: 1 drive side, -1 coast side, shape (m,)
     effects: np.ndarray  #: int, effects of the meshes, shape (m,)
     stays_off: np.ndarray  #: bool, whether a mesh provably reaches no flank line, shape (m,)
     event_instant: np.ndarray  #: instant of the next event, as a fraction of a piece, shape (m,)
-    contact_after: np.ndarray  #: int, contact code after that event, shape (m,)
+    contact_after: np.ndarray  #: int, contact code after the next event, shape (m,)
     instant_rounding: np.ndarray  #: rounding error of `event_instant`, shape (m,)
     state: np.ndarray  #: z, padded
     modal_state: np.ndarray  #: y, the state in modes, padded
-    mode_buffer: np.ndarray  #: copy of y that `sample_motion` moves on, or a deviation in modes
+    mode_buffer: np.ndarray  #: y at a later time in `sample_motion`, or a perturbation in modes
     sampled_modes: np.ndarray  #: y at a sample
     sampled_state: np.ndarray  #: z at a sample
-    term: np.ndarray  #: storage of a series
-    image: np.ndarray  #: storage of a series
-    mode_factors: np.ndarray  #: factors of the modes over a time
+    term: np.ndarray  #: term of a power series
+    image: np.ndarray  #: next term of a power series
+    mode_factors: np.ndarray  #: factors by which modes change, see `fill_mode_factors`
     amplitudes: np.ndarray  #: magnitudes of the modes in y, shape (n,)
-    counters: np.ndarray  #: int, progress of the run, by the names above, shape (7,)
-    progress: np.ndarray  #: theta that remains of the segment, phase of the last event
+    counters: (
+        np.ndarray
+    )  #: int, progress of the run, entries EVENT_ROWS to KNOWN_PERIODS, shape (7,)
+    progress: np.ndarray  #: theta until the end of the segment, phase of the previous event
     curve: np.ndarray  #: Bernstein coefficients of a distance, shape (degree + 1,)
-    search: np.ndarray  #: Bernstein coefficients and widths of intervals, storage of `polynomial`
+    search: np.ndarray  #: Bernstein coefficients and widths of intervals, see `polynomial`
     series: np.ndarray  #: Taylor series of the state, shape (degree + 1, padded)
-    distance_series: np.ndarray  #: of coast-side and drive-side distances, (2, m, degree + 2)
+    distance_series: (
+        np.ndarray
+    )  #: Taylor series of coast- and drive-side distances, (2, m, degree + 2)
     to_bernstein: np.ndarray  #: matrix from powers to Bernstein coefficients, (degree + 1,) * 2
 
 
 def run_constants(system: TrainSystem) -> RunConstants:
-    """Return the `RunConstants` of a `TrainSystem`: lengths of segments, properties of meshes."""
+    """Return the `RunConstants` of a `TrainSystem`, such as lengths of segments and mesh flags."""
     lengths = np.diff(system.starts) / system.tuning
     # Lengths that differ only by rounding get the same index.
     order = np.argsort(lengths, kind="stable")
@@ -245,18 +252,18 @@ def run_constants(system: TrainSystem) -> RunConstants:
 def allocate_run_storage(n, padded, m, degree=HIGH_DEGREE, with_series=False):
     """Return an empty `RunStorage` for m meshes and n state components, stored as `padded` numbers.
 
-    Distances are polynomials of `degree`. There is storage for Taylor series if n is so large that
-    they may cost less than modes, or if `with_series`.
+    Distances are polynomials of `degree`. Storage for Taylor series is included if n is so large
+    that they may cost less than modes, or if `with_series`.
     """
     has_series = with_series or mode_cost_in_steps(n) > 0
-    integers = "contact", "zero_order", "start_line", "effects", "contact_after"
-    states = "state", "modal_state", "mode_buffer", "sampled_modes", "sampled_state"
+    integer_fields = "contact", "zero_order", "start_line", "effects", "contact_after"
+    state_fields = "state", "modal_state", "mode_buffer", "sampled_modes", "sampled_state"
     counters = np.zeros(7, np.int64)
     counters[SEGMENT] = -1
     return RunStorage(
-        **{name: np.zeros(m, np.int64) for name in integers},
+        **{name: np.zeros(m, np.int64) for name in integer_fields},
         **{name: np.zeros(m) for name in ("event_instant", "instant_rounding")},
-        **{name: np.zeros(padded) for name in (*states, "term", "image")},
+        **{name: np.zeros(padded) for name in (*state_fields, "term", "image")},
         **{name: np.zeros(n) for name in ("mode_factors", "amplitudes")},
         stays_off=np.zeros(m, np.bool_),
         counters=counters,

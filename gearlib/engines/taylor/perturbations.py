@@ -1,7 +1,7 @@
 """Small perturbations of a motion along Taylor steps.
 
-Along a step a perturbation w obeys w'' + damping(t) w' + stiffness(t) w = 0, with Taylor series of
-damping and stiffness. At a flank line the damping and w' jump as in
+In a step a perturbation w obeys w'' + damping(t) w' + stiffness(t) w = 0, where damping and
+stiffness are Taylor series. At a flank line the damping and w' jump as in
 `gearlib.engines.pair.maps`.
 """
 
@@ -31,14 +31,14 @@ from gearlib.engines.taylor.series import (
 _INVERSE = 1.0 / np.arange(1, ORDER + 2)
 #: Largest frequency times step length, since x^20 / 20! = 1e-17 at x = 1.18.
 _MAX_ANGLE = 1.18
-#: Rows of the series of a perturbation: w, w', sum of terms of w'', damping, stiffness, and the
-#: stiffness over c(tau).
+#: Rows of the array of series of a perturbation: w, w', sum of terms of w'', damping, stiffness,
+#: and the stiffness over c(tau).
 _W, _RATE, _ACCELERATION, _DAMPING, _STIFFNESS, _FORCE_SLOPE = range(6)
 
 
 @inlined_kernel
 def stiffness_bound(mesh):
-    """Return an upper bound of the stiffness of both flanks of a `NonlinearMesh` over a period."""
+    """Return an upper bound of the stiffness of both flanks of a `NonlinearMesh` at all phases."""
     bound = _segment_stiffness_bound(mesh.stiffness_lines, mesh.stiffness_harmonics)
     lines, harmonics = mesh.coast_stiffness_lines, mesh.coast_stiffness_harmonics
     return max(bound, _segment_stiffness_bound(lines, harmonics))
@@ -46,10 +46,10 @@ def stiffness_bound(mesh):
 
 @inlined_kernel
 def _segment_stiffness_bound(stiffness_lines, harmonics):
-    """Return an upper bound of a stiffness, a sum of lines and harmonics, over its period.
+    """Return an upper bound at all phases of a stiffness, the sum of a broken line and harmonics.
 
-    Lines, shape (m, 2), are start value and slope of each segment, harmonics, shape (j, 3), order,
-    cosine and sine coefficient.
+    `stiffness_lines`, shape (m, 2), has the start value and the slope of each segment; `harmonics`,
+    shape (j, 3), has the columns order, cosine and sine coefficient.
     """
     total = 0.0
     for i in range(harmonics.shape[0]):
@@ -62,10 +62,10 @@ def _segment_stiffness_bound(stiffness_lines, harmonics):
 def max_perturbation_step(constants, max_stiffness, contact_code, x, v):
     """Return the longest step in phase over which the series of a perturbation converges.
 
-    A perturbation oscillates with the frequency of the contact even if the motion (x, v) is slow.
-    Its terms, (frequency h)^k / k!, have to fall below rounding by k = ORDER. The constants, shape
-    (COLUMNS,), are those of contact code and segment; the linear stiffness is at most
-    `max_stiffness`.
+    A perturbation oscillates with the natural frequency in contact even if the motion (x, v) is
+    slow. The terms of its series, (frequency * step)^k / k!, have to fall below rounding by
+    k = ORDER. `constants`, shape (COLUMNS,), holds the constants for the contact code and the
+    segment; the linear stiffness is at most `max_stiffness`.
     """
     # P2, P3: quadratic and cubic stiffness; D1 to D3: linear to cubic damping. Only P2 may be < 0.
     deflection = abs(x - constants[FLANK_LINE]) if contact_code != NO_CONTACT else 0.0
@@ -80,10 +80,11 @@ def max_perturbation_step(constants, max_stiffness, contact_code, x, v):
 
 @kernel
 def _fill_equation(constants, contact_code, velocity_sign, series, perturbation):
-    """Fill the damping and stiffness of the equation of perturbations, two rows of `perturbation`.
+    """Fill the rows _DAMPING and _STIFFNESS of `perturbation` for the equation of perturbations.
 
-    The motion has the Taylor series `series` and velocities of one sign. The constants, shape
-    (COLUMNS,), are those of contact code and segment.
+    `series` holds the Taylor series of the motion, whose velocity has the sign `velocity_sign`
+    throughout the step. `constants`, shape (COLUMNS,), holds the constants for the contact code and
+    the segment.
     """
     damping_series, stiffness_series = perturbation[_DAMPING], perturbation[_STIFFNESS]
     force_slope = perturbation[_FORCE_SLOPE]
@@ -122,10 +123,11 @@ def set_identity(map_matrix):
 
 @kernel
 def map_step(constants, contact_code, velocity_sign, step, series, perturbation, map_matrix):
-    """Multiply a map of perturbations (w, w'), shape (2, 2), by the map of a Taylor step.
+    """Multiply a map of perturbations (w, w'), shape (2, 2), from the left by the map of a step.
 
-    The motion has the Taylor series `series` and velocities of one sign. The constants, shape
-    (COLUMNS,), are those of contact code and segment; `perturbation`, (6, ORDER + 1), is storage.
+    `step` is the length of the Taylor step, and `series` holds the Taylor series of the motion,
+    whose velocity has the sign `velocity_sign` throughout. `constants`, shape (COLUMNS,), holds the
+    constants for the contact code and the segment. `perturbation`, (6, ORDER + 1), is overwritten.
     """
     _fill_equation(constants, contact_code, velocity_sign, series, perturbation)
     ground = constants[GROUND_STIFFNESS]
@@ -142,7 +144,7 @@ def map_step(constants, contact_code, velocity_sign, step, series, perturbation,
         w[0], rate[0] = map_matrix[0, j], map_matrix[1, j]
         acceleration[:] = 0.0
         for k in range(ORDER):
-            # Add the products of coefficient k to all later terms.
+            # Coefficient k contributes to all later terms.
             for i in range(min(term_count, ORDER - k)):
                 acceleration[k + i] -= damping_series[i] * rate[k] + stiffness_series[i] * w[k]
             w[k + 1] = rate[k] * _INVERSE[k]
@@ -152,16 +154,20 @@ def map_step(constants, contact_code, velocity_sign, step, series, perturbation,
 
 @inlined_kernel
 def _damping_coefficient(constants, speed):
-    """Return the damping force over x' at the speed |x'|, from the constants of a contact."""
+    """Return the damping force over x' at the speed |x'|.
+
+    `constants`, shape (COLUMNS,), holds the damping constants for the contact code and the segment.
+    """
     return constants[D1] + constants[D2] * speed + constants[D3] * speed * speed
 
 
 @kernel
 def map_crossing(constants, segment, code_before, code_after, v, map_matrix):
-    """Multiply a map of perturbations, (2, 2), by the saltation matrix of a change of contact.
+    """Multiply a map of perturbations, (2, 2), from the left by the saltation matrix of a crossing.
 
-    The contact code changes at the velocity v on a stiffness segment; constants have the shape (3,
-    m, COLUMNS). Without a backlash a change between both flanks crosses both lines.
+    The contact code changes from `code_before` to `code_after` at the velocity v, on a stiffness
+    segment. `constants` has the shape (3, m, COLUMNS), by contact code + 1 and segment. Without
+    backlash a change from flank to flank crosses both flank lines.
     """
     contact_code, speed = code_before, abs(v)
     while contact_code != code_after:

@@ -53,10 +53,10 @@ _NO_EVENT, _DRIVE_FLANK, _COAST_FLANK, _TURNING_POINT = range(4)
 
 @inlined_kernel
 def _fill_scaled_polynomial(series, quantity, reference, factor, step):
-    """Fill the row SCALED of `series` with factor (a - reference) as a polynomial of t / step.
+    """Fill the row SCALED of `series` with the polynomial factor * (a - reference) in t / step.
 
-    The row `quantity` holds the series a of t. Returns the sum of magnitudes beyond the square
-    term.
+    The row `quantity` of `series` holds the power series a in the phase t. Returns the sum of the
+    magnitudes of all terms beyond the square term.
     """
     power, tail = factor, 0.0
     for k in range(1, ORDER + 1):
@@ -70,11 +70,12 @@ def _fill_scaled_polynomial(series, quantity, reference, factor, step):
 
 @kernel
 def first_crossing(series, quantity, line, direction, step, to_bernstein, work):
-    """Return where direction (a - line) first falls through zero, as a fraction of the step.
+    """Return the fraction of a step at which a quantity a(t) first crosses a line.
 
-    The row `quantity` of `series` holds the series a; the direction is 1 or -1. The fraction is 2
-    if there is no crossing and -1 if the search fails. `to_bernstein` is the matrix from power to
-    Bernstein coefficients, `work` storage, shape (WORK_ROWS, ORDER + 2).
+    A crossing is a fall of direction * (a - line) through zero; the direction is 1 or -1. The row
+    `quantity` of `series` holds the power series of a. The fraction is 2 if there is no crossing
+    and -1 if the search fails. `step` is the length of the step, `to_bernstein` the matrix from
+    power to Bernstein coefficients, and `work`, shape (WORK_ROWS, ORDER + 2), is overwritten.
     """
     tail = _fill_scaled_polynomial(series, quantity, line, direction, step)
     polynomial = series[SCALED]
@@ -101,9 +102,10 @@ def take_step(
 ):
     """Take one Taylor step from (x, v) at a phase, at most `remaining` long; fill its `series`.
 
-    Returns (length of the step, contact code during the step, contact code, velocity sign, x and v
-    at its end). The length is negative if rounding hides whether the step ends at a flank line. The
-    end is exact on a flank line and at a turning point. Tables come from `tabulate_mesh`.
+    Returns (length of the step, contact code during the step, then contact code, velocity sign, x
+    and v at its end). The length is negative if rounding hides whether the step ends at a flank
+    line. On a flank line x is exact, and at a turning point v is exact. `constants` and `harmonics`
+    come from `tabulate_mesh`.
     """
     drive_line, coast_line = constants[0, 0, DRIVE_LINE], constants[0, 0, COAST_LINE]
     if v == 0.0:
@@ -165,9 +167,10 @@ def add_step_to_summary(
 ):
     """Add the extrema and contact times of a Taylor step to the summary of a motion.
 
-    `step` is the length of the step, `below_mean` tells whether the stiffness is below its mean.
-    `series` has the Taylor series of displacement and mesh force in its rows. `to_bernstein` is the
-    matrix from power to Bernstein coefficients, `work` is storage.
+    `step` is the length of the step; `below_mean` says whether the stiffness is below its mean. The
+    rows of `series` hold the Taylor series of displacement and mesh force, and its row SCALED is
+    overwritten. `to_bernstein` is the matrix from power to Bernstein coefficients, `work` is
+    overwritten.
     """
     polynomial = series[SCALED]
     _fill_scaled_polynomial(series, DISPLACEMENT, 0.0, 1.0, step)
@@ -188,8 +191,9 @@ def add_step_to_summary(
 def add_samples(tuning, phase, step, contact_code, series, samples, sample):
     """Fill the samples of a mesh period that lie in a Taylor step; return the next sample's index.
 
-    The step starts at a phase of the period, has the length `step` and the Taylor series `series`;
-    `sample` is the index of the first sample that is not filled yet.
+    The step starts at a phase of the period and has the length `step`, a constant contact code and
+    the Taylor series in the rows of `series`. `sample` is the index of the first sample that is not
+    filled yet.
     """
     force_scale = tuning * tuning
     while sample < samples.shape[0]:
@@ -213,10 +217,11 @@ def add_samples(tuning, phase, step, contact_code, series, samples, sample):
 
 @inlined_kernel
 def samples_of_period(samples, recorded_period, record_periods, duration):
-    """Return the samples of one recorded mesh period, with their phases filled in.
+    """Return the part of the sample table for one recorded mesh period, with its phases filled.
 
-    `samples` has equally many samples for each recorded period; the period is given by its number
-    and its duration.
+    `samples` has equally many rows for each of the `record_periods`. `recorded_period` counts them
+    from 0; before the record it is negative, and the part is empty. `duration` is the length of the
+    period in phase or time.
     """
     count = samples.shape[0] // max(record_periods, 1)
     period_samples = samples[max(recorded_period, 0) * count : (recorded_period + 1) * count]
@@ -228,10 +233,11 @@ def samples_of_period(samples, recorded_period, record_periods, duration):
 def run_nonlinear(
     mesh, to_bernstein, x, v, periods, recorded, samples, events, max_steps, summary, period_maps
 ):
-    """Run the nonlinear mesh; arguments and first returns are those of `pair.pair_run.run`.
+    """Run the nonlinear mesh as `pair.pair_run.run` runs a gear pair, but by Taylor steps.
 
-    The period maps, shape (periods, 2, 2) or (0, 2, 2), get the derivatives of the state after each
-    period by the state before. Returns also the number of Taylor steps, a measure of cost.
+    Arguments and results have the same meaning. A period has at most `max_steps` steps. The period
+    maps, shape (periods, 2, 2) or (0, 2, 2), receive the derivatives of the state after each period
+    with respect to the state before it. The last result is the number of Taylor steps.
     """
     orbit.clear_summary(summary)
     constants, harmonics = tabulate_mesh(mesh)
@@ -242,7 +248,7 @@ def run_nonlinear(
     has_maps = period_maps.shape[0] > 0
     strobe_count = min(periods, orbit.STROBE_PERIODS) if recorded else 0
     strobes = np.empty((strobe_count + 1, 2))
-    rows, steps = 0, 0
+    event_count, steps = 0, 0
     contact_code = contact_between(mesh.drive_line, mesh.coast_line, x, v)
     velocity_sign = math.copysign(1.0, v)
     if not is_within_range(x, v):
@@ -264,8 +270,10 @@ def run_nonlinear(
                 code_before, step_sign = contact_code, velocity_sign
                 starts_at_rest, remaining = v == 0.0, end - phase
                 if has_maps:
-                    row = constants[contact_code + 1, segment]
-                    max_step = max_perturbation_step(row, max_stiffness, contact_code, x, v)
+                    branch_constants = constants[contact_code + 1, segment]
+                    max_step = max_perturbation_step(
+                        branch_constants, max_stiffness, contact_code, x, v
+                    )
                     remaining = min(remaining, max_step)
                 h, step_code, contact_code, velocity_sign, x, v = take_step(
                     constants,
@@ -285,18 +293,23 @@ def run_nonlinear(
                 if h < 0.0:
                     return x, v, 0, events, 0, UNRESOLVED, steps
                 if has_maps:
-                    row, period_map = constants[step_code + 1, segment], period_maps[period]
+                    branch_constants, period_map = (
+                        constants[step_code + 1, segment],
+                        period_maps[period],
+                    )
                     if starts_at_rest:
                         step_sign = math.copysign(1.0, series[VELOCITY, 1])
                     map_crossing(constants, segment, code_before, step_code, 0.0, period_map)
-                    map_step(row, step_code, step_sign, h, series, perturbation, period_map)
+                    map_step(
+                        branch_constants, step_code, step_sign, h, series, perturbation, period_map
+                    )
                     map_crossing(constants, segment, step_code, contact_code, v, period_map)
                 if not is_within_range(x, v):
                     return x, v, 0, events, 0, OVERFLOW, steps
                 if recorded_period >= 0:
-                    is_low = below_mean[segment]
+                    is_below_mean = below_mean[segment]
                     add_step_to_summary(
-                        tuning, is_low, to_bernstein, h, step_code, series, work, summary
+                        tuning, is_below_mean, to_bernstein, h, step_code, series, work, summary
                     )
                     if orbit.has_unresolved_extremum(summary):
                         return x, v, 0, events, 0, UNRESOLVED, steps
@@ -305,18 +318,25 @@ def run_nonlinear(
                     )
                     if step_code != code_before:
                         # The motion leaves a flank line from rest at the start of the step.
-                        events, rows = orbit.record_event(
-                            events, rows, period, phase, code_before, step_code, 0.0, summary
+                        events, event_count = orbit.record_event(
+                            events, event_count, period, phase, code_before, step_code, 0.0, summary
                         )
                     if contact_code != step_code:
-                        events, rows = orbit.record_event(
-                            events, rows, period, phase + h, step_code, contact_code, v, summary
+                        events, event_count = orbit.record_event(
+                            events,
+                            event_count,
+                            period,
+                            phase + h,
+                            step_code,
+                            contact_code,
+                            v,
+                            summary,
                         )
                 phase += h
     strobes[strobe_count, 0], strobes[strobe_count, 1] = x, v
     displacement_range = summary[orbit.X_MAX] - summary[orbit.X_MIN]
     period = orbit.orbit_period(strobes, tuning, displacement_range)
-    return x, v, period, events, rows, OK, steps
+    return x, v, period, events, event_count, OK, steps
 
 
 #: Truncation error of a step, in static deflections. It is as large as rounding.
@@ -325,12 +345,15 @@ TO_BERNSTEIN = bernstein_matrix(ORDER)
 
 
 class Propagator(Base):
-    """A model with one degree of freedom at one tuning."""
+    """Engine of a model with one degree of freedom at one tuning, by Taylor steps."""
 
     description = "Taylor steps"
 
     def __init__(self, model, tuning: float, tolerance: float = TOLERANCE):
-        """Set the constants of a model at a tuning, for a truncation error of each step."""
+        """Compute the constants of a model at a tuning.
+
+        `tolerance` is the truncation error of each step, in static deflections.
+        """
         super().__init__(model, tuning)
         self.tolerance = tolerance
         self.mesh = model.nonlinear_mesh(tuning, tolerance)
@@ -340,9 +363,10 @@ class Propagator(Base):
         return type(self)(self.model, tuning, self.tolerance)
 
     def fill_record(self, z, span, samples, events, summary, first_period):
-        """Run from the state z over a span and fill the tables; return the `Record`.
+        """Run from the state z over a `Span`, fill the tables and return the `Record`.
 
-        The excitation starts with its mesh period `first_period`.
+        z becomes the final state; see `Base.fill_record` for the tables. The excitation starts with
+        its mesh period `first_period`.
         """
         tables = samples, events, summary, np.empty((0, 2, 2))
         return self._integrate_from(z, span, *tables, first_period)
@@ -356,9 +380,10 @@ class Propagator(Base):
         return self._integrate_from(z, span, *tables, maps, first_period).status
 
     def _integrate_from(self, z, span, samples, events, summary, maps, first_period) -> Record:
-        """Run from the state z, in place, and fill the tables and period maps; return the `Record`.
+        """Run from the state z, fill the tables and the period maps, and return the `Record`.
 
-        Maps have the shape (periods, 2, 2) or (0, 2, 2); the excitation starts with `first_period`.
+        z becomes the final state. `maps` has the shape (periods, 2, 2) or, without maps, (0, 2, 2).
+        The excitation starts with its mesh period `first_period`.
         """
         tables = samples, events, span.max_events, summary, maps
         result = self.run_kernel(*z, span.periods, span.recorded, tables, first_period)
@@ -367,9 +392,9 @@ class Propagator(Base):
         return Record(z, z, period, samples, events[:event_count], summary, status, steps * ORDER)
 
     def run_kernel(self, x, v, periods, recorded, tables, first_period):
-        """Run from displacement x and velocity v; return what `run_nonlinear` returns.
+        """Call `run_nonlinear` for a run from displacement x and velocity v; return its result.
 
-        `tables` are its last five arguments, samples to period maps. `first_period` has no effect,
-        because the excitation of a nonlinear mesh repeats after each period.
+        `tables` holds its last five arguments, from `samples` to `period_maps`. `first_period` has
+        no effect, because the excitation of a nonlinear mesh repeats after each period.
         """
         return run_nonlinear(self.mesh, TO_BERNSTEIN, x, v, periods, recorded, *tables)

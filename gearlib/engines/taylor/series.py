@@ -1,4 +1,4 @@
-"""Taylor series of the nonlinear mesh, Eq. (3) with one degree of freedom.
+"""Taylor series of the motion of a nonlinear mesh, Eq. (3) with one degree of freedom.
 
 In static deflections and mesh phase, for one contact code and one sign of x',
 
@@ -47,7 +47,7 @@ ROWS = 10
 (D1, D2, D3, P2, P3, FLANK_LINE, START_STIFFNESS, STIFFNESS_SLOPE, START_PHASE) = range(9)
 (GROUND_STIFFNESS, MEAN_FORCE, DRIVE_LINE, COAST_LINE, TUNING, STEP_SCALE) = range(9, 15)
 COLUMNS = 15
-#: Row of the excitation in the array of harmonics, behind stiffnesses by contact code + 1.
+#: Row of the excitation in the array of harmonics; rows 0 to 2 are stiffnesses by contact code + 1.
 EXCITATION = 3
 
 
@@ -56,7 +56,7 @@ class NonlinearMesh(NamedTuple):
 
     tuning: float
     backlash_ratio: float  #: in static deflections, drive_line - coast_line
-    drive_damping: np.ndarray  #: d1, d2, d3 in drive-side contact, shape (3,)
+    drive_damping: np.ndarray  #: coefficients d1, d2, d3 in drive-side contact, shape (3,)
     backlash_damping: np.ndarray  #: d1, d2, d3 in free flight, shape (3,)
     stiffness_powers: np.ndarray  #: p2, p3 of the contact stiffness, shape (2,)
     segment_bounds: np.ndarray  #: phases that bound the segments of c(tau), (m + 1,), 0 to 2 pi
@@ -70,13 +70,16 @@ class NonlinearMesh(NamedTuple):
     coast_line: float  #: displacement of the coast flank
     ground_stiffness: float  #: e, stiffness towards x = 0 in all contacts
     coast_damping: np.ndarray  #: d1, d2, d3 in coast-side contact, shape (3,)
-    coast_stiffness_lines: np.ndarray  #: as `stiffness_lines`, of the coast flank
-    coast_stiffness_harmonics: np.ndarray  #: as `stiffness_harmonics`, of the coast flank
+    coast_stiffness_lines: np.ndarray  #: `stiffness_lines` of the coast flank
+    coast_stiffness_harmonics: np.ndarray  #: `stiffness_harmonics` of the coast flank
 
 
 @inlined_kernel
 def damping_coefficients(mesh, contact_code):
-    """Return d1, d2, d3, shape (3,), of a `NonlinearMesh` for a contact code."""
+    """Return the damping coefficients d1, d2, d3, shape (3,), for a contact code.
+
+    `mesh` is a `NonlinearMesh`. The coefficients multiply x', |x'| x' and x'^3.
+    """
     if contact_code == NO_CONTACT:
         return mesh.backlash_damping
     return mesh.drive_damping if contact_code == DRIVE else mesh.coast_damping
@@ -84,10 +87,11 @@ def damping_coefficients(mesh, contact_code):
 
 @inlined_kernel
 def _fill_harmonics(harmonics, series_terms):
-    """Fill the terms of the Taylor series of harmonics; return the mean, the term of order 0.
+    """Tabulate factors of the Taylor series of harmonics; return the mean, the harmonic of order 0.
 
-    Harmonics, shape (j, 3), are order n, cosine and sine coefficient. Each row of `series_terms`,
-    shape (j, ORDER + 4), gets these and n^k / k! with the signs of derivatives.
+    `harmonics`, shape (j, 3), has the columns order n, cosine and sine coefficient. Each row of
+    `series_terms`, shape (j, ORDER + 4), receives these three values and then n^k / k! with the
+    signs of derivatives. Order 0 is left out.
     """
     mean, row = 0.0, 0
     for i in range(harmonics.shape[0]):
@@ -108,8 +112,8 @@ def _fill_harmonics(harmonics, series_terms):
 def tabulate_mesh(mesh):
     """Return (constants, harmonics) of a `NonlinearMesh` for the Taylor steps.
 
-    Constants have the shape (3, m, COLUMNS), by contact code + 1 and segment, harmonics the shape
-    (4, n, ORDER + 4), by contact code + 1 or EXCITATION; a row of zeros ends them.
+    `constants` has the shape (3, m, COLUMNS), by contact code + 1 and segment. `harmonics` has the
+    shape (4, n, ORDER + 4), by contact code + 1 or EXCITATION; a row of zeros follows the last one.
     """
     max_count = max(
         mesh.stiffness_harmonics.shape[0],
@@ -120,7 +124,7 @@ def tabulate_mesh(mesh):
     harmonics = np.zeros((4, max_count + 1, ORDER + 4))
     mean_force = _fill_harmonics(mesh.force_harmonics, harmonics[EXCITATION])
     for contact_code in (COAST, NO_CONTACT, DRIVE):
-        # In free flight the stiffness of the drive side is recorded, but it exerts no force.
+        # In free flight the stiffness of the drive side is recorded, but there is no mesh force.
         is_coast = contact_code == COAST
         harmonics_of_side = mesh.coast_stiffness_harmonics if is_coast else mesh.stiffness_harmonics
         mean = _fill_harmonics(harmonics_of_side, harmonics[contact_code + 1])
@@ -145,7 +149,8 @@ def tabulate_mesh(mesh):
 def _add_harmonics(harmonics, group, phase, series, quantity):
     """Add the Taylor coefficients of harmonics at a phase to the row `quantity` of `series`.
 
-    The group of harmonics, shape (4, n, ORDER + 4), is a contact code + 1 or EXCITATION.
+    `harmonics`, shape (4, n, ORDER + 4), comes from `tabulate_mesh`; its first index `group` is a
+    contact code + 1 or EXCITATION.
     """
     for j in range(harmonics.shape[1]):
         order = harmonics[group, j, 0]
@@ -164,7 +169,8 @@ def _add_harmonics(harmonics, group, phase, series, quantity):
 def _square_and_cube_terms(series, quantity, square_quantity, k):
     """Return coefficient k of a^2 and of a^3 without the terms 2 a_0 a_k and 3 a_0^2 a_k.
 
-    The row `quantity` of `series` holds the series a, the row `square_quantity` a^2 up to k - 1.
+    The row `quantity` of `series` holds the power series a, and the row `square_quantity` holds the
+    coefficients of a^2 up to k - 1.
     """
     constant_term = series[quantity, 0]
     if k == 0:
@@ -175,7 +181,7 @@ def _square_and_cube_terms(series, quantity, square_quantity, k):
         cube_sum = series[square_quantity, k // 2] * series[quantity, k // 2]
     half = (k + 1) // 2
     for j in range(1, half):
-        # Pairs of terms are summed such that the newest coefficients come last.
+        # The newest coefficients come last in the sums.
         i = half - j
         square_sum += series[quantity, i] * series[quantity, k - i]
         cube_sum += series[square_quantity, i] * series[quantity, k - i]
@@ -186,9 +192,10 @@ def _square_and_cube_terms(series, quantity, square_quantity, k):
 
 @inlined_kernel
 def _product_coefficient(series, quantity, other_quantity, k):
-    """Return coefficient k of the Cauchy product of two rows of `series`, by their row numbers.
+    """Return coefficient k of the Cauchy product of two rows of `series`.
 
-    The newest coefficients are added last, so that the other sums can be computed in parallel.
+    `quantity` and `other_quantity` are their row numbers. The newest coefficients are added last,
+    so that the other sums can be computed in parallel.
     """
     if k == 0:
         return series[quantity, 0] * series[other_quantity, 0]
@@ -211,11 +218,11 @@ def _product_coefficient(series, quantity, other_quantity, k):
 def expand_motion(
     constants, harmonics, segment, phase, contact_code, velocity_sign, x, v, series, term_count
 ):
-    """Fill the Taylor series of the motion through (x, v) at a phase of a stiffness segment.
+    """Fill the Taylor series of the motion that starts from (x, v) at a phase of a segment.
 
-    Constants and harmonics come from `tabulate_mesh`; contact code and sign of the velocity do not
-    change. `series`, shape (ROWS, ORDER + 1), gets `term_count` <= ORDER coefficients of the
-    velocity beyond the first.
+    `constants` and `harmonics` come from `tabulate_mesh`. The contact code and the sign of the
+    velocity do not change in the step. `series`, shape (ROWS, ORDER + 1), receives `term_count` <=
+    ORDER coefficients of the velocity beyond the first.
     """
     i = contact_code + 1
     d1, d3 = constants[i, segment, D1], constants[i, segment, D3]
@@ -271,17 +278,20 @@ def expand_motion(
 def step_length(constants, series, max_step):
     """Return the longest step up to `max_step` for which the last series terms are negligible.
 
-    Constants, shape (3, m, COLUMNS), hold the tuning and tolerance ** (1 / ORDER). The last two
-    terms show how fast terms decrease; one may vanish by symmetry. Velocities count as the
-    displacement that they cause in 1 / nu of phase.
+    `series` holds the Taylor series of the motion. `constants`, shape (3, m, COLUMNS), holds the
+    tuning nu and tolerance ** (1 / ORDER). The last two terms show how fast the terms decrease; one
+    of them may vanish by symmetry. Velocities by phase are multiplied by the tuning.
     """
     tuning, step_scale = constants[0, 0, TUNING], constants[0, 0, STEP_SCALE]
-    size, step_ratio = max(1.0, abs(series[DISPLACEMENT, 0])), max_step / step_scale
-    last_term = max(abs(series[DISPLACEMENT, ORDER]), tuning * abs(series[VELOCITY, ORDER])) / size
+    state_size, step_ratio = max(1.0, abs(series[DISPLACEMENT, 0])), max_step / step_scale
+    last_term = (
+        max(abs(series[DISPLACEMENT, ORDER]), tuning * abs(series[VELOCITY, ORDER])) / state_size
+    )
     if last_term * step_ratio**ORDER > 1.0:
         step_ratio = last_term ** (-1.0 / ORDER)
     last_term = (
-        max(abs(series[DISPLACEMENT, ORDER - 1]), tuning * abs(series[VELOCITY, ORDER - 1])) / size
+        max(abs(series[DISPLACEMENT, ORDER - 1]), tuning * abs(series[VELOCITY, ORDER - 1]))
+        / state_size
     )
     if last_term * step_ratio ** (ORDER - 1) > 1.0:
         step_ratio = last_term ** (-1.0 / (ORDER - 1))
@@ -290,7 +300,10 @@ def step_length(constants, series, max_step):
 
 @inlined_kernel
 def state_at(series, t):
-    """Return (x, x') of a Taylor series at the phase t after its start, by even and odd powers."""
+    """Return (x, x') of a Taylor series at the phase t after its start.
+
+    Even and odd powers are summed separately, so that the processor can add them in parallel.
+    """
     square = t * t
     x, odd_x = series[DISPLACEMENT, ORDER], series[DISPLACEMENT, ORDER - 1]
     v, odd_v = series[VELOCITY, ORDER], series[VELOCITY, ORDER - 1]

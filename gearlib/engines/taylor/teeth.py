@@ -1,10 +1,10 @@
 """One mesh with individual pairs of teeth: Taylor steps end where a pair touches or separates.
 
-While the pairs of one set touch, the displacement x over a time follows
+While the same set of pairs touches, the displacement x as a function of time follows
 
     x'' = s (L - a x + b) - d (x' - e'),
 
-where a and b are parabolas over the mesh phase tau on each segment, and L is the load. At constant
+where a and b are parabolas in the mesh phase tau on each segment, and L is the load. At constant
 speed the time is the phase and s = 1 / nu^2. In a run-up it is theta, s = 1, L is linear in theta,
 and the phase is quadratic in theta, so that a and b have the degree 4. A set of the k pairs is an
 integer with a bit for each pair; set 0 is no contact and set 2^k the contact of the coast side.
@@ -54,13 +54,13 @@ from gearlib.engines.taylor.series import (
     state_at,
 )
 
-#: Columns of tables of laws factor x - offset: coefficients of the factor (a, p) by powers of the
-#: phase since the start of a segment, 0 to 2, and of the offset (b, r).
+#: Columns of tables of laws factor * x - offset: coefficients of the powers 0 to 2 of the phase
+#: since the start of a segment, first of the factor (a or p), then of the offset (b or r).
 FACTOR, FACTOR_SLOPE, FACTOR_SQUARE, OFFSET, OFFSET_SLOPE, OFFSET_SQUARE = range(6)
-#: Degree of factor and offset of a law over time, and their coefficients of a constant.
+#: Degree of the factor and the offset of a law in time, and the higher coefficients of a constant.
 _DEGREE, _ZEROS = 4, (0.0, 0.0, 0.0, 0.0)
-#: A series ends after this many terms in succession that are smaller than this fraction of x: each
-#: term follows from the terms up to five before it.
+#: A series is truncated after this many consecutive terms below this fraction of x, because each
+#: term follows from the five terms before it.
 _SMALL_TERMS, _SMALL_TERM = 5, 1e-17
 
 
@@ -73,7 +73,7 @@ class ToothPairSystem(NamedTuple):
     starts: np.ndarray  #: phases that bound the intervals, shape (m + 1,)
     times: np.ndarray  #: time from the start of its mesh period to a segment, shape (p,)
     lengths: np.ndarray  #: durations of the segments, shape (p,)
-    first_segment: np.ndarray  #: int, where each mesh period begins, shape (repeats + 1,)
+    first_segment: np.ndarray  #: int, first segment of each mesh period, shape (repeats + 1,)
     summary_blocks: np.ndarray  #: int, row of the summary of each mesh period, shape (repeats,)
     intervals: np.ndarray  #: int, the interval of phase of each segment, shape (p,)
     start_phases: np.ndarray  #: phase from the start of the interval to the segment, shape (p,)
@@ -83,9 +83,9 @@ class ToothPairSystem(NamedTuple):
     load_rate: float  #: rate of the load
     pairs_change: np.ndarray  #: bool, whether pairs change at the start of an interval, shape (m,)
     active_pairs: np.ndarray  #: int, set of the pairs on their path of contact, shape (m,)
-    force_laws: np.ndarray  #: of a set, a and b, shape (m, 2^k + 1, 6)
-    overlap_laws: np.ndarray  #: of a pair beside a set without it, p and r, shape (m, 2^k, k, 6)
-    gap_rate: np.ndarray  #: rate of the gap without load by phase, shape (m,)
+    force_laws: np.ndarray  #: a and b of a set of pairs, shape (m, 2^k + 1, 6)
+    overlap_laws: np.ndarray  #: p and r of a pair if other pairs carry the load, (m, 2^k, k, 6)
+    gap_rate: np.ndarray  #: e', derivative of the unloaded gap by phase, shape (m,)
     damping: np.ndarray  #: d in free flight and in contact, shape (2,)
     coast_line: float  #: displacement of the coast side, may be -inf
     max_step: float  #: largest step in time
@@ -96,21 +96,26 @@ class ToothPairSystem(NamedTuple):
 
 @inlined_kernel
 def _law_value(law, t, x):
-    """Return factor x - offset, both parabolas over the phase t since the start of a segment."""
+    """Return factor * x - offset of a law at the displacement x and the phase t.
+
+    `law`, shape (6,), has the coefficients of factor and offset, two parabolas in t, which counts
+    from the start of a segment.
+    """
     factor = law[FACTOR] + t * (law[FACTOR_SLOPE] + t * law[FACTOR_SQUARE])
     return factor * x - law[OFFSET] - t * (law[OFFSET_SLOPE] + t * law[OFFSET_SQUARE])
 
 
 @kernel
 def touching_set(overlaps, active_set, coast_line, t, x):
-    """Return the set of pairs that touch at a displacement x, t after the start of a segment.
+    """Return the set of tooth pairs that touch at a displacement x and a phase t.
 
-    Sets are integers with a bit for each of the k pairs; 2^k stands for the coast side, which
-    touches below `coast_line`. Bits of `active_set` mark pairs on their path of contact. If the
-    pairs of a set carry the load, the overlap of another pair i is factor x - offset, with the
-    `_law_value` of ``overlaps[set, i]``, shape (6,), of the segment; it touches where this is > 0.
+    The phase counts from the start of a segment. Sets are integers with a bit for each of the k
+    pairs; 2^k stands for the coast side, which touches below `coast_line`. Bits of `active_set`
+    mark pairs on their path of contact. If the pairs of a set carry the load, another pair i
+    overlaps by the `_law_value` of the law ``overlaps[set, i]``, shape (6,), and touches where this
+    overlap is positive.
     """
-    # The set of which all pairs overlap and no other pair does, or the nearest to this.
+    # All pairs of the wanted set overlap and no other pair does; rounding may leave a violation.
     coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
     best_set, min_violation = 0, math.inf
     for contact_set in range(coast_set):
@@ -129,24 +134,28 @@ def touching_set(overlaps, active_set, coast_line, t, x):
 
 @inlined_kernel
 def _expand_parabola(value, slope, square, t, speed, acceleration):
-    """Return five Taylor coefficients over time of a parabola over the phase.
+    """Return the five Taylor coefficients in time of a parabola in the phase.
 
-    Its coefficients are by powers of the phase; at time 0 the phase is t and grows with this speed
-    and acceleration.
+    The parabola is value + slope * phase + square * phase^2. At time 0 the phase is t, its rate is
+    `speed`, and this rate grows by `acceleration` in a unit of time.
     """
-    rate, half = slope + 2.0 * square * t, 0.5 * acceleration
+    phase_slope, half_acceleration = slope + 2.0 * square * t, 0.5 * acceleration
     return (
         value + t * (slope + t * square),
-        rate * speed,
-        rate * half + square * speed * speed,
-        2.0 * square * speed * half,
-        square * half * half,
+        phase_slope * speed,
+        phase_slope * half_acceleration + square * speed * speed,
+        2.0 * square * speed * half_acceleration,
+        square * half_acceleration * half_acceleration,
     )
 
 
 @inlined_kernel
 def _expand_law(law, t, speed, acceleration):
-    """Return the Taylor coefficients over time of factor and offset of a law, five of each."""
+    """Return the Taylor coefficients in time of the factor and of the offset of a law, five each.
+
+    `law`, shape (6,), has their coefficients by powers of the phase. At time 0 the phase is t and
+    grows with `speed` and `acceleration`.
+    """
     factors = law[FACTOR], law[FACTOR_SLOPE], law[FACTOR_SQUARE]
     offsets = law[OFFSET], law[OFFSET_SLOPE], law[OFFSET_SQUARE]
     return (
@@ -157,7 +166,11 @@ def _expand_law(law, t, speed, acceleration):
 
 @inlined_kernel
 def _fill_product(series, quantity, law):
-    """Fill the row `quantity` of `series` with factor x - offset; `law` has their coefficients."""
+    """Fill the row `quantity` of `series` with the Taylor series of factor * x - offset.
+
+    `law` has the five Taylor coefficients of the factor and those of the offset; the row
+    DISPLACEMENT of `series` holds x.
+    """
     factors, offsets = law
     for k in range(ORDER + 1):
         value = factors[0] * series[DISPLACEMENT, k]
@@ -168,12 +181,12 @@ def _fill_product(series, quantity, law):
 
 @inlined_kernel
 def _expand_motion(law, load, load_rate, damping, force_scale, x, v, step, max_step, series):
-    """Fill the Taylor series of the motion through (x, v), as far as a step needs it.
+    """Fill the Taylor series of the motion that starts from (x, v), as far as a step needs it.
 
-    `law` has the Taylor coefficients of factor and offset of the mesh force, which is factor x -
-    offset, times `force_scale`. The load includes the damping force due to the gap. Returns the
-    changes of x and v in the step and the sum of magnitudes of the terms of x in it beyond the
-    square term.
+    The mesh force is `force_scale` * (factor * x - offset), and `law` has the Taylor coefficients
+    of factor and offset. `load`, with the derivative `load_rate`, includes the damping force due to
+    the gap. `step` is the length of the step, at most `max_step`. Returns the changes of x and v in
+    the step and the sum of the magnitudes of the terms of x in it beyond the square term.
     """
     (a0, a1, a2, a3, a4), (b0, b1, b2, b3, b4) = law
     a0, a1, a2, b0 = force_scale * a0, force_scale * a1, force_scale * a2, force_scale * b0
@@ -183,13 +196,13 @@ def _expand_motion(law, load, load_rate, damping, force_scale, x, v, step, max_s
     x_change, v_change, tail, power, small_terms = 0.0, 0.0, 0.0, 1.0, 0
     # Coefficients k to k - 4 of x and k of v.
     x_k, x_1, x_2, x_3, x_4, v_k = x, 0.0, 0.0, 0.0, 0.0, v
-    limit = _SMALL_TERM * max(1.0, abs(x)) / max_step
+    small_term = _SMALL_TERM * max(1.0, abs(x)) / max_step
     count = ORDER
     for k in range(ORDER):
         force = a0 * x_k + (a1 * x_1 + a2 * x_2 + a3 * x_3 + a4 * x_4 - b0)
         series[MESH_FORCE, k] = force
         x_4, x_3, x_2, x_1, x_k = x_3, x_2, x_1, x_k, v_k * INVERSE_INTEGERS[k]
-        # The chain of v from term to term is as short as possible: it takes most of the time.
+        # Most of the time goes into the recursion of v, so its chain of operations is kept short.
         v_k = (load - force) * INVERSE_INTEGERS[k] - (damping * INVERSE_INTEGERS[k]) * v_k
         series[DISPLACEMENT, k + 1], series[VELOCITY, k + 1] = x_k, v_k
         load, load_rate, b0, b1, b2, b3, b4 = load_rate, 0.0, b1, b2, b3, b4, 0.0
@@ -199,7 +212,7 @@ def _expand_motion(law, load, load_rate, damping, force_scale, x, v, step, max_s
         v_change += v_term
         if k >= 2:
             tail += abs(term)
-            small_terms = small_terms + 1 if abs(v_term) < limit else 0
+            small_terms = small_terms + 1 if abs(v_term) < small_term else 0
             if small_terms == _SMALL_TERMS:
                 count = k + 1
                 break
@@ -213,32 +226,35 @@ def _expand_motion(law, load, load_rate, damping, force_scale, x, v, step, max_s
 
 @inlined_kernel
 def _keeps_sign(law, sign, step, tail, series):
-    """Return whether bounds prove that sign (factor x - offset) stays positive in a step.
+    """Return whether bounds prove that sign * (factor * x - offset) stays positive in a step.
 
-    `law` has the Taylor coefficients of factor and offset. `tail` is the sum of magnitudes of the
-    terms of x beyond the square term.
+    `law` has the Taylor coefficients of factor and offset, and `series` holds the Taylor series of
+    x. `step` is the length of the step, and `tail` is the sum of the magnitudes of the terms of x
+    in it beyond the square term.
     """
     (a0, a1, a2, a3, a4), (b0, b1, b2, b3, b4) = law
     square_step = step * step
     a1, a2, a3 = a1 * step, a2 * square_step, a3 * step * square_step
     a4, b1, b2 = a4 * square_step * square_step, b1 * step, b2 * square_step
-    x0, x1 = series[DISPLACEMENT, 0], series[DISPLACEMENT, 1] * step
-    x2 = series[DISPLACEMENT, 2] * square_step
-    constant, slope = a0 * x0 - b0, a0 * x1 + a1 * x0 - b1
-    square = a0 * x2 + a1 * x1 + a2 * x0 - b2
-    high = abs(a3) + abs(a4)
-    rest = (abs(a0) + abs(a1) + abs(a2) + high) * tail + high * (abs(x0) + abs(x1) + abs(x2))
-    rest += (abs(a1) + abs(a2)) * abs(x2) + abs(a2 * x1)
-    rest += (abs(b3) + abs(b4) * step) * step * square_step
-    return parabola_minimum(sign * constant, sign * slope, sign * square) > rest
+    x_0, x_1 = series[DISPLACEMENT, 0], series[DISPLACEMENT, 1] * step
+    x_2 = series[DISPLACEMENT, 2] * square_step
+    constant, slope = a0 * x_0 - b0, a0 * x_1 + a1 * x_0 - b1
+    square = a0 * x_2 + a1 * x_1 + a2 * x_0 - b2
+    high_terms = abs(a3) + abs(a4)
+    remainder = (abs(a0) + abs(a1) + abs(a2) + high_terms) * tail + high_terms * (
+        abs(x_0) + abs(x_1) + abs(x_2)
+    )
+    remainder += (abs(a1) + abs(a2)) * abs(x_2) + abs(a2 * x_1)
+    remainder += (abs(b3) + abs(b4) * step) * step * square_step
+    return parabola_minimum(sign * constant, sign * slope, sign * square) > remainder
 
 
 @kernel
 def _map_step(law, t, damping, force_scale, step, map_matrix):
-    """Multiply a map of perturbations, shape (2, 2), in place by the map of a Taylor step.
+    """Multiply a map of perturbations, shape (2, 2), from the left by the map of a Taylor step.
 
-    The step starts t after the start of a segment, whose mesh force is factor x - offset of `law`,
-    times `force_scale`.
+    The step has the length `step` and starts at the phase t since the start of a segment. The mesh
+    force is `force_scale` * (factor * x - offset), with the coefficients in `law`, shape (6,).
     """
     stiffness = (law[FACTOR] + t * (law[FACTOR_SLOPE] + t * law[FACTOR_SQUARE])) * force_scale
     slope = (law[FACTOR_SLOPE] + 2.0 * law[FACTOR_SQUARE] * t) * force_scale
@@ -277,14 +293,15 @@ def _first_contact_event(
 ):
     """Return (fraction of a step, number of the pair) of the first pair that touches or separates.
 
-    The step, of length `step`, starts at the phase t of an interval with its overlaps, (2^k, k, 6),
-    and its active pairs; the phase grows with this speed and acceleration. Bits of `contact_set`
-    mark the pairs that touch; 2^k stands for contact of the coast side, below `coast_line`, which
-    has the pair number k. The fraction is 2 if there is no event and -1 if rounding hides whether
-    there is one. The step starts on the line of `start_pair`, or on none if that is -1. If the
-    sides `may_jam`, touches on the other side count as well. `series` has the motion in its first
-    rows, and the row ROWS receives the overlaps; `tail` is the sum of magnitudes of the terms of x
-    beyond the square term. `to_bernstein` and `work` are those of `first_crossing`.
+    The step, of length `step`, starts at the phase t of an interval of phase, which has the laws
+    `overlaps`, (2^k, k, 6), and the active pairs `active_set`; the phase grows with `speed` and
+    `acceleration`. Bits of `contact_set` mark the pairs that touch; 2^k stands for contact of the
+    coast side, below `coast_line`, which has the pair number k. The fraction is 2 if there is no
+    event and -1 if rounding hides whether there is one. At the start of the step `start_pair` has
+    zero overlap; it is -1 if no pair has. If the mesh `may_jam`, contact on the other side counts
+    as well. The first rows of `series` hold the motion, and its row ROWS receives the overlaps;
+    `tail` is the sum of the magnitudes of the terms of x beyond the square term. See
+    `first_crossing` for `to_bernstein` and `work`.
     """
     coast_set, pair_count = overlaps.shape[0], overlaps.shape[1]
     first_fraction, first_pair = 2.0, -1
@@ -318,7 +335,11 @@ def _first_contact_event(
 
 @inlined_kernel
 def _contact_code_of(contact_set, coast_set):
-    """Return the contact code of a set of touching pairs, 0 for none and `coast_set` for coast."""
+    """Return the contact code for a set of touching pairs of teeth.
+
+    The set 0 means no contact, `coast_set` contact of the coast side, and any other set contact of
+    the drive side.
+    """
     if contact_set == 0:
         return NO_CONTACT
     return COAST if contact_set == coast_set else DRIVE
@@ -339,12 +360,13 @@ def run_tooth_pairs(
     period_maps,
     first_period,
 ):
-    """Run the mesh; arguments and first returns are those of `pair.pair_run.run`.
+    """Run a mesh with individual pairs of teeth, as `pair.pair_run.run` runs a gear pair.
 
-    The `summaries` have a row for each of the `summary_blocks` of the system. The period maps,
-    shape (periods, 2, 2) or (0, 2, 2), get the derivatives of the state after each period by the
-    state before, at constant speed only. The run begins in mesh period `first_period` of the
-    excitation. Returns also the number of steps.
+    Arguments and results have the same meaning. `system` is the `ToothPairSystem`; `summaries` has
+    a row for each of its `summary_blocks`. The period maps, shape (periods, 2, 2) or (0, 2, 2),
+    receive the derivatives of the state after each period with respect to the state before it, at
+    constant speed only. The run begins in mesh period `first_period` of the excitation. The last
+    result is the number of Taylor steps.
     """
     for block in range(summaries.shape[0]):
         orbit.clear_summary(summaries[block])
@@ -352,7 +374,7 @@ def run_tooth_pairs(
     blocks, intervals, start_phases = system.summary_blocks, system.intervals, system.start_phases
     speeds, acceleration = system.speeds, system.acceleration
     loads, load_rate = system.loads, system.load_rate
-    times, lengths, renewed = system.times, system.lengths, system.pairs_change
+    times, lengths, pairs_change = system.times, system.lengths, system.pairs_change
     force, overlaps = system.force_laws, system.overlap_laws
     gap_rate, damping_levels = system.gap_rate, system.damping
     coast_line, max_step, tuning = system.coast_line, system.max_step, system.tuning
@@ -362,7 +384,7 @@ def run_tooth_pairs(
     series, work = np.zeros((ROWS + 1, ORDER + 1)), np.empty((WORK_ROWS, ORDER + 2))
     strobe_count = min(periods, orbit.strobe_periods(system.repeats))
     strobes = np.empty((strobe_count + 1, 2))
-    rows, steps, contact_set, start_pair = 0, 0, 0, -1
+    event_rows, steps, contact_set, start_pair = 0, 0, 0, -1
     for period in range(periods):
         strobe = period - (periods - strobe_count)
         if strobe >= 0:
@@ -379,7 +401,7 @@ def run_tooth_pairs(
             is_run_start = period == 0 and segment == first_segment[number]
             interval = intervals[segment]
             segment_overlaps, active_pairs = overlaps[interval], active_set[interval]
-            if is_run_start or renewed[interval]:
+            if is_run_start or pairs_change[interval]:
                 code_before = _contact_code_of(contact_set, coast_set)
                 contact_set = touching_set(
                     segment_overlaps, active_pairs, coast_line, start_phases[segment], x
@@ -389,8 +411,15 @@ def run_tooth_pairs(
                 if code_after == DRIVE and x < coast_line:
                     return x, v, 0, events, 0, JAMMED, steps
                 if recorded >= 0 and code_after != code_before and not is_run_start:
-                    events, rows = orbit.record_event(
-                        events, rows, period, times[segment], code_before, code_after, v, summary
+                    events, event_rows = orbit.record_event(
+                        events,
+                        event_rows,
+                        period,
+                        times[segment],
+                        code_before,
+                        code_after,
+                        v,
+                        summary,
                     )
             time, length = 0.0, lengths[segment]
             while time < length:
@@ -498,29 +527,29 @@ def run_tooth_pairs(
                         )
                 if code_after != contact_code and recorded >= 0:
                     event_time = times[segment] + time
-                    events, rows = orbit.record_event(
-                        events, rows, period, event_time, contact_code, code_after, v, summary
+                    events, event_rows = orbit.record_event(
+                        events, event_rows, period, event_time, contact_code, code_after, v, summary
                     )
     strobes[strobe_count, 0], strobes[strobe_count, 1] = x, v
     displacement_range = summaries[0, orbit.X_MAX] - summaries[0, orbit.X_MIN]
     orbit_period = orbit.orbit_period(strobes, tuning, displacement_range, system.repeats)
-    return x, v, orbit_period, events, rows, OK, steps
+    return x, v, orbit_period, events, event_rows, OK, steps
 
 
 class Propagator(propagator.Propagator):
-    """A `LoadSharingPair` at one tuning."""
+    """Engine of a `LoadSharingPair` at one tuning, by Taylor steps."""
 
     at = Base.at
 
     def __init__(self, model, tuning: float):
-        """Set the tables of the tooth pairs of a model at a tuning."""
+        """Tabulate the pairs of teeth of a model at a tuning."""
         Base.__init__(self, model, tuning)
         self.system = model.system(tuning)
 
     def run_kernel(self, x, v, periods, recorded, tables, first_period):
-        """Run from displacement x and velocity v; return what `run_tooth_pairs` returns.
+        """Call `run_tooth_pairs` for a run from displacement x and velocity v; return its result.
 
-        `tables` are its arguments from samples to period maps.
+        `tables` holds its arguments from `samples` to `period_maps`.
         """
         samples, events, max_events, summary, maps = tables
         tables = samples, events, max_events, summary.reshape(1, -1), maps

@@ -1,7 +1,7 @@
-"""Pairs of teeth along a speed and a load course: Taylor steps in theta, the time of the model.
+"""Pairs of teeth along a speed and a load course, by Taylor steps in theta, the time of the model.
 
 While the acceleration is constant the mesh phase is quadratic in theta, so that stiffness and gaps,
-parabolas over the phase, are polynomials in theta: the series of `teeth` hold from standstill on.
+parabolas in the phase, are polynomials in theta: the series of `teeth` hold from standstill on.
 """
 
 import numpy as np
@@ -17,10 +17,10 @@ _FIRST_EVENT_ROWS = 64
 
 
 class CoursePropagator(teeth.Propagator):
-    """A `LoadSharingPair` along a speed and load course."""
+    """Engine of a `LoadSharingPair` along a speed and load course."""
 
     meshes, long_run_out = 1, False
-    #: Load due to the acceleration of the present piece, over the load of the model.
+    #: Inertia force due to the acceleration of the present piece, over the load of the model.
     inertia_load = 0.0
 
     @property
@@ -29,27 +29,28 @@ class CoursePropagator(teeth.Propagator):
         return self.system
 
     def set_piece(self, piece: CoursePiece, base_acceleration: np.ndarray) -> None:
-        """Set the load due to the acceleration of a `CoursePiece`.
+        """Set the inertia force due to the acceleration of a `CoursePiece`.
 
-        `base_acceleration`, shape (1,), is the acceleration that d2tau/dtheta2 = 1 causes.
+        `base_acceleration`, shape (1,), is the acceleration of x due to d2tau/dtheta2 = 1.
         """
         self.inertia_load = float(base_acceleration[0]) * piece.acceleration
 
     def _system_of(
         self, piece: CoursePiece, intervals: PieceIntervals, lengths: np.ndarray, theta: np.ndarray
     ) -> teeth.ToothPairSystem:
-        """Return the `ToothPairSystem` of the p segments of k intervals of a piece.
+        """Return the `ToothPairSystem` for k intervals of a `CoursePiece`, with p segments.
 
-        `lengths`, shape (p,), are their durations; `theta`, (k + 1,), bounds the intervals.
+        `lengths`, shape (p,), are the durations of the segments; `theta`, shape (k + 1,), has the
+        bounds of the intervals.
         """
-        base, times = self.system, intervals.end_times(lengths) - lengths
+        base_system, times = self.system, intervals.end_times(lengths) - lengths
         # The piece may begin within an interval of phase, one or more cycles of the teeth later.
-        start_phases, cycle = np.zeros(lengths.size), base.starts[-1]
-        cut = intervals.phase[0] - base.starts[intervals.segments[0]]
-        start_phases[0] = max(cut - cycle * round(cut / cycle), 0.0)
+        start_phases, cycle = np.zeros(lengths.size), base_system.starts[-1]
+        start_phase = intervals.phase[0] - base_system.starts[intervals.segments[0]]
+        start_phases[0] = max(start_phase - cycle * round(start_phase / cycle), 0.0)
         segment_counts = np.diff(intervals.first_segments)
         load_times = np.repeat(theta[:-1] - piece.start, segment_counts) + times
-        return base._replace(
+        return base_system._replace(
             times=times,
             lengths=lengths,
             first_segment=intervals.first_segments,
@@ -64,10 +65,10 @@ class CoursePropagator(teeth.Propagator):
         )
 
     def run_intervals(self, piece, state, intervals, samples_per_period, max_events):
-        """Run through `PieceIntervals` of a piece; return their record, an `IntervalRecord`.
+        """Run through the `PieceIntervals` of a `CoursePiece` and return an `IntervalRecord`.
 
-        `state`, shape (2,), has the velocity by theta and changes in place. Each interval has
-        `samples_per_period` samples and at most `max_events` contact events.
+        `state`, shape (2,), holds displacement and velocity by theta; it becomes the final state.
+        Each interval has `samples_per_period` samples and at most `max_events` contact events.
         """
         lengths, periods = intervals.lengths(piece), len(intervals.block)
         theta = intervals.bounds(piece, lengths)
@@ -93,5 +94,5 @@ class CoursePropagator(teeth.Propagator):
 
 
 def propagator_of(model) -> CoursePropagator:
-    """Return the propagator, with time theta, of a model along speed and load courses."""
+    """Return the engine of a model along speed and load courses, with time theta."""
     return CoursePropagator(model, 1.0)
