@@ -1,4 +1,4 @@
-"""Models from plain values: from texts in datasets, and from descriptions in configurations."""
+"""Models built from plain values: from JSON in datasets and descriptions in configurations."""
 
 import json
 import math
@@ -25,14 +25,17 @@ from gearlib.parameters import declared_parameters
 
 #: Keys of a damping that are arguments of `GearPair.from_geometry`.
 _PAIR_DAMPINGS = (
-    *("damping_ratio", "logarithmic_decrement", "material_damping", "backlash_damping_ratio"),
+    "damping_ratio",
+    "logarithmic_decrement",
+    "material_damping",
+    "backlash_damping_ratio",
 )
-#: Load of an unloaded mesh over the largest force of the train.
-_LEAST_FORCE = 1e-6
+#: Load given to an unloaded mesh, over the largest mesh force of the train.
+_MIN_FORCE_RATIO = 1e-6
 
 
 def model_from_json(text: str) -> Model | None:
-    """Return the model whose ``as_dict()`` has a canonical JSON text, or None if there is none.
+    """Return the model whose ``as_dict()`` is the canonical JSON `text`, or None if there is none.
 
     Datasets store such texts. A `LoadSharingPair` cannot be restored.
     """
@@ -41,11 +44,17 @@ def model_from_json(text: str) -> Model | None:
         model = _model_with(fields) if isinstance(fields, dict) else None
     except (TypeError, ValueError, KeyError):
         return None
-    return model if model is not None and canonical_json(model.as_dict()) == text else None
+    if model is None or canonical_json(model.as_dict()) != text:
+        return None
+    return model
 
 
 def _field_values(value: Any) -> Any:
-    """Return a decoded JSON value with tuples, infinities and `Harmonics`, as models store it."""
+    """Return a decoded JSON value in the types of the fields of models.
+
+    Lists become tuples, "inf" and "-inf" become numbers, and a dict of cosines and sines becomes
+    `Harmonics`.
+    """
     if isinstance(value, dict):
         entries = {name: _field_values(entry) for name, entry in value.items()}
         return Harmonics(**entries) if entries.keys() == {"cosines", "sines"} else entries
@@ -55,14 +64,14 @@ def _field_values(value: Any) -> Any:
 
 
 def _model_with(values: dict[str, Any]) -> Model | None:
-    """Return the model with these field values, or None if no class of models has such fields.
+    """Return the model with these field values, or None if no model class has such fields.
 
-    The names of the fields determine the class. The dict `values` is changed.
+    The names of the fields determine the class. The dict `values` is modified.
     """
     if "bodies" in values:
-        elements = {"bodies": Body, "meshes": Mesh, "shafts": Shaft, "forces": HarmonicForce}
-        for name, element in elements.items():
-            values[name] = tuple(element(**entry) for entry in values[name])
+        classes = {"bodies": Body, "meshes": Mesh, "shafts": Shaft, "forces": HarmonicForce}
+        for name, element_class in classes.items():
+            values[name] = tuple(element_class(**entry) for entry in values[name])
         return GearTrain(**values)
     if "base_radii" in values:
         return SixDegreePair(**(values | {"pair": GearPair(**values["pair"])}))
@@ -74,7 +83,10 @@ def _model_with(values: dict[str, Any]) -> Model | None:
 
 
 def pair_with_profile(profile: dict | None = None, **values: Any) -> GearPair | OneDegreePair:
-    """Return the gear pair with these parameters, and with a stiffness profile if one is given."""
+    """Return the gear pair with these parameters, a `OneDegreePair` if it has a profile.
+
+    `profile` is a dict with the kind of the stiffness profile and its parameters, or None.
+    """
     pair = GearPair(**values)
     if profile is None:
         return pair
@@ -82,48 +94,62 @@ def pair_with_profile(profile: dict | None = None, **values: Any) -> GearPair | 
 
 
 def model(description: dict) -> Model:
-    """Return the model of a description, whose key "model" is a name in `MODELS`."""
+    """Return the model that a dict describes.
+
+    Its key "model" is a key of `MODELS`, and its other values are passed to this function.
+    """
     arguments = {name: value for name, value in description.items() if name != "model"}
     return MODELS[description["model"]](**arguments)
 
 
 def with_models(value: Any) -> Any:
-    """Return a value of JSON types in which descriptions of models are replaced by the models."""
+    """Replace the descriptions of models in a value of JSON types by the models, and return it.
+
+    A description is a dict with a text under the key "model". The argument is not changed.
+    """
     if isinstance(value, dict):
         if isinstance(value.get("model"), str):
             return model(value)
         return {name: with_models(entry) for name, entry in value.items()}
-    return [with_models(entry) for entry in value] if isinstance(value, list) else value
+    if isinstance(value, list):
+        return [with_models(entry) for entry in value]
+    return value
 
 
 def pairs_of_teeth(gears: dict, damping: dict, pitch_errors: bool = True) -> LoadSharingPair:
     """Return the `LoadSharingPair` of the section `gears` of a configuration.
 
-    `gears` are geometry with the torque (N m), the stiffness method and its options, if given;
-    `damping` has coefficients (N s/m) or ratios by their keys in the configuration. Without
-    `pitch_errors` those of the gears are left out.
+    `gears` is a dict with the gear geometry, the torque in N m and, optionally, the stiffness
+    method and its options. `damping` holds damping coefficients in N s/m or ratios by their
+    configuration keys. `pitch_errors` is whether the pitch errors of the gears count.
     """
-    mesh = geometry_from_dict(gears)
+    stage = geometry_from_dict(gears)
     arguments = {"torque": gears["torque"], "stiffness": gears.get("stiffness")}
-    arguments |= {} if pitch_errors else {"pitch_errors": (0.0,)}
+    if not pitch_errors:
+        arguments["pitch_errors"] = (0.0,)
     arguments |= {name: damping[name] for name in _PAIR_DAMPINGS if name in damping}
     options = gears.get("stiffness_options")
-    model = default_load_sharing_pair(mesh, options=options, **arguments)
+    model = default_load_sharing_pair(stage, options=options, **arguments)
     backlash_damping = damping.get("backlash_damping")
-    return model.replace(backlash_damping=backlash_damping) if backlash_damping else model
+    if backlash_damping:
+        model = model.replace(backlash_damping=backlash_damping)
+    return model
 
 
 def six_degrees(pair: dict, **arguments: Any) -> SixDegreePair:
-    """Return the `SixDegreePair` of a described pair with these further arguments."""
+    """Return the `SixDegreePair` of a gear pair; `pair` is the description of its `GearPair`.
+
+    The other arguments are parameters of `SixDegreePair`.
+    """
     return SixDegreePair(pair=model(pair), **arguments)
 
 
 def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
     """Return the gear train that the section `train` of a configuration describes.
 
-    `kind` is a kind of trains such as "idler" or "planetary"; `arguments` are those of the function
-    or class of that kind, with gears, bodies, meshes and shafts as dicts; `pair` describes the
-    `GearPair` that some kinds need, or is None.
+    `kind` is a kind of train such as "idler" or "planetary". `arguments` are the arguments of the
+    function or class of that kind, with gears, bodies, meshes and shafts as dicts. `pair` describes
+    the `GearPair` that some kinds need, or is None.
     """
     if pair is not None:
         return getattr(ready_made, kind)(model(pair), **arguments)
@@ -143,12 +169,12 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
     }
     on_shafts = {name for shaft in elements["shafts"] for name in shaft.bodies}
     descriptions = arguments["meshes"]
-    # Without a torque this train has drafts of its meshes, which suffice for its static forces.
+    # Meshes without a torque are drafts in this train, which suffice to compute its static forces.
     elements["meshes"] = [_mesh(gears, on_shafts, **mesh) for mesh in descriptions]
     draft = GearTrain(**(arguments | elements))
     forces = np.abs(draft.mean_forces) * draft.load
-    # An unloaded mesh gets a small load, whose transmission error is that of its reliefs.
-    forces = np.maximum(forces, _LEAST_FORCE * forces.max())
+    # An unloaded mesh gets a small load, at which only reliefs cause a transmission error.
+    forces = np.maximum(forces, _MIN_FORCE_RATIO * forces.max())
     for i, (mesh, description) in enumerate(zip(draft.meshes, descriptions, strict=True)):
         if _is_draft(gears, **description):
             if forces[i] == 0.0:
@@ -162,7 +188,10 @@ def train(kind: str, arguments: dict, pair: dict | None) -> GearTrain:
 
 
 def _parallel_stage(values: dict) -> planetary.ParallelStage:
-    """Return a parallel stage of a planetary set with its gears as dicts."""
+    """Return the parallel stage of a planetary set from a dict of its values.
+
+    Its gears are dicts; `values` also has the body that the stage is `on` and optional fields.
+    """
     fields = {
         name: values[name]
         for name in ("on", "gear", "shaft_stiffness", "position")
@@ -174,7 +203,8 @@ def _parallel_stage(values: dict) -> planetary.ParallelStage:
 def _body(gears: dict, *, name: str, gear: dict | None = None, **fields: Any) -> Body:
     """Return the `Body` with this name and these fields; a gear geometry provides missing fields.
 
-    `gears` maps names of bodies to `SpurGear`; `gear` is None if the body has no gear geometry.
+    `gears` maps names of bodies to `SpurGear`. `gear` is the dict of the gear geometry, from which
+    the entry of `gears` was built, or None if the body has no gear geometry.
     """
     if gear:
         return Body.from_gear(gears[name], name, **fields)
@@ -182,22 +212,26 @@ def _body(gears: dict, *, name: str, gear: dict | None = None, **fields: Any) ->
 
 
 def _is_draft(gears: dict, **values: Any) -> bool:
-    """Return whether a mesh of gears given by geometry has teeth whose torque is not known yet."""
-    by_geometry = {values["pinion"], values["wheel"]} <= gears.keys()
+    """Return whether a mesh needs a torque for its transmission error, but has none yet.
+
+    Only the model "teeth" of two gears with geometry needs a torque. `gears` maps names of bodies
+    to `SpurGear`, and `values` are the values of the mesh.
+    """
+    has_geometry = {values["pinion"], values["wheel"]} <= gears.keys()
     has_teeth = values.get("model", "teeth") == "teeth" and "max_stiffness" not in values
-    return by_geometry and has_teeth and "torque" not in values
+    return has_geometry and has_teeth and "torque" not in values
 
 
 def _mesh(
     gears, on_shafts, *, stiffness=None, stiffness_options=None, centre_distance=None, **values
 ):
-    """Return the `Mesh` with the fields in the dict `values`, which names its pinion and wheel.
+    """Return the `Mesh` with the fields `values`, which name its pinion and wheel.
 
-    `gears` maps names of bodies with a gear geometry to `SpurGear`. If both gears of the mesh have
-    one and `values` have no stiffness, the stiffness follows by a method, "iso" or "energy", with a
-    dict of its options, and the other missing fields from the geometry. `centre_distance` is in m.
-    The twist of the bodies in the set `on_shafts` is not part of the stiffness. A mesh of teeth
-    without a torque gets the rectangle as a draft.
+    `gears` maps names of bodies with a gear geometry to `SpurGear`. If both gears have a geometry
+    and `values` has no max_stiffness, the geometry determines the missing fields; then `stiffness`
+    is the method "iso" or "energy", with the dict `stiffness_options`, and `centre_distance` is in
+    m. `on_shafts` is the set of bodies on shafts, whose twist is not part of the mesh stiffness. A
+    mesh of teeth without a torque gets the model "rectangle" as a draft.
     """
     values = {"material_damping": None} | values  # None: the damping is unknown.
     for name in {"deviation", "coast_deviation", "transmission_error"} & values.keys():
@@ -205,20 +239,20 @@ def _mesh(
     pinion, wheel = (gears.get(values[name]) for name in ("pinion", "wheel"))
     if pinion is None or wheel is None or "max_stiffness" in values:
         return Mesh(**values)
-    mesh = geometry.GearStage(pinion, wheel, centre_distance)
+    gear_stage = geometry.GearStage(pinion, wheel, centre_distance)
     if stiffness is None:
         is_rectangle = values.get("model") == "rectangle"
-        stiffness = "iso" if is_rectangle else mesh.tooth_stiffness
+        stiffness = "iso" if is_rectangle else gear_stage.tooth_stiffness
     options = stiffness_options or {}
     twists = [values[name] not in on_shafts for name in ("pinion", "wheel")]
     if stiffness == "energy" and not all(twists):
         options = {"twist": twists} | options
     if _is_draft(gears, **values):
         values["model"] = "rectangle"
-    return Mesh.from_geometry(mesh, stiffness=stiffness, options=options, **values)
+    return Mesh.from_geometry(gear_stage, stiffness=stiffness, options=options, **values)
 
 
-#: Name of a kind of models -> function of the other values of a description.
+#: Kind of a model -> function that builds it from the other values of a description.
 MODELS: dict[str, Callable[..., Model]] = {
     "pair": pair_with_profile,
     "teeth": pairs_of_teeth,

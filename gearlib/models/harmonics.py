@@ -65,15 +65,19 @@ class Harmonics:
                 f"steps of 2 pi / {n} over one mesh period, its end left out"
             )
         checks.require(np.isfinite(values).all(), "values", values, "finite")
-        highest = (n - 1) // 2
-        count = highest if count is None else count
-        checks.require(count <= highest, "count", count, f"an integer from 1 to {highest}")
+        max_count = (n - 1) // 2
+        if count is None:
+            count = max_count
+        checks.require(count <= max_count, "count", count, f"an integer from 1 to {max_count}")
         orders = np.arange(1, count + 1)
         spectrum = np.fft.rfft(values)[1 : count + 1] * 2.0 / n * np.exp(-1j * orders * phase[0])
         return cls(tuple(spectrum.real.tolist()), tuple((-spectrum.imag).tolist()))
 
     def table(self, scale: float = 1.0) -> Any:
-        """Return an array (n, 3) with rows (order, cosine, sine), the amplitudes times `scale`."""
+        """Return an array (n, 3) with rows (order, cosine, sine) for the orders 1 to n.
+
+        The amplitudes of cosine and sine are multiplied by `scale`.
+        """
         import numpy as np
 
         n = max(len(self.cosines), len(self.sines))

@@ -64,7 +64,7 @@ _QUASI_STATIC_TUNING, _TYPICAL_CORNER_LENGTH = 2e-4, 0.05
 _MIN_CORNER_FACTOR, _PITCH_ERROR_FACTOR = 0.25, 10.0
 #: Segment boundaries whose phases differ by less, in rad, count as equal.
 _PHASE_TOLERANCE = 1e-9
-#: Number of intervals from the first corner contact of a pair to the start of its path of contact.
+#: Number of intervals of the corner contact before, and also behind, the path of contact.
 _CORNER_INTERVALS = 8
 
 

@@ -27,23 +27,23 @@ UNBOUNDED_FACTOR = 1e8
 
 
 class Model:
-    """Parameters, equations of motion, engines and names of variables of a simulated system."""
+    """A simulated system: its parameters, equations of motion, engines and names of variables."""
 
     # State and equations of motion.
-    size: Any = 2  #: components of the state that varies: coordinates, then their rates by phase
+    size: Any = 2  #: number of varying state components: coordinates, then their rates by phase
     repeats: Any = 1  #: periods of phase after which the excitation repeats
     pair: Any = None  #: the `GearPair` that gives tuning and scales, if there is one
-    equation: Any = None  #: the `Equation`, of one degree of freedom with two flank lines
-    train: Any = None  #: the `GearTrain` whose matrices it has, of several degrees of freedom
-    gyroscopic: Any = False  #: whether the forces of a turning frame act
+    equation: Any = None  #: the `Equation` of a model with one degree of freedom
+    train: Any = None  #: the `GearTrain` with the matrices of a model with several coordinates
+    gyroscopic: Any = False  #: whether the forces of a rotating frame of reference act
     profile: Any = None  #: the `Profile` of the mesh stiffness, where it can be chosen
     #: Functions of the tuning: speed in rpm, mesh frequency in rad/s; None: nothing rotates.
     speed: Any = None
     mesh_frequency: Any = None
     static_deflection: Any = None  #: scale of displacements of models that rotate, m
     mean_forces: Any = 1.0  #: static mesh forces over the load, of m meshes (m,); coast side < 0
-    #: Whether Eq. (3) with one coordinate and equal flanks at 0 and -s holds, as fixed-step methods
-    #: and harmonic balance need it.
+    #: Whether Eq. (3) holds with one coordinate and equal flanks at 0 and -s, as fixed-step methods
+    #: and harmonic balance require.
     has_pair_equation: bool = False
     moving_flank: bool = False  #: whether the coast flank moves about its line in `flank_lines`
 
@@ -57,35 +57,37 @@ class Model:
     mesh_names: Any = ()  #: labels of the dimension mesh; empty: results have no such dimension
     components: Any = ("displacement", "velocity")  #: names of the components of the final state
     extra_samples: tuple = ()  #: names of sampled variables that other models do not have
-    long_names: dict = {}  #: variable name -> long_name, where it differs from that of a gear mesh
+    long_names: dict = {}  #: variable name -> long_name, where it differs from a gear mesh
     title_noun: str = "a gear mesh"  #: the model in titles of datasets
     slowest_tuning: Any = 0.0  #: least tuning of a simulated duty point: below it, inertia is small
     force_note: Any = ""  #: a sentence on the forces, for results, or ""
     stiffness_model: Any = ""  #: the mesh model and its stiffness in words, or ""
-    #: Name of the largest over the static mesh force: "dynamic_factor" where teeth enter as they
-    #: do, under load; with a given stiffness, which may jump, "peak_force_ratio".
+    #: Name of the ratio of largest to static mesh force: "dynamic_factor" if teeth come into mesh
+    #: under load, "peak_force_ratio" for a prescribed stiffness, which may jump.
     force_ratio_name: Any = "peak_force_ratio"
     references: str = "Hortel, Skuderova: Engineering Mechanics 14 (2007) 91-104"
 
     def __post_init__(self):
-        """Compute the default values of fields that are None."""
+        """Replace fields that are None by their values from `defaults`."""
         for name, default in self.defaults.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, default(self))
 
     @property
     def piecewise_linear(self) -> bool:
-        """Whether the motion between two contact events has a closed form."""
+        """Whether the model is linear between two contact events, so that a closed form exists."""
         return self.equation is None or self.equation.is_piecewise_linear()
 
     @property
     def propagators(self) -> dict[str, Callable]:
-        """Method name -> function of model, tuning and options that returns the integrator.
+        """Integrators by the name of their method, with the default method first.
 
-        The default method comes first.
+        Each value is a function of the model, the tuning and options that returns the integrator.
         """
-        exact = {"exact": single_mesh_propagator} if self.piecewise_linear else {}
-        return exact | {"taylor": taylor_propagator}
+        propagators = {"taylor": taylor_propagator}
+        if self.piecewise_linear:
+            propagators = {"exact": single_mesh_propagator} | propagators
+        return propagators
 
     @property
     def speed_course_propagator(self) -> Callable | None:
@@ -97,16 +99,21 @@ class Model:
         return 1.0
 
     def propagator(self, tuning: float, method: str | None = None, **options: Any) -> Any:
-        """Return the integrator of the model at an excitation over natural frequency, `tuning`.
+        """Return the integrator of the model at a tuning, excitation over natural frequency.
 
-        `method` is a key of `propagators`, by default the first one; `options` are keyword
+        `method` is a key of `propagators`, by default the first key; `options` are keyword
         arguments of the integrator class.
         """
         propagators = self.propagators
-        return propagators[method or next(iter(propagators))](self, float(tuning), **options)
+        if not method:
+            method = next(iter(propagators))
+        return propagators[method](self, float(tuning), **options)
 
     def nonlinear_mesh(self, tuning: float, tolerance: float = 0.0) -> Any:
-        """Return the `NonlinearMesh` of one degree of freedom for Taylor steps with a tolerance."""
+        """Return the constants of a model with one degree of freedom for steps by Taylor series.
+
+        `tolerance` is the allowed error of a step.
+        """
         return self.equation.nonlinear_mesh(tuning, tolerance)
 
     def system(self, tuning: float) -> Any:
@@ -116,8 +123,8 @@ class Model:
     def contact_modes(self, system: Any) -> tuple[np.ndarray, ...]:
         """Return the dimensionless natural modes of a `TrainSystem` in permanent contact.
 
-        They are (natural frequencies, mode shapes, rigid-body motions, mass matrix), with one mode
-        or motion per column.
+        They are (natural frequencies, mode shapes, rigid-body motions, mass matrix). Each column of
+        the shapes and motions is a mode or a motion.
         """
         if self.train:
             return self.train.contact_modes(system)
@@ -127,14 +134,16 @@ class Model:
     def output_rows(self, system: Any) -> np.ndarray:
         """Return the row vectors that map states to the extra recorded variables, (e, 3, p, n).
 
-        There are e variables, 3 contact states, p stiffness segments and n components of a state.
+        There are e variables, 3 contact states, p stiffness segments and n components of a state of
+        `system`, a `TrainSystem`. A model without extra variables has e = 0.
         """
-        state_count, segment_count, _ = system.effect.shape  # the index of the force of each mesh
-        return np.zeros((0, state_count, segment_count, len(system.base_matrix)))
+        contact_state_count, segment_count, _ = system.effect.shape
+        return np.zeros((0, contact_state_count, segment_count, len(system.base_matrix)))
 
     def full_state(self, system: Any, state: tuple[float, float]) -> np.ndarray:
         """Return the full state of a `TrainSystem` at tau = 0 from (displacement, dx/dtau)."""
-        # Like the line of a mesh, it has all components of the system; the others start at 0.
+        # The row vector of a flank line has as many components as a state. All but the first two
+        # start at 0.
         full_state = np.zeros_like(system.drive_lines[0])
         full_state[:2] = state
         return full_state
@@ -142,7 +151,8 @@ class Model:
     def check_state(self, initial_state: Any) -> Any:
         """Return a checked initial state: displacement and dx/dtau, or all components.
 
-        The state "static" is the equilibrium, which is that of any tuning.
+        `initial_state` is a sequence of numbers, or "static" for the static equilibrium, which does
+        not depend on the tuning.
         """
         if isinstance(initial_state, str) and initial_state == "static":
             return self.static_state(1.0)
@@ -153,23 +163,23 @@ class Model:
     def static_state(self, tuning: float, load: float = 1.0) -> tuple[float, ...]:
         """Return the static equilibrium just after phase 0, at rest, as an `initial_state`.
 
-        Damping and inertia, also that of a deviation, do not act in it. Under a negative load the
-        coast-side flanks carry it: x = -backlash - deflection.
+        Damping and inertia, including the inertia of a deviation, are left out. The coast-side
+        flanks carry a negative load: x = -backlash - deflection.
 
         Parameters
         ----------
         tuning : float
-            Tuning at which a run starts; the forces of a turning frame are left out, so that all
-            tunings have the same equilibrium.
+            Tuning at which a run starts. The forces of a rotating frame of reference are left out,
+            so that all tunings have the same equilibrium.
         load : float, default 1
-            Load over that of the model, a factor on all torques of a train.
+            Load over the load of the model, a factor on all torques of a train.
 
         Returns
         -------
         tuple of float
             Displacement and velocity by phase, or all components of models with more coordinates.
-            Without a load, and under a load that no flank can carry, it is (0, 0): gears whose
-            flanks just touch. For other models it is at the undeflected position closest to 0.
+            Without a load, and under a load that no flank can carry, it is (0, 0) for gears, whose
+            flanks just touch, and the undeflected position closest to 0 for other models.
         """
         if self.train is not None:
             return self.train.static_state(tuning, load)
@@ -177,13 +187,14 @@ class Model:
 
     @property
     def settable(self) -> dict[str, tuple[str, str]]:
-        """The finite numbers that `with_values` can change: name -> (CF units, description).
+        """Finite numbers that `with_values` can change, as a dict name -> (CF units, description).
 
         A name is a field of the model or its `GearPair`, an entry of a field with several values
         such as ``masses[0]``, or a ratio of the pair in `RATIOS`.
         """
         settable: dict = {}
-        for model in filter(None, (self, self.pair)):
+        models = [self] if self.pair is None else [self, self.pair]
+        for model in models:
             declarations = declared_parameters(type(model))
             for name, value in fields_of(model).items():
                 units, description = "1", name
@@ -207,9 +218,10 @@ class Model:
         return value[int(index)] if index else value
 
     def with_values(self, new_values: dict[str, float]) -> "Model":
-        """Return a copy of the model with new values of numbers in `settable`, name -> value.
+        """Return a copy of the model with `new_values`, a dict name -> value.
 
-        Ratios such as ``damping_ratio`` are set last, from the changed parameters.
+        The names are keys of `settable`. Ratios such as ``damping_ratio`` are set last, so that
+        they hold for the changed parameters.
         """
         fields: dict = {}
         for name, value in new_values.items():
@@ -239,7 +251,7 @@ class Model:
     def empty_record(self, samples: int = 0, events: int = 16) -> tuple:
         """Return uninitialized tables (samples, events, summary) for the record of a run.
 
-        `samples` and `events` are the numbers of rows of the first two tables.
+        `samples` and `events` are the numbers of rows in their tables; the summary is one row.
         """
         from gearlib.engines import orbit  # Creating a model must not load the kernels.
 
@@ -250,18 +262,19 @@ class Model:
     def extra_sample_variables(self, samples: np.ndarray) -> dict[str, tuple]:
         """Return the `extra_samples` of a run as dataset variables, name -> (dims, values).
 
-        They are the last columns of the table of samples, shape (samples, columns).
+        They are the last columns of the table `samples`, shape (samples, columns).
         """
         columns = samples.T[samples.shape[1] - len(self.extra_samples) :]
-        return {
-            name: (("phase",), column)
-            for name, column in zip(self.extra_samples, columns, strict=True)
-        }
+        variables = {}
+        for name, column in zip(self.extra_samples, columns, strict=True):
+            variables[name] = ("phase",), column
+        return variables
 
     def extra_summary_variables(self, dims: tuple, summaries: np.ndarray, span: float) -> dict:
         """Return the summary variables that other models do not have, name -> (dims, values).
 
-        `summaries` has the dimensions `dims`, then the columns of a summary over a phase `span`.
+        `summaries` has the dimensions `dims`, then the columns of a summary; `span` is the phase
+        over which its sums extend, in rad.
         """
         return {}
 
@@ -270,43 +283,48 @@ class Model:
         return {"component": list(self.components)}
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (reduce, lift): a matrix that removes the free rotation from a state, and back."""
+        """Return the matrices (reduce, lift) that remove rigid-body rotation from a state and back.
+
+        A model without rigid-body rotation has identity matrices.
+        """
         return np.eye(self.size), np.eye(self.size)
 
     @property
     def flank_lines(self) -> Any:
-        """Displacements at which drive-side and coast-side contact begin."""
+        """Displacements at which drive-side and coast-side contact begin, as a tuple."""
         return self.equation.upper, self.equation.lower
 
     @property
     def loaded_sides(self) -> np.ndarray:
-        """Contact codes of the flanks that carry the static load, of m meshes (m,) or one ()."""
+        """Contact codes of the flanks that carry the static load, (m,) for m meshes, () for one."""
         return np.where(np.asarray(self.mean_forces) < 0.0, COAST, DRIVE)
 
     def force_ratios(self, largest_forces: Any) -> Any:
-        """Return largest mesh forces over the static ones, NaN for meshes without load.
+        """Return the ratios of largest to static mesh force, NaN for meshes without a static force.
 
-        Both are without signs and over the load, with the last axis over the meshes of a train.
+        `largest_forces` are absolute values over the load of the model; for trains their last axis
+        is the mesh.
         """
-        static = np.abs(self.mean_forces)
-        return largest_forces / np.where(static > 0.0, static, math.nan)
+        static_forces = np.abs(self.mean_forces)
+        return largest_forces / np.where(static_forces > 0.0, static_forces, math.nan)
 
     def clearances(self, lowest: np.ndarray, highest: np.ndarray) -> np.ndarray:
-        """Return how far loaded flanks stay from losing contact, by the extrema of displacements.
+        """Return how far the loaded flanks stay from losing contact, in static deflections.
 
-        Negative distances are those of flanks that have lost contact, in static deflections.
+        `lowest` and `highest` are the extrema of the displacement of each mesh. The result is
+        negative for flanks that have lost contact.
         """
         drive_line, coast_line = self.flank_lines
         return np.where(self.loaded_sides == COAST, coast_line - highest, lowest - drive_line)
 
     @property
     def extent(self) -> float:
-        """Largest length of the model, in its unit of displacement, at least 1.
+        """Largest length of the model in its unit of displacement, at least 1.
 
-        It is the largest of the flank positions, the deflection by the load, and the deviation.
+        It is the largest of the flank positions, the deflection under the load, and the deviation.
         """
-        positions, lengths = np.abs(np.ravel(self.flank_lines)), [1.0]
-        lengths += positions[np.isfinite(positions)].tolist()
+        positions = np.abs(np.ravel(self.flank_lines))
+        lengths = [1.0, *positions[np.isfinite(positions)].tolist()]
         if self.equation is not None:
             equation = self.equation
             force = abs(equation.load) + np.abs(equation.force[:, 1:]).sum()
@@ -319,7 +337,8 @@ class Model:
 
         It is `UNBOUNDED_FACTOR` times the largest length of the model and of the initial `state`,
         which holds n displacements and n velocities by mesh phase or is a name such as "static".
-        `tuning`, the excitation over the natural frequency, converts them to velocities by time.
+        `tuning`, the excitation over the natural frequency, converts velocities by phase to
+        velocities by time.
         """
         lengths = [self.extent]
         if not isinstance(state, str):
@@ -330,8 +349,10 @@ class Model:
     def has_damping(self) -> bool:
         """Return whether damping acts in contact or in free flight."""
         equation = self.equation
-        first_row = 0 if math.isfinite(equation.lower) else 1  # row 0: coast-side contact
-        return bool(equation.damping[first_row:].any())
+        damping = equation.damping
+        if not math.isfinite(equation.lower):
+            damping = damping[1:]  # Row 0 is the coast-side contact, which does not exist.
+        return bool(damping.any())
 
     def scales(self) -> dict:
         """Return the dataset variables that do not depend on the tuning, name -> value."""
@@ -342,21 +363,24 @@ class Model:
         return speed / self.speed(1.0)
 
     def tuning_from(self, reference: Any, tuning: Any) -> Any:
-        """Return the tuning at the speed at which the model `reference` has a tuning."""
+        """Return the tuning of this model at the speed that a tuning of `reference` stands for.
+
+        `reference` is another model; its `tuning` is a float or an array.
+        """
         return float(reference.speed(1.0) / self.speed(1.0)) * tuning
 
     @property
     def periods_per_revolution(self) -> float:
-        """Mesh periods in a revolution of the reference gear; not always a whole number."""
+        """Number of mesh periods per revolution of the reference gear, which may be fractional."""
         return float(self.mesh_frequency(1.0)) * 60.0 / (math.tau * float(self.speed(1.0)))
 
     def speed_scales(self, tuning: Any) -> dict:
-        """Return the dataset variables that follow from the tuning, mesh over natural frequency.
+        """Return the scales of a dataset that depend on the tuning, name -> value.
 
-        They are name -> value in SI units, speed in rpm; `tuning` and values are floats or arrays.
-        The dict is empty if nothing rotates.
+        Values are in SI units except for the speed in rpm; `tuning`, mesh over natural frequency,
+        and the values are floats or arrays. A model without rotating bodies has no such scales.
         """
-        if self.speed is None:  # a model without the method that converts a tuning to rpm
+        if self.speed is None:
             return {}
         frequency = self.mesh_frequency(tuning)
         return {
@@ -378,9 +402,9 @@ class Model:
     def replace(self, **changes: Any) -> Any:
         """Return a checked copy with changed parameters of the model or of its `GearPair`.
 
-        A name that both have means the field of the model. A field that still has its default
-        value is computed again from the changed fields: a `SixDegreePair` with default torques
-        takes new torques from a new load.
+        If both have a field of that name, the field of the model is changed. A field that still has
+        its default value is computed again from the changed fields: a `SixDegreePair` with default
+        torques gets new torques from a new load.
 
         Raises
         ------
@@ -406,14 +430,14 @@ class Model:
 
 
 def single_mesh_propagator(model: Model, tuning: float, **options: Any) -> Any:
-    """Return the integrator in closed forms for a piecewise-linear mesh."""
+    """Return the integrator in closed forms for a piecewise-linear model at a tuning."""
     from gearlib.engines.linear.propagator import SingleMeshPropagator
 
     return SingleMeshPropagator(model, tuning, **options)
 
 
 def taylor_propagator(model: Model, tuning: float, **options: Any) -> Any:
-    """Return the integrator by Taylor series for one degree of freedom."""
+    """Return the integrator by Taylor series for a model of one degree of freedom at a tuning."""
     from gearlib.engines.taylor.propagator import Propagator
 
     return Propagator(model, tuning, **options)
@@ -432,23 +456,26 @@ def fields_of(instance: Any) -> dict[str, Any]:
 
 
 def natural_scale(model: Any, units: str) -> float:
-    """Return a typical size of a quantity with CF units such as "N s m-1", in these units.
+    """Return a typical magnitude of a quantity of a model, in its CF `units` such as "N s m-1".
 
     It is a product of powers of the load, the static deflection and the natural frequency of the
-    model; units without such a scale, such as rad, count as 1.
+    model. Units without such a scale, such as rad, contribute a factor of 1.
     """
     force, length = float(model.load), model.static_deflection
-    frequency = model.mesh_frequency(1.0)  # the natural frequency, rad/s: its tuning is 1
+    frequency = model.mesh_frequency(1.0)  # At tuning 1 it is the natural frequency, rad/s.
     mass = force / length / frequency**2
     scales = {"N": force, "m": length, "s": 1.0 / frequency, "kg": mass}
-    factors = re.findall(r"([A-Za-z]+)(-?\d+)?", units)
-    return math.prod(scales.get(unit, 1.0) ** int(exponent or 1) for unit, exponent in factors)
+    scale_powers = []
+    for unit, exponent in re.findall(r"([A-Za-z]+)(-?\d+)?", units):
+        scale_powers.append(scales.get(unit, 1.0) ** int(exponent or 1))
+    return math.prod(scale_powers)
 
 
 def instance_without_checks(dataclass: type, **values: Any) -> Any:
-    """Return an instance of a frozen dataclass with field values, without its checks.
+    """Return an instance of a frozen dataclass with these field values, without its checks.
 
-    Missing fields get their defaults. The checks only accept floats, not enclosures.
+    Missing fields get their defaults. The checks accept only floats, but interval arithmetic needs
+    values that are intervals.
     """
     instance = object.__new__(dataclass)
     for field in dataclasses.fields(dataclass):

@@ -60,10 +60,10 @@ _Cubic = Annotated[float, Ge(0), Unit("N s^3/m^3")]
 class Equation:
     """Parameters of the equation of motion above, in a unit of length and of time."""
 
-    upper: float  #: displacement where drive-side contact begins, finite
+    upper: float  #: displacement where drive-side contact begins; finite
     lower: float  #: displacement where coast-side contact begins, <= upper; -inf: no such contact
     drive_stiffness: Pieces  #: stiffness c(tau) of drive-side contact
-    coast_stiffness: Pieces  #: of coast-side contact; the same object if both are equal
+    coast_stiffness: Pieces  #: stiffness of coast-side contact; the same object if both are equal
     damping: np.ndarray  #: d1, d2, d3 in coast-side contact, gap, drive-side contact, shape (3, 3)
     stiffness_powers: np.ndarray = field(default_factory=lambda: np.zeros(2))  #: p2, p3
     ground_stiffness: float = 0.0  #: stiffness e to the ground
@@ -81,12 +81,13 @@ class Equation:
         return not nonlinear
 
     def nonlinear_mesh(self, tuning: float, tolerance: float) -> NonlinearMesh:
-        """Return the constants of the equation at an excitation frequency nu, the tuning.
+        """Return the constants of the equation for steps by Taylor series.
 
-        `tolerance` is the allowed error of a Taylor step. Velocities are by mesh phase, so that x'
-        becomes nu x' and the equation is divided by nu^2.
+        `tuning` is the excitation frequency nu, and `tolerance` is the allowed error of a step.
+        Velocities are by mesh phase, so that x' becomes nu x' and the equation is divided by nu^2.
         """
-        force_scale, (drive_side, coast_side) = 1.0 / tuning**2, self.stiffness_pieces()
+        force_scale = 1.0 / tuning**2
+        drive_side, coast_side = self.stiffness_pieces()
         damping = self.damping * np.array([1.0 / tuning, 1.0, tuning])
         # Harmonics are rows (order, cosine, sine), of which only the amplitudes are scaled.
         harmonic_scale = np.array([1.0, force_scale, force_scale])
@@ -117,13 +118,13 @@ class Equation:
     def system(self, tuning: float) -> TrainSystem:
         """Return the state-space matrices of a piecewise-linear equation.
 
-        `tuning` is the excitation frequency. The state holds q = x - f, dq/dt, the constant 1, and
-        a cosine and a sine of each order, over the time t of the model. The deviation f moves the
-        flanks, so that its inertia does not appear as a force.
+        `tuning` is the excitation frequency nu. The state holds q = x - f, dq/dt, the constant 1,
+        and a cosine and a sine of each order of the excitation, over the time t of the model. The
+        deviation f moves the flanks, so that its inertia does not appear as a force.
         """
         drive_side, coast_side = self.stiffness_pieces()
         orders = np.unique(np.concatenate([self.force[:, 0], self.deviation[:, 0]]))
-        n = 3 + 2 * orders.size
+        n = 3 + 2 * orders.size  # number of state components
         upper, lower, force_input = np.zeros((3, n), np.result_type(tuning))
         upper[0], force_input[1] = 1.0, -1.0
         gap_damping = self.damping[NO_CONTACT + 1, 0]
@@ -151,22 +152,25 @@ class Equation:
     def static_displacement(self, load: float) -> float:
         """Return the displacement in equilibrium just after phase 0.
 
-        `load` is the mean force over that of the equation. Without an equilibrium, or with many,
-        return the displacement closest to 0 without deflection.
+        `load` is the mean force over the `load` of the equation. If there is no equilibrium, or if
+        there are many, return the displacement closest to 0 without deflection.
         """
         force, ground = self.load * load + self.force[:, 1].sum(), self.ground_stiffness
-        sides = (1.0, self.upper, self.drive_stiffness), (-1.0, self.lower, self.coast_stiffness)
-        for sign, edge, pieces in sides:
+        contacts = (1.0, self.upper, self.drive_stiffness), (-1.0, self.lower, self.coast_stiffness)
+        for sign, edge, pieces in contacts:
             if not math.isfinite(edge) or sign * (force - ground * edge) <= 0.0:
                 continue
             stiffness = pieces.lines[0, 0] + pieces.harmonics[:, 1].sum()
             if not stiffness + ground > 0.0:
                 continue
-            # The force increases with the deflection, so that one root is positive.
+            # The force increases with the deflection, so that exactly one root is positive.
             powers = stiffness * self.stiffness_powers[::-1]
             linear = stiffness + ground, -sign * (force - ground * edge)
-            return float(edge + sign * np.roots([*powers, *linear]).real.max())
-        return float(force / ground if ground else np.clip(0.0, self.lower, self.upper))
+            deflection = np.roots([*powers, *linear]).real.max()
+            return float(edge + sign * deflection)
+        if ground:
+            return float(force / ground)
+        return float(np.clip(0.0, self.lower, self.upper))
 
     def stiffness_pieces(self) -> tuple[Pieces, Pieces]:
         """Return the stiffness of drive-side and coast-side contact, cut at the same phases."""
@@ -180,8 +184,8 @@ def pair_equation(pair, stiffness, nonlinear_damping=0.0, **other_terms) -> Equa
     """Return the dimensionless equation of motion of a `GearPair` with a mesh stiffness (`Pieces`).
 
     `nonlinear_damping`, shape (3, 3), has rows for coast side, backlash and drive side and columns
-    for the linear damping, 0 here, the quadratic (d2) and the cubic one (d3); `other_terms` are
-    further fields of `Equation`, such as the force.
+    for linear damping, which must be 0, quadratic damping d2 and cubic damping d3; a scalar 0 means
+    none. `other_terms` are further fields of `Equation`, such as the force.
     """
     damping = np.zeros((3, 3)) + nonlinear_damping
     damping[:, 0] += 2.0 * np.array(
@@ -199,7 +203,7 @@ class OneDegreePair(WithPair):
     stiffness is not possible, because the flanks could pass through each other.
     """
 
-    # Without `field`, the default of the base class would be that of the parameter.
+    # Without `field`, the attribute `pair` of the base class would become the default.
     pair: Annotated[GearPair, described("Stiffness, mass, load, backlash, linear damping")] = (
         field()
     )
@@ -239,7 +243,7 @@ class OneDegreePair(WithPair):
         return self.profile.description or self.pair.stiffness_model
 
     parameters = property(
-        lambda model: units_and_names(type(model)), doc="Its numbers beside the pair's."
+        lambda model: units_and_names(type(model)), doc="Continuation parameters of the model."
     )
 
     @cached_property
@@ -253,7 +257,7 @@ class OneDegreePair(WithPair):
         damping_scales = np.array(
             [1.0, deflection / mass, deflection**2 * pair.mean_eigenfrequency / mass]
         )
-        # Columns of the linear, 0 here, the quadratic and the cubic damping.
+        # The columns are linear damping, which `pair_equation` adds, quadratic and cubic damping.
         in_contact = 0.0, self.quadratic_damping, self.cubic_damping
         in_backlash = 0.0, self.backlash_quadratic_damping, self.backlash_cubic_damping
         powers = np.array([self.quadratic_stiffness, self.cubic_stiffness])
@@ -395,7 +399,7 @@ class DeadZoneOscillator(Model):
 
 
 def _pieces(stiffness: float | Series | Steps) -> Pieces:
-    """Return a constant or periodic stiffness as `Pieces`."""
+    """Return a stiffness, a constant or a periodic `Series` or `Steps`, as `Pieces`."""
     if isinstance(stiffness, float):
         stiffness = Steps((0.0,), (stiffness,))
     return stiffness.pieces()

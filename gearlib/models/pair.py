@@ -21,13 +21,13 @@ from gearlib.models.pair_parameters import MAX_MAGNITUDE, PairParameters, check_
 from gearlib.parameters import ContactRatio, NonNegative, StiffnessRatio, Unit, checked, declared
 
 #: Smallest stiffness ratio of the scalar closed forms. They are written about the equilibrium of
-#: each segment; for a smaller ratio that of the softer segment lies so far away that they lose
-#: more than four digits.
+#: each segment. For a smaller ratio the equilibrium of the softer segment lies so far away that
+#: they lose more than four digits.
 _MIN_SCALAR_STIFFNESS_RATIO = 1e-4
 
 
 def _scalar_propagator(model: "GearPair", tuning: float, **options: Any) -> Any:
-    """Return the integrator of the pair in scalar closed forms."""
+    """Return the integrator of a gear pair in scalar closed forms at a tuning."""
     # Imported on first use, because it takes time to load.
     from gearlib.engines.pair.propagator import Propagator
 
@@ -66,8 +66,8 @@ class GearPair(PairParameters, Model):
     ) -> "GearPair":
         """Return a pair given by its dimensionless ratios, with unit scales.
 
-        Mean stiffness, reduced mass and load are 1 N/m, 1 kg and 1 N, so that one
-        static deflection is 1 m and the mean eigenfrequency is 1 rad/s.
+        Mean stiffness, reduced mass and load are 1 N/m, 1 kg and 1 N, so that the static deflection
+        is 1 m and the mean eigenfrequency is 1 rad/s.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class GearPair(PairParameters, Model):
 
     @classmethod
     def from_geometry(cls, stage: Any, **options: Any) -> "GearPair":
-        """Return the gear pair of a mesh of two gears; its reference gear is the pinion.
+        """Return the gear pair of two gears in mesh; its reference gear is the pinion.
 
         Parameters
         ----------
@@ -150,10 +150,14 @@ class GearPair(PairParameters, Model):
 
     @property
     def propagators(self) -> dict[str, Callable]:
-        """Integrators by method: scalar closed forms unless the stiffness ratio is tiny."""
-        is_scalar = self.stiffness_ratio >= _MIN_SCALAR_STIFFNESS_RATIO
-        exact = _scalar_propagator if is_scalar else single_mesh_propagator
-        return {"exact": exact, "taylor": taylor_propagator}
+        """Integrators by the name of their method, with the default method first.
+
+        The closed forms are scalar unless the stiffness ratio is tiny.
+        """
+        propagators = {"exact": _scalar_propagator, "taylor": taylor_propagator}
+        if self.stiffness_ratio < _MIN_SCALAR_STIFFNESS_RATIO:
+            propagators["exact"] = single_mesh_propagator
+        return propagators
 
     def has_damping(self) -> bool:
         """Return whether damping acts in contact or in free flight."""
@@ -196,10 +200,10 @@ class GearPair(PairParameters, Model):
         return 0.0, -self.backlash_ratio
 
     def scales(self) -> dict[str, float]:
-        """Return the dataset variables that are equal at all speeds, name -> value in SI units.
+        """Return the scales of a dataset that do not depend on the speed, name -> value.
 
-        Multiplied by a tuning factor, a tuning relative to the mean natural frequency becomes one
-        relative to the natural frequency at the maximum or minimum stiffness.
+        Values are in SI units. A tuning times tuning_factor_max or tuning_factor_min is the tuning
+        relative to the natural frequency at the maximum or minimum stiffness, in place of the mean.
         """
         return {
             "static_deflection": self.static_deflection,

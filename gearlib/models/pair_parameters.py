@@ -20,16 +20,16 @@ from gearlib.parameters import (
     described,
 )
 
-#: Limits of scales and damping ratios: squares of numbers beyond them overflow or underflow.
+#: Limits of scales and damping ratios, beyond which squares overflow or underflow.
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-30, 1e30
 
-#: Values of the mesh of Hortel and Skuderova (2007), "the paper"; they identify its pair.
+#: Values that identify the gear pair of Hortel and Skuderova (2007), "the paper".
 PAPER = {"max_stiffness": 4e8, "stiffness_ratio": 0.5879}
 PAPER |= {"contact_ratio": 1.569, "reduced_mass": 3.123}
 
 
 def check_scales(pair: Any) -> None:
-    """Raise an error if stiffness, mass or load of a gear pair is too large or too small."""
+    """Raise ValueError if stiffness, mass or load of a gear pair is too large or too small."""
     allowed = f"a finite number > 0, from {MIN_MAGNITUDE} to {MAX_MAGNITUDE}"
     for name in ("max_stiffness", "reduced_mass", "load"):
         value = getattr(pair, name)
@@ -133,9 +133,10 @@ RATIO_NAMES = {
 
 
 def ratio_fields(pair: Any, ratio_name: str, value: float) -> dict[str, float]:
-    """Return the field of a `GearPair` and its SI value, name -> value, for a value of a ratio.
+    """Return the field of a gear pair that a ratio determines, as a dict field name -> SI value.
 
-    `ratio_name` is "damping_ratio", "backlash_damping_ratio" or "backlash_ratio".
+    `ratio_name` is "damping_ratio", "backlash_damping_ratio" or "backlash_ratio", and `value` is
+    its value.
     """
     if ratio_name == "backlash_ratio":
         scale = pair.static_deflection

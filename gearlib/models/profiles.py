@@ -37,26 +37,28 @@ _SAMPLES_PER_WAVE = 32
 class Pieces:
     """A periodic stiffness in pieces; for gear pairs it is divided by its mean."""
 
-    breaks: "np.ndarray"  #: shape (m + 1,), from 0 to 2 pi
+    breaks: "np.ndarray"  #: phases where pieces begin or end, shape (m + 1,), from 0 to 2 pi
     lines: "np.ndarray"  #: value at the start of each piece and slope, shape (m, 2)
     low: "np.ndarray"  #: whether the piece lies below the mean, shape (m,)
-    harmonics: "np.ndarray"  #: order, cosine, sine, shape (n, 3)
+    harmonics: "np.ndarray"  #: rows (order, cosine, sine), shape (n, 3)
 
     @property
     def smallest_ratio(self) -> float:
-        """The smaller over the larger stiffness at the largest jump, 1 for a continuous one."""
+        """Ratio of smaller to larger stiffness at the largest jump, 1 if there is no jump."""
         import numpy as np
 
-        values, slopes = self.lines.T
-        ends = values + slopes * np.diff(self.breaks)
-        smooth = _sum_of_harmonics(self.harmonics, self.breaks)
-        before, after = np.roll(ends, 1) + smooth[:-1], values + smooth[:-1]
+        start_values, slopes = self.lines.T
+        end_values = start_values + slopes * np.diff(self.breaks)
+        oscillation = _sum_of_harmonics(self.harmonics, self.breaks)[:-1]
+        # Stiffnesses before and after each break but the last, where the next period begins.
+        before, after = np.roll(end_values, 1) + oscillation, start_values + oscillation
         return float(np.min(np.minimum(before, after) / np.maximum(before, after)))
 
     def cut_at(self, breaks: "np.ndarray") -> "Pieces":
-        """Return the same stiffness with more breaks, which must include the present ones."""
+        """Return the same stiffness with more `breaks`, which must include the present breaks."""
         import numpy as np
 
+        # The indices of the present pieces in which the new pieces lie.
         indices = np.searchsorted(self.breaks, breaks[:-1], side="right") - 1
         values, slopes = self.lines[indices].T
         values = values + slopes * (breaks[:-1] - self.breaks[indices])
@@ -80,7 +82,7 @@ class Profile:
         raise NotImplementedError
 
     def as_dict(self) -> dict:
-        """Return the kind of the profile and its parameters as plain values."""
+        """Return the kind of the profile and its parameters as a dict of plain values."""
         return {"kind": type(self).__name__.lower(), **asdict(self)}
 
 
@@ -93,13 +95,14 @@ class Rectangular(Profile):
         import numpy as np
 
         high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
-        # The period starts in the middle of the upper level, so that this level is cut in half.
+        # The period starts in the middle of the higher level, so that this level is cut in half.
         half_high_length, low_length = segment_lengths(pair.contact_ratio)
         lengths = np.array([half_high_length, low_length, half_high_length])
         nonempty = lengths > 0.0
         breaks = np.append(0.0, np.cumsum(lengths[nonempty]))
         breaks[-1] = 2.0 * math.pi
-        values, is_low = np.array([high, low, high]), np.array([False, True, False])
+        values = np.array([high, low, high])
+        is_low = np.array([False, True, False])
         return _constant_pieces(breaks, values[nonempty], is_low[nonempty])
 
 
@@ -123,7 +126,7 @@ class Fourier(Profile):
         return f"Fourier series of {self.harmonics} harmonics"
 
     def pieces(self, pair: Any = None) -> Pieces:
-        """Return the truncated Fourier series of the stiffness of a `GearPair` over its mean."""
+        """Return the truncated Fourier series of a `GearPair`'s stiffness, divided by its mean."""
         import numpy as np
 
         high, low = stiffness_levels(pair.contact_ratio, pair.stiffness_ratio)
@@ -148,13 +151,13 @@ class Series(Profile):
     harmonics: Annotated[Harmonics, described("Harmonics added to the mean")]
 
     def __post_init__(self) -> None:
-        """Check that the stiffness is not negative at any phase."""
+        """Raise ValueError if the stiffness is negative at a phase."""
         import numpy as np
 
         table = self.harmonics.table()
         phase = np.linspace(0.0, 2.0 * math.pi, _SAMPLES_PER_WAVE * len(table) + 1)
         minimum = self.mean + float(_sum_of_harmonics(table, phase).min())
-        # The minimum of a series that touches zero is slightly negative by rounding.
+        # Rounding makes the minimum of a series that touches zero slightly negative.
         if minimum < -1e-12 * self.mean:
             raise ValueError(
                 f"harmonics = {self.harmonics!r} is not allowed: about mean = {self.mean!r} the "
@@ -167,7 +170,7 @@ class Series(Profile):
         return f"mean and harmonics up to order {len(self.harmonics.table())}"
 
     def pieces(self, pair: Any = None) -> Pieces:
-        """Return the stiffness as `Pieces`, in the unit of its mean, for a pair over its mean."""
+        """Return the stiffness as `Pieces`; with a `GearPair` it is divided by its mean."""
         mean = self.mean if pair is None else 1.0
         return _harmonic_pieces(mean, self.harmonics.table(mean / self.mean))
 
@@ -194,7 +197,8 @@ class Steps(Profile):
     ]
 
     def __post_init__(self):
-        _check_table(self, 1)
+        """Raise ValueError unless phases increase strictly and each phase has a stiffness."""
+        _check_table(self, min_length=1)
 
     @property
     def description(self) -> str:
@@ -202,7 +206,7 @@ class Steps(Profile):
         return f"{len(self.phase)} steps"
 
     def pieces(self, pair: Any = None) -> Pieces:
-        """Return the stiffness as `Pieces`, in the unit of its values, for a pair over its mean."""
+        """Return the stiffness as `Pieces`; with a `GearPair` it is divided by its mean."""
         import numpy as np
 
         starts, values = np.array(self.phase), np.array(self.stiffness)
@@ -210,9 +214,11 @@ class Steps(Profile):
             starts, values = np.append(0.0, starts), np.append(values[-1], values)
         breaks = np.append(starts, 2.0 * math.pi)
         mean = float(values @ np.diff(breaks)) / (2.0 * math.pi)
-        # The tolerance keeps a constant stiffness from lying below its rounded mean.
+        # The tolerance prevents a constant stiffness from lying below its rounded mean.
         is_low = values < (1.0 - 1e-12) * mean
-        return _constant_pieces(breaks, values if pair is None else values / mean, is_low)
+        if pair is not None:
+            values = values / mean
+        return _constant_pieces(breaks, values, is_low)
 
 
 @declared(kw_only=False)
@@ -231,7 +237,8 @@ class Tabulated(Profile):
     stiffness: Annotated[tuple[Stiffness, ...], Values(), described("Mesh stiffness at each phase")]
 
     def __post_init__(self):
-        _check_table(self, 2)
+        """Raise ValueError unless phases increase strictly and each phase has a stiffness."""
+        _check_table(self, min_length=2)
 
     @property
     def description(self) -> str:
@@ -299,7 +306,7 @@ class Tabulated(Profile):
         return high, low / high, 1.0 + (mean - low) / (high - low)
 
     def pieces(self, pair: Any = None) -> Pieces:
-        """Return the table divided by its mean as `Pieces`; the `GearPair` is not used."""
+        """Return the table divided by its mean as `Pieces`; the argument `pair` is not used."""
         import numpy as np
 
         phase, values = self._closed_period()
@@ -329,34 +336,42 @@ PROFILES = {kind.__name__.lower(): kind for kind in Profile.__subclasses__()}
 
 
 def profile_of(kind: str, **values: Any) -> Profile:
-    """Return the profile of a kind with these parameters, plain values."""
+    """Return the profile of a kind, a key of `PROFILES`, with parameters given as plain values."""
     if isinstance(values.get("harmonics"), dict):
         values["harmonics"] = Harmonics(**values["harmonics"])
     return PROFILES[kind](**values)
 
 
 def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
-    """Return columns of a CSV file with a header as numbers; raise ValueError naming the line."""
+    """Return the columns `names` of a CSV file with a header, as a list of tuples of numbers.
+
+    Raises ValueError with the number of the line that cannot be read.
+    """
+    table = []  # (line number, cells) of all lines that are not empty
     try:
         # Spreadsheets write a byte order mark.
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-        separator = max(",;\t", key=next(filter(str.strip, lines), "").count)
-        rows = enumerate(csv.reader(lines, delimiter=separator), 1)
-        table = [(i, cells) for i, row in rows if any(cells := [cell.strip() for cell in row])]
+        header_line = next(filter(str.strip, lines), "")
+        separator = max(",;\t", key=header_line.count)
+        for line_number, row in enumerate(csv.reader(lines, delimiter=separator), 1):
+            cells = [cell.strip() for cell in row]
+            if any(cells):
+                table.append((line_number, cells))
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"it must be a CSV file in UTF-8 ({error})") from None
-    _, header = table.pop(0) if table else (0, [])
+    header = table.pop(0)[1] if table else []
     indices = _indices(header, names)
     columns: tuple[list, list] = [], []
     decimal_sign = "." if separator == "," else ""
-    for line, cells in table:
+    for line_number, cells in table:
         if len(cells) < len(header) or any(cells[len(header) :]):
-            hint = "; decimal commas need semicolons between cells" * (separator == ",")
-            allowed = f"{len(header)}, one for each column{hint}"
-            raise checks.refusal(f"the number of cells in line {line}", len(cells), allowed)
+            allowed = f"{len(header)}, one for each column"
+            if separator == ",":
+                allowed += "; decimal commas need semicolons between cells"
+            raise checks.refusal(f"the number of cells in line {line_number}", len(cells), allowed)
         for name, i, column in zip(names, indices, columns, strict=True):
             cell = cells[i]
-            # Both signs in one file would leave open which of them separates thousands.
+            # If a file had both signs, it would be unclear which one separates thousands.
             decimal_sign = decimal_sign or next((sign for sign in cell if sign in ",."), "")
             try:
                 if decimal_sign == "," and "." in cell:
@@ -364,12 +379,12 @@ def _csv_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
                 column.append(float(cell.replace(decimal_sign or ".", ".")))
             except ValueError:
                 allowed = f"a number with the decimal sign {decimal_sign or '.'!r}"
-                raise checks.refusal(f"line {line}: {name}", cell, allowed) from None
+                raise checks.refusal(f"line {line_number}: {name}", cell, allowed) from None
     return [*map(tuple, columns)]
 
 
 def _netcdf_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
-    """Return variables of a netCDF file as tuples."""
+    """Return the variables `names` of a netCDF file, as a list of tuples of numbers."""
     import numpy as np
 
     # Imported here, since only netCDF files need xarray.
@@ -386,19 +401,23 @@ def _netcdf_columns(path: Path, names: tuple[str, str]) -> list[tuple]:
 
 
 def _indices(known_names: list[str], names: tuple[str, str]) -> list[int]:
-    """Return the indices of `names` among those of a file, or raise ValueError."""
+    """Return the indices of the phase and stiffness columns among the names that a file has.
+
+    `known_names` are the names in the file, and `names` are the user's (phase, stiffness). Raises
+    ValueError if a name is missing or occurs more than once.
+    """
     for key, name in zip(("phase", "stiffness"), names, strict=True):
         allowed = f"the name of a column, one of {sorted(known_names)}"
         checks.require(checks.is_one_of(name, known_names), key, name, allowed)
         if known_names.count(name) > 1:
-            raise ValueError(f"the column {name!r} occurs twice: it must occur once")
+            raise ValueError(f"the column {name!r} occurs more than once")
     return [known_names.index(name) for name in names]
 
 
 def _check_table(profile: Any, min_length: int) -> None:
-    """Raise ValueError unless a `Steps` or `Tabulated` has increasing phases with a stiffness each.
+    """Raise ValueError unless the phases of a profile increase and each has a stiffness.
 
-    There must be at least `min_length` phases, in [0, 2 pi).
+    `profile` is a `Steps` or `Tabulated`. It must have at least `min_length` phases, in [0, 2 pi).
     """
     phase, stiffness = profile.phase, profile.stiffness
     if len(phase) != len(stiffness) or len(phase) < min_length:
@@ -414,8 +433,9 @@ def _check_table(profile: Any, min_length: int) -> None:
 def _constant_pieces(breaks, values, low, harmonics=()) -> Pieces:
     """Return `Pieces` of a stiffness that is constant between breaks, plus harmonics.
 
-    `breaks` are m + 1 phases, `values`, shape (m,), the constants; `low`, shape (m,), marks pieces
-    below the mean, and `harmonics`, shape (n, 3), has rows (order, cosine, sine).
+    `breaks` are m + 1 phases in rad and `values`, shape (m,), are the constants between them.
+    `low`, bool, (m,), marks pieces below the mean; `harmonics`, (n, 3), has rows (order, cosine,
+    sine).
     """
     import numpy as np
 
@@ -424,7 +444,10 @@ def _constant_pieces(breaks, values, low, harmonics=()) -> Pieces:
 
 
 def _sum_of_harmonics(harmonics: "np.ndarray", phases: Any) -> "np.ndarray":
-    """Return the sum of harmonics, (n, 3) with rows (order, cosine, sine), at phases in rad."""
+    """Return the sum of harmonics at phases in rad.
+
+    `harmonics`, shape (n, 3), has rows (order, cosine, sine).
+    """
     import numpy as np
 
     angles = np.multiply.outer(phases, harmonics[:, 0])

@@ -21,17 +21,18 @@ class Flank(NamedTuple):
 def single_mesh_system(free, force_input, flanks, below_mean, starts, orders, tuning):
     """Return the `TrainSystem` of one mesh for a state z of n components and p stiffness segments.
 
-    `free`, shape (n, n), is the matrix of dz/dt in free flight, and a unit contact force adds
-    `force_input`, shape (n,), to dz/dt. `flanks` maps the contact code DRIVE (drive side) and, if
-    there is a coast side, COAST to a `Flank`. `below_mean`, shape (p,), marks segments below the
-    mean stiffness, and `starts`, shape (p + 1,), are their boundaries in phase. `orders` are those
-    of the excitation, of which z ends with a cosine and a sine each; `tuning` is its frequency.
+    In free flight dz/dt = free z, with `free` of shape (n, n); a unit contact force adds
+    `force_input`, shape (n,), to dz/dt. `flanks` maps the contact code DRIVE and, if there is a
+    coast side, COAST to a `Flank`. `below_mean`, shape (p,), marks segments below the mean
+    stiffness, and `starts`, shape (p + 1,), are their boundaries in phase. `orders` are the orders
+    of the excitation, and `tuning` is its frequency; z ends with a cosine and a sine of each order.
     """
     n, p = len(free), len(below_mean)
     constant = n - 1 - 2 * len(orders)  # index of the component of z that is always 1
     drive_line = flanks[DRIVE].distance_row
     coast_line = flanks[COAST].distance_row if COAST in flanks else absent_flank(n, constant)
-    force_index, forces = np.zeros((3, p, 1), np.int64), {}
+    force_index = np.zeros((3, p, 1), np.int64)
+    forces: dict = {}  # (contact code, stiffness, side of the mean) -> (index, row vector)
     stiffness = np.zeros((3, p, 1), free.dtype)
     stiffness[:] = flanks[DRIVE].stiffness[:, None]
     for code, (distance_row, levels, damping) in flanks.items():
@@ -67,58 +68,60 @@ def single_mesh_system(free, force_input, flanks, below_mean, starts, orders, tu
 
 
 def _max_norm(matrices: np.ndarray) -> float:
-    """Return the largest Frobenius norm of matrices, shape (k, n, n)."""
+    """Return the largest Frobenius norm of k matrices, shape (k, n, n)."""
     return float(np.sqrt((matrices**2).sum(axis=(1, 2)).max()))
 
 
 def state_matrix_by_phase(system, contact_codes, segment) -> np.ndarray:
     """Return the state matrix A of dz/dtau = A z with the mesh phase tau, shape (n, n).
 
-    `contact_codes` holds the contact state of each mesh, -1, 0 or 1; `segment` is the number of
-    the stiffness segment. The velocities in z are by phase, unlike those of the `TrainSystem`,
-    which are by the time tau / tuning.
+    `system` is a `TrainSystem`, `contact_codes` holds the contact state of each mesh, -1, 0 or 1,
+    and `segment` is the index of the stiffness segment. Velocities in z are derivatives by phase;
+    in the `TrainSystem` they are derivatives by the time tau / tuning.
     """
-    # Indices of the contact force of each mesh.
-    effects = [system.effect[code + 1, segment, j] for j, code in enumerate(contact_codes)]
+    force_indices = [system.effect[code + 1, segment, j] for j, code in enumerate(contact_codes)]
     matrix = np.empty_like(system.base_matrix)
-    fill_system_matrix(system, np.array(effects, np.int64), matrix)
-    half = (len(matrix) - 1 - 2 * system.harmonics.size) // 2  # number of coordinates
+    fill_system_matrix(system, np.array(force_indices, np.int64), matrix)
+    coordinate_count = (len(matrix) - 1 - 2 * system.harmonics.size) // 2
     scale = np.ones(len(matrix), matrix.dtype)
-    scale[half : 2 * half] = system.tuning
+    scale[coordinate_count : 2 * coordinate_count] = system.tuning
     return matrix * scale[None, :] / scale[:, None] / system.tuning
 
 
-def harmonic_oscillators(n: int, first: int, frequencies: np.ndarray) -> np.ndarray:
-    """Return a state matrix (n, n) for cosines and sines of given angular frequencies.
+def harmonic_oscillators(n: int, start: int, frequencies: np.ndarray) -> np.ndarray:
+    """Return a state matrix (n, n) that generates cosines and sines of angular `frequencies`.
 
-    State component `first` is the first cosine, followed by its sine, the next cosine and so on.
+    The state component with the index `start` is the first cosine, followed by its sine, the next
+    cosine and so on. The other entries of the matrix are 0.
     """
     matrix = np.zeros((n, n), np.asarray(frequencies).dtype)
     for j, frequency in enumerate(frequencies):
-        cosine = first + 2 * j
-        matrix[cosine, cosine + 1], matrix[cosine + 1, cosine] = -frequency, frequency
+        cosine = start + 2 * j
+        matrix[cosine, cosine + 1] = -frequency
+        matrix[cosine + 1, cosine] = frequency
     return matrix
 
 
 def absent_flank(n: int, constant: int) -> np.ndarray:
-    """Return the row vector, (n,), that maps a state to the distance 1, for a missing flank.
+    """Return the distance row of a flank that does not exist, whose distance is always 1.
 
-    `constant` is the index of the state component that is always 1.
+    It maps a state of `n` components to the component with the index `constant`, which is always 1.
     """
     return np.eye(n)[constant]
 
 
 def contact_monodromy(model: Any, tuning: float) -> np.ndarray:
-    """Return the monodromy matrix of permanent contact over the excitation's period.
+    """Return the monodromy matrix of a model in permanent contact over the excitation's period.
 
     The flanks that carry the static load are in contact. `tuning` is the excitation over the
-    natural frequency. The free rotation of the model is removed from the states.
+    natural frequency. Rigid-body rotation is removed from the states.
     """
-    system, n, period_map = model.system(tuning), model.size, np.eye(model.size)
+    system, n = model.system(tuning), model.size
+    period_map = np.eye(n)
     contact_codes = np.atleast_1d(model.loaded_sides)
     for segment, length in enumerate(np.diff(system.starts)):
         matrix = state_matrix_by_phase(system, contact_codes, segment)[:n, :n].copy()
-        # Steps no longer than `system.max_step` keep the matrix exponential accurate.
+        # The matrix exponential is accurate for steps no longer than `system.max_step`.
         steps = math.ceil(length / tuning / system.max_step)
         step_map = exponential(matrix, length / steps)
         period_map = np.linalg.matrix_power(step_map, steps) @ period_map
@@ -127,10 +130,11 @@ def contact_monodromy(model: Any, tuning: float) -> np.ndarray:
 
 
 def contact_decay_rate(model: Any, tuning: float) -> float:
-    """Return the rate by phase at which the slowest mode decays in permanent contact.
+    """Return the decay rate of the slowest mode in permanent contact, per radian of phase.
 
-    The flanks that carry the static load are in contact, with their mean stiffness over the first
-    mesh period. The free rotation counts only if damping acts on it.
+    `model` is a model with a gear train. The flanks that carry the static load are in contact, with
+    their mean stiffness over the first mesh period. Rigid-body rotation counts only if damping acts
+    on it.
     """
     system, n = model.train.system(tuning, 0, 1), model.size
     contact_codes = np.atleast_1d(model.loaded_sides)

@@ -21,8 +21,8 @@ the s above and 1 if the backlash does not move. Forces do not jump when flanks 
 `docs/theory/model.md` gives the reasons and says where dampers with k_m > k drive the motion.
 Friction F_T = mu sigma(tau) C g acts across the line of action, with g = y in drive-side contact, y
 - s in coast-side contact and 0 in free flight. Its direction sigma reverses at the pitch point and
-half a mesh period later. It opposes the sliding, with z a quarter turn from y in the direction in
-which gear 3 rotates.
+half a mesh period later. It opposes the sliding; the z axis is a quarter turn ahead of the y axis
+in the direction in which gear 3 rotates.
 
 The run-out uses the rotations at steady speed, phi_j = tau / teeth_j, because a vibration of 1e-5
 rad changes the run-out by only 1e-5 of itself. So the system is linear between events. Its matrices
@@ -73,7 +73,7 @@ BEARINGS = ("y3", "z3", "y2", "z2")
 #: Derivatives of the relative displacement y by the bearing coordinates.
 _Y_DERIVATIVES = {"y3": 1.0, "y2": -1.0, "z3": 0.0, "z2": 0.0}
 
-#: Fields of a `Mesh` that are those of the `GearPair`, and those of the `SixDegreePair`.
+#: Fields of a `Mesh` with values from the `GearPair`, and with values from the `SixDegreePair`.
 _MESH_FIELDS_OF_PAIR = (
     *("max_stiffness", "stiffness_ratio", "contact_ratio", "backlash"),
     *("material_damping", "backlash_damping"),
@@ -92,9 +92,9 @@ EXTRA_VARIABLES = (
 class SixDegreePair(WithPair):
     """A pair of gears on elastic bearings, in SI units; immutable.
 
-    Two values belong to gears 3 and 2, four values to the bearings y3, z3, y2 and z2. The reduced
-    mass of `pair` only defines the tuning; the inertias determine the motion. The paper can be read
-    in two ways, which `reduced_mass_torsional` and `reduced_mass_free` give.
+    Parameters with two values are for gears 3 and 2, with four values for the bearings y3, z3, y2
+    and z2. The reduced mass of `pair` only defines the tuning; the inertias determine the motion.
+    The paper's reduced mass can be read as `reduced_mass_torsional` or as `reduced_mass_free`.
     """
 
     force_note = property(lambda model: model.pair.force_note, doc="`GearPair.force_note`.")
@@ -181,7 +181,7 @@ class SixDegreePair(WithPair):
             Bearing stiffness C3y, C3z, C2y, C2z of gears 3 and 2, y along and z across the line of
             action, N/m; > 0 or infinite.
         **options
-            Other parameters of the class, which replace those of the geometry, and arguments of
+            Other parameters of the class, which replace values from the geometry, and arguments of
             `GearPair.from_geometry` such as torque and damping_ratio.
         """
         fields = {name: options.pop(name) for name in cls.__dataclass_fields__ if name in options}
@@ -221,22 +221,22 @@ class SixDegreePair(WithPair):
         return self.mesh_frequency(tuning) * 60.0 / (2.0 * math.pi * self.teeth[0])
 
     def scales(self) -> dict:
-        """Return the dataset variables that depend on the model alone, name -> value."""
+        """Return the scales of a dataset that do not depend on the speed, name -> value."""
         return self.pair.scales() | {"torque": self.torques[0]}
 
     @property
     def size(self):
-        """Length of the state: 4, and two for each elastic bearing direction."""
+        """Number of state components: four, and two more for each elastic bearing direction."""
         return 4 + 2 * len(self.elastic_bearings())
 
     def reduction(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return (reduce, lift): matrices that remove the free rotation from a state, and back.
+        """Return the matrices (reduce, lift) that remove rigid-body rotation from a state and back.
 
         The shapes are (n - 2, n) and (n, n - 2) for a state of n components.
         """
         n = self.size
-        # The mesh depends on the sum u3 + u2 of the rotations only; the difference is free. `lift`
-        # assigns the whole sum to u3.
+        # The mesh depends only on the sum u3 + u2 of the rotations; their difference is the
+        # rigid-body rotation. `lift` assigns the whole sum to u3.
         lift = np.delete(np.eye(n), [1, n // 2 + 1], axis=1)
         reduce = lift.T.copy()
         reduce[0, 1] = reduce[n // 2 - 1, n // 2 + 1] = 1.0
@@ -256,9 +256,9 @@ class SixDegreePair(WithPair):
         return TwoGears(gears=self)
 
     def output_rows(self, system: TrainSystem) -> np.ndarray:
-        """Return the row vectors that map states to the variables in `EXTRA_VARIABLES`.
+        """Return the row vectors that map states of `system` to the variables `EXTRA_VARIABLES`.
 
-        The shape is (12 variables, 3 contact states, segments, components of the state).
+        The shape is (12 variables, 3 contact states, stiffness segments, components of a state).
         """
         pair, elastic_bearings = self.pair, self.elastic_bearings()
         m = 2 + len(elastic_bearings)  # number of coordinates: two rotations, then bearings
@@ -266,11 +266,12 @@ class SixDegreePair(WithPair):
         shape = (*system.effect.shape[:2], len(system.base_matrix))
         rows = np.zeros((len(EXTRA_VARIABLES), *shape), system.base_matrix.dtype)
         rows[0, ..., 0] = rows[1, ..., 1] = 1.0
-        # The backlash line s is the difference of the distances y and y - s.
+        # The backlash line s is the difference of the distances y and y - s of the flanks.
         rows[EXTRA_VARIABLES.index("coast_line")] = system.drive_lines[0] - system.coast_lines[0]
         if math.isinf(pair.backlash):
             rows[EXTRA_VARIABLES.index("coast_line"), ..., constant] = -pair.backlash_ratio
-        # The indices of the contact force of the mesh; its outputs are normal and friction force.
+        # Each contact state and segment has a force law, whose outputs are normal and friction
+        # force.
         force_indices = system.effect[:, :, 0]
         friction_outputs = system.force_output[0, force_indices, 1]
         rows[EXTRA_VARIABLES.index("friction_force")] = friction_outputs
@@ -284,10 +285,11 @@ class SixDegreePair(WithPair):
         return rows
 
     def full_state(self, system: TrainSystem, state: tuple[float, float]) -> np.ndarray:
-        """Return the full state of a system at tau = 0 from (relative displacement y, dy/dtau).
+        """Return the full state of a `TrainSystem` at tau = 0 from `state`, which is (y, dy/dtau).
 
-        It holds m coordinates, m velocities, the constant 1 and cosines and sines of the
-        excitation. The bearings start in their static deflection if `preload` is set.
+        y is the relative displacement. The full state holds m coordinates, m velocities, the
+        constant 1, and cosines and sines of the excitation. The bearings start in their static
+        deflection if `preload` is set.
         """
         z = np.zeros(len(system.base_matrix), system.base_matrix.dtype)
         elastic_bearings, drive_line = self.elastic_bearings(), system.drive_lines[0]
@@ -296,7 +298,7 @@ class SixDegreePair(WithPair):
             for column, i in enumerate(elastic_bearings, 2):
                 deflection = self.pair.mean_stiffness / self.bearing_stiffness[i]
                 z[column] = -_Y_DERIVATIVES[BEARINGS[i]] * deflection
-        # Gears that rotate in these proportions start without a free rotation.
+        # Gears that rotate in these proportions start without rigid-body rotation.
         fractions = [r * r / j for r, j in zip(self.base_radii, self.inertias, strict=True)]
         fractions = np.array(fractions) / np.sum(fractions)
         z[2 * m] = 1.0
@@ -304,7 +306,7 @@ class SixDegreePair(WithPair):
         z[:2] = fractions * (state[0] - drive_line @ z)
         velocity = drive_line @ (system.base_matrix @ z) / system.tuning
         z[m : m + 2] = fractions * (state[1] - velocity)
-        # This removes the rounding error of the fractions from the displacement.
+        # The sum of the fractions has a rounding error, which is removed from the displacement.
         z[0] += state[0] - drive_line @ z
         return z
 
@@ -329,7 +331,7 @@ class TwoGears(GearTrain):
     meshes: tuple = ()
 
     def __post_init__(self) -> None:
-        """Create the mesh and the bodies, "3" (pinion) and "2" (wheel), from those of the pair."""
+        """Create the mesh and the bodies "3" (pinion) and "2" (wheel) from the pair."""
         gears = self.gears
         quarter = self.arithmetic.pi / 2.0  # a float, or an interval that encloses the number
         # The run-outs add e3 sin phi3 and -e2 sin(Delta - phi2) to the displacement along the line
@@ -358,15 +360,22 @@ class TwoGears(GearTrain):
         mesh = instance_without_checks(
             _PairMesh, name="mesh", pinion="3", wheel="2", line_of_action=0.0, phase=0.0, **values
         )
-        for name, value in (("bodies", bodies), ("meshes", (mesh,)), ("reference", "mesh")):
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "bodies", bodies)
+        object.__setattr__(self, "meshes", (mesh,))
+        object.__setattr__(self, "reference", "mesh")
 
     def assemble(self, arithmetic: Arithmetic = FLOAT_ARITHMETIC) -> Structure:
-        """Return the matrices in floats or balls, with rotations before bearing motions."""
+        """Return the matrices in an arithmetic, with rotations before bearing motions.
+
+        The arithmetic is that of floating-point numbers or of balls, which enclose numbers.
+        """
         return structure(self.by_name, self.meshes, (), arithmetic, rotations_first=True)
 
     def segments_of(self, first: int, count: int) -> waves.Segments:
-        """Return the segments of one mesh period, for all periods: the run-out adds none."""
+        """Return the segments of one mesh period, which hold for all periods.
+
+        The arguments are not used, because the run-out changes no segment.
+        """
         return waves.segments(self, 0, 1)
 
     @property

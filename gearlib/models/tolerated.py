@@ -22,7 +22,7 @@ from gearlib.parameters import (
     numeric_parameters,
 )
 
-#: Config keys of the plain descriptions of a scattering value.
+#: Sets of configuration keys, each of which describes how a value scatters.
 SCATTER_KEYS = (("mean", "std"), ("min", "max"), ("nominal", "upper", "lower"))
 #: Allowed descriptions, for error messages.
 ALLOWED_SCATTER = (
@@ -62,36 +62,36 @@ def pair_parameters() -> dict[str, Parameter]:
 
 
 def geometry_parameters() -> dict[str, Any]:
-    """Return the parameters of a gear geometry that can be random, name -> `Parameter`.
+    """Return the parameters of a gear geometry that can scatter, name -> `Parameter`.
 
-    Names of a single gear have a prefix, as in ``pinion.shift``.
+    Parameters of a single gear have a prefix, as in ``pinion.shift``.
     """
-    all_parameters = numeric_parameters(GearStage) | LOAD_PARAMETERS | FLANK_PARAMETERS
-    for gear in ("pinion", "wheel"):
+    parameters = numeric_parameters(GearStage) | LOAD_PARAMETERS | FLANK_PARAMETERS
+    for gear_name in ("pinion", "wheel"):
         for name, parameter in numeric_parameters(SpurGear).items():
-            all_parameters[f"{gear}.{name}"] = parameter
-    return all_parameters
+            parameters[f"{gear_name}.{name}"] = parameter
+    return parameters
 
 
 def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, float]:
-    """Return the distribution or tolerance of a parameter as a dict of numbers, with all its keys.
+    """Return the description of how a parameter scatters as a dict of numbers, with all its keys.
 
     `scatter` is a dict with the keys of one of `SCATTER_KEYS`; deviations may be strings such as
-    ``"5 %"``, of the mean or nominal value. `model_value` is the default of ``mean`` and
-    ``nominal``. Raises ValueError with the parameter name if the dict is not allowed.
+    ``"5 %"``, a percentage of the mean or nominal value. `model_value` is the default of ``mean``
+    and ``nominal``, or None. Raises ValueError with the parameter name if the dict is not allowed.
     """
     checks.require(hasattr(scatter, "items"), parameter_name, scatter, ALLOWED_SCATTER)
     scatter = dict(scatter)
-    # The first kind of description that has all keys of `scatter`.
+    # The keys of the first kind of description that has all keys of `scatter`.
     keys: tuple = next((keys for keys in SCATTER_KEYS if scatter and {*scatter} <= {*keys}), ())
-    missing = [key for key in keys if key not in scatter]
-    complete = keys and {*missing} <= {*_OPTIONAL_KEYS}
-    checks.require(complete, parameter_name, scatter, ALLOWED_SCATTER)
+    missing_keys = [key for key in keys if key not in scatter]
+    is_complete = keys and {*missing_keys} <= {*_OPTIONAL_KEYS}
+    checks.require(is_complete, parameter_name, scatter, ALLOWED_SCATTER)
     centre = keys[0]
-    suffix = "" if missing else f", of {centre} = {scatter[centre]!r}"
-    if missing and model_value is None:
+    suffix = "" if missing_keys else f", of {centre} = {scatter[centre]!r}"
+    if missing_keys and model_value is None:
         raise ValueError(f"{parameter_name}.{centre} is missing: the model has no value of its own")
-    scatter |= dict.fromkeys(missing, model_value)
+    scatter |= dict.fromkeys(missing_keys, model_value)
     values: dict = {}
     for key in keys:
         value, value_type = scatter[key], Finite
@@ -105,7 +105,9 @@ def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, flo
         checks.require(values["std"] > 0.0, f"{parameter_name}.std", scatter["std"], f"> 0{suffix}")
     else:
         low, high = ("min", "max") if "min" in values else ("lower", "upper")
-        allowed = f"> {low} = {scatter[low]!r}" + (suffix if "nominal" in values else "")
+        allowed = f"> {low} = {scatter[low]!r}"
+        if "nominal" in values:
+            allowed += suffix
         checks.require(
             values[low] < values[high], f"{parameter_name}.{high}", scatter[high], allowed
         )
@@ -113,7 +115,11 @@ def complete_scatter(parameter_name, scatter, model_value=None) -> dict[str, flo
 
 
 def centre_and_limits(values: dict[str, float]) -> tuple[float, float, float]:
-    """Return (centre, smallest value, largest value) of a completed description of scatter."""
+    """Return (centre, smallest value, largest value) of a parameter that scatters.
+
+    `values` is a dict that `complete_scatter` returns. The limits of a distribution with a standard
+    deviation are infinite.
+    """
     if "std" in values:
         return values["mean"], -math.inf, math.inf
     if "min" in values:
@@ -125,7 +131,9 @@ def centre_and_limits(values: dict[str, float]) -> tuple[float, float, float]:
 def check_range(parameter_name, scatter, parameter, values) -> None:
     """Raise ValueError if a parameter may not have the centre or a finite limit of its scatter.
 
-    `scatter` is the plain description, `values` are its (centre, smallest value, largest value).
+    `scatter` is the dict of the user, which names the place of an error; `parameter` is the
+    `Parameter` with the check, or None for no check; `values` are (centre, smallest value, largest
+    value).
     """
     if parameter is None or parameter.number is None:
         return
