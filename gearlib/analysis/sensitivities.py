@@ -1,4 +1,4 @@
-"""`sensitivities`: derivatives of the results of a call, by differences of exact runs."""
+"""`sensitivities`: derivatives of results with respect to parameters, from exact runs."""
 
 import math
 import warnings
@@ -24,7 +24,7 @@ STEP_RATIO = 3.0
 STEPS = 3e-3 / STEP_RATIO ** np.arange(9)
 MAX_RICHARDSON_ORDER = 3
 MIN_DIFFERENCES = 4
-#: Factor on the last change of the extrapolated value that gives the error estimate.
+#: Ratio of the error estimate to the last change of the extrapolated value.
 ERROR_FACTOR = 5.0
 #: Changes of an array below this, relative to its largest entry, are rounding errors.
 ROUNDING_TOLERANCE = 1e-13
@@ -33,12 +33,14 @@ MAX_ERROR = 1e-6
 
 
 def richardson(function: Callable, value: float, scale: float) -> tuple:
-    """Return (derivative, error estimate) of an array-valued function at a parameter value.
+    """Differentiate an array-valued function by Richardson extrapolation.
 
-    Difference quotients with several steps, relative to `scale`, are extrapolated up to the third
-    order (Ridders, Advances in Engineering Software 4 (1982) 75-76). Step and order with the
-    smallest change are chosen for all entries of the array together, because single entries may
-    agree by chance. With fewer than four quotients the result is NaN.
+    Return (derivative, error estimate) at a parameter `value`, arrays of the shape of the result of
+    `function`. Central difference quotients with the steps `scale` * `STEPS` are extrapolated up to
+    the third order (Ridders, Advances in Engineering Software 4 (1982) 75-76). A step is left out
+    if the function returns None there; with fewer than four quotients the result is NaN. The step
+    and order with the smallest change are chosen for all entries of the array together, because
+    single entries may agree by chance.
     """
     centre = np.asarray(function(value), float)
     steps, quotients = [], []
@@ -63,65 +65,73 @@ def richardson(function: Callable, value: float, scale: float) -> tuple:
         i = int(scores.argmin())
         if scores[i] < best_score:
             best_score, derivative = scores[i], table[i]
-            # The error estimate is the change to the next smaller step, or that of the step after
-            # it without its larger rounding error, plus the rounding error of one quotient.
+            # The error estimate is the larger of the change to the next smaller step, and the
+            # change to the step after it without its larger rounding error, plus the rounding error
+            # of one quotient.
             next_change = changes[i + 1] if i + 1 < len(changes) else 0.0
             error = ERROR_FACTOR * np.maximum(changes[i], next_change / STEP_RATIO)
             error += np.spacing(max_entry) / steps[i + order + 1]
     is_constant = 2.0 * steps[0] * np.abs(quotients[0]) <= ROUNDING_TOLERANCE * max_entry
-    error = 0.0 if is_constant.all() else error
+    if is_constant.all():
+        error = 0.0
     return np.where(is_constant, 0.0, derivative), np.full(centre.shape, error)
 
 
 def _difference_quotient(function: Callable, value: float, step: float, centre: np.ndarray) -> Any:
-    """Return the central difference quotient of `function`, or None if the function returns None.
+    """Return a difference quotient of second order, or None if the function returns None.
 
-    It is one-sided if the function raises ValueError on one side; `centre` is function(value).
+    The quotient is central, or one-sided if `function` raises ValueError on one side of `value`;
+    `centre` is function(value).
     """
     try:
-        forward = function(value + step)
+        neighbour = function(value + step)
     except ValueError:
         step = -step
-        forward = function(value + step)
+        neighbour = function(value + step)
+    # Weights of the neighbour, the other point and the centre.
     try:
-        other, weights = function(value - step), (1.0, -1.0, 0.0)
+        other_point, weights = function(value - step), (1.0, -1.0, 0.0)
     except ValueError:
-        other, weights = function(value + 2.0 * step), (4.0, -1.0, -3.0)
-    if forward is None or other is None:
+        other_point, weights = function(value + 2.0 * step), (4.0, -1.0, -3.0)
+    if neighbour is None or other_point is None:
         return None
-    return (weights[0] * forward + weights[1] * other + weights[2] * centre) / (2.0 * step)
+    return (weights[0] * neighbour + weights[1] * other_point + weights[2] * centre) / (2.0 * step)
 
 
 @checked
 def sensitivities(
     call: Callable, model: Any, parameters: Any, *, max_seconds: MaxSeconds = None, **arguments: Any
 ) -> xr.Dataset:
-    """Differentiate the results of a call with respect to parameters of a model or arguments.
+    """Differentiate the results of a function with respect to model parameters or its arguments.
 
     Warn if contact events change with every step, or if the relative error exceeds 1e-6.
 
     Parameters
     ----------
     call : callable
-        ``call(model, **arguments)`` returns a number, an array, a DataArray or a Dataset.
+        Function whose result is differentiated: ``call(model, **arguments)`` returns a number, an
+        array, a DataArray or a Dataset.
     model : Model
+        Model at whose parameter values the derivatives are computed.
     parameters : str or sequence of str
-        Names in ``model.settable``, or of numbers among the `arguments`, such as tuning or speed.
+        Names of parameters in ``model.settable``, or of numbers among the `arguments`, such as
+        tuning or speed.
     max_seconds : float, optional
         Seconds after which the call returns what is done, see `gearlib.progress`.
     **arguments
-        Keyword arguments of the call.
+        Keyword arguments of `call`.
 
     Returns
     -------
     xarray.Dataset
-        ``d_<variable>_d_<parameter>`` and its error, ``..._error``; a result without a name is
-        the variable ``value``.
+        For each variable and parameter the derivative ``d_<variable>_d_<parameter>`` and its error
+        estimate ``d_<variable>_d_<parameter>_error``. A result without a name is the variable
+        ``value``.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is wrong; the message gives its name, its value and the allowed range.
     """
     checks.require(callable(call), "call", call, "a function of a model")
     checks.require(is_model(model), "model", model, "a model such as GearPair")
@@ -134,7 +144,8 @@ def sensitivities(
         units, long_name = DESCRIPTIONS.get(name, ("1", name))
         descriptions[name] = units, model.long_names.get(name, long_name)
     data: dict = {}
-    limit, remaining = Limit(max_seconds), list(names)
+    limit = Limit(max_seconds)
+    remaining = list(names)
     for name in limit.each(with_bar("parameters", names, len(names))):
         remaining.remove(name)
         parameter_units, parameter = descriptions[checks.one_of("parameters", name, descriptions)]
@@ -142,26 +153,36 @@ def sensitivities(
         check(name, value, Finite)
         run = _run_function(call, model, name, arguments)
         is_dimensionless = parameter_units == "1"
-        scale = abs(value) or (1.0 if is_dimensionless else natural_scale(model, parameter_units))
+        # A parameter that is 0 has no scale of its own.
+        scale = abs(value)
+        if scale == 0.0:
+            scale = 1.0 if is_dimensionless else natural_scale(model, parameter_units)
         for variable, array in run(value)[0].items():
             long_name = array.attrs.get("long_name", variable)
             title = f"derivative of the {long_name} by {parameter}"
             divisor = "" if is_dimensionless else f"/({parameter_units})"
             units = array.attrs.get("units", "1") + divisor
             derivative, error = _derivative(run, variable, title, value, scale)
-            label, attrs = f"d_{variable}_d_{name}", {"units": units, "long_name": title}
-            data[label] = array.copy(data=derivative).assign_attrs(attrs)
-            attrs["long_name"] = f"error of the {title}"
-            data[f"{label}_error"] = array.copy(data=error).assign_attrs(attrs)
+            label = f"d_{variable}_d_{name}"
+            data[label] = array.copy(data=derivative).assign_attrs(units=units, long_name=title)
+            data[f"{label}_error"] = array.copy(data=error).assign_attrs(
+                units=units, long_name=f"error of the {title}"
+            )
     return limit.mark(xr.Dataset(data), remaining)
 
 
 def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Callable:
-    """Return a cached function from a value of a parameter or argument to (variables, contacts)."""
+    """Return a cached function from a value of the parameter `name` to the results of `call`.
+
+    `name` is one of the keyword `arguments` of `call`, or else a parameter of the model.
+    """
 
     @cache
     def run(value: float) -> tuple:
-        """Return ({name: DataArray} of the call, list of its contact event counts)."""
+        """Return ({variable name: DataArray}, contact counts) of the call for a value.
+
+        The contact counts are a list of the numbers of events and bounces in its runs.
+        """
         with counting_contacts() as contacts:
             if name in arguments:
                 result = call(model, **arguments | {name: value})
@@ -171,8 +192,12 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
             if not isinstance(result, xr.DataArray):
                 result = xr.DataArray(float_array(result))
             result = result.to_dataset(name=result.name or "value")
-        variables = {name: x for name, x in result.data_vars.items() if x.dtype.kind == "f"}
-        is_numeric = any(x.size for x in variables.values())
+        variables = {
+            variable_name: array
+            for variable_name, array in result.data_vars.items()
+            if array.dtype.kind == "f"
+        }
+        is_numeric = any(array.size for array in variables.values())
         checks.require(is_numeric, "call", call, "a function that returns numbers or a dataset")
         return variables, contacts
 
@@ -180,12 +205,20 @@ def _run_function(call: Callable, model: Any, name: str, arguments: dict) -> Cal
 
 
 def _derivative(run: Callable, variable: Any, title: str, value: float, scale: float) -> tuple:
-    """Return (derivative, error) of a variable at a parameter value; warn if unreliable."""
+    """Return (derivative, error estimate) of a result at a parameter value; warn if unreliable.
+
+    `run` is a function of `_run_function`, `variable` the name of one of its results, `title` a
+    description of the derivative for warnings, and `scale` the unit of the differences of the
+    parameter.
+    """
     variables_at_value, contacts = run(value)
     shape = variables_at_value[variable].shape
 
     def array_at(parameter: float, same_contacts: bool = True) -> Any:
-        """Return the variable at a parameter value, or None if contact events or shape change."""
+        """Return the result at a parameter value, or None if it cannot be compared.
+
+        It cannot if its shape changes, or with `same_contacts` if its contact events change.
+        """
         variables, new_contacts = run(parameter)
         array = variables[variable].values
         if same_contacts and contacts and new_contacts and new_contacts != contacts:
@@ -197,7 +230,9 @@ def _derivative(run: Callable, variable: Any, title: str, value: float, scale: f
     if np.isnan(error).any():
         message = f"contact events appear or vanish for all step sizes: {title}"
         warnings.warn(message, stacklevel=3)
-        derivative, error = richardson(lambda x: array_at(x, False), value, scale)
+        derivative, error = richardson(
+            lambda parameter: array_at(parameter, same_contacts=False), value, scale
+        )
     if not error.max(initial=0.0) <= MAX_ERROR * np.abs(derivative).max(initial=0.0):
         warnings.warn(f"the error is larger than {MAX_ERROR:g} of the {title}", stacklevel=3)
     return derivative, error

@@ -1,4 +1,4 @@
-"""`trust`: chaos or artefact? The motion at one tuning is computed in several ways and compared.
+"""`trust`: chaos or artefact? The motion at one tuning is computed by several methods.
 
 The steady state of a damped mesh does not depend on the method and length of the run or on small
 changes of the initial state. `trust` repeats a run for a longer time, from a disturbed state, by
@@ -51,7 +51,7 @@ _MAX_LOG_DECAY = -3.0
 
 @dataclass(frozen=True)
 class Trust:
-    """Classification of the motion at one tuning, with the runs and exponent that determine it."""
+    """Classification of the motion at one tuning, with the runs and the exponent behind it."""
 
     label: str  #: one of `LABELS`
     message: str  #: the reason in one sentence
@@ -79,12 +79,13 @@ def trust(
     Parameters
     ----------
     model : GearPair, OneDegreePair, SixDegreePair or DeadZoneOscillator
+        The model whose motion is classified.
     tuning : float
         Mesh frequency over mean eigenfrequency, nu.
     periods, record_periods : int
-        Mesh periods of a run, and of the record at its end; the longer run takes four times as
-        many. With run-out at least one period of the run-out is recorded, and `periods` must exceed
-        two of them and the transient.
+        Mesh periods of a run, and of the record at its end; the longer run has four times as many
+        mesh periods. With run-out, at least one period of the run-out is recorded, and `periods`
+        must exceed the transient and two periods of the run-out.
     initial_state : tuple of float
         Displacement in static deflections and dx/dtau at tau = 0.
     disturbance : float
@@ -92,17 +93,18 @@ def trust(
     exponent_periods : int
         Mesh periods over which the Lyapunov exponent is averaged, after a transient of `periods`.
     max_seconds : float, optional
-        Seconds after which no other run begins: the motion is then undecided, and `missing` of the
-        runs names those that were left out, see `gearlib.progress`.
+        Seconds after which no other run begins: the motion is then undecided, and the attribute
+        `missing` of the runs lists the runs that were left out, see `gearlib.progress`.
 
     Returns
     -------
     Trust
+        The label with its reason, the period, the exponent, and the runs that were compared.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is wrong; the message gives its name, its value and the allowed range.
     """
     integrators.choose_method(model, None, None)
     allowed = f"an integer from 1 to {periods}"
@@ -111,8 +113,9 @@ def trust(
     arguments = {"periods": periods, "record_periods": record_periods}
     arguments |= {"initial_state": initial_state, "samples_per_period": 1}
     initial_state = model.check_state(initial_state)
-    limit, names, methods, runs = Limit(max_seconds), [], [], []
-    cases = [
+    limit = Limit(max_seconds)
+    names, methods, runs = [], [], []
+    cases = [  # (name, model, changed arguments) of each run
         ("as asked", model, {}),
         ("longer", model, {"periods": 4 * periods}),
         ("disturbed", model, {"initial_state": model.disturbed_state(initial_state, disturbance)}),
@@ -120,9 +123,8 @@ def trust(
     ]
     for name, case_model, changed_arguments in limit.each(with_bar("runs", cases, len(cases))):
         names.append(name)
-        methods.append(
-            integrators.choose_method(case_model, changed_arguments.get("method"), None)[0]
-        )
+        method, *_ = integrators.choose_method(case_model, changed_arguments.get("method"), None)
+        methods.append(method)
         runs.append(run(case_model, tuning, **arguments | changed_arguments))
     missing = [name for name, *_ in cases[len(names) :]]
     if limit.is_over():
@@ -150,13 +152,14 @@ def trust(
 
 
 def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
-    """Return the classification of the motion at each tuning by `trust`, along ``tuning``.
+    """Classify the motion of a model at each tuning by `trust`; return a dataset along ``tuning``.
 
-    The variable label is the index in `LABELS`, with CF flags.
+    The variable label is the index of the label in `LABELS`, with CF flags. `options` are passed to
+    `trust`.
     """
 
     def variables(tuning: float) -> dict:
-        """Return {variable name: value} of the dataset at a tuning."""
+        """Return {variable name: value} of the dataset at one tuning."""
         motion = trust(model, tuning, **options)
         return {
             "label": np.int8(LABELS.index(motion.label)),
@@ -175,7 +178,11 @@ def classify_at_tunings(model: Any, tunings: Any, **options: Any) -> xr.Dataset:
 
 
 def _other_methods(model: Any) -> Iterator[tuple]:
-    """Yield (name, model, changed arguments of `run`) for comparison runs of a model."""
+    """Yield (name, model, changed arguments of `run`) of each comparison run of a model.
+
+    These use another method, a finer tolerance, and more harmonics of a truncated stiffness, as far
+    as the model has them.
+    """
     methods = [name for name in integrators.AUTOMATIC if integrators.METHODS[name].supports(model)]
     if len(methods) > 1:
         yield f"method {methods[1]}", model, {"method": methods[1]}
@@ -188,7 +195,10 @@ def _other_methods(model: Any) -> Iterator[tuple]:
 
 
 def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int = 1) -> Trust:
-    """Return the classification (`Trust`) of a motion from its runs and its Lyapunov exponent."""
+    """Classify a motion from its runs and its Lyapunov exponent.
+
+    `runs` is the table of `Trust.runs`, and `repeats` the period of the excitation in mesh periods.
+    """
     label, message = _label_and_message(runs, exponent, repeats)
     period, digits = 0, math.nan
     if label == "periodic":
@@ -198,10 +208,14 @@ def classified_motion(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: in
 
 
 def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: int) -> tuple:
-    """Return (label, message) of the classification of a motion, by the first rule that applies."""
+    """Return (label, message) of a motion by the first of the rules of `trust` that applies.
+
+    `runs` is the table of `Trust.runs`, and `repeats` the period of the excitation in mesh periods.
+    """
     names, codes = runs.run.values, runs.status.values
-    overflowed, diverges = codes == status.OVERFLOW, exponent.status == status.OVERFLOW
-    periods = set(runs.period.values.tolist())
+    overflowed = codes == status.OVERFLOW
+    diverges = exponent.status == status.OVERFLOW
+    periods = set(runs.period.values.tolist())  # 0 for a run that does not repeat
     if (diverges or overflowed.all()) and periods == {0}:
         return "unbounded", status.MESSAGES[status.OVERFLOW]
     variational = "the variational run"
@@ -223,9 +237,13 @@ def _label_and_message(runs: xr.Dataset, exponent: lyapunov.Exponent, repeats: i
 
 
 def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tuple[str, str]:
-    """Return (label, message) of a motion whose perturbations decay, from periods of runs."""
+    """Return (label, message) of a motion whose perturbations decay.
+
+    `runs` is the table of `Trust.runs`, `periods` are the different periods of the runs in mesh
+    periods, 0 for a run that does not repeat, and `repeats` is the period of the excitation.
+    """
     if "longer" in runs.run and int(runs.period.sel(run="longer")):
-        # Runs that have not settled yet only need the same extrema as the longer run.
+        # The other runs need not have settled yet, if their extrema are those of the longer run.
         periods = periods - {0}
     if periods == {0} or len(periods) > 1:
         message = "perturbations decay, but not all runs repeat: run more periods to settle"
@@ -241,7 +259,11 @@ def _label_of_stable_motion(runs: xr.Dataset, periods: set, repeats: int) -> tup
 
 
 def _common_digits(runs: xr.Dataset) -> float:
-    """Return the decimal digits in which the extrema of all runs agree, relative to their range."""
+    """Return the number of decimal digits in which the displacement extrema of all runs agree.
+
+    `runs` is the table of `Trust.runs`. The largest difference is relative to the displacement
+    range of the first run; the number is negative if the difference is larger.
+    """
     maxima, minima = runs.displacement_max.values, runs.displacement_min.values
     displacement_range = np.maximum(maxima[0] - minima[0], np.finfo(float).tiny)
     spread = np.maximum(np.ptp(maxima, axis=0), np.ptp(minima, axis=0)) / displacement_range

@@ -1,9 +1,10 @@
 """Equations of motion z' = A z between events in ball arithmetic, for pairs and trains.
 
-The state is z = (y, dy/dtheta, 1, cos, sin, ...) with y in the model's unit of length and theta the
-phase over nu, so that only harmonics depend on the tuning. Free motions V are eliminated from the
-coordinates; K V = 0, b V = 0 and D V = 0 are assumed to be exact. Matrices and functionals refer to
-modal components, z = basis c, which rotate in pairs: boxes of them grow least.
+The state is z = (y, dy/dtheta, 1, cos, sin, ...) with the displacements y in the model's unit of
+length and theta = tau / nu, the mesh phase over the tuning, so that only harmonics depend on the
+tuning. Rigid-body motions V are eliminated from the coordinates; K V = 0, b V = 0 and D V = 0 are
+assumed to be exact. Matrices and functionals refer to modal components c, z = basis c, which rotate
+in pairs: their boxes grow least.
 """
 
 import math
@@ -24,7 +25,10 @@ _MAX_TIME_RADIUS = 2.0**-30
 
 
 def propagated(matrix: Any, columns: Any, time: Any) -> Any:
-    """Return exp(matrix time) columns, by the mean value theorem if the ball `time` is wide."""
+    """Return the product exp(matrix time) columns for matrices of balls and a time, a ball.
+
+    If the ball `time` is wide, the mean value theorem gives a narrower result.
+    """
     if not time.rad() > _MAX_TIME_RADIUS:
         return (matrix * time).exp() * columns
     middle = time.mid()
@@ -33,12 +37,14 @@ def propagated(matrix: Any, columns: Any, time: Any) -> Any:
 
 
 class ArcDynamics:
-    """System matrices A of a model at a tuning, for all contact codes and segments.
+    """System matrices A of z' = A z for a model at a tuning, for all contact codes and segments.
+
+    The state is z = (y, dy/dtheta, 1, cosine and sine of each harmonic).
 
     ``retained``, ``fixed``    indices of the coordinates y, and of the eliminated coordinates
     ``state_count``, ``size``  number of components of (y, dy/dtheta), and of z
     ``harmonic_columns``       frequency of a harmonic -> index of its cosine in z
-    ``basis``, ``basis_inverse``  of the modal components, shape (size, size)
+    ``basis``, ``basis_inverse``  matrix from modal components to z, shape (size, size), its inverse
     ``distance_rows``          flank distances of each mesh as functionals of modal components, rows
                                (1, size): (coast side or None, drive side)
     ``excitation_period``      period of the excitation in mesh periods
@@ -46,8 +52,11 @@ class ArcDynamics:
 
     def __init__(self, model, tuning: float):
         """Compute modal basis and matrices of a model at a tuning in ball arithmetic."""
-        self.model, self.tuning = ball_model_builder(model)(model, tuning), flint().arb(tuning)
-        self.one_degree, self.excitation_period = model.equation is not None, model.repeats
+        build_model = ball_model_builder(model)
+        self.model = build_model(model, tuning)
+        self.tuning = flint().arb(tuning)
+        self.one_degree = model.equation is not None
+        self.excitation_period = model.repeats
         self.mesh_names = tuple(mesh.name for mesh in self.model.meshes)
         self._system_matrices: dict = {}
         free_motions, natural_frequencies, shapes = _modes(model, self.model)
@@ -61,7 +70,8 @@ class ArcDynamics:
         self.harmonic_columns = dict(zip(frequencies, columns, strict=True))
         # The normalisation of the mode shapes makes all modal components comparable.
         shapes = np.array(self.reduction.tolist(), float) @ shapes
-        shapes, n = shapes / np.abs(shapes).max(axis=0), len(self.retained)
+        shapes = shapes / np.abs(shapes).max(axis=0)
+        n = len(self.retained)
         basis = np.eye(self.size)
         basis[:n, :n], basis[n : 2 * n, n : 2 * n] = shapes, shapes * natural_frequencies
         self.basis = matrix_of(basis)
@@ -73,9 +83,10 @@ class ArcDynamics:
         ]
 
     def _eliminate_free_motions(self, free_motions: np.ndarray) -> None:
-        """Set the retained coordinates and the matrix from all n coordinates to them.
+        """Choose the retained coordinates, and compute the matrix from all n coordinates to them.
 
-        Raise `ProofFailed` if stiffness or damping act on the free motions, columns (n, k).
+        `free_motions` are k rigid-body motions, columns (n, k). They are eliminated by fixing k
+        coordinates. Raise `ProofFailed` if stiffness or damping act on these motions.
         """
         model, n = self.model, len(self.model.coordinates)
         self.fixed = _fixed_coordinates(free_motions)
@@ -83,8 +94,8 @@ class ArcDynamics:
         unit = np.eye(n, dtype=int).astype(object)
         reduction = unit[self.retained]
         if self.fixed:
-            # The stiffness matrix with contact in all meshes. Its product with a free motion is
-            # zero, with drive-side and with coast-side contact.
+            # This stiffness matrix includes drive-side contact in all meshes. Its product with a
+            # rigid-body motion is zero, as it would be with coast-side contact.
             stiffness = model.stiffness.copy()
             for mesh in model.meshes:
                 row = mesh.rows[DRIVE_SIDE]
@@ -99,7 +110,8 @@ class ArcDynamics:
             for rows in (model.stiffness, model.damping, mesh_rows):
                 largest = max(float(abs(value).upper()) for value in rows.flat)
                 residuals = (matrix_of(rows) * matrix_of(motions)).entries()
-                if not all(abs(x) <= FREE_MOTION_TOLERANCE * largest * n for x in residuals):
+                tolerance = FREE_MOTION_TOLERANCE * largest * n
+                if not all(abs(residual) <= tolerance for residual in residuals):
                     text = "a train is not supported if springs or dampers act on its free rotation"
                     raise ProofFailed("model", text)
         self.reduction = matrix_of(reduction)
@@ -107,10 +119,15 @@ class ArcDynamics:
         self._accelerance = self.reduction * matrix_of(model.mass).inv()
 
     def _distance_row(self, mesh: Any, side: int) -> Any:
-        """Return the row whose product with modal components is the flank distance of a side."""
+        """Return the row (1, size) whose product with modal components is the flank distance.
+
+        `mesh` is a `BallMesh`, and `side` the drive or coast side. The row is None for the coast
+        side of an infinite backlash.
+        """
         if mesh.constants[side] is None:
             return None
-        row, length = np.zeros(self.size, object), self.model.length
+        row = np.zeros(self.size, object)
+        length = self.model.length
         row[: len(self.retained)] = [mesh.rows[side][i] for i in self.retained]
         row[self.state_count] = mesh.constants[side] / length
         for frequency, amplitudes in mesh.harmonics.items():
@@ -120,12 +137,16 @@ class ArcDynamics:
         return matrix_of(row[None]) * self.basis
 
     def _accelerations(self, forces: np.ndarray) -> np.ndarray:
-        """Return accelerations (e, k) of the e retained coordinates for forces (n, k) on all n."""
+        """Return the accelerations of the retained coordinates under forces on all coordinates.
+
+        Forces have the shape (n, k) and accelerations (e, k), with a column for each of k cases.
+        """
         return np.array((self._accelerance * matrix_of(forces)).tolist())
 
     def _matrix_without_meshes(self) -> Any:
-        """Return the system matrix A without mesh forces, shape (size, size)."""
-        model, n, omega = self.model, len(self.retained), self.model.frequency
+        """Return the system matrix A of z' = A z without mesh forces, shape (size, size)."""
+        model, n = self.model, len(self.retained)
+        omega = model.frequency  # unit of frequencies, rad/s
         acceleration_unit = omega**2 * model.length
         displacements, velocities = slice(n), slice(n, 2 * n)
         matrix = np.zeros((self.size, self.size), object)
@@ -143,25 +164,32 @@ class ArcDynamics:
         return self.basis_inverse * matrix_of(matrix) * self.basis
 
     def system_matrix(self, codes: list, segment: int) -> Any:
-        """Return the matrix A of z' = A z for the contact codes of all meshes on a `Segment`."""
+        """Return the system matrix A of z' = A z on a segment of the period of the excitation.
+
+        `codes` are the contact codes of all meshes, and `segment` is the index of the `Segment`.
+        """
         conditions = self.model.segments[segment].conditions
-        states = tuple(
-            # Contact code, and in contact stiffness level and sliding sign of the side.
-            (code, *sides[COAST_SIDE if code == COAST else DRIVE_SIDE]) if code else (code,)
-            for code, sides in zip(codes, conditions, strict=True)
-        )
-        if states not in self._system_matrices:
-            terms = (self._mesh_matrix(j, *state) for j, state in enumerate(states))
-            self._system_matrices[states] = sum(terms, self._without_meshes)
-        return self._system_matrices[states]
+        mesh_states = []
+        for code, sides in zip(codes, conditions, strict=True):
+            if code == NO_CONTACT:
+                mesh_states.append((code,))
+            else:
+                stiffness_level, sliding_sign = sides[COAST_SIDE if code == COAST else DRIVE_SIDE]
+                mesh_states.append((code, stiffness_level, sliding_sign))
+        key = tuple(mesh_states)
+        if key not in self._system_matrices:
+            terms = (self._mesh_matrix(j, *state) for j, state in enumerate(mesh_states))
+            self._system_matrices[key] = sum(terms, self._without_meshes)
+        return self._system_matrices[key]
 
     def _mesh_matrix(self, j: int, code: int, level: int = 0, sliding_sign: int = 0) -> Any:
-        """Return the contribution of mesh j to the matrix A for a contact code.
+        """Return the contribution of mesh j with a contact code to the system matrix A.
 
         `level` is the index of the stiffness (0 upper, 1 lower), and `sliding_sign`, 1 or -1, is
         the sliding direction, which friction opposes.
         """
-        mesh, omega = self.model.meshes[j], self.model.frequency
+        mesh = self.model.meshes[j]
+        omega = self.model.frequency  # unit of frequencies, rad/s
         side = COAST_SIDE if code == COAST else DRIVE_SIDE
         distance = self.distance_rows[j][side]
         rate = distance * self._without_meshes
@@ -182,19 +210,30 @@ class ArcDynamics:
         return contribution
 
     def _force_matrix(self, direction: np.ndarray, force: Any) -> Any:
-        """Return the contribution to A of a force, a row (1, size), against a direction (n,)."""
+        """Return the contribution to the system matrix A of a force against a direction.
+
+        `force` is the row (1, size) whose product with modal components is the force, and
+        `direction`, shape (n,), its components on the coordinates.
+        """
         n, column = len(self.retained), np.zeros((self.size, 1), object)
         column[n : 2 * n] = self._accelerations(-np.array(direction)[:, None])
         return self.basis_inverse * matrix_of(column) * force
 
     def initial_state(self, state: np.ndarray) -> list:
-        """Return (y, dy/dtheta) of the retained coordinates in balls for a state (q, dq/dtau)."""
+        """Return (y, dy/dtheta) of the retained coordinates as balls for a state (q, dq/dtau).
+
+        Since theta = tau / nu, rates by theta are rates by tau times the tuning nu.
+        """
         q, q_rates = np.array(state, float).reshape(2, -1).tolist()
-        y, y_rates = ((self.reduction * column_of(half)).entries() for half in (q, q_rates))
+        y = (self.reduction * column_of(q)).entries()
+        y_rates = (self.reduction * column_of(q_rates)).entries()
         return [*y, *(rate * self.tuning for rate in y_rates)]
 
     def train_description(self, codes: tuple) -> TrainDescription | None:
-        """Return names and initial contact codes of a train, None for one degree of freedom."""
+        """Return the description of a train with initial contact codes, one for each mesh.
+
+        It is None for a model with one degree of freedom.
+        """
         if self.one_degree:
             return None
         names = self.model.coordinates
@@ -207,32 +246,40 @@ class ArcDynamics:
         )
 
 
-def _modes(model, balls: Any) -> tuple:
-    """Return (free motions, natural frequencies, mode shapes) with all teeth in contact, as floats.
+def _modes(model, ball_model: Any) -> tuple:
+    """Return (rigid-body motions, natural frequencies, mode shapes) with all teeth in contact.
 
-    Motions and shapes are columns; frequencies are relative to the reference frequency.
+    They are floats; `ball_model` is the `BallModel` of the model. Motions and shapes are columns;
+    frequencies are relative to the reference frequency.
     """
     if model.train is None:
-        (mesh,), ground_stiffness = balls.meshes, balls.stiffness[0, 0]
+        (mesh,) = ball_model.meshes
+        ground_stiffness, mass = ball_model.stiffness[0, 0], ball_model.mass[0, 0]
         stiffness = float(ground_stiffness) + max(map(float, mesh.stiffness[DRIVE_SIDE]))
-        frequency = math.sqrt(stiffness / float(balls.mass[0, 0])) / float(balls.frequency)
+        frequency = math.sqrt(stiffness / float(mass)) / float(ball_model.frequency)
         return np.zeros((1, 0)), frequency, np.eye(1)
-    structure, mesh_rows = model.train.structure, model.train.structure.lines
+    structure = model.train.structure
+    mesh_rows = structure.lines
     spring_rows, stiffness = structure.springs
     mesh_stiffness = [mesh.max_stiffness for mesh in model.train.meshes]
     springs = np.vstack([spring_rows, mesh_rows]), np.append(stiffness, mesh_stiffness)
     modes = free_motions_and_modes(springs, structure.masses)
-    frequencies = np.sqrt(modes.squared_frequencies) / float(balls.frequency)
+    frequencies = np.sqrt(modes.squared_frequencies) / float(ball_model.frequency)
     return modes.free_motions, frequencies, modes.shapes
 
 
 def _fixed_coordinates(motions: np.ndarray) -> list[int]:
-    """Return the sorted indices of k coordinates that determine k free motions, columns (n, k)."""
+    """Return the sorted indices of k coordinates that determine k rigid-body motions.
+
+    `motions`, shape (n, k), has a motion of all n coordinates in each column. If the k coordinates
+    are fixed, no motion is left.
+    """
     coordinates, remaining = [], np.array(motions)
+    # Gaussian elimination takes a coordinate and a motion away in each step.
     while remaining.shape[1]:
-        sizes = np.abs(remaining).max(axis=1)
+        max_entries = np.abs(remaining).max(axis=1)
         # The first large entry is used: the index of the largest may depend on rounding errors.
-        row = int(np.argmax(sizes >= 0.5 * sizes.max()))
+        row = int(np.argmax(max_entries >= 0.5 * max_entries.max()))
         column = int(np.abs(remaining[row]).argmax())
         factors = remaining[row] / remaining[row, column]
         remaining = np.delete(remaining - np.outer(remaining[:, column], factors), column, axis=1)

@@ -1,8 +1,9 @@
 """Ball arithmetic by python-flint, with conversions from numbers and to decimals.
 
-A ball is a midpoint with a radius. Every operation of Arb returns a ball that contains all results
-for numbers in its operands (Johansson, IEEE Transactions on Computers 66 (2017) 1281-1292).
-Therefore an inequality between balls is proven if it holds.
+A ball is an interval, given by midpoint and radius. An operation of Arb returns a ball with the
+results for all numbers in its operands (Johansson, IEEE Transactions on Computers 66 (2017)
+1281-1292). A comparison of balls is true only if it holds for all numbers in them: then the
+inequality is proven.
 """
 
 from contextlib import contextmanager
@@ -30,39 +31,43 @@ def flint() -> Any:
 
 @contextmanager
 def precision(bits: int):
-    """Set the precision of ball arithmetic in bits for a ``with`` block; yield flint's ``arb``."""
+    """Set the precision of ball arithmetic in bits for a ``with`` block; yield the class of balls.
+
+    This class is ``arb`` of flint.
+    """
     with flint().ctx.workprec(bits):
         yield flint().arb
 
 
 def ball_of(fraction: Fraction) -> Any:
-    """Return a ball (flint's ``arb``) that contains a fraction."""
+    """Return a ball (flint's ``arb``) that contains a rational number."""
     return flint().arb(fraction.numerator) / fraction.denominator
 
 
 def column_of(values: list) -> Any:
-    """Return a list of n balls or numbers as a column matrix of balls, shape (n, 1)."""
+    """Convert a list of n balls or numbers to a column matrix of balls, shape (n, 1)."""
     return flint().arb_mat([[value] for value in values])
 
 
 def matrix_of(array: np.ndarray) -> Any:
-    """Return a two-dimensional array of balls or numbers as a matrix of balls."""
+    """Convert a two-dimensional array of balls or numbers to a matrix of balls."""
     return flint().arb_mat(array.tolist())
 
 
 def first_column(matrix: Any) -> Any:
-    """Return the first column of a matrix of balls, shape (n, 1)."""
+    """Return the first column of a matrix of balls as a matrix, shape (n, 1)."""
     return column_of([row[0] for row in matrix.tolist()])
 
 
 def identity(n: int) -> Any:
-    """Return the unit matrix of balls, shape (n, n)."""
+    """Return the identity matrix of balls, shape (n, n)."""
     return flint().arb_mat(n, n, 1)
 
 
 def norm(matrix: Any) -> Any:
-    """Return an upper bound of the maximum norm of a matrix of balls, its largest row sum."""
-    return max(sum(map(abs, row), flint().arb(0)).upper() for row in matrix.tolist())
+    """Return an upper bound of the infinity norm of a matrix of balls, its largest row sum."""
+    row_sums = [sum(map(abs, row), flint().arb(0)) for row in matrix.tolist()]
+    return max(row_sum.upper() for row_sum in row_sums)
 
 
 @dataclass(frozen=True)
@@ -73,11 +78,11 @@ class Enclosure:
     high: Decimal
 
     def __float__(self) -> float:
-        """Return the middle of the interval."""
+        """Return the midpoint of the interval as a float."""
         return float((Fraction(self.low) + Fraction(self.high)) / 2)
 
     def __contains__(self, value: float | Decimal | Fraction) -> bool:
-        """Return whether the interval contains a number, exactly."""
+        """Return whether the interval contains a number, without rounding."""
         return Fraction(self.low) <= Fraction(value) <= Fraction(self.high)
 
     def __str__(self) -> str:
@@ -97,7 +102,7 @@ class Enclosure:
 
 
 def enclosure(ball: Any, digits: int) -> Enclosure:
-    """Return a ball as an interval of decimals, rounded outwards to `digits` + 2 decimal places."""
+    """Convert a ball to an interval of decimals, rounded outwards to `digits` + 2 places."""
     module = flint()
     places = digits + 2
     with precision(module.ctx.prec + 4 * places + 64):
@@ -109,7 +114,7 @@ def enclosure(ball: Any, digits: int) -> Enclosure:
 
 
 def digits_of(ball: Any) -> int:
-    """Return to how many decimal digits a ball is known, relative to max(1, |value|)."""
+    """Return the number of reliable decimal digits of a ball, relative to max(1, |midpoint|)."""
     relative_radius = ball.rad() / max(1, abs(ball.mid()))
     if relative_radius == 0:
         return _EXACT_DIGITS

@@ -21,8 +21,9 @@ _EXACT_ENTRIES = "tuning", "start", "stop", "derived", "pieces", "missing"
 class Refusal:
     """Result of a failed proof, with the reason; its truth value is false."""
 
-    status: str  #: the failed step: model, contacts, distance, fold, derivative,
-    #: switch, together, grazing, jammed, period, precision, stability or time
+    #: The failed step: model, contacts, distance, fold, derivative, switch, together, grazing,
+    #: jammed, period, precision, stability or time.
+    status: str
     message: str  #: the reason, in a sentence
 
     def __bool__(self) -> bool:
@@ -36,11 +37,11 @@ class ProofFailed(Exception):
 
 @dataclass(frozen=True)
 class ContactEvent:
-    """Gain or loss of a contact."""
+    """Gain or loss of a contact in an orbit."""
 
     phase: Enclosure  #: mesh phase from tau = 0, rad
     before: int  #: contact code before: 1 drive-side contact, 0 no contact, -1 coast-side contact
-    after: int
+    after: int  #: contact code after
     velocity: Enclosure  #: dx/dtau, in static deflections
 
 
@@ -48,7 +49,7 @@ class ContactEvent:
 class MeshEvent(ContactEvent):
     """Gain or loss of a contact in a mesh of a train."""
 
-    mesh: str
+    mesh: str  #: name of the mesh
 
 
 class _Claim:
@@ -61,8 +62,10 @@ class _Claim:
         values = dict(vars(self))
         model, train = values.pop("model"), values.pop("train", None)
         if not values.get("missing", True):
+            # A claim for the whole range does not mention an empty tuple of missing intervals.
             del values["missing"]
-        values |= vars(train) if train else {}
+        if train:
+            values |= vars(train)
         values = {name: json_value(value, name in _EXACT_ENTRIES) for name, value in values.items()}
         parameters = model.as_dict()
         if model.equation is not None:
@@ -72,8 +75,10 @@ class _Claim:
 
     def __repr__(self: Any) -> str:
         """Return the claim as text: a title, a line for each proven quantity, and the stability."""
-        orbit = f"an orbit of {self.period} mesh period{'s' * (self.period > 1)}"
-        lines = [f"Proven: {orbit} at {self._tuning_format.format(self)}, {self.stability}"]
+        plural = "s" if self.period > 1 else ""
+        orbit = f"an orbit of {self.period} mesh period{plural}"
+        tuning = self._tuning_format.format(self)
+        lines = [f"Proven: {orbit} at {tuning}, {self.stability}"]
         lines += [f"  {name:<13} {text}" for name, text in self._text_rows()]
         return "\n".join([*lines, f"  {self.stability}: {self.reason}"])
 
@@ -158,12 +163,12 @@ class TrainCertificate(_OrbitClaim, TrainDescription):
 
 @dataclass(frozen=True)
 class Piece:
-    """A part of a range of tunings: at each of them the box contains exactly one such orbit."""
+    """A piece of a range of tunings with a box that contains exactly one orbit at each tuning."""
 
-    start: float
-    stop: float
-    #: Exact floats x, nu dx/dtau, of a train (y, nu dy/dtau) of the coordinates that are not fixed,
-    #: and phases of the contact events, at the centre of the box.
+    start: float  #: lowest tuning nu
+    stop: float  #: highest tuning
+    #: Centre of the box, exact floats: x and nu dx/dtau, or for a train y and nu dy/dtau of the
+    #: coordinates that are not fixed, and then the phases of the contact events.
     centre: tuple
     radii: tuple  #: radii of the box, exact floats
 
@@ -181,7 +186,7 @@ class RangeCertificate(_Claim):
     reason: str
     pieces: tuple  #: sorted `Piece`s; at a common tuning of two pieces the orbit is in both boxes
     train: Any = None  #: `TrainDescription`; None: one degree of freedom
-    missing: tuple = ()  #: (lowest, highest) tuning of what `max_seconds` has left out, not proven
+    missing: tuple = ()  #: (lowest, highest) tuning of each interval that `max_seconds` left out
 
     claim = "range"
 
@@ -194,23 +199,28 @@ class RangeCertificate(_Claim):
 
     @property
     def complete(self) -> bool:
-        """Whether all of the range that was asked for is proven."""
+        """Whether the orbit is proven in the whole requested range."""
         return not self.missing
 
 
 def _contact_names(pattern: tuple) -> str:
-    """Return the names of contact codes, separated by commas."""
+    """Return the names of a sequence of contact codes, separated by commas."""
     return ", ".join(_CONTACT_NAMES[code] for code in pattern)
 
 
 def _complex_text(real: Enclosure, imaginary: Enclosure) -> str:
-    """Return the text of a complex number; a real number has no imaginary part."""
+    """Return a complex number as text, without its imaginary part if that is exactly 0."""
     is_real = not imaginary.low and not imaginary.high
-    return f"{real}" if is_real else f"{real}, i ({imaginary})"
+    if is_real:
+        return f"{real}"
+    return f"{real}, i ({imaginary})"
 
 
 def json_value(value: Any, exact: bool = False) -> Any:
-    """Return a value as JSON types; with `exact` floats become hexadecimal strings."""
+    """Convert an entry of a certificate to JSON types: text, numbers, lists and dictionaries.
+
+    An `Enclosure` becomes a list of two decimals. With `exact` floats become hexadecimal strings.
+    """
     if isinstance(value, Enclosure):
         return [str(value.low), str(value.high)]
     if isinstance(value, (ContactEvent, Piece)):
@@ -219,4 +229,6 @@ def json_value(value: Any, exact: bool = False) -> Any:
         return {name: json_value(item, exact) for name, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [json_value(item, exact) for item in value]
-    return value.hex() if exact and isinstance(value, float) else value
+    if exact and isinstance(value, float):
+        return value.hex()
+    return value

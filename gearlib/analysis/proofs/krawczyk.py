@@ -21,7 +21,7 @@ _MAX_NEWTON_STEPS = 12
 _MAX_BOXES, _MAX_RADIUS = 60, 0.1
 #: A Jacobian matrix is singular if its inverse has a larger entry than this.
 _MAX_INVERSE = 1e13
-#: Status and message for a wrong derivative, which is an error of the library.
+#: Status and message for a wrong derivative, which is a fault of the library.
 WRONG_DERIVATIVE = (
     "derivative",
     "the derivative of the equations is not that of their differences: a fault of the library",
@@ -36,7 +36,12 @@ UNDECIDED = "undecided", "the enclosure of a multiplier meets the unit circle"
 
 
 def polish(system: Callable, start: list) -> tuple[list, Any]:
-    """Return (approximate zero by Newton's method near `start`, inverse Jacobian matrix there)."""
+    """Refine an approximate zero of a system of equations by Newton's method.
+
+    `system` is a function of the unknowns, a list of balls, and returns (residuals, rows of their
+    Jacobian matrix, ...); `start` is the initial value of the unknowns. Return (zero, inverse of
+    the Jacobian matrix there), both approximate and with radius 0.
+    """
     module = flint()
     zero = [value.mid() for value in start]
     # After such a small step the error, of the order of its square, is below the rounding error.
@@ -51,7 +56,9 @@ def polish(system: Callable, start: list) -> tuple[list, Any]:
             raise ProofFailed(*FOLD)
         steps = [step.mid() for step in matrix_vector_product(inverse, residuals)]
         zero = [(value - step).mid() for value, step in zip(zero, steps, strict=True)]
-        max_step = max(abs(step) / max(1, abs(x)) for step, x in zip(steps, zero, strict=True))
+        max_step = max(
+            abs(step) / max(1, abs(value)) for step, value in zip(steps, zero, strict=True)
+        )
         if not max_step.is_finite():
             break
         if max_step < tolerance:
@@ -60,12 +67,18 @@ def polish(system: Callable, start: list) -> tuple[list, Any]:
 
 
 def matrix_vector_product(matrix: Any, values: list) -> list:
-    """Return the product of a matrix of balls and a vector, both vectors being lists."""
+    """Return the product of a matrix of balls and a vector, a list of balls, as a list."""
     return (matrix * column_of(values)).entries()
 
 
 def krawczyk_shift(system: Callable, centre, radii, inverse: Any, residuals: list) -> list:
-    """Return K(X) - m as a list of balls for the box X with centre m, where F is `residuals`."""
+    """Return K(X) - m for the Krawczyk operator K and the box X with centre m, a list of balls.
+
+    K(X) - m = (I - Y F'(X)) (X - m) - Y F(m), where F are the residuals of `system`, a function of
+    the unknowns that returns (residuals, rows of their Jacobian matrix, ...). `centre` is m,
+    `radii` are those of X, `inverse` is Y, an approximate inverse of the Jacobian matrix F'(m), and
+    `residuals` are F(m).
+    """
     arb = flint().arb
     _, rows, *_ = system(list(map(arb, centre, radii)))
     remainder = identity(len(centre)) - inverse * flint().arb_mat(rows)
@@ -75,23 +88,29 @@ def krawczyk_shift(system: Callable, centre, radii, inverse: Any, residuals: lis
 
 
 def is_inside(shift: list, radii: list) -> bool:
-    """Return whether K(X) - m, the balls `shift`, lies in the interior of the box X - m."""
+    """Return whether the image K(X) of a box X lies in its interior, so that X contains one zero.
+
+    `shift` is K(X) - m of `krawczyk_shift`, where m is the centre of X, and `radii` are those of X.
+    """
     return all(abs(ball) < radius for ball, radius in zip(shift, radii, strict=True))
 
 
 def check_derivative(system: Callable, centre: list, residuals: list) -> None:
-    """Raise `ProofFailed` if a Jacobian matrix differs from a difference of the residuals.
+    """Raise `ProofFailed` if the Jacobian matrix contradicts a finite difference of the residuals.
 
-    The step of the difference is taken in all unknowns at once.
+    `system` returns (residuals, rows of their Jacobian matrix, ...) for the unknowns, and
+    `residuals` are those at `centre`. The difference is taken over a step in all unknowns at once.
+    By the mean value theorem it lies in the product of step and Jacobian matrix over the step.
     """
     module, n = flint(), len(centre)
     # The step is large enough for a difference with many digits, and small enough for a nearly
     # constant derivative.
     step_size = module.arb(2) ** -(0.4 * module.ctx.prec)
-    steps = [step_size * max(1, abs(m)) * (n + i) / n for i, m in enumerate(centre)]
-    shifted = [(m + step).mid() for m, step in zip(centre, steps, strict=True)]
-    steps = [end - m for m, end in zip(centre, shifted, strict=True)]
-    hull = [m.union(end) for m, end in zip(centre, shifted, strict=True)]
+    # The steps differ, so that errors in several columns of the matrix do not cancel.
+    steps = [step_size * max(1, abs(value)) * (n + i) / n for i, value in enumerate(centre)]
+    shifted = [(value + step).mid() for value, step in zip(centre, steps, strict=True)]
+    steps = [end - value for value, end in zip(centre, shifted, strict=True)]
+    hull = [value.union(end) for value, end in zip(centre, shifted, strict=True)]
     jacobian_rows = system(hull)[1]
     shifted_residuals = system(shifted)[0]
     for row, after, before in zip(jacobian_rows, shifted_residuals, residuals, strict=True):
@@ -101,25 +120,36 @@ def check_derivative(system: Callable, centre: list, residuals: list) -> None:
 
 
 def enclose(system: Callable, centre: list, inverse: Any) -> list:
-    """Return a box that is proven to contain exactly one zero, from `polish` of a system."""
+    """Return a box, a list of balls, that is proven to contain exactly one zero of a system.
+
+    `system` returns (residuals, rows of their Jacobian matrix, ...) for the unknowns; `centre` and
+    `inverse` are the approximate zero and inverse Jacobian matrix of `polish`.
+    """
     module = flint()
     residuals, *_ = system(centre)
     check_derivative(system, centre, residuals)
-    tiny = module.arb(2) ** (24 - module.ctx.prec)
+    smallest_radius = module.arb(2) ** (24 - module.ctx.prec)
+    # The box is wider than the last Newton step and the rounding error.
     radii = [
-        (8 * abs(step) + tiny * max(1, abs(m))).upper()
-        for step, m in zip(matrix_vector_product(inverse, residuals), centre, strict=True)
+        (8 * abs(step) + smallest_radius * max(1, abs(value))).upper()
+        for step, value in zip(matrix_vector_product(inverse, residuals), centre, strict=True)
     ]
     shift = krawczyk_shift(system, centre, radii, inverse, residuals)
     if not is_inside(shift, radii):
         raise ProofFailed(*FOLD)
-    # The zero lies in K(X), which is smaller than the box X.
-    return [m + s for m, s in zip(centre, shift, strict=True)]
+    # The zero lies in the image of the box by the Krawczyk operator, which is smaller.
+    return [value + ball for value, ball in zip(centre, shift, strict=True)]
 
 
 def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
-    """Return the radius of a box around `centre` that is proven to contain exactly one zero."""
-    radius, (residuals, *_) = _MAX_RADIUS, system(centre)
+    """Return the radius of a box around `centre` that is proven to contain exactly one zero.
+
+    `system` returns (residuals, rows of their Jacobian matrix, ...) for the unknowns; `centre` and
+    `inverse` are the approximate zero and inverse Jacobian matrix of `polish`. All unknowns have
+    the same radius, at most half of `_MAX_RADIUS`.
+    """
+    residuals, *_ = system(centre)
+    radius = _MAX_RADIUS
     for _ in range(_MAX_BOXES):
         radii = [radius] * len(centre)
         try:
@@ -130,16 +160,20 @@ def uniqueness_radius(system: Callable, centre: list, inverse: Any) -> float:
         if is_inside(shift, radii):
             # Half of the radius allows for wider enclosures in an independent program.
             return 0.5 * radius
-        ratio = float(max(abs(s) for s in shift).upper()) / radius
-        # The ratio decreases with the radius; if it is unbounded, a much smaller box is tried.
-        radius *= 0.1 if not ratio < 1e3 else min(0.5, 0.5 / ratio)
+        # Size of the image of the box relative to the box, which decreases with the radius.
+        ratio = float(max(abs(ball) for ball in shift).upper()) / radius
+        if ratio < 1e3:
+            radius *= min(0.5, 0.5 / ratio)
+        else:
+            radius *= 0.1
     raise ProofFailed(*FOLD)
 
 
 def eigenvalues(matrix: Any) -> list:
-    """Return enclosures of all eigenvalues as complex balls, largest first.
+    """Return enclosures of all eigenvalues of a matrix of balls, complex balls, largest first.
 
-    They are Gershgorin discs of the matrix transformed by its approximate eigenvectors.
+    They are the Gershgorin discs of the matrix after a transformation to its approximate
+    eigenvectors.
     """
     module = flint()
     complex_matrix = module.acb_mat(matrix)
@@ -148,17 +182,20 @@ def eigenvalues(matrix: Any) -> list:
         diagonal = vectors.mid().solve(complex_matrix * vectors.mid())
     except ZeroDivisionError:
         raise ProofFailed("precision", "the eigenvectors may be linearly dependent") from None
-    clusters: list = []
+    clusters: list = []  # lists of discs that overlap
     for i, row in enumerate(diagonal.tolist()):
-        radius = sum((abs(entry).upper() for j, entry in enumerate(row) if j != i), module.arb(0))
+        other_entries = [entry for j, entry in enumerate(row) if j != i]
+        radius = sum((abs(entry).upper() for entry in other_entries), module.arb(0))
         ball = module.arb(0, radius.upper())
         disc = row[i] + module.acb(ball, ball)
         # The union of overlapping discs contains as many eigenvalues as there are discs.
         overlapping = [cluster for cluster in clusters if any(map(disc.overlaps, cluster))]
         clusters = [cluster for cluster in clusters if cluster not in overlapping]
         clusters.append([disc, *chain(*overlapping)])
-    unions = [[reduce(lambda a, b: a.union(b), cluster)] * len(cluster) for cluster in clusters]
-    enclosures = list(chain(*unions))
+    enclosures: list = []
+    for cluster in clusters:
+        union = reduce(lambda disc, other: disc.union(other), cluster)
+        enclosures += [union] * len(cluster)
     values = enclosures.copy()
     for i, value in enumerate(values):
         conjugate = module.acb(value.real, -value.imag)
@@ -169,15 +206,18 @@ def eigenvalues(matrix: Any) -> list:
 
 
 def stability_verdict(multipliers: list, matrix: Any, determinant: Any) -> tuple[str, str]:
-    """Return (stability, reason) of an orbit from its multipliers and its monodromy matrix.
+    """Return (stability, reason) of an orbit from its Floquet multipliers and monodromy matrix.
 
-    Jury's conditions are used if that is 2 x 2 and the determinant is not None: with determinant 1
-    and |trace| < 2 both multipliers lie exactly on the unit circle.
+    The stability is "stable", "unstable" or "undecided". The `determinant` of the matrix is None if
+    it is not known better than from the matrix. If the matrix is 2 x 2 and the determinant is
+    known, Jury's conditions are used: with determinant 1 and |trace| < 2 both multipliers lie
+    exactly on the unit circle.
     """
     is_unstable = any(abs(value) > 1 for value in multipliers)
-    is_stable, name = all(abs(value) < 1 for value in multipliers), "all"
+    is_stable = all(abs(value) < 1 for value in multipliers)
+    quantifier = "all"
     if matrix.nrows() == 2 and determinant is not None:
-        trace, name = abs(matrix.trace()), "both"
+        trace, quantifier = abs(matrix.trace()), "both"
         is_unstable = determinant > 1 or trace > 1 + determinant
         is_stable = determinant < 1 and trace < 1 + determinant
         if determinant == 1 and trace < 2:
@@ -186,5 +226,5 @@ def stability_verdict(multipliers: list, matrix: Any, determinant: Any) -> tuple
     if is_unstable:
         return "unstable", "a multiplier lies outside the unit circle"
     if is_stable:
-        return "stable", f"{name} multipliers lie inside the unit circle"
+        return "stable", f"{quantifier} multipliers lie inside the unit circle"
     return UNDECIDED

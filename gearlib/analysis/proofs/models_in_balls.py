@@ -2,6 +2,8 @@
 
     M q'' + D q' + K q = f - sum over meshes of (b_drive P + b_coast Q) - friction across them
 
+P and Q are the mesh forces on the drive and the coast side, and b their directions.
+
 The floating-point numbers of a `GearPair`, a `SixDegreePair` and a `GearTrain` in SI units are
 taken as exact, and those of the `Equation` of other models with one degree of freedom in its units.
 For a train, the derived mesh phases (in mesh periods), static deflection and reference frequency
@@ -25,16 +27,19 @@ from gearlib.models.trains.waves import excitation_harmonics, force_harmonics
 
 #: Indices of the two sides of a tooth, as in tables of the models.
 COAST_SIDE, DRIVE_SIDE = 0, 1
-#: Attributes of a train that the library derives from its parameters.
+#: Attributes of a train that the library derives from its parameters by floating-point arithmetic.
 _DERIVED_NUMBERS = "static_deflection", "reference_angular_frequency", "phases", "coast_phases"
 
 
 class MeshTiming(NamedTuple):
-    """Phases at which stiffness and sliding of a mesh change, pairs (coast side, drive side)."""
+    """Phases at which the stiffness and the sliding direction of a mesh change.
+
+    Pairs are in the order (coast side, drive side).
+    """
 
     overlap: Fraction  #: contact ratio - 1
     has_switches: bool  #: whether the two stiffness levels differ
-    has_friction: bool
+    has_friction: bool  #: whether the sliding direction matters
     rate: Fraction = Fraction(1)  #: mesh periods per period of the reference mesh
     phases: tuple = (Fraction(0), Fraction(0))  #: middle of the upper level, in mesh periods
     #: Phases of the pitch points, relative to `phases[DRIVE_SIDE]`: there the sliding becomes
@@ -42,7 +47,7 @@ class MeshTiming(NamedTuple):
     pitch_phases: tuple = (Fraction(0), Fraction(0))
 
     def changes(self) -> set[Fraction]:
-        """Return the phases, in mesh periods, at which stiffness or sliding direction changes."""
+        """Return the phases in mesh periods at which the stiffness or sliding direction changes."""
         phases = set()
         if self.has_switches and 0 < self.overlap < 1:
             for middle in self.phases:
@@ -54,18 +59,21 @@ class MeshTiming(NamedTuple):
         return phases
 
     def condition(self, side: int, phase: Fraction) -> tuple[int, int]:
-        """Return (stiffness level, sign of sliding) of a side at a phase in mesh periods.
+        """Return (stiffness level, sliding sign) of a side at a phase in mesh periods.
 
-        Level 0 is the upper and 1 the lower stiffness.
+        Level 0 is the upper and 1 the lower stiffness; the sliding sign is 1 or -1.
         """
-        to_upper_level = abs((phase - self.phases[side] + Fraction(1, 2)) % 1 - Fraction(1, 2))
+        half = Fraction(1, 2)
+        # Distance from the nearest middle of the upper level, in mesh periods.
+        distance_to_middle = abs((phase - self.phases[side] + half) % 1 - half)
+        is_low = self.overlap == 0 or distance_to_middle > self.overlap / 2
         since_pitch_point = (phase - self.phases[DRIVE_SIDE] - self.pitch_phases[side]) % 1
-        is_low = self.overlap == 0 or to_upper_level > self.overlap / 2
-        return int(is_low), 1 if since_pitch_point < Fraction(1, 2) else -1
+        sliding_sign = 1 if since_pitch_point < half else -1
+        return int(is_low), sliding_sign
 
 
 class BallMesh(NamedTuple):
-    """A mesh; pairs are (coast side, drive side), rows are functionals of the n coordinates."""
+    """A mesh in balls; pairs are (coast side, drive side), rows functionals of n coordinates."""
 
     name: str
     rows: tuple  #: rows b of the flank distance b q + constant + harmonics
@@ -82,22 +90,22 @@ class BallMesh(NamedTuple):
 
 
 class Segment(NamedTuple):
-    """A part of the period of the excitation with constant coefficients."""
+    """An interval of the period of the excitation with constant stiffness and sliding direction."""
 
     phase: Any  #: mesh phase of its start, a ball
     conditions: list  #: (index of the stiffness level, sliding sign) of both sides of each mesh
 
 
 class BallModel(NamedTuple):
-    """Coefficients of a model with n coordinates in balls; matrices are arrays of balls."""
+    """Coefficients of a model with n coordinates as balls; matrices are arrays of balls (n, n)."""
 
     coordinates: tuple  #: names of the coordinates
     mass: np.ndarray
-    stiffness: np.ndarray  #: without that of the meshes
-    damping: np.ndarray  #: without that of the meshes
-    load: np.ndarray
-    meshes: tuple
-    segments: list
+    stiffness: np.ndarray  #: without the mesh stiffness
+    damping: np.ndarray  #: without the mesh damping
+    load: np.ndarray  #: constant forces on the coordinates, shape (n,)
+    meshes: tuple  #: `BallMesh` of each mesh
+    segments: list  #: `Segment`s of one period of the excitation
     length: Any  #: unit of displacements
     frequency: Any  #: unit of the tuning, rad/s
     force_harmonics: dict = {}  #: frequency by phase -> (cosine, sine) of the load, each shape (n,)
@@ -105,7 +113,10 @@ class BallModel(NamedTuple):
 
 
 def ball_model_builder(model) -> Callable:
-    """Return the function from (model, tuning) to a `BallModel`, or raise `ProofFailed`."""
+    """Return the function that builds the `BallModel` of a model from (model, tuning).
+
+    Raise `ProofFailed` if proofs do not support the model.
+    """
     if model.train is not None:
         if model.gyroscopic:
             text = "a train with the gyroscopic forces of a rotating frame is not supported"
@@ -120,58 +131,70 @@ def ball_model_builder(model) -> Callable:
 
 
 def ball_arithmetic() -> Arithmetic:
-    """Return the arithmetic for the assembly of a train in balls of the current precision."""
+    """Return the functions by which a train is assembled in balls of the current precision."""
     arb = flint().arb
-    return Arithmetic(
-        dtype=object,
-        convert=arb,
-        cos_sin=lambda angle: arb(angle).sin_cos()[::-1],
-        polar=lambda x, y: ((x * x + y * y).sqrt(), arb.atan2(y, x)),
-        pi=arb.pi(),
-    )
+
+    def cos_sin(angle) -> tuple:
+        """Return (cosine, sine) of an angle in rad as balls."""
+        sine, cosine = arb(angle).sin_cos()
+        return cosine, sine
+
+    def polar(x, y) -> tuple:
+        """Return (radius, angle in rad) of a point as balls."""
+        return (x * x + y * y).sqrt(), arb.atan2(y, x)
+
+    return Arithmetic(dtype=object, convert=arb, cos_sin=cos_sin, polar=polar, pi=arb.pi())
 
 
 def segments_of(timings: list[MeshTiming], common_period: int) -> list[Segment]:
-    """Return the segments of constant stiffness and sliding in one period of the excitation.
+    """Return the segments with constant stiffness and sliding in one period of the excitation.
 
-    The `common_period` of all meshes is in periods of the reference mesh.
+    `timings` are those of all meshes, and `common_period` is the period of the excitation in
+    periods of the reference mesh.
     """
-    starts = {Fraction(0)}
+    starts = {Fraction(0)}  # in periods of the reference mesh
     for timing in timings:
-        for count in range(int(common_period * timing.rate)):
-            starts |= {(change % 1 + count) / timing.rate for change in timing.changes()}
+        for period in range(int(common_period * timing.rate)):
+            starts |= {(change % 1 + period) / timing.rate for change in timing.changes()}
     segments = []
     for start, end in pairwise([*sorted(starts), Fraction(common_period)]):
-        conditions = [
-            [
-                timing.condition(side, (start + end) / 2 * timing.rate)
-                for side in (COAST_SIDE, DRIVE_SIDE)
-            ]
-            for timing in timings
-        ]
+        conditions = []
+        for timing in timings:
+            phase = (start + end) / 2 * timing.rate
+            conditions.append([timing.condition(side, phase) for side in (COAST_SIDE, DRIVE_SIDE)])
         segments.append(Segment(2 * flint().arb.pi() * ball_of(start), conditions))
     return segments
 
 
 def _units(pair) -> dict[str, Any]:
-    """Return {"length": static deflection, "frequency": natural frequency} of a pair in balls."""
-    kappa, overlap = flint().arb(pair.stiffness_ratio), flint().arb(pair.contact_ratio) - 1
-    mean = pair.max_stiffness * (kappa * (1 - overlap) + overlap)
-    return {"length": pair.load / mean, "frequency": (mean / pair.reduced_mass).sqrt()}
+    """Return the units of length and frequency of a `GearPair` as balls, {"length", "frequency"}.
+
+    These are the static deflection in m and the natural frequency in rad/s at the mean stiffness.
+    """
+    kappa = flint().arb(pair.stiffness_ratio)  # minimum over maximum stiffness
+    overlap = flint().arb(pair.contact_ratio) - 1
+    mean_stiffness = pair.max_stiffness * (kappa * (1 - overlap) + overlap)
+    frequency = (mean_stiffness / pair.reduced_mass).sqrt()
+    return {"length": pair.load / mean_stiffness, "frequency": frequency}
 
 
 def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, damping, **fields):
     """Return the `BallModel` of a model with one coordinate.
 
-    `ground_stiffness` acts without contact, `flank_positions` are the displacements at which the
-    (coast, drive) flanks touch, and `damping` is that of (coast side, no contact, drive side).
+    `ground_stiffness` acts without contact, and `flank_positions` are the displacements at which
+    the (coast, drive) flanks touch. `stiffness` has the levels of the (coast, drive) side, and
+    `damping` the coefficients for (coast-side contact, no contact, drive-side contact). `fields`
+    are the other fields of the `BallModel`.
     """
     arb = flint().arb
-    unit_row, (coast, free, drive) = (arb(1),), map(arb, damping)
+    unit_row = (arb(1),)
+    coast, free, drive = map(arb, damping)
     mesh = BallMesh(
         name="mesh",
         rows=(unit_row, unit_row),
-        constants=tuple(-arb(x) if math.isfinite(x) else None for x in flank_positions),
+        constants=tuple(
+            -arb(position) if math.isfinite(position) else None for position in flank_positions
+        ),
         stiffness=[[arb(level) for level in levels] for levels in stiffness],
         damping=(coast, drive),
         backlash_damping=free,
@@ -190,7 +213,8 @@ def _one_degree_model(mass, ground_stiffness, load, flank_positions, stiffness, 
 
 def _pair_in_balls(pair, tuning: float) -> BallModel:
     """Return the `BallModel` of a `GearPair`, which does not depend on the `tuning`."""
-    upper, kappa = flint().arb(pair.max_stiffness), pair.stiffness_ratio
+    max_stiffness = flint().arb(pair.max_stiffness)
+    kappa = pair.stiffness_ratio  # minimum over maximum stiffness
     overlap = Fraction(pair.contact_ratio) - 1
     timing = MeshTiming(overlap, has_switches=kappa != 1.0, has_friction=False)
     return _one_degree_model(
@@ -198,7 +222,7 @@ def _pair_in_balls(pair, tuning: float) -> BallModel:
         ground_stiffness=0,
         load=pair.load,
         flank_positions=(-pair.backlash, 0.0),
-        stiffness=[(upper, upper * kappa)] * 2,
+        stiffness=[(max_stiffness, max_stiffness * kappa)] * 2,
         damping=(pair.material_damping, pair.backlash_damping, pair.material_damping),
         segments=segments_of([timing], common_period=1),
         **_units(pair),
@@ -206,19 +230,25 @@ def _pair_in_balls(pair, tuning: float) -> BallModel:
 
 
 def _equation_in_balls(model, tuning: float) -> BallModel:
-    """Return the `BallModel` of a model with one degree of freedom from its `Equation`."""
+    """Return the `BallModel` of a model with one degree of freedom from its `Equation`.
+
+    The tuning nu is an exact number; the amplitudes of profile deviations depend on it.
+    """
     arb, equation = flint().arb, model.equation
     drive_side, coast_side = equation.stiffness_pieces()
-    starts, force_harmonics = [0.0, *drive_side.breaks[1:-1].tolist()], {}
-    harmonics = [(order, arb(a), arb(b)) for order, a, b in equation.force.tolist()]
+    harmonics = []
+    for order, cosine, sine in equation.force.tolist():
+        harmonics.append((order, arb(cosine), arb(sine)))
     # A profile deviation f adds the inertia force f''.
     for order, cosine, sine in equation.deviation.tolist():
-        inertia = -((arb(tuning) * order) ** 2)
-        harmonics.append((order, inertia * cosine, inertia * sine))
+        derivative_factor = -((arb(tuning) * order) ** 2)
+        harmonics.append((order, derivative_factor * cosine, derivative_factor * sine))
+    force_harmonics: dict = {}
     for order, cosine, sine in harmonics:
         amplitudes = force_harmonics.setdefault(Fraction(order), np.full((2, 1), arb(0)))
         amplitudes[:, 0] += cosine, sine
     # On segment i both sides have the stiffness level i, and the sliding sign 1 (no friction).
+    starts = [0.0, *drive_side.breaks[1:-1].tolist()]
     segments = [Segment(arb(start), [[(i, 1), (i, 1)]]) for i, start in enumerate(starts)]
     return _one_degree_model(
         mass=1,
@@ -235,14 +265,20 @@ def _equation_in_balls(model, tuning: float) -> BallModel:
 
 
 def _train_in_balls(train, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `GearTrain`, with both flanks of its meshes."""
+    """Return the `BallModel` of a `GearTrain`, which does not depend on the `tuning`."""
     arb, arithmetic = flint().arb, ball_arithmetic()
     structure = train.assemble(arithmetic)
     coast_rows = coast_lines(structure, train.by_name, train.meshes, arithmetic)
     harmonics, constants = excitation_harmonics(train, structure.line_vectors, arithmetic)
     meshes = []
     for j, mesh in enumerate(train.meshes):
-        upper, (coast, drive) = arb(mesh.max_stiffness), constants[:, j]
+        max_stiffness = arb(mesh.max_stiffness)
+        coast_constant, drive_constant = constants[:, j]
+        # Without coast-side contact the coast side has no flank distance.
+        if math.isinf(mesh.backlash):
+            coast_constant = None
+        else:
+            coast_constant = coast_constant + mesh.backlash
         # The phase of the pitch point in mesh periods is rounded once, and exact thereafter.
         pitch_phase = Fraction(train.pitch_phases[mesh.name] / math.tau)
         thickness = thickness_difference(mesh, train.speeds_at(mesh))
@@ -254,13 +290,13 @@ def _train_in_balls(train, tuning: float) -> BallModel:
             phases=(Fraction(train.coast_phases[mesh.name]), Fraction(train.phases[mesh.name])),
             pitch_phases=(pitch_phase + thickness / 2, pitch_phase),
         )
-        drive_friction, coast_friction = map(arb, mesh.friction)  # the order in the train
+        drive_friction, coast_friction = map(arb, mesh.friction)  # in the order of the train
         meshes.append(
             BallMesh(
                 name=mesh.name,
                 rows=(coast_rows[j], structure.lines[j]),
-                constants=(None if math.isinf(mesh.backlash) else coast + mesh.backlash, drive),
-                stiffness=((upper, upper * mesh.stiffness_ratio),) * 2,
+                constants=(coast_constant, drive_constant),
+                stiffness=((max_stiffness, max_stiffness * mesh.stiffness_ratio),) * 2,
                 damping=(arb(mesh.known_damping),) * 2,  # the material damping; it must be known
                 backlash_damping=arb(mesh.backlash_damping),
                 timing=timing,
@@ -290,7 +326,7 @@ def _train_in_balls(train, tuning: float) -> BallModel:
 
 
 def _six_degrees_in_balls(model, tuning: float) -> BallModel:
-    """Return the `BallModel` of a `SixDegreePair`: that of its train, with units in balls."""
+    """Return the `BallModel` of a `SixDegreePair`, built from its train with units in balls."""
     train = TwoGears(gears=model, arithmetic=ball_arithmetic())
     # u3 and u2 are rotations as displacements on the line of action, y is along and z across it.
     coordinates = ("u3", "u2", *(BEARINGS[i] for i in model.elastic_bearings()))

@@ -1,7 +1,7 @@
 """`certify` and `certify_range`: proofs that orbits exist, with contacts and stability.
 
-A range of tunings is divided into pieces; 1 / nu is a ball that contains all values of a piece. At
-the common tuning of two pieces, the orbit is the only one in the boxes of both.
+A range of tunings nu is divided into pieces; 1 / nu is a ball that contains all values of a piece.
+At the common tuning of two pieces, the boxes of both contain the same orbit and no other.
 """
 
 import itertools
@@ -40,7 +40,7 @@ from gearlib.runs.run_arguments import MAX_EVENTS, MaxSeconds, Tuning
 #: Largest distance between the states of the proven orbit and the candidate, static deflections.
 MAX_DISTANCE = 1e-8
 #: Guard bits beyond the requested digits, without and with windows (which widen each other), and
-#: the largest number of doublings of the precision.
+#: largest number of precisions that are tried, each double the previous one.
 _GUARD_BITS, _WINDOW_GUARD_BITS, _MAX_DOUBLINGS = 64, 320, 3
 #: Largest number of attempts with another order of the contact events.
 _MAX_ORDERS = 4
@@ -50,7 +50,8 @@ _DERIVATIVE_TOLERANCE = 2.0**-32
 _RANGE_BITS = 128
 #: Smallest radius of a box, far above the rounding error of its centre as a float.
 _MIN_RADIUS = 1e-12
-#: Size of the image of a box relative to the box: an independent program has wider enclosures.
+#: Largest size of the image of a box relative to the box; less than 1, because the enclosures of an
+#: independent program may be wider.
 _MAX_IMAGE_RATIO = 0.8
 #: First and shortest piece of a range, relative to the range; ratio of successive pieces.
 _FIRST_PIECE, _MIN_PIECE, _PIECE_GROWTH, _MAX_PIECES = 1.0 / 32.0, 1e-9, 1.6, 100_000
@@ -72,17 +73,18 @@ def certify(orbit, digits: Annotated[int, Ge(10), Le(300), INTEGER] = 30):
     Returns
     -------
     Certificate, TrainCertificate or Refusal
-        A certificate has enclosures (exact decimals) of displacement, velocity and events, and with
-        one degree of freedom of the extrema, trace and determinant; the multipliers; the radius
-        within which there is no other such orbit; the stability with its reason; and `as_dict` for
-        JSON. A refusal has the truth value False; its status and message name the failed step.
+        A certificate has enclosures (exact decimals) of displacement, velocity and events, and for
+        one degree of freedom also of extrema, trace and determinant; the multipliers; the radius
+        within which there is no other such orbit; the stability with its reason; and a method
+        `as_dict` for JSON. A refusal has the truth value False; its status and message name the
+        failed step.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is wrong; the message gives its name, its value and the allowed range.
     ImportError
-        Without python-flint.
+        If python-flint is not installed.
 
     Notes
     -----
@@ -99,50 +101,51 @@ def certify(orbit, digits: Annotated[int, Ge(10), Le(300), INTEGER] = 30):
 
 
 def _certificate(orbit: Any, contacts: tuple, digits: int, guard_bits: int = _GUARD_BITS) -> Any:
-    """Return the certificate of an orbit with enclosures of at least the requested `digits`.
+    """Prove an orbit and return its certificate with at least `digits` decimal digits.
 
-    Nearly coincident contacts, which are enclosed in time windows, need more guard bits.
+    `contacts` are the contact codes and events of `simulated_contacts`. The precision is `digits`
+    and `guard_bits`, and is doubled if it does not suffice. Nearly coincident contacts, which are
+    enclosed in time windows, need more guard bits. Raise `ProofFailed` if the proof fails.
     """
-    bits, reached = math.ceil(digits / math.log10(2.0)) + guard_bits, 0
+    bits = math.ceil(digits / math.log10(2.0)) + guard_bits
+    reached_digits = 0
     for _ in range(_MAX_DOUBLINGS):
         try:
             with precision(bits):
-                certificate, reached = Proof(orbit, *contacts).certificate(digits)
+                certificate, reached_digits = Proof(orbit, *contacts).certificate(digits)
         except ProofFailed as reason:
             if reason.args[0] != COINCIDENT or guard_bits == _WINDOW_GUARD_BITS:
                 raise
             return _certificate(orbit, contacts, digits, _WINDOW_GUARD_BITS)
-        if reached >= digits:
+        if reached_digits >= digits:
             return certificate
         bits *= 2
-    raise ProofFailed("precision", f"only {reached} digits were reached, not {digits}")
+    raise ProofFailed("precision", f"only {reached_digits} digits were reached, not {digits}")
 
 
 def simulated_contacts(orbit: Any) -> tuple[list, list]:
-    """Return (contact codes of all meshes at tau = 0, contact events) of a simulated orbit.
+    """Simulate an orbit; return (contact codes of all meshes at tau = 0, contact events).
 
-    Events are (phase since tau = 0, index of the mesh, code before, code after). Raise
-    `ProofFailed` if the simulated motion does not have the contact pattern of the orbit.
+    Events are (phase since tau = 0 in rad, index of the mesh, code before, code after). Raise
+    `ProofFailed` if the simulated motion does not have the contact pattern of the orbit, or if
+    proofs do not support its model.
     """
     model, state, period = orbit.model, orbit.state, orbit.period
     ball_model_builder(model)  # raises ProofFailed unless proofs support the model
     record = model.propagator(orbit.tuning).record(state, period, MAX_EVENTS)
     if record.status == JAMMED:
         raise ProofFailed("jammed", MESSAGES[JAMMED])
-    events = [
-        (
-            2.0 * math.pi * row[columns.EVENT_PERIOD] + row[columns.EVENT_PHASE],
-            # Events of several meshes have an additional column, the mesh.
-            int(row[columns.EVENT_COLUMNS]) if len(row) > columns.EVENT_COLUMNS else 0,
-            int(row[columns.EVENT_FROM]),
-            int(row[columns.EVENT_TO]),
-        )
-        for row in record.events
-    ]
+    events = []
+    for row in record.events:
+        phase = 2.0 * math.pi * row[columns.EVENT_PERIOD] + row[columns.EVENT_PHASE]
+        # Events of several meshes have an additional column, the index of the mesh.
+        mesh = int(row[columns.EVENT_COLUMNS]) if len(row) > columns.EVENT_COLUMNS else 0
+        events.append((phase, mesh, int(row[columns.EVENT_FROM]), int(row[columns.EVENT_TO])))
     summary = record.summary
     lowest, highest = summary[..., columns.X_MIN], summary[..., columns.X_MAX]
     codes = codes_without_events(lowest, highest, *model.flank_lines)
     pattern = pattern_of(codes, events)
+    # A mesh with events starts with the code before its first event.
     for _, mesh, before, _ in reversed(events):
         codes[mesh] = before
     if pattern != tuple(orbit.pattern):
@@ -152,15 +155,25 @@ def simulated_contacts(orbit: Any) -> tuple[list, list]:
 
 
 def pattern_of(codes: list, events: list[tuple]) -> tuple:
-    """Return the sequence of contact codes, or the `codes` of all meshes without events."""
-    return (events[0][2], *(event[3] for event in events)) if events else tuple(codes)
+    """Return the contact pattern of an orbit, a sequence of contact codes.
+
+    It has the code before the first event and the code after each event, where `events` are (phase,
+    mesh, code before, code after, ...). Without events it is `codes`, one for each mesh.
+    """
+    if not events:
+        return tuple(codes)
+    return (events[0][2], *(event[3] for event in events))
 
 
 class Proof:
-    """Proof of a single orbit at the current precision of ball arithmetic."""
+    """Proof of an orbit at a single tuning, at the current precision of ball arithmetic."""
 
     def __init__(self, orbit, codes: list, events: list[tuple]):
-        """Prove an orbit from its contact codes at tau = 0 and its contact events."""
+        """Prove an orbit, or raise `ProofFailed`.
+
+        `codes` are the contact codes of all meshes at tau = 0, and `events` the contact events of
+        `simulated_contacts`.
+        """
         self.orbit, self.codes = orbit, tuple(codes)
         self.dynamics = dynamics = ArcDynamics(orbit.model, orbit.tuning)
         if orbit.period % dynamics.excitation_period:
@@ -177,13 +190,15 @@ class Proof:
         #: Enclosures of the state at tau = 0 and, without windows (time intervals around nearly
         #: coincident contacts), of the phases of the contacts.
         self.box = krawczyk.enclose(system, centre, inverse)
-        self.distance = max(abs(a - b).upper() for a, b in zip(self.box, candidate, strict=False))
+        # The box has the phases of the contacts after the state.
+        differences = [value - ball for ball, value in zip(self.box, candidate, strict=False)]
+        self.distance = max(abs(difference).upper() for difference in differences)
         if not self.distance < MAX_DISTANCE:
             distance = f"{float(self.distance):.2g} static deflections from the candidate"
             text = f"the nearest orbit found lies {distance}; {MAX_DISTANCE:g} is allowed"
             raise ProofFailed("distance", text)
-        # `ends` are modal states by index of the node, `speeds` the rates of the flank distances at
-        # the contact events.
+        # `ends` are the modal states at the nodes, by index, and `speeds` the rates of the flank
+        # distances at the contact events.
         if windows.are_needed():
             results = windows.propagate(self.box, check_arcs=True)
             _, rows, self.phases, self.speeds, self.ends = results
@@ -198,14 +213,16 @@ class Proof:
             shorter = count * dynamics.excitation_period
             end = (dynamics.basis * self.ends[node]).entries()[:n]
             if period % shorter == 0 and all(map(flint().arb.overlaps, end, self.box)):
-                text = f"{shorter} mesh period{'s' * (shorter > 1)} already, not after {period}"
+                plural = "s" if shorter > 1 else ""
+                text = f"{shorter} mesh period{plural} already, not after {period}"
                 raise ProofFailed("period", f"it repeats after {text}")
         self.radius = krawczyk.uniqueness_radius(system, centre, inverse)
 
     def _check_derivative(self, windows: Windows, centre: list) -> None:
-        """Raise `ProofFailed` if the derivatives with windows and of the path differ at `centre`.
+        """Raise `ProofFailed` if the derivatives with windows differ from those of the path.
 
-        Enclosures with windows are too wide for a comparison with finite differences.
+        `centre` are the state and the phases of the contacts, at which they are compared. They are
+        not compared with finite differences, because enclosures with windows are too wide.
         """
         residuals, rows, *_ = self.path.equations(centre)
         krawczyk.check_derivative(self.path.equations, centre, residuals)
@@ -217,20 +234,27 @@ class Proof:
                 raise ProofFailed(*krawczyk.WRONG_DERIVATIVE)
 
     def _newton_solution(self, state: list, events: list[tuple]) -> tuple[list, Any]:
-        """Set the path and return (zero of its equations, inverse of their Jacobian matrix)."""
+        """Solve the equations of the orbit by Newton's method, and set the path of the solution.
+
+        Return (zero of the equations, inverse of their Jacobian matrix). `state` is the initial
+        (y, dy/dtheta), and `events` the contact events, which are reordered if necessary.
+        """
         for _ in range(_MAX_ORDERS):
             self.path = Path(self.dynamics, self.codes, events, self.orbit.period)
             centre, inverse = krawczyk.polish(self.path.equations, state + self.path.initial_phases)
             state, phases = centre[: len(state)], centre[len(state) :]
             # Coincident contact events may have any order.
-            if all(first - second < smallest_interval() for first, second in pairwise(phases)):
+            if all(phase - next_ < smallest_interval() for phase, next_ in pairwise(phases)):
                 break
-            order = sorted(range(len(phases)), key=phases.__getitem__)
+            order = sorted(range(len(phases)), key=lambda i: phases[i])
             events = [(phases[i], *events[i][1:]) for i in order]
         return centre, inverse
 
     def contacts(self) -> list[tuple]:
-        """Return contact events (phase, mesh, code before, code after, rate by the mesh phase)."""
+        """Return the proven contact events (phase, mesh, code before, code after, speed).
+
+        The speed is the rate of the flank distance by the mesh phase; phases and speeds are balls.
+        """
         nodes = [node for node in self.path.nodes if node.is_contact]
         return [
             (phase, node.mesh, node.before, node.after, speed * self.path.inverse_tuning)
@@ -238,11 +262,14 @@ class Proof:
         ]
 
     def certificate(self, digits: int) -> tuple[Certificate | TrainCertificate, int]:
-        """Return (certificate with rounded enclosures, number of their decimal digits)."""
+        """Return (certificate, number of reliable decimal digits of its enclosures).
+
+        The enclosures are rounded outwards to the requested `digits`.
+        """
         balls: list = []
 
         def enclosed(value):
-            """Return the enclosures of balls in nested sequences, and append them to `balls`."""
+            """Convert balls in nested sequences to enclosures, and append them to `balls`."""
             if isinstance(value, (list, tuple)):
                 return tuple(map(enclosed, value))
             if isinstance(value, flint().acb):
@@ -250,11 +277,14 @@ class Proof:
             balls.append(value)
             return enclosure(value, digits)
 
-        one_degree, contacts, events = self.dynamics.one_degree, self.contacts(), []
+        one_degree, contacts = self.dynamics.one_degree, self.contacts()
+        events: list = []
         for phase, mesh, before, after, speed in contacts:
             values = enclosed(phase), before, after, enclosed(speed)
-            name = self.dynamics.mesh_names[mesh]
-            events.append(ContactEvent(*values) if one_degree else MeshEvent(*values, name))
+            if one_degree:
+                events.append(ContactEvent(*values))
+            else:
+                events.append(MeshEvent(*values, self.dynamics.mesh_names[mesh]))
         # Displacements and rates dq/dtau of all coordinates; the fixed ones are 0.
         q = np.full((2, len(self.dynamics.model.coordinates)), flint().arb(0))
         q[:, self.dynamics.retained] = np.reshape(self.box[: self.dynamics.state_count], (2, -1))
@@ -274,7 +304,8 @@ class Proof:
             }
         else:
             other_fields = vars(self.dynamics.train_description(self.codes))
-        certificate = (Certificate if one_degree else TrainCertificate)(
+        certificate_class = Certificate if one_degree else TrainCertificate
+        certificate = certificate_class(
             model=self.orbit.model,
             tuning=float(self.orbit.tuning),
             period=self.orbit.period,
@@ -305,21 +336,21 @@ def certify_range(orbit, *, to: Tuning, max_seconds: MaxSeconds = None):
         Tuning at the end of the range, above or below that of the orbit.
     max_seconds : float, optional
         Seconds after which the call returns the certificate of the range that is proven by then;
-        its `missing` is the interval that is left, and `complete` is False.
+        its `missing` is the interval that is not proven, and `complete` is False.
 
     Returns
     -------
     RangeCertificate or Refusal
-        A refusal says at which tuning the proof ended: at a grazing, a fold, a change of stability,
-        or where a contact event coincides with a switch of the stiffness; or that nothing was
-        proven within `max_seconds`.
+        The message of a refusal gives the tuning at which the proof ended: at a grazing, a fold, a
+        change of stability, or where a contact event coincides with a switch of the stiffness; or
+        it says that nothing was proven within `max_seconds`.
 
     Raises
     ------
     ValueError
-        Naming the argument, its value and the allowed range.
+        If an argument is wrong; the message gives its name, its value and the allowed range.
     ImportError
-        Without python-flint.
+        If python-flint is not installed.
     """
     check_orbit(orbit)
     checks.require(to != orbit.tuning, "to", to, "another tuning than that of the orbit")
@@ -334,15 +365,20 @@ def certify_range(orbit, *, to: Tuning, max_seconds: MaxSeconds = None):
 
 
 class _Range:
-    """Proof of a branch over a range of tunings, piece by piece."""
+    """Proof of a branch of orbits over a range of tunings, piece by piece."""
 
     def __init__(self, orbit, codes: list, events: list[tuple]):
-        """Prove an orbit with contact codes at tau = 0 and contact events at its tuning."""
+        """Prove the orbit at the start of the range, or raise `ProofFailed`.
+
+        `codes` are the contact codes of all meshes at tau = 0, and `events` the contact events of
+        `simulated_contacts`.
+        """
         if ArcDynamics(orbit.model, orbit.tuning).harmonic_columns:
             text = "with harmonics of load, deviation or run-out is not supported"
             name = type(orbit.model).__name__
             raise ProofFailed("model", f"a range of tunings of a {name} {text}")
-        self.orbit, self.codes, proof = orbit, codes, Proof(orbit, codes, events)
+        proof = Proof(orbit, codes, events)
+        self.orbit, self.codes = orbit, codes
         self.dynamics, self.events = proof.dynamics, proof.contacts()
         if len(proof.box) < self.dynamics.state_count + len(events):
             text = "a range of tunings with nearly coincident contacts is not supported"
@@ -351,13 +387,20 @@ class _Range:
         self.reached = proof.box
 
     def path(self, inverse_tuning: Any) -> Path:
-        """Return the path of the last proven orbit for a ball that contains 1 / tuning."""
+        """Return the path of the last proven orbit at other tunings.
+
+        `inverse_tuning` is a ball that contains their 1 / nu.
+        """
         phases = self.reached[self.dynamics.state_count :]
         events = [(phase, *event[1:]) for phase, event in zip(phases, self.events, strict=True)]
         return Path(self.dynamics, self.codes, events, self.orbit.period, inverse_tuning)
 
     def prove_up_to(self, to: float, limit: Limit) -> RangeCertificate:
-        """Prove the pieces of the range up to the tuning `to` and return the certificate."""
+        """Prove the range up to the tuning `to` piece by piece and return the certificate.
+
+        A piece that cannot be proven is halved. The certificate ends early if the time `limit` is
+        over.
+        """
         arb, start = flint().arb, float(self.orbit.tuning)
         tuning, step = start, _FIRST_PIECE * (to - start)
         stability: Any = None
@@ -371,8 +414,9 @@ class _Range:
             inverse_end = 1 / arb(end)
             inverse_tuning = (1 / arb(tuning)).union(inverse_end)
             try:
-                proven = self._prove_piece(inverse_tuning, inverse_end, stability)
-                stability, self.reached, box = proven
+                stability, self.reached, box = self._prove_piece(
+                    inverse_tuning, inverse_end, stability
+                )
             except ProofFailed as failed:
                 step *= 0.5
                 if abs(step) < _MIN_PIECE * abs(to - start) or len(pieces) == _MAX_PIECES:
@@ -398,7 +442,12 @@ class _Range:
         )
 
     def _prove_piece(self, inverse_tuning: Any, inverse_end: Any, previous_stability: Any) -> tuple:
-        """Prove a piece; return ((stability, reason), enclosure at its end, (centre, radii))."""
+        """Prove a piece of the range, or raise `ProofFailed`.
+
+        `inverse_tuning` is a ball that contains 1 / nu of the piece, `inverse_end` the ball of its
+        end, and `previous_stability` the (stability, reason) of the previous piece, or None. Return
+        ((stability, reason), enclosure of the orbit at its end, (centre, radii) of its box).
+        """
         path, n = self.path(inverse_tuning), self.dynamics.state_count
         zero, inverse = krawczyk.polish(self.path(inverse_tuning.mid()).equations, self.reached)
         # An independent program can read the exact floats of the centre.
@@ -412,7 +461,7 @@ class _Range:
         shift = krawczyk.krawczyk_shift(path.equations, centre, radii, inverse, residuals)
         if not krawczyk.is_inside(shift, [_MAX_IMAGE_RATIO * radius for radius in radii]):
             raise ProofFailed(*krawczyk.FOLD)
-        box = [m + s for m, s in zip(centre, shift, strict=True)]
+        box = [value + ball for value, ball in zip(centre, shift, strict=True)]
         _, rows, arcs, ends = path.equations(box)
         check_contacts(path, arcs, ends, box[n:])
         monodromy, determinant = path.monodromy(rows), path.determinant(arcs)

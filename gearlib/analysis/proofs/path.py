@@ -1,11 +1,12 @@
 """Equations of a periodic orbit; the unknowns are its state and the phases of contact events.
 
-A path runs from tau = 0 through nodes: switches of the stiffness at known phases, contact events at
-unknown phases. The unknowns are the state (y, dy/dtheta) at tau = 0 and the phases of the contact
-events. The equations are zero flank distance at each contact event, and the periodicity of the
-state. States on arcs are components in orthonormal frames (Lohner), so that boxes rotate with the
-motion. A time window contains contact events that are too close for an order. Its derivative is I
-plus the saltations in any order, up to a remainder, see `docs/theory/proofs.md`.
+A path runs from the mesh phase tau = 0 through nodes: switches of the stiffness at known phases,
+and contact events at unknown phases. The unknowns are the state (y, dy/dtheta) at tau = 0, where
+theta is tau over the tuning, and the phases of the contact events. The equations are zero flank
+distance at each contact event, and periodicity of the state. States on arcs are components in
+orthonormal frames (Lohner), so that boxes rotate with the motion. Contact events that are too close
+to have a proven order share a time window. The derivative of the state over a window is the
+identity plus the saltations in any order, up to a remainder, see `docs/theory/proofs.md`.
 """
 
 from itertools import pairwise
@@ -22,13 +23,14 @@ from gearlib.engines.codes import DRIVE
 
 #: Largest number of arcs of an orbit.
 MAX_ARCS = 1000
-#: Ratio of the window length to the uncertainty of its contact phases, without and with proof.
+#: Ratio of the length of a window to the uncertainty of its contact phases, without and with the
+#: proof that no flank line is touched between windows.
 _WINDOW_RATIO, _PROOF_WINDOW_RATIO = 4, 32
 _NO_CROSSINGS = COINCIDENT, "nearly coincident contacts are not proven to be crossings"
 
 
 class Node(NamedTuple):
-    """End of an arc: a contact event, a switch of stiffness, or the end of the orbit."""
+    """The end of an arc: a contact event, a switch of the stiffness, or the end of the orbit."""
 
     matrix: Any  #: system matrix of the arc that ends here
     phase: Any = None  #: a ball; None for a contact event, whose phase is unknown
@@ -36,7 +38,7 @@ class Node(NamedTuple):
     side: int = DRIVE_SIDE  #: side of the crossed flank line
     distance: Any = None  #: distance from this line, a functional of modal components
     before: int = 0  #: contact code of the mesh before the event
-    after: int = 0
+    after: int = 0  #: contact code after the event
 
     @property
     def is_contact(self) -> bool:
@@ -44,39 +46,51 @@ class Node(NamedTuple):
         return self.phase is None
 
     def crosses(self, rate: Any) -> bool:
-        """Return whether the rate of the flank distance has the sign of the change of contact."""
-        return rate > 0 if self.after > self.before else rate < 0
+        """Return whether a rate of the flank distance, a ball, has the sign of the contact change.
+
+        The distance increases if the contact code increases.
+        """
+        if self.after > self.before:
+            return rate > 0
+        return rate < 0
 
 
 class Arc(NamedTuple):
     """An arc with an orthonormal frame at its end: modal components = frame * components in it."""
 
-    time: Any  #: exact approximation of the duration of the arc
+    time: Any  #: approximate duration of the arc, a ball with radius 0
     transition: Any  #: propagator over this time from the frame of the previous arc to this frame
     matrix: Any  #: system matrix in the frame of this arc
-    frame: Any
+    frame: Any  #: matrix from components in the frame to modal components
     frame_inverse: Any
 
     def propagated(self, columns: Any, time: Any) -> Any:
-        """Return columns in the previous frame, propagated by a time, in the frame of this arc."""
+        """Propagate columns over a duration near the duration of the arc.
+
+        The given columns are components in the frame of the previous arc, and the returned ones in
+        the frame of this arc; `time` is a ball.
+        """
         return propagated(self.matrix, self.transition * columns, time - self.time)
 
 
 class Path:
-    """Nodes, arcs and equations of a motion."""
+    """Nodes, arcs and equations of a periodic motion."""
 
     def __init__(self, dynamics, codes, events, period: int, inverse_tuning=None):
-        """Set the nodes and arcs of a motion over a period, in mesh periods.
+        """Create the nodes and arcs of a motion over a period, in mesh periods.
 
-        `codes` are the contact codes of all meshes at tau = 0, and `events` the sorted contact
-        events (phase since tau = 0, mesh, code before, code after, ...).
+        `dynamics` are the `ArcDynamics` of the model, `codes` the contact codes of all meshes at
+        tau = 0, and `events` the sorted contact events (phase since tau = 0 in rad, index of the
+        mesh, code before, code after, ...). `inverse_tuning` is 1 / nu, a ball, by default for the
+        tuning nu of the dynamics.
         """
         self.dynamics, self.codes = dynamics, tuple(codes)
         self.inverse_tuning = 1 / dynamics.tuning if inverse_tuning is None else inverse_tuning
         #: Nodes; indices of the nodes at ends of common periods; approximate phases of contacts.
         self.nodes, self.period_ends, self.initial_phases = [], [], []
         self._set_nodes(events, period)
-        self.arcs, frame, last_phase = [], identity(dynamics.size), 0
+        self.arcs: list = []
+        frame, last_phase = identity(dynamics.size), 0
         for node, phase in zip(self.nodes, self.phases(self.initial_phases), strict=True):
             time = ((phase - last_phase) * self.inverse_tuning).mid()
             columns = (node.matrix * time).exp() * frame
@@ -87,28 +101,30 @@ class Path:
             last_phase = phase
 
     def _set_nodes(self, events: list[tuple], period: int) -> None:
-        """Set the nodes of the path: switches of the stiffness, contact events and the end."""
+        """Create the nodes of the path: switches of the stiffness, contact events and the end.
+
+        The contact events have the entries of `__init__`; `period` is in mesh periods.
+        """
         arb, dynamics, codes = flint().arb, self.dynamics, list(self.codes)
-        mesh_period, segments = 2 * arb.pi(), dynamics.model.segments
+        mesh_period = 2 * arb.pi()
         # Entries are (phase, index of the segment that starts or None, contact or None).
-        entries: list = [
-            (segment.phase + mesh_period * start, index, None)
-            for start in range(0, period, dynamics.excitation_period)
-            for index, segment in enumerate(segments)
-        ]
+        entries: list = []
+        for start in range(0, period, dynamics.excitation_period):
+            for index, segment in enumerate(dynamics.model.segments):
+                entries.append((segment.phase + mesh_period * start, index, None))
         entries += [(arb(phase), None, contact[:3]) for phase, *contact in events]
         if len(entries) >= MAX_ARCS:
             text = f"{len(entries)} arcs are too many: {MAX_ARCS} are allowed"
             raise ProofFailed(COINCIDENT, text)  # too many arcs have no status of their own
         # The sort is stable for events with equal phases as floats.
         entries.sort(key=lambda entry: float(entry[0].mid()))
-        segment = 0
-        for phase, index, contact in entries:
-            matrix = dynamics.system_matrix(codes, segment)
+        segment_index = 0
+        for phase, next_index, contact in entries:
+            matrix = dynamics.system_matrix(codes, segment_index)
             if contact is None:
-                segment = index
+                segment_index = next_index
                 if phase > 0:
-                    if index == 0:
+                    if next_index == 0:
                         self.period_ends.append(len(self.nodes))
                     self.nodes.append(Node(matrix, phase))
                 continue
@@ -120,10 +136,15 @@ class Path:
             distance = dynamics.distance_rows[mesh][side]
             self.nodes.append(Node(matrix, None, mesh, side, distance, before, after))
             codes[mesh] = after
-        self.nodes.append(Node(dynamics.system_matrix(codes, segment), mesh_period * period))
+        matrix = dynamics.system_matrix(codes, segment_index)
+        self.nodes.append(Node(matrix, mesh_period * period))
 
     def _frame(self, node: Node, columns: Any) -> Any:
-        """Return the orthonormal frame at a node from the propagated frame of the previous node."""
+        """Return the orthonormal frame at a node, shape (size, size), by QR decomposition.
+
+        `columns` are the modal components of the frame at the previous node after propagation to
+        this node.
+        """
         n, frame = self.dynamics.state_count, np.eye(self.dynamics.size)
         axes = np.array([[float(value) for value in row[:n]] for row in columns.tolist()[:n]])
         # The longest direction comes first, because it determines the orientation of the box.
@@ -136,15 +157,22 @@ class Path:
         return matrix_of(frame)
 
     def phases(self, contact_phases: list) -> list:
-        """Return the phases of all nodes from the sorted phases of the contact events."""
-        remaining = iter(contact_phases)
-        return [next(remaining) if node.is_contact else node.phase for node in self.nodes]
+        """Return the phases of all nodes, given the sorted phases of the contact events."""
+        phases = []
+        remaining_phases = iter(contact_phases)
+        for node in self.nodes:
+            phases.append(next(remaining_phases) if node.is_contact else node.phase)
+        return phases
 
     def start(self, state: list, unknown_count: int) -> Any:
-        """Return columns of modal components: the initial state and its derivatives by unknowns."""
-        waves = [1, 0] * len(self.dynamics.harmonic_columns)
+        """Return the initial state and its derivatives by the unknowns as columns.
+
+        They are modal components, shape (size, 1 + unknown_count). `state` is (y, dy/dtheta) at
+        tau = 0, which is also the list of the first unknowns.
+        """
+        cosines_and_sines = [1, 0] * len(self.dynamics.harmonic_columns)
         columns = flint().arb_mat(self.dynamics.size, 1 + unknown_count)
-        for i, value in enumerate([*state, 1, *waves]):
+        for i, value in enumerate([*state, 1, *cosines_and_sines]):
             columns[i, 0] = value
         for i in range(len(state)):
             columns[i, 1 + i] = 1
@@ -153,11 +181,16 @@ class Path:
     def equations(self, unknowns: list) -> tuple[list, list, list, list]:
         """Return (residuals, rows of their derivatives, arcs, end states) of the orbit equations.
 
-        Arcs are (initial modal state, duration), end states the modal states at all nodes.
+        The unknowns are (y, dy/dtheta) at tau = 0 and the phases of the contact events, as balls.
+        The residuals are the flank distances at the contact events, and the change of (y,
+        dy/dtheta) over the period. Arcs are (initial modal state, duration), and end states are
+        the modal states at all nodes.
         """
         dynamics, inverse_tuning, n = self.dynamics, self.inverse_tuning, self.dynamics.state_count
+        # The columns are the state and its derivatives by the unknowns.
         columns = self.start(unknowns[:n], len(unknowns))
-        state, residuals, rows, arcs, ends = first_column(columns), [], [], [], []
+        state = first_column(columns)
+        residuals, rows, arcs, ends = [], [], [], []
         last_phase, phase_column = 0, n
         phases = self.phases(unknowns[n:])
         for i, (node, phase, arc) in enumerate(zip(self.nodes, phases, self.arcs, strict=True)):
@@ -175,10 +208,10 @@ class Path:
                 residuals.append(residual)
                 rows.append(slopes)
                 # Project the columns onto the flank line along the first axis of the frame.
-                projection, line = identity(dynamics.size), distance_row.entries()
+                projection, coefficients = identity(dynamics.size), distance_row.entries()
                 projection[0, 0] = 0
                 for k in range(1, dynamics.size):
-                    projection[0, k] = -line[k] / line[0]
+                    projection[0, k] = -coefficients[k] / coefficients[0]
                 columns = projection * columns
             state = arc.frame * first_column(columns)
             if node.is_contact:
@@ -194,9 +227,13 @@ class Path:
         return residuals, rows, arcs, ends
 
     def monodromy(self, rows: list) -> Any:
-        """Return the monodromy matrix of (y, dy/dtheta) from the rows of `equations`."""
+        """Return the monodromy matrix of (y, dy/dtheta) from the derivatives of `equations`.
+
+        `rows` are the rows of these derivatives: first those of the contact events, then those of
+        the periodicity. The phases of the contact events are eliminated.
+        """
         arb_mat, n = flint().arb_mat, self.dynamics.state_count
-        k = len(rows) - n
+        k = len(rows) - n  # number of contact events
         state_block = arb_mat([row[:n] for row in rows[k:]]) + identity(n)
         if not k:
             return state_block
@@ -208,7 +245,10 @@ class Path:
         return state_block - arb_mat([row[n:] for row in rows[k:]]) * phase_slopes
 
     def determinant(self, arcs: list[tuple]) -> Any:
-        """Return the determinant of the monodromy matrix by Liouville's formula."""
+        """Return the determinant of the monodromy matrix by Liouville's formula.
+
+        `arcs` are (initial modal state, duration) of `equations`.
+        """
         exponent = flint().arb(0)
         for node, (_, duration) in zip(self.nodes, arcs, strict=True):
             exponent += node.matrix.trace() * duration
@@ -216,32 +256,37 @@ class Path:
 
 
 def smallest_interval() -> Any:
-    """Return the phase interval (a ball) below which successive contact events share a window."""
+    """Return the phase interval, a ball, below which successive contact events share a window."""
     return flint().arb(2) ** -(flint().ctx.prec // 2)
 
 
 class Windows:
-    """A `Path` with windows: time intervals around contact events too close for an order."""
+    """A `Path` with windows: time intervals around contact events without a proven order."""
 
-    def __init__(self, path: Path, phases: list):
-        """Group the nodes of a `Path` by the sorted phases (balls) of its contact events."""
+    def __init__(self, path: Path, contact_phases: list):
+        """Group the nodes of a `Path` by the sorted phases of its contact events, balls."""
         self.path, self.dynamics = path, path.dynamics
         #: (indices of the nodes in the same window, phase)
         self.groups: list = []
-        last = None
-        for i, (node, phase) in enumerate(zip(path.nodes, path.phases(phases), strict=True)):
-            if node.is_contact and last is not None and phase - last < smallest_interval():
+        last_contact = None  # phase of the previous node if it is a contact event
+        phases = path.phases(contact_phases)
+        for i, (node, phase) in enumerate(zip(path.nodes, phases, strict=True)):
+            follows_contact = node.is_contact and last_contact is not None
+            if follows_contact and phase - last_contact < smallest_interval():
                 self.groups[-1][0].append(i)
             else:
                 self.groups.append(([i], phase))
-            last = phase if node.is_contact else None
+            last_contact = phase if node.is_contact else None
 
     def are_needed(self) -> bool:
         """Return whether any window contains several contact events."""
         return any(len(indices) > 1 for indices, _ in self.groups)
 
     def equations(self, unknowns: list) -> tuple[list, list]:
-        """Return (residuals, rows of their derivatives) of the periodicity of (y, dy/dtheta)."""
+        """Return (residuals, rows of their derivatives) of the periodicity of (y, dy/dtheta).
+
+        The unknowns are (y, dy/dtheta) at tau = 0, a list of balls.
+        """
         ends, rows, *_ = self.propagate(unknowns)
         for i, row in enumerate(rows):
             row[i] -= 1
@@ -250,14 +295,16 @@ class Windows:
     def propagate(self, unknowns: list, check_arcs: bool = False) -> tuple:
         """Return (final state, rows of its derivatives, phases, speeds, states at switches).
 
-        The phases of contacts are balls that contain their windows; the states at switches of the
-        stiffness are a dict by index of the node. With `check_arcs` it is proven that no mesh
-        touches a flank line between windows.
+        The unknowns are (y, dy/dtheta) at tau = 0, a list of balls. Phases and speeds are those of
+        the contact events; a phase is a ball that contains the whole window. The states at switches
+        of the stiffness are a dictionary by index of the node. With `check_arcs` it is proven that
+        no mesh touches a flank line between windows.
         """
         module, dynamics, path = flint(), self.dynamics, self.path
         n, codes = len(unknowns), list(path.codes)
         columns = path.start(unknowns, n)  # the state, then its derivatives by the unknowns
-        start, time, phases, speeds, switch_states = first_column(columns), 0, [], [], {}
+        start, time = first_column(columns), 0  # at the end of the last window or switch
+        phases, speeds, switch_states = [], [], {}
         ratio = _PROOF_WINDOW_RATIO if check_arcs else _WINDOW_RATIO
         for indices, phase in self.groups:
             node, arc = path.nodes[indices[0]], path.arcs[indices[0]]
@@ -267,9 +314,8 @@ class Windows:
                 half_length = self._half_length(indices, state_at_node, ratio)
             duration = end - half_length - time
             if not duration > 0:
-                text = "from others, a switch of a stiffness or the start of the orbit"
-                text = f"nearly coincident contacts cannot be told apart {text}"
-                raise ProofFailed(COINCIDENT, text)
+                text = "nearly coincident contacts cannot be told apart from others, a switch of a "
+                raise ProofFailed(COINCIDENT, text + "stiffness or the start of the orbit")
             columns = arc.propagated(columns, duration)
             before = arc.frame * first_column(columns)
             if check_arcs:
@@ -286,7 +332,7 @@ class Windows:
             phases += [window / path.inverse_tuning] * len(rates)
             inverse = path.arcs[indices[-1]].frame_inverse
             propagated_rows = (inverse * (transition * (arc.frame * columns))).tolist()
-            # The linearised map is for the derivatives only: the state is that after the window.
+            # The linearised map holds for the derivatives only; the state is enclosed by `start`.
             state = (inverse * start).entries()
             entries = zip(state, propagated_rows, strict=True)
             columns = module.arb_mat([[value, *row[1:]] for value, row in entries])
@@ -294,12 +340,14 @@ class Windows:
         return [row[0] for row in rows], [row[1:] for row in rows], phases, speeds, switch_states
 
     def _half_length(self, indices: list[int], state: Any, ratio: int) -> Any:
-        """Return half the duration of a window, `ratio` times the uncertainty of its phases.
+        """Return half the duration of a window, `ratio` times the uncertainty of its contacts.
 
-        `state` is a modal state near the nodes with these indices.
+        The window contains the nodes with these indices, and `state` is a modal state near them.
+        Each uncertainty is the flank distance over its rate.
         """
         half_length = flint().arb(2) ** -(0.7 * flint().ctx.prec)
-        for node in (self.path.nodes[i] for i in indices):
+        for i in indices:
+            node = self.path.nodes[i]
             distance = (node.distance * state)[0, 0]
             rate = (node.distance * (node.matrix * state))[0, 0]
             if not (rate > 0 or rate < 0):
@@ -311,8 +359,9 @@ class Windows:
     def _pass_window(self, indices: list[int], state: Any, length: Any, codes: list) -> tuple:
         """Return (linearised map over a window, final state, speeds of the crossings).
 
-        The window contains the nodes with these indices and starts at a modal state. The contact
-        codes of the meshes are changed in place.
+        The window contains the nodes with these indices, starts at the modal state `state` and has
+        the duration `length`. The contact codes of the meshes, `codes`, are changed in place. The
+        map refers to modal components; speeds are rates of flank distances.
         """
         module, dynamics, nodes = flint(), self.dynamics, self.path.nodes
         n, size, arb = len(dynamics.retained), dynamics.size, module.arb
@@ -328,7 +377,7 @@ class Windows:
         fraction = arb(0.5, 0.5)
         end = state + sum((jump * fraction for jump in jumps), rate) * length
         speeds = self._crossing_speeds(indices, state, enclosure, end, rate, codes)
-        transition, growth = identity(size), arb(1)
+        transition, growth = identity(size), arb(1)  # growth bounds the norm of the transition
         for i, jump, speed in zip(indices, jumps, speeds, strict=True):
             # Contact forces change velocities only.
             values = [value if n <= k < 2 * n else 0 for k, value in enumerate(jump.entries())]
@@ -343,16 +392,21 @@ class Windows:
     def _crossing_speeds(self, indices, start, enclosure, end, rate, codes: list) -> list:
         """Prove that each mesh crosses its flank line once in a window; return the speeds.
 
-        `start`, `enclosure` and `end` are the modal states at the start, in the whole window and at
-        its end. The contact codes of the meshes are changed in place.
+        The window contains the nodes with these indices. `start`, `enclosure` and `end` are the
+        modal states at its start, in the whole window and at its end, and `rate` is the rate of the
+        modal state, all as balls. The contact codes of the meshes, `codes`, are changed in place.
         """
-        dynamics, nodes, speeds = self.dynamics, [self.path.nodes[i] for i in indices], []
-        crossed, codes_after = {node.mesh: (node.mesh, node.side) for node in nodes}, list(codes)
+        dynamics, nodes = self.dynamics, [self.path.nodes[i] for i in indices]
+        codes_after, speeds = list(codes), []
+        # Flank line, (mesh, side), that each mesh crosses.
+        crossed = {node.mesh: (node.mesh, node.side) for node in nodes}
         if len(crossed) < len(nodes):
             raise ProofFailed(*_NO_CROSSINGS)
         for node in nodes:
             codes_after[node.mesh] = node.after
-            before, after, speed = ((node.distance * state)[0, 0] for state in (start, end, rate))
+            before = (node.distance * start)[0, 0]
+            after = (node.distance * end)[0, 0]
+            speed = (node.distance * rate)[0, 0]
             if not (node.crosses(-before) and node.crosses(after) and node.crosses(speed)):
                 raise ProofFailed(*_NO_CROSSINGS)
             speeds.append(speed)

@@ -1,7 +1,8 @@
 """Proofs that a motion touches no flank line along an arc; extrema of its displacement.
 
-On each piece of an arc a functional of the state is a Taylor polynomial whose last coefficient is a
-ball that encloses the remainder. Its sign and extrema follow from its stationary values.
+On each piece of an arc a linear functional of the state is a Taylor polynomial whose last
+coefficient is a ball that encloses the remainder. Its sign and extrema follow from its values at
+the ends and its stationary values.
 """
 
 import math
@@ -15,7 +16,7 @@ from gearlib.analysis.proofs.certificate_files import COINCIDENT, ProofFailed
 from gearlib.analysis.proofs.models_in_balls import COAST_SIDE, DRIVE_SIDE
 from gearlib.engines.codes import COAST, DRIVE, NO_CONTACT
 
-#: Largest number of bisections of a piece, and length of the shortest part relative to the piece, a
+#: Largest number of bisections of a piece, and length of its shortest part relative to the piece, a
 #: power of 2, so that positions are exact floats.
 _MAX_BISECTIONS, _MIN_PART = 2000, 2**-48
 #: Largest duration of a piece times the norm of the system matrix.
@@ -29,17 +30,25 @@ class Curve:
     """A functional of the state along a piece of an arc: a polynomial with ball coefficients."""
 
     def __init__(self, coefficients: list, duration: Any, end: Any):
-        """Set the polynomial from coefficients, duration and value at the end, all in balls."""
+        """Create the curve from `coefficients` in powers of the time since the start of the piece.
+
+        The time goes from 0 to `duration`, and `end` is the value there; all of these are balls.
+        """
         self.value = flint().arb_poly(coefficients)
         self.rate = self.value.derivative()
         self.acceleration = self.rate.derivative()
         self.duration = duration
-        #: Values at both ends; that of the end is narrower than the value of the polynomial.
+        #: Values at both ends; the value at the end is narrower than the polynomial gives it.
         self.begin, self.end = coefficients[0], end
 
     def stationary_values(self, sign: int = 0) -> Iterator:
-        """Yield enclosures of the values where the rate is zero, except where sign * value > 0."""
-        arb, parts, bisections = flint().arb, [(0.0, 1.0)], 0
+        """Yield enclosures of the values of the curve where its rate is zero.
+
+        With a `sign` of 1 or -1, values that cannot be the smallest of sign * value, or for which
+        it is proven to be positive, are left out.
+        """
+        arb, bisections = flint().arb, 0
+        parts = [(0.0, 1.0)]  # start and length of each part over the duration
         negligible_radius = arb(2) ** (32 - flint().ctx.prec)
         while parts:
             low, length = parts.pop()
@@ -48,8 +57,9 @@ class Curve:
             if sign * value > 0:
                 continue
             rate, acceleration = self.rate(interval), self.acceleration(interval)
+            is_monotonic = rate > 0 or rate < 0
             # A part where sign * value is concave has no minimum inside.
-            if rate > 0 or rate < 0 or sign * acceleration < 0:
+            if is_monotonic or sign * acceleration < 0:
                 continue
             is_wide = value.rad() > negligible_radius
             if acceleration > 0 or acceleration < 0:
@@ -63,7 +73,11 @@ class Curve:
                 yield self._stationary_value(interval)
 
     def _zero_of_rate(self, interval: Any) -> Any:
-        """Return an enclosure of the zero of the rate in an interval, or None (Newton)."""
+        """Return an enclosure of the zero of the rate in a time interval, or None if it has none.
+
+        The interval is a ball in which the acceleration is not zero; it is narrowed by the interval
+        Newton method.
+        """
         while True:
             middle = interval.mid()
             newton = middle - self.rate(middle) / self.acceleration(interval)
@@ -75,27 +89,42 @@ class Curve:
             interval = narrower
 
     def _stationary_value(self, interval: Any) -> Any:
-        """Return an enclosure of the value at a zero of the rate in a time interval, a ball."""
+        """Return an enclosure of the value at a zero of the rate in a time interval, a ball.
+
+        If the interval extends beyond an end of the piece, the enclosure includes the value there,
+        because the zero may lie outside the piece.
+        """
         middle = interval.mid()
         # The mean value theorem gives a narrower ball, because the rate is small here.
         mean_value = self.value(middle) + self.rate(interval) * (interval - middle)
         value = mean_value.intersection(self.value(interval))
-        # The zero may lie outside the piece if the interval extends beyond its ends.
-        value = value if interval > 0 else value.union(self.begin)
-        return value if interval < self.duration else value.union(self.end)
+        if not interval > 0:
+            value = value.union(self.begin)
+        if not interval < self.duration:
+            value = value.union(self.end)
+        return value
 
 
 def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[list[Curve]]:
-    """Yield, for each piece of an arc with state' = matrix state, the `Curve`s of all rows."""
-    module, matrix_norm, start = flint(), norm(matrix), state
+    """Yield for each piece of an arc the `Curve`s of several functionals of the state.
+
+    The functionals are the rows of the matrix `rows`. On the arc, state' = matrix state; it goes
+    from `state` to the state `end` in the duration `time`. States are columns, shape (n, 1), and
+    all values are balls.
+    """
+    module, matrix_norm = flint(), norm(matrix)
+    start = state  # of the arc; `state` is the start of each piece
     # With this degree the remainder is of the order of rounding errors.
     degree = module.ctx.prec // 4 + 2
     piece_count = max(1, math.ceil(float(matrix_norm * time.mid()) / _MAX_PIECE_LENGTH))
     duration = time / piece_count
     # A wide state is propagated from the start, because each step would widen it. A narrow state is
     # propagated step by step with a single matrix exponential.
-    is_wide = piece_count > 1 and max(x.rad() for x in state.entries()) > _MAX_NARROW_RADIUS
-    step = None if is_wide or piece_count == 1 else (matrix * duration).exp()
+    radius = max(component.rad() for component in state.entries())
+    is_wide = piece_count > 1 and radius > _MAX_NARROW_RADIUS
+    propagator: Any = None
+    if piece_count > 1 and not is_wide:
+        propagator = (matrix * duration).exp()
     # Coefficient k of the Taylor polynomials of all functionals is rows matrix^(k - 1) / k! times
     # the initial rate; the last of these matrices bounds the remainders.
     by_degree = [rows]
@@ -111,57 +140,69 @@ def pieces(matrix: Any, state: Any, end: Any, time: Any, rows: Any) -> Iterator[
         max_rate = max(abs(value).upper() for value in rate.entries())
         if i == piece_count:
             state = end
+        elif is_wide:
+            state = propagated(matrix, start, i * duration)
         else:
-            state = propagated(matrix, start, i * duration) if is_wide else step * state
-        curves, values = [], zip(first_values, (rows * state).entries(), strict=True)
-        for (first, last), maps, remainder in zip(values, by_functional, remainders, strict=True):
+            state = propagator * state
+        last_values = (rows * state).entries()
+        curves = []
+        for first_value, last_value, maps, remainder in zip(
+            first_values, last_values, by_functional, remainders, strict=True
+        ):
             remainder_ball = module.arb(0, (remainder * max_rate).upper())
-            coefficients = [first, *(maps * rate).entries(), remainder_ball]
-            curves.append(Curve(coefficients, duration, last))
+            coefficients = [first_value, *(maps * rate).entries(), remainder_ball]
+            curves.append(Curve(coefficients, duration, last_value))
         yield curves
 
 
 def check_contacts(path: Any, arcs: list, ends: list, contact_phases: list) -> list:
-    """Prove that a motion has the contact events of a path and no others; return their speeds.
+    """Prove that a motion has the contact events of a `Path` and no others; return their speeds.
 
-    `arcs` are (initial modal state, duration), `ends` the modal states at the nodes of the `Path`.
-    Speeds are rates of flank distances.
+    `arcs` are (initial modal state, duration) of the arcs of the path, `ends` are the modal states
+    at its nodes, and `contact_phases` the phases of its contact events, all as balls. The speeds
+    are the rates of the flank distances at the contact events. Raise `ProofFailed` without a proof.
     """
     dynamics, codes, phases = path.dynamics, list(path.codes), path.phases(contact_phases)
-    # Flank lines that are crossed at the start and at each node; None at a switch.
-    rates = []
-    crossed = [None, *((node.mesh, node.side) if node.is_contact else None for node in path.nodes)]
-    for i, (last, phase) in enumerate(zip([0, *phases], phases, strict=False)):
-        if not phase > last:
+    # Flank lines, (mesh, side), that are crossed at the start and at each node; None at a switch.
+    crossed: list = [None]
+    for node in path.nodes:
+        crossed.append((node.mesh, node.side) if node.is_contact else None)
+    for i, (previous_phase, phase) in enumerate(zip([0, *phases], phases, strict=False)):
+        if not phase > previous_phase:
             if crossed[i] and crossed[i + 1]:
                 text = "several contacts coincide, or are too close to each other for an order"
                 raise ProofFailed(COINCIDENT, text)
             text = "cannot be told apart from a switch of the stiffness or the start of the orbit"
             raise ProofFailed("switch", f"near phase {float(phase.mid()):.6g} a contact {text}")
+    rates = []
     for i, (node, (state, time), end) in enumerate(zip(path.nodes, arcs, ends, strict=True)):
-        at = float(phases[i].mid())
+        phase_at_node = float(phases[i].mid())
         if node.is_contact:
             rate = (node.distance * (node.matrix * end))[0, 0]
             if not node.crosses(rate):
                 text = "is not proven to be a crossing"
-                raise ProofFailed("grazing", f"the contact at phase {at:.6g} {text}")
+                raise ProofFailed("grazing", f"the contact at phase {phase_at_node:.6g} {text}")
             rates.append(rate)
-        check_arc(dynamics, node.matrix, state, end, time, codes, crossed[i : i + 2], at)
+        crossed_at_ends = crossed[i : i + 2]
+        check_arc(dynamics, node.matrix, state, end, time, codes, crossed_at_ends, phase_at_node)
         if node.is_contact:
             codes[node.mesh] = node.after
     return rates
 
 
 def check_arc(dynamics, matrix, state, end, time, codes, crossed, phase: float) -> None:
-    """Prove that no mesh touches a flank line inside an arc from a modal state to the state `end`.
+    """Prove that no mesh touches a flank line inside an arc, or raise `ProofFailed`.
 
-    `crossed` are the flank lines, (mesh, side) or None, that are crossed at its two ends.
+    `matrix` is the system matrix of the arc, which goes from the modal state `state` to `end` in
+    the duration `time`; `codes` are the contact codes of all meshes on it. `crossed` are the flank
+    lines, (mesh, side) or None, that are crossed at its start and its end. `phase` is the phase of
+    its end in rad, for the error message.
     """
     bounds = contact_bounds(dynamics, codes)
     rows = flint().arb_mat([bound.row.entries() for bound in bounds])
     curves_of_pieces = list(pieces(matrix, state, end, time, rows))
     for bound, curves in zip(bounds, zip(*curves_of_pieces, strict=True), strict=True):
-        # Only at a crossing at an end of the arc may the motion be on the flank line.
+        # The motion may be on the flank line only at a crossing at an end of the arc.
         values = [value for curve in curves for value in (curve.begin, curve.end)]
         if bound.belongs_to(crossed[0]):
             values = values[1:]
@@ -179,11 +220,11 @@ def check_arc(dynamics, matrix, state, end, time, codes, crossed, phase: float) 
 
 
 class Bound(NamedTuple):
-    """Condition of a contact code for a flank line: sign * distance > 0."""
+    """Condition that a contact code sets for a flank line: sign * distance > 0."""
 
-    mesh: int
-    sides: tuple  #: sides of the mesh with this flank line, both without backlash
-    sign: int
+    mesh: int  #: index of the mesh
+    sides: tuple  #: sides of the mesh with this flank line, both if there is no backlash
+    sign: int  #: 1 or -1
     row: Any  #: flank distance as a functional of the state
     is_clearance: bool  #: whether the other side is in contact, so that the teeth jam on the line
 
@@ -193,11 +234,15 @@ class Bound(NamedTuple):
 
 
 def contact_bounds(dynamics: Any, codes: list) -> list[Bound]:
-    """Return the conditions for the contact codes of all meshes, with those of clearances."""
+    """Return the conditions for flank lines that the contact codes of all meshes set.
+
+    `codes` has a code for each mesh. If the clearance of a mesh varies, its contact also sets the
+    condition that the flank on the other side does not touch.
+    """
     bounds = []
     states = zip(codes, dynamics.model.meshes, dynamics.distance_rows, strict=True)
     for j, (code, mesh, rows) in enumerate(states):
-        # In contact, the flank distance is positive on the drive side and negative on the other.
+        # In contact, the flank distance is positive on the drive and negative on the coast side.
         for side, side_code, contact_sign in ((DRIVE_SIDE, DRIVE, 1), (COAST_SIDE, COAST, -1)):
             is_clearance = code not in (NO_CONTACT, side_code)
             if rows[side] is None or (is_clearance and not mesh.clearance_varies):
@@ -210,7 +255,11 @@ def contact_bounds(dynamics: Any, codes: list) -> list[Bound]:
 
 
 def extrema(path: Any, arcs: list, ends: list) -> tuple:
-    """Return enclosures of the smallest and the largest first coordinate along a `Path`."""
+    """Return (minimum, maximum) of the first coordinate along a `Path` as balls.
+
+    `arcs` are (initial modal state, duration) of its arcs; `ends` are the modal states at its
+    nodes.
+    """
     displacement = flint().arb_mat([path.dynamics.basis.tolist()[0]])
     values = []
     for node, (state, time), end in zip(path.nodes, arcs, ends, strict=True):
