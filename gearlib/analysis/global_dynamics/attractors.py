@@ -87,9 +87,7 @@ class Attractor:
         return self.kind, self.period, displacement_range
 
 
-def find_attractors(
-    stroboscope, states: np.ndarray, known_attractors: list, time_limit: Limit
-) -> list:
+def find_attractors(stroboscope, states, known_attractors: list, time_limit: Limit) -> list:
     """Return the new periodic attractors near settled full states, shape (k, n).
 
     New ones are not among the periodic `known_attractors`. Each state is propagated over 64 more

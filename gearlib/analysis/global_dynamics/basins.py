@@ -148,15 +148,14 @@ def _attractor_variables(attractors: list[Attractor]) -> dict:
     """
     count = len(attractors)
     periodic = [attractor for attractor in attractors if attractor.orbit]
-    orbits = [attractor.orbit for attractor in periodic]
+    orbits = [attractor.orbit for attractor in attractors if attractor.orbit]
     point_count = max((len(attractor.points) for attractor in periodic), default=1)
     state_size = max((orbit.state.size for orbit in orbits), default=2)
     multiplier_count = max((orbit.multipliers.size for orbit in orbits), default=2)
     states = np.full((count, point_count, state_size), math.nan)
     real, imaginary = np.full((2, count, multiplier_count), math.nan)
     for i, attractor in enumerate(attractors):
-        orbit = attractor.orbit
-        if orbit:
+        if orbit := attractor.orbit:
             states[i, : len(attractor.points)] = attractor.points
             real[i], imaginary[i] = orbit.multipliers.real, orbit.multipliers.imag
 
@@ -278,7 +277,8 @@ def _assign_families(attractors_by_tuning: list, order: np.ndarray) -> tuple[lis
         attractors = attractors_by_tuning[i]
         distances = np.empty((len(attractors), len(latest)))
         for k, attractor in enumerate(attractors):
-            distances[k] = [_distance(attractor, family) for family in latest]
+            distances[k] = [_distance(attractor, member) for member in latest]
+        # The assignment does not allow infinite distances.
         matched_attractors, matched_families = linear_sum_assignment(np.minimum(distances, 1e9))
         numbers = np.full(len(attractors), -1)
         for k, family in zip(matched_attractors, matched_families, strict=True):

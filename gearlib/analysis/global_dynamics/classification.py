@@ -35,18 +35,13 @@ def check_model(model: Any) -> None:
     if model.has_damping():
         return
     raise ValueError(
-        "damping = 0 is not allowed: a model without any damping keeps phase volume and has no "
-        "attractors; see gearlib.poincare_section for its motions"
+        "damping = 0 is not allowed: a model without any damping conserves volume in phase "
+        "space and has no attractors; see gearlib.poincare_section for its motions"
     )
 
 
 def classify(
-    stroboscope: Stroboscope,
-    states: np.ndarray,
-    cycles: int,
-    time_limit: Limit,
-    stop_early=True,
-    seed=0,
+    stroboscope: Stroboscope, states: np.ndarray, cycles, time_limit: Limit, stop_early=True, seed=0
 ) -> tuple[list[Attractor], np.ndarray]:
     """Find the attractors of a model and the attractor that each initial state approaches.
 
@@ -89,12 +84,8 @@ class _Motions:
 
         `rng` chooses the samples of the motions; `time_limit` is a `Limit`.
         """
-        self.stroboscope, self.states, self.rng, self.time_limit = (
-            stroboscope,
-            states,
-            rng,
-            time_limit,
-        )
+        self.stroboscope, self.states = stroboscope, states
+        self.rng, self.time_limit = rng, time_limit
         self.attractors: list = []
         self.labels = np.full(len(states), _NO_LABEL)
         #: Indices of the initial states without a label, and the current full states of these.
@@ -105,17 +96,15 @@ class _Motions:
 
     def add_attractors(self, states: np.ndarray) -> bool:
         """Search for attractors near full states, shape (m, n); return whether any is new."""
-        stroboscope = self.stroboscope
         count_before = len(self.attractors)
         states = states[np.isfinite(states).all(axis=1)]
         while len(states) and not self.time_limit.is_over():
             sample, states = states[:_SAMPLE_SIZE], states[_SAMPLE_SIZE:]
-            self.attractors += attractors.find_attractors(
-                stroboscope, sample, self.attractors, self.time_limit
-            )
+            arguments = sample, self.attractors, self.time_limit
+            self.attractors += attractors.find_attractors(self.stroboscope, *arguments)
             # Most of the other states lie in the trapping ellipses of the attractors found so far.
             for attractor in self.attractors:
-                states = states[~attractor.ellipses.contain(stroboscope.scaled(states))]
+                states = states[~attractor.ellipses.contain(self.stroboscope.scaled(states))]
         return len(self.attractors) > count_before
 
     def set_label(self, mask: np.ndarray, label: int) -> None:
@@ -157,10 +146,8 @@ class _Motions:
         states, codes = states.copy(), np.zeros(len(states), np.int64)
         chunk_size = 1 if self.time_limit.is_set else self.stroboscope.propagator.chunk_size
         part_size = _CHUNKS_PER_THREAD * self.stroboscope.threads * chunk_size
-        part_starts = range(0, len(states), part_size)
-        for i in self.time_limit.each(
-            with_bar("parts of the states", part_starts, len(part_starts))
-        ):
+        starts = range(0, len(states), part_size)
+        for i in self.time_limit.each(with_bar("parts of the states", starts, len(starts))):
             part = slice(i, i + part_size)
             states[part], codes[part] = self.stroboscope(states[part], cycles)
         return states, codes
@@ -186,8 +173,7 @@ class _Motions:
         They are chaotic if perturbations grow in each motion of a sample and the mean of their
         largest Lyapunov exponents is significantly positive.
         """
-        stroboscope = self.stroboscope
-        exponents = []
+        stroboscope, exponents = self.stroboscope, []
         if not self.remaining.size or self.time_limit.is_over():
             return None
         for i in self.remaining[self.sample()]:

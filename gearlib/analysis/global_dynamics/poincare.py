@@ -200,9 +200,8 @@ def bifurcation_diagram(
     cases = parameter_cases(model, tuning, parameter, values)
     section_arguments = settle, strobes, phase, max_events
     time_limit = Limit(max_seconds)
-    states, ends, table = _diagram(
-        cases, values, direction, section_arguments, initial_state, time_limit
-    )
+    start_arguments = direction, section_arguments, initial_state
+    states, ends, table = _diagram(cases, values, *start_arguments, time_limit)
     data = {
         "displacement": ((parameter, "strobe"), states[..., 0]),
         "velocity": ((parameter, "strobe"), states[..., 1]),

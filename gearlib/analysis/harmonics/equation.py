@@ -179,6 +179,8 @@ class MeshEquation:
         damping = np.fft.fft(force.damping, norm="forward")
         derivative = 1j * self.orders  # factors of the derivative by tau
         differences, sums = k[:, None] - k, k[:, None] + k
+        # Coefficient k of the stiffness couples harmonic j of a motion with j + k of the force. The
+        # harmonic -j is the complex conjugate of j.
         direct = stiffness[differences] + damping[differences] * derivative
         direct -= np.diag(self.orders**2)
         conjugate = stiffness[sums] - damping[sums] * derivative
@@ -203,7 +205,10 @@ class MeshEquation:
 
 
 def default_samples(harmonics: int) -> int:
-    """Return the default number of grid points: a power of two, at least 16 per harmonic."""
+    """Return the default number of grid points for a highest harmonic.
+
+    It is a power of two and at least 16 times the highest harmonic.
+    """
     return 1 << int(np.ceil(np.log2(_DEFAULT_SAMPLES * max(harmonics, 1))))
 
 

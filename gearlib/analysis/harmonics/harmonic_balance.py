@@ -115,8 +115,7 @@ def _newton(equation: MeshEquation, coefficients: np.ndarray, tolerance: float) 
     """
     force = equation.force(coefficients)
     residual = equation.residual(coefficients, force)
-    norm = equation.max_residual(residual)
-    steps, evaluations = 0, equation.samples
+    norm, steps, evaluations = equation.max_residual(residual), 0, equation.samples
     while steps < _MAX_NEWTON_STEPS and norm > _max_residual(equation, coefficients, tolerance):
         try:
             step = np.linalg.solve(equation.jacobian(force), -real_vector(residual))

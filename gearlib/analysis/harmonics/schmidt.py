@@ -329,9 +329,8 @@ def degenerate_harmonics(equation: MeshEquation, degenerate: Any) -> np.ndarray:
         return _resonant(equation, equation.force(first_coefficients(equation, None)))
     if isinstance(degenerate, Real):
         count = parameters.check("degenerate", degenerate, WholeNumber)
-        max_count = equation.harmonics + 1
-        allowed = f"an integer from 0 to {max_count}"
-        checks.require(count <= max_count, "degenerate", degenerate, allowed)
+        allowed = f"an integer from 0 to {equation.harmonics + 1}"
+        checks.require(count <= equation.harmonics + 1, "degenerate", degenerate, allowed)
         return np.sort(np.argsort(np.abs(equation.dynamic_stiffness), kind="stable")[:count])
     harmonics = parameters.check("degenerate", degenerate, _Harmonics)
     allowed = f"integers from 0 to {equation.harmonics}"

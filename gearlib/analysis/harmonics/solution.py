@@ -120,6 +120,7 @@ class PeriodicSolution:
             is_above = x >= line
             for i in np.flatnonzero(is_above != np.roll(is_above, -1)):
                 before, after = x[i] - line, x[(i + 1) % x.size] - line
+                # Linear interpolation between the grid points is the first approximation.
                 phase = (i + before / (before - after)) * length / x.size
                 for _ in range(_CROSSING_STEPS):
                     displacement, velocity = self.at(phase)
@@ -133,8 +134,8 @@ class PeriodicSolution:
     def dataset(self, samples_per_period: int = 256, orbit: Any = None) -> xr.Dataset:
         """Return time history, harmonics, multipliers and stability of the motion as a dataset.
 
-        The time history has `samples_per_period` points in each mesh period. If `orbit`, an exact
-        orbit of `gearlib.periodic_orbit`, is given, the differences from it are added.
+        The time history has `samples_per_period` points in each mesh period. If an exact `orbit` of
+        `gearlib.periodic_orbit` is given, the errors relative to this orbit are added.
         """
         x, v = self.time_history(samples_per_period)
         contact = [
@@ -196,19 +197,20 @@ def errors(solution: PeriodicSolution, orbit: Any = None) -> Errors:
         orbit = periodic_orbit(
             solution.model, solution.tuning, guess=solution.state, period=solution.period
         )
-    count = max(_MIN_PHASES, _PHASES_PER_HARMONIC * solution.harmonics // solution.period)
-    exact_x, exact_v, exact_phases, exact_codes = exact_motion(orbit, count)
-    x, v = solution.time_history(count)
+    phases_per_period = _PHASES_PER_HARMONIC * solution.harmonics // solution.period
+    samples_per_period = max(_MIN_PHASES, phases_per_period)
+    exact_x, exact_v, exact_phases, exact_codes = exact_motion(orbit, samples_per_period)
+    x, v = solution.time_history(samples_per_period)
     phases, codes = solution.crossings()
-    event = np.nan
+    event_error = np.nan
     if phases.size and np.array_equal(codes, exact_codes):
-        event = float(np.abs(phases - exact_phases).max())
+        event_error = float(np.abs(phases - exact_phases).max())
     exact_multiplier = np.abs(orbit.multipliers).max()
     return Errors(
         float(np.abs(x - exact_x).max()),
         float(np.abs(v - exact_v).max()),
         float(np.abs(solution.state - orbit.state).max()),
-        event,
+        event_error,
         float(abs(np.abs(solution.multipliers).max() - exact_multiplier)),
     )
 

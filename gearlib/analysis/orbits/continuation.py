@@ -157,9 +157,7 @@ def _first_point(problem: Shooting, unknowns: np.ndarray, sign: float) -> Branch
     return first
 
 
-def _follow_branch(
-    problem, first, goal, interval, max_range, max_step, max_points, time_limit
-) -> list:
+def _follow_branch(problem, first, goal, interval, max_range, max_step, max_points, time_limit):
     """Return the `BranchPoint`s of a branch from the point `first` to the parameter value `goal`.
 
     The branch ends earlier if the parameter leaves the interval (lowest, highest), the displacement
@@ -193,18 +191,15 @@ def _follow_branch(
             end_value = None  # The step is cut off at the grazing, before this value.
         if end_value == goal or _is_closed(points, length):
             return length, "complete"
-        has_left_interval = end_value is not None
-        if has_left_interval or points[-1].displacement_range > max_range:
+        if end_value is not None or points[-1].displacement_range > max_range:
             return length, "a limit is exceeded"
         if ends_at_grazing:
             return _STEP_PAST_GRAZING * max_step, ""
         max_length = max_step * max(1.0, new.displacement_range / _LARGE_RANGE)
         return tracing.next_step_length(length, corrections, _MAX_EASY_CORRECTIONS, max_length), ""
 
-    first_length, min_length = _FIRST_STEP * max_step, _MIN_STEP * max_step
-    end_reason = tracing.follow_curve(
-        step, points, first_length, min_length, max_points, time_limit
-    )
+    lengths = _FIRST_STEP * max_step, _MIN_STEP * max_step  # of the first and the shortest step
+    end_reason = tracing.follow_curve(step, points, *lengths, max_points, time_limit)
     if end_reason != "complete":
         points[-1] = replace(points[-1], label=points[-1].label or special.END)
     return points

@@ -67,11 +67,8 @@ class _SpecialPointProblem(Shooting):
             # Turning points at the ends of the record may be missing in neighbouring orbits, so the
             # first and the last half mesh period are omitted.
             inner = indices[np.abs(indices / _SAMPLES - 0.5 - self.period / 2) <= self.period / 2]
-            flank_lines = (0.0, -self.model.backlash_ratio)
-            indices_and_lines = itertools.product(inner, flank_lines)
-            i, self.flank_line = min(
-                indices_and_lines, key=lambda pair: abs(samples[pair[0], 0] - pair[1])
-            )
+            pairs = itertools.product(inner, (0.0, -self.model.backlash_ratio))  # (index, line)
+            i, self.flank_line = min(pairs, key=lambda pair: abs(samples[pair[0], 0] - pair[1]))
         else:
             i = indices[np.abs(indices * step - self.phase).argmin()]
         # A polynomial of degree 5 interpolates displacement, velocity and acceleration of both

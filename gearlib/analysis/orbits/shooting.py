@@ -153,8 +153,7 @@ def _orbit_of_shorter_period(solution: "Evaluation") -> Orbit | None:
     """Return the orbit of a solution with its smallest period if that is shorter, else None."""
     problem, state = solution.problem, solution.state
     model, tuning, max_events = problem.model, problem.tuning, problem.max_events
-    propagator = problem.propagator(model, tuning)
-    period = problem.period
+    propagator, period = problem.propagator(model, tuning), problem.period
     for divisor in range(model.repeats, period, model.repeats):
         if period % divisor:
             continue
@@ -398,8 +397,7 @@ def _initial_state(problem: Shooting, guess: Any) -> np.ndarray:
     A guess is a displacement and velocity, or a full state, or None for the state that the motion
     from rest reaches after at least _TRANSIENT_PERIODS mesh periods.
     """
-    model = problem.model
-    n = model.size
+    model, n = problem.model, problem.model.size
     propagator = problem.propagator(model, problem.tuning)
     if guess is None:
         periods = -(-_TRANSIENT_PERIODS // problem.period) * problem.period
@@ -444,7 +442,7 @@ def residual_size(difference: np.ndarray, state: np.ndarray, tuning: float) -> f
 
     The difference has displacements, then velocities, on its last axis. Velocities dx/dtau are
     multiplied by the tuning, so that they are comparable with displacements. If the largest
-    component of `state` exceeds 100 static deflections, the difference is divided by its hundredth.
+    component of `state` exceeds 100, the result is relative to a hundredth of this component.
     """
     weights = np.repeat([1.0, tuning], difference.shape[-1] // 2)
     return float(np.abs(weights * difference).max() / max(1.0, np.abs(state).max() * 1e-2))

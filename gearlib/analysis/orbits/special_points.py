@@ -213,11 +213,8 @@ def special_points(problem: Shooting, first: BranchPoint, last: BranchPoint) -> 
     The points are `BranchPoint`s, sorted from `first` to `last`. Raise ContinuationFailed if
     Newton's method does not converge on the chord.
     """
-    positions_and_points = []
-    for label in _TEST_FUNCTIONS:
-        located = locate(problem, first, last, label)
-        if located is not None:
-            positions_and_points.append(located)
+    located = [locate(problem, first, last, label) for label in _TEST_FUNCTIONS]
+    positions_and_points = [pair for pair in located if pair is not None]
     positions_and_points.sort(key=lambda pair: pair[0])
     return [point for _, point in positions_and_points]
 

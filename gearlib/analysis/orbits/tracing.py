@@ -50,9 +50,10 @@ class ContinuationFailed(RuntimeError):
 def correct(problem: Any, start: np.ndarray, normal: np.ndarray) -> tuple:
     """Find the intersection of a curve and a plane by Newton's method, from a point of the plane.
 
-    The plane contains the unknowns `start`, shape (n + 1,), and is normal to the vector `normal` of
-    the same shape. Return (solution, number of Newton corrections). Raise ContinuationFailed if
-    Newton's method does not converge.
+    `problem.evaluate(unknowns)` returns the residuals of the n equations of the curve and their
+    derivatives. The plane contains the unknowns `start`, shape (n + 1,), and is normal to the
+    vector `normal` of the same shape. Return (solution, number of Newton corrections). Raise
+    ContinuationFailed if Newton's method does not converge.
     """
     unknowns = start
     for count in range(_MAX_CORRECTIONS):
@@ -89,9 +90,10 @@ def tangent(jacobian: np.ndarray, direction: np.ndarray) -> np.ndarray:
 def take_step(problem, unknowns, direction, length, goal=None, allow_corner=False) -> tuple:
     """Take a step along a curve; return (solution, unit tangent there, number of corrections).
 
-    The step starts at the point `unknowns` of the curve and has the given length along the unit
-    tangent `direction`. It ends early if the last unknown reaches the value `goal`. Raise
-    ContinuationFailed if the curve turns by more than a small angle, unless `allow_corner` is set.
+    `problem` evaluates the equations of the curve. The step starts at the point `unknowns` of the
+    curve and has the given length along the unit tangent `direction`. It ends early if the last
+    unknown reaches the value `goal`. Raise ContinuationFailed if the curve turns by more than a
+    small angle, unless `allow_corner` is set.
     """
     predicted = unknowns + length * direction
     if goal is not None and (unknowns[-1] - goal) * (predicted[-1] - goal) < 0.0:
@@ -150,8 +152,7 @@ def solve_at_value(problem: Any, first: np.ndarray, second: np.ndarray, value: f
     start = first + fraction * (second - first)
     start[-1] = value
     # In a plane normal to the axis of the last unknown, corrections do not change it.
-    last_axis = np.eye(first.size)[-1]
-    return correct(problem, start, last_axis)[0]
+    return correct(problem, start, np.eye(first.size)[-1])[0]
 
 
 def difference_quotient(function: Callable, unknowns, index, step=_DIFFERENCE_STEP) -> Any:
@@ -247,7 +248,8 @@ def value_of(model: Any, tuning: float, name: str) -> float:
 def with_parameter(model: Any, tuning: float, name: str, value: float) -> tuple:
     """Return copies (model, tuning) in which the parameter `name` has another value.
 
-    All other dimensionless parameters keep their values. Raise ValueError if the value is invalid.
+    The name is one of `continuation_parameters`; all other dimensionless parameters keep their
+    values. Raise ValueError if the value is invalid.
     """
     if name == "tuning":
         return model, parameters.check(name, value, Positive)

@@ -157,8 +157,7 @@ def _trace_extrema(model: Any, max_k: float) -> Iterator[tuple]:
     value1, value2 = 1.0, _half_trace(model, _SCAN_STEP, order=0)
     k = 2.0 * _SCAN_STEP
     while True:
-        value3 = _half_trace(model, k, order=0)
-        sign = (-1) ** order
+        value3, sign = _half_trace(model, k, order=0), (-1) ** order
         if sign * (value2 - value1) > 0.0 >= sign * (value3 - value2):
             extrema.append(_trace_extremum(model, order, k - 2.0 * _SCAN_STEP, k))
             if order > 1:
@@ -189,9 +188,8 @@ def _gap_tongue(model: Any, order: int, before: float, middle: float, after: flo
     if excess(middle) > _ROUNDING_ERROR:
         low_end = meissner.edge(excess, middle, max(before, _SCAN_STEP))
         high_end = meissner.edge(excess, middle, after)
-    damping = model.damping_ratio
-    tongue = meissner.tongue_in_gap(order, low_end, high_end, damping, scaled_excess)
-    return tongue, (low_end, high_end)
+    ends = low_end, high_end
+    return meissner.tongue_in_gap(order, *ends, model.damping_ratio, scaled_excess), ends
 
 
 def tongues_of_several_degrees(model: Any, start: float, stop: float, step: float) -> list:
@@ -230,9 +228,7 @@ def _edges(model: Any, grid: np.ndarray) -> list:
     circle: 1 or -1, or 0 for a complex pair.
     """
     maps = np.array([model.contact_monodromy(nu) for nu in grid])
-    edges = []
-    for multiplier in (1, -1):
-        edges += [(nu, multiplier) for nu in _zeros(model, multiplier, grid, maps)]
+    edges = [(nu, value) for value in (1, -1) for nu in _zeros(model, value, grid, maps)]
     is_unstable = [_log_spectral_radius(matrix) > _MIN_GROWTH for matrix in maps]
     for i, (low, high) in enumerate(pairwise(grid)):
         has_edge = any(low <= nu <= high for nu, _ in edges)

@@ -109,8 +109,9 @@ def segment_solution(q: float, time: float) -> tuple:
 def _half_period_solutions(equation: Meissner, k: float) -> tuple:
     """Return the even solution u1 and the odd u2 of a Meissner equation after half a mesh period.
 
-    They start in the middle of the segment of C_max, at the tuning nu = 1 / k. Return (u1, u1', u2,
-    u2', s), where the first four are scaled by exp(-s) to avoid overflow.
+    At the start, the middle of the segment of C_max, u1 = u2' = 1 and u1' = u2 = 0; the tuning is
+    nu = 1 / k. Return (u1, u1', u2, u2', s), where the first four are scaled by exp(-s) to avoid
+    overflow.
     """
     q1, q2 = equation.q_stiff, equation.q_soft
     cosine1, sine1, exponent1 = segment_solution(q1, k * equation.half_stiff)
@@ -192,10 +193,7 @@ def phase_angle(equation: Meissner, k: float, odd: bool) -> float:
         return stiff_angle + change + soft_angle
     # In a short segment of C_min the angle of (x, y) changes little: by less than pi.
     u1, u1_rate, u2, u2_rate, _ = _half_period_solutions(equation, k)
-    if odd:
-        x, y = u2_rate, w * u2
-    else:
-        x, y = u1, -u1_rate / w
+    x, y = (u2_rate, w * u2) if odd else (u1, -u1_rate / w)
     return stiff_angle + math.atan2(cosine * y - sine * x, cosine * x + sine * y)
 
 
@@ -246,7 +244,8 @@ def tongue_in_gap(order, low_k, high_k, damping, scaled_excess: Callable) -> Ton
     """Return the `Tongue` of an order in the gap from `low_k` to `high_k`, values of k = 1 / nu.
 
     `damping` is the damping ratio; without damping the tongue fills the gap. `scaled_excess(k)`
-    returns ((|T| / 2 - 1) exp(-2 s), s) with the trace T, as in `_scaled_excess`.
+    returns ((|T| / 2 - 1) exp(-2 s), s) with the trace T of the undamped map over a mesh period, as
+    in `_scaled_excess`.
     """
 
     def growth(k: float) -> float:
@@ -429,6 +428,7 @@ def orbit_state(pair: Any, tuning: float) -> tuple:
     The backlash of the pair is ignored. If the orbit is not unique, as with constant stiffness at
     nu = 1 / n, return the state nearest to the static equilibrium.
     """
+    # The orbit is the fixed point of the map z -> monodromy z + shift.
     monodromy, shift = period_map(pair, tuning)
     matrix = np.eye(2) - monodromy
     try:

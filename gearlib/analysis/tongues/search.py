@@ -145,10 +145,9 @@ def checked_model(model: Any) -> Any:
 
 
 def find_tongues(model: Any, start: float, stop: float, step: float = 0.002) -> list:
-    """Return the list of `Tongue`s of a linear model that overlap the tunings `start` to `stop`.
+    """Find the `Tongue`s of a linear model that overlap the tunings from `start` to `stop`.
 
-    `step` is the step of the scanned tunings for models with several degrees of freedom; others do
-    not need it.
+    For models with several degrees of freedom the tunings are scanned in steps of `step`.
     """
     if model.pair is model:  # a `GearPair`
         equation = meissner.equation_of(model)
@@ -199,20 +198,16 @@ def _variables(tongue_lists: list, parameter: str | None, values: Any, dimension
     are counted from 1. Variables without a tongue have the missing value of `_COLUMNS`.
     """
     # For each parameter value: order or number of a tongue -> tongue.
-    numbered_tongues: list[dict] = []
-    for tongue_list in tongue_lists:
-        if dimension == "order":
-            numbered_tongues.append({tongue.order: tongue for tongue in tongue_list})
-        else:
-            numbered_tongues.append(dict(enumerate(tongue_list, 1)))
-    numbers = sorted(set().union(*numbered_tongues))
+    if dimension == "order":
+        numbered = [{tongue.order: tongue for tongue in tongues} for tongues in tongue_lists]
+    else:
+        numbered = [dict(enumerate(tongues, 1)) for tongues in tongue_lists]
+    numbers = sorted(set().union(*numbered))
     data: dict = {}
     for name, (field, missing) in _COLUMNS.items():
-        table = []
-        for by_number in numbered_tongues:
-            table.append([getattr(by_number.get(n), field, missing) for n in numbers])
+        table = [[getattr(tongues.get(n), field, missing) for n in numbers] for tongues in numbered]
         dtype = np.int8 if name == "edge_multiplier" else float
-        array = np.array(table, dtype).reshape(len(numbered_tongues), -1)
+        array = np.array(table, dtype).reshape(len(numbered), -1)
         data[name] = ((parameter, dimension), array)
     coordinates = {dimension: np.array(numbers, np.int32)}
     if parameter is None:
