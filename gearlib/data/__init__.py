@@ -3,14 +3,14 @@
 ==================  ===============================================================
 module              responsibility
 ==================  ===============================================================
-``variables``       names, units and descriptions of every variable
-``measured_names``  the same of quantities that are measured
+``variables``       names, units and descriptions of all variables
+``measured_names``  names, units and descriptions of measured quantities
 ``status``          codes of how a run ended, and what to do when it could not go on
-``summary``         variables of an orbit from the summary table of an engine
+``summary``         summary variables of orbits from the table of an engine
 ``motions``         contact loss, growth and settling of the motion in a dataset
 ``result``          the dataset of a computation, with its origin in the attributes
 ``gathering``       one dataset for each experiment from the shards of the workflow
-``files``           files written in one step, CSV and HTML tables, hash of the sources
-``storage``         datasets to and from netCDF and CSV
+``files``           atomic writing of files, CSV and HTML tables, hash of the sources
+``storage``         reading and writing of datasets as netCDF and CSV
 ==================  ===============================================================
 """

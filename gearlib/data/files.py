@@ -1,4 +1,4 @@
-"""Atomic writing of files, tables as CSV and HTML, canonical JSON and the hash of the sources."""
+"""Atomic writing of files, tables in CSV and HTML, canonical JSON and the hash of the sources."""
 
 import csv
 import hashlib
@@ -28,15 +28,16 @@ td {{ border-bottom: 1px solid #ddd; overflow-wrap: break-word; }}
 </table>
 </html>
 """
-#: Source files that determine the hash in datasets: the library, or those that a job declares.
+#: Source files that determine the hash in datasets: the library, or the files that a job declares.
 _sources = sorted(Path(__file__).parents[1].rglob("*.py"))
 
 
 @contextmanager
 def replacing(path):
-    """Yield a temporary path to write to; on success it atomically replaces `path`.
+    """Yield a temporary path to write to, which atomically replaces `path` on success.
 
-    Missing folders are created. The temporary name has the suffix of `path`.
+    Missing folders are created. The temporary path has the suffix of `path`. If the block raises an
+    error, the temporary file is removed.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -51,7 +52,8 @@ def replacing(path):
 def remove_leftovers(folder):
     """Remove the temporary files of killed processes in `folder` and its subfolders.
 
-    No other process may write there at the same time, as its temporary files would be removed too.
+    No other process may write there at the same time, because its temporary files would be removed
+    too.
     """
     for path in folder.rglob(".*"):
         if re.match(r"\.\d+\.", path.name):
@@ -59,19 +61,20 @@ def remove_leftovers(folder):
 
 
 def write_table(rows, path):
-    """Write rows of cells to a CSV file atomically; the first row has the column names."""
+    """Write rows of cells to a CSV file atomically; the first row is the header."""
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def write_table_page(csv_path, path, caption=""):
-    """Write the table of a CSV file as an HTML page, atomically, with the text `caption` above it.
+    """Write the table in a CSV file to an HTML page, atomically, with the text `caption` above it.
 
-    The first row has the column names, in which ``_`` becomes a space.
+    The first row of the CSV file is the header, in which ``_`` becomes a space.
     """
 
     def html_row(tag, cells):
-        return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
+        html_cells = [f"<{tag}>{escape(cell)}</{tag}>" for cell in cells]
+        return f"<tr>{''.join(html_cells)}</tr>"
 
     with open(csv_path, newline="", encoding="utf-8") as file:
         header, *body = csv.reader(file)
@@ -84,9 +87,9 @@ def write_table_page(csv_path, path, caption=""):
 
 
 def canonical_json(value):
-    """Return a value as compact JSON with sorted keys; infinite numbers become "inf" or "-inf".
+    """Return a value as compact JSON with sorted keys, so that equal values have equal texts.
 
-    Fractions and the scalars of numpy become plain numbers.
+    Infinite numbers become "inf" or "-inf"; fractions and numpy scalars become plain numbers.
     """
 
     def to_json_types(value):
@@ -94,7 +97,7 @@ def canonical_json(value):
             return {str(key): to_json_types(item) for key, item in value.items()}
         if isinstance(value, (list, tuple)):
             return [to_json_types(item) for item in value]
-        if hasattr(value, "item") and not hasattr(value, "__len__"):  # a scalar of numpy
+        if hasattr(value, "item") and not hasattr(value, "__len__"):  # a numpy scalar
             value = value.item()
         if isinstance(value, Fraction):
             value = float(value)
@@ -107,12 +110,15 @@ def canonical_json(value):
 
 
 def declare_sources(paths):
-    """Set the files whose names and contents, in this order, determine `source_hash`."""
+    """Set the files whose names and contents determine `source_hash`, in this order."""
     _sources[:] = map(Path, paths)
 
 
 def source_hash():
-    """Return 16 hex digits of the SHA-256 of the files set by `declare_sources`, or the library."""
+    """Return 16 hexadecimal digits of the SHA-256 hash of the source files.
+
+    They are the files set by `declare_sources`, or all files of the library.
+    """
     digest = hashlib.sha256()
     for path in _sources:
         digest.update(path.name.encode() + path.read_bytes())

@@ -1,7 +1,7 @@
-"""Concatenation of the shards of the workflow to one dataset for each experiment.
+"""Concatenation of shards, the partial results of the workflow, to a dataset for each experiment.
 
-The position of a shard is given by its scalar coordinates `damping`, and `direction` or `tuning`,
-whose values are in order of first appearance. Attributes that differ between shards are dropped.
+The scalar coordinates `damping`, and `direction` or `tuning`, give the position of a shard; their
+values keep the order in which they first appear. Attributes that differ between shards are dropped.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import xarray as xr
 
 from gearlib.data import status
 
-#: Variables that depend only on the gear pair without its damping, and those on the tuning, too.
+#: Variables that depend only on the gear pair without its damping.
 PAIR_SCALES = {
     "static_deflection",
     "force_scale",
@@ -18,8 +18,9 @@ PAIR_SCALES = {
     "tuning_factor_max",
     "tuning_factor_min",
 }
+#: Variables that depend only on the gear pair without its damping and on the tuning.
 TUNING_SCALES = {"mesh_frequency", "velocity_scale", "acceleration_scale", "speed"}
-#: Variables over the phase that are gathered; all others over the phase are dropped.
+#: Variables over the phase that are gathered; all other variables over the phase are dropped.
 _PHASE_PLANE_VARIABLES = {"displacement", "velocity", "contact"}
 
 
@@ -27,8 +28,8 @@ def gather_resonance(shards):
     """Return one dataset over (damping, direction, tuning) from partial results of `gearlib.sweep`.
 
     Each shard is a sweep over a window of tunings, with scalar coordinates `damping` and
-    `direction`. If downward sweeps reach lower tunings than the other sweeps, these are NaN there,
-    with the status `NO_START`. ValueError if tunings differ in another way.
+    `direction`. At tunings that only downward sweeps reach, the other sweeps are NaN with the
+    status `NO_START`. Raises ValueError if the tunings of sweeps differ in another way.
     """
     sweeps = []
     for shards_of_damping in _group_by(shards, "damping"):
@@ -43,7 +44,8 @@ def gather_resonance(shards):
 def _extend_downwards(sweep, longest_sweep):
     """Return a sweep padded with NaN at the lower tunings that only `longest_sweep` reaches.
 
-    A sweep is returned unchanged unless the longest one goes downwards and ends beyond it.
+    The sweep is returned unchanged unless `longest_sweep` goes downwards and both have the same
+    highest tunings.
     """
     tunings, all_tunings = sweep.tuning.values, longest_sweep.tuning.values
     has_same_end = np.array_equal(tunings, all_tunings[-tunings.size :])
@@ -58,15 +60,20 @@ def gather_phase_planes(shards):
     """Return displacement, velocity and contact over (damping, tuning, phase), with summaries.
 
     Each shard is a dataset of `gearlib.simulate` with a scalar coordinate `damping`. The phase is 0
-    at the start of the record. ValueError if tunings differ between dampings, or recorded phases
-    between runs.
+    at the start of the record. Raises ValueError if tunings differ between dampings, or recorded
+    phases between runs.
     """
     return _concatenate_by_damping(map(_phase_plane, shards), "tuning", PAIR_SCALES)
 
 
 def _phase_plane(run):
-    """Return the variables of a run for a phase plane, with the tuning as a coordinate."""
-    time_histories = {n for n in run.data_vars if {"phase", "event"} & set(run[n].dims)}
+    """Return the variables of a run for a phase plane, with the tuning as a coordinate.
+
+    The phase is counted from the start of the record.
+    """
+    time_histories = {
+        name for name, variable in run.data_vars.items() if {"phase", "event"} & {*variable.dims}
+    }
     phase = (run.phase - run.phase[0]).assign_attrs(run.phase.attrs)
     phase.attrs["long_name"] = "mesh phase from the start of the record"
     run = run.drop_encoding().drop_vars(time_histories - _PHASE_PLANE_VARIABLES)
@@ -74,18 +81,18 @@ def _phase_plane(run):
 
 
 def gather_failures(columns):
-    """Return the verdicts on methods over (problem, trial) as one dataset, from one per method.
+    """Return the verdicts on methods over (problem, trial) as one dataset.
 
-    Each column, the dataset of a method (or "trial"), is a result of the function
-    `gearlib.studies.trials.failures.judge_method`; methods keep their order. ValueError if they
-    have different problems.
+    `columns` holds a dataset for each method, called a trial, which the function
+    `gearlib.studies.trials.failures.judge_method` returns. Methods keep their order. Raises
+    ValueError if their problems differ.
     """
     shared_names = {name for name in columns[0].data_vars if columns[0][name].dims == ("problem",)}
     return _concatenate(columns, "trial", shared_names)
 
 
 def _group_by(datasets, coordinate):
-    """Return lists of the datasets with equal scalar coordinates, in order of appearance."""
+    """Return lists of the datasets with an equal scalar `coordinate`, in order of appearance."""
     groups = {}
     for dataset in datasets:
         groups.setdefault(dataset[coordinate].item(), []).append(dataset)
@@ -93,9 +100,9 @@ def _group_by(datasets, coordinate):
 
 
 def _concatenate_by_damping(datasets, dim, shared_names):
-    """Concatenate datasets along `dim` for each damping, then along `damping`.
+    """Return datasets concatenated along `dim` for each damping, then along `damping`.
 
-    The variables `shared_names` do not vary along `dim`.
+    `shared_names` are the names of variables that do not vary along `dim`.
     """
     groups = _group_by(datasets, "damping")
     by_damping = [_concatenate(group, dim, shared_names) for group in groups]
@@ -103,15 +110,16 @@ def _concatenate_by_damping(datasets, dim, shared_names):
 
 
 def _concatenate(datasets, dim, shared_names):
-    """Concatenate datasets along `dim`, except for the variables `shared_names`, which are equal.
+    """Return datasets concatenated along `dim`.
 
-    By default xarray would decide by the values which variables get the new dimension.
+    The variables `shared_names` must be equal in all datasets and do not get the dimension. They
+    are named, because by default xarray decides by the values which variables get it.
     """
     names = [name for name in datasets[0].data_vars if name in shared_names]
-    shared = [dataset[names].drop_vars(dim, errors="ignore") for dataset in datasets]
-    if not all(other.equals(shared[0]) for other in shared[1:]):
+    shared, *other_shared = [dataset[names].drop_vars(dim, errors="ignore") for dataset in datasets]
+    if not all(other.equals(shared) for other in other_shared):
         raise ValueError(f"shards along {dim} differ in their scales or in their tunings")
-    different = [dataset.drop_vars(names) for dataset in datasets]
+    varying = [dataset.drop_vars(names) for dataset in datasets]
     options = {"data_vars": "all", "coords": "minimal", "compat": "equals", "join": "exact"}
-    concatenated = xr.concat(different, dim, combine_attrs="drop_conflicts", **options)
-    return concatenated.assign({name: shared[0][name].variable for name in names})
+    concatenated = xr.concat(varying, dim, combine_attrs="drop_conflicts", **options)
+    return concatenated.assign({name: shared[name].variable for name in names})

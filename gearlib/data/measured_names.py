@@ -16,7 +16,7 @@ SPEEDS = {
     "jump_down": ("min-1", "speed at which the motion jumps while the speed goes down"),
     "onset_of_contact_loss": ("min-1", "speed from which contact is lost"),
 }
-#: Units "" mean that those of the measured channel hold.
+#: Units "" stand for the units of the measured channel.
 OBSERVABLES = {
     "displacement": ("m", "relative mesh displacement"),
     "displacement_max": ("m", "largest displacement"),
@@ -55,12 +55,16 @@ _WRITTEN_UNITS = {"min-1": "rpm", "m s-1": "m/s", "m s-2": "m/s^2"}
 
 
 def units_and_description(name):
-    """Return (CF units, description) of a measured quantity by its name, or None if it is unknown.
+    """Return (CF units, description) of the measured quantity `name`, or None if it is unknown.
 
-    Only observables, not coordinates and speeds, may have a suffix: ``acceleration_bearing_2``.
+    Names of observables may have a suffix, as in ``acceleration_bearing_2``; names of coordinates
+    and speeds may not.
     """
-    matches = [base for base in KNOWN_QUANTITIES if name == base or name.startswith(f"{base}_")]
-    base_name = max(matches, key=len, default=None)
+    base_names = []
+    for known_name in KNOWN_QUANTITIES:
+        if name == known_name or name.startswith(f"{known_name}_"):
+            base_names.append(known_name)
+    base_name = max(base_names, key=len, default=None)
     if base_name is None or (base_name != name and base_name not in OBSERVABLES):
         return None
     units, description = KNOWN_QUANTITIES[base_name]
@@ -68,10 +72,10 @@ def units_and_description(name):
 
 
 def allowed_units(units):
-    """Return a list of the units, (CF notation, usual notation), that a measured channel may have.
+    """Return the units that a measured channel may have, as (CF notation, usual notation).
 
-    `units` are the CF units of the observable, "" for an amplitude of any kind. The unit "1" means
-    that values are relative to a scale of the model.
+    `units` are the CF units of the observable, or "" for an amplitude of any kind. The unit "1"
+    means that values are relative to a scale of the model.
     """
     allowed = _AMPLITUDE_UNITS if units == "" else (units,)
     if units in ("m", "N", "m s-1", "m s-2"):

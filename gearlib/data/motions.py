@@ -2,7 +2,7 @@
 
 import numpy as np
 
-#: Fractions of time that differ by less are equal up to rounding errors.
+#: Fractions of time that differ by less count as equal, because of rounding errors.
 FRACTION_TOLERANCE = 1e-9
 #: Line width of a plot relative to the width of an orbit: 0.3 mm in a phase plane of 3 cm.
 LINE_WIDTH = 0.01
@@ -11,7 +11,7 @@ MAX_RELATIVE_DISPLACEMENT = 1e3
 
 
 def float_array(numbers):
-    """Return an array of floats, empty if the argument is anything but numbers."""
+    """Return numbers as an array of floats, or an empty array if they are not all numbers."""
     try:
         array = np.asarray(numbers)
         return array.astype(float, copy=False) if array.dtype.kind in "iufO" else np.empty(0)
@@ -20,42 +20,49 @@ def float_array(numbers):
 
 
 def true_intervals(condition):
-    """Return the (first, last) indices of each run of true values in `condition`, shape (n,)."""
+    """Return the first and the last index of each interval of true values in `condition`, (n,)."""
     padded = np.concatenate([[0], np.asarray(condition, np.int8), [0]])
-    edges = np.flatnonzero(np.diff(padded))
-    return [(int(i), int(j) - 1) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+    changes = np.flatnonzero(np.diff(padded))
+    # Intervals start at the even changes and end before the odd changes.
+    starts, ends = changes[::2], changes[1::2]
+    return [(int(start), int(end) - 1) for start, end in zip(starts, ends, strict=True)]
 
 
 def largest_force(data):
-    """Return the largest dynamic mesh force in a dataset, without its sign, as a DataArray."""
+    """Return the largest absolute dynamic mesh force in a dataset as a DataArray."""
     largest = np.maximum(data.dynamic_force_max, -data.dynamic_force_min)
     return largest.assign_attrs(data.dynamic_force_max.attrs)
 
 
 def force_ratio(data):
-    """Return the largest over the static mesh force in a dataset of a model that states it."""
-    return data["dynamic_factor" if "dynamic_factor" in data else "peak_force_ratio"]
+    """Return the ratio of largest to static mesh force in a dataset that has this variable."""
+    if "dynamic_factor" in data:
+        return data["dynamic_factor"]
+    return data["peak_force_ratio"]
 
 
 def mask_unbounded(sweep, extent):
     """Return a result of `gearlib.sweep` with NaN at tunings where the motion is unbounded.
 
-    `extent` is the largest length of the model in static deflections, as returned by
-    `Model.extent`. Motions beyond `MAX_RELATIVE_DISPLACEMENT` times this length are unbounded.
+    `extent` is the largest length of the model in static deflections, `Model.extent`. Motions
+    beyond `MAX_RELATIVE_DISPLACEMENT` times this length count as unbounded. Integer variables such
+    as the status are kept.
     """
     displacement = np.maximum(abs(sweep.displacement_max), abs(sweep.displacement_min))
     other_dims = [dim for dim in displacement.dims if dim != "tuning"]
     is_bounded = displacement.max(other_dims) <= MAX_RELATIVE_DISPLACEMENT * extent
-    over_tuning = [name for name, values in sweep.data_vars.items() if "tuning" in values.dims]
-    floats = [name for name in over_tuning if sweep[name].dtype.kind == "f"]
-    return sweep.assign({name: sweep[name].where(is_bounded) for name in floats})
+    masked = {}
+    for name, variable in sweep.data_vars.items():
+        if "tuning" in variable.dims and variable.dtype.kind == "f":
+            masked[name] = variable.where(is_bounded)
+    return sweep.assign(masked)
 
 
 def period_spread(run):
-    """Return the largest displacement difference between mesh periods at the same phase.
+    """Return the largest difference of displacements at the same phase of different mesh periods.
 
-    It is relative to the peak-to-peak displacement. `run` is a result of `gearlib.simulate`. With a
-    spread below `LINE_WIDTH` all mesh periods coincide in plots.
+    It is relative to the peak-to-peak displacement. `run` is a result of `gearlib.simulate`. If the
+    spread is below `LINE_WIDTH`, all mesh periods coincide in plots.
     """
     import pandas
 
@@ -66,58 +73,73 @@ def period_spread(run):
 
 
 def describe_unsettled(run):
-    """Return the phrase that the motion of a run has not settled."""
+    """Return the phrase that a run has not settled, with the number of mesh periods followed."""
     return f"not settled after {int(run.followed)} mesh periods"
 
 
 def describe_settling(run):
     """Return a phrase on the period of the orbit on which a run settles after its record."""
     period = int(run.period)
-    if not period:
+    if period == 0:
         return describe_unsettled(run)
-    return f"settles later on {period} mesh period" + ("s" if period > 1 else "")
+    plural = "s" if period > 1 else ""
+    return f"settles later on {period} mesh period{plural}"
 
 
 def describe_steadiness(run):
-    """Return a phrase on whether mesh periods of a run coincide in a plot, and how it settles."""
+    """Return a phrase on whether mesh periods of a run coincide in a plot and how it settles."""
     settling = describe_settling(run)
     if period_spread(run) > LINE_WIDTH:
         return f"unsteady, {settling}"
+    if int(run.period) == 1:
+        return "steady, 1 mesh period"
     # Mesh periods may coincide within the width of a line before the run settles.
-    return "steady, 1 mesh period" if int(run.period) == 1 else f"a single line, {settling}"
+    return f"a single line, {settling}"
 
 
 def describe_contact_loss(sweeps):
-    """Return a sentence on the speeds at which sweeps of pairs of teeth lose contact.
+    """Return a sentence on the speeds at which pairs of teeth lose contact in sweeps.
 
-    `sweeps` are results of `gearlib.sweep` over ``tuning``, with further dimensions or without.
+    `sweeps` is a dataset of one or more results of `gearlib.sweep`, over ``tuning`` and possibly
+    further dimensions.
     """
-    others = [dim for dim in sweeps.contact_loss_fraction.dims if dim != "tuning"]
-    loses = (sweeps.contact_loss_fraction > FRACTION_TOLERANCE).any(others).values
-    speed, factor = sweeps.speed.values, float(sweeps.dynamic_factor.max())
-    intervals = [
-        f"{speed[i]:.0f} to {speed[j]:.0f}" if j > i else f"{speed[i]:.0f}"
-        for i, j in true_intervals(loses)
-    ]
-    lost = f"lose contact at {', '.join(intervals)} rpm" if intervals else "keep contact"
-    return f"Pairs of teeth {lost}; their largest dynamic factor is {factor:.3g}."
+    other_dims = [dim for dim in sweeps.contact_loss_fraction.dims if dim != "tuning"]
+    loses_contact = (sweeps.contact_loss_fraction > FRACTION_TOLERANCE).any(other_dims).values
+    speeds = sweeps.speed.values
+    intervals = []
+    for start, end in true_intervals(loses_contact):
+        interval = f"{speeds[start]:.0f}"
+        if end > start:
+            interval += f" to {speeds[end]:.0f}"
+        intervals.append(interval)
+    contact = "keep contact"
+    if intervals:
+        contact = f"lose contact at {', '.join(intervals)} rpm"
+    factor = float(sweeps.dynamic_factor.max())
+    return f"Pairs of teeth {contact}; their largest dynamic factor is {factor:.3g}."
 
 
 def describe(run, start="rest"):
     """Return a sentence on the period and the contact loss of a run of `gearlib.simulate`.
 
-    `start` says from which state the motion started.
+    `start` names the state from which the motion started. If the run failed, the sentence is the
+    message of its status.
     """
     if int(run.status):
         return run.status.attrs["message"]
-    period, bounces = int(run.period), f"{float(run.bounces):.3g} times"
-    motion = f"repeats every {period} mesh periods" if period > 1 else "repeats every mesh period"
-    if not period:
+    period = int(run.period)
+    if period == 0:
         motion = f"has {describe_unsettled(run)}"
-    contact = "the flanks never part"
+    elif period == 1:
+        motion = "repeats every mesh period"
+    else:
+        motion = f"repeats every {period} mesh periods"
     if float(run.fraction_coast) > 0.0:
         contact = "it strikes both flanks"
     elif float(run.bounces) > 0.0:
-        times = "once" if bounces == "1 times" else bounces
+        bounces = f"{float(run.bounces):.3g}"
+        times = "once" if bounces == "1" else f"{bounces} times"
         contact = f"it loses contact {times} per mesh period"
+    else:
+        contact = "the flanks never part"
     return f"The motion from {start} {motion}; {contact}."

@@ -20,10 +20,11 @@ _contact_counts: ContextVar[list | None] = ContextVar("_contact_counts", default
 
 @contextmanager
 def counting_contacts() -> Iterator[list]:
-    """Yield a list of contact counts; equal lists mean that calculations had equal contacts.
+    """Yield a list to which `result` appends the contact counts of each dataset that it creates.
 
-    For each dataset `result` appends the number of events, None if it has no events, and then its
-    bounces, a number or a nested list, if it has that variable.
+    They are the number of events, or None if there is no dimension of events, and then the bounces,
+    a number or a nested list, if there is such a variable. Equal lists mean that two calculations
+    had equal contacts.
     """
     counts: list = []
     token = _contact_counts.set(counts)
@@ -34,20 +35,20 @@ def counting_contacts() -> Iterator[list]:
 
 
 def stacked(axes, function, *array_dims):
-    """Call a function on a grid of values; return a dict of variable name -> (dims, values).
+    """Call a function on a grid of values, and return a dict of variable name -> (dims, values).
 
-    `axes` maps dimension names to values. The function takes a value of each dimension and returns
-    a dict of variable name -> number, text or array; `array_dims` are the dimensions of its arrays;
-    an array with fewer dimensions has the last ones of these.
+    `axes` maps the dimension names of the grid to their values. The function takes one value of
+    each dimension and returns a dict of variable name -> number, text or array. `array_dims` are
+    the dimensions of its arrays; an array with fewer dimensions has the last of `array_dims`.
     """
     results = [function(*values) for values in product(*axes.values())]
-    grid_shape = tuple(map(len, axes.values()))
+    grid_shape = tuple(len(values) for values in axes.values())
 
     def stack(name):
-        """Return (dims, values) of a variable from all results; array_dims come after the grid."""
+        """Return (dims, values) of the variable `name`, with the dimensions of the grid first."""
         dtype = object if isinstance(results[0][name], str) else None
         values = np.array([variables[name] for variables in results], dtype)
-        # The first axis of the values is that of the results.
+        # The first axis of `values` is the number of the grid point.
         dims = array_dims[len(array_dims) - (values.ndim - 1) :]
         return (*axes, *dims), values.reshape(grid_shape + values.shape[1:])
 
@@ -55,12 +56,12 @@ def stacked(axes, function, *array_dims):
 
 
 def result(title, model, data, coords=None, *, method, **parameters):
-    """Create the dataset that a public function returns, with units, descriptions and its origin.
+    """Return the dataset that a public function returns, with units, descriptions and its origin.
 
-    `data` is a dataset, or a dict of its variables beside `coords`. The text "a gear mesh" in the
-    title is a placeholder for the name of the kind of model, `model.title_noun`. `method` names the
-    method of computation; `parameters`, the arguments of the public function, are stored as JSON,
-    as is the model.
+    `data` is a dataset, or a dict of its variables with the coordinates `coords`. The text "a gear
+    mesh" in the title is a placeholder for the kind of model, `model.title_noun`. `method` names
+    the method of computation. The model and `parameters`, the arguments of the public function, are
+    stored as JSON.
     """
     dataset = data if isinstance(data, xr.Dataset) else xr.Dataset(data, coords)
     dataset = describe(dataset, model)
@@ -68,9 +69,11 @@ def result(title, model, data, coords=None, *, method, **parameters):
         "references": model.references,
         "gear_pair" if model.pair else "model": canonical_json(model.as_dict()),
         "parameters": canonical_json(parameters),
-        **({"stiffness_model": model.stiffness_model} if model.stiffness_model else {}),
-        **({"comment": model.force_note} if model.force_note else {}),
     }
+    if model.stiffness_model:
+        dataset.attrs["stiffness_model"] = model.stiffness_model
+    if model.force_note:
+        dataset.attrs["comment"] = model.force_note
     if (counts := _contact_counts.get()) is not None:
         counts.append(dataset.sizes.get("event"))
         if "bounces" in dataset:
@@ -79,9 +82,10 @@ def result(title, model, data, coords=None, *, method, **parameters):
 
 
 def result_of_many(title, data, coords, method=None, /, **attributes):
-    """Return a dataset of several models with units, descriptions and extra attributes.
+    """Return the dataset of a study of several models, with units, descriptions and attributes.
 
-    Attributes other than texts are stored as JSON; `method` names the method of computation.
+    `data` is a dict of variables with the coordinates `coords`; `method` names the method of
+    computation, if it is one. Attributes other than texts are stored as JSON.
     """
     dataset = describe(xr.Dataset(data, coords))
     dataset.attrs = _origin(title, method) | {
@@ -92,6 +96,11 @@ def result_of_many(title, data, coords, method=None, /, **attributes):
 
 
 def _origin(title, method):
-    """Return the attributes of every dataset: CF version, title, and library version and method."""
-    source = f"gearlib {__version__}" + (f", method {method}" if method else "")
+    """Return the attributes that all datasets have: CF version, title and source.
+
+    The source is the version of the library and, unless it is None, the method of computation.
+    """
+    source = f"gearlib {__version__}"
+    if method:
+        source += f", method {method}"
     return {"Conventions": "CF-1.11", "title": title, "source": source}

@@ -48,11 +48,14 @@ MESSAGES = {
 }
 
 
-def flags_of(names, first=0):
-    """Return CF attributes that name the integer codes `first`, `first` + 1, ..."""
+def flags_of(names, first_code=0):
+    """Return CF attributes that name the integer codes `first_code`, `first_code` + 1, ...
+
+    Spaces and hyphens in the names become underscores, as the CF conventions require.
+    """
     meanings = " ".join(name.replace(" ", "_").replace("-", "_") for name in names)
-    codes = np.arange(first, first + len(names), dtype=np.int8)
+    codes = np.arange(first_code, first_code + len(names), dtype=np.int8)
     return {"flag_values": codes, "flag_meanings": meanings}
 
 
-CONTACT_FLAGS = flags_of(CONTACTS, first=-1)
+CONTACT_FLAGS = flags_of(CONTACTS, first_code=-1)

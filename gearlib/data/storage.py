@@ -1,4 +1,4 @@
-"""Reading and writing of datasets as netCDF and CSV; equal data give equal bytes."""
+"""Read and write datasets as netCDF and CSV; equal data give equal bytes."""
 
 import shutil
 from pathlib import Path
@@ -14,8 +14,8 @@ from gearlib.version import __version__
 def write(dataset, path):
     """Write a dataset to a netCDF file in one atomic step; raise OSError if that fails.
 
-    A source hash that the dataset already has is kept. The history attribute, which the CF
-    conventions require, has no time stamp, so that equal data give equal bytes.
+    The attributes source_hash and history are added; an existing source_hash is kept. The history,
+    which the CF conventions require, has no time stamp, so that equal data give equal bytes.
     """
     history = f"{dataset.attrs.get('title', 'dataset')}: written by gearlib {__version__}"
     sources = dataset.attrs.get("source_hash") or source_hash()
@@ -29,7 +29,7 @@ def write(dataset, path):
         try:
             dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
         except (OSError, RuntimeError) as error:
-            # On a full disk the message of netCDF is only "HDF error".
+            # The free space is stated, because on a full disk netCDF says only "HDF error".
             free = shutil.disk_usage(Path(path).parent).free // 1024
             raise OSError(f"{path} cannot be written ({error}); {free} kB are free there") from None
 
@@ -37,10 +37,10 @@ def write(dataset, path):
 def write_rows(dataset, dim, path):
     """Write the variables of a dataset that have the dimension `dim` to a CSV file, atomically.
 
-    A variable has a column for each entry of its other dimensions. The first line has names and
-    units, as in ``mesh_force sun 1 [N]``. Raise OSError if the file cannot be written.
+    A variable has a column for each entry of its other dimensions. The header has names and units,
+    as in ``mesh_force sun 1 [N]``. Raise OSError if the file cannot be written.
     """
-    columns = {}
+    columns = {}  # header -> values along `dim`
     coordinates = [dim] if dim in dataset.coords else []
     for name in coordinates + [*dataset.data_vars]:
         if dim not in dataset[name].dims:
@@ -48,18 +48,19 @@ def write_rows(dataset, dim, path):
         variable = dataset[name].transpose(dim, ...)
         unit = variable.attrs.get("units", "1")
         unit = WRITTEN_UNITS.get(unit, unit)
-        unit = f" [{unit}]" if unit else ""
+        suffix = f" [{unit}]" if unit else ""
         other_coordinates = [variable[other_dim].values for other_dim in variable.dims[1:]]
         for index in np.ndindex(*variable.shape[1:]):
             labels = [str(values[i]) for values, i in zip(other_coordinates, index, strict=True)]
-            columns[" ".join([name, *labels]) + unit] = variable.values[:, *index].tolist()
+            header = " ".join([name, *labels]) + suffix
+            columns[header] = variable.values[:, *index].tolist()
     write_table([columns, *zip(*columns.values(), strict=True)], path)
 
 
 def read(path):
     """Read the netCDF file `path` into memory and return its dataset.
 
-    Raise FileNotFoundError if there is no such file, OSError if it is damaged or not netCDF.
+    Raise FileNotFoundError if there is no such file, and OSError if it is damaged or not netCDF.
     """
     try:
         return xr.load_dataset(path, engine="netcdf4")

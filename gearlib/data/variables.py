@@ -6,7 +6,7 @@ dx/dtau; the scale variables convert them to SI units.
 
 from gearlib.engines.summary_columns import COLUMNS
 
-#: Coordinates that count something from 0.
+#: Coordinates that are numbers of something, counted from 0.
 _NUMBERED = "event start sample branch locus tongue point variation orbit attractor".split()
 #: name -> (CF units, long_name)
 DESCRIPTIONS = {
@@ -404,10 +404,10 @@ _CODES = {
 
 
 def _description(name, is_text):
-    """Return (CF units, long_name) of a variable by its name.
+    """Return (CF units, long_name) of the variable `name`.
 
-    Names with the suffix ``_low`` or ``_high`` are the range of a variable over several initial
-    states. The name of a text variable without a description is its description.
+    Names with the suffix ``_low`` or ``_high`` stand for the range of a variable over several
+    initial states. A text variable (`is_text`) without a description is described by its name.
     """
     base_name, _, suffix = name.rpartition("_")
     if name not in DESCRIPTIONS and suffix in _RANGE_SUFFIXES:
@@ -419,10 +419,10 @@ def _description(name, is_text):
 
 
 def describe(dataset, model=None):
-    """Add units, long_name and flags to every variable of `dataset`, in place, and return it.
+    """Add units, long_name and flags to all variables of `dataset`, in place, and return it.
 
     ``model.long_names`` replaces descriptions. Variables that already have units keep their
-    attributes. KeyError if a numeric variable has no description.
+    attributes. Raises KeyError if a numeric variable has no description.
     """
     model_names = {} if model is None else model.long_names
     for name, variable in dataset.variables.items():
@@ -430,7 +430,8 @@ def describe(dataset, model=None):
             continue
         is_text = variable.dtype.kind in "OUST"
         units, long_name = _description(name, is_text)
-        variable.attrs |= {} if is_text else {"units": units}
+        if not is_text:
+            variable.attrs["units"] = units
         variable.attrs["long_name"] = model_names.get(name, long_name)
         if name in _CODES:
             first_code, meanings = _CODES[name]
