@@ -24,17 +24,17 @@ SWEEP_SCALES = {
     **{column.name: column.scale for column in COLUMNS if not column.trains_only},
     "orbit_height": "static_deflection",
 }
-#: Jumps and peaks are read from the first of these observables that was measured.
+#: Observables from which jumps and peaks are read: the first one that was measured.
 _JUMP_OBSERVABLES = ("orbit_height", "displacement_max", "dynamic_force_max", "displacement_min")
 #: Direction code in a measured file -> direction of the computed sweep.
 _DIRECTIONS = {0: "cold", 1: "up", -1: "down"}
 #: Largest number of intervals of the envelope of a run-up, and least number of samples of each.
 _MAX_INTERVALS, _MIN_INTERVAL_SAMPLES = 400, 20
-#: Number of harmonics of a time history, and of measured and computed points of its plot.
+#: Number of harmonics of a time history, and numbers of measured and computed points in its plot.
 _HARMONIC_COUNT, _MEASURED_POINTS, _COMPUTED_POINTS = 5, 600, 256
-#: Smaller relative singular values mean that the samples do not determine all harmonics.
+#: Smallest relative singular value at which the samples determine all harmonics.
 _MIN_SINGULAR_VALUE = 1e-7
-#: Multiples of the mesh order, largest number of blocks of revolutions, samples per mesh period.
+#: Multiples of the mesh order; largest number of blocks of revolutions; samples per mesh period.
 _MESH_ORDERS, _MAX_BLOCKS, _SAMPLES_PER_PERIOD = np.arange(1, 4), 300, 128
 #: Largest number of straight lines that approximate a measured speed course.
 _MAX_SPEED_SEGMENTS = 200
@@ -58,14 +58,15 @@ class Comparison(NamedTuple):
 
 
 def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
-    """Return a measured data set as a curve over speed and tuning, in the units of the model.
+    """Read a measured data set as a curve over speed and tuning, in the units of the model.
 
     `path` is the YAML file of the data set; `resonance` has the computed sweeps of all dampings. A
     run-up is replaced by its envelope. The attribute tuning_rate is the tuning per speed (rpm).
-    The attributes ``fitted_gain`` and ``fitted_offset`` of an observable belong to the damping that
-    fits best: the values without errors of the sensor are (value - offset) / gain.
+    The attributes ``fitted_gain`` and ``fitted_offset`` of an observable are fitted to the damping
+    that describes the data best; the value without sensor errors is (value - offset) / gain.
     """
-    measurement, resonance = read_measured(path), _with_orbit_height(resonance)
+    measurement = read_measured(path)
+    resonance = _with_orbit_height(resonance)
     is_sweep = not set(SWEEP_SCALES).isdisjoint(measurement.data_vars)
     sweep = measurement if is_sweep else _envelope(measurement)
     tuning_rate = float(resonance.tuning[-1] / resonance.speed[-1])
@@ -75,13 +76,15 @@ def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
     if "speed" in sweep.coords and observables:
         speed = sweep.speed
         direction = sweep.coords.get("direction", xr.zeros_like(speed, np.int8))
-        coords = {"speed": speed, "tuning": tuning_rate * speed, "direction": direction}
-        coords = {name: ("sample", values.values) for name, values in coords.items()}
-        dataset = dataset.assign_coords(coords)
+        dataset = dataset.assign_coords(
+            speed=("sample", speed.values),
+            tuning=("sample", (tuning_rate * speed).values),
+            direction=("sample", direction.values),
+        )
         for name in observables:
             attrs, scale = sweep[name].attrs, SWEEP_SCALES[name]
-            has_dimension = scale and attrs.get("units") not in ("1", "count")
-            factor = 1.0 / float(resonance[scale]) if has_dimension else 1.0
+            has_unit = scale and attrs.get("units") not in ("1", "count")
+            factor = 1.0 / float(resonance[scale]) if has_unit else 1.0
             attrs |= {"units": "1", "noise_std": factor * attrs.get("noise_std", 0.0)}
             dataset[name] = "sample", factor * sweep[name].values, attrs
             dataset[name].attrs |= _fitted_sensor(dataset, name, resonance)
@@ -91,7 +94,7 @@ def measured_response_curve(path: str, resonance: xr.Dataset) -> xr.Dataset:
 def _envelope(measurement: xr.Dataset) -> xr.Dataset:
     """Return the extrema of displacement and force in short intervals of a run-up, over speed.
 
-    The dataset is empty if the measurement has no time and speed, or a constant speed.
+    The dataset is empty if the measurement has no time, no speed or a constant speed.
     """
     if not {"time", "speed"} <= set(measurement.coords):
         return xr.Dataset()
@@ -116,14 +119,18 @@ def _envelope(measurement: xr.Dataset) -> xr.Dataset:
 
 
 def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset) -> dict:
-    """Return gain and offset of a sensor, fitted to the damping that describes the data best.
+    """Fit gain and offset of a sensor to the damping that describes the data best.
 
-    A gain that is not marked as unknown in the measured set stays 1, an offset 0.
+    `measured` is a measured curve with the variable `observable`, `resonance` has the computed
+    sweeps of all dampings. Return the attributes fitted_gain, 1 unless it is marked as unknown in
+    the measured set, and fitted_offset, 0 unless it is marked as unknown.
     """
     values, attrs = measured[observable].values, measured[observable].attrs
-    fit_gain, fit_offset = bool(attrs.get("unknown_gain")), bool(attrs.get("unknown_offset"))
-    fits = [(math.inf, 1.0, 0.0)]
-    for damping in resonance.damping.values if fit_gain or fit_offset else ():
+    fit_gain = bool(attrs.get("unknown_gain"))
+    fit_offset = bool(attrs.get("unknown_offset"))
+    dampings = resonance.damping.values if fit_gain or fit_offset else ()
+    fits = [(math.inf, 1.0, 0.0)]  # (mean square, gain, offset)
+    for damping in dampings:
         computed = _values_at_samples(measured, resonance.sel(damping=damping), observable)
         gain, offset = _line_fit(computed, values, fit_gain, fit_offset)
         if gain > 0.0:
@@ -136,22 +143,30 @@ def _fitted_sensor(measured: xr.Dataset, observable: str, resonance: xr.Dataset)
 def _line_fit(computed, measured, fit_gain: bool = True, fit_offset: bool = True) -> tuple:
     """Return gain and offset of the least-squares line measured = gain * computed + offset.
 
-    A gain that is not fitted is 1, an offset is 0. Both are NaN for fewer than four finite samples.
+    `computed` and `measured` have shape (n,). The gain is 1 if it is not fitted, the offset is 0 if
+    it is not fitted. Both are NaN for fewer than four finite samples.
     """
     finite = np.isfinite(measured) & np.isfinite(computed)
     measured, computed = measured[finite], computed[finite]
     if measured.size < 4:
         return _UNKNOWN
-    columns = [computed] * fit_gain + [np.ones(computed.size)] * fit_offset
+    columns = []
+    if fit_gain:
+        columns.append(computed)
+    if fit_offset:
+        columns.append(np.ones(computed.size))
     target = measured if fit_gain else measured - computed
     coefficients = np.linalg.lstsq(np.stack(columns, axis=1), target, rcond=None)[0]
-    return coefficients[0] if fit_gain else 1.0, coefficients[-1] if fit_offset else 0.0
+    gain = coefficients[0] if fit_gain else 1.0
+    offset = coefficients[-1] if fit_offset else 0.0
+    return gain, offset
 
 
 def _values_at_samples(measured, sweeps, observable: str) -> np.ndarray:
     """Return a computed observable at the speeds and directions of the measured samples.
 
-    `sweeps` are the computed sweeps of one damping. Values are NaN outside their speeds.
+    `measured` is a measured curve, `sweeps` are the computed sweeps of one damping. Values are NaN
+    outside the range of the computed speeds.
     """
     values = np.full(measured.sizes["sample"], np.nan)
     for code, direction in _DIRECTIONS.items():
@@ -169,7 +184,7 @@ def _with_orbit_height(resonance: xr.Dataset) -> xr.Dataset:
 
 
 def time_history_harmonics(path: str, models: Mapping[str, Any], run: dict) -> xr.Dataset:
-    """Return the harmonics of measured time histories and of the settled motions of a model.
+    """Compute the harmonics of measured time histories and of the settled motions of models.
 
     `path` is the YAML file of the measured data set, `models` maps the name of a damping to a
     model, `run` has arguments of `gearlib.simulate`. The dimensions are "course", a time history at
@@ -179,37 +194,41 @@ def time_history_harmonics(path: str, models: Mapping[str, Any], run: dict) -> x
     """
     measurement = read_measured(path)
     names = [name for name in SI_SCALES if name in measurement]
-    teeth, conditions = next(iter(models.values())).teeth, []
+    teeth = next(iter(models.values())).teeth
+    histories = []
     for condition in _conditions(measurement, constant_speed=True):
         speed = float(condition.speed[0])
-        if speed > 0.0:
-            motions = [simulate(model, speed=speed, **run) for model in models.values()]
-            mesh_frequency = math.pi / 30.0 * speed * teeth
-            observables = [
-                xr.concat([_computed_history(motion, name, run) for motion in motions], "damping")
-                .merge(_measured_history(condition, name, mesh_frequency))
-                .assign_coords(observable=name)
-                for name in names
-            ]
-            conditions.append(xr.concat(observables, "observable").assign_coords(speed=speed))
-    _require_conditions(conditions, path, measurement, "a constant one > 0")
-    dataset = xr.concat(conditions, "course").assign_coords(damping=[*models])
+        if speed <= 0.0:
+            continue
+        motions = [simulate(model, speed=speed, **run) for model in models.values()]
+        mesh_frequency = math.pi / 30.0 * speed * teeth  # rad/s
+        observables = []
+        for name in names:
+            computed = [_computed_history(motion, name, run) for motion in motions]
+            measured = _measured_history(condition, name, mesh_frequency)
+            history = xr.concat(computed, "damping").merge(measured)
+            observables.append(history.assign_coords(observable=name))
+        histories.append(xr.concat(observables, "observable").assign_coords(speed=speed))
+    _require_conditions(histories, path, measurement, "a constant speed > 0")
+    dataset = xr.concat(histories, "course").assign_coords(damping=[*models])
     dataset = dataset.assign_coords(harmonic=np.arange(1, _HARMONIC_COUNT + 1))
     return _with_measurement_attrs(dataset, measurement, names)
 
 
 def _require_conditions(conditions: list, path: str, measurement: xr.Dataset, allowed: str) -> None:
-    """Raise ValueError if no condition of a measured set has a speed as it is `allowed`."""
+    """Raise ValueError if `conditions`, those of a measured set with a suitable speed, are empty.
+
+    `allowed` describes a suitable speed in the message.
+    """
     speed = measurement.speed.values
     interval = f"{speed.min():g} to {speed.max():g} rpm"
     checks.require(conditions, f"speed in {path}", interval, f"{allowed} in at least one condition")
 
 
 def _with_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr.Dataset:
-    """Return a dataset with the attributes of a measured dataset, and the units of the speed.
+    """Return a dataset with the attributes of a measured data set and the units of the speed.
 
-    The attribute course_units has the units of the `observables`, as in "displacement in m"; the
-    dataset may be one of time histories at constant speed or of run-ups.
+    The attribute course_units has the units of the `observables`, as in "displacement in m".
     """
     dataset["speed"].attrs["units"] = "min-1"
     units = ", ".join(f"{name} in {measurement[name].attrs['units']}" for name in observables)
@@ -217,16 +236,25 @@ def _with_measurement_attrs(dataset: xr.Dataset, measurement, observables) -> xr
 
 
 def _conditions(measurement: xr.Dataset, constant_speed: bool) -> list[xr.Dataset]:
-    """Return the samples of each measured condition, either with constant or with varying speed."""
+    """Return the samples of each measured condition as a dataset.
+
+    Only conditions with a constant speed, or only those with a varying speed, are returned. A
+    measurement without conditions counts as one condition.
+    """
     names = np.zeros(measurement.sizes["sample"])
     if "condition" in measurement.coords:
         names = measurement.condition.values
-    conditions = [measurement.isel(sample=names == name) for name in dict.fromkeys(names.tolist())]
-    return [data for data in conditions if (np.ptp(data.speed.values) == 0.0) == constant_speed]
+    conditions = []
+    for name in dict.fromkeys(names.tolist()):
+        condition = measurement.isel(sample=names == name)
+        has_constant_speed = np.ptp(condition.speed.values) == 0.0
+        if has_constant_speed == constant_speed:
+            conditions.append(condition)
+    return conditions
 
 
 def _computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Dataset:
-    """Return the harmonics of a simulated observable, in SI units, and one mesh period of it.
+    """Compute the harmonics of a simulated observable, in SI units, and one mesh period to plot.
 
     `motion` is a result of `gearlib.simulate` with the arguments `run`. The mesh period starts at
     the peak of the first harmonic.
@@ -248,29 +276,32 @@ def _computed_history(motion: xr.Dataset, observable: str, run: dict) -> xr.Data
 
 
 def _shape_phases(harmonics: np.ndarray) -> np.ndarray:
-    """Return the phase of each harmonic k minus k times that of the first, in degrees.
+    """Return the phase of each harmonic k minus k times the phase of the first, in degrees.
 
     `harmonics` are complex amplitudes, starting with the first harmonic.
     """
-    number = np.arange(1, harmonics.size + 1)
-    return np.degrees(np.angle(harmonics * np.exp(-1j * number * np.angle(harmonics[0]))))
+    numbers = np.arange(1, harmonics.size + 1)
+    return np.degrees(np.angle(harmonics * np.exp(-1j * numbers * np.angle(harmonics[0]))))
 
 
 def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: float) -> xr.Dataset:
-    """Return harmonics of a measured time history, their standard deviations, and plotted samples.
+    """Fit the harmonics of a measured time history, and select samples to plot.
 
-    Harmonics of the `mesh_frequency`, rad/s, are fitted by least squares. All values are NaN if
-    there are too few samples to determine them. The samples to plot, with the dimension "number",
-    are point_phase (rad) and point (value of the observable).
+    `condition` has the samples of one measured condition. Harmonics of the `mesh_frequency`, rad/s,
+    and their standard deviations are found by least squares. All values are NaN if there are too
+    few samples to determine them. The samples to plot, with the dimension "number", are point_phase
+    (rad) and point (value of the observable).
     """
     finite = np.isfinite(condition[observable].values)
-    finite[:1] |= not finite.any()  # An observable may have been measured in other conditions.
+    # An observable that was only measured in other conditions keeps its first sample, which is NaN.
+    finite[:1] |= not finite.any()
     time, values = condition.time.values[finite], condition[observable].values[finite]
-    number = np.arange(1, _HARMONIC_COUNT + 1)
-    harmonics, deviation = np.full(_HARMONIC_COUNT, complex(np.nan)), math.nan
+    numbers = np.arange(1, _HARMONIC_COUNT + 1)
+    harmonics = np.full(_HARMONIC_COUNT, complex(np.nan))
+    deviation = math.nan
     plot_indices = np.linspace(0, time.size - 1, _MEASURED_POINTS).astype(int)
     if values.size > 2 * _HARMONIC_COUNT + 1:
-        waves = np.exp(1j * np.outer(mesh_frequency * (time - time[0]), number))
+        waves = np.exp(1j * np.outer(mesh_frequency * (time - time[0]), numbers))
         basis = np.hstack([np.ones((time.size, 1)), waves.real, waves.imag])
         fit, _, rank, _ = np.linalg.lstsq(basis, values, rcond=_MIN_SINGULAR_VALUE)
         if rank == basis.shape[1]:
@@ -279,7 +310,7 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
             noise = condition[observable].attrs.get("noise_std") or np.std(values - basis @ fit)
             deviation = noise * math.sqrt(2.0 / time.size)
     phase_deviation = deviation / np.abs(harmonics)
-    shape_deviation = np.degrees(np.hypot(phase_deviation, number * phase_deviation[0]))
+    shape_deviation = np.degrees(np.hypot(phase_deviation, numbers * phase_deviation[0]))
     point_phases = mesh_frequency * (time[plot_indices] - time[0]) + np.angle(harmonics[0])
     return xr.Dataset(
         {
@@ -294,33 +325,34 @@ def _measured_history(condition: xr.Dataset, observable: str, mesh_frequency: fl
 
 
 def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
-    """Return the mesh orders 1 to 3 (`_MESH_ORDERS`) of measured and of computed run-ups.
+    """Compute the first multiples of the mesh order, `_MESH_ORDERS`, of run-ups.
 
     `path` is the YAML file of the measured data set, `models` maps the name of a damping to a
-    model. The dimensions are "track", a run-up or run-down, observable, order (a multiple of the
-    mesh order) and block of whole revolutions; computed_amplitude also has the dimension damping.
-    Amplitudes are rms values in SI units. A computed run-up starts in the static state and has the
-    measured speed course.
+    model. The dimensions are "track" (a measured run-up or run-down), observable, order (a multiple
+    of the mesh order) and block (of whole revolutions). The variable amplitude is measured,
+    computed_amplitude, which also has the dimension damping, is computed with the measured speed
+    course, from the static state on. Amplitudes are rms values in SI units.
     """
     measurement = read_measured(path)
     names = [name for name in SI_SCALES if name in measurement]
     teeth = next(iter(models.values())).teeth
-    z, dims, run_ups = teeth, ("observable", "order", "block"), []
+    dims = "observable", "order", "block"
+    run_ups = []
     for condition in _conditions(measurement, constant_speed=False):
         speed = condition.speed.values
         revolutions = cumulative_trapezoid(speed / 60.0, condition.time.values, initial=0.0)
-        interval, turns = f"{np.ptp(condition.time.values):.4g} s", f"{revolutions[-1]:.3g}"
-        allowed = f"those of a whole revolution or more, not {turns}"
+        interval = f"{np.ptp(condition.time.values):.4g} s"
+        allowed = f"at least a whole revolution, not {revolutions[-1]:.3g} revolutions"
         checks.require(revolutions[-1] >= 1.0, f"time in {path}", interval, allowed)
         block_size = max(1, int(revolutions[-1] / _MAX_BLOCKS))
         edges = np.arange(int(revolutions[-1] / block_size) + 1) * block_size
-        measured = [_mesh_orders(condition[name], revolutions, edges, z) for name in names]
+        measured = [_mesh_orders(condition[name], revolutions, edges, teeth) for name in names]
         block_speed = np.interp(0.5 * (edges[1:] + edges[:-1]), revolutions, speed)
         measured_run_up = xr.Dataset(
             {"speed": ("block", block_speed), "amplitude": (dims, np.array(measured))},
             {"block": np.arange(edges.size - 1)},
         )
-        options = {"resolution": 1.0 / block_size, "orders": z * _MESH_ORDERS}
+        options = {"resolution": 1.0 / block_size, "orders": teeth * _MESH_ORDERS}
         computed = []
         for model in models.values():
             speed_course = _speed_course(condition)
@@ -331,7 +363,7 @@ def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
         amplitudes = xr.concat(computed, "damping", join="outer")
         amplitudes = amplitudes.reindex_like(measured_run_up)
         run_ups.append(measured_run_up.assign(computed_amplitude=amplitudes))
-    _require_conditions(run_ups, path, measurement, "one that varies")
+    _require_conditions(run_ups, path, measurement, "a varying speed")
     dataset = xr.concat(run_ups, "track", join="outer")
     dataset = dataset.assign_coords(observable=names, damping=[*models], order=_MESH_ORDERS)
     dataset = dataset.transpose(..., "order", "block")
@@ -341,14 +373,15 @@ def run_up_orders(path: str, models: Mapping[str, Any]) -> xr.Dataset:
 def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
     """Return the rms amplitudes of the mesh orders of a measured time history, (orders, blocks).
 
-    `revolutions` are the shaft revolutions at each sample, `edges` those that bound the blocks.
-    Blocks with missing samples are NaN.
+    `history` is a variable over samples; `revolutions` are the shaft revolutions at each sample. A
+    block extends from one of the `edges`, in revolutions, to the next. Blocks with gaps are NaN.
     """
     finite = np.isfinite(history.values)
     revolutions, values = revolutions[finite], history.values[finite]
     complete = complete_blocks(revolutions, edges, teeth)
-    if missing := int((~complete).sum()):
-        blocks = f"{missing} of {complete.size} blocks of revolutions"
+    missing_count = int((~complete).sum())
+    if missing_count:
+        blocks = f"{missing_count} of {complete.size} blocks of revolutions"
         warnings.warn(f"{blocks} are left out of {history.name}: they have gaps", stacklevel=2)
     waves = values * np.exp(-2j * np.pi * teeth * _MESH_ORDERS[:, None] * revolutions)
     integrals = cumulative_trapezoid(waves, revolutions, initial=0.0)
@@ -358,7 +391,7 @@ def _mesh_orders(history, revolutions, edges, teeth: int) -> np.ndarray:
 
 
 def _speed_course(condition: xr.Dataset) -> list[tuple[float, float]]:
-    """Approximate a measured speed course by straight lines between points (s, rpm).
+    """Approximate a measured speed course by straight lines; return their ends, rows (s, rpm).
 
     The points are means over groups of samples, so that sensor noise does not cause acceleration.
     """
@@ -374,10 +407,10 @@ def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Ite
 
     `curves`, `courses` (time histories at constant speed) and `orders` (of run-ups) are results of
     `measured_response_curve`, `time_history_harmonics` and `run_up_orders`, one for each measured
-    data set; `resonance` has the computed sweeps. The first row has the names of the columns; the
-    others have a quantity for one data set and one damping. "set" is the title of the data set,
-    "calibration" that required by the comparison, and "deviations" the difference divided by its
-    standard deviation.
+    data set; `resonance` has the computed sweeps. The first row has the names of the columns; each
+    other row compares a quantity of one data set with one damping. In the columns, "set" is the
+    title of the data set, "calibration" tells which calibration the comparison requires, and
+    "deviations" is the difference divided by its standard deviation.
     """
     header = ["set", "quantity", "calibration", "damping", "measured", "standard_deviation"]
     yield [*header, "computed", "difference", "deviations"]
@@ -395,11 +428,16 @@ def comparison_rows(curves, resonance: xr.Dataset, courses=(), orders=()) -> Ite
 
 
 def _row(title: str, damping: str, comparison: Comparison) -> list:
-    """Return the row for a comparison of the measured data set `title` with one damping."""
+    """Return the table row for a comparison of a measured data set with one damping.
+
+    `title` is the title of the data set, `damping` the name of the damping.
+    """
     measured, measured_deviation = comparison.measured
     computed, deviation = comparison.computed
     difference = computed - measured
-    total_deviation = math.hypot(measured_deviation, deviation if math.isfinite(deviation) else 0.0)
+    # An unknown standard deviation of the computed value is ignored.
+    computed_deviation = deviation if math.isfinite(deviation) else 0.0
+    total_deviation = math.hypot(measured_deviation, computed_deviation)
     z_score = difference / total_deviation if measured_deviation > 0 else math.nan
     numbers = (measured, measured_deviation, computed, difference, z_score)
     cells = [float(f"{number:.6g}") if math.isfinite(number) else "" for number in numbers]
@@ -408,12 +446,17 @@ def _row(title: str, damping: str, comparison: Comparison) -> list:
 
 
 def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Comparison]:
-    """Yield the comparisons of a measured curve with the computed `sweeps` of one damping."""
+    """Yield the comparisons of a measured curve with the computed `sweeps` of one damping.
+
+    Jump and peak ratios come first, because they need no calibration.
+    """
     observable = next((name for name in _JUMP_OBSERVABLES if name in measured), None)
     jumps = _compare_jumps(measured, sweeps, observable)
     if len(jumps) == 2:
-        # The jump speed of the sweep down divided by that of the sweep up.
-        measured_ratio, computed_ratio = map(_ratio, jumps["down"], jumps["up"])
+        measured_down, computed_down = jumps["down"]
+        measured_up, computed_up = jumps["up"]
+        measured_ratio = _ratio(measured_down, measured_up)
+        computed_ratio = _ratio(computed_down, computed_up)
         yield Comparison("jump down over jump up", measured_ratio, computed_ratio)
     if observable and "direction" in measured.coords:
         computed = _values_at_samples(measured, sweeps, observable)
@@ -422,7 +465,6 @@ def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Compari
         directions = measured.direction.values
         measured_ratio = _peak_ratio(sign * measured[observable].values, directions, noise)
         if math.isfinite(measured_ratio[0]):
-            # The peak of the sweep down divided by that of the sweep up.
             computed_ratio = _peak_ratio(sign * computed, directions, deviation=0.0)
             yield Comparison(f"highest {observable} down over up", measured_ratio, computed_ratio)
     for name in SWEEP_SCALES:
@@ -433,15 +475,17 @@ def _compare_curve(measured: xr.Dataset, sweeps: xr.Dataset) -> Iterator[Compari
         yield Comparison(quantity, speed, model_speed, unit="min-1", calibration="speed")
     onset = _measured_speed(measured, "onset_of_contact_loss")
     if math.isfinite(onset[0]):
-        quantity, computed_onset = "onset of contact loss", _computed_onset(sweeps)
+        quantity = "onset of contact loss"
+        computed_onset = _computed_onset(sweeps)
         yield Comparison(quantity, onset, computed_onset, unit="min-1", calibration="speed")
 
 
 def _compare_jumps(measured, sweeps, observable: str | None) -> dict[str, tuple]:
-    """Return (measured, computed) jump speed, rpm, for each direction with a measured jump.
+    """Return the measured and the computed jump speed for each direction with a measured jump.
 
-    `sweeps` are the computed sweeps of one damping. If the measured data set does not state a jump
-    speed, the jump is searched in the values of `observable`.
+    The result maps "up" and "down" to two estimates in rpm. `sweeps` are the computed sweeps of one
+    damping. If the measured data set does not state a jump speed, the jump is searched in the
+    values of `observable` (None: no observable is suitable).
     """
     jumps = {}
     for code, direction in ((1, "up"), (-1, "down")):
@@ -459,14 +503,14 @@ def _compare_jumps(measured, sweeps, observable: str | None) -> dict[str, tuple]
 
 
 def _measured_speed(measured: xr.Dataset, name: str) -> Estimate:
-    """Return the speed `name` of a measured set and its standard deviation, NaN if unknown."""
+    """Return the speed `name` of a measured set and its standard deviation, rpm, NaN if unknown."""
     if name not in measured:
         return _UNKNOWN
     return float(measured[name]), measured[name].attrs.get("noise_std", 0.0) or math.nan
 
 
 def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
-    """Return the speed at which a curve jumps and its standard deviation, NaN without a jump.
+    """Find the speed at which a curve jumps, and its standard deviation, NaN without a jump.
 
     The curve has `values` of an observable at `speeds`, in any order; NaN values are ignored.
     """
@@ -486,17 +530,17 @@ def jump(speeds: np.ndarray, values: np.ndarray) -> Estimate:
 
 
 def _ratio(numerator: Estimate, denominator: Estimate) -> Estimate:
-    """Return the ratio of two values with its standard deviation."""
+    """Return the ratio of two estimates and its standard deviation."""
     ratio = numerator[0] / denominator[0]
     relative_deviations = (numerator[1] / numerator[0], denominator[1] / denominator[0])
     return ratio, abs(ratio) * math.hypot(*relative_deviations)
 
 
 def _peak_ratio(values: np.ndarray, directions: np.ndarray, deviation: float) -> Estimate:
-    """Return the ratio of the peak of a sweep down to that of a sweep up, NaN if one is missing.
+    """Return the ratio of the peaks of two sweeps, down to up, NaN if one sweep is missing.
 
-    `directions` are 1 (up) or -1 (down), `deviation` is the standard deviation of the values. Both
-    peaks are relative to the median of both sweeps.
+    `values` and `directions`, 1 (up) or -1 (down), have shape (samples,); `deviation` is the
+    standard deviation of the values. Both peaks are heights above the median of both sweeps.
     """
     down, up = values[directions == -1], values[directions == 1]
     if not (np.isfinite(down).any() and np.isfinite(up).any()):
@@ -510,8 +554,8 @@ def _misfits(measured, sweeps, observable: str) -> Iterator[Comparison]:
     """Yield the rms difference between a measured curve and the computed `sweeps` of one damping.
 
     It is relative to the range of the measured values. Gain and offset of the sensor are fitted; if
-    both are known, a second comparison uses the sensor as calibrated. The measured estimate has no
-    value; its standard deviation is the noise of the sensor.
+    both are known, a second comparison uses the sensor as calibrated. The measured estimate is NaN
+    with the noise of the sensor as its standard deviation.
     """
     values = measured[observable].values
     computed = _values_at_samples(measured, sweeps, observable)
@@ -524,13 +568,16 @@ def _misfits(measured, sweeps, observable: str) -> Iterator[Comparison]:
         fits.append(("as calibrated", "sensor", computed))
     for description, calibration, fitted in fits:
         rms = float(np.sqrt(np.nanmean((values - fitted) ** 2))) / value_range
-        noise = math.nan, attrs["noise_std"] / value_range or math.nan
+        measured_estimate = math.nan, attrs["noise_std"] / value_range or math.nan
         quantity = f"misfit of {observable} over its range, {description}"
-        yield Comparison(quantity, noise, (rms, math.nan), calibration=calibration)
+        yield Comparison(quantity, measured_estimate, (rms, math.nan), calibration=calibration)
 
 
 def _computed_onset(sweeps: xr.Dataset) -> Estimate:
-    """Return the speed at which contact is first lost in a sweep up, and its standard deviation."""
+    """Return the speed at which contact is first lost in a sweep up, and its standard deviation.
+
+    `sweeps` are the computed sweeps of one damping. Both are NaN if contact is never lost.
+    """
     if "up" not in sweeps.direction.values:
         return _UNKNOWN
     sweep = sweeps.sel(direction="up").sortby("speed")
@@ -545,7 +592,7 @@ def _computed_onset(sweeps: xr.Dataset) -> Estimate:
 def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
     """Yield the comparisons of the mesh orders of run-ups, a result of `run_up_orders`.
 
-    In the names of quantities z is the mesh order, the number of teeth, and 2z is twice this order.
+    In the names of quantities z is the mesh order, the number of teeth, and 2z twice this order.
     """
     for i, j in np.ndindex(run_ups.sizes["track"], run_ups.sizes["observable"]):
         run_up = run_ups.isel(track=i, observable=j)
@@ -557,10 +604,12 @@ def _compare_orders(run_ups: xr.Dataset) -> Iterator[Comparison]:
             quotients = [np.nanmax(values[k]) / np.nanmax(values[0]) for values in amplitudes]
             ratios = [(float(quotient), math.nan) for quotient in quotients]
             yield Comparison(f"largest order {k + 1}z of {name} over order z", *ratios)
-        peaks = [int(np.nanargmax(values[0])) for values in amplitudes]
-        measured, computed = ((float(run_up.speed[peak]), math.nan) for peak in peaks)
+        estimates = []  # of the speed at the largest amplitude, measured and computed
+        for values in amplitudes:
+            peak_block = int(np.nanargmax(values[0]))
+            estimates.append((float(run_up.speed[peak_block]), math.nan))
         quantity = f"largest order z of {name}"
-        yield Comparison(quantity, measured, computed, unit="min-1", calibration="speed")
+        yield Comparison(quantity, *estimates, unit="min-1", calibration="speed")
 
 
 def _compare_time_histories(histories: xr.Dataset) -> Iterator[Comparison]:
@@ -577,6 +626,7 @@ def _compare_time_histories(histories: xr.Dataset) -> Iterator[Comparison]:
             yield Comparison(f"harmonic {k + 1} over the first {where}", *ratios)
             phase = float(history.shape_phase[k]), float(history.shape_phase_std[k])
             computed_phase = float(history.computed_shape_phase[k])
+            # The computed phase is shifted by full turns next to the measured one.
             computed_phase += 360.0 * round((phase[0] - computed_phase) / 360.0)
             quantity = f"phase of harmonic {k + 1} minus {k + 1} times that of the first {where}"
             yield Comparison(quantity, phase, (computed_phase, math.nan), unit="deg")

@@ -73,8 +73,8 @@ def phase_lag(
     motions = [simulate(model, tuning, **run) for model in models]
     first_lags = []
     for model in models:
-        motions_over_tuning = [simulate(model, nu, **run) for nu in tunings]
-        first_lags.append([harmonic_lags(motion, 1)[0] for motion in motions_over_tuning])
+        model_lags = [harmonic_lags(simulate(model, nu, **run), 1)[0] for nu in tunings]
+        first_lags.append(model_lags)
     rest = (0.0, 0.0)
     is_settled = ~np.array([rounding_grows(model, tunings, rest, periods) for model in models])
     is_reliable = ~np.array([rounding_grows(model, [tuning], rest, periods) for model in models])

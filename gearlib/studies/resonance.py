@@ -34,27 +34,26 @@ def sweep_window(
     threads,
     lowest=None,
 ) -> xr.Dataset:
-    """Return a sweep over a window of tunings (first, last), labelled with damping and direction.
+    """Compute a sweep over a window of tunings, labelled with damping and direction.
 
-    The tunings are those of `pair`; `model` runs at the same speeds. `run` has arguments of
-    `gearlib.sweep`, `step` is that of the tuning, `damping` the name of the damping, `direction`
-    "cold" (every run from the same initial state), "up" or "down", and `threads` the number of
-    threads. A downward sweep that has not jumped continues below the window, down to the tuning
-    `lowest`.
+    `window` is (first, last) and `step` the step, tunings of `pair`; `model` runs at the same
+    speeds. `run` has arguments of `gearlib.sweep`, `damping` is the name of the damping,
+    `direction` "cold" (every run from the same initial state), "up" or "down", and `threads` the
+    number of threads. A downward sweep that has not jumped continues below the window, down to the
+    tuning `lowest`, unless this is None.
     """
-    first, last = window
-    tunings = model.tuning_from(pair, np.array(grid(first, last, step)))
+    first_tuning, last_tuning = window
+    tunings = model.tuning_from(pair, np.array(grid(first_tuning, last_tuning, step)))
     if direction == "down" and lowest is not None:
-        curve, _ = sweep_down(
-            model, tunings, model.tuning_from(pair, lowest), threads=threads, **run
-        )
+        lowest_tuning = model.tuning_from(pair, lowest)
+        curve, _ = sweep_down(model, tunings, lowest_tuning, threads=threads, **run)
     else:
         curve = sweep(model, tunings, direction=direction, threads=threads, **run)
     return describe(curve.assign_coords(damping=damping, direction=direction))
 
 
 def branches(pair: GearPair, settings: dict, damping: str) -> xr.Dataset:
-    """Return the branches of a gear pair, labelled with the name of its damping.
+    """Compute the branches of a gear pair, labelled with the name of its damping.
 
     `settings` are arguments of `branches_of`.
     """
@@ -62,17 +61,18 @@ def branches(pair: GearPair, settings: dict, damping: str) -> xr.Dataset:
 
 
 def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Dataset:
-    """Return the branches of periodic orbits between two tunings, joined along ``point``.
+    """Compute the branches of periodic orbits between two tunings, joined along ``point``.
 
     `settings` have step, max_height and max_points of `gearlib.continue_orbit`. Raise NoOrbit if
     there is no orbit of one mesh period at either tuning.
     """
     branches: list[xr.Dataset] = []
-    for first, last in ((start, stop), (stop, start)):
-        if not branches or float(branches[0].tuning[-1]) != first:
-            orbit = _orbit_at(model, first)
+    for begin, end in ((start, stop), (stop, start)):
+        # The branch from `start` may already have reached `stop`.
+        if not branches or float(branches[0].tuning[-1]) != begin:
+            orbit = _orbit_at(model, begin)
             if orbit is not None:
-                branches.append(continue_orbit(orbit, to=last, **settings))
+                branches.append(continue_orbit(orbit, to=end, **settings))
     if not branches:
         raise NoOrbit(f"no orbit of one mesh period was found at tuning = {start!r} or {stop!r}")
     for branch in list(branches):
@@ -81,18 +81,19 @@ def branches_of(model: Any, start: float, stop: float, **settings: Any) -> xr.Da
                 branches.append(_doubled_branch(model, branch, int(point), start, stop, settings))
             except NoOrbit:
                 continue
-    numbered = [
-        branch.assign(
-            branch=("point", np.full(branch.sizes["point"], number, np.int32)),
-            period=("point", np.full(branch.sizes["point"], int(branch.period), np.int32)),
-        )
-        for number, branch in enumerate(branches)
-    ]
+    numbered = []
+    for number, branch in enumerate(branches):
+        numbers = np.full(branch.sizes["point"], number, np.int32)
+        periods = np.full(branch.sizes["point"], int(branch.period), np.int32)
+        numbered.append(branch.assign(branch=("point", numbers), period=("point", periods)))
     return _joined(numbered, branches[0].attrs, "Branches of periodic orbits of a gear mesh")
 
 
 def _orbit_at(model: Any, tuning: float) -> Any:
-    """Return an orbit of one mesh period, None if none is found from two starts."""
+    """Return an orbit of one mesh period, None if none is found.
+
+    The search starts from the static deflection, then from the default state.
+    """
     for guess in ((1.0, 0.0), None):
         try:
             return periodic_orbit(model, tuning, guess=guess)
@@ -104,24 +105,28 @@ def _orbit_at(model: Any, tuning: float) -> Any:
 def _doubled_branch(
     model: Any, branch: xr.Dataset, point: int, start: float, stop: float, settings: dict
 ) -> xr.Dataset:
-    """Return the branch of doubled period that starts at a point of a branch.
+    """Follow the branch of doubled period that starts at a point of a branch, and return it.
 
-    It is followed to the tuning `start` or `stop`, depending on the direction in which it starts.
+    `point` is the index of a period doubling. The doubled branch is followed to the tuning `start`
+    or `stop`, depending on the direction in which it starts; `settings` are further arguments of
+    `gearlib.continue_orbit`.
     """
     orbit = switch_branch(model, branch, point)
     change = orbit.tuning - float(branch.tuning[point])
     if abs(change) > _MIN_TUNING_CHANGE:
-        return continue_orbit(orbit, to=stop if change > 0.0 else start, **settings)
+        target_tuning = stop if change > 0.0 else start
+        return continue_orbit(orbit, to=target_tuning, **settings)
+    # The direction is not known, so both are tried and the longer branch is kept.
     limits = (start, stop)
-    directions = [continue_orbit(orbit, to=tuning, limits=limits, **settings) for tuning in limits]
-    return max(directions, key=lambda branch: branch.sizes["point"])
+    candidates = [continue_orbit(orbit, to=tuning, limits=limits, **settings) for tuning in limits]
+    return max(candidates, key=lambda candidate: candidate.sizes["point"])
 
 
 def _joined(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Dataset:
-    """Return datasets joined along ``point``, with NaN for the multipliers of grazing orbits.
+    """Join datasets along ``point``, with NaN for the Floquet multipliers of grazing orbits.
 
     These multipliers change with the square root of the distance from the grazing orbit, so half of
-    their digits are rounding errors.
+    their digits are rounding errors. `attrs` and `title` are the attributes of the result.
     """
     dataset = xr.concat(datasets, "point", data_vars="minimal", combine_attrs="override")
     for name in ("multiplier_real", "multiplier_imaginary"):
@@ -134,14 +139,15 @@ def _joined(datasets: Sequence[xr.Dataset], attrs: dict, title: str) -> xr.Datas
 def loci(
     pair: GearPair, branches: xr.Dataset, start: float, stop: float, lowest: float, highest: float
 ) -> xr.Dataset:
-    """Return the loci of folds, doublings and grazings of period one over tuning and damping.
+    """Compute the loci of folds, doublings and grazings of period one over tuning and damping.
 
-    `branches` are those of the gear pair. The loci lie between the
-    tunings `start` and `stop` and between the damping ratios `lowest` and `highest`. ``locus`` is
-    the index of the special point of the branches from which a locus starts, ``own_damping`` the
-    damping ratio with which the branches were computed, that of `pair`.
+    `branches` are the branches of the gear pair. The loci lie between the tunings `start` and
+    `stop` and between the damping ratios `lowest` and `highest`. In the dataset, ``locus`` is the
+    index of the special point of the branches from which a locus starts, and ``own_damping`` the
+    damping ratio of `pair`, with which the branches were computed.
     """
-    labels, tunings = branches.label.values, (start, stop)
+    labels = branches.label.values
+    tunings = start, stop
     damping_ratio = pair.damping_ratio
     names = ["state", "multiplier_real", "multiplier_imaginary", "residual", "tuning", "label"]
     # An empty dataset ensures that the result has its variables even without any locus.
@@ -156,9 +162,10 @@ def loci(
                 curve = locus(pair, branches, int(point), "damping", to=limit, limits=tunings)
             except NoOrbit:
                 continue
-            size, curve = curve.sizes["point"], curve.rename(damping="damping_ratio")
-            label = "point", np.full(size, labels[point], np.int8)
-            number = "point", np.full(size, point, np.int32)
-            datasets.append(curve.assign(label=label, locus=number))
+            count = curve.sizes["point"]
+            label = "point", np.full(count, labels[point], np.int8)
+            start_point = "point", np.full(count, point, np.int32)
+            curve = curve.rename(damping="damping_ratio")
+            datasets.append(curve.assign(label=label, locus=start_point))
     dataset = _joined(datasets, branches.attrs, "Loci of special points over tuning and damping")
     return describe(dataset.assign(own_damping=damping_ratio))

@@ -1,7 +1,7 @@
-"""Compute run-ups and run-downs through the resonance, and the mesh orders of the slowest.
+"""Compute run-ups and run-downs through the resonance, and the mesh orders of the slowest run.
 
-A sweep settles at every speed; a run-up passes each speed once. The faster it is, the further its
-jumps lie behind the folds, and the lower is its peak.
+In a sweep the motion settles at every speed; a run-up passes each speed once. The faster it is, the
+further its jumps lie behind the folds, and the lower is its peak.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ def run_ups_at_several_rates(
     mesh_orders: int,
     damping,
 ) -> xr.Dataset:
-    """Return tuning and extrema of the displacement in each revolution of several run-ups.
+    """Compute tuning and extrema of the displacement in each revolution of several run-ups.
 
     `start` and `stop` are tunings of `pair`; `model` runs at the same speeds. In each run the
     tuning rises linearly from `start` to `stop` and falls back at the same rate; `revolutions` has
@@ -38,8 +38,9 @@ def run_ups_at_several_rates(
     map of the slowest run, up to `mesh_orders` times the mesh order. `damping` is the name of the
     damping.
     """
-    start, stop = (model.tuning_from(pair, tuning) for tuning in (start, stop))
-    start_speed, stop_speed = (float(model.speed(nu)) for nu in (start, stop))
+    start_speed = float(model.speed(model.tuning_from(pair, start)))
+    stop_tuning = model.tuning_from(pair, stop)
+    stop_speed = float(model.speed(stop_tuning))
     names = ("tuning", "displacement_max", "displacement_min")
     shape = len(revolutions), len(DIRECTIONS), max(revolutions)
     data = {name: np.full(shape, np.nan) for name in names}
@@ -51,13 +52,13 @@ def run_ups_at_several_rates(
         samples = SAMPLES_PER_PERIOD if is_slowest else 0
         run = run_up(model, speed=speed_course, samples_per_period=samples)
         values = {
-            "tuning": run.revolution_speed / stop_speed * stop,
+            "tuning": run.revolution_speed / stop_speed * stop_tuning,
             "displacement_max": run.displacement_max / model.static_deflection,
             "displacement_min": run.displacement_min / model.static_deflection,
         }
         speed_falls = run.revolution_time.values >= seconds
-        for name in names:
-            for j, in_direction in enumerate((~speed_falls, speed_falls)):
+        for j, in_direction in enumerate((~speed_falls, speed_falls)):  # in the order of DIRECTIONS
+            for name in names:
                 data[name][i, j, : in_direction.sum()] = values[name].values[in_direction]
         if is_slowest:
             resolution = 1.0 / max(1, round(2 * count / _ORDER_MAP_BLOCKS))
@@ -65,12 +66,11 @@ def run_ups_at_several_rates(
             slow_map = order_map(run, variable="dynamic_force", **options)
     attrs = {"units": "1", "long_name": "revolutions of each way"}
     coords = {"revolutions": ("revolutions", list(revolutions), attrs)}
-    dataset = xr.Dataset(
-        {name: (("revolutions", "direction", "point"), values) for name, values in data.items()}
-        | {"damping": damping},
-        coords | {"direction": list(DIRECTIONS)},
-    )
-    # xarray and the CF conventions take "time" for dates; blocks have seconds from the start.
+    coords |= {"direction": list(DIRECTIONS)}
+    dims = "revolutions", "direction", "point"
+    variables = {name: (dims, values) for name, values in data.items()}
+    dataset = xr.Dataset(variables | {"damping": damping}, coords)
+    # In the CF conventions a coordinate called "time" has a reference date, which is missing here.
     map_names = ["amplitude", "rpm", "overall", "teeth", "order_resolution"]
     dataset = dataset.merge(slow_map[map_names].rename(time="block"))
     dataset = result("Run-ups of a gear mesh", model, dataset, method="exact")

@@ -33,9 +33,9 @@ TRUNCATED_MODEL = "pair_harmonics"
 
 #: Table entry in place of a number that depends on the initial state by more than rounding errors.
 DIFFERS = "differs"
-#: Smaller changes are rounding errors.
+#: Relative changes below this value are rounding errors.
 _MIN_CHANGE = 1e-9
-#: Rounding decides a motion if a tiny change of its start changes the extrema by more.
+#: Rounding errors decide a motion if a tiny change of its start changes its extrema by more.
 _MAX_ROUNDING_CHANGE = 1e-3
 _DISPLACEMENTS = ("displacement_max", "displacement_min")
 _FORCES = ("dynamic_force_max", "dynamic_force_min")
@@ -64,31 +64,32 @@ def representative_runs(
 ) -> tuple[xr.Dataset, list[xr.Dataset]]:
     """Return the run from the initial state, and the runs that represent the motion.
 
-    These are the first run itself, or runs from random states if rounding errors decide it. `run`
-    has arguments of `gearlib.simulate`, `settings` those of `many_starts.seeded_states`.
+    The motion is represented by this run itself, or by runs from random states if rounding errors
+    decide it. `run` has arguments of `gearlib.simulate`, `settings` has the random states, see
+    `many_starts.seeded_states`.
     """
     initial_state = np.asarray(run.get("initial_state", (0.0, 0.0)), float)
 
     def run_from(state: np.ndarray, **options: Any) -> xr.Dataset:
+        """Run the model from a state; `options` replace arguments in `run`."""
         start = tuple(map(float, state))
         return simulate(model, tuning, **run | options | {"initial_state": start})
 
-    first = run_from(initial_state, until_settled=True)
+    nominal_run = run_from(initial_state, until_settled=True)
     neighbour = run_from(many_starts.neighbouring_state(initial_state), samples_per_period=1)
     names = (*_DISPLACEMENTS, *_FORCES)
-    change = max(abs(float(first[name] - neighbour[name])) for name in names)
+    change = max(abs(float(nominal_run[name] - neighbour[name])) for name in names)
     if change < _MAX_ROUNDING_CHANGE:
-        return first, [first]
+        return nominal_run, [nominal_run]
     states = many_starts.seeded_states(model, initial_state, settings)
-    return first, [run_from(state, samples_per_period=1) for state in states]
+    return nominal_run, [run_from(state, samples_per_period=1) for state in states]
 
 
 def chosen_model_scene(comparison, cases, six_degrees: dict, run: dict, starts: dict) -> xr.Dataset:
     """Simulate a set of cases (a scene) with the model that a comparison of models has chosen.
 
-    `comparison` is a result of `compare`, `cases` have title, tuning and pair, `six_degrees` has
-    further arguments of `SixDegreePair`, `run` those of `gearlib.simulate`, and `starts` settings
-    of random initial states. The result is that of `scene`.
+    `comparison` is a result of `compare`; the other arguments and the returned dataset are
+    described in `scene`.
     """
     return scene(cases, comparison.chosen.item(), six_degrees, run, starts)
 
@@ -98,19 +99,18 @@ def scene(
 ) -> xr.Dataset:
     """Simulate a set of cases (a scene), and return time histories and summaries of all cases.
 
-    A case has title, tuning and pair; `model` is a name of `MODELS`,
-    `six_degrees` has further arguments of `SixDegreePair`, `run` those of `gearlib.simulate`. The
-    dataset has the dimensions case and (mesh) phase. free_of_rounding is 1 for runs that do not
-    depend on rounding errors. For the others, runs from random initial states are added: `starts`
-    has their number (starts), seed and spread. losing_share is the fraction of these initial states
-    from which contact is lost.
+    A case has title, tuning and pair; `model` is a name of `MODELS`, `six_degrees` has further
+    arguments of `SixDegreePair`, `run` has arguments of `gearlib.simulate`. The dataset has the
+    dimensions case and (mesh) phase. free_of_rounding is 1 for runs that do not depend on rounding
+    errors. The others are repeated from random initial states: `starts` has their number (starts),
+    seed and spread. losing_share is the fraction of initial states from which contact is lost.
     """
     histories = []
     for case in cases:
         case_model = build_model(model, case["pair"], six_degrees)
-        first, runs = representative_runs(case_model, case["tuning"], run, starts)
-        history = first.drop_dims("event")
-        history["free_of_rounding"] = (), np.int8(runs[0] is first), _FLAGS
+        nominal_run, runs = representative_runs(case_model, case["tuning"], run, starts)
+        history = nominal_run.drop_dims("event")
+        history["free_of_rounding"] = (), np.int8(runs[0] is nominal_run), _FLAGS
         history["losing_share"] = (), np.mean([float(record.bounces) > 0.0 for record in runs])
         phase = (history.phase - history.phase[0]).assign_attrs(history.phase.attrs)
         histories.append(describe(history.assign_coords(phase=phase), case_model))
@@ -127,15 +127,17 @@ def compare(
 
     `criteria` has observables (names), tolerance of their relative changes, and candidates, the
     models that may be chosen, from the smallest to the largest; `harmonics` is the number of
-    harmonics of the truncated stiffness. The other arguments are those of `scene`: `starts` has the
-    number (starts), seed and spread of random initial states. Return values of the
-    observables, changes (NaN for the largest model) and costs of each model, as medians and ranges
-    over initial states, and the name of the chosen model. free_of_rounding is 1 for runs,
-    change_free_of_rounding for changes, that do not depend on rounding errors.
+    harmonics of the truncated stiffness. The other arguments are described in `scene`. The dataset
+    has the values of the observables, and the change (NaN for the largest model) and cost of each
+    model, as medians and ranges over initial states, and the name of the chosen model.
+    free_of_rounding is 1 for runs that do not depend on rounding errors, change_free_of_rounding is
+    1 for such changes.
     """
-    names, observables = [*MODELS, TRUNCATED_MODEL], criteria["observables"]
+    names = [*MODELS, TRUNCATED_MODEL]
+    observables = criteria["observables"]
     values = np.empty((starts["starts"], len(names), len(cases), len(observables)))
-    scales, costs = np.ones_like(values), np.empty(values.shape[:-1])
+    scales = np.ones_like(values)
+    costs = np.empty(values.shape[:-1])
     is_reliable = np.empty(costs.shape[1:], bool)
     for i, j in np.ndindex(is_reliable.shape):
         tuning = cases[j]["tuning"]
@@ -148,7 +150,7 @@ def compare(
         costs[:, i, j] = [_cost(model, tuning, record, run) for record in runs]
     change, is_change_reliable = _relative_changes(values, scales, is_reliable)
     lowest, highest = change.min(axis=0), change.max(axis=0)
-    # The upper end is raised by the range of the starts, as a margin for all other starts.
+    # The upper end is raised by the range over the starts, as a margin for all other starts.
     with np.errstate(invalid="ignore"):
         highest = np.where(is_change_reliable, highest, 2.0 * highest - lowest)
     candidates, tolerance = criteria["candidates"], criteria["tolerance"]
@@ -179,30 +181,35 @@ def compare(
 def _relative_changes(
     values: np.ndarray, scales: np.ndarray, is_reliable: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the changes of the models, shape (starts, models), and a mask of reliable changes.
+    """Return the changes of the models, (starts, models), and a mask of reliable ones, (models,).
 
-    A change is the largest difference from larger models, relative to scales. The mask, (models,),
-    is true where no run depends on rounding. `values` of observables and `scales` of their
-    changes have the shape (starts, models, cases, observables); `is_reliable`, (models, cases), is
-    true for runs that do not depend on rounding.
+    The change of a model is the largest difference of an observable from any larger model, relative
+    to the scale of the observable; it is NaN for the largest model. A change is reliable if no run
+    depends on rounding. `values` of observables and `scales` have the shape (starts, models, cases,
+    observables); the mask `is_reliable`, (models, cases), is true for runs that do not depend on
+    rounding.
     """
     change = np.full(values.shape[:2], np.nan)
     is_change_reliable = np.asarray(is_reliable.all(axis=1))
-    last = len(MODELS)
-    # The truncated stiffness, the last model, is compared with the smallest model.
-    compared_models = {i: [*range(i + 1, last)] for i in range(last - 1)} | {last: [0]}
-    for i, others in compared_models.items():
-        difference = np.abs(values[:, [i]] - values[:, others]) / scales[:, others]
+    truncated = len(MODELS)  # index of the model with truncated stiffness
+    # Index of a model -> indices of the models with which it is compared.
+    compared_models = {i: [*range(i + 1, truncated)] for i in range(truncated - 1)}
+    compared_models[truncated] = [0]  # it approximates the smallest model
+    for i, references in compared_models.items():
+        difference = np.abs(values[:, [i]] - values[:, references]) / scales[:, references]
         # A run that stopped early is not within any tolerance.
         difference[np.isnan(difference)] = math.inf
         change[:, i] = difference.max(axis=(1, 2, 3))
-        is_change_reliable[i] &= is_reliable[others].all()
+        is_change_reliable[i] &= is_reliable[references].all()
     change[change < _MIN_CHANGE] = 0.0
     return change, is_change_reliable
 
 
 def _change_scale(run: xr.Dataset, observable: str) -> float:
-    """Return the scale of changes of an observable: the height of the orbit or force, or one."""
+    """Return the scale of an observable: the height of the orbit or of the force, or 1.
+
+    `run` is a result of `simulate`.
+    """
     if observable in _DISPLACEMENTS:
         return float(run.displacement_max - run.displacement_min)
     if observable in _FORCES:
@@ -218,7 +225,8 @@ def _cost(model: Any, tuning: float, record: xr.Dataset, run: dict) -> float:
     The cost of Taylor steps depends on rounding errors, so it is rounded to 1, 2 or 5 times a power
     of ten.
     """
-    propagator, evaluations = model.propagator(tuning), int(record.evaluations)
+    propagator = model.propagator(tuning)
+    evaluations = int(record.evaluations)  # 0 for closed forms
     if not evaluations:
         # Contact events subdivide the segments of constant stiffness.
         arcs = record.event.size / run["record_periods"] + _STIFFNESS_SEGMENTS
@@ -239,9 +247,10 @@ def rows(comparisons: Sequence[xr.Dataset], scenes: Sequence[str]) -> Iterator[l
     for scene_name, comparison in zip(scenes, comparisons, strict=True):
         for i, name in enumerate(comparison.model.values):
             is_reliable = bool(comparison.change_free_of_rounding[i])
-            change, cost = (
-                f"{value:.4g}" if is_reliable or math.isnan(value) else DIFFERS
-                for value in (float(comparison.change[i]), float(comparison.cost[i]))
-            )
+            numbers = []
+            for value in (float(comparison.change[i]), float(comparison.cost[i])):
+                is_printed = is_reliable or math.isnan(value)
+                numbers.append(f"{value:.4g}" if is_printed else DIFFERS)
+            change, cost = numbers
             chosen = "yes" if name == comparison.chosen.item() else "no"
             yield [scene_name, name, change, f"{float(comparison.tolerance):g}", cost, chosen]

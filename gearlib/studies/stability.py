@@ -21,28 +21,29 @@ PLANES = ("stiffness_ratio", "contact_ratio", "damping")
 _DAMPING_MARGIN = 1.15
 #: Largest damping ratio of the chart if there is no tongue.
 _DEFAULT_MAX_DAMPING = 0.1
-#: Limits, relative to a tuning, between which its nearest tongue is searched.
+#: Tunings, relative to a given tuning, between which its nearest tongue is searched.
 _TONGUE_RANGE = 0.7, 1.5
-#: Number of tunings of the scan for contact loss from rest, and its extent in tongue widths.
+#: Number of tunings of the scan for contact loss from rest, and its margin in tongue widths.
 _REST_SCAN_TUNINGS, _REST_SCAN_WIDTHS = 301, 1.5
-#: Tuning that is added to this extent, because tongues may have zero width.
+#: Tuning that is added to this margin, because tongues may have zero width.
 _MIN_REST_SCAN_MARGIN = 1e-3
 #: Number of tunings, and range of tuning, of the scan for forced contact loss.
 _FORCED_SCAN_TUNINGS, _FORCED_SCAN_RANGE = 51, 0.5
 #: Displacements down to this value below zero, static deflections, may be rounding errors.
 _DISPLACEMENT_TOLERANCE = 1e-9
 
+#: Codes of the causes of contact loss, and their names.
 NONE, PARAMETRIC, FORCED = 0, 1, 2
 CAUSES = ("none", "parametric instability", "forced response")
 
 
 def stability_chart(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
-    """Return growth rates and tongues of a gear pair over tuning and each parameter of `PLANES`.
+    """Compute growth rates and tongues of a gear pair over tuning and each parameter of `PLANES`.
 
-    `settings` have damping_ratios (each has its tongues),
-    least_stiffness_ratio (lower limit of the stiffness ratio), and values (number of values of each
-    parameter). In the dataset, own_value is the nominal value of each parameter, that of the
-    undamped pair; closing_damping is the damping ratio above which a tongue does not exist.
+    `settings` have damping_ratios (for each of which tongues are computed), least_stiffness_ratio
+    (lower limit of the stiffness ratio), and values (number of values of each parameter). In the
+    dataset, own_value is the value of each parameter for the undamped pair; closing_damping is the
+    damping ratio above which a tongue does not exist.
     """
     model = pair.replace(material_damping=0.0)
     dampings, count = settings["damping_ratios"], settings["values"]
@@ -59,7 +60,8 @@ def stability_chart(pair: GearPair, tunings: Sequence[float], settings: dict) ->
     for plane, values in plane_values.items():
         tongues = []
         # In the plane "damping", the rows already differ in damping.
-        for damping in dampings[:1] if plane == "damping" else dampings:
+        plane_dampings = dampings[:1] if plane == "damping" else dampings
+        for damping in plane_dampings:
             damped = search.replace_parameter(model, "damping", damping)
             edges = search.tongues(damped, parameter=plane, values=values, **tuning_range)
             edges = edges[["tuning_from", "tuning_to"]].swap_dims({plane: "row"}).drop_vars(plane)
@@ -85,7 +87,9 @@ def _zero_width_points(
     """Return the points of the chart where undamped tongues have zero width, as variables.
 
     A point has a plane (the parameter that is varied), the value of this parameter, and a tuning.
-    The stiffness ratio is varied at the contact ratio of the pair, and the reverse.
+    The stiffness ratio is varied at the contact ratio of the pair, the contact ratio at the
+    stiffness ratio of the pair. `orders` are the orders of the tongues; points with stiffness
+    ratios below `min_stiffness_ratio` are left out.
     """
     points = []
     fixed_parameters = {"stiffness_ratio": "contact_ratio", "contact_ratio": "stiffness_ratio"}
@@ -105,13 +109,13 @@ def _zero_width_points(
 def contact_loss(
     pairs: dict[str, GearPair], tuning: float, start: float, stop: float, run: dict
 ) -> xr.Dataset:
-    """Return the tongues of gear pairs with different dampings, and why they lose contact.
+    """Compute the tongues of gear pairs with different dampings, and why they lose contact.
 
-    `pairs` maps the name of a damping to a pair. At `tuning` (variable "asked")
-    contact is lost either because the forced orbit of one mesh period has displacements below zero,
-    or because perturbations of this orbit grow in an instability tongue. Tongues are searched
-    between the tunings `start` and `stop`; `run` has periods and initial_state of the motion from
-    rest. Edges of closed tongues, and limits of contact loss outside the scan, are NaN.
+    `pairs` maps the name of a damping to a pair. At `tuning` (variable "asked") contact is lost
+    either because the forced orbit of one mesh period has displacements below zero, or because
+    perturbations of this orbit grow in an instability tongue. Tongues are searched between the
+    tunings `start` and `stop`; `run` has periods and initial_state of the motion from rest. Edges
+    of closed tongues, and ends of contact loss outside the scan, are NaN.
     """
     lower, upper = _TONGUE_RANGE
     start = max(search.MIN_TUNING, min(start, lower * tuning))
@@ -134,9 +138,9 @@ def contact_loss(
 
 
 def _contact_loss_data(pair: GearPair, tuning: float, tongues: xr.Dataset, run: dict) -> dict:
-    """Return variables on the nearest tongue, growth, contact loss and its cause at a tuning.
+    """Return the nearest tongue, growth rate, contact loss and its cause at a tuning, as variables.
 
-    `tongues` are those of the gear pair; `run` has arguments of `gearlib.sweep`.
+    `tongues` are the tongues of the gear pair; `run` has arguments of `gearlib.sweep`.
     """
     is_inside = (tongues.tuning_from <= tuning) & (tuning <= tongues.tuning_to)
     distance = np.abs(tongues.growth_tuning - tuning).where(~is_inside, 0.0)
@@ -149,22 +153,25 @@ def _contact_loss_data(pair: GearPair, tuning: float, tongues: xr.Dataset, run: 
         cause = FORCED
     elif growth > 0.0:
         cause = PARAMETRIC
-    loses_contact, first, last = _loss_from_rest(pair, tuning, order, run)
+    loses_contact, loss_from, loss_to = _loss_from_rest(pair, tuning, order, run)
     return {
         "damping_ratio": pair.damping_ratio,
         "nearest_order": np.int32(order),
         "growth": growth,
         "orbit_min": min_displacement,
         "lost": np.int8(loses_contact),
-        "loss_from": first,
-        "loss_to": last,
+        "loss_from": loss_from,
+        "loss_to": loss_to,
         "forced_from": _forced_loss_tuning(pair, tuning),
         "cause": np.int8(cause),
     }
 
 
 def orbit_min(pair: GearPair, tuning: float) -> float:
-    """Return the smallest displacement (static deflections) of the orbit without contact loss."""
+    """Return the smallest displacement of the orbit that keeps contact, static deflections.
+
+    It is negative if the real pair, unlike the linear one, would lose contact on this orbit.
+    """
     state, linear = meissner.orbit_state(pair, tuning), meissner.linear_pair(pair)
     curve = sweep(linear, [tuning], periods=1, record_periods=1, initial_state=state)
     return float(curve.displacement_min[0])
@@ -173,36 +180,40 @@ def orbit_min(pair: GearPair, tuning: float) -> float:
 def _loss_from_rest(pair, tuning, order, run) -> tuple[bool, float, float]:
     """Return whether motion from rest loses contact at a tuning, and the range of such tunings.
 
-    `order` is that of the nearest instability tongue (0: none), whose range of tunings is scanned
-    with `run`, arguments of `gearlib.sweep`. An end of the range outside the scan is NaN.
+    `order` is the order of the nearest instability tongue (0: none), whose tunings are scanned;
+    `run` has arguments of `gearlib.sweep`. An end of the range outside the scan is NaN.
     """
     lower = upper = tuning
     if order:
-        limits: Any = meissner.gap(meissner.equation_of(pair), order)  # of 1 / tuning
-        upper, lower = (1.0 / limit for limit in limits)
+        gap: Any = meissner.gap(meissner.equation_of(pair), order)  # range of 1 / tuning
+        upper, lower = (1.0 / end for end in gap)
     margin = _REST_SCAN_WIDTHS * (upper - lower) + _MIN_REST_SCAN_MARGIN
     first_tuning, last_tuning = min(lower, tuning) - margin, max(upper, tuning) + margin
     scan = np.linspace(first_tuning, last_tuning, _REST_SCAN_TUNINGS)
     curve = sweep(pair, scan, record_periods=run["periods"], **run)
     loses_contact = curve.displacement_min.values < -_DISPLACEMENT_TOLERANCE
     nearest = int(np.argmin(np.abs(scan - tuning)))
-    for first, last in true_intervals(loses_contact):
-        if first <= nearest <= last:
-            begin = float(scan[first]) if first else math.nan
-            return True, begin, float(scan[last]) if last < scan.size - 1 else math.nan
+    for i, j in true_intervals(loses_contact):
+        if i <= nearest <= j:
+            begin = float(scan[i]) if i > 0 else math.nan
+            end = float(scan[j]) if j < scan.size - 1 else math.nan
+            return True, begin, end
     return False, math.nan, math.nan
 
 
 def _forced_loss_tuning(pair: GearPair, tuning: float) -> float:
-    """Return the lowest tuning from `tuning` on at which the orbit itself loses contact, or NaN."""
+    """Return the lowest tuning, from `tuning` on, at which the forced orbit itself loses contact.
+
+    It is NaN if there is none in the scan.
+    """
     scan = np.linspace(tuning, tuning + _FORCED_SCAN_RANGE, _FORCED_SCAN_TUNINGS)
     losses = np.flatnonzero([orbit_min(pair, nu) < 0.0 for nu in scan])
     if not losses.size:
         return math.nan
-    first = losses[0]
-    if first == 0:
+    i = losses[0]
+    if i == 0:
         return tuning
-    return float(brentq(lambda nu: orbit_min(pair, nu), scan[first - 1], scan[first], xtol=1e-12))
+    return float(brentq(lambda nu: orbit_min(pair, nu), scan[i - 1], scan[i], xtol=1e-12))
 
 
 def rows(tongues: xr.Dataset) -> Iterator[list]:

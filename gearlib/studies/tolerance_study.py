@@ -13,15 +13,15 @@ from gearlib.uncertainty.designs import StageDesign
 from gearlib.uncertainty.scatter import shard as scatter_shard
 from gearlib.uncertainty.scatter import sobol_indices
 
-#: Endings of the variables with the moments of a quantity, and the percentiles of the table.
+#: Endings of the names of the variables with moments of a quantity; percentiles in the table.
 _MOMENTS, _PERCENTILES = ("nominal", "mean", "deviation"), (5, 50, 95)
 
 
 def nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair | StageDesign:
-    """Return the design whose parameters scatter: a `GearPair`, or gears given by geometry.
+    """Return the design whose parameters scatter, a `GearPair` or gears given by geometry.
 
-    `gears` has the geometry of two gears, their torque and stiffness method, or is None; they have
-    the damping of `pair`.
+    `gears` has the geometry of two gears, their torque and stiffness method; their damping is that
+    of `pair`. If it is None, `pair` itself is returned.
     """
     if gears is None:
         return pair
@@ -39,21 +39,22 @@ def nominal_design(pair: GearPair, gears: dict | None = None) -> GearPair | Stag
 def scatter_of_shard(
     *, pair: GearPair, tolerances: dict, samples: int, shard: str, threads, gears=None, **settings
 ) -> xr.Dataset:
-    """Return the results of `gearlib.scatter` for a part of all random samples.
+    """Compute a part of the random samples of `gearlib.scatter`.
 
-    `shard` is a string such as "0-100": the indices of its first sample and of the first sample
-    after it. `pair` and `gears` are arguments of `nominal_design`, `tolerances` maps
-    parameters to their distributions, `settings` are further arguments of `gearlib.scatter`.
+    `samples` is the number of all samples. `shard` is a string such as "0-100", the index of the
+    first sample of the part and the index after its last one. `pair` and `gears` are arguments of
+    `nominal_design`, `tolerances` maps parameters to their distributions, `settings` are further
+    arguments of `gearlib.scatter`.
     """
-    first, last = map(int, shard.split("-"))
+    start, stop = map(int, shard.split("-"))
     design = nominal_design(pair, gears)
-    return scatter_shard(design, tolerances, samples, first, last, threads=threads, **settings)
+    return scatter_shard(design, tolerances, samples, start, stop, threads=threads, **settings)
 
 
 def sobol_indices_of_design(
     *, pair: GearPair, tolerances: dict, samples: int, gears: dict | None = None, **settings: Any
 ) -> xr.Dataset:
-    """Return the Sobol' indices of a design from a number of samples.
+    """Compute the Sobol' indices of a design from a number of samples.
 
     `pair` and `gears` are arguments of `nominal_design`, `tolerances` maps parameters to their
     distributions, `settings` are further arguments of `gearlib.sobol_indices`.
@@ -62,18 +63,19 @@ def sobol_indices_of_design(
 
 
 def rows(scattered: xr.Dataset) -> Iterator[list]:
-    """Yield the rows of the table of `gearlib.scatter`: the names of the columns, then values.
+    """Yield the rows of the table of scattering quantities: the names of the columns, then values.
 
-    Each quantity of the dataset `scattered` has a row; found is the number of designs that have it.
+    `scattered` is a result of `gearlib.scatter`; each of its quantities has a row. The column found
+    is the number of designs that have the quantity.
     """
     quantiles = [f"quantile_{percentile}" for percentile in _PERCENTILES]
     yield ["quantity", "unit", *_MOMENTS, *quantiles, "found", "samples"]
     for name in QUANTITIES:
         if name not in scattered:
             continue
-        defined = scattered[f"{name}_status"].values == 0
-        values = scattered[name].values[defined] if defined.any() else np.nan
+        is_found = scattered[f"{name}_status"].values == 0
+        values = scattered[name].values[is_found] if is_found.any() else np.nan
         moments = [scattered.get(f"{name}_{moment}", np.nan) for moment in _MOMENTS]
         numbers = [*moments, *np.percentile(values, _PERCENTILES)]
         cells = [f"{float(number):.6g}" for number in numbers]
-        yield [name, scattered[name].attrs["units"], *cells, int(defined.sum()), defined.size]
+        yield [name, scattered[name].attrs["units"], *cells, int(is_found.sum()), is_found.size]

@@ -1,4 +1,4 @@
-"""Compute all meshes of gear trains over speed, and Campbell diagrams.
+"""Compute the forces in all meshes of gear trains over speed, and Campbell diagrams.
 
 Every motion is found from many random initial states, see `gearlib.studies.many_starts`.
 """
@@ -24,8 +24,9 @@ _QUANTITIES = ("load_sharing", "contact_loss_fraction")
 def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
     """Return the paper's reducer as a `GearTrain`.
 
-    Its tuning refers to the natural frequency of the gear pair. `settings` are those of the section
-    ``reducer`` of the configuration, `changes` further arguments of `gearlib.split_power_reducer`.
+    Its tuning refers to the natural frequency of the gear pair. `settings` are the keys of the
+    section ``reducer`` of the configuration, `changes` are further arguments of
+    `gearlib.split_power_reducer`.
     """
     frequency = pair.mesh_frequency(1.0)
     names = ("teeth", "modules", "shaft_stiffness", "support_stiffness")
@@ -38,13 +39,12 @@ def reducer_train(pair: GearPair, settings: dict, **changes: Any) -> Any:
 
 
 def reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Dataset:
-    """Return force and contact of all meshes of the reducer over tuning, without and with errors.
+    """Compute force and contact of all meshes of the reducer over tuning, without and with errors.
 
-    `settings` have teeth, modules, shaft_stiffness,
-    support_stiffness and damping_ratio of the reducer, the keys of `many_starts.SETTINGS` for the
-    random initial states, and the errors pin_error (m, radial and tangential) and backlashes (m, of
-    each branch). The cases are "alike" (all branches are equal), "pin_error" (of the first branch)
-    and "unequal_backlash".
+    `settings` have teeth, modules, shaft_stiffness, support_stiffness and damping_ratio of the
+    reducer, the keys of `many_starts.SETTINGS` for the random initial states, and the errors
+    pin_error (m, radial and tangential) and backlashes (m, of each branch). The cases are "alike"
+    (all branches are equal), "pin_error" (of the first branch) and "unequal_backlash".
     """
     tunings = np.asarray(tunings, float)
     backlashes = [(backlash, backlash) for backlash in settings["backlashes"]]
@@ -77,11 +77,12 @@ def reducer(pair: GearPair, tunings: Sequence[float], settings: dict) -> xr.Data
 def _reducer_case(
     train: Any, tunings: np.ndarray, settings: dict, mesh_branches: np.ndarray
 ) -> xr.Dataset:
-    """Return the sweep of a reducer, its largest force ratios, and fractions of initial states.
+    """Compute the sweep of a reducer, its largest force ratios, and fractions of initial states.
 
-    By branch, lost_alone_share is the fraction of initial states from which only this branch loses
-    contact, struck_alone_share the fraction from which only this branch has coast-side contact.
-    `mesh_branches` has the branch of each mesh, `settings` have the keys of `many_starts.SETTINGS`.
+    Of each branch, lost_alone_share is the fraction of initial states from which only this branch
+    loses contact, struck_alone_share the fraction from which only this branch has coast-side
+    contact. `mesh_branches` has the branch number of each mesh, `settings` have the keys of
+    `many_starts.SETTINGS`.
     """
     quantities = train.force_ratio_name, *_QUANTITIES
     sweep, motions = many_starts.sweep_with_seeded_starts(train, tunings, settings, quantities)
@@ -102,7 +103,7 @@ def _reducer_case(
 
 
 def single_branch_fraction(occurs: np.ndarray, mesh_branches: np.ndarray) -> np.ndarray:
-    """Return the fraction of starts from which an event occurs in one branch only, by branch.
+    """Return the fraction of starts from which an event occurs in a single branch, by branch.
 
     The mask `occurs` has the shape (starts, tunings, meshes), `mesh_branches` has the branch number
     of each mesh. The fractions have the shape (tunings, branches).
@@ -117,9 +118,9 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
     """Yield the rows of the table of the reducer: the names of the columns, then their values.
 
     `characteristics` are the sweeps from `reducer`; each case, direction and mesh has a row. The
-    last columns list tunings: those at which, from all initial states, only the branch of the mesh
-    loses contact, those at which only this branch has coast-side contact (far_flank_struck), and
-    those at which the motion does not settle.
+    last three columns list the tunings at which, from all initial states, only the branch of the
+    mesh loses contact; the tunings at which only this branch has coast-side contact
+    (far_flank_struck); and the tunings at which the motion does not settle.
     """
     ratio_names = ["largest_peak_force_ratio", "at_tuning", "at_speed_rpm"]
     events = ("contact_lost", "far_flank_struck")
@@ -130,7 +131,8 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
     cells = characteristics.stack(cell=("case", "direction", "mesh"), create_index=False)
     for i in range(cells.sizes["cell"]):
         cell = cells.isel(cell=i)
-        is_settled, tuning = cell.settled.values == 1, float(cell.largest_ratio_tuning)
+        is_settled = cell.settled.values == 1
+        tuning = float(cell.largest_ratio_tuning)
         branch = cell.sel(branch=int(cell.mesh_branch))
         loses_contact = is_settled & (branch.lost_alone_share.values == 1.0)
         has_coast_contact = is_settled & (branch.struck_alone_share.values == 1.0)
@@ -143,7 +145,7 @@ def reducer_rows(characteristics: xr.Dataset) -> Iterator[list]:
 
 
 def over_speed(train: Any, tunings: Sequence[float], settings: dict) -> xr.Dataset:
-    """Return a sweep over speed: force and contact of all meshes of a gear train by tuning.
+    """Compute force and contact of all meshes of a gear train over tuning.
 
     `settings` has the keys of `many_starts.SETTINGS`.
     """
@@ -158,11 +160,11 @@ def over_speed(train: Any, tunings: Sequence[float], settings: dict) -> xr.Datas
 
 
 def campbell(characteristics, orders: int, pair=None, settings=None, train=None) -> xr.Dataset:
-    """Return the Campbell diagram of a train, and the speeds at which its meshes lose contact.
+    """Compute the Campbell diagram of a train, and the speeds at which its meshes lose contact.
 
-    `characteristics` are the sweeps from `over_speed` with `train`, or those from `reducer` with
-    `pair` and `settings`, of which the case of equal branches is used. `orders` is the highest
-    multiple of each mesh frequency. In the dataset, mesh_rate is the frequency of each mesh over
+    `characteristics` are the sweeps from `over_speed` with `train`, or from `reducer` with `pair`
+    and `settings`, of which the case of equal branches is used. `orders` is the highest multiple of
+    each mesh frequency. In the dataset, mesh_rate is the mesh frequency of each mesh divided by
     that of the reference mesh, contact_loss_fraction_high the largest fraction of time without
     contact over all initial states.
     """
@@ -184,9 +186,10 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
     """
     speeds = diagram.speed.values
     loss = diagram.contact_loss_fraction_high.values
-    # By speed: in any direction, in any mesh.
+    # A speed counts if contact is lost in any direction of the sweep and in any mesh.
     loses_contact = (loss > FRACTION_TOLERANCE).any(axis=(0, 2))
-    intersections: dict[tuple, tuple[float, bool]] = {}  # cells of a row -> (speed, excited)
+    # Texts of a row -> (critical speed, whether the mode is excited).
+    intersections: dict[tuple, tuple[float, bool]] = {}
     for order in diagram.stiffness_order.values:
         for mode in diagram.mode.values:
             cell = diagram.sel(stiffness_order=order, mode=mode)
@@ -204,5 +207,5 @@ def campbell_rows(diagram: xr.Dataset) -> Iterator[list]:
 
 
 def _whole_number(value: float) -> str:
-    """Return a value as a whole number, a small one with three digits."""
+    """Return a value as a text without decimals, or with three digits if it is below 100."""
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"

@@ -1,21 +1,22 @@
-"""Difficult problems, on which methods miss events, drift, invent motion or stop.
+"""Define difficult problems, on which methods miss events, drift, invent motion or stop.
 
 A problem has a quantity that is compared, and a tolerance of its error:
 
-=============  ==================================================================================
-quantity       error =============
-================================================================================== ``state``
-difference of the final states, displacement or nu times velocity, over the height of the recorded
-motion (over one static deflection if that is larger) ``contacts``   contact events of the record
-that are missing, spurious or out of order ``orbit``      difference of the extrema of the settled
-orbit over its height ``fractions``  difference of the fractions of time in drive-side contact,
-backlash and coast-side contact ``energy``     relative difference of the energy about the rest
-position, constant stiffness ``deviation``  relative difference of the distance from the orbit
-without loss of contact =============
-==================================================================================
+=============  ===============================================================================
+quantity       error
+=============  ===============================================================================
+``state``      difference of the final states, displacement or nu times velocity, relative to
+               the height of the recorded motion or to one static deflection, if it is larger
+``contacts``   number of contact events that are missing, spurious or out of order
+``orbit``      difference of the extrema of the settled orbit, relative to its height
+``fractions``  difference of the fractions of time in drive-side contact, without contact and
+               in coast-side contact
+``energy``     relative difference of the energy about equilibrium at constant stiffness
+``deviation``  relative difference of the distance from the orbit without loss of contact
+=============  ===============================================================================
 
-The state of a train has all coordinates except for the free rotation; velocities are derivatives
-with respect to the mesh phase.
+The state of a train has all coordinates except for the rigid-body rotation; velocities are
+derivatives with respect to the mesh phase.
 """
 
 import math
@@ -44,7 +45,7 @@ class Problem(NamedTuple):
     short_periods: int | None = None  #: periods for solvers with slow interpreted steps
     quantity: str = "state"
     tolerance: float = 1e-4
-    orbit: tuple = ()  #: state at phase 0 of the orbit without loss, for "deviation"
+    orbit: tuple = ()  #: state at phase 0 of the orbit without contact loss, for "deviation"
 
 
 #: The gear pair of the paper with material damping, as in config.yaml.
@@ -60,7 +61,7 @@ PAPER = GearPair(
 _UNDAMPED = PAPER.replace(material_damping=0.0)
 #: For tongues: the perturbed motion keeps contact, so the backlash does not matter.
 _UNDAMPED_WITHOUT_COAST_SIDE = _UNDAMPED.replace(backlash=math.inf)
-#: Distance in tuning from the edge of a tongue, and initial displacement from the orbit.
+#: Distance in tuning from the edge of a tongue; displacement of the initial state from the orbit.
 _DISTANCE_FROM_TONGUE, _PERTURBATION = 1e-4, 1e-6
 _RATIOS = {"contact_ratio": 1.569, "stiffness_ratio": 0.5879, "damping": 0.0617}
 _COMPARED_CONTACTS = {"periods": 1, "quantity": "contacts", "tolerance": 0.0}
@@ -74,25 +75,30 @@ def _gear_pair(**changes: float) -> GearPair:
 def _grazing(side: str, exponent: int) -> Problem:
     """Return a problem whose motion reverses close to the displacement 0, where contact is lost.
 
-    With the `side` "past" it reverses at -10^exponent, with "short of" at +10^exponent.
+    If `side` is "past", it reverses at -10^exponent static deflections, beyond the flank line; if
+    `side` is "short of", at +10^exponent.
     """
-    tuning, reversal_phase = 0.9, 0.9  # phase in rad, within the segment of high stiffness
-    displacement = {"past": -1.0, "short of": 1.0}[side] * 10.0**exponent
+    tuning = 0.9
+    reversal_phase = 0.9  # rad, within the segment of high stiffness
+    sign = {"past": -1.0, "short of": 1.0}[side]
+    reversal_state = sign * 10.0**exponent, 0.0
     # The start is computed backwards from the point of reversal, with the equation of contact.
     high_stiffness = stiffness_levels(_UNDAMPED.contact_ratio, _UNDAMPED.stiffness_ratio)[0]
-    reversal, phase = (displacement, 0.0), -reversal_phase
-    start = meissner.state_after(reversal, high_stiffness, damping=0.0, tuning=tuning, phase=phase)
+    start = meissner.state_after(
+        reversal_state, high_stiffness, damping=0.0, tuning=tuning, phase=-reversal_phase
+    )
     description = f"grazing, 1e{exponent} {side} the flank line"
     return Problem(description, _UNDAMPED, tuning, start, **_COMPARED_CONTACTS)
 
 
 def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
-    """Return the problems at a tuning inside an instability tongue and just beyond its edge.
+    """Return two problems, at a tuning inside an instability tongue and just beyond its edge.
 
-    `name` is the end of the names of the problems, `centre` the tuning inside the tongue, and
+    They are called "tongue_<name>" and "edge_<name>". `centre` is the tuning inside the tongue, and
     `periods` the number of mesh periods.
     """
-    model, problems = _UNDAMPED_WITHOUT_COAST_SIDE, {}
+    model = _UNDAMPED_WITHOUT_COAST_SIDE
+    problems = {}
     equation = meissner.equation_of(model)
     (order,) = meissner.orders(equation, centre, centre)
     beyond = meissner.tongue(equation, order).stop + _DISTANCE_FROM_TONGUE
@@ -100,10 +106,18 @@ def _tongue(name: str, centre: float, periods: int) -> dict[str, Problem]:
         (f"tongue_{name}", centre, f"inside the tongue at $\\nu$ = {centre:g}"),
         (f"edge_{name}", beyond, f"beyond its edge, $\\nu$ = {beyond:.4f}"),
     ):
-        x, v = meissner.orbit_state(model, tuning)
-        start, record = (x + _PERTURBATION, v), {"periods": periods, "record_periods": 1}
-        comparison = {"quantity": "deviation", "tolerance": 1e-2, "orbit": (x, v)}
-        problems[key] = Problem(description, model, tuning, start, **record, **comparison)
+        displacement, velocity = meissner.orbit_state(model, tuning)
+        problems[key] = Problem(
+            description,
+            model,
+            tuning,
+            state=(displacement + _PERTURBATION, velocity),
+            periods=periods,
+            record_periods=1,
+            quantity="deviation",
+            tolerance=1e-2,
+            orbit=(displacement, velocity),
+        )
     return problems
 
 
@@ -113,12 +127,13 @@ def _planets(
     """Return a problem of a train with three planets that starts near static equilibrium.
 
     The sun and the first planet are displaced along their base circles, in static deflections;
-    `changes` are arguments of `planetary`.
+    `changes` are arguments of `planetary`, `description` is the label in the figure.
     """
     # Lin and Parker's train, excited at its second rotational mode of 1475 Hz, with the stiffness
     # ratios of sun meshes and ring meshes. Coordinates "u" are displacements along base circles.
     train = planetary(stiffness_ratio=(0.7458, 0.7321), **changes)
-    state, coordinates = train.start_state("static"), train.structure.coordinates
+    state = train.start_state("static")
+    coordinates = train.structure.coordinates
     state[coordinates.index(("sun", "u"))] += sun_displacement
     state[coordinates.index(("planet 1", "u"))] += planet_displacement
     tuning = 2.0 * math.pi * 1475.0 / train.reference_angular_frequency
@@ -128,10 +143,9 @@ def _planets(
 def _state_problems() -> dict[str, Problem]:
     """Return the problems that compare final states, as name -> `Problem`.
 
-    They are defined by rows of description, model and tuning, followed by the initial state (rest
-    on the drive-side flank line if it is missing) and the number of mesh periods (10 if missing).
-    In descriptions, the near flank is that of the drive side, the coast-side flank that of the
-    coast side.
+    They are defined by rows of description, model and tuning, followed by the initial state (by
+    default rest on the drive-side flank line) and the number of mesh periods (by default 10). The
+    near flank line is the drive-side one.
     """
     six_degrees = SixDegreePair(
         pair=PAPER,
@@ -145,9 +159,9 @@ def _state_problems() -> dict[str, Problem]:
     )
     cubic = OneDegreePair(pair=_gear_pair(), cubic_damping=100.0)
     few_terms, many_terms = (OneDegreePair(pair=PAPER, profile=Fourier(n)) for n in (2, 200))
-    # The motion starts 1e4 above the coast-side flank line and reaches 0.1 below it. Free motion
-    # of 140 rad is a parabola, exact for all methods of order 2 or more, so their steps grow
-    # without limit; the contact that follows lasts only 0.9 rad.
+    # The motion starts 1e4 above the coast-side flank line and reaches 0.1 below it. The free
+    # flight of 140 rad is a parabola, which all methods of order 2 or more compute exactly, so
+    # their steps grow without limit; the contact that follows lasts only 0.9 rad.
     wide_backlash = _gear_pair(damping=0.0, backlash_ratio=2e4)
     fall = (-1e4, -math.sqrt(2.0 * (1e4 + 0.1)))
     rest, coast_line = (0.0, 0.0), (-PAPER.backlash_ratio, 0.0)

@@ -1,30 +1,30 @@
 """Judge methods on difficult problems by rules.
 
-The reference of a run is the exact propagator if it can run the model, else Taylor steps. These
-two are compared with each other; if only one of them can run the model, its reference is scipy's
-DOP853, restarted at events, with a tolerance of 1e-13. The first rule that applies gives the
-verdict:
+The reference of a run is computed by the exact propagator if it can run the model, else by Taylor
+steps. These two are compared with each other; if only one of them can run the model, its reference
+is scipy's DOP853, restarted at events, with a tolerance of 1e-13. The first rule that applies gives
+the verdict:
 
 ==================  ===========================================================================
 verdict             rule
 ==================  ===========================================================================
 refused             the method cannot run the model
 diverged            the motion left the range of floating-point numbers, or its height is more
-                    than `DIVERGENCE_RATIO` times that of the reference (or times one static
-                    deflection, if this is larger)
-stalled             no end within `MAX_EVENTS` steps or phases a mesh period, iterations without
-                    rest, or steps below the spacing of numbers
-right               the error is within the tolerance of the problem (where fractions are
-                    compared: and both motions repeat, or neither does)
-wrong attractor     orbit or fractions are compared, and the period differs, or height (over that
-                    of the reference), bounces per period or a fraction by more than
+                    than `DIVERGENCE_RATIO` times the height of the reference or one static
+                    deflection, if that is larger
+stalled             more than `MAX_EVENTS` steps or arcs in a mesh period, iterations that do not
+                    converge, or steps below the spacing of floating-point numbers
+right               the error is within the tolerance of the problem; if fractions are compared,
+                    both motions repeat or neither does
+wrong attractor     orbit or fractions are compared, and the period differs, or the relative
+                    height, the bounces per period or a fraction differ by more than
                     `MIN_ATTRACTOR_CHANGE`
-invented motion     energy or deviation is compared, and is larger than that of the reference; or
-                    the reference rests or repeats, and the height is more than `MAX_GROWTH`
-                    times that of the reference
-missed event        the record has other contact events, or in another order (not where orbit or
-                    fractions are compared: those have no events in common one by one)
-inaccurate          none of these
+invented motion     energy or deviation is compared, and exceeds that of the reference; or the
+                    reference rests or repeats, and the height is more than `MAX_GROWTH` times
+                    the height of the reference
+missed event        the record has other contact events or another order of events; not applied
+                    if orbit or fractions are compared, as their motions differ event by event
+inaccurate          none of these rules applies
 ==================  ===========================================================================
 """
 
@@ -48,11 +48,11 @@ from gearlib.studies.trials.difficult_problems import Problem, problems
 VERDICTS = (
     "right inaccurate missed_event wrong_attractor invented_motion diverged stalled refused"
 ).split()
-#: Orbits with larger relative differences are different attractors.
+#: Orbits that differ by more than this, relative to the height, are different attractors.
 MIN_ATTRACTOR_CHANGE = 0.05
-#: A motion whose height exceeds that of a steady reference by this factor is invented.
+#: A motion is invented if its height exceeds the height of a steady reference by this factor.
 MAX_GROWTH = 2.0
-#: A motion whose height exceeds that of the reference by this factor has diverged.
+#: A motion has diverged if its height exceeds the height of the reference by this factor.
 DIVERGENCE_RATIO = 1e3
 #: Limit on steps or arcs per mesh period: more than any problem needs.
 MAX_EVENTS = 30_000
@@ -61,15 +61,14 @@ SPLIT_REFERENCE = ("scipy", {"solver": "DOP853", "rtol": 1e-13, "atol": 1e-13, "
 
 
 class Outcome(NamedTuple):
-    """The quantities of a run that the rules compare."""
+    """The quantities of a run that the rules compare; NaN if the run stopped early."""
 
     status: int
-    state: tuple = (math.nan, math.nan)  #: final coordinates and velocities, no free rotation
+    state: tuple = (math.nan, math.nan)  #: final coordinates and velocities, no rigid-body rotation
     low: float = math.nan  #: smallest recorded displacement
     high: float = math.nan  #: largest recorded displacement
-    fractions: tuple = (
-        math.nan,
-    ) * 3  #: of time in drive-side contact, no contact, coast-side contact
+    #: Fractions of time in drive-side contact, without contact, in coast-side contact.
+    fractions: tuple = (math.nan, math.nan, math.nan)
     bounces: float = math.nan  #: per mesh period
     period: int = 0  #: mesh periods after which the motion repeats; 0: it does not
     contacts: tuple = ()  #: contact codes (before, after) of every event; of trains mesh by mesh
@@ -77,7 +76,7 @@ class Outcome(NamedTuple):
 
     @property
     def height(self):
-        """Height of the recorded motion, static deflections."""
+        """Return the height of the recorded motion, static deflections."""
         return self.high - self.low
 
 
@@ -88,7 +87,8 @@ def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
     """
     if int(run.status) != status.OK:
         return Outcome(int(run.status))
-    contacts, state = [run.event_from.values, run.event_to.values], run.final_state.values
+    contacts = [run.event_from.values, run.event_to.values]
+    state = run.final_state.values
     if model.mesh_names:
         # Simultaneous events of several meshes have no order in time.
         order = np.argsort(run.event_mesh.values, kind="stable")
@@ -109,7 +109,10 @@ def outcome_of(run: xr.Dataset, model: Any) -> Outcome:
 
 
 def _distance(tuning: float, state: ArrayLike, other: ArrayLike) -> float:
-    """Return the largest difference of two states, whose velocities are scaled by the tuning."""
+    """Return the largest difference of displacements, or of velocities times tuning, of two states.
+
+    A state has all displacements, then all velocities.
+    """
     difference = np.abs(np.subtract(state, other))
     displacements, velocities = np.split(difference, 2)
     return float(max(displacements.max(), tuning * velocities.max()))
@@ -122,14 +125,14 @@ def wrong_contacts(contacts: Sequence, expected: Sequence) -> int:
 
 
 def energy_or_deviation(problem: Problem, outcome: Outcome) -> float:
-    """Return the energy, or the distance from the orbit without contact loss.
+    """Return the energy of the final state, or its distance from the orbit without contact loss.
 
-    A method must not increase the one that its problem compares.
+    The quantity is the one that the problem compares; a method must not increase it.
     """
     if problem.quantity == "energy":
         # The stiffness is constant: equilibrium is at 1, the natural frequency is 1 / nu.
-        x, v = outcome.state
-        return 0.5 * ((x - 1.0) ** 2 + (problem.tuning * v) ** 2)
+        displacement, velocity = outcome.state
+        return 0.5 * ((displacement - 1.0) ** 2 + (problem.tuning * velocity) ** 2)
     return _distance(problem.tuning, outcome.state, problem.orbit)
 
 
@@ -163,8 +166,8 @@ def _is_other_attractor(problem: Problem, outcome: Outcome, reference: Outcome) 
 def _is_spurious(problem: Problem, outcome: Outcome, reference: Outcome) -> bool:
     """Return whether a motion is larger than possible, which only errors of a method can cause."""
     if problem.quantity in ("energy", "deviation"):
-        largest = energy_or_deviation(problem, reference)
-        return energy_or_deviation(problem, outcome) > largest
+        possible = energy_or_deviation(problem, reference)
+        return energy_or_deviation(problem, outcome) > possible
     # A reference at rest also has a period, and a height of rounding errors.
     is_steady = reference.period > 0
     return is_steady and outcome.height > MAX_GROWTH * max(reference.height, problem.tolerance)
@@ -173,8 +176,8 @@ def _is_spurious(problem: Problem, outcome: Outcome, reference: Outcome) -> bool
 def classify_run(problem: Problem, outcome: Outcome, reference: Outcome) -> tuple[str, float]:
     """Return the verdict on a run by the first rule that applies, and the error of the run.
 
-    The verdict is "right" if the error is within the tolerance of the problem, else a failure, such
-    as "invented_motion" (larger than possible). The error is NaN if the run stopped early.
+    The verdict is "right" if the error is within the tolerance of the problem, else the kind of
+    failure, such as "invented_motion". The error is NaN if the run stopped early.
     """
     if outcome.status != status.OK:
         return "diverged" if outcome.status == status.OVERFLOW else "stalled", math.nan
@@ -197,7 +200,7 @@ def classify_run(problem: Problem, outcome: Outcome, reference: Outcome) -> tupl
 def run(
     problem: Problem, method: str, options: dict, periods: int, max_events: int = MAX_EVENTS
 ) -> Outcome:
-    """Return the outcome of a method on a problem over a number of mesh periods.
+    """Run a method with options on a problem over a number of mesh periods; return its outcome.
 
     `max_events` limits the steps or arcs per mesh period.
     """
@@ -218,7 +221,7 @@ def run(
 
 
 def reference_method(problem: Problem, method: str) -> tuple[str, dict]:
-    """Return name and options of the method that is the reference for `method` on a problem."""
+    """Return the name and the options of the reference method for `method` on a problem."""
     for reference_name in integrators.AUTOMATIC:
         if reference_name != method and integrators.METHODS[reference_name].supports(problem.model):
             return reference_name, {}
@@ -229,9 +232,9 @@ def try_method(problem: Problem, method: str, options: dict) -> dict:
     """Run a method with these options on a problem; return the verdict, the error and further data.
 
     The dict has the variables of the dataset: verdict (index in `VERDICTS`), error in the quantity
-    that the problem compares, evaluations of the right-hand side, judge (name of the method of the
-    reference run), and message, which says why a run stopped early or, for the verdict "refused",
-    why the method does not support the model.
+    that the problem compares, periods of the run, evaluations of the right-hand side, judge (name
+    of the reference method), and message, which tells why a run stopped early or, for the verdict
+    "refused", why the method does not support the model.
     """
     verdict, run_error, periods, evaluations, reference_name = "refused", math.nan, 0, 0, ""
     message = integrators.reason_unsupported(problem.model, method)
@@ -241,7 +244,7 @@ def try_method(problem: Problem, method: str, options: dict) -> dict:
         periods = short_periods or problem.periods
         reference_name, reference_options = reference_method(problem, method)
         outcome = run(problem, method, options, periods)
-        # The reference is practically not limited in its number of arcs.
+        # The limit on the arcs of the reference is so high that it is never reached.
         reference = run(problem, reference_name, reference_options, periods, max_events=1_000_000)
         verdict, run_error = classify_run(problem, outcome, reference)
         evaluations, message = outcome.evaluations, status.MESSAGES[outcome.status]
@@ -258,29 +261,34 @@ def try_method(problem: Problem, method: str, options: dict) -> dict:
 def judge_method(name: str, method: str, options: dict) -> xr.Dataset:
     """Run a method with these options on all difficult problems, and judge every run.
 
-    The dataset has the dimensions problem and trial. A trial is a method with options; here there
-    is only one, and `name` is its label in figures and tables that compare several.
+    The dataset has the dimensions problem and trial. A trial is a method with options. There is
+    only one here; `name` is its label in figures and tables that compare several trials.
     """
     problems_by_name = problems()
 
     def problem_variables(problem_name: str) -> dict:
         """Return the variables that define a problem; "words" is its description in the figure."""
         problem = problems_by_name[problem_name]
-        # States of gear trains have more than two components and are not stored.
-        x, v = problem.state if len(problem.state) == 2 else (math.nan, math.nan)
+        displacement = velocity = math.nan
+        if len(problem.state) == 2:  # the longer states of gear trains are not stored
+            displacement, velocity = problem.state
         return {
             "words": problem.description,
             "model": canonical_json(problem.model.as_dict()),
             "tuning": problem.tuning,
-            "displacement": float(x),
-            "velocity": float(v),
+            "displacement": float(displacement),
+            "velocity": float(velocity),
             "quantity": problem.quantity,
             "tolerance": problem.tolerance,
         }
 
+    def verdict_variables(problem_name: str, trial: str) -> dict:
+        """Return the verdict on the only trial, the method with its options, on a problem."""
+        return try_method(problems_by_name[problem_name], method, options)
+
     problem_axis = {"problem": list(problems_by_name)}
     axes = problem_axis | {"trial": [name]}
-    data = stacked(axes, lambda key, _: try_method(problems_by_name[key], method, options))
+    data = stacked(axes, verdict_variables)
     data |= stacked(problem_axis, problem_variables)
     texts = {"method": method, "options": canonical_json(options)}
     data |= {key: ("trial", np.array([text], dtype=object)) for key, text in texts.items()}

@@ -8,7 +8,7 @@ import xarray as xr
 
 from gearlib.studies.trials.work_precision import LIBRARY_METHODS
 
-#: Negative exponents of the required errors; the last one is close to the rounding of floats.
+#: Required errors are 10^-decade; the last decade is close to the rounding errors of floats.
 DECADES = range(1, 16)
 #: Prefix of columns -> kind of method.
 OWNERS = {"own": "method of this library", "other": "solver of another package"}
@@ -21,20 +21,24 @@ def fastest(errors: np.ndarray, seconds: np.ndarray, decade: int) -> int | None:
 
     `errors` and `seconds` have an entry for each setting of a method, NaN where it has no result.
     """
-    # The limit allows for rounding of the power. Disturbed measurements may have negative times.
-    limit = 10.0**-decade * (1.0 + 1e-9)
-    accurate = np.flatnonzero((errors <= limit) & (seconds > 0.0))
-    return int(accurate[np.argmin(seconds[accurate])]) if accurate.size else None
+    # The factor allows for the rounding error of the power.
+    max_error = 10.0**-decade * (1.0 + 1e-9)
+    # Disturbed measurements may have negative times.
+    accurate = np.flatnonzero((errors <= max_error) & (seconds > 0.0))
+    if not accurate.size:
+        return None
+    return int(accurate[np.argmin(seconds[accurate])])
 
 
 def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[list]:
     """Yield the rows of the table of the fastest methods: the names of the columns, then values.
 
-    `errors` and `times` are results of `errors` and `times` of
-    `gearlib.studies.trials.work_precision`, one per method. Their dimension "rung" is the index of
-    a setting, for which "line" has the label of the method, and "knob" the accuracy parameter with
-    its value. Each problem and decade of accuracy has a row with the fastest method of this library
-    (columns "own_...") and the fastest solver of other packages (columns "other_...").
+    `errors` and `times` are results of the functions `errors` and `times` of
+    `gearlib.studies.trials.work_precision`, one for each method. Their dimension "rung" is the
+    index of a setting, for which "line" has the label of the method, and "knob" the accuracy
+    parameter with its value. Each problem and decade of accuracy has a row with the fastest method
+    of this library (columns "own_...") and the fastest solver of other packages (columns
+    "other_...").
     """
     yield [
         *("problem", "accuracy_in_static_deflections", "own_is_times_faster"),
@@ -42,12 +46,18 @@ def rows(errors: Sequence[xr.Dataset], times: Sequence[xr.Dataset]) -> Iterator[
     ]
 
     def concatenated(datasets: Sequence[xr.Dataset], name: str) -> np.ndarray:
+        """Return a variable for the settings of all methods, (..., settings)."""
         return np.concatenate([data[name].values for data in datasets], axis=-1)
 
-    in_library = [[data.attrs["method"] in LIBRARY_METHODS] * data.sizes["rung"] for data in errors]
-    candidates = {"own": np.concatenate(in_library), "other": ~np.concatenate(in_library)}
-    names = "line", "knob", "state_error", "period_evaluations"
-    labels, parameters, state_errors, evaluations = (concatenated(errors, name) for name in names)
+    masks = []  # for the settings of each method: whether this library has the method
+    for data in errors:
+        masks.append([data.attrs["method"] in LIBRARY_METHODS] * data.sizes["rung"])
+    in_library = np.concatenate(masks)
+    candidates = {"own": in_library, "other": ~in_library}
+    labels = concatenated(errors, "line")
+    parameters = concatenated(errors, "knob")
+    state_errors = concatenated(errors, "state_error")
+    evaluations = concatenated(errors, "period_evaluations")
     seconds = concatenated(times, "period_time")
     for i, problem in enumerate(errors[0].problem.values):
         for decade in DECADES:

@@ -1,4 +1,4 @@
-"""Define the test problems of the work-precision study, and run any method on them."""
+"""Define the test problems of the work-precision study, and run methods on them."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ class Case(NamedTuple):
     settles: bool  #: whether the motion settles on an orbit of one mesh period
 
 
-#: Name -> `Case`. With run-out, six degrees of freedom repeat only after a revolution.
+#: Name -> `Case`. With eccentricities, six degrees of freedom repeat only after a revolution.
 CASES = {
     "smooth": Case(0.7, True, True, settles=True),
     "bouncing": Case(0.9, True, True, settles=True),
@@ -47,8 +47,8 @@ class Problem(NamedTuple):
 class Motion(NamedTuple):
     """Final state and events of a run; NaN and no events if the run stopped early."""
 
-    state: np.ndarray  #: final displacement and dx/dtau; of a train, those of its first mesh
-    phases: np.ndarray  #: of the events of the recorded periods, rad from the start of the run
+    state: np.ndarray  #: final displacement and dx/dtau; for a train, of its first mesh
+    phases: np.ndarray  #: phases of the contact events in the record, rad from the start of the run
     codes: np.ndarray  #: contact codes (from, to) of the events, shape (n, 2)
     evaluations: int = 0  #: of the right-hand side
 
@@ -60,11 +60,12 @@ def build(name: str, pair: GearPair, six_degrees: dict, settings: dict) -> Probl
     damping (N s/m), cubic_damping (N s^3/m^3), periods, conservative_periods (for problems whose
     runs must be short) and record_periods.
     """
-    case, damping = CASES[name], settings["damping"]
-    material_damping = damping if case.damped_in_contact else 0.0
-    backlash_damping = damping if case.damped_in_backlash else 0.0
-    dampings = {"material_damping": material_damping, "backlash_damping": backlash_damping}
-    model: Any = pair.replace(**dampings)
+    case = CASES[name]
+    damping = settings["damping"]
+    model: Any = pair.replace(
+        material_damping=damping if case.damped_in_contact else 0.0,
+        backlash_damping=damping if case.damped_in_backlash else 0.0,
+    )
     if name == "six_degrees":
         model = SixDegreePair(pair=model, **six_degrees)
     elif name == "cubic":
@@ -83,10 +84,10 @@ def build(name: str, pair: GearPair, six_degrees: dict, settings: dict) -> Probl
 def run(
     problem: Problem, method=None, options=None, state: Sequence[float] = (0.0, 0.0), periods=None
 ) -> Motion:
-    """Return the motion that a method computes for a test problem.
+    """Run a method with options on a test problem, and return the motion.
 
     The default is the automatic method. The motion starts from `state` (displacement, velocity) and
-    lasts a number of mesh `periods`, by default that of the problem.
+    lasts for `periods` mesh periods, by default as many as the problem has.
     """
     periods = periods or problem.periods
     data = simulate(
@@ -99,25 +100,30 @@ def run(
         method=method,
         options=options,
     )
-    end, order = data.final_state.values, np.arange(data.sizes["event"])
+    final_state = data.final_state.values
+    event_order = np.arange(data.sizes["event"])
     if problem.model.mesh_names:
-        end = end.reshape(2, -1) @ problem.model.structure.lines[0]
-        # Simultaneous events of several meshes have no order in time.
-        order = np.argsort(data.event_mesh.values, kind="stable")
-    codes = np.column_stack([data.event_from.values, data.event_to.values])
-    return Motion(end, data.event_phase.values[order], codes[order], int(data.evaluations))
+        final_state = final_state.reshape(2, -1) @ problem.model.structure.lines[0]
+        # Simultaneous events of several meshes have no order in time, so they are sorted by mesh.
+        event_order = np.argsort(data.event_mesh.values, kind="stable")
+    phases = data.event_phase.values[event_order]
+    codes = np.column_stack([data.event_from.values, data.event_to.values])[event_order]
+    return Motion(final_state, phases, codes, int(data.evaluations))
 
 
 def period_map_jacobian(period_map: Callable, state: np.ndarray, step: Any) -> np.ndarray:
-    """Return the Jacobian, shape (2, 2), of a map of a state over one mesh period.
+    """Return the Jacobian, shape (2, 2), of a map from a state to the state a mesh period later.
 
     It is approximated by central differences at `state`, shape (2,), with half width `step`.
     """
-    shifts = step * np.eye(2, dtype=int)
-    columns = [(period_map(state + s) - period_map(state - s)) / (2 * step) for s in shifts]
+    columns = []
+    for shift in step * np.eye(2, dtype=int):
+        columns.append((period_map(state + shift) - period_map(state - shift)) / (2 * step))
     return np.column_stack(columns).astype(float)
 
 
 def largest_multiplier(matrix: np.ndarray) -> float:
-    """Return the largest absolute eigenvalue of a matrix, NaN if the matrix contains NaN."""
-    return float(np.abs(np.linalg.eigvals(matrix)).max()) if np.isfinite(matrix).all() else math.nan
+    """Return the largest absolute eigenvalue of a matrix, NaN if the matrix is not finite."""
+    if not np.isfinite(matrix).all():
+        return math.nan
+    return float(np.abs(np.linalg.eigvals(matrix)).max())

@@ -1,8 +1,8 @@
 """Compute the reference motions of the test problems in 50 or more digits.
 
-A run is repeated with more digits until two runs agree far below the last digit of a float, so that
-no method is measured by another method or by itself. The reference of a gear train is an exact run,
-which a test confirms with two other codes to `TRAIN_ACCURACY`.
+A run is repeated with more digits until two runs agree to far more digits than a float has, so that
+no method is measured against another method or itself. The reference of a gear train is an exact
+run, which a test confirms with two other codes to `TRAIN_ACCURACY`.
 
 The runs are power series of the motion between changes of contact. As long as the contact code and
 the segment of the mesh period do not change, the state z follows
@@ -33,7 +33,7 @@ from gearlib.studies.trials import problems
 
 #: Additional digits for the rounding errors of about a thousand sums in a step.
 GUARD_DIGITS = 10
-#: Steps per radian of the natural oscillation, at least.
+#: Smallest number of steps per radian of the natural oscillation.
 _STEPS_PER_RADIAN = 4
 _CODES = (COAST, NO_CONTACT, DRIVE)
 #: Function that converts arrays and lists of numbers to arrays of `Decimal`.
@@ -60,10 +60,15 @@ def precise_run(
     of freedom, None for rest on the drive-side flank. Codes (before, after) have the shape (n, 2).
     """
     with localcontext(prec=digits + GUARD_DIGITS):
-        # Only models with one degree of freedom have a scalar equation of motion.
-        equations = (_six_degrees if model.equation is None else _one_degree)(model, tuning)
-        z, contact, phases, codes = equations.start, DRIVE, [], []
-        # The rows of A in z' = A z for derivatives of displacements do not depend on the contact.
+        if model.equation is None:
+            equations = _six_degrees(model, tuning)
+        else:  # a scalar equation of motion, one degree of freedom
+            equations = _one_degree(model, tuning)
+        z = equations.start  # the state in z' = A z
+        contact = DRIVE
+        phases: list = []
+        codes: list = []
+        # The rows of A for the derivatives of displacements do not depend on the contact.
         derivative_matrix = equations.matrices[NO_CONTACT, 0]
         if state is not None:
             z = decimals([*state, 1])
@@ -76,11 +81,12 @@ def precise_run(
                     matrix, cubic = equations.matrices[contact, segment], equations.cubic[contact]
                     series = _series(matrix, cubic, z)
                     # A radian of the natural oscillation is nu radians of the mesh phase.
-                    limits = Decimal(tuning) / _STEPS_PER_RADIAN, end - phase
-                    length = min(_step_length(series), *limits)
+                    max_length = Decimal(tuning) / _STEPS_PER_RADIAN
+                    length = min(_step_length(series), max_length, end - phase)
                     distances = (equations.lines @ series.T).tolist()
                     length, next_contact = _end_of_step(contact, distances, length)
-                    z, phase = _series_value(series, length), phase + length
+                    z = _series_value(series, length)
+                    phase += length
                     if next_contact != contact:
                         phases.append(2 * period * _pi() + phase)
                         codes.append((contact, next_contact))
@@ -91,20 +97,26 @@ def precise_run(
 
 
 def _one_degree(model: Any, tuning: float) -> Equations:
-    """Return the equations of a model with one degree of freedom, state z = (x, dx/dtau, 1)."""
-    pair, nu = model.pair, Decimal(tuning)
-    ratios = pair.contact_ratio, pair.stiffness_ratio, pair.backlash_ratio
-    epsilon, kappa, backlash = map(Decimal, ratios)
-    mean, matrices = kappa + (1 - kappa) * (epsilon - 1), {}
+    """Return the equations of a model with one degree of freedom, state z = (x, dx/dtau, 1).
+
+    The tuning is nu, the contact ratio epsilon, the stiffness ratio kappa.
+    """
+    pair = model.pair
+    nu = Decimal(tuning)
+    epsilon = Decimal(pair.contact_ratio)
+    kappa = Decimal(pair.stiffness_ratio)
+    backlash = Decimal(pair.backlash_ratio)  # static deflections
+    mean = kappa + (1 - kappa) * (epsilon - 1)  # mean stiffness over the largest stiffness
+    matrices = {}
     for code in _CODES:
         in_contact = code != NO_CONTACT
-        ratio = Decimal(pair.damping_ratio if in_contact else pair.backlash_damping_ratio)
+        damping_ratio = Decimal(pair.damping_ratio if in_contact else pair.backlash_damping_ratio)
         for segment, level in enumerate((Decimal(1), kappa, Decimal(1))):
             stiffness = level / mean / nu**2 if in_contact else 0
             load = 1 / nu**2 - (stiffness * backlash if code == COAST else 0)
-            rows = [[0, 1, 0], [-stiffness, -2 * ratio / nu, load], [0, 0, 0]]
+            rows = [[0, 1, 0], [-stiffness, -2 * damping_ratio / nu, load], [0, 0, 0]]
             matrices[code, segment] = decimals(rows)
-    # Rows of the damping are the contact codes -1, 0 and 1; the last column is cubic damping.
+    # Rows of the damping belong to the contact codes -1, 0 and 1; the last column is cubic damping.
     cubic = {code: Decimal(model.equation.damping[code + 1, 2]) * nu for code in _CODES}
     coast_line = [0, 0, 1] if backlash.is_infinite() else [1, 0, backlash]
     lines = decimals([[1, 0, 0], coast_line])
@@ -116,20 +128,22 @@ def _six_degrees(model: Any, tuning: float) -> Equations:
 
     z has two rotations, displacements of elastic bearings, and the derivatives of all of these.
     """
-    system, pitch_phase = model.system(tuning), Decimal(model.pitch_phase)
+    system = model.system(tuning)
+    pitch_phase = Decimal(model.pitch_phase)
     segments = range(system.starts.size - 1)
     matrices = {
         (code, segment): decimals(state_matrix_by_phase(system, [code], segment))
         for code in _CODES
         for segment in segments
     }
-    # Each start of a segment, a float, is replaced by the nearest decimal.
+    # The starts of the segments are floats; each is replaced by the nearest precise phase.
     phases = _segment_bounds(Decimal(model.pair.contact_ratio))
     phases += [(pitch_phase + k * _pi()) % (2 * _pi()) for k in range(2)]
     bounds = [min(phases, key=lambda phase: abs(float(phase) - start)) for start in system.starts]
     lines = decimals([system.drive_lines[0], system.coast_lines[0]])
     z = decimals(model.full_state(system, (0.0, 0.0)))
-    # Correct the first rotation and its velocity: the start is at rest where contact begins.
+    # The first rotation and its velocity are corrected, so that the start is at rest exactly where
+    # contact begins.
     coordinate_count = 2 + len(model.elastic_bearings())
     z[0] -= lines[0] @ z
     z[coordinate_count] -= lines[0] @ (matrices[NO_CONTACT, 0] @ z)
@@ -137,8 +151,13 @@ def _six_degrees(model: Any, tuning: float) -> Equations:
 
 
 def _pi() -> Decimal:
-    """Return pi in the current decimal precision, by the Gauss-Legendre iteration."""
-    a, b, total = Decimal(1), Decimal("0.5").sqrt(), Decimal("0.25")
+    """Return pi in the current decimal precision, by the Gauss-Legendre iteration.
+
+    Its sequences are a, arithmetic means, and b, geometric means.
+    """
+    a = Decimal(1)
+    b = Decimal("0.5").sqrt()
+    total = Decimal("0.25")
     for k in range(getcontext().prec.bit_length()):
         total -= 2**k * ((a - b) / 2) ** 2
         a, b = (a + b) / 2, (a * b).sqrt()
@@ -158,15 +177,18 @@ def _contact_code(distances: Sequence[Decimal]) -> int:
 
 
 def _series(matrix: np.ndarray, cubic: Decimal | int, z: np.ndarray) -> np.ndarray:
-    """Return the coefficients of the power series of the motion from z, shape (digits + 1, n).
+    """Return the coefficients of the power series of the motion from a state z, (order + 1, n).
 
-    `matrix`, shape (n, n), is that of the linear equation, and `cubic` is the cubic damping.
+    The equation is z' = A z - d z[1]^3 e_1; `matrix` is A, shape (n, n), and `cubic` is the cubic
+    damping d. The order of the series is the number of decimal digits.
     """
-    count = getcontext().prec
-    series, squares = np.zeros((count + 1, len(z)), object), np.zeros(count, object)
+    order = getcontext().prec
+    series = np.zeros((order + 1, len(z)), object)
+    squares = np.zeros(order, object)  # series of the square of the velocity z[1]
     series[0] = z
-    for k in range(count):
-        derivatives, velocities = matrix @ series[k], series[: k + 1, 1]
+    for k in range(order):
+        derivatives = matrix @ series[k]
+        velocities = series[: k + 1, 1]
         if cubic:
             squares[k] = velocities @ velocities[::-1]
             derivatives[1] -= cubic * (squares[: k + 1] @ velocities[::-1])
@@ -175,14 +197,21 @@ def _series(matrix: np.ndarray, cubic: Decimal | int, z: np.ndarray) -> np.ndarr
 
 
 def _step_length(series: np.ndarray) -> Decimal:
-    """Return the step length at which the last two terms of a series are below the last digit."""
+    """Return the step length at which the last two terms of a series are below the last digit.
+
+    `series` has the coefficients of all components, shape (order + 1, n).
+    """
     order = len(series) - 1
     exponent = np.abs(series[-2:]).max().adjusted()
     return Decimal(10.0 ** ((-getcontext().prec - exponent) / order))
 
 
 def _series_value(series: np.ndarray | list, length: Decimal) -> Any:
-    """Return the value of one or more power series at a distance `length` from the centre."""
+    """Return the value of one or more power series at a distance `length` from the centre.
+
+    `series` has the coefficients in increasing order; the polynomial is evaluated by Horner's
+    scheme.
+    """
     return reduce(lambda value, coefficients: value * length + coefficients, series[::-1])
 
 
@@ -194,44 +223,50 @@ def _end_of_step(contact: int, distances: list, length: Decimal) -> tuple[Decima
     """
 
     def contact_at(length: Decimal) -> int:
+        """Return the contact code at a distance `length` from the start of the step."""
         return _contact_code([_series_value(distance, length) for distance in distances])
 
     if contact_at(length) == contact:
         return length, contact
+    # The change of contact is bisected: it lies between `low` and `high`.
     low, high = Decimal(0), length
     for _ in range(4 * getcontext().prec):
         middle = (low + high) / 2
-        low, high = (middle, high) if contact_at(middle) == contact else (low, middle)
+        if contact_at(middle) == contact:
+            low = middle
+        else:
+            high = middle
     return high, contact_at(high)
 
 
-#: Digits of the runs; each run is checked by the next one until two agree.
+#: Numbers of digits of successive runs, until two successive runs agree.
 DIGITS = (30, 50, 100, 200, 400)
-#: Limit on the difference of two runs: 1e-4 of the spacing of floats at 1.
+#: Largest difference of two runs that agree: 1e-4 of the spacing of floats at 1.
 AGREEMENT = Decimal("1e-20")
 #: Accuracy of the references of gear trains.
 TRAIN_ACCURACY = 1e-11
-#: Mesh periods in which the slowest of the damped problems settles to rounding.
+#: Mesh periods in which the slowest of the damped problems settles to rounding errors.
 SETTLING_PERIODS = 400
 #: Half width of central differences: truncation and rounding errors are of equal size.
 DIFFERENCE = Decimal("1e-17")
-#: Limit on the difference of the states at start and end of a mesh period of an orbit.
+#: Largest difference of the states at the start and the end of a mesh period of an orbit.
 MAX_RESIDUAL = 1e-9
 
 
 def reference(problem: problems.Problem) -> problems.Motion:
     """Return the motion of a test problem, correct to the last digit of a float.
 
-    The number of digits is increased until two runs agree; a gear train is run by method "exact".
+    The number of digits is increased until two runs agree; a gear train is run by the exact method.
     """
     if problem.model.mesh_names:
         return problems.run(problem, "exact")
     arguments = problem.model, problem.tuning, problem.periods
     runs = (precise_run(*arguments, digits) for digits in DIGITS)
-    for (last_state, last_phases, last_codes), (state, phases, codes) in pairwise(runs):
-        if not np.array_equal(codes, last_codes):
+    for (less_precise_state, less_precise_phases, less_precise_codes), run in pairwise(runs):
+        state, phases, codes = run
+        if not np.array_equal(codes, less_precise_codes):
             continue
-        differences = np.concatenate([state - last_state, phases - last_phases])
+        differences = np.concatenate([state - less_precise_state, phases - less_precise_phases])
         if (np.abs(differences) <= AGREEMENT).all():
             record_start = 2.0 * math.pi * (problem.periods - problem.record_periods)
             is_recorded = np.array(phases >= record_start, bool)
@@ -251,6 +286,7 @@ def settled_orbit(problem: problems.Problem) -> tuple[np.ndarray, float]:
     """
 
     def period_map(start: np.ndarray) -> np.ndarray:
+        """Return the state, (2,), one mesh period after the state `start`, in 50 digits."""
         return precise_run(problem.model, problem.tuning, 1, DIGITS[1], start)[0]
 
     state = problems.run(problem, periods=SETTLING_PERIODS).state
@@ -266,15 +302,16 @@ def settled_orbit(problem: problems.Problem) -> tuple[np.ndarray, float]:
 
 
 def compute(names: Sequence[str], pair: GearPair, six_degrees: dict, settings: dict) -> xr.Dataset:
-    """Return the reference motions, orbits and multipliers of the test problems of these names.
+    """Compute the reference motions, orbits and Floquet multipliers of several test problems.
 
-    The other arguments are those of `problems.build`. Orbit and multiplier are NaN for problems
-    without an orbit of one mesh period.
+    `names` are names of problems; the other arguments are passed to `problems.build`. Orbit and
+    multiplier are NaN for problems without an orbit of one mesh period.
     """
     built = {name: problems.build(name, pair, six_degrees, settings) for name in names}
     motions = {name: reference(problem) for name, problem in built.items()}
 
     def orbit_data(name: str) -> dict:
+        """Return the final state of a problem, its settled orbit and Floquet multiplier."""
         orbit, multiplier = settled_orbit(built[name])
         state = motions[name].state
         return {"final_state": state, "orbit_state": orbit, "largest_multiplier": multiplier}
@@ -289,17 +326,19 @@ def compute(names: Sequence[str], pair: GearPair, six_degrees: dict, settings: d
         "event_to": ("event", codes[:, 1]),
     }
     title = "References of the test problems, from 50 digits or more"
-    parameters = {"settings": settings, "six_degrees": six_degrees}
-    origin = {
-        "references": GearPair.references,
-        "gear_pair": pair.as_dict(),
-        "parameters": parameters,
-    }
-    return result_of_many(title, data, axes, **origin)
+    return result_of_many(
+        title,
+        data,
+        axes,
+        references=GearPair.references,
+        gear_pair=pair.as_dict(),
+        parameters={"settings": settings, "six_degrees": six_degrees},
+    )
 
 
 def motion_of(dataset: xr.Dataset, name: str) -> problems.Motion:
     """Return the reference motion of the problem `name` from a dataset of `compute`."""
     events = dataset.isel(event=np.flatnonzero(dataset.event_problem.values == name))
-    state, codes = dataset.final_state.sel(problem=name), (events.event_from, events.event_to)
-    return problems.Motion(state.values, events.event_phase.values, np.column_stack(codes))
+    state = dataset.final_state.sel(problem=name).values
+    codes = np.column_stack((events.event_from, events.event_to))
+    return problems.Motion(state, events.event_phase.values, codes)

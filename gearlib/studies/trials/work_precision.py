@@ -1,19 +1,20 @@
-"""Compute the errors of each method over its cost in evaluations and wall time.
+"""Compute the errors of each method against its cost in evaluations and wall time.
 
 A method is run with several values of its accuracy parameter, such as a tolerance or the number of
 steps. In the datasets the dimension `rung` is the index of the setting, `line` the label of the
-method, and `knob` the parameter with its value. Errors and evaluations are
-reproducible, wall times are not and are kept in separate datasets. The errors of one method on one
-problem, against `gearlib.studies.trials.references`:
+method, and `knob` the parameter with its value. Errors and evaluations are reproducible; wall times
+are not, so they are kept in separate datasets. The errors of a method on a problem, relative to
+`gearlib.studies.trials.references`, are:
 
 ``state_error``
-    of the final state: the larger of displacement and dx/dtau;
+    the larger error of displacement and dx/dtau in the final state;
 ``event_error``
-    the largest of the phases of the recorded events; NaN if there are none, or if they differ in
-    number or kind;
+    the largest error of the phases of the recorded contact events; NaN if there are none, or if
+    they differ in number or kind;
 ``multiplier_error``
-    of the largest |Floquet multiplier| of the settled orbit, by central differences of the period
-    map of the method; NaN if the problem does not settle on an orbit of one mesh period.
+    the error of the largest absolute Floquet multiplier of the settled orbit, by central
+    differences of the period map of the method; NaN if the problem does not settle on an orbit of
+    one mesh period.
 """
 
 import math
@@ -39,8 +40,9 @@ from gearlib.studies.trials import problems, references
 #: multiplier are about equal, 1e-10.
 DIFFERENCE = 1e-6
 
-# Steps that never end at a stiffness switch of the paper's contact ratio, 1.569: half its segment
-# of C_max, 0.2845 periods, is a whole number of steps only if their number is a multiple of 2000.
+# Numbers of steps per mesh period with which no step ends exactly where the stiffness of the
+# paper's pair switches. Half its segment of C_max at the contact ratio 1.569, 0.2845 periods, is a
+# whole number of steps only if the number is a multiple of 2000.
 _STEPS = tuple(25 * 2**k for k in range(10))
 _RTOL = tuple(10.0**-k for k in range(2, 13))
 _SCIPY = (1e-3, 1e-6, 1e-9, 1e-12, 2.3e-14)
@@ -51,7 +53,9 @@ class MethodVariant(NamedTuple):
 
     method: str
     label: str
-    family: str  #: located (events), controlled (steps only), fixed, smoothed, other
+    #: "located" (events are located), "controlled" (only the step size is controlled), "fixed",
+    #: "smoothed" or "other".
+    family: str
     parameter: str  #: option that sets the accuracy; empty: there is none
     values: tuple = (None,)  #: from coarse to fine
     options: dict = {}  #: all other options
@@ -60,10 +64,10 @@ class MethodVariant(NamedTuple):
 #: Compiled methods of this library; the others are solvers of other packages.
 LIBRARY_METHODS = ("exact", "taylor", "rk4", "rk45", "newmark", "generalised_alpha", "smoothed")
 
-#: All variants, each down to its smallest error, or to what its package accepts: below 1e-12 LSODA
-#: stalls, below 100 times the last place of 1 scipy's pairs take that instead. scipy's right-hand
-#: side is Python: few values, and of Radau none that takes minutes. heyoka's steps are the same
-#: from 2.2e-16 on.
+#: All variants, each down to its smallest error or to the smallest value that its package accepts:
+#: LSODA stalls below 1e-12, and scipy's Runge-Kutta pairs replace tolerances below 100 times the
+#: spacing of floats at 1. The right-hand side of scipy is interpreted, so only a few values are
+#: run, and for Radau none that takes minutes. heyoka's steps do not change below 2.2e-16.
 METHOD_VARIANTS = (
     MethodVariant("exact", "exact", "located", ""),
     MethodVariant(
@@ -90,38 +94,44 @@ METHOD_VARIANTS = (
     ),
 )
 
-#: Shortest timed interval in seconds, longest run in mesh periods, limit on calls of a run.
+#: Shortest timed interval in seconds, longest run in mesh periods, largest number of calls.
 MIN_SPAN, MAX_PERIODS, MAX_CALLS = 2e-3, 2**18, 2**14
-#: Runs that take longer, in seconds, are timed once, because interruptions are short in comparison.
+#: Longer runs, in seconds, are timed once, because interruptions are short in comparison.
 MAX_REPEATED = 0.05
 
 
 def method_settings(method: str) -> list[tuple[MethodVariant, str, dict]]:
-    """Return every setting of a method, a value of the accuracy parameter of one of its variants.
+    """Return all settings of a method: each variant with each value of its accuracy parameter.
 
-    A setting is (variant, accuracy parameter and value as text, all options).
+    A setting is (variant, text of the accuracy parameter with its value, all options).
     """
     settings = []
-    for variant in (variant for variant in METHOD_VARIANTS if variant.method == method):
+    for variant in METHOD_VARIANTS:
+        if variant.method != method:
+            continue
         parameter = variant.parameter
         for value in variant.values:
-            options = variant.options | ({parameter: value} if parameter else {})
+            options = dict(variant.options)
+            text = ""
+            if parameter:
+                options[parameter] = value
+                text = f"{parameter} = {value:g}"
             if parameter == "rtol":
-                # The ratio of the tolerances is that of the defaults of ode45.
+                # Both tolerances have the same ratio as the defaults of ode45.
                 options["atol"] = 1e-3 * value
-            settings.append((variant, f"{parameter} = {value:g}" if parameter else "", options))
+            settings.append((variant, text, options))
     return settings
 
 
 def state_error(motion: problems.Motion, reference: problems.Motion) -> float:
-    """Return the larger error of displacement and dx/dtau, NaN for a run that stopped early."""
+    """Return the larger error of the final displacement and dx/dtau, NaN if a run stopped early."""
     return float(np.abs(motion.state - reference.state).max())
 
 
 def event_error(motion: problems.Motion, reference: problems.Motion) -> float:
-    """Return the largest error of the phases of contact events.
+    """Return the largest error of the phases of contact events, rad.
 
-    It is NaN without events, or if the events differ in number or kind.
+    It is NaN without events, or if the events of both motions differ in number or kind.
     """
     if not np.array_equal(motion.codes, reference.codes) or not len(reference.codes):
         return math.nan
@@ -131,7 +141,7 @@ def event_error(motion: problems.Motion, reference: problems.Motion) -> float:
 def errors(
     method: str, reference_data: xr.Dataset, pair: GearPair, six_degrees: dict, settings: dict
 ) -> xr.Dataset:
-    """Return the errors and evaluations of a method on the test problems, for all its settings.
+    """Compute the errors and evaluations of a method on the test problems, for all its settings.
 
     `reference_data` is a result of `gearlib.studies.trials.references.compute`; `pair`,
     `six_degrees` and `settings` are arguments of `gearlib.studies.trials.problems.build`. The
@@ -143,7 +153,8 @@ def errors(
     motions = {name: references.motion_of(reference_data, name) for name in names}
 
     def setting_errors(name: str, setting: tuple) -> dict:
-        *_, options = setting
+        """Return the errors of a setting on the problem `name`."""
+        _, _, options = setting
         reference = reference_data.sel(problem=name)
         return _setting_errors(method, options, built[name], motions[name], reference)
 
@@ -157,7 +168,8 @@ def errors(
 def _setting_errors(method, options, problem, expected, reference) -> dict[str, float]:
     """Return the errors of a method with these options on a problem, and its evaluations.
 
-    `expected` is the exact motion, `reference` has the exact settled orbit and its multiplier.
+    `expected` is the exact motion, `reference` a dataset with the exact settled orbit and its
+    multiplier. All are NaN if the method does not support the model.
     """
     state = event = multiplier = evaluations = math.nan
     if integrators.METHODS[method].supports(problem.model):
@@ -169,11 +181,12 @@ def _setting_errors(method, options, problem, expected, reference) -> dict[str, 
         if np.isfinite(motion.state).all():
             evaluations = motion.evaluations / problem.periods
         if problem.settles:
-            matrix = problems.period_map_jacobian(
-                lambda start: problems.run(problem, method, options, start, periods=1).state,
-                reference.orbit_state.values,
-                DIFFERENCE,
-            )
+
+            def period_map(start: np.ndarray) -> np.ndarray:
+                return problems.run(problem, method, options, start, periods=1).state
+
+            orbit_state = reference.orbit_state.values
+            matrix = problems.period_map_jacobian(period_map, orbit_state, DIFFERENCE)
             multiplier = abs(problems.largest_multiplier(matrix) - reference.largest_multiplier)
     return {
         "state_error": float(state),
@@ -184,8 +197,12 @@ def _setting_errors(method, options, problem, expected, reference) -> dict[str, 
 
 
 def _error_floors(problem: problems.Problem, reference: problems.Motion) -> dict[str, float]:
-    """Return the errors of state, event phase and multiplier that rounding alone causes."""
-    state, phase, multiplier = references.TRAIN_ACCURACY, references.TRAIN_ACCURACY, math.nan
+    """Return the errors of state, event phase and multiplier that rounding alone causes.
+
+    For gear trains they are the accuracy of the reference.
+    """
+    state = phase = references.TRAIN_ACCURACY
+    multiplier = math.nan
     if not problem.model.mesh_names:
         state = np.spacing(np.abs(reference.state).max()) / 2.0
         phase = np.spacing(reference.phases.max()) / 2.0 if reference.phases.size else math.nan
@@ -198,7 +215,7 @@ def _dataset(title, method, names, data, pair, parameters) -> xr.Dataset:
 
     The dimension "rung" is the index of the setting. Each setting is described by the label of the
     variant of the method ("line"), its family, the accuracy parameter with its value ("knob") and
-    all options. `names` are those of the problems; `pair` and `parameters` become attributes.
+    all options. `names` are the names of the problems; `pair` and `parameters` become attributes.
     """
     variants, parameter_texts, options = zip(*method_settings(method), strict=True)
     columns = {
@@ -222,17 +239,19 @@ def times(
     settings: dict,
     repeats: int,
 ) -> xr.Dataset:
-    """Return the wall times of a method per mesh period, for all its settings and problems.
+    """Measure the wall time of a method per mesh period, for all its settings and problems.
 
-    The dimension "rung" is the index of the setting, a value of the accuracy parameter. `names`,
-    `pair`, `six_degrees` and `settings` are arguments of `gearlib.studies.trials.problems.build`.
-    The minimum of `repeats` runs is taken; long runs are timed once. No other program may run at
-    the same time. period_time excludes the start of a run and is NaN if the method cannot run the
-    model; closed_form_time is that of one evaluation of the exact solution in contact.
+    The dimension "rung" is the index of the setting, a value of the accuracy parameter. `names` are
+    names of problems; `pair`, `six_degrees` and `settings` are arguments of
+    `gearlib.studies.trials.problems.build`. The minimum of `repeats` runs is taken; long runs are
+    timed once. No other program may run at the same time. period_time, in seconds, excludes the
+    start of a run and is NaN if the method cannot run the model; closed_form_time is the time of
+    one evaluation of the exact solution in contact.
     """
 
     def setting_time(name: str, setting: tuple) -> dict:
-        *_, options = setting
+        """Return the wall time of a setting on the problem `name`."""
+        _, _, options = setting
         problem = problems.build(name, pair, six_degrees, settings)
         return {"period_time": _period_time(problem, method, options, repeats)}
 
@@ -243,7 +262,7 @@ def times(
 
 
 def _period_time(problem: problems.Problem, method: str, options: dict, repeats: int) -> float:
-    """Return the wall time of a method per mesh period of a problem, in seconds.
+    """Measure the wall time of a method per mesh period of a problem, in seconds.
 
     It is the minimum of `repeats` runs, or NaN if the method cannot run the model or stops early.
     """
@@ -262,27 +281,34 @@ def _period_time(problem: problems.Problem, method: str, options: dict, repeats:
         arguments = problem.model, problem.tuning, (0.0, 0.0), span
         return any(integrator.run(*arguments, **options).status for _ in range(calls))
 
-    # The short run lets heyoka compile its steps for all contact states. The exact method stops
-    # when the motion settles, so its timed runs must not be longer than that of the problem.
-    short_periods, max_periods = 64 if method == "heyoka" else 1, MAX_PERIODS
-    if method == "exact":
+    short_periods = 1
+    max_periods = MAX_PERIODS
+    if method == "heyoka":
+        # The short run lets heyoka compile its steps for all contact states.
+        short_periods = 64
+    elif method == "exact":
+        # The exact method stops when the motion settles, so its timed runs must not be longer than
+        # the run of the problem.
         short_periods = max(1, problem.periods // 2)
-        max_periods = problem.periods if problem.settles else MAX_PERIODS
+        if problem.settles:
+            max_periods = problem.periods
     if run(short_periods, calls=1):
         return math.nan
     return seconds_per_period(run, short_periods, max_periods, repeats)
 
 
 def seconds_per_period(run: Callable, short_periods: int, max_periods: int, repeats: int) -> float:
-    """Return the wall time of a mesh period of ``run(periods, calls)``, without the start of a run.
+    """Measure the wall time of a mesh period of ``run(periods, calls)``, without its start.
 
     It follows from the difference between a long run, of at most `max_periods`, and a run of
     `short_periods`. Quick runs are called several times. The minimum of `repeats` measurements is
     taken, because other programs can only slow a run down.
     """
-    long_periods, calls = short_periods + 1, 1
+    long_periods = short_periods + 1
+    calls = 1
 
     def shortest_times(repeats: int) -> Iterator[float]:
+        """Yield the time of the short and of the long run, each the minimum of `repeats` runs."""
         for periods in (short_periods, long_periods):
             yield min(timeit(partial(run, periods, calls), number=1, repeat=repeats))
 
@@ -295,6 +321,8 @@ def seconds_per_period(run: Callable, short_periods: int, max_periods: int, repe
         short_time, long_time = shortest_times(1)
     if long_time < MAX_REPEATED:
         short_time, long_time = shortest_times(repeats)
+    if long_time <= short_time:
+        return math.nan  # Other programs have disturbed the measurement.
     return (long_time - short_time) / (calls * (long_periods - short_periods))
 
 
@@ -308,12 +336,13 @@ def _evolve_repeatedly(level, u, v, t, count):
 
 
 def closed_form_time(repeats: int) -> float:
-    """Return the time of one evaluation of the exact solution in contact, in seconds.
+    """Measure the time of one evaluation of the exact solution in contact, in seconds.
 
     Many evaluations are timed together; the minimum of `repeats` measurements is taken.
     """
-    # Underdamped contact at mean stiffness; the time does not depend on the values.
-    count, level = 100_000, level_at_tuning(1.0, 0.06, 0.9)
+    # The contact is underdamped at mean stiffness; the time does not depend on the values.
+    level = level_at_tuning(1.0, 0.06, 0.9)
+    count = 100_000
     _evolve_repeatedly(level, 1.0, 0.0, 1.0, 1)  # compiles the kernel
     evaluate = partial(_evolve_repeatedly, level, 1.0, 0.0, 1.0, count)
     return min(timeit(evaluate, number=1, repeat=repeats)) / count
